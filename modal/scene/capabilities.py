@@ -4,9 +4,9 @@ An entry is of one of these kinds; no feature is without one, which a test reads
 
     takes      it is in the result
     leaves     it is left out, and the sentence is told beside the result
-    refuses    SceneError before anything is computed: PLACE: WHAT WHY: THE WAY OUT
+    refuses    SceneError before anything is computed: PLACE: WHAT WHY: THE WAY OUT, where WHY does not say it
     singly     it is taken, but members of an ensemble go one by one, for this reason
-    until      it is taken, and a run ends with this message where no motion continues
+    unless     it is taken, except where this message says why not
     beside     it cannot meet this capability
 
 `apart` are pairs of features that are taken alone and refused together; of each set in `needs` a scene must have one.
@@ -37,7 +37,7 @@ class Capability:
     leaves: Sentences = field(default_factory=dict)
     refuses: Sentences = field(default_factory=dict)
     singly: Sentences = field(default_factory=dict)
-    until: Sentences = field(default_factory=dict)
+    unless: Sentences = field(default_factory=dict)
     beside: Sentences = field(default_factory=dict)
     apart: Mapping[tuple[str, str], str] = field(default_factory=dict)
     needs: Mapping[frozenset[str], str] = field(default_factory=dict)
@@ -45,7 +45,7 @@ class Capability:
 
     def entries(self, feature: str) -> list[tuple[str, str]]:
         """The kind of every entry for a feature, with its sentence: exactly one."""
-        kinds = ("leaves", "refuses", "singly", "until", "beside")
+        kinds = ("leaves", "refuses", "singly", "unless", "beside")
         told = [(kind, getattr(self, kind)[feature]) for kind in kinds if feature in getattr(self, kind)]
         return [("takes", "")] * (feature in self.takes) + told
 
@@ -94,6 +94,7 @@ LOSSES = _each(LOSS, "needs a scene without losses")
 UNLOADED: Sentences = {"load": "only `simulate` is given applied forces"}
 HANGS_STRAIGHT = "a massless cart has no equation of motion where all that pulls it hangs straight down"
 ENDS: Sentences = {"massless_cart": HANGS_STRAIGHT}
+STOPS: Sentences = {"massless_cart": "the step needed is smaller than the spacing between numbers"}
 NO_INERTIA: Sentences = {"massless_cart": "has no equation of motion where all that pulls the cart hangs straight down"}
 NO_SMOOTH: Sentences = {"escapement": "needs smooth motion, without kicks"}
 KINK: Sentences = {"quadratic_drag": "has no series across the kink of |v| v at rest"}
@@ -108,6 +109,15 @@ EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; gi
 
 # ------------------------------------------------------------------------------------------------------- the table
 
+AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, Scene.at(seconds)"}
+CONSTANT_MODEL = Capability(
+    "a constant linear model",
+    LINEAR - {"massless_cart"},
+    leaves=ABOUT,
+    refuses=AT_ONE_TIME,
+    unless={"massless_cart": "the mass matrix is singular"},
+    beside=UNLOADED,
+)
 AVERAGED = Capability(
     "averaging",
     SHAPE - {"inverted"} | {"dampers", "linear_drag", "joint_friction"} | DRIVES,
@@ -128,7 +138,7 @@ PERIODIC = Capability(
     "a periodic orbit",
     SHAPE | {"dampers"} | DRIVES,
     refuses={**STILL, **CONSTANT, **PLANE, **STICKS, **NO_DRAG, **NO_RATIO},
-    until=ENDS,
+    unless=ENDS,
     beside=UNLOADED,
 )
 
@@ -136,7 +146,7 @@ SIDE_BY_SIDE = Capability(
     "engine numpy",
     SHAPE | DRAG | {"dampers", "van_der_pol"},
     refuses={**STILL, **CONSTANT, **ALONE},
-    until=ENDS,
+    unless=STOPS,
     beside=UNLOADED,
 )
 
@@ -151,7 +161,21 @@ CAPABILITIES: dict[str, Capability] = {
             refuses={**CONSTANT, "inverted": "has no frequency for a link that stands"},
             beside=UNLOADED,
         ),
-        Capability("a constant linear model", LINEAR, leaves=ABOUT, refuses=CONSTANT, beside=UNLOADED),
+        CONSTANT_MODEL,
+        replace(
+            CONSTANT_MODEL,
+            name="a linear model of a moved support",
+            takes=CONSTANT_MODEL.takes - {"linear_drag"},
+            refuses={**CONSTANT_MODEL.refuses, "linear_drag": "has no place for air that stands still"},
+        ),
+        Capability(
+            "a shaper",
+            LINEAR - {"inverted"},
+            leaves=OMITTED,
+            refuses={"inverted": "needs modes that swing"},
+            beside=UNLOADED,
+            needs={_of("cart"): "the support has no cart: a shaper needs one"},
+        ),
         Capability(
             "a derivative of modes",
             LINEAR - NO_RATIO.keys(),
@@ -192,7 +216,7 @@ CAPABILITIES: dict[str, Capability] = {
             "form minimal",
             ACTING | FRICTION | DRIVES | {"hoist"},
             refuses=PLANE,
-            until=ENDS,
+            unless=ENDS,
             apart={
                 **HOISTING,
                 ("hoist", "escapement"): "kicks act on constant lengths",
@@ -207,14 +231,14 @@ CAPABILITIES: dict[str, Capability] = {
                 "hoist": "changes lengths in the plane only",
                 **_each(FRICTION | DRIVES, "acts on angles of the plane"),
             },
-            until=ENDS,
+            unless=ENDS,
             needs={_of("space"): 'form spatial: works in space only: set space = "space"'},
         ),
         Capability(
             "form maximal",
             ACTING | {"hoist", "van_der_pol"},
             refuses={**PLANE, **STICKS, **NO_SMOOTH},
-            until=ENDS,
+            unless=ENDS,
             apart=HOISTING,
             instead=MINIMAL,
         ),
@@ -222,7 +246,7 @@ CAPABILITIES: dict[str, Capability] = {
             "form hamiltonian",
             ACTING | {"van_der_pol"},
             refuses={**PLANE, **STICKS, **NO_SMOOTH, **CONSTANT},
-            until=ENDS,
+            unless=ENDS,
             instead=MINIMAL,
         ),
         Capability(
@@ -236,21 +260,21 @@ CAPABILITIES: dict[str, Capability] = {
                 **KINK,
                 "load": "has no series of forces from Python",
             },
-            until=ENDS,
+            unless=ENDS,
             instead=("form minimal", "method DOP853 takes it"),
         ),
         Capability(
             "compiled equations",
             SHAPE | DRIVES | {"dampers"},
             refuses=_each(FRICTION | DRAG | _of("space hoist moved_support damping_ratio load"), "are without it"),
-            until=ENDS,
+            unless=ENDS,
             instead=("form minimal", "method DOP853 takes it"),
         ),
         Capability(
             "an implicit method",
             ACTING | FRICTION | DRIVES | {"hoist"},
             refuses={"space": "cannot keep the constraints of motion in space"},
-            until=ENDS,
+            unless=ENDS,
         ),
         SIDE_BY_SIDE,
         replace(SIDE_BY_SIDE, name="engine numba"),
@@ -279,7 +303,7 @@ CAPABILITIES: dict[str, Capability] = {
             "a comparison of methods",
             SHAPE | LOSS - {"linear_drag"} | {"space"},
             refuses={**STILL, **CONSTANT, **STICKS, **NO_DRAG, **_each(DRIVES, "has no drives")},
-            until=ENDS,
+            unless=ENDS,
             beside=UNLOADED,
         ),
         Capability(
@@ -294,16 +318,17 @@ CAPABILITIES: dict[str, Capability] = {
             "a comparison with modes",
             SHAPE | LOSS | DRAG | FRICTION | DRIVES,
             refuses={**STILL, **CONSTANT, **PLANE},
-            until=ENDS,
+            unless=ENDS,
             beside=UNLOADED,
         ),
         Capability(
             "a periodic orbit of a mode",
-            SHAPE,
+            SHAPE - {"inverted"},
             leaves=_each(
                 LOSS | DRAG | FRICTION | DRIVES, "Periodic orbits of modes are those without losses and drives."
             ),
             refuses={**STILL, **CONSTANT, **PLANE, **NO_INERTIA},
+            unless={"inverted": "the equilibrium is unstable"},
             beside=UNLOADED,
         ),
         PERIODIC,
@@ -312,7 +337,7 @@ CAPABILITIES: dict[str, Capability] = {
             "a Lyapunov exponent",
             SHAPE | {"dampers", "damping_ratio", "van_der_pol"},
             refuses={**STILL, **CONSTANT, **PLANE, **STICKS, **NO_DRAG, **NO_SMOOTH},
-            until=ENDS,
+            unless=STOPS,
             beside=UNLOADED,
         ),
         Capability(
@@ -324,7 +349,7 @@ CAPABILITIES: dict[str, Capability] = {
                 **PLANE,
                 **_each(LOSS | DRAG | FRICTION | DRIVES, "needs a motion that keeps its energy"),
             },
-            until=ENDS,
+            unless=ENDS,
             beside=UNLOADED,
         ),
         AVERAGED,
@@ -334,7 +359,7 @@ CAPABILITIES: dict[str, Capability] = {
             "synchronization",
             SHAPE - {"inverted"} | LOSS | DRAG | FRICTION | DRIVES,
             refuses={**STILL, **CONSTANT, **PLANE, "inverted": "compares phases of hanging pendula"},
-            until=ENDS,
+            unless=ENDS,
             beside=UNLOADED,
         ),
         Capability(
@@ -348,7 +373,7 @@ CAPABILITIES: dict[str, Capability] = {
                 **NO_SMOOTH,
                 "rail_coefficient": "fits a friction of the rail in N",
             },
-            until=ENDS,
+            unless=ENDS,
             beside=UNLOADED,
         ),
     )
@@ -359,7 +384,7 @@ def refusals(scene: Scene, capability: str, *more: str) -> list[str]:
     """A sentence for everything that a scene, with `more` features of a call, has and the capability refuses."""
     one, has = CAPABILITIES[capability], scene.features | set(more)
     found = [
-        f"{_place(scene, name)}: {one.name} {why}: {FEATURES[name].mend}{_instead(one, name)}"
+        f"{_place(scene, name)}: {one.name} {why if ': ' in why else f'{why}: {FEATURES[name].mend}'}{_instead(one, name)}"
         for name, why in _met(one.refuses, has)
     ]
     found += [f"{_place(scene, a)}: {why}: remove {b}" for (a, b), why in one.apart.items() if {a, b} <= has]

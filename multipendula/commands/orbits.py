@@ -104,10 +104,12 @@ def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
 
 
 def _cycles(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
+    from modal.scene import require
     from modal.scene.parameters import parse_variations
     from nonlinear.orbits import follow_cycles
 
     (variation,) = parse_variations([options.vary])
+    require(scene, "a limit cycle")
     start = _settled(scene, variation.path, variation.values[0], options) if options.start else None
     with bar(0, "branch") as report:
         return follow_cycles(scene, variation, start=start, report=report)

@@ -74,6 +74,7 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
 
 
 def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
+    from modal.scene import require
     from nonlinear.simulation import simulate as run
     from nonlinear.verification import compare, comparison_table
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import MultipendulaError
-from modal.scene import Scene, load
+from modal.scene import CAPABILITIES, Scene, left_out, load, refusals
 from multipendula import cli
 from nonlinear.ensembles import ensemble
 from nonlinear.simulation import simulate
@@ -73,12 +73,12 @@ def _command(words: str, scene: Path, folder: Path) -> str:
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
         status = cli.main(arguments)
     if status:
-        raise Refusal(said.getvalue())
+        raise RefusedError(said.getvalue())
     written = [path for path in folder.glob("out*") if path.suffix in {".json", ".csv"}]
     return said.getvalue() + "".join(path.read_text() for path in written)
 
 
-class Refusal(MultipendulaError):
+class RefusedError(MultipendulaError):
     """A command ended with a message."""
 
 
@@ -132,7 +132,7 @@ def _ensemble(engine: str) -> Attempt:
     return lambda path, scene, folder: _members(path, scene, engine)
 
 
-CAPABILITIES: dict[str, Attempt] = {
+ATTEMPTS: dict[str, Attempt] = {
     "table": _by("table @ --format json"),
     "shapes": _by("shapes @ -o #.png"),
     "matrices": _by("matrices @"),
@@ -174,8 +174,68 @@ CAPABILITIES: dict[str, Attempt] = {
     "advise": _by("advise @ --accuracy 1e-3 --duration 1"),
     "plot": _by("plot @ --duration 1 -o #.png"),
 }
-LOADED = tuple(name for name in CAPABILITIES if name.startswith("simulate"))
+ASKS: dict[str, tuple[str, ...]] = {
+    "table": ("the table of modes",),
+    "shapes": ("the table of modes",),
+    "matrices": ("the table of modes",),
+    "explain": ("the explanation of the coupling",),
+    "check": ("a check of modes",),
+    "check general": ("a comparison with modes",),
+    "simulate maximal": ("form maximal",),
+    "simulate hamiltonian": ("form hamiltonian",),
+    "simulate Radau": ("an implicit method",),
+    "simulate taylor": ("method taylor",),
+    "ensemble auto": ("an ensemble",),
+    "ensemble numpy": ("an ensemble", "engine numpy"),
+    "ensemble numba": ("an ensemble", "engine numba"),
+    "ensemble heyoka": ("an ensemble", "engine heyoka"),
+    "orbits mode": ("a periodic orbit of a mode",),
+    "orbits vary": ("a limit cycle",),
+    "sync": ("synchronization",),
+    "sync vary": ("a branch of configurations",),
+    "chaos": ("a Lyapunov exponent",),
+    "section": ("a Poincaré section",),
+    "basins": ("an ensemble",),
+    "fit": ("a fit of motions",),
+    "sweep": ("the table of modes",),
+    **dict.fromkeys(("response", "gains"), ("a constant linear model",)),
+    "export": ("a constant linear model",),
+    **dict.fromkeys(("vibration", "shock"), ("a linear model of a moved support",)),
+    "shaper": ("a shaper",),
+    "play": ("the live page",),
+    "derive": ("a derivation",),
+    "enclose": ("an enclosure",),
+    "spread": ("the table of modes",),
+    "spread motion": ("an ensemble",),
+    "keep modes": ("motion in a few modes",),
+    "tradeoff": ("a comparison of methods",),
+}
+"""The capability that stands at the door of each; of others, the form of the equations of motion."""
+BEYOND = {
+    ("count_100", "fit"): "at most",
+    ("count_100", "play"): "at most",
+    ("count_100", "derive"): "at most",
+}
+"""Pairs that are refused for a size, not for a feature, with words of the message."""
+LOADED = tuple(name for name in ATTEMPTS if name.startswith("simulate"))
 """What takes a load, which a scene file has not."""
+
+
+def declared(kind: str, capability: str) -> tuple[str, tuple[str, ...]]:
+    """What the table says of a pair, works, refused or unless, and words that the answer has."""
+    scene, more = load(kinds()[kind]), ("load",) if kind == "load" else ()
+    form = "form spatial" if scene.space == "space" else "form minimal"
+    asked = ASKS.get(capability, (form,))
+    if (kind, capability) in BEYOND:
+        return "refused", (BEYOND[kind, capability],)
+    if found := next(filter(None, (refusals(scene, name, *more) for name in asked)), []):
+        return "refused", tuple(found)
+    ends = [
+        words for name in asked for feature, words in CAPABILITIES[name].unless.items() if feature in scene.features
+    ]
+    if ends:
+        return "unless", tuple(ends)
+    return "works", tuple(words for name in asked for words in left_out(scene, name))
 
 
 @cache
@@ -186,9 +246,7 @@ def kinds() -> dict[str, Path]:
 
 def pairs() -> list[tuple[str, str]]:
     """Every pair that can be asked for."""
-    return [
-        (kind, capability) for kind in kinds() for capability in CAPABILITIES if kind != "load" or capability in LOADED
-    ]
+    return [(kind, capability) for kind in kinds() for capability in ATTEMPTS if kind != "load" or capability in LOADED]
 
 
 def attempt(kind: str, capability: str, folder: Path, patience: float = PATIENCE) -> Outcome:
@@ -196,7 +254,7 @@ def attempt(kind: str, capability: str, folder: Path, patience: float = PATIENCE
     path = kinds()[kind]
     try:
         with _patiently(patience):
-            return Outcome("works", CAPABILITIES[capability](path, load(path), folder))
+            return Outcome("works", ATTEMPTS[capability](path, load(path), folder))
     except MultipendulaError as refusal:
         return Outcome("refused", str(refusal))
     except _Late:
