@@ -172,9 +172,9 @@ CAPABILITIES: dict[str, Capability] = {
             "a shaper",
             LINEAR - {"inverted"},
             leaves=OMITTED,
-            refuses={"inverted": "needs modes that swing"},
+            unless={"inverted": "is unstable"},
             beside=UNLOADED,
-            needs={_of("cart"): "the support has no cart: a shaper needs one"},
+            needs={_of("cart"): 'support.kind: a shaper needs kind = "cart"'},
         ),
         Capability(
             "a derivative of modes",
@@ -383,10 +383,7 @@ CAPABILITIES: dict[str, Capability] = {
 def refusals(scene: Scene, capability: str, *more: str) -> list[str]:
     """A sentence for everything that a scene, with `more` features of a call, has and the capability refuses."""
     one, has = CAPABILITIES[capability], scene.features | set(more)
-    found = [
-        f"{_place(scene, name)}: {one.name} {why if ': ' in why else f'{why}: {FEATURES[name].mend}'}{_instead(one, name)}"
-        for name, why in _met(one.refuses, has)
-    ]
+    found = [f"{_place(scene, name)}: {one.name} {_why(one, name)}" for name in one.refuses if name in has]
     found += [f"{_place(scene, a)}: {why}: remove {b}" for (a, b), why in one.apart.items() if {a, b} <= has]
     return found + [why for wanted, why in one.needs.items() if not wanted & has]
 
@@ -395,9 +392,11 @@ def _met(sentences: Sentences, has: Names) -> Iterator[tuple[str, str]]:
     return ((name, why) for name, why in sentences.items() if name in has)
 
 
-def _instead(one: Capability, name: str) -> str:
-    other, words = one.instead
-    return f"; {words}" if other and name in CAPABILITIES[other].takes else ""
+def _why(one: Capability, name: str) -> str:
+    """Why a capability refuses a feature, and the way out."""
+    why, (other, words) = one.refuses[name], one.instead
+    more = f"; {words}" if other and name in CAPABILITIES[other].takes else ""
+    return why if ": " in why else f"{why}: {FEATURES[name].mend}{more}"
 
 
 def _place(scene: Scene, name: str) -> str:
