@@ -81,6 +81,7 @@ FLAGS: dict[str, tuple[str, str]] = {
     "--tolerance": ("T", "relative error of a step"),
     "--travel": ("METRES", "how far the cart travels"),
     "--vary": ("PLACE=VALUES", "a number of the scene that takes several values"),
+    "--when": ("SECONDS", "the time at which a hoist's lengths are taken"),
     "--where": ("COLUMN=VALUE", "which rows of a record are used"),
     "--window": ("SECONDS", "length of the windows in which a long record is fitted"),
     "--workers": ("N", "number of processes"),

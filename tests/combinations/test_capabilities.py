@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 from amounts import usually
-from pairs import attempt, declared, pairs
+from pairs import OFF, attempt, declared, entry, guarded, kinds, pairs
 
-from modal.scene import CAPABILITIES, FEATURES
+from modal.scene import CAPABILITIES, FEATURES, dump, load
 
 
 @pytest.mark.parametrize("name", CAPABILITIES)
@@ -40,3 +40,28 @@ def test_the_answer_is_the_one_declared(kind: str, capability: str, tmp_path: Pa
     assert outcome.status == status or (status == "unless" and outcome.status in {"works", "refused"}), outcome
     if outcome.status == "refused":
         assert all(said in outcome.words for said in words)
+
+
+# --------------------------------------------------------------------------------------------------- nothing in silence
+
+GUARDED = guarded()
+EQUAL: dict[tuple[str, str], str] = {}
+"""Pairs whose answer does not depend on a feature that is taken, and why."""
+
+
+@pytest.mark.parametrize(
+    ("kind", "capability"),
+    usually(random.Random(1).sample(GUARDED, 20), GUARDED),
+    ids=lambda name: name.replace(" ", "-"),
+)
+def test_a_feature_changes_the_answer_or_is_said_to_be_left_out(kind: str, capability: str, tmp_path: Path) -> None:
+    plain = tmp_path / f"{kind}.toml"
+    dump(OFF[kind][1](load(kinds()[kind])), plain)
+    (tmp_path / "with").mkdir()
+    (tmp_path / "without").mkdir()
+    answer = attempt(kind, capability, tmp_path / "with").words
+    without = attempt(plain, capability, tmp_path / "without").words
+    if entry(kind, capability) == "leaves":
+        assert [words for words in declared(kind, capability)[1] if words not in answer] == []
+    elif (kind, capability) not in EQUAL:
+        assert answer.replace(str(kinds()[kind]), "") != without.replace(str(plain), "")

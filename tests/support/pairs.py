@@ -12,6 +12,7 @@ import signal
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -74,8 +75,8 @@ def _command(words: str, scene: Path, folder: Path) -> str:
         status = cli.main(arguments)
     if status:
         raise RefusedError(said.getvalue())
-    written = [path for path in folder.glob("out*") if path.suffix in {".json", ".csv"}]
-    return said.getvalue() + "".join(path.read_text() for path in written)
+    written = [sha256(path.read_bytes()).hexdigest() for path in sorted(folder.glob("out*"))]
+    return "\n".join([said.getvalue(), *written])
 
 
 class RefusedError(MultipendulaError):
@@ -238,6 +239,47 @@ def declared(kind: str, capability: str) -> tuple[str, tuple[str, ...]]:
     return "works", tuple(words for name in asked for words in left_out(scene, name))
 
 
+def _links_without(**numbers: Any) -> Callable[[Scene], Scene]:
+    def plain(scene: Scene) -> Scene:
+        pendula = [one.replace(links=tuple(link.replace(**numbers) for link in one.links)) for one in scene.pendulum]
+        return scene.replace(pendulum=tuple(pendula))
+
+    return plain
+
+
+OFF: dict[str, tuple[str, Callable[[Scene], Scene]]] = {
+    "damping_ratio": ("damping_ratio", lambda scene: scene.replace(damping_ratio=0.0)),
+    "escapement": ("escapement", _links_without(drive=None)),
+    "van_der_Pol": ("van_der_pol", _links_without(drive=None)),
+    "hoist": ("hoist", lambda scene: scene.at(0.0)),
+    "joint_dampers": ("dampers", _links_without(damping=0.0)),
+    "joint_friction": ("joint_friction", lambda scene: scene.frictionless),
+    "rail_friction": ("rail_friction", lambda scene: scene.frictionless),
+    "rail_coefficient": ("rail_coefficient", lambda scene: scene.frictionless),
+    "joint_springs": ("joint_springs", _links_without(stiffness=0.0)),
+    "linear_drag": ("linear_drag", _links_without(drag=0.0)),
+    "quadratic_drag": ("quadratic_drag", _links_without(quadratic_drag=0.0)),
+    "moved_horizontal": ("moved_support", lambda scene: scene.still),
+    "moved_vertical": ("moved_support", lambda scene: scene.still),
+}
+"""The feature of a kind, and how to switch it off."""
+TIMED = {"tradeoff", "advise"}
+"""What prints how long it took, so that no two answers are equal."""
+
+
+def guarded() -> list[tuple[str, str]]:
+    """Pairs in which a feature is taken or left out, and can be switched off."""
+    return [
+        (kind, one) for kind, one in pairs() if kind in OFF and one not in TIMED and declared(kind, one)[0] == "works"
+    ]
+
+
+def entry(kind: str, capability: str) -> str:
+    """What the table says of the feature of a kind: takes, singly or leaves."""
+    asked = ASKS.get(capability, ("form minimal",))
+    return CAPABILITIES[asked[-1]].entries(OFF[kind][0])[0][0]
+
+
 @cache
 def kinds() -> dict[str, Path]:
     """The kinds of scene by name."""
@@ -249,9 +291,9 @@ def pairs() -> list[tuple[str, str]]:
     return [(kind, capability) for kind in kinds() for capability in ATTEMPTS if kind != "load" or capability in LOADED]
 
 
-def attempt(kind: str, capability: str, folder: Path, patience: float = PATIENCE) -> Outcome:
-    """Try a pair; files go into the folder."""
-    path = kinds()[kind]
+def attempt(kind: str | Path, capability: str, folder: Path, patience: float = PATIENCE) -> Outcome:
+    """Try a pair, of a kind of scene or of a file; files go into the folder."""
+    path = kinds()[kind] if isinstance(kind, str) else kind
     try:
         with _patiently(patience):
             return Outcome("works", ATTEMPTS[capability](path, load(path), folder))
