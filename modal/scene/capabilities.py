@@ -335,8 +335,8 @@ CAPABILITIES: dict[str, Capability] = {
         replace(PERIODIC, name="a limit cycle", needs=EXCITED),
         Capability(
             "a Lyapunov exponent",
-            SHAPE | {"dampers", "damping_ratio", "van_der_pol"},
-            refuses={**STILL, **CONSTANT, **PLANE, **STICKS, **NO_DRAG, **NO_SMOOTH},
+            SHAPE | LOSS | {"van_der_pol"},
+            refuses={**STILL, **CONSTANT, **PLANE, **STICKS, "quadratic_drag": "is computed without it", **NO_SMOOTH},
             unless=STOPS,
             beside=UNLOADED,
         ),

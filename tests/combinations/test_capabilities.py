@@ -10,6 +10,7 @@ from amounts import usually
 from pairs import OFF, attempt, declared, entry, guarded, kinds, pairs
 
 from modal.scene import CAPABILITIES, FEATURES, dump, load
+from multipendula.cli import main
 
 
 @pytest.mark.parametrize("name", CAPABILITIES)
@@ -65,3 +66,16 @@ def test_a_feature_changes_the_answer_or_is_said_to_be_left_out(kind: str, capab
         assert [words for words in declared(kind, capability)[1] if words not in answer] == []
     elif (kind, capability) not in EQUAL:
         assert answer.replace(str(kinds()[kind]), "") != without.replace(str(plain), "")
+
+
+def test_a_hoist_has_a_constant_model_at_one_time(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    crane, there = load("hoisting-crane"), tmp_path / "there.toml"
+    dump(crane.at(3.0), there)
+    answers = []
+    for words in (["hoisting-crane", "--when", "3"], [str(there)]):
+        assert main(["response", *words, "--at", "0.1,0.5", "--format", "csv", "-q"]) == 0
+        answers.append(capsys.readouterr().out)
+    assert answers[0] == answers[1]
+    assert main(["response", "hoisting-crane", "--at", "0.1"]) == 2
+    assert "--when SECONDS" in capsys.readouterr().err
+    assert main(["response", str(there), "--at", "0.1", "--when", "3"]) == 2
