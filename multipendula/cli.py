@@ -220,7 +220,7 @@ def _reported(options: argparse.Namespace) -> Iterator[None]:
     in_a_folder(name)
     if getattr(options, "format", "text") not in {"text", form}:
         raise SceneError([f"--format {options.format}: cannot be combined with -o {name}"])
-    options.format = form
+    options.format, options.format_asked = form, True
     setattr(options, place, None)
     options.page.rephrase(f"^--format {form}(?=:)", f"-o {name}".replace("\\", r"\\"))
     with whole_file(name) as stream, fitted(None), redirect_stdout(StringIO()) as text:

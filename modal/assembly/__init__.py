@@ -9,8 +9,16 @@ scenes of one form, `linearization` is the dense form for printing, for small pr
 """
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
-from modal.assembly.dense import Columns, assembled, centres, dampers, drag_of
-from modal.assembly.hoisting import Hoisting, Hoists, hoisting_of, matrices_along, matrices_at
+from modal.assembly.dense import Columns, assembled, centres, dampers, displacements, drag_of, joints
+from modal.assembly.hoisting import (
+    Hoisting,
+    Hoists,
+    Instant,
+    hoisting_of,
+    instants,
+    matrices_along,
+    matrices_at,
+)
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.stacks import Group, Stack, can_stack, stacked
@@ -23,6 +31,7 @@ __all__ = [
     "Group",
     "Hoisting",
     "Hoists",
+    "Instant",
     "Matrices",
     "RatioAt",
     "Rig",
@@ -33,9 +42,12 @@ __all__ = [
     "centres",
     "coordinate_labels",
     "dampers",
+    "displacements",
     "drag_of",
     "frequencies",
     "hoisting_of",
+    "instants",
+    "joints",
     "masses_below",
     "matrices",
     "matrices_along",

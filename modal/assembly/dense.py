@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -64,6 +64,21 @@ def centres(block: Block, column: int) -> Floats:
     """The displacement of the centre of every link along the rail by every angle of its chain, (n, n)."""
     sigma, length = block.sigma[:, column], block.length[:, column]
     return np.tril(np.tile(sigma * length, (block.n, 1)), -1) + np.diag(sigma * block.centre[:, column])
+
+
+def joints(block: Block, column: int) -> Floats:
+    """The same of the lower joint of every link."""
+    return np.tril(np.tile(block.sigma[:, column] * block.length[:, column], (block.n, 1)))
+
+
+def displacements(columns: Columns, cart: CartNumbers | None, of: Callable[[Block, int], Floats] = centres) -> Floats:
+    """The displacement along the rail of the centre of every link, or of its lower joint, rows (links, size)."""
+    found = np.zeros((sum(block.n for block, _ in columns), len(_zeros(columns, cart))))
+    first = int(cart is not None)
+    found[:, :first] = 1.0
+    for block, column, own in _placed(columns, cart):
+        found[own.start - first : own.stop - first, own] = of(block, column)
+    return found
 
 
 def _zeros(columns: Columns, cart: CartNumbers | None) -> Floats:

@@ -1,11 +1,13 @@
 """Prescribed lengths of the ropes of a scene as functions of time, and the linear equations along them.
 
-A bob at the end of a rope with length l(t) moves aside by l θ and down by l.  So the column of M of its angle, which is
-proportional to l, gives damping and stiffness
+A bob at the end of a rope with length l(t) moves aside by l θ and down by l.  So the displacements h q of all centres
+along the rail, rows h of lengths, have rows that change in time, (h q)'' = h q'' + 2 h' q' + h'' q, and every centre
+has the velocity w_k = Σ_{j≤k} σ_j l_j' downwards even at rest.  With the masses m and the coefficients d of drag
 
-    M_ij (l_j θ_j)''/l_j = M_ij θ_j'' + M_ij (2 l_j'/l_j) θ_j' + M_ij (l_j''/l_j) θ_j,
+    D += Σ m hᵀ 2h' + d hᵀh,    K += Σ m hᵀ h'' + d hᵀ h',
 
-and the weight of a mass k, which holds all links above upright, is m_k (g − Σ_{j≤k} σ_j l_j'') in place of m_k g.
+and what draws a mass k down, and holds all links above upright, is m_k (g − w_k') − d_k w_k in place of m_k g.
+Quadratic drag |v| v is linear in a small motion beside w: it adds `quadratic_drag` |w| to d.
 """
 
 from __future__ import annotations
@@ -17,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly.arrays import Block, rig_of
-from modal.assembly.dense import assembled
+from modal.assembly.arrays import rig_of
+from modal.assembly.dense import assembled, dampers, displacements, joints
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices_of
 from modal.errors import SceneError
 from modal.scene import Bob, Scene
@@ -150,6 +152,20 @@ def _validated(given: Any, link: Any, place: str) -> Spline:
     return law
 
 
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """The linear equations of L links at one time: M, K and D, and what else a changing length brings.
+
+    `rate` and `bend` (L, q) are the first and second derivatives in time of the displacements along the rail, per
+    coordinate, of every link's centre, which are those of its lower joint; `drag` (L,) in N s/m acts on the centre.
+    """
+
+    matrices: Matrices
+    rate: Floats
+    bend: Floats
+    drag: Floats
+
+
 def matrices_at(scene: Scene, time: float) -> Matrices:
     """M, K and D (SI) of M q'' + D q' + K q = 0 at a time (s), for lengths that change; M alone is symmetric then."""
     return matrices_along(scene)(time)
@@ -157,38 +173,64 @@ def matrices_at(scene: Scene, time: float) -> Matrices:
 
 def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
     """`matrices_at` as a function of time, for many times."""
+    if not scene.is_hoisted:
+        constant = matrices_of(rig_of(scene))
+        return lambda time: constant
+    along = instants(scene)
+    return lambda time: along(time).matrices
+
+
+def instants(scene: Scene) -> Callable[[float], Instant]:
+    """The linear equations of a scene with a hoist as a function of time (s); SceneError for one without."""
     hoisting, rig = hoisting_of(scene), rig_of(scene)
     if hoisting is None:
-        constant = matrices_of(rig)
-        return lambda time: constant
-    hung = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
-    ends = np.cumsum([block.n for block, _ in hung])
-    own = [slice(end - block.n, end) for (block, _), end in zip(hung, ends.tolist(), strict=True)]
-    first, D, labels = int(rig.cart is not None), matrices_of(rig).D, coordinate_labels(rig)
-    index = np.arange(first, first + len(hoisting.base))
+        raise SceneError(["hoist: no link of this scene has one"])
+    chains = [
+        rig.blocks[block].take(np.array([column])) for block, column, copies in rig.members for _ in range(copies)
+    ]
+    mass, inertia, linear, centre, sigma = (
+        np.concatenate([getattr(chain, name)[:, 0] for chain in chains])
+        for name in ("mass", "inertia", "drag", "centre", "sigma")
+    )
+    bare = [(replace(chain, drag=np.zeros_like(chain.drag)), 0) for chain in chains]
+    metre = [(replace(chain, length=np.ones_like(chain.length)), 0) for chain in chains]
+    springs, joint_dampers = assembled(bare, rig.cart, 0.0)[1], dampers(bare, rig.cart)
+    first, labels, quadratic = int(rig.cart is not None), coordinate_labels(rig), _quadratic_drag(scene)
+    pattern = displacements(metre, rig.cart, joints)[:, first:]
+    above, own = np.where(hoisting.moving, pattern, np.tril(pattern, -1)), np.diag(~hoisting.moving * sigma * centre)
+    index, sides = np.arange(first, first + len(mass)), np.ones((len(mass), first))
+    resting: dict[bytes, Instant] = {}
 
-    def at(time: float) -> Matrices:
+    def rest(time: float) -> Instant:
+        none = np.zeros((len(mass), first + len(mass)))
+        return Instant(matrices_of(rig_of(scene.at(time))), none, none, linear)
+
+    def at(time: float) -> Instant:
         length, speed, acceleration = hoisting.at(time)
-        columns, lighter = [], np.empty_like(acceleration)
-        for (block, column), place in zip(hung, own, strict=True):
-            chain = block.take(np.array([column]))
-            centre = np.where(hoisting.moving[place], length[place], chain.centre[:, 0])
-            chain = replace(chain, length=length[place][:, None], centre=centre[:, None])
-            columns.append((chain, 0))
-            lighter[place] = _lighter(chain, acceleration[place])
-        M, K = assembled(columns, rig.cart, rig.gravity)
-        K[:, first:] += M[:, first:] * (acceleration / length)
-        K[index, index] -= lighter
-        spread = np.zeros_like(M)
-        spread[:, first:] = M[:, first:] * (2 * speed / length)
-        return Matrices(M, K, D + spread, labels)
+        if not (speed.any() or acceleration.any()):
+            key = length.tobytes()
+            return resting[key] if key in resting else resting.setdefault(key, rest(time))
+        rows = np.hstack((sides, above * length + own))
+        rate, bend = (np.hstack((0 * sides, pattern * part)) for part in (speed, acceleration))
+        falling, fallen = rate.sum(1), bend.sum(1)
+        drag = linear + quadratic * np.abs(falling)
+        massive, dragged = rows.T * mass, rows.T * drag
+        M = massive @ rows
+        M[index, index] += inertia
+        M[:first, :first] += rig.cart.mass if rig.cart else 0.0
+        K = springs + massive @ bend + dragged @ rate
+        K[index, index] += (rows.T @ (mass * (rig.gravity - fallen) - drag * falling))[first:]
+        D = joint_dampers + 2 * massive @ rate + dragged @ rows
+        return Instant(Matrices(M, K, D, labels), rate, bend, drag)
 
     return at
 
 
-def _lighter(chain: Block, acceleration: Floats) -> Floats:
-    """σ (m c s_i + l Σ_{k>i} m_k s_k) of every link (n,), s_k the downward acceleration of mass k by all hoists."""
-    m, l, c, sigma = (part[:, 0] for part in (chain.mass, chain.length, chain.centre, chain.sigma))
-    fallen = m * np.cumsum(sigma * acceleration)
-    below = np.append(np.cumsum(fallen[:0:-1])[::-1], 0.0)
-    return np.asarray(sigma * (c * fallen + l * below))
+def _quadratic_drag(scene: Scene) -> Floats:
+    """That of every link (L,), in the order of the file."""
+    return np.concatenate(
+        [
+            np.tile([link.quadratic_drag for link in pendulum.links for _ in range(link.count)], pendulum.count)
+            for pendulum in scene.pendulum
+        ]
+    )

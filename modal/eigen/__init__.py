@@ -7,15 +7,19 @@ In: a `Rig`.  Out: a `Spectrum`, the eigenvalues in ascending order, each with t
 A chain uses the effective-mass recursion and bisection (`chains`), with joint springs or inverted links
 `sprung_chains`; many different pendula on one cart the secular equation (`coupled`); dampers the quadratic problem
 (`quadratic`). Start with `spectrum`, which chooses.
+
+`elimination` is the recursion at any complex frequency, with loads, in the floats or decimals of `arithmetic`.
 """
 
 from modal.eigen.amplitude import Swing, distortion, one_percent_amplitude
+from modal.eigen.arithmetic import REPLICAS, Arithmetic, Digits, Rounded, evaluated
 from modal.eigen.bisection import smallest_where
 from modal.eigen.chains import Limits, squares_of
 from modal.eigen.counts import counted
 from modal.eigen.coupled import LIGHTEST
 from modal.eigen.degenerate import TOLERANCE, degenerate_modes
 from modal.eigen.dense import is_singular
+from modal.eigen.elimination import FORCE, TORQUE, Hung, Load, cart_of, hung
 from modal.eigen.matrix_source import LIGHT
 from modal.eigen.recursion import at_infinity
 from modal.eigen.secular import Poles, solve
@@ -25,23 +29,34 @@ from modal.eigen.sturm import Suspension, chains_of
 
 __all__ = [
     "CLOSE",
+    "FORCE",
     "LIGHT",
     "LIGHTEST",
+    "REPLICAS",
     "TOLERANCE",
+    "TORQUE",
+    "Arithmetic",
     "Details",
+    "Digits",
+    "Hung",
     "Limits",
+    "Load",
     "Part",
     "Poles",
     "Rigid",
+    "Rounded",
     "Spectrum",
     "Suspension",
     "Swing",
     "at_infinity",
+    "cart_of",
     "chains_of",
     "counted",
     "degenerate_modes",
     "distortion",
+    "evaluated",
     "find_spectrum",
+    "hung",
     "is_singular",
     "largest_angle",
     "notes",

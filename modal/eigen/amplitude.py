@@ -17,6 +17,7 @@ G₂ is the drift of the other frequency.  Near 1:1 or 1:3 the response c change
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import degrees, inf, pi, sqrt
 from typing import NamedTuple
 
@@ -78,21 +79,43 @@ class Swing(NamedTuple):
     angles: tuple[Floats, ...]
 
 
-def distortion(blocks: tuple[Block, ...], swing: Swing, other: Swing, harmonic: int, kappa: Floats) -> Floats:
-    """The relative change (R,) of the angle of 1 % by the response of the other mode.
+def distortion(blocks: tuple[Block, ...], swing: Swing, answers: Sequence[tuple[int, Swing]], kappa: float) -> Floats:
+    """The relative error of one shape's angle of 1 %, then the changes of it by the responses of others, (1 + R,).
 
-    It refers to the largest angle of any link over the period; infinite where the two frequencies meet below that
-    angle.
+    `answers` are R shapes with the harmonic k in which each is driven; the error is by all of them and by the next
+    order of the shape's own frequency.  The angle is the largest of any link over the period; errors and changes are
+    infinite where two frequencies meet below it.
     """
-    a2 = np.minimum(0.01 / np.abs(kappa), (pi / 2) ** 2)
-    driven = harmonic**2 * swing.x
-    gamma, first, second = _mixed(blocks, swing, other, harmonic)
-    linear = other.modal_mass * (other.x - driven)
-    drifted = other.modal_mass * (other.x - driven * (1 + 2 * kappa * a2)) - 4 * second * a2
-    answer = 2 * first * a2 / drifted
-    bend = 1 + 0.75 * first * answer / gamma
-    meets = (linear * drifted <= 0) | (bend <= 0)
-    return np.where(meets, inf, _largest(swing, other, harmonic, answer) / np.sqrt(bend) - 1)
+    a2 = min(0.01 / abs(kappa), (pi / 2) ** 2)
+    chosen = np.vstack((np.ones(len(answers)), np.eye(len(answers))))
+    size, bend, meets = np.zeros((3, len(answers)))
+    for at, (harmonic, other) in enumerate(answers):
+        driven = harmonic**2 * swing.x
+        gamma, first, second = _mixed(blocks, swing, other, harmonic)
+        linear = other.modal_mass * (other.x - driven)
+        drifted = other.modal_mass * (other.x - driven * (1 + 2 * kappa * a2)) - 4 * second * a2
+        size[at] = (2 * first * a2 / drifted).item()
+        bend[at] = (0.75 * first * size[at] / gamma).item()
+        meets[at] = (linear * drifted <= 0).item()
+    bent = 1 + chosen @ bend
+    lost = (chosen @ meets > 0) | (bent <= 0)
+    found = _largest(swing, answers, chosen * size) / np.sqrt(np.where(lost, 1, bent))
+    found[0] *= _own(blocks, swing, kappa)
+    return np.where(lost, inf, found - 1)
+
+
+def _own(blocks: tuple[Block, ...], swing: Swing, kappa: float) -> float:
+    """The angle of 1 % over its first guess, without other modes.
+
+    With a share p of the potential in Γ the averaged Lagrangian is stationary at r² = ω(a)²/ω² where
+    1 − r² = −2κa² (p + (1 − p) r²), exact in r for terms up to a⁴.
+    """
+    pairs = zip(blocks, swing.angles, strict=True)
+    potential = sum(float(((block.sigma * block.b)[:, :, None] * angle**4).sum()) for block, angle in pairs) / 64
+    p = -4 * potential / (swing.modal_mass * swing.x * kappa).item()
+    r = 1 + np.copysign(0.01, kappa)
+    square = (1 - r**2) / (p + (1 - p) * r**2) / -2 / kappa
+    return sqrt(max(square, 0.0) * abs(kappa) / 0.01)
 
 
 def _mixed(blocks: tuple[Block, ...], swing: Swing, other: Swing, harmonic: int) -> tuple[Floats, Floats, Floats]:
@@ -119,10 +142,13 @@ def _lanes(values: Floats, factors: Floats) -> Floats:
     return found
 
 
-def _largest(swing: Swing, other: Swing, harmonic: int, answer: Floats) -> Floats:
-    """The largest angle over the period (R,), for a = 1."""
+def _largest(swing: Swing, answers: Sequence[tuple[int, Swing]], sizes: Floats) -> Floats:
+    """The largest angle over the period (C,), for a = 1 and C sets of sizes (C, R) of the responses."""
     time = np.linspace(0.0, pi / 2, INSTANTS)
-    cos, far = np.cos(time), np.cos(harmonic * time) * answer[:, None]
-    shapes = zip(swing.angles, other.angles, strict=True)
-    largest = [np.abs(cos * own[..., None] + far * its[..., None]).max((0, 1, 3)) for own, its in shapes]
+    waves = np.array([np.cos(harmonic * time) for harmonic, _ in answers]).reshape(-1, INSTANTS)
+    largest = []
+    for at, own in enumerate(swing.angles):
+        theirs = np.concatenate([own[..., :0], *(other.angles[at] for _, other in answers)], axis=-1)
+        moved = np.tensordot(theirs, sizes[:, :, None] * waves, axes=(2, 1))
+        largest.append(np.abs(own[..., None] * np.cos(time) + moved).max((0, 1, 3)))
     return np.asarray(np.max(largest, axis=0))

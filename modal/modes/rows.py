@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby
-from math import isfinite
+from math import isfinite, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from modal.assembly import Block
 from modal.eigen import Details, Part, Swing, distortion, largest_angle, one_percent_amplitude
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.labels import CART_MOVES, CART_STILL, FIXED, agreement, family, motion_words
-from modal.modes.mode import MOST_DISTORTED, UNCERTAIN, Mode, answering, resonances
+from modal.modes.mode import BESIDE, PROMISED, SURE, UNCERTAIN, Mode, answering, is_guide, resonances
 from modal.types import Ints
 
 LIGHTLY = 0.1
@@ -53,11 +53,7 @@ def described(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int,
     pieces = _pieces(modes, sorted({*numbers, *(k for found in asked.values() for _, k in found)}))
     for n in numbers:
         mode = _mode(modes, n, pieces[n])
-        answers = [
-            f"1:{harmonic} with mode {modes.first + k + 1}"
-            for harmonic, k in asked[n]
-            if mode.kappa and _distortion(modes, harmonic, (n, pieces[n]), (k, pieces[k])) > MOST_DISTORTED
-        ]
+        answers = _answers(modes, n, asked[n], pieces) if mode.kappa and not near[n] else []
         yield n, replace(mode, resonances=(*near[n], *answers) if isfinite(mode.kappa) else ())
 
 
@@ -151,25 +147,32 @@ def _partners(modes: Eigenvalues, number: int) -> Ints:
     return np.asarray(partners[modes.lightly_damped[partners]])
 
 
-def _distortion(
-    modes: Eigenvalues, harmonic: int, own: tuple[int, list[_Piece]], other: tuple[int, list[_Piece]]
-) -> float:
-    """The relative change of a mode's angle of 1 % by another mode's response: between shapes that move alike.
+def _answers(
+    modes: Eigenvalues, number: int, asked: list[tuple[int, int]], pieces: dict[int, list[_Piece]]
+) -> list[str]:
+    """The modes whose responses make a mode's angle of 1 % a guide, in words: those that change it most.
 
-    Shapes of other symmetry are not driven: equal pendula in antiphase do not drive shapes in which they move
-    alike.
+    Shapes of other symmetry are not driven: equal pendula in antiphase do not drive shapes in which they move alike.
     """
-    (number, pieces), (partner, others) = own, other
-    head = _head(pieces)
-    kappa = np.array([head.details.kappa[head.at]])
-    found = [
-        distortion(
-            _blocks(modes, head.part), _swing(modes, number, head), _swing(modes, partner, piece), harmonic, kappa
-        )
-        for piece in others
-        if piece.part.kind == head.part.kind
+    head = _head(pieces[number])
+    kappa = float(head.details.kappa[head.at])
+    alike = [(k, n, piece) for k, n in asked for piece in pieces[n] if piece.part.kind == head.part.kind]
+    if not alike:
+        return []
+    swings = [(harmonic, _swing(modes, partner, piece)) for harmonic, partner, piece in alike]
+    error, *changes = distortion(_blocks(modes, head.part), _swing(modes, number, head), swings, kappa).tolist()
+    ratios = (modes.omega[partner] / modes.omega[number] / harmonic for harmonic, partner, _ in alike)
+    shares = [1.0 if abs(ratio - 1) < BESIDE else SURE for ratio in ratios]
+    doubt = sum(share * abs(change) for share, change in zip(shares, changes, strict=True) if change)
+    if not is_guide(radians(one_percent_amplitude(kappa)), error, doubt):
+        return []
+    most = max(map(abs, changes))
+    named = [
+        f"1:{harmonic} with mode {modes.first + partner + 1}"
+        for (harmonic, partner, _), change in zip(alike, changes, strict=True)
+        if abs(change) >= min(most, PROMISED)
     ]
-    return float(np.abs(found).max(initial=0.0))
+    return list(dict.fromkeys(named))
 
 
 def _swing(modes: Eigenvalues, number: int, piece: _Piece) -> Swing:

@@ -25,12 +25,15 @@ import numpy as np
 
 from modal import pair
 from modal.errors import ComputationError
+from modal.modes.displacements import centre_displacements
 from modal.modes.mode import UNCERTAIN
 from modal.modes.modes import Modes
 from modal.modes.shapes import Shape
 from modal.report import Displayed, Summary, brief, tabulated
 from modal.scene import Pendulum
 from modal.types import Complexes, Floats
+
+ULP, CANCELLED = 2.0**-52, 1e-13
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -87,14 +90,18 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
     shapes that depend on the parameter changed.  Close to another frequency, or to critical damping, the derivative
     holds for changes much smaller than the gap.  Raises IndexError for a mode that does not exist.
 
-    Ordinary scenes keep 12 digits of the largest p ∂ω/∂p; z_i is a running sum, which cancels where a centre hardly
-    moves in a very fast mode (almost no inertia, masses and lengths differing by 1e±16): up to 7 digits are lost there.
+    12 digits of the largest p ∂ω/∂p are right: z_i is a running sum, and comes from `modal.modes.displacements` where
+    that sum cancels.
     """
     _refuse(modes, number)
     value, shape = complex(modes.eigenvalue[number]), modes.shape(number, 0, "mass")
     if value == 0:
         return _nothing(modes.scene.n_links)
-    chains = [_of_chains(*found, value, shape.cart, modes.scene.gravity) for found in _hung(modes, shape)]
+    hung = list(_hung(modes, shape))
+    centres = [_centres(*found, shape.cart) for found in hung]
+    if sum(_lost(*found, shape.cart, z) for found, z in zip(hung, centres, strict=True)) > CANCELLED:
+        centres = centre_displacements(modes.rig, value, shape)
+    chains = [_of_chains(*found, z, value, modes.scene.gravity) for found, z in zip(hung, centres, strict=True)]
     columns = [np.concatenate([np.ravel(values) for values in column]) for column in zip(*chains, strict=True)]
     cart, square, support = shape.cart**2, value**2, modes.rig.cart
     pencil = 2 * value
@@ -172,14 +179,28 @@ def _follows(pendulum: Pendulum) -> Floats:
     return np.repeat([float(link.is_uniform) for link in pendulum.links], [link.count for link in pendulum.links])
 
 
-def _of_chains(chain: _Chain, phi: Complexes, value: complex, cart: complex, g: float) -> tuple[Complexes, ...]:
+def _centres(chain: _Chain, phi: Complexes, cart: complex) -> Complexes:
+    """The displacement z (copies, n) of every centre of mass."""
+    return cart + _above(chain.sigma * chain.length * phi) + chain.sigma * chain.centre * phi
+
+
+def _lost(chain: _Chain, phi: Complexes, cart: complex, z: Complexes) -> float:
+    """The error of the relative derivatives that is due to rounding of z, where φᵀMφ = 1."""
+    m, turns = chain.mass, np.abs(phi)
+    rounding = ULP * (abs(cart) + _above((chain.length * turns).astype(np.complex128)) + np.abs(chain.centre) * turns)
+    pushed = (chain.centre * m * rounding) + chain.length * _below(m * rounding)
+    return float(np.sum(m * np.abs(z) * rounding.real + turns * np.abs(pushed)))
+
+
+def _of_chains(chain: _Chain, phi: Complexes, z: Complexes, value: complex, g: float) -> tuple[Complexes, ...]:
     """∂(2V + λ 2R + λ² 2T)/∂p of the copies of a chain, each (copies, n), including dependent quantities.
+
+    z (copies, n) are the displacements of the centres of mass.
 
     The last is the part of φᵀ(2λM + D)φ that each link adds.
     """
     m, l, c, I, sigma, d, e, follows = chain
     square, turn = value**2, phi**2
-    z = cart + _above(sigma * l * phi) + sigma * c * phi
     h = _above(sigma * l * turn) + sigma * c * turn
     pushed = (square * m + value * e) * z
     inertia = square * turn

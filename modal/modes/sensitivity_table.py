@@ -37,10 +37,10 @@ class Sensitivity(NamedTuple):
 
 
 def of_mode(modes: Modes, row: Mode) -> dict[str, Sensitivity]:
-    """The derivatives of one mode's frequency to every number above 0, by place; empty where it has none.
+    """The derivatives of one mode's frequency to a cart's mass and every number above 0, by place.
 
-    That is for frequencies that several modes share, modes that grow or that a `damping_ratio` damps, and those beyond
-    double precision.
+    Empty where it has none: for frequencies that several modes share, modes that grow or that a `damping_ratio` damps,
+    and those beyond double precision.
 
     >>> from modal import load, natural_modes
     >>> modes = natural_modes(load("chain-1"))
@@ -56,7 +56,7 @@ def of_mode(modes: Modes, row: Mode) -> dict[str, Sensitivity]:
 def _places(modes: Modes, omega: float, found: Sensitivities) -> Iterator[tuple[str, Sensitivity]]:
     scene, at = modes.scene, 0
     if isinstance(scene.support, Cart):
-        yield from _one("support.mass", scene.support.mass, found.cart_mass, omega)
+        yield "support.mass", _sensitivity(scene.support.mass, found.cart_mass, omega)
         yield from _one("support.damping", scene.support.damping, found.cart_damping, omega)
         yield from _one("support.stiffness", scene.support.stiffness, found.cart_stiffness, omega)
     for p, pendulum in enumerate(scene.pendulum):
@@ -83,7 +83,11 @@ def _places(modes: Modes, omega: float, found: Sensitivities) -> Iterator[tuple[
 
 def _one(path: str, number: float, derivative: float, omega: float) -> Iterator[tuple[str, Sensitivity]]:
     if number:
-        yield path, Sensitivity(number, derivative, number / omega * derivative if omega else None)
+        yield path, _sensitivity(number, derivative, omega)
+
+
+def _sensitivity(number: float, derivative: float, omega: float) -> Sensitivity:
+    return Sensitivity(number, derivative, number / omega * derivative if omega else None)
 
 
 def sensitivity_table(modes: Modes, rows: Sequence[Mode], form: str) -> str:

@@ -21,17 +21,19 @@ def draw_hoist(found: Along, stream: IO[bytes], form: str = "png") -> None:
 def hoist_figure(found: Along) -> Figure:
     """The changing lengths (m), the angular frequencies (rad/s) and the adiabatic swing of every mode against time (s).
 
-    Raises ComputationError for more modes or lengths than one picture holds.
+    Only lengths where no mode oscillates.  Raises ComputationError for more modes or lengths than one picture holds.
     """
     most = max(found.omega.shape[1], found.lengths.shape[1])
     if most > MOST_CURVES:
         raise ComputationError(f"{most} curves do not fit in a figure: at most {MOST_CURVES}")
     figure = sheet(WIDTH, 8.0)
-    axes = figure.subplots(3, 1, sharex=True)
     ropes = [f"pendulum {p + 1}, link {i + 1}" for p, i in found.links]
     modes = [f"mode {name}" for name in found.names]
-    panels = (found.lengths, ropes, "length (m)"), (found.omega, modes, "angular frequency ω (rad/s)")
-    for axis, (values, names, words) in zip(axes, (*panels, (found.swing, modes, "relative swing (–)")), strict=True):
+    panels = [(found.lengths, ropes, "length (m)")]
+    if modes:
+        panels += [(found.omega, modes, "angular frequency ω (rad/s)"), (found.swing, modes, "relative swing (–)")]
+    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, (values, names, words) in zip(axes, panels, strict=True):
         for k, name in enumerate(names):
             axis.plot(found.times, values[:, k], color=colour(k), ls=dash(k), label=name)
         framed(axis, "time (s)" if axis is axes[-1] else "", words)

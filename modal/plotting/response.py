@@ -18,10 +18,10 @@ from modal.plotting.curves import draw_curves
 from modal.plotting.layout import headline, key, log_ticks, mark_modes
 from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, muted, save, sheet, thickness
 from modal.scene import title_of
-from modal.statespace import ModalForm, Signal, frequency_response, impulse_response
+from modal.statespace import ModalForm, Signal, frequency_response, impulse_response, impulse_times
 from modal.types import Complexes, Floats
 
-POINTS, LONGEST = 2000, 20_000
+POINTS = 2000
 Spread = Callable[[Floats], Floats]
 DEEP, BEYOND = 240.0, 5.0
 """Most decibels that a picture goes down; decibels by which cut curves go on beyond it."""
@@ -36,6 +36,8 @@ NEAR = 1500
 ROW = 0.12
 """Height in inches that a figure gains with each curve beyond six."""
 ROUNDING = 1e-9
+DRAWN = 1e-6
+"""Relative error of what is drawn."""
 MOST_UNITS = 2
 LONGEST_LABEL = 34
 """Letters of a label beside the upper panel."""
@@ -134,10 +136,7 @@ def impulse_figure(
     than one picture holds.
     """
     shown = _shown(form, outputs)
-    swinging = [value.imag for value in form.modes.eigenvalue.tolist() if value.imag > 0] or [1.0]
-    end = duration or 8 * np.pi / min(swinging)
-    points = int(np.clip(40 * end * max(swinging) / (2 * np.pi), POINTS, LONGEST))
-    t = np.linspace(0.0, end, points)
+    t = impulse_times(form, duration)
     h = impulse_response(form, t)[shown, source]
     units = list(dict.fromkeys(form.model.outputs[output].unit for output in shown))
     figure = sheet(WIDTH, 1.4 + 2.2 * len(units))
@@ -148,7 +147,7 @@ def impulse_figure(
     for panel, unit in zip(panels, units, strict=True):
         panel.set_ylabel(f"response ({unit} per {form.model.inputs[source].unit} s)")
         panel.axhline(0.0, color=muted(), lw=0.8, zorder=0)
-    panels[-1].set(xlabel="time t (s)", xlim=(0.0, end))
+    panels[-1].set(xlabel="time t (s)", xlim=(0.0, t[-1]))
     names = [_named(form.model.outputs[output]) for output in shown]
     _finish(figure, form, names, f"impulse response to {_named(form.model.inputs[source])}")
     return figure
@@ -179,7 +178,7 @@ def _band(form: ModalForm) -> tuple[float, float]:
 def _sampled(form: ModalForm, shown: list[int], source: int, low: float, high: float) -> tuple[Floats, Complexes]:
     """Angular frequencies (W,) and G (k, W), with points in between added about every peak and trough."""
     omega = _grid(form, low, high)
-    G = frequency_response(form, omega, outputs=shown, inputs=[source])[:, 0]
+    G = frequency_response(form, omega, outputs=shown, inputs=[source], tolerance=DRAWN)[:, 0]
     for _ in range(ROUNDS):
         size = np.abs(G)
         with np.errstate(invalid="ignore"):
@@ -193,7 +192,7 @@ def _sampled(form: ModalForm, shown: list[int], source: int, low: float, high: f
         more = np.setdiff1d(np.concatenate(inner).ravel(), omega)
         order = np.argsort(whole := np.concatenate((omega, more)), kind="stable")
         omega = whole[order]
-        added = frequency_response(form, more, outputs=shown, inputs=[source])[:, 0]
+        added = frequency_response(form, more, outputs=shown, inputs=[source], tolerance=DRAWN)[:, 0]
         G = np.concatenate((G, added), axis=1)[:, order]
     return omega, G
 

@@ -324,11 +324,15 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "a periodic orbit of a mode",
             SHAPE - {"inverted"},
-            leaves=_each(
-                LOSS | DRAG | FRICTION | DRIVES, "Periodic orbits of modes are those without losses and drives."
-            ),
-            refuses={**STILL, **CONSTANT, **PLANE, **NO_INERTIA},
-            unless={"inverted": "the equilibrium is unstable"},
+            leaves={
+                "dampers": "Dampers are left out: the orbits of a mode conserve energy.",
+                "damping_ratio": "Damping ratios are left out: the orbits of a mode conserve energy.",
+                **_each(DRAG, "Drag is left out: the orbits of a mode conserve energy."),
+                **_each(FRICTION, "Dry friction is left out: the orbits of a mode conserve energy."),
+                **_each(DRIVES, "Drives are left out: the orbits of a mode conserve energy."),
+            },
+            refuses={**STILL, **CONSTANT, **PLANE},
+            unless={"inverted": "the equilibrium is unstable", "massless_cart": HANGS_STRAIGHT},
             beside=UNLOADED,
         ),
         PERIODIC,

@@ -16,7 +16,7 @@ from modal.statespace.gains import modal_gains, unreached, unseen
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace, state_space
 from modal.statespace.reduction import minimal, truncate
-from modal.statespace.response import frequency_response, impulse_response, response_table
+from modal.statespace.response import frequency_response, impulse_response, impulse_table, impulse_times, response_table
 from modal.statespace.shapers import over_length, residual_vibration, robustness, shaper_for, swing_words, swings_of
 from modal.statespace.signals import Signal
 
@@ -26,6 +26,8 @@ __all__ = [
     "StateSpace",
     "frequency_response",
     "impulse_response",
+    "impulse_table",
+    "impulse_times",
     "minimal",
     "modal_gains",
     "over_length",

@@ -1,32 +1,41 @@
 """A hoist in the linear model: frequencies along it, and the swing that a travel of the cart leaves.
 
 A slow change of lengths keeps E/ω of every mode (Landau & Lifshitz, Mechanics, §49), so that with φᵀMφ = 1 the
-amplitude of a mode is that of its shape times ω^(−1/2); of one pendulum that is l^(−3/4).  The swing after a travel is
-integrated in the time-varying model z' = A(t) z + B(t) a(t), a the acceleration of the cart, without any such
-assumption.  An input shaper is made for constant lengths; what it leaves where they change is integrated likewise.
+amplitude of a mode is that of its shape times ω^(−1/2); of one pendulum that is l^(−3/4).  Frequencies that approach
+each other veer apart, and keep their order, unless nothing couples their modes: those of pendula on a fixed support,
+and of equal pendula against each other while the cart stays still, are followed apart from all others.
+
+The swing after a travel is integrated in the time-varying model, without any such assumption, with the motion of the
+cart among its states: drag acts against still air, so that the speed of the cart pushes as its acceleration does.  An
+input shaper is made for constant lengths; what it leaves where they change is integrated likewise.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.linalg import eigh
+from scipy.linalg import expm
 
-from modal.assembly import Matrices, hoisting_of, matrices, matrices_along, matrices_at
+from modal.assembly import Matrices, hoisting_of, matrices, matrices_along
 from modal.errors import ComputationError, SceneError
 from modal.modes import labelled, natural_modes, table_numbers
 from modal.report import Displayed
-from modal.scene import Scene
-from modal.statespace.model import fixed
+from modal.scene import Body, Fixed, Pendulum, Scene
+from modal.statespace.model import fixed, refuse_no_inertia
 from modal.statespace.shapers import Drive, Kind, Shaper, shaper_for
 from modal.statespace.varying import hoisting_times
-from modal.types import Floats
+from modal.types import Floats, Ints
 
 TOLERANCE = 1e-10
+LOOKS = 200
+"""Times at which the size of a command is looked up."""
+PUSHES = 4
+"""Times at which a command between two stops, a sum of cubic polynomials, is zero only if it is zero throughout."""
 MOST_LINKS = 100
 """Links of a scene whose swing is integrated in the time-varying model."""
 UNSTABLE = "the equilibrium is unstable along the hoist: no swing is left at rest"
@@ -37,10 +46,10 @@ Pulse = Callable[[float], float]
 class Along(Displayed):
     """Along a hoist at `times` (T,) in s: the changing `lengths` (T, H) in m, R frequencies and adiabatic amplitudes.
 
-    `omega` (T, R) in rad/s, ascending, are those of the scene with the lengths of each time, each once for every mode
-    that oscillates along the rail without dampers; `swing` (T, R) is the largest angle of a mode over that at the first
-    time, if E/ω is conserved.  `names` (R,) are the numbers of the modes in the table at the first time, repeated ones
-    lettered, and `links` (H,) the places of the lengths, (pendulum, link) of the scene's entries, from 0.
+    `omega` (T, R) in rad/s are those of the scene with the lengths of each time, one for every mode that oscillates
+    along the rail without dampers, ascending at the first time; `swing` (T, R) is the largest angle of a mode over that
+    at the first time, if E/ω is conserved.  `names` (R,) are the numbers of the modes in the table at the first time,
+    repeated ones lettered, and `links` (H,) the places of the lengths, (pendulum, link) of the scene's entries, from 0.
     """
 
     scene: Scene
@@ -54,10 +63,11 @@ class Along(Displayed):
 
 
 def frequencies_along(scene: Scene, samples: int = 21, drive: Drive = "cart_force") -> Along:
-    """Frequencies at evenly spaced times from the first to the last moment of a hoist.
+    """Frequencies at evenly spaced times from the begin of the first hoist to the end of the last.
 
-    Under a prescribed motion of the cart they are those on a fixed support.  Raises SceneError without a hoist,
-    ComputationError for an unstable equilibrium and for more than MOST_LINKS links.
+    Under a prescribed motion of the cart they are those on a fixed support.  A massless cart has one mode less; where
+    it has a single bob there is none.  Raises SceneError without a hoist, ComputationError for an unstable equilibrium
+    and for more than MOST_LINKS links.
     """
     times = hoisting_times(scene, samples)
     _refuse_many(scene)
@@ -66,11 +76,43 @@ def frequencies_along(scene: Scene, samples: int = 21, drive: Drive = "cart_forc
     ]
     lengths = np.array([[scene.pendulum[p].links[i].length_at(time) for p, i in places] for time in times.tolist()])
     held = _is_held(scene, drive)
-    found = [_modes(scene.at(time), held) for time in times.tolist()]
-    omega, reach = (np.array(part) for part in zip(*((o, _angles(scene, phi, held)) for o, phi in found), strict=True))
-    relative = np.abs(reach).max(1) / np.sqrt(omega)
-    names = _names(scene.at(float(times[0])), omega[0], held)
-    return Along(scene, drive, times, tuple(places), names, lengths, omega, relative / relative[0])
+    each = [
+        [np.repeat(part, copies, axis=1) for part in _followed(one, times)] for one, copies in _uncoupled(scene, held)
+    ]
+    omega, reach = (np.hstack(parts) for parts in zip(*each, strict=True))
+    order = np.argsort(omega[0], kind="stable")
+    relative = reach[:, order] / np.sqrt(omega[:, order])
+    names = _names(scene.at(float(times[0])), omega[0, order], held)
+    return Along(scene, drive, times, tuple(places), names, lengths, omega[:, order], relative / relative[0])
+
+
+def _uncoupled(scene: Scene, held: bool) -> list[tuple[Scene, int]]:
+    """Scenes whose modes together are those of this one, whatever the lengths, and how often each mode occurs."""
+    still = scene.conservative.in_plane
+    equal: Counter[Pendulum] = Counter()
+    for one in still.pendulum:
+        equal[one.replace(count=1, start=None)] += one.count
+    alone = [(still.replace(support=Fixed(), pendulum=(one,)), copies) for one, copies in equal.items()]
+    if held or still.support.kind != "cart":
+        return alone
+    together = tuple(_heavier(one, copies) for one, copies in equal.items())
+    return [(still.replace(pendulum=together), 1), *((one, copies - 1) for one, copies in alone if copies > 1)]
+
+
+def _heavier(pendulum: Pendulum, copies: int) -> Pendulum:
+    """One pendulum that moves a cart as so many equal ones in phase."""
+    links = []
+    for link in pendulum.links:
+        inertia = {"inertia": copies * link.inertia} if isinstance(link, Body) else {}
+        links.append(link.replace(mass=copies * link.mass, stiffness=copies * link.stiffness, **inertia))
+    return pendulum.replace(links=tuple(links))
+
+
+def _followed(scene: Scene, times: Floats) -> tuple[Floats, Floats]:
+    """ω (T, R) of a scene in which no two modes cross, and the largest angle (T, R) of every shape, φᵀMφ = 1."""
+    each = [_modes(scene.at(time)) for time in times.tolist()]
+    links = int(scene.support.kind == "cart")
+    return np.array([omega for omega, _, _ in each]), np.array([np.abs(phi[links:]).max(0) for _, phi, _ in each])
 
 
 def _names(scene: Scene, omega: Floats, held: bool) -> tuple[str, ...]:
@@ -91,20 +133,17 @@ def _refuse_many(scene: Scene) -> None:
         raise ComputationError(f"the scene has {scene.n_links} links: a hoist is studied for at most {MOST_LINKS}")
 
 
-def _modes(scene: Scene, held: bool) -> tuple[Floats, Floats]:
-    """ω (R,) and Φ (n, R), φᵀMφ = 1, of the oscillating modes along the rail for constant lengths, ascending."""
-    found = matrices(scene.conservative)
-    first = int(held)
-    square, phi = eigh(found.K[first:, first:], found.M[first:, first:])
-    free = int(not held and scene.support.kind == "cart" and scene.support.stiffness == 0)
-    if np.any(square[free:] <= 0):
+def _modes(scene: Scene) -> tuple[Floats, Floats, Ints]:
+    """ω (C,) and Φ (n, C), φᵀMφ = 1, of the modes of constant lengths that oscillate along the rail, without dampers.
+
+    Ascending; the third are the rows (C,) of the table, equal for equal frequencies.
+    """
+    found = natural_modes(scene.conservative)
+    if np.any(found.eigenvalue.real > 0):
         raise ComputationError(UNSTABLE)
-    return np.sqrt(square[free:]), phi[:, free:]
-
-
-def _angles(scene: Scene, phi: Floats, held: bool) -> Floats:
-    """The rows of the links."""
-    return phi[int(scene.support.kind == "cart" and not held) :]
+    along = found.matrix.take(~found.matrix.across).real
+    swinging = along.take(found.omega[along.row] > 0)
+    return found.omega[swinging.row], np.asarray(swinging.shapes), swinging.row
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +154,17 @@ class Travel:
     begin: float
     duration: float
 
+    @classmethod
+    def along(cls, scene: Scene, distance: float, duration: float | None = None) -> Travel:
+        """From the begin of the first hoist of a scene on, by default until the end of the last.
+
+        >>> from modal import load
+        >>> Travel.along(load("hoisting-crane"), 10.0).duration
+        8.0
+        """
+        begin, end = hoisting_times(scene, 2).tolist()
+        return cls(distance, begin, duration or end - begin)
+
     def acceleration(self, time: float) -> float:
         """In m/s²; 0 before and after."""
         s = (time - self.begin) / self.duration
@@ -123,7 +173,10 @@ class Travel:
 
 @dataclass(frozen=True)
 class Residual:
-    """The largest angle (rad) that a link reaches when travel and hoist are over, for a command in `words`."""
+    """The largest angle (rad) that a link reaches when travel and hoist are over, for a command in `words`.
+
+    From then on without dampers: that to which the swings of all frequencies add up.
+    """
 
     words: str
     angle: float
@@ -138,7 +191,7 @@ def travel_residuals(scene: Scene, travel: Travel, *, kind: Kind = "zv", count: 
     _refuse_many(scene)
     if scene.support.kind != "cart":
         raise SceneError(["travel: the support is fixed: a travel needs a cart"])
-    still, mean = scene.at(hoisting_times(scene)[0]), mean_lengths(scene)
+    still, mean = scene.at(float(hoisting_times(scene)[0])), mean_lengths(scene)
     name = f"{kind} shaper"
     commands: list[tuple[str, Shaper | None]] = [("the travel as it is", None)]
     commands += [(f"shaped by a {name} for the lengths before the hoist", shaper_for(still, count, kind))]
@@ -188,21 +241,29 @@ def _stops(travel: Travel, shaper: Shaper | None) -> list[float]:
 
 def _left(scene: Scene, command: Pulse, stops: Sequence[float]) -> float:
     """The largest angle (rad) that remains of a state of rest under an acceleration of the cart."""
-    n = scene.n_links
-    end, y = _integrated(scene, np.zeros(2 * n), command, [min(stops), *stops], held=True)
+    rest, begin = np.zeros(2 * (scene.n_links + 1)), min(stops)
+    pushes = [command(time) for time in np.linspace(begin, max(stops), LOOKS).tolist()]
+    size = float(np.abs(pushes).max()) / scene.gravity
+    hoisting = hoisting_of(scene)
+    knots = hoisting.breaks if hoisting else ()
+    end = max(*stops, *knots)
+    y = _integrated(scene, rest, [begin, *stops, *knots, end], command, held=True, size=size)
     return _amplitude(scene.at(end), y, held=True)
 
 
 def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_acceleration") -> float:
     """What a shaped impulse at the begin of the hoist leaves, over what the same impulse unshaped leaves.
 
-    At the end of the hoist, or of the impulses if that is later, in the largest angle of any link.
+    At the end of the hoist, or of the impulses if that is later, in the largest angle of any link.  Raises SceneError
+    for a scene without hoist, ComputationError for a force on a cart with which the mass matrix is singular.
     """
     _refuse_many(scene)
     hoisting = hoisting_of(scene)
     if hoisting is None:
         raise SceneError(["hoist: no link of this scene has one"])
     begin, held = hoisting.breaks[0], _is_held(scene, drive)
+    if not held:
+        refuse_no_inertia(matrices_along(scene)(begin).M)
     last = max(hoisting.breaks[-1], begin + shaper.duration)
     found = [
         _amplitude(scene.at(last), _impelled(scene, begin + times, amplitudes, last, held), held=held)
@@ -212,62 +273,80 @@ def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_accelerat
 
 
 def _impelled(scene: Scene, times: Floats, amplitudes: Floats, last: float, held: bool) -> Floats:
-    """(q, q') at a time after impulses from rest."""
-    y, now = np.zeros(2 * (scene.n_links + int(not held))), float(times[0])
-    for time, amplitude in zip(times.tolist(), amplitudes.tolist(), strict=True):
-        if time > now:
-            now, y = _integrated(scene, y, None, [now, time], held=held)
-        y[len(y) // 2 :] += amplitude * _push(scene, time, held)
-    return _integrated(scene, y, None, [now, last], held=held)[1] if last > now else y
-
-
-def _push(scene: Scene, time: float, held: bool) -> Floats:
-    """The change of q' by a unit impulse: of the cart's speed where its motion is prescribed, else of a force on it."""
-    M = matrices_at(scene, time).M
-    inertia, force = (M[1:, 1:], -M[1:, 0]) if held else (M, np.eye(len(M))[0])
-    return np.asarray(np.linalg.solve(inertia, force), dtype=np.float64)
+    """(q, q') at a time after impulses from rest: of the cart's speed where its motion is prescribed, or of a force."""
+    n, hoisting, along = scene.n_links + 1, hoisting_of(scene), matrices_along(scene)
+    knots = [time for time in hoisting.breaks if time > times[0]] if hoisting else []
+    y, size = np.zeros(2 * n), float(np.abs(_pushed(along(float(times[0])), held)[1]).max())
+    for time, after, amplitude in zip(times.tolist(), [*times[1:].tolist(), last], amplitudes.tolist(), strict=True):
+        y[n:] += amplitude * _pushed(along(time), held)[1]
+        stops = [time, *(knot for knot in knots if time < knot < after), after]
+        y = _integrated(scene, y, stops, None, held=held, size=size)
+    return y
 
 
 def _integrated(
-    scene: Scene, y: Floats, command: Pulse | None, stops: Sequence[float], *, held: bool
-) -> tuple[float, Floats]:
-    """The time of the last stop, or of the hoist's end if it drives and that is later, and (q, q') there."""
-    hoisting = hoisting_of(scene)
-    knots = list(hoisting.breaks) if hoisting else []
-    last = max(*stops, *knots) if command else stops[-1]
-    cuts = sorted({stops[0], last, *(time for time in (*stops, *knots) if stops[0] < time < last)})
-    first = int(held)
-    along = matrices_along(scene)
-    constant = None if knots else _law(along(0.0), first)
+    scene: Scene, y: Floats, stops: Sequence[float], command: Pulse | None, *, held: bool, size: float
+) -> Floats:
+    """(q, q') at the last of the stops (s), at which derivatives may jump, from that at the first on.
 
-    def rate(time: float, state: Floats) -> Floats:
-        A, B = constant or _law(along(time), first)
-        half = len(state) // 2
-        forced = B * command(time) if command else 0.0
-        return np.concatenate((state[half:], A @ state + forced))
+    `size` is that of the motion, in rad; `command` the acceleration of a cart whose motion is prescribed.
+    """
+    along, hoisting, n = matrices_along(scene), hoisting_of(scene), scene.n_links + 1
+    spans = [getattr(law, "breaks", (-np.inf, np.inf)) for _, law in hoisting.laws] if hoisting else []
+    constant = None if hoisting else _pushed(along(0.0), held)
 
-    for begin, end in pairwise(cuts):
-        inside = (begin, end - 1e-12 * (end - begin))
-        found = solve_ivp(rate, inside, y, method="DOP853", rtol=TOLERANCE, atol=TOLERANCE * 1e-3)
+    def slope(time: float, state: Floats) -> Floats:
+        A, B = constant or _pushed(along(time), held)
+        found = A @ state
+        return np.concatenate((state[n:], found + B * command(time) if command else found))
+
+    for begin, end in pairwise(sorted(set(stops))):
+        looks = np.linspace(begin, end, PUSHES + 2)[1:-1].tolist()
+        if not ((command and any(map(command, looks))) or any(own[0] < end and begin < own[-1] for own in spans)):
+            A = (constant or _pushed(along(looks[0]), held))[0]
+            y = np.asarray(expm(np.vstack((np.eye(n, 2 * n, n), A)) * (end - begin)) @ y, dtype=np.float64)
+            continue
+        before = float(np.nextafter(end, begin))
+        found = solve_ivp(
+            lambda time, state, before=before: slope(min(time, before), state),
+            (begin, end),
+            y,
+            method="DOP853",
+            rtol=TOLERANCE,
+            atol=TOLERANCE * 1e-3 * size,
+        )
+        if not found.success:
+            raise ComputationError(f"the motion along the hoist cannot be integrated: {found.message}")
         y = np.asarray(found.y[:, -1], dtype=np.float64)
-    return last, y
+    return y
 
 
-def _law(found: Matrices, first: int) -> tuple[Floats, Floats]:
-    """Q'' = A (q, q') + B a of the coordinates from `first` on, a the acceleration of the cart."""
-    M, K, D = (part[first:, first:] for part in (found.M, found.K, found.D))
-    solved: Floats = np.asarray(np.linalg.solve(M, np.hstack((-K, -D, -found.M[first:, :1]))), dtype=np.float64)
+def _pushed(found: Matrices, held: bool) -> tuple[Floats, Floats]:
+    """A (n, 2n) and B (n,) of q'' = A (q, q') + B u, u the acceleration of a cart that is held, else a force on it."""
+    n, first = len(found.M), int(held)
+    force = -found.M[:, 0] if held else np.eye(n)[0]
+    right = np.hstack((-found.K, -found.D, force[:, None]))[first:]
+    solved = np.eye(n, 2 * n + 1, 2 * n) if held else np.zeros((n, 2 * n + 1))
+    solved[first:] = np.linalg.solve(found.M[first:, first:], right)
     return solved[:, :-1], solved[:, -1]
 
 
 def _amplitude(scene: Scene, y: Floats, *, held: bool) -> float:
-    """The largest angle (rad) that free swings of all modes can add up to in any link."""
-    omega, phi = _modes(scene, held)
-    first = int(held)
-    dual = phi.T @ matrices(scene).M[first:, first:]
-    half = len(y) // 2
-    size = np.hypot(dual @ y[:half], dual @ y[half:] / omega)
-    return float((np.abs(_angles(scene, phi, held)) @ size).max())
+    """The largest angle (rad) that the swings of all frequencies can add up to in any link, about the rest of (q, q').
+
+    Under drag that is the rest beside a cart that moves on.
+    """
+    own = matrices(scene)
+    first, n = int(held), len(own.M)
+    q, rate = y[first:n].copy(), y[n + first :]
+    if held:
+        q += np.linalg.solve(own.K[1:, 1:], own.D[1:, 0] * y[n])
+    omega, phi, row = _modes(fixed(scene) if held else scene)
+    if not len(omega):
+        return 0.0
+    dual = phi.T @ own.M[first:, first:]
+    each = phi[1 - first :] * (dual @ q + 1j * (dual @ rate) / omega)
+    return float(np.abs(np.add.reduceat(each, np.flatnonzero(np.diff(row, prepend=-1)), axis=1)).sum(1).max())
 
 
 def residual_words(scene: Scene, count: int, kind: Kind, drive: Drive, shaper: Shaper) -> Iterator[str]:

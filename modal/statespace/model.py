@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.assembly import Matrices, matrices
+from modal.assembly import Instant, Matrices, matrices
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, counted, deferred
@@ -135,26 +135,29 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
 
 
 def assembled(
-    scene: Scene, given: Matrices | None, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()
+    scene: Scene, given: Instant | None, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()
 ) -> StateSpace:
-    """The model of a scene of constant lengths as in `state_space`, with other matrices if `given`."""
+    """The model of a scene of constant lengths as in `state_space`, with those of a moment of a hoist if `given`."""
     if 2 * scene.n_links > LARGEST_STATE:
         raise ComputationError(f"the model would have over {2 * scene.n_links} states: at most {LARGEST_STATE}")
     geometry = geometry_of(scene)
+    if given:
+        geometry = replace(geometry, rate=given.rate, bend=given.bend, drag=given.drag)
     default = (("cart_force",), ("cart_position", "angles")) if geometry.on_cart else (("joint_torques",), ("angles",))
     wanted = validate_signals(inputs or default[0], INPUTS, "input", on_cart=geometry.on_cart)
     read = validate_signals(outputs or default[1], OUTPUTS, "output", on_cart=geometry.on_cart)
     drive, push = _drive(wanted), _pushes(geometry, wanted)
-    if drive in SUPPORT and any(link.drag for link in scene.links()):
+    if drive in SUPPORT and geometry.drag.any():
         raise SceneError([f"input {drive}: drag acts against still air, and the support would move through it"])
     motion = MOTIONS[drive]
-    found = given or (_held(scene) if drive in DRIVES and scene.has_modal_damping else matrices(scene))
+    own = _held if drive in DRIVES and scene.has_modal_damping else matrices
+    found = given.matrices if given else own(scene)
     with np.errstate(all="ignore"):
         moved = motion(found, geometry, push.F)
         C, D, signals = _outputs(moved, geometry, push, [READINGS[name](geometry) for name in read])
     if not all(np.all(np.isfinite(part)) for part in (moved.A, moved.B, C, D)):
         raise ComputationError("the ratios in this scene are beyond double precision: its model overflows")
-    own = [(DRIVES | SUPPORT)[drive]] if drive else []
+    driven = [(DRIVES | SUPPORT)[drive]] if drive else []
     resting = (
         (f"theta_{label}", 0.0 if way > 0 else np.pi)
         for label, way in zip(geometry.labels, geometry.sigma, strict=True)
@@ -165,7 +168,7 @@ def assembled(
         C,
         D,
         tuple(moved.states),
-        tuple(own + push.signals),
+        tuple(driven + push.signals),
         tuple(signals),
         title=scene.title,
         operating_point=tuple(resting),
@@ -349,13 +352,18 @@ MOTIONS: dict[str | None, Callable[[Matrices, Geometry, Floats], _Motion]] = {
 
 def _solved(M: Floats, right: Floats) -> Floats:
     """M⁻¹ right, with M scaled to a diagonal near 1; ComputationError where it is singular."""
+    refuse_no_inertia(M)
+    scale = np.exp2(np.round(np.log2(np.diag(M)) / -2))[:, None]
+    return np.asarray(scale * np.linalg.solve(scale * M * scale.T, scale * right), dtype=np.float64)
+
+
+def refuse_no_inertia(M: Floats) -> None:
+    """ComputationError for a mass matrix that is singular, on which a force has no finite acceleration."""
     if is_singular(M):
         raise ComputationError(
             "the mass matrix is singular to double precision (as with a massless cart over bobs): a force gives no "
             "finite acceleration; give the cart or the links some inertia, or prescribe the cart's motion"
         )
-    scale = np.exp2(np.round(np.log2(np.diag(M)) / -2))[:, None]
-    return np.asarray(scale * np.linalg.solve(scale * M * scale.T, scale * right), dtype=np.float64)
 
 
 def _positions(geometry: Geometry) -> list[Signal]:
@@ -397,7 +405,7 @@ def _outputs(
                 raise SceneError([_impulsive(reading, moved)])
             if part is not None and maps is not None:
                 rows = rows[0] + part @ maps[0], rows[1] + part @ maps[1]
-            if part is not None and reading.translation is not None and moved.support:
+            if order == reading.order and reading.translation is not None and moved.support:
                 own = moved.support[order]
                 assert own is not None
                 rows = rows[0] + reading.translation[:, None] * own[0], rows[1] + reading.translation[:, None] * own[1]

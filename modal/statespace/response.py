@@ -1,11 +1,12 @@
-"""Frequency and impulse responses in closed form, mode by mode.
+"""Frequency and impulse responses in closed form.
 
 A block of two states with matrix A has (s − A)⁻¹ = (s + A − tr A)/(s² − s tr A + det A), so that
 
     G(s) = D + Σ_k (s N1_k + N0_k)/(s² + 2ζ_kω_k s + ω_k²),      N1 = C B,   N0 = C (A − tr A) B,
 
-a rigid translation (ω = 0) among them; a non-oscillating mode, of one state, adds C B/(s − λ).  In time, with
-a = tr A/2 and ν² = det A − a²,
+a rigid translation (ω = 0) among them; a non-oscillating mode, of one state, adds C B/(s − λ).  Far from the modes that
+sum cancels, so that the frequency response of a whole model comes from elimination (`modal.statespace.frequency`), and
+from the sum only where its poles lie.  In time, with a = tr A/2 and ν² = det A − a²,
 
     h(t) = D δ(t) + Σ_k e^{at} C [cos νt + (A − a) sin(νt)/ν] B,
 
@@ -22,8 +23,13 @@ from numpy.typing import ArrayLike
 
 from modal.report import as_csv, as_json, finite, grid, titled
 from modal.scene import title_of
+from modal.statespace.frequency import TOLERANCE, Elimination
+from modal.statespace.full_damping import is_small
 from modal.statespace.modal_form import Block, ModalForm
 from modal.types import Complexes, Floats
+
+POINTS, LONGEST, ROWS = 2000, 20_000, 41
+"""Fewest and most times of an impulse response, and those that are printed as text."""
 
 
 class Term(NamedTuple):
@@ -52,25 +58,36 @@ def terms(form: ModalForm) -> Iterator[Term]:
 
 
 def frequency_response(
-    form: ModalForm, omega: ArrayLike, *, outputs: Sequence[int] | None = None, inputs: Sequence[int] | None = None
+    form: ModalForm,
+    omega: ArrayLike,
+    *,
+    outputs: Sequence[int] | None = None,
+    inputs: Sequence[int] | None = None,
+    tolerance: float = TOLERANCE,
 ) -> Complexes:
     """G(iω) (p, m, W) at the angular frequencies ω (W,) in rad/s: output's unit over input's.
 
-    Of these outputs and inputs (indices; by default all).  Infinite exactly at an undamped mode that the input reaches
-    and the output sees, including ω = 0.
+    Of these outputs and inputs (indices; by default all), each entry to a relative error of `tolerance` for the numbers
+    of the scene as they are, however far ω is from the modes; of a scene with damping ratios and more coordinates than
+    `modal.statespace.full_damping.MOST` the sum over modes, to a part in 10¹² of its largest term.  Infinite exactly at
+    an undamped mode that the input reaches and the output sees, including ω = 0.
     """
-    s = np.atleast_1d(1j * np.asarray(omega, dtype=np.complex128))
-    model = form.model
-    chosen = np.ix_(
-        np.arange(len(model.outputs)) if outputs is None else np.asarray(outputs),
-        np.arange(len(model.inputs)) if inputs is None else np.asarray(inputs),
-    )
-    response = np.repeat(model.D[chosen][..., None], len(s), axis=2).astype(np.complex128)
+    at, model = np.atleast_1d(np.asarray(omega, dtype=np.float64)), form.model
+    rows = range(len(model.outputs)) if outputs is None else outputs
+    columns = range(len(model.inputs)) if inputs is None else inputs
+    read, given = [model.outputs[k] for k in rows], [model.inputs[k] for k in columns]
+    scene, chosen = model.scene or form.modes.scene, np.ix_(rows, columns)
+    s = np.asarray(1j * at, dtype=np.complex128)
+    eliminated = not scene.has_modal_damping or is_small(scene)
+    response = np.repeat(model.D[chosen][..., None], len(at), axis=2).astype(np.complex128)
+    if eliminated:
+        response = Elimination(scene, given, read).along(at, tolerance)
     for term in terms(form):
         above, below = term._replace(N1=term.N1[chosen], N0=term.N0[chosen]).at(s)
         pole = below == 0
-        response += above / np.where(pole, 1.0, below)
-        response[(above != 0) & pole] = np.inf
+        if not eliminated:
+            response += above / np.where(pole, 1.0, below)
+        response[(above != 0) & pole & (not eliminated or at != 0)] = np.inf
     return response
 
 
@@ -128,6 +145,33 @@ def response_table(
 
 def _shown(value: str | float) -> str:
     return value if isinstance(value, str) else f"{value:.6g}" if np.isfinite(value) else "–"
+
+
+def impulse_times(form: ModalForm, duration: float | None = None) -> Floats:
+    """Times (T,) in s that show every mode, from 0 to `duration` (default: four periods of the slowest oscillation)."""
+    swinging = [value.imag for value in form.modes.eigenvalue.tolist() if value.imag > 0] or [1.0]
+    end = duration or 8 * np.pi / min(swinging)
+    return np.linspace(0.0, end, int(np.clip(40 * end * max(swinging) / (2 * np.pi), POINTS, LONGEST)))
+
+
+def impulse_table(form: ModalForm, source: int, outputs: Sequence[int], to: str) -> str:
+    """h(t) of some outputs for one input as "text" (ROWS times), "csv" or "json" (`impulse_times`)."""
+    times = impulse_times(form)
+    if to == "text":
+        times = np.linspace(0.0, times[-1], ROWS)
+    h, signals, given = impulse_response(form, times)[:, source], form.model.outputs, form.model.inputs[source]
+    units = {signals[k].name: f"{signals[k].unit} per {given.unit} s" for k in outputs}
+    if to == "json":
+        values = {signals[k].name: list(map(finite, h[k].tolist())) for k in outputs}
+        return as_json({"input": given.name, "unit": units, "time_s": times.tolist(), "response": values})
+    if to == "csv":
+        names = ("time_s", "output", "unit", "response")
+        every = ((t, signals[k].name, h[k, at]) for k in outputs for at, t in enumerate(times.tolist()))
+        return as_csv([dict(zip(names, (t, name, units[name], value), strict=True)) for t, name, value in every])
+    headings = ("t (s)", *(f"{name} ({unit})" for name, unit in units.items()))
+    cells = [[f"{t:.6g}", *map(_shown, h[list(outputs), at].tolist())] for at, t in enumerate(times.tolist())]
+    what = f"impulse response to {given.name} ({given.unit})"
+    return titled(title_of(form.modes.scene), what, [grid(cells, headings)], "text")
 
 
 def impulse_response(form: ModalForm, times: ArrayLike) -> Floats:

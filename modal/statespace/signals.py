@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly import rig_of
+from modal.assembly import displacements, joints, rig_of
 from modal.errors import SceneError, meant
 from modal.scene import Scene
 from modal.types import Floats
@@ -35,7 +35,8 @@ class Geometry:
     """Rows over q of every link's centre, lower joint and angle relative to the link above, each (links, q).
 
     `labels` (links,) are "p_i", both from 1, every copy numbered; `mass` (links,), linear `drag` (links,), `pendulum`
-    (links,) from 0; `sigma` (links,) their directions; `on_cart` tells whether q begins with x.
+    (links,) from 0; `sigma` (links,) their directions; `on_cart` tells whether q begins with x.  Where lengths change,
+    `rate` and `bend` (links, q) are the first two derivatives in time of the rows of centres and lower joints.
     """
 
     centres: Floats
@@ -47,6 +48,8 @@ class Geometry:
     pendulum: Floats
     labels: tuple[str, ...]
     on_cart: bool
+    rate: Floats | None = None
+    bend: Floats | None = None
 
     @property
     def size(self) -> int:
@@ -70,26 +73,21 @@ def geometry_of(scene: Scene) -> Geometry:
     on_cart = rig.cart is not None
     hung = [(rig.blocks[block], column) for block, column, count in rig.members for _ in range(count)]
     total = sum(block.n for block, _ in hung)
-    size, at = total + on_cart, int(on_cart)
-    centres, joints, relative = (np.zeros((total, size)) for _ in range(3))
-    mass, drag, sigma, pendulum, labels = [], [], [], [], []
+    relative = np.zeros((total, total + on_cart))
+    mass, drag, sigma, pendulum = [], [], [], []
+    labels: list[str] = []
     for p, (block, column) in enumerate(hung):
-        here = np.arange(block.n) + at - int(on_cart)
-        own = slice(at, at + block.n)
-        way, length = block.sigma[:, column], block.length[:, column]
-        joints[here, own] = np.tril(np.tile(way * length, (block.n, 1)))
-        centres[here, own] = joints[here, own] + np.diag(way * (block.centre[:, column] - length))
-        relative[here, own] = np.eye(block.n) - np.eye(block.n, k=-1)
+        at = len(labels)
+        own = slice(at + on_cart, at + on_cart + block.n)
+        relative[at : at + block.n, own] = np.eye(block.n) - np.eye(block.n, k=-1)
         mass.append(block.mass[:, column])
         drag.append(block.drag[:, column])
-        sigma.append(way)
+        sigma.append(block.sigma[:, column])
         pendulum.append(np.full(block.n, float(p)))
         labels += [f"{p + 1}_{i}" for i in range(1, block.n + 1)]
-        at += block.n
-    if on_cart:
-        centres[:, 0] = joints[:, 0] = 1.0
+    rows, below = displacements(hung, rig.cart), displacements(hung, rig.cart, joints)
     masses, drags, ways, owners = (np.concatenate(values) for values in (mass, drag, sigma, pendulum))
-    return Geometry(centres, joints, relative, masses, drags, ways, owners, tuple(labels), on_cart)
+    return Geometry(rows, below, relative, masses, drags, ways, owners, tuple(labels), on_cart)
 
 
 # ------------------------------------------------------------------------------------------------------- inputs
@@ -151,7 +149,7 @@ class OutputGroup(NamedTuple):
     """Outputs as Y0 q + Y1 q' + Y2 q'' + thrust u; a part that is None is zero.
 
     `translation` (p,) is what a translation of everything along the rail adds: per metre, per m/s where there is a Y1,
-    per m/s² where there is a Y2.
+    per m/s² where there is a Y2; `order` says which.
     """
 
     signals: list[Signal]
@@ -160,6 +158,11 @@ class OutputGroup(NamedTuple):
     acceleration: Floats | None = None
     pushed: bool = False
     translation: Floats | None = None
+
+    @property
+    def order(self) -> int:
+        """Of the highest derivative that it contains."""
+        return 2 if self.acceleration is not None else 1 if self.rate is not None else 0
 
 
 def _named(prefix: str, unit: str, meaning: str, labels: tuple[str, ...]) -> list[Signal]:
@@ -173,7 +176,17 @@ def _tips(geometry: Geometry) -> OutputGroup:
 
 def _tip_accelerations(geometry: Geometry) -> OutputGroup:
     signals = [Signal(f"tip_ddot_{p}", "m/s^2", "acceleration of a pendulum's end") for p in _pendula(geometry)]
-    return OutputGroup(signals, acceleration=geometry.joints[geometry.tips], translation=np.ones(len(signals)))
+    parts = _accelerations(geometry, geometry.joints, lambda rows: rows[geometry.tips])
+    return OutputGroup(signals, *parts, translation=np.ones(len(signals)))
+
+
+def _accelerations(
+    geometry: Geometry, rows: Floats, of: Callable[[Floats], Floats]
+) -> tuple[Floats | None, Floats | None, Floats]:
+    """What multiplies q, q' and q'' in linear combinations of accelerations of the links' points with these rows."""
+    if geometry.rate is None or geometry.bend is None:
+        return None, None, of(rows)
+    return of(geometry.bend), of(2 * geometry.rate), of(rows)
 
 
 def _pivot_forces(geometry: Geometry) -> OutputGroup:
@@ -181,10 +194,12 @@ def _pivot_forces(geometry: Geometry) -> OutputGroup:
         Signal(f"pivot_force_{p}", "N", "horizontal force of a pendulum on its pivot") for p in _pendula(geometry)
     ]
     belongs = geometry.pendulum == np.unique(geometry.pendulum)[:, None]
-    dragged = -(belongs * geometry.drag) @ geometry.centres if geometry.drag.any() else None
-    weights = belongs * geometry.mass
-    inertia, translation = -weights @ geometry.centres, -weights.sum(1)
-    return OutputGroup(signals, rate=dragged, acceleration=inertia, pushed=True, translation=translation)
+    weights, dragged = belongs * -geometry.mass, belongs * -geometry.drag
+    position, rate, inertia = _accelerations(geometry, geometry.centres, lambda rows: weights @ rows)
+    if geometry.drag.any():
+        rate = dragged @ geometry.centres + (0.0 if rate is None else rate)
+        position = None if geometry.rate is None else position + dragged @ geometry.rate
+    return OutputGroup(signals, position, rate, inertia, pushed=True, translation=weights.sum(1))
 
 
 def _pendula(geometry: Geometry) -> range:

@@ -8,9 +8,10 @@ zeros are the finite eigenvalues λ of the pencil
     [ A  b ]       [ 1  0 ]
     [ c  d ]  − λ  [ 0  0 ]
 
-of the terms that are left (Emami-Naeini & Van Dooren, Automatica 18, 415 (1982)).  There are as many as there are
-poles, less the relative degree: the number of leading Markov parameters d, cb, cAb, … that vanish; the first that does
-not is g.
+of the terms that are left (Emami-Naeini & Van Dooren, Automatica 18, 415 (1982)), made exact by Newton's method on G(s)
+by elimination (`modal.statespace.frequency`).  There are as many as there are poles, less the relative degree; that and
+the number of zeros at s = 0 are the powers of s that G follows far above and far below all poles, and g is the value of
+G Π (s − p_k)/Π (s − z_i) between them.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from scipy.linalg import eigvals
 
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief, counted
+from modal.statespace.frequency import Elimination
 from modal.statespace.modal_form import ModalForm, block_diagonal
 from modal.statespace.response import terms
 from modal.statespace.signals import Signal
@@ -30,8 +32,12 @@ from modal.types import Complexes, Floats
 
 MOST_POLES = 100
 ROUNDING = 1e-14
-NOTHING, CANCELLED = 1e-12, 1e-9
-"""Below this share of the largest a term is none; below this share of its terms a Markov parameter is none."""
+NOTHING = 1e-12
+"""Below this share of the largest a term is none."""
+FAR = 2.0**100
+"""Ratio of an s far above, or below, all poles to the fastest of them, or the slowest."""
+ASIDE, STEPS, MOVED, PRECISE = 1e-6, 3, 1e-3, 1e-13
+"""Newton's difference, its steps, and how far it may lead, relative to a zero; and the error that is left to digits."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,10 +114,59 @@ def _one(
     kept = {c: own[c] for c in own if sizes[c] > NOTHING * largest}
     d, static = float(form.model.D[row, column]), sum(size / rates[c] for c, size in sizes.items())
     d = d if abs(d) > NOTHING * static else 0.0
-    poles = [pole for c in kept for pole in np.roots(np.trim_zeros(c, "f"))]
-    zeros, gain = _zeros(kept, d)
     given, read = form.model.inputs[column], form.model.outputs[row]
-    return TransferFunction(given, read, _ascending(zeros), _ascending(poles), gain)
+    if not kept:
+        return TransferFunction(given, read, _ascending([]), _ascending([]), d)
+    poles = np.array([pole for c in kept for pole in np.roots(np.trim_zeros(c, "f"))], dtype=np.complex128)
+    G = Elimination(form.model.scene or form.modes.scene, [given], [read])
+    moving = np.abs(poles[poles != 0])
+    fast, slow = (float(end(moving)) if len(moving) else G.unit for end in (np.max, np.min))
+    middle = np.sqrt(fast) * np.sqrt(slow) * np.exp(0.5j)
+    *ends, own = G.at(np.array([fast * FAR, 2 * fast * FAR, slow / FAR, 2 * slow / FAR, middle]))[0, 0]
+    if not all(ends):
+        return TransferFunction(given, read, _ascending([]), _ascending([]), 0.0)
+    fall, rise = (round(float(np.log2(abs(far / near)))) for near, far in (ends[:2], ends[2:]))
+    zeros = _exact(_zeros(kept, d, -fall), rise + int(np.sum(poles == 0)), G)
+    for factor in _interleaved(middle - poles, middle - zeros):
+        own *= factor
+    return TransferFunction(given, read, _ascending(zeros), _ascending(poles), float(own.real))
+
+
+def _interleaved(above: Complexes, below: Complexes) -> list[complex]:
+    """Factors of a quotient in an order in which their product neither overflows nor underflows."""
+    size = max(len(above), len(below))
+    factors = (np.append(np.sort_complex(part), np.ones(size - len(part))) for part in (above, below))
+    return [complex(one / other) for one, other in zip(*factors, strict=True)]
+
+
+def _exact(zeros: Complexes, still: int, G: Elimination) -> Complexes:
+    """The zeros made exact; as many of the smallest as `still` are 0."""
+    found = zeros[np.argsort(np.abs(zeros), kind="stable")]
+    found[: max(still, 0)] = 0
+    own = np.flatnonzero((found != 0) & (found.imag >= 0))
+    found[own] = _newton(found[own], G)
+    for k in np.flatnonzero(found.imag < 0).tolist():
+        apart = np.abs(found[own].conj() - found[k])
+        if len(own) and apart.min() <= MOVED * abs(found[k]):
+            found[k] = found[own][apart.argmin()].conj()
+    return found
+
+
+def _newton(start: Complexes, G: Elimination) -> Complexes:
+    """The zeros of G near these (Z,); those themselves from which Newton's method leads away, as from double ones."""
+    z, real = start, start.imag == 0
+    for step in range(STEPS if len(start) else 0):
+        pairs = np.concatenate([z, z * (1 + ASIDE)])
+        values, errors = (part[0, 0] for part in G.roughly_at(pairs))
+        if step == STEPS - 1:
+            rough = np.tile(errors[: len(z)] > PRECISE * np.abs(values[len(z) :] - values[: len(z)]) / ASIDE, 2)
+            if rough.any():
+                values[rough] = G.at(pairs[rough], PRECISE)[0, 0]
+        value, beside = np.split(values, 2)
+        with np.errstate(all="ignore"):
+            moved = z - value * (z * ASIDE) / (beside - value)
+        z = np.where(np.isfinite(moved), np.where(real, moved.real, moved), z)
+    return np.where(np.abs(z - start) <= MOVED * np.abs(start), z, start)
 
 
 def _clean(n1: float, n0: float, rate: float) -> tuple[float, float]:
@@ -119,39 +174,21 @@ def _clean(n1: float, n0: float, rate: float) -> tuple[float, float]:
     return n1 if abs(n1) * rate > ROUNDING * abs(n0) else 0.0, n0 if abs(n0) > ROUNDING * abs(n1) * rate else 0.0
 
 
-def _zeros(kept: dict[tuple[float, float, float], tuple[float, float]], d: float) -> tuple[Complexes, float]:
-    """The finite zeros of Σ (n1 s + n0)/(c2 s² + c1 s + c0) + d, and the leading coefficient."""
+def _zeros(kept: dict[tuple[float, float, float], tuple[float, float]], d: float, degree: int) -> Complexes:
+    """The finite zeros of Σ (n1 s + n0)/(c2 s² + c1 s + c0) + d, of this relative degree."""
     pieces = [
         (np.array([[0.0, 1.0], [-c[2], -c[1]]]), np.array([0.0, 1.0]), np.array([n0, n1]))
         if c[0]
         else (np.array([[-c[2]]]), np.ones(1), np.array([n0]))
         for c, (n1, n0) in kept.items()
     ]
-    if not pieces:
-        return np.zeros(0, dtype=np.complex128), d
     A = block_diagonal([piece[0] for piece in pieces])
     b, c = (np.concatenate([piece[k] for piece in pieces]) for k in (1, 2))
-    degree, gain = _leading(A, b, c, d)
-    if not gain:
-        return np.zeros(0, dtype=np.complex128), 0.0
     pencil = np.block([[A, b[:, None]], [c[None], np.array([[d]])]])
     unit = np.diag(np.append(np.ones(len(A)), 0.0))
     above, below = eigvals(pencil, unit, homogeneous_eigvals=True)
     finite = np.argsort(np.abs(below) / np.hypot(np.abs(above), np.abs(below)))[degree + 1 :]
-    return above[finite] / below[finite], gain
-
-
-def _leading(A: Floats, b: Floats, c: Floats, d: float) -> tuple[int, float]:
-    """The relative degree, and the first Markov parameter that does not vanish."""
-    if d:
-        return 0, d
-    vector = b
-    for degree in range(1, len(A) + 1):
-        products = c * vector
-        if abs(products.sum()) > CANCELLED * np.abs(products).sum():
-            return degree, float(products.sum())
-        vector = A @ vector
-    return len(A), 0.0
+    return np.asarray(above[finite] / below[finite], dtype=np.complex128)
 
 
 def _ascending(values: ArrayLike) -> Complexes:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.assembly import hoisting_of, matrices_at
+from modal.assembly import hoisting_of, instants
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed
 from modal.scene import Scene, validate_scene
@@ -21,9 +21,12 @@ from modal.types import Floats
 
 SAMPLES = 201
 MOST_NUMBERS = 50_000_000
-VELOCITY = (
-    "input cart_velocity: along a hoist its model would need the change of the mass matrix; use cart_acceleration"
-)
+JUMPING = {
+    "cart_velocity": "cart_acceleration",
+    "support_velocity": "support_acceleration",
+    "support_displacement": "support_acceleration",
+}
+"""Inputs whose models would need the change of the mass matrix along a hoist, and what to use."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,7 +50,7 @@ class VaryingModel(Displayed):
 
 
 def hoisting_times(scene: Scene, samples: int = SAMPLES) -> Floats:
-    """Evenly spaced times (samples,) in s from 0, or the first begin before it, to the end of the last hoist.
+    """Evenly spaced times (samples,) in s from the begin of the first hoist to the end of the last.
 
     SceneError for a scene without a hoist.
     """
@@ -56,7 +59,7 @@ def hoisting_times(scene: Scene, samples: int = SAMPLES) -> Floats:
         raise SceneError(["hoist: no link of this scene has one"])
     if samples < 2:
         raise SceneError([f"samples {samples}: must be at least 2"])
-    return np.linspace(min(0.0, hoisting.breaks[0]), hoisting.breaks[-1], samples)
+    return np.linspace(hoisting.breaks[0], hoisting.breaks[-1], samples)
 
 
 def varying_model(
@@ -67,18 +70,29 @@ def varying_model(
 ) -> VaryingModel:
     """The model of a scene with a hoist at these times (T,) in s, by default `hoisting_times`.
 
-    Raises SceneError for a scene without one and for a prescribed velocity of the cart, else as `state_space`.
+    Raises SceneError for a scene without one and for a prescribed velocity of the cart or displacement
+    of the support, else as `state_space`.
     """
     usual = hoisting_times(scene)
     at = usual if times is None else np.atleast_1d(np.asarray(times, dtype=np.float64))
     if at.ndim != 1 or not np.all(np.isfinite(at)) or np.any(np.diff(at) <= 0):
         raise SceneError(["times: must be ascending times in seconds"])
-    if "cart_velocity" in inputs:
-        raise SceneError([VELOCITY])
-    first = model_at(scene, float(at[0]), inputs, outputs)
+    problems = [
+        f"input {name}: along a hoist its model would need the change of the mass matrix; use {JUMPING[name]}"
+        for name in inputs
+        if name in JUMPING
+    ]
+    if problems:
+        raise SceneError(problems)
+    along = instants(scene)
+
+    def model(time: float) -> StateSpace:
+        return assembled(scene.at(time), along(time), inputs, outputs)
+
+    first = model(float(at[0]))
     if len(at) * (first.A.size + first.B.size) > MOST_NUMBERS:
         raise ComputationError(f"a model of {len(first.A)} states at {len(at)} times is too large: use fewer times")
-    each = [first, *(model_at(scene, time, inputs, outputs) for time in at[1:].tolist())]
+    each = [first, *map(model, at[1:].tolist())]
     A, B, C, D = (np.array([getattr(one, name) for one in each]) for name in "ABCD")
     return VaryingModel(
         at, A, B, _constant(C), _constant(D), first.states, first.inputs, first.outputs, scene.title,
@@ -88,7 +102,7 @@ def varying_model(
 
 def model_at(scene: Scene, time: float, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
     """The model at one time (s), in which the speeds and accelerations of the lengths are damping and stiffness."""
-    return assembled(scene.at(time), matrices_at(scene, time), inputs, outputs)
+    return assembled(scene.at(time), instants(scene)(time), inputs, outputs)
 
 
 def _constant(values: Floats) -> Floats:

@@ -9,12 +9,13 @@ For α' = λ α + a(t) and a with the derivatives a⁽ᵐ⁾ at the beginning of
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import factorial
 
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.types import Complexes, Floats
+from modal.types import Complexes, Floats, Ints
 from modal.vibration.prescribed import Record
 
 PER_PERIOD, BETWEEN = 100, 4  # steps in a period, and at least between two samples of the record
@@ -22,34 +23,50 @@ MOST_STEPS = 1_000_000
 SERIES, NEAR = 18, 1.0  # terms of the series of φ, and |z| up to which it is used
 
 
-def fine_times(record: Record, period: float, until: float) -> tuple[Floats, Floats]:
-    """Times (T,) from the record's beginning to `until` (s), and the derivatives of its acceleration after each (K, T).
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Times (T,) in s, ascending, and the derivatives of a record's acceleration after each (K, T).
+
+    Between the samples `first` and `last` (J,) of a piece, evenly spaced and at least five, everything driven by the
+    record is smooth.  Neighbouring pieces share a sample, except at the record's end, where the acceleration drops to
+    zero: the last sample of the record is followed by one at the next number, of what is there afterwards.
+    """
+
+    times: Floats
+    derivatives: Floats
+    first: Ints
+    last: Ints
+
+
+def fine_times(record: Record, period: float, until: float) -> Grid:
+    """The grid from the record's beginning to `until` (s), a time after its end.
 
     A step is at most one part in PER_PERIOD of `period` (s) and in BETWEEN of the interval between two knots.
     ComputationError where there would be too many.
     """
     knots, derivatives = record.pieces
-    beyond = max(until - record.last, 0.0)
-    widths = np.append(np.diff(knots), beyond) if beyond else np.diff(knots)
-    if beyond:
-        knots = np.append(knots, until)
-        derivatives = np.hstack([derivatives, np.zeros((len(derivatives), 1))])
-    counts = np.maximum(np.ceil(widths * PER_PERIOD / period), BETWEEN)
+    after = float(np.nextafter(record.last, np.inf))
+    begins, ends = np.append(knots[:-1], after), np.append(knots[1:], until)
+    derivatives = np.hstack([derivatives, np.zeros((len(derivatives), 1))])
+    counts = np.maximum(np.ceil((ends - begins) * PER_PERIOD / period), BETWEEN)
     if counts.sum() > MOST_STEPS:
         raise ComputationError(
             f"the record takes {counts.sum():.3g} steps of a hundredth of the fastest period, {period:.3g} s: at most "
             f"{MOST_STEPS} are followed"
         )
     number = counts.astype(np.int64)
-    piece = np.repeat(np.arange(len(number)), number)
-    passed = np.arange(len(piece)) - np.repeat(np.cumsum(number) - number, number)
-    offset = passed * (widths / counts)[piece]
+    sizes = number.copy()
+    sizes[-2:] += 1  # the end of the record, and that of the motion after it
+    first = np.cumsum(sizes) - sizes
+    piece = np.repeat(np.arange(len(sizes)), sizes)
+    offset = (np.arange(len(piece)) - first[piece]) * ((ends - begins) / counts)[piece]
     moved = np.zeros((len(derivatives), len(piece)))
     for m in range(len(derivatives)):
         for k in range(m, len(derivatives)):
             moved[m] += derivatives[k, piece] * offset ** (k - m) / factorial(k - m)
-    times = np.append(knots[piece] + offset, knots[-1])
-    return times, np.hstack([moved, np.zeros((len(moved), 1))])
+    times = begins[piece] + offset
+    times[first[-1] - 1], times[-1] = record.last, until
+    return Grid(times, moved, first, first + number)
 
 
 def phi(z: Complexes, most: int) -> list[Complexes]:
@@ -65,14 +82,14 @@ def phi(z: Complexes, most: int) -> list[Complexes]:
     return found
 
 
-def driven(poles: Complexes, times: Floats, derivatives: Floats) -> Complexes:
-    """α (R, T) of the poles λ (R,), zero at the first of the times (T,), with the acceleration's derivatives (K, T)."""
-    steps = np.diff(times)
+def driven(poles: Complexes, grid: Grid) -> Complexes:
+    """α (R, T) of the poles λ (R,), zero at the first of the times (T,)."""
+    steps, derivatives = np.diff(grid.times), grid.derivatives
     z = np.multiply.outer(poles, steps)
     forced = np.zeros_like(z, dtype=np.complex128)
     for m, own in enumerate(phi(z, len(derivatives))):
         forced += derivatives[m, :-1] * steps ** (m + 1) * own
-    grown, found = np.exp(z), np.zeros((len(poles), len(times)), dtype=np.complex128)
+    grown, found = np.exp(z), np.zeros((len(poles), len(grid.times)), dtype=np.complex128)
     alpha = found[:, 0]
     for at in range(len(steps)):
         alpha = grown[:, at] * alpha + forced[:, at]
@@ -89,23 +106,64 @@ def response_spectrum(record: Record, frequencies: Floats, damping: float) -> Fl
     for frequency in np.asarray(frequencies, dtype=float).tolist():
         omega = 2 * np.pi * frequency
         pole = omega * complex(-damping, np.sqrt(1 - damping**2))
-        times, derivatives = fine_times(record, 1 / frequency, record.last + 1 / frequency)
-        alpha = driven(np.array([pole]), times, derivatives)[0]
-        found.append(peak(times, -alpha.imag / pole.imag)[0])
+        grid = fine_times(record, 1 / frequency, record.last + 1 / frequency)
+        found.append(peak(grid, -driven(np.array([pole]), grid)[0].imag / pole.imag)[0])
     return np.array(found)
 
 
-def peak(times: Floats, values: Floats) -> tuple[float, float]:
-    """The largest |value| (T,) and its time (s), by a parabola through the three largest samples in a row."""
-    at = int(np.argmax(np.abs(values)))
-    size, time = abs(float(values[at])), float(times[at])
-    if not 0 < at < len(values) - 1 or not size:
-        return size, time
-    t, y = times[at - 1 : at + 2] - times[at], np.abs(values[at - 1 : at + 2])
-    left, right = (y[1] - y[0]) / (t[1] - t[0]), (y[2] - y[1]) / (t[2] - t[1])
-    bent = (right - left) / (t[2] - t[0])
-    if bent >= 0:
-        return size, time
-    slope = left - bent * t[0]
-    shift = float(np.clip(-slope / (2 * bent), t[0], t[2]))
-    return size + shift * (slope + bent * shift), time + shift
+def peak(grid: Grid, values: Floats) -> tuple[float, float]:
+    """The largest |value| (T,) and its time (s).
+
+    Of all samples that may be next to it, by the polynomial through five samples in a row, never across a jump or kink.
+    """
+    sizes = np.abs(values)
+    largest = float(sizes.max())
+    if not largest:
+        return 0.0, float(grid.times[0])
+    found = largest, float(grid.times[sizes.argmax()])
+    near = np.flatnonzero(sizes >= NEARLY * largest)
+    begun, ending = np.searchsorted(grid.first, near, side="right") - 1, np.searchsorted(grid.last, near)
+    centre = np.concatenate((near, near[begun != ending]))  # a sample that two pieces share is judged in both
+    piece = np.concatenate((begun, ending[begun != ending]))
+    left, right = np.maximum(centre - 1, grid.first[piece]), np.minimum(centre + 1, grid.last[piece])
+    top = (sizes[centre] >= sizes[left]) & (sizes[centre] >= sizes[right])
+    centre, piece, left, right = centre[top], piece[top], left[top], right[top]
+    start = np.clip(centre - 2, grid.first[piece], grid.last[piece] - 4)
+    window = values[start[:, None] + np.arange(5)] * np.sign(values[centre])[:, None]
+    coefficients = window @ THROUGH_FIVE.T
+    places = np.linspace(left - start - 2.0, right - start - 2.0, FINE, axis=1)
+    heights = _polynomial(coefficients, places)
+    best = heights.argmax(1)[:, None]
+    place = np.take_along_axis(places, best, 1)
+    slope, bend = (_polynomial(_derivative(coefficients, order), place) for order in (1, 2))
+    with np.errstate(all="ignore"):
+        step = np.where(bend < 0, -slope / bend, 0.0)
+    place = np.clip(place + step, places[:, :1], places[:, -1:])
+    height = np.maximum(_polynomial(coefficients, place), np.take_along_axis(heights, best, 1))[:, 0]
+    if len(height) and height.max() > largest:
+        at = int(height.argmax())
+        pace = float(grid.times[start[at] + 3] - grid.times[start[at] + 2])
+        found = float(height[at]), float(grid.times[start[at] + 2] + place[at, 0] * pace)
+    return found
+
+
+NEARLY = 0.8
+"""Share of the largest sample from which on a sample may be next to the largest value."""
+FINE = 33
+"""Points between two neighbours of a sample, from the best of which one step of Newton leads to the top."""
+THROUGH_FIVE = np.linalg.inv(np.vander(np.arange(-2.0, 3.0), increasing=True))
+"""From five values at −2, …, 2 to the coefficients of their polynomial."""
+
+
+def _polynomial(coefficients: Floats, places: Floats) -> Floats:
+    """Σ c_k x^k of polynomials (N, d) at places (N, P)."""
+    found = np.zeros_like(places)
+    for own in coefficients.T[::-1]:
+        found = found * places + own[:, None]
+    return found
+
+
+def _derivative(coefficients: Floats, order: int) -> Floats:
+    for _ in range(order):
+        coefficients = coefficients[:, 1:] * np.arange(1.0, coefficients.shape[1])
+    return coefficients

@@ -4,8 +4,9 @@ With H the response of an output to the support's acceleration and S the one-sid
 
     S_y(f) = |H(2πi f)|² S(f)        RMS² = ∫ S_y df        RMS² of a mode alone = ∫ |H_r|² S df
 
-H is the sum over modes of `modal.statespace.response`, and the integrals are taken by Gauss's rule on intervals that
-shrink towards every resonance, to nearly full precision however sharp it is.  For white noise about a lightly damped
+H comes from elimination (`modal.statespace.frequency`), since the sum over its modes H_r cancels far from them, and the
+integrals are taken by Gauss's rule on intervals that shrink towards every resonance, to nearly full precision however
+sharp it is.  For white noise about a lightly damped
 mode with H_r = (N1 s + N0)/(s² + 2ζω s + ω²) they are Miles' equation (J. Aeronaut. Sci. 21, 753 (1954)),
 
     RMS² ≈ S(ω/2π) (N0²/ω² + N1²) / (8 ζ ω),
@@ -41,6 +42,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 GROWTH = 4.0
 """Ratio of the distances of an interval's ends from a resonance: Gauss's error is then below 3⁻³²."""
 BLOCK = 4096  # frequencies at once
+PRECISE = 1e-9  # relative error of H under an integral
 FROM = 1e-9  # first interval, over the highest frequency, where a PSD begins at 0
 NAMED = 6  # most modes named in a sentence
 STEEP = -0.99  # power of ω from which on an integral down to 0 is infinite
@@ -124,12 +126,11 @@ class RandomResponse(ModalResponse):
             poles = [pole for _, pole in reached if not (pole.real == 0 and low <= pole.imag <= high)]
             for omega, weight in nodes(low, high, poles):
                 S = weight * acceleration_psd(self.spectrum, omega / tau) / tau
-                H = np.repeat(self.form.model.D[:, :1], len(omega), axis=1).astype(np.complex128)
                 for mode, own in self._responses(omega):
-                    H += own
                     if mode is not None:
                         each[mode] += (np.abs(own) ** 2) @ S
-                total += (np.abs(H) ** 2) @ S
+                H = frequency_response(self.form, omega, tolerance=PRECISE)[:, 0]
+                total += np.where(np.isfinite(H), np.abs(H) ** 2, 0.0) @ S
         found, parts = np.sqrt(total), np.sqrt(each)
         parts[endless] = np.inf
         found[endless.any(0) | self._drifting()] = np.inf

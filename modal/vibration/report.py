@@ -205,6 +205,9 @@ def _notes(found: ShockResponse) -> Sequence[str]:
     notes = []
     if found.enough:
         notes.append(f"The lowest {found.enough} of {len(found.modes)} modes hold 90 % of the mass along the rail.")
+    elif np.all(np.isfinite(found.mass_shares)):
+        share = 100 * float(found.mass_shares.sum())
+        notes.append(f"All modes hold {share:.3g} % of the mass along the rail; the rest does not move in them.")
     else:
         notes.append("The effective masses of these modes are unknown.")
     if np.any(found.follows_support):

@@ -18,9 +18,9 @@ from modal.modes import natural_modes
 from modal.scene import RecordMotion, Scene
 from modal.statespace import state_space, to_modal_form
 from modal.statespace.response import Term
-from modal.types import Booleans, Floats
+from modal.types import Booleans, Complexes, Floats
 from modal.vibration.combination import cqc, srss
-from modal.vibration.oscillators import driven, fine_times, peak
+from modal.vibration.oscillators import Grid, driven, fine_times, peak
 from modal.vibration.prescribed import Record, prescribed_motion
 from modal.vibration.random import INPUT, USUAL, exact_terms
 from modal.vibration.response import ModalResponse
@@ -28,23 +28,33 @@ from modal.vibration.response import ModalResponse
 ENOUGH = 0.9
 """Share of the mass that the modes considered must have."""
 AFTER = 2.0  # slowest periods by which a history exceeds the record
+DECAYS = 100
 DIRECT = 1e-9
 MOST = 5e7  # numbers of all histories
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ShockResponse(ModalResponse):
-    """The response of p outputs to a record, at `times` (T,) in s; `history` (p, T) and that of each mode (R, p, T)."""
+    """The response of p outputs to a record: `history` (p, T) and that of each mode (R, p, T) at the times of `grid`.
+
+    The acceleration drops to zero at the record's end, and what contains it jumps: the last sample of the record is
+    followed by another at the next number.
+    """
 
     record: Record
-    times: Floats
+    grid: Grid
     history: Floats
     by_mode: Floats
+
+    @property
+    def times(self) -> Floats:
+        """The times (T,) in s, ascending."""
+        return self.grid.times
 
     @cached_property
     def peaks(self) -> Floats:
         """The largest |value| of every output, (p,), and its time (s): (p, 2)."""
-        return np.array([peak(self.times, values) for values in self.history])
+        return np.array([peak(self.grid, values) for values in self.history])
 
     @cached_property
     def mode_peaks(self) -> Floats:
@@ -54,7 +64,7 @@ class ShockResponse(ModalResponse):
             if term.mode is not None:
                 leading = term.N0[:, 0] if np.any(term.N0) else term.N1[:, 0]
                 signs[term.mode] = np.where(leading < 0, -1.0, 1.0)
-        sizes = [[peak(self.times, values)[0] for values in own] for own in self.by_mode]
+        sizes = [[peak(self.grid, values)[0] for values in own] for own in self.by_mode]
         return np.asarray(signs * np.array(sizes))
 
     @cached_property
@@ -103,34 +113,44 @@ def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] 
     record, modes = prescribed_motion(motion), natural_modes(scene)
     assert isinstance(record, Record)
     form = to_modal_form(modes, state_space(scene, (INPUT,), tuple(outputs)))
-    rates = [value.imag for value in modes.eigenvalue.tolist() if value.imag > 0] or [
-        2 * pi / (record.last - record.first)
-    ]
-    times, derivatives = fine_times(record, 2 * pi / max(rates), record.last + AFTER * 2 * pi / min(rates))
-    size = len(modes) * len(form.model.outputs) * len(times)
+    grid = fine_times(record, *_steps(modes.eigenvalue, record))
+    size = len(modes) * len(form.model.outputs) * len(grid.times)
     if size > MOST:
         raise ComputationError(
-            f"{len(modes)} modes, {len(form.model.outputs)} outputs and {len(times)} times: their product may be at "
-            f"most {MOST:g}; choose fewer outputs"
+            f"{len(modes)} modes, {len(form.model.outputs)} outputs and {len(grid.times)} times: their product may be "
+            f"at most {MOST:g}; choose fewer outputs"
         )
-    by_mode = np.zeros((len(modes), len(form.model.outputs), len(times)))
-    history = form.model.D[:, :1] * record.acceleration(np.minimum(times, record.last)) * (times <= record.last)
+    by_mode = np.zeros((len(modes), len(form.model.outputs), len(grid.times)))
+    history = form.model.D[:, :1] * grid.derivatives[0]
     for term in exact_terms(form):
-        values = _history(term, record, times, derivatives)
+        values = _history(term, record, grid)
         history = history + values
         if term.mode is not None:
             by_mode[term.mode] += values
     if not np.all(np.isfinite(history)):
         raise ComputationError("the response to this record overflows")
-    return ShockResponse(form, record, times, history, by_mode)
+    return ShockResponse(form, record, grid, history, by_mode)
 
 
-def _history(term: Term, record: Record, times: Floats, derivatives: Floats) -> Floats:
+def _steps(eigenvalues: Complexes, record: Record) -> tuple[float, float]:
+    """The period (s) to be resolved, and until when (s).
+
+    That of the fastest oscillation; of faster decays, too, as far as they cost no more than DECAYS periods.
+    """
+    rates = eigenvalues.imag[eigenvalues.imag > 0]
+    if not len(rates):
+        rates = np.array([2 * pi / (record.last - record.first)])
+    until = record.last + AFTER * 2 * pi / float(rates.min())
+    decay = min(float(np.abs(eigenvalues).max()), DECAYS * 2 * pi / (until - record.first))
+    return 2 * pi / max(float(rates.max()), decay), until
+
+
+def _history(term: Term, record: Record, grid: Grid) -> Floats:
     """What one term adds to each output, (p, T), for the support's acceleration."""
-    N1, N0 = term.N1[:, :1], term.N0[:, :1]
+    N1, N0, times = term.N1[:, :1], term.N0[:, :1], grid.times
     c2, c1, c0 = term.c
     if not c2:
-        return np.asarray(N0 * driven(np.array([complex(-c0)]), times, derivatives)[0].real)
+        return np.asarray(N0 * driven(np.array([complex(-c0)]), grid)[0].real)
     a = -c1 / 2
     nu = np.sqrt(complex(c0 - a * a))
     if not nu:
@@ -141,8 +161,8 @@ def _history(term: Term, record: Record, times: Floats, derivatives: Floats) -> 
         return np.asarray(N1 * velocity + N0 * place)
     poles = np.array([a + 1j * nu, a - 1j * nu])
     if nu.imag:
-        alpha = driven(poles, times, derivatives)
+        alpha = driven(poles, grid)
         sizes = [(N1 * pole + N0) / (pole - other) for pole, other in zip(poles, poles[::-1], strict=True)]
         return np.asarray((sizes[0] * alpha[0] + sizes[1] * alpha[1]).real)
-    alpha = driven(poles[:1], times, derivatives)[0]
+    alpha = driven(poles[:1], grid)[0]
     return np.asarray(2 * (((N1 * poles[0] + N0) / (2j * nu)) * alpha).real)

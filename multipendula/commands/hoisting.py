@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from modal.scene import Scene
     from modal.statespace.hoisting import Along, Residual
 
+NO_MODE = (
+    "with the cart free no mode oscillates: a massless cart stays above its load; --drive cart_acceleration lists the "
+    "modes beside a cart whose motion is prescribed"
+)
 TRAVEL = ("over", "kind", "count")
 
 
@@ -41,10 +45,8 @@ def hoist(options: argparse.Namespace) -> None:
 
 def _left(scene: Scene, options: argparse.Namespace) -> tuple[Residual, ...]:
     from modal.statespace.hoisting import Travel, travel_residuals
-    from modal.statespace.varying import hoisting_times
 
-    times = hoisting_times(scene)
-    travel = Travel(options.travel, float(times[0]), options.over or float(times[-1] - times[0]))
+    travel = Travel.along(scene, options.travel, options.over)
     return travel_residuals(scene, travel, kind=options.kind or "zv", count=options.count or 1)
 
 
@@ -86,6 +88,7 @@ def _written(found: Along, left: tuple[Residual, ...], options: argparse.Namespa
     table = grid([[f"{value:.6g}" for value in row] for row in rows], headings)
     words = "swing: the largest angle of each mode over that at the beginning, if E/ω is conserved (a slow hoist)"
     words += "; both ω and swing without dampers" if found.scene.has_damping else ""
+    words = words if modes else NO_MODE
     lines = [f"residual swing {short(angle)}°: {what}" for what, angle in residual]
     return titled(title_of(found.scene), "along the hoist", [table, words, "\n".join(lines)], "text")
 

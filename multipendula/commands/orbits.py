@@ -91,9 +91,12 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
 def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
     from math import radians
 
+    from modal.scene import left_out
     from modal.scene.parameters import parse_variations
     from nonlinear.orbits import mode_along, nonlinear_mode
 
+    for words in left_out(scene, "a periodic orbit of a mode"):
+        print(f"multipendula: {words}", file=sys.stderr)
     to = options.to or TO
     if options.vary:
         (variation,) = parse_variations([options.vary])
@@ -104,12 +107,11 @@ def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
 
 
 def _cycles(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
-    from modal.scene import require
     from modal.scene.parameters import parse_variations
-    from nonlinear.orbits import follow_cycles
+    from nonlinear.orbits import follow_cycles, require_cycles
 
     (variation,) = parse_variations([options.vary])
-    require(scene, "a limit cycle")
+    require_cycles(scene, variation)
     start = _settled(scene, variation.path, variation.values[0], options) if options.start else None
     with bar(0, "branch") as report:
         return follow_cycles(scene, variation, start=start, report=report)

@@ -13,6 +13,7 @@ from multipendula.commands.shared import drawn, estimate_of, listed, output, pic
 from multipendula.completion import files
 from multipendula.options import (
     PICTURES,
+    TEXTS,
     Joined,
     add_covariance,
     add_format,
@@ -116,11 +117,14 @@ def response(options: argparse.Namespace) -> None:
 
     from modal.errors import SceneError
     from modal.modes import natural_modes
-    from modal.statespace import response_table, to_modal_form
+    from modal.scene import STANDARD
+    from modal.statespace import impulse_table, response_table, to_modal_form
 
-    if not (options.file or options.at):
+    in_words = options.impulse and getattr(options, "format_asked", False)
+    if not (options.file or options.at or in_words):
         raise SceneError(["give a picture to write, -o FILE, or frequencies to print, --at HERTZ"])
-    kind, scene = picture(options.file) if options.file else "", scene_of(options)
+    told = STANDARD if in_words and options.file == STANDARD else None
+    kind, scene = picture(options.file) if options.file and not told else "", scene_of(options)
     model = model_of(scene, options)
     inputs, outputs = ([signal.name for signal in signals] for signals in (model.inputs, model.outputs))
     source, shown = options.source or inputs[0], listed(options.of)
@@ -144,7 +148,10 @@ def response(options: argparse.Namespace) -> None:
         every = chosen or list(range(len(outputs)))
         spread = None if std is None else std(2 * pi * np.asarray(options.at))
         say(response_table(form, options.at, at, every, options.format, spread), options.format)
-    if options.file:
+    if in_words:
+        with output(told) as write:
+            write(impulse_table(form, at, chosen or list(range(len(outputs))), options.format))
+    if options.file and not told:
         from modal.plotting import draw_bode, draw_impulse
 
         with drawn(options.file, options.theme) as stream:
@@ -158,11 +165,15 @@ def _response_arguments(page: Page) -> None:
     add_scene(page)
     add_covariance(page, "adds standard deviations of magnitudes, in the picture a band of two to either side")
     add_signals(page)
-    add_model_file(page, "a .png, .svg or .pdf file, or - for standard output", files(endings(PICTURES)))
+    formats = ("text", "csv", "json")
+    page.reports = {f".{TEXTS[form]}": form for form in formats}
+    kinds = (*endings(PICTURES), *page.reports)
+    words = f"the figure or the numbers as a {', '.join(kinds[:-1])} or {kinds[-1]} file, or - for standard output"
+    add_model_file(page, words, files(kinds))
     add_theme(page)
     words = "print magnitude and phase at these frequencies in Hz, separated by commas"
     page.asked.add_argument("--at", metavar="HERTZ", action=Joined, type=_frequencies, help=words)
-    add_format(page, ("text", "csv", "json"), help="of what --at prints")
+    add_format(page, formats, help="of what --at prints, and of --impulse in numbers")
     page.asked.add_argument("--from", dest="source", metavar="NAME", help="one input (default: the first)")
     page.asked.add_argument("--of", metavar="NAMES", action=Joined, help="outputs, one or more (default: all)")
     page.rephrase(r"choose at most \d+ outputs$", r"\g<0> with --of")
@@ -263,8 +274,9 @@ COMMANDS = (
         run=response,
         arguments=_response_arguments,
         details=(
-            "Magnitude and phase of every output for one input, or the impulse response, computed in closed form from "
-            "the modes. Peaks of damped modes have their true height; below the picture is where infinite ones are cut."
+            "Magnitude and phase of every output for one input, right however far from the modes, or the impulse "
+            "response in closed form. Peaks of damped modes have their true height; below the picture is where "
+            "infinite ones are cut."
         ),
         examples=(
             ("response crane-hook -o bode.png", "every output of the crane"),
@@ -273,6 +285,7 @@ COMMANDS = (
                 "one output, with prescribed trolley motion",
             ),
             ("response crane-hook --impulse -o impulse.svg", "after an impulse on the trolley"),
+            ("response crane-hook --impulse -o impulse.csv", "the same in numbers"),
             ("response crane-hook --at 0.1,0.3,1 --format json", "numbers instead of a picture"),
         ),
     ),

@@ -11,6 +11,7 @@ configurations, `slow_flow` integrates the amplitudes in time, `prediction` give
 from nonlinear.averaging.equations import AveragedEquations, average
 from nonlinear.averaging.equilibria import (
     RelativeEquilibrium,
+    likeness,
     relative_equilibria,
     relative_equilibrium,
     same,
@@ -27,6 +28,7 @@ __all__ = [
     "RelativeEquilibrium",
     "average",
     "below_for_good",
+    "likeness",
     "predict",
     "relative_equilibria",
     "relative_equilibrium",

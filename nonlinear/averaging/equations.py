@@ -131,7 +131,7 @@ class AveragedEquations(Displayed):
 
     def _by_band(self, values: Floats) -> Floats:
         """Sums (B, ...) over the modes of each band of values (C, ...)."""
-        return np.asarray((self._member @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:]))
+        return np.asarray((self.member @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:]))
 
     def detuning(self, turning: Floats) -> Floats:
         """(ω_r² − Ω_b²)/2Ω_b (C, ...): the rate (rad/s) at which a free amplitude rotates in its band."""
@@ -150,25 +150,36 @@ class AveragedEquations(Displayed):
         """The rates of `forced` without the kicks of escapements."""
         return self._moved(z, turning, kicked=False)
 
+    def linear(self, z: Complexes, turning: Floats) -> Complexes:
+        """Those without dry friction too, which alone stops small oscillations within a swing."""
+        return self._moved(z, turning, kicked=False, sliding=False)
+
     def only(self, own: Booleans) -> AveragedEquations:
         """The same as if there were no other modes than these (C,)."""
         return replace(self, shapes=self.shapes * own, dual=self.dual * own)
 
-    def _moved(self, z: Complexes, turning: Floats, kept: Booleans | None = None, kicked: bool = True) -> Complexes:
+    def _moved(
+        self,
+        z: Complexes,
+        turning: Floats,
+        kept: Booleans | None = None,
+        kicked: bool = True,
+        sliding: bool = True,
+    ) -> Complexes:
         wide = z.reshape(len(z), -1)
         pace = np.broadcast_to(turning.reshape(len(turning), -1), (len(turning), wide.shape[1]))
         every = np.ones(wide.shape, dtype=bool) if kept is None else kept.reshape(wide.shape)
         step = max(1, CHUNK // (self._phases.shape[1] * len(self.shapes)))
         chunks = [slice(start, start + step) for start in range(0, wide.shape[1], step)]
-        parts = [self._rates(wide[:, part], pace[:, part], every[:, part], kicked) for part in chunks]
+        parts = [self._rates(wide[:, part], pace[:, part], every[:, part], kicked, sliding) for part in chunks]
         return np.asarray(np.hstack(parts).reshape(z.shape))
 
-    def _rates(self, z: Complexes, turning: Floats, kept: Booleans, kicked: bool) -> Complexes:
+    def _rates(self, z: Complexes, turning: Floats, kept: Booleans, kicked: bool, sliding: bool) -> Complexes:
         """The effect on z (C, S) of all forces but the detuning."""
         first = self._split(z)
         waves = self._waves(first, turning, 1)
         pull, third = self._kicks(first, turning, kept) if kicked and self._joints else (0.0, 0.0)
-        if self._contacts:
+        if sliding and self._contacts:
             rubbing = rubbed(self._contacts.limit, self._slides.T @ first, turning, self._phases)
             pull, third = (part + self._slides @ torque for part, torque in zip((pull, third), rubbing, strict=True))
         fast = 9 * turning[:, None] ** 2
@@ -182,7 +193,7 @@ class AveragedEquations(Displayed):
 
     def _split(self, z: Complexes) -> Complexes:
         """Amplitudes (C, S) by bands, (B, C, S)."""
-        return np.where(self._member[..., None], z, 0j)
+        return np.where(self.member[..., None], z, 0j)
 
     def _waves(self, amplitudes: Complexes, turning: Floats, harmonic: int) -> Floats:
         """q, q' and q'' (3, half, S K) of amplitudes (B, C, S) in this harmonic of every band."""
@@ -228,6 +239,16 @@ class AveragedEquations(Displayed):
         """How strongly several bands drive one escapement in z (C, S), as in `describing`; 0 without any."""
         return mixed(self._joints.angle, self._turns.T @ self._split(z), turning) if self._joints else 0.0
 
+    def reach(self, z: Complexes) -> Floats:
+        """The largest angle of the escapement that swings least in amplitudes z (C, S), over its own: below 1 no kicks.
+
+        Of several bands the weaker ones are subtracted, as their phases pass through every value.  (S,), ∞ without any.
+        """
+        if self._joints is None:
+            return np.full(z.shape[1:], np.inf)
+        swing = np.abs(self._turns.T @ self._split(z))
+        return np.asarray(((2 * swing.max(axis=0) - swing.sum(axis=0)) / self._joints.angle[:, None]).min(axis=0))
+
     @cached_property
     def _brake(self) -> float:
         """c/M (1/s) of a free cart."""
@@ -246,7 +267,7 @@ class AveragedEquations(Displayed):
         return {harmonic: self._phases**harmonic for harmonic in (1, 3)}
 
     @cached_property
-    def _member(self) -> Booleans:
+    def member(self) -> Booleans:
         """Which modes belong to each band, (B, C)."""
         return np.asarray(self.band == np.arange(len(self.centre))[:, None])
 

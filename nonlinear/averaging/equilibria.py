@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations, islice
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from modal.report import Displayed
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.equations import STEP, AveragedEquations
 from nonlinear.averaging.slow_flow import settle_apart
+from nonlinear.averaging.symmetry import count_copies, exchanged, kinds, order_of, overlap, spread_evenly
 
 FAINT = 1e-3  # fraction of the largest amplitude below which a band counts as at rest
 LEAP = 0.1  # largest Newton step over the largest amplitude: nearly neutral families would cause long ones
@@ -31,6 +33,7 @@ GONE = 1e-9  # fraction of the initial amplitudes below which a motion has died 
 FLAT = 1e-4  # fraction of the recovery rate below which an eigenvalue is taken as 0
 WITHIN = 1e-2  # energy outside its row, as a fraction, up to which a motion stays in that row
 SAME = 1e-3
+COPIES = 48  # most starts that are copies of states found already
 FIRST = 0.1  # largest angle (rad) of a start
 HANGING = np.pi / 2  # rad, the largest angle for which averaged equations are used
 SEED = 5
@@ -83,6 +86,16 @@ class RelativeEquilibrium(Displayed):
 
     lasts = former("RelativeEquilibrium", "lasts", "is_stable")
 
+    @cached_property
+    def is_family(self) -> bool:
+        """Whether it is one of a continuous family of states: an eigenvalue beside those of the phases is 0."""
+        return bool(np.any(np.abs(self.rates) <= FLAT * self.recovery))
+
+    @cached_property
+    def copies(self) -> int:
+        """How many states equal pendula have by exchanging their parts, this one among them; 1 of a family."""
+        return 1 if self.is_family else count_copies(self.averaged, self.z)
+
     @property
     def hold(self) -> float:
         """The rate (1/s) at which energy in other rows decays, negative where it grows; infinite without any."""
@@ -106,15 +119,24 @@ class RelativeEquilibrium(Displayed):
 
 
 def relative_equilibria(averaged: AveragedEquations) -> tuple[RelativeEquilibrium, ...]:
-    """The relative equilibria reached from each row of the mode table alone and from pendula in phase and in antiphase.
+    """The relative equilibria reached from each row of the mode table alone and from patterns of pendula.
 
-    Not necessarily all: any wider than HANGING, or missed by Newton's method, are not found.
+    The patterns are pendula in phase and in antiphase.  Copies by exchange of equal pendula are one state
+    (`RelativeEquilibrium.copies`).  The stable ones with their phases reversed, or spread evenly, or with the parts of
+    unequal pendula exchanged, are starts too.  Not necessarily all: any wider than HANGING, or missed by Newton's
+    method, are not found.
     """
     found: list[RelativeEquilibrium] = []
-    for start in _starts(averaged):
+
+    def add(start: Complexes) -> None:
         one = relative_equilibrium(averaged, start)
         if one and one.averaged.largest(one.z) < HANGING and not any(same(one, other) for other in found):
             found.append(one)
+
+    for start in _starts(averaged):
+        add(start)
+    for start in islice((start for one in found for start in _nearly_copies(one)), COPIES):
+        add(start)
     return tuple(sorted(found, key=lambda one: (one.row, one.omega)))
 
 
@@ -150,6 +172,22 @@ def _starts(averaged: AveragedEquations) -> Iterator[Complexes]:
     starts = np.array([FIRST * z / averaged.largest(z) for z, _ in every]).T
     for motion in settle_apart(averaged, starts, np.array([kept for _, kept in every]).T, EFFORT):
         yield motion.z[:, -1]
+
+
+def _nearly_copies(one: RelativeEquilibrium) -> Iterator[Complexes]:
+    """Its phases reversed, or spread evenly, or the parts of two unequal pendula of as many links exchanged."""
+    if not one.is_stable or one.is_family:
+        return
+    averaged = one.averaged
+    kind, links = kinds(averaged.scene), np.bincount(averaged.system.pendulum)
+    yield one.z.conj()
+    if len(links) > 2:
+        yield spread_evenly(averaged, one.z)
+    for p, q in combinations(range(len(links)), 2):
+        if kind[p] != kind[q] and links[p] == links[q]:
+            order = np.arange(len(links))
+            order[[p, q]] = q, p
+            yield exchanged(averaged, one.z, order)
 
 
 def _rows(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
@@ -232,8 +270,34 @@ def _rates(
 
 
 def same(one: RelativeEquilibrium, other: RelativeEquilibrium, within: float = SAME) -> bool:
-    """Whether two have the same energies and stability within this relative tolerance; rotated copies do."""
+    """Whether two are the same motion within this relative tolerance, but for phases and equal pendula exchanged.
+
+    Of two members of a continuous family the energies by rows and the stability tell.
+    """
     energies = [state.averaged.energies(state.z) for state in (one, other)]
     near = np.abs(energies[0] - energies[1]).max() <= within * energies[0].sum()
     scale = max(np.abs(one.rates.real).max(initial=0.0), np.abs(other.rates.real).max(initial=0.0))
-    return bool(near and abs(one.growth - other.growth) <= 10 * within * scale)
+    if not near or abs(one.growth - other.growth) > 10 * within * scale:
+        return False
+    if one.is_family and other.is_family:
+        return True
+    return bool(likeness(one, other.z[:, None])[0] >= 1 - (10 * within) ** 2 / 2)
+
+
+def likeness(one: RelativeEquilibrium, z: Complexes, settled: float = 1 - 1e-9) -> Floats:
+    """How alike motions z (C, S) are to a state but for size, phases and equal pendula exchanged, from 0 to 1, (S,).
+
+    Of a continuous family the energies by rows tell.  No exchange is looked for from the likeness `settled` on.
+    """
+    averaged = one.averaged
+    if one.is_family:
+        energy = averaged.energies(z)
+        whole = energy.sum(axis=0)
+        share = np.divide(energy, whole, out=np.zeros_like(energy), where=whole > 0)
+        return np.asarray(np.sqrt(one.share[:, None] * share).sum(axis=0))
+    found = overlap(averaged, one.z, z)
+    if len(np.unique(kinds(averaged.scene))) < averaged.system.n_pendula:
+        for k in np.flatnonzero(found < settled):
+            copy = exchanged(averaged, z[:, k], order_of(averaged, one.z, z[:, k]))
+            found[k] = max(found[k], overlap(averaged, one.z, copy[:, None])[0])
+    return found

@@ -22,6 +22,7 @@ from nonlinear.system import State, initial_state, system_of, validate_state
 
 WEAK = 0.2  # largest rate of growth or decay over the frequency
 WIDE = 0.7  # largest angle (rad)
+KICKED = 1.25  # least reach of an escapement over its angle on the way
 MIXED = 0.5  # largest speed of other frequencies at an escapement, over the leading one's
 CLEAR = 0.9  # least fraction of the energy in a survivor
 NEAR, FORCED = 0.1, 0.3  # largest sum of resonant frequencies over the lowest: for the survivor, for its time
@@ -112,6 +113,8 @@ class Prediction(Displayed):
             yield f"no mode wins: the one that holds most has {100 * self.share:.3g} % of the energy", True
         if self.ending is None or self.ending.hold < MARGIN * self._error:
             yield "the final state attracts its neighbours only weakly", False
+        if min(one.reach for one in (self.motion, *self.neighbours)) < KICKED:
+            yield "a clock starts or passes below the angle of its escapement, or near it, and may miss kicks", True
         if any(other.survivor != self.row or other.dies for other in self.neighbours):
             yield f"starts {100 * ASIDE:.0f} % away from this one end elsewhere", True
         yield from ((words, False) for words in self._limits())
@@ -200,5 +203,5 @@ def fastest(found: AveragedEquations) -> float:
     every: Complexes = np.eye(len(found.omega), dtype=complex)
     tiny = 1e-6 / found.largest(every)
     small = (tiny * every).astype(complex)
-    linear = found.smooth(small, found.turning(small)) / tiny
+    linear = found.linear(small, found.turning(small)) / tiny
     return float(np.abs(np.linalg.eigvals(linear).real).max() / found.omega.min())

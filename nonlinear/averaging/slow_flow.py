@@ -15,11 +15,13 @@ from modal.types import Booleans, Complexes, Floats
 from nonlinear.averaging.equations import AveragedEquations, derivative
 
 GAIN, TURN = 0.4, 1.0  # largest growth and rotation (rad) within a step
+BEAT = 8  # looks within a step at amplitudes that rotate freely
 PERIODS = 64  # fast periods in the first part
 MOST_STEPS = 6000
 PER_PART = 50
 TOGETHER = 16  # motions followed at once, each with its own steps
 ALIKE, HASTE = 0.1, 1.5  # change of amplitudes that keeps the pace, and of the pace that keeps the step size
+STOPPED = 0.01  # fall of amplitudes within an interval that dry friction alone causes: it stops them there
 FAR = 20.0  # rad, an amplitude beyond which the steps were too long
 CALM = 1e-3  # fraction of the energy that may change rows in half of the time of a settled motion
 ALONE = 3e-4  # fraction of the energy in all other rows once one has won
@@ -30,12 +32,16 @@ AWAY = 100.0  # rad, an amplitude beyond which the motion diverges
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SlowFlow(Displayed):
-    """Amplitudes z (C, T) at `times` (T,) in s, and whether they have settled."""
+    """Amplitudes z (C, T) at `times` (T,) in s, whether they have settled, and the least `reach` of escapements.
+
+    The reach (`AveragedEquations.reach`) is the least at any time, also within a beat between two times.
+    """
 
     averaged: AveragedEquations
     times: Floats
     z: Complexes
     settled: bool
+    reach: float = np.inf
 
     @cached_property
     def share(self) -> Floats:
@@ -78,12 +84,16 @@ def below_for_good(times: Floats, values: Floats, threshold: float) -> float | N
 
 @dataclass
 class _Stretch:
-    """Amplitudes z (C, S) with a number of steps of h (s) to take, and the rotation rates (B, S) of their bands."""
+    """Amplitudes z (C, S) with a number of steps of h (s) to take, and the rotation rates (B, S) of their bands.
+
+    `reach` (S,) is the least of escapements so far.
+    """
 
     z: Complexes
     turning: Floats
     h: float
     steps: int
+    reach: Floats
 
 
 Settling = Generator[_Stretch, None, tuple[SlowFlow, ...]]  # yields a stretch, and continues from its end
@@ -133,17 +143,18 @@ def _followed(
 
 def _settling(averaged: AveragedEquations, starts: Complexes, most: int, least: float) -> Settling:
     period = 2 * pi / float(averaged.omega.min())
-    times, z = yield from _part(averaged, starts, 0.0, min(PERIODS * period, most / _pace(averaged, starts)))
+    times, z, reach = yield from _part(averaged, starts, 0.0, min(PERIODS * period, most / _pace(averaged, starts)))
     going = _going(averaged, z, starts)
     while (
         (going.any() or times[-1] < least)
         and not runs_away(averaged, z[..., -1])
         and times[-1] * _pace(averaged, z[..., -1]) < most / 2
     ):
-        more, further = yield from _part(averaged, z[..., -1], float(times[-1]), float(times[-1]))
+        more, further, least_reach = yield from _part(averaged, z[..., -1], float(times[-1]), float(times[-1]))
+        reach = np.minimum(reach, least_reach)
         going = _going(averaged, further, starts)
         times, z = np.append(times, more[1:]), np.concatenate((z, further[..., 1:]), axis=-1)
-    return tuple(SlowFlow(averaged, times, z[:, k], not going[k]) for k in range(starts.shape[1]))
+    return tuple(SlowFlow(averaged, times, z[:, k], not going[k], float(reach[k])) for k in range(starts.shape[1]))
 
 
 def runs_away(averaged: AveragedEquations, z: Complexes) -> bool:
@@ -153,25 +164,32 @@ def runs_away(averaged: AveragedEquations, z: Complexes) -> bool:
 
 def _part(
     averaged: AveragedEquations, starts: Complexes, begin: float, duration: float
-) -> Generator[_Stretch, None, tuple[Floats, Complexes]]:
-    """Amplitudes at PER_PART + 1 times, in steps that fit both ends of every interval."""
+) -> Generator[_Stretch, None, tuple[Floats, Complexes, Floats]]:
+    """Amplitudes at PER_PART + 1 times, in steps that fit both ends of every interval, and the least reach."""
     span, pace, found = duration / PER_PART, _pace(averaged, starts), [starts]
-    turning = averaged.turning(starts)
+    turning, reach = averaged.turning(starts), averaged.reach(starts)
     while len(found) <= PER_PART:
         steps = max(1, ceil(span * pace))
-        yield (stretch := _Stretch(found[-1], turning, span / steps, steps))
-        z, turned = stretch.z, stretch.turning
+        yield (stretch := _Stretch(found[-1], turning, span / steps, steps, reach))
+        z, turned = _stopped(averaged, found[-1], stretch.z), stretch.turning
         if _alike(found[-1], z):
-            found, turning = [*found, z], turned
+            found, turning, reach = [*found, z], turned, stretch.reach
             continue
         used, pace = pace, _pace(averaged, z) if averaged.largest(z) < FAR else 2 * pace
         if pace <= HASTE * used:
-            found, turning = [*found, z], turned
+            found, turning, reach = [*found, z], turned, stretch.reach
         elif span * pace > MOST_STEPS and runs_away(averaged, z):
             found += [z] * (PER_PART + 1 - len(found))
         elif span * pace > MOST_STEPS:
             raise ComputationError(f"averaged equations need more than {MOST_STEPS} steps for {span:.3g} s")
-    return begin + np.linspace(0.0, duration, PER_PART + 1), np.moveaxis(np.array(found), 0, -1)
+    return begin + np.linspace(0.0, duration, PER_PART + 1), np.moveaxis(np.array(found), 0, -1), reach
+
+
+def _stopped(averaged: AveragedEquations, before: Complexes, z: Complexes) -> Complexes:
+    """Amplitudes (C, S) at the end of an interval, 0 where dry friction has brought the motion to rest within it."""
+    if not averaged.system.rubs:
+        return z
+    return np.where(np.abs(z).max(axis=0) <= STOPPED * np.abs(before).max(axis=0), 0.0, z)
 
 
 def _alike(one: Complexes, other: Complexes) -> bool:
@@ -181,11 +199,13 @@ def _alike(one: Complexes, other: Complexes) -> bool:
 
 def _advance(averaged: AveragedEquations, stretches: Sequence[_Stretch], kept: Booleans | None) -> None:
     """Advance to the first end of a stretch, by Lawson's form of the Runge–Kutta method."""
-    z, turning = (np.hstack(parts) for parts in zip(*((one.z, one.turning) for one in stretches), strict=True))
+    each = ((one.z, one.turning, one.reach) for one in stretches)
+    z, turning, reach = (np.hstack(parts) for parts in zip(*each, strict=True))
     h = np.concatenate([np.full(one.z.shape[1], one.h) for one in stretches])
     steps = min(one.steps for one in stretches)
     for _ in range(steps):
         a, spin = averaged.forced(z, turning, kept), 1j * averaged.detuning(turning)
+        reach = np.minimum(reach, _least_reach(averaged, z, h * spin))
         turn = np.exp(h / 2 * spin)
         half = turn * z
         b = averaged.forced(half + h / 2 * turn * a, turning, kept)
@@ -196,16 +216,26 @@ def _advance(averaged: AveragedEquations, stretches: Sequence[_Stretch], kept: B
             turn * half + h / 6 * (turn**2 * a + 2 * turn * (b + c) + d),
         )
     ends = np.cumsum([one.z.shape[1] for one in stretches])[:-1]
-    for one, *moved in zip(stretches, np.hsplit(z, ends), np.hsplit(turning, ends), strict=True):
-        one.z, one.turning = moved
+    for one, *moved in zip(stretches, *(np.split(part, ends, axis=-1) for part in (z, turning, reach)), strict=True):
+        one.z, one.turning, one.reach = moved
         one.steps -= steps
+
+
+def _least_reach(averaged: AveragedEquations, z: Complexes, turns: Complexes) -> Floats:
+    """The least reach (S,) while amplitudes (C, S) rotate freely through these angles (as iφ), as in a beat."""
+    if not averaged.system.kicked:
+        return np.asarray(np.inf)
+    places = z[..., None] * np.exp(turns[..., None] * np.arange(BEAT) / BEAT)
+    return np.asarray(averaged.reach(places.reshape(len(z), -1)).reshape(-1, BEAT).min(axis=-1))
 
 
 def _pace(averaged: AveragedEquations, z: Complexes) -> float:
     """Steps per second from these amplitudes (C, S) on."""
     turning = averaged.turning(z)
-    slopes = (derivative(averaged.smooth, start, pace) for start, pace in zip(z.T, turning.T, strict=True))
-    fast = max(np.linalg.norm(slope, 2) for slope in slopes)
+    slopes = (
+        derivative(averaged.smooth, start, pace) for start, pace in zip(z.T, turning.T, strict=True) if start.any()
+    )
+    fast = max((np.linalg.norm(slope, 2) for slope in slopes), default=0.0)
     return max(float(fast) / GAIN, float(np.abs(averaged.detuning(turning)).max()) / TURN)
 
 

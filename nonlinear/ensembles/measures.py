@@ -16,7 +16,7 @@ import numpy as np
 from modal.errors import ComputationError, SceneError, meant
 from modal.scene import Scene
 from modal.types import Complexes, Floats
-from nonlinear.averaging import AveragedEquations, RelativeEquilibrium, average, relative_equilibria
+from nonlinear.averaging import AveragedEquations, RelativeEquilibrium, average, likeness, relative_equilibria
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.found import Found, Section, Wanted
 from nonlinear.integration import estimate_timescales
@@ -128,10 +128,11 @@ def _configuration(context: Context, found: Found, ending: Floats) -> Columns:
     averaged = known[0].averaged
     for k in range(ending.shape[1]):
         z = _modal(averaged, context, ending[:, k])
+        weights = averaged.omega**2
+        norms = np.sqrt(weights @ np.abs(z) ** 2)
         for number, state in enumerate(known):
-            overlap, size = _overlap(state, z)
-            overlaps[:, number] += overlap / ending.shape[1]
-            sizes[:, number] += size / ending.shape[1]
+            overlaps[:, number] += likeness(state, z, ALIKE) / ending.shape[1]
+            sizes[:, number] += norms / np.sqrt(weights @ np.abs(state.z) ** 2) / ending.shape[1]
     best = np.argmax(overlaps, axis=1)
     rows = np.arange(len(ending))
     like, size = overlaps[rows, best], sizes[rows, best]
@@ -153,19 +154,6 @@ def _modal(averaged: AveragedEquations, context: Context, rows: Floats) -> Compl
     q[:, first:] = from_rest(context.system, q[:, first:])
     v = rows[:, layout.half : 2 * layout.half]
     return np.asarray((q @ averaged.dual - 1j * (v @ averaged.dual) / averaged.omega).T)
-
-
-def _overlap(state: RelativeEquilibrium, z: Complexes) -> tuple[Floats, Floats]:
-    """How alike amplitudes (C, S) are to a configuration but for the phase of each band, from 0 to 1; relative size."""
-    averaged, own = state.averaged, state.z
-    weights = averaged.omega**2
-    alike = sum(
-        np.abs((weights[band] * own[band].conj()) @ z[band])
-        for band in (averaged.band == number for number in range(len(averaged.centre)))
-    )
-    norm, norms = np.sqrt(np.sum(weights * np.abs(own) ** 2)), np.sqrt(weights @ np.abs(z) ** 2)
-    whole = norm * norms
-    return np.asarray(np.divide(alike, whole, out=np.zeros_like(norms), where=whole > 0)), np.asarray(norms / norm)
 
 
 def _section(context: Context, found: Found, ending: Floats) -> Columns:

@@ -12,7 +12,16 @@ leaves there.
 """
 
 from nonlinear.orbits.branch import Branch
-from nonlinear.orbits.cycles import crossed, cycle_of, follow_cycles, growth, last_swing, limit_cycles, periodic_orbit
+from nonlinear.orbits.cycles import (
+    crossed,
+    cycle_of,
+    follow_cycles,
+    growth,
+    last_swing,
+    limit_cycles,
+    periodic_orbit,
+    require_cycles,
+)
 from nonlinear.orbits.entering import LEAVES, entered
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow
@@ -46,4 +55,5 @@ __all__ = [
     "orbits_text",
     "oscillating",
     "periodic_orbit",
+    "require_cycles",
 ]

@@ -12,6 +12,7 @@ from modal.scene import Scene, require
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
+from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import Point, corrected, follow, located, tangent_of
 from nonlinear.orbits.flow import Force
@@ -181,10 +182,7 @@ def follow_cycles(
     SceneError for a variation of fewer than two values or of a count, ComputationError where nothing excites the scene
     or no limit cycle is found.
     """
-    validate_variations(scene, [variation])
-    if len(variation.values) < 2 or variation.path.endswith("count"):
-        raise SceneError([f"{variation.path}: orbits need two or more values of a continuous parameter"])
-    require(scene, "a limit cycle")
+    require_cycles(scene, variation)
     found: list[Branch] = []
     ends = (variation.values[0], variation.values[-1])
     for value in ends[: 1 if start else 2]:
@@ -193,12 +191,21 @@ def follow_cycles(
             if any(_known(orbit, branch) for branch in found):
                 continue
             points, complete = _walked(problem, u, orbit, longest, most)
+            points = resolved(problem, points)
             special = tuple(along_cycles(problem, points))
             found.append(Branch(words, tuple(points), special, problem, variation, complete))
             report(len(found))
     if not found:
         raise ComputationError("no limit cycle was found at the ends of the range")
     return tuple(found)
+
+
+def require_cycles(scene: Scene, variation: Variation) -> None:
+    """Raise, without computing anything, what `follow_cycles` raises for this scene and variation."""
+    validate_variations(scene, [variation])
+    if len(variation.values) < 2 or variation.path.endswith("count"):
+        raise SceneError([f"{variation.path}: orbits need two or more values of a continuous parameter"])
+    require(scene, "a limit cycle")
 
 
 def _beginnings(

@@ -13,6 +13,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
+from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch
 from nonlinear.orbits.continuation import Point, follow, point
 from nonlinear.orbits.cycles import turning
@@ -43,6 +44,7 @@ def entered(branch: Branch, special: Special, *, most: int = MOST, step: float =
     if first is None:
         raise ComputationError(f"no branch was found that leaves at this {special.kind}")
     points = [here for here, _ in zip(_inside(problem, first, step), range(most), strict=False)]
+    points = resolved(problem, points)
     found = tuple(along_cycles(problem, points))
     return Branch(f"{special.kind} of {branch.origin}", tuple(points), found, problem, problem.variation)
 

@@ -12,13 +12,24 @@ with Q the flow over the first quarter.  It is reversible and symplectic, so tha
 coordinates, C its upper left block: every eigenvalue c of C is (σ + 1/σ)/2 for a pair of eigenvalues of H, and the
 multipliers are σ².  All pairs on the unit circle: c real with |c| ≤ 1.  Time and energy are c = −1, once, and the
 translation is c = 1.
+
+Stability is lost where a margin passes 0.  With half-traces t = (μ + 1/μ)/2 of the pairs, or the c of half a period, in
+ascending order these are
+
+    1 + t_1,   1 − t_k,   (t_{i+1} − t_i)²,
+
+the last being the factors of the discriminant: analytic through a collision of two pairs, and negative behind it.
+Where energy is lost there is one, 1 − max |μ|.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
 
 from modal.report import Displayed, Summary, brief
 from modal.types import Complexes, Floats
@@ -27,18 +38,83 @@ ON_CIRCLE = 1e-7  # how far beyond 1 the accuracy of an orbit may carry |c|, and
 REAL = 1e-6  # imaginary part of c below which two equal ones are taken for real
 
 
+@dataclass(frozen=True, eq=False)
+class Map:
+    """A map M (d, d) of disturbances with its known eigenvectors, `right` (r, d) and `left` (l, d), of `deflated`.
+
+    It is C of half a period, above, where `half`, else the monodromy matrix.  All three change smoothly along a branch.
+    """
+
+    M: Floats
+    right: Floats
+    left: Floats
+    half: bool
+    conservative: bool
+
+    @cached_property
+    def reduced(self) -> Floats:
+        """The map without the known eigenvectors."""
+        return deflated(self.M, list(self.right), list(self.left))
+
+    @cached_property
+    def margins(self) -> Floats:
+        """The margins above, (k + 1,), or one where energy is lost: all are positive while the orbit is stable."""
+        if not len(self.reduced):
+            return np.empty(0)
+        if not self.conservative:
+            return np.array([1 - np.abs(np.linalg.eigvals(self.reduced)).max()])
+        t = np.sort_complex(np.linalg.eigvals(self.reduced) if self.half else half_traces(self.reduced))
+        paired = (t.imag[1:] != 0) & (t[1:] == t[:-1].conj())
+        gaps = np.where(paired, -((t.imag[1:] - t.imag[:-1]) ** 2), (t.real[1:] - t.real[:-1]) ** 2)
+        return np.array([1 + t.real[0], 1 - t.real[-1], *gaps])
+
+    @property
+    def doubt(self) -> Floats:
+        """How far below 0 the accuracy of an orbit may carry each of the margins."""
+        if not self.conservative:
+            return np.zeros(len(self.margins))
+        return np.array([ON_CIRCLE, ON_CIRCLE, *[4 * REAL**2] * len(self.margins)])[: len(self.margins)]
+
+    @cached_property
+    def is_within(self) -> NDArray[np.bool_]:
+        """Which of the margins hold."""
+        return np.asarray(self.margins >= -self.doubt)
+
+
+def half_traces(M: Floats) -> Complexes:
+    """The t (k,) of the pairs of a map (2k, 2k) whose multipliers come in pairs μ, 1/μ.
+
+    Its characteristic polynomial a_0 μ^{2k} + … + a_{2k} is the same backwards, μ^k (a_k + 2 Σ_j a_{k−j} T_j(t)) with
+    Chebyshev's polynomials T_j.
+    """
+    a = np.real(np.poly(M))
+    a = (a + a[::-1]) / 2
+    k = len(a) // 2
+    return np.asarray(chebyshev.chebroots(np.concatenate(([a[k]], 2 * a[:k][::-1]))).astype(complex))
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Floquet(Displayed):
-    """The multipliers of an orbit: the `neutral` ones, which are 1, and the `others`.
-
-    `reduced` is the map without the neutral ones: of half a period, C above, where `half`, else of the whole one.
-    """
+    """The multipliers of an orbit: the `neutral` ones, which are 1, and the `others`, those of the `map`."""
 
     neutral: int
     others: Complexes
-    reduced: Floats
-    half: bool
-    conservative: bool
+    map: Map
+
+    @property
+    def reduced(self) -> Floats:
+        """The map without the neutral multipliers."""
+        return self.map.reduced
+
+    @property
+    def half(self) -> bool:
+        """Whether the map is that of half a period."""
+        return self.map.half
+
+    @property
+    def conservative(self) -> bool:
+        """Whether energy is conserved."""
+        return self.map.conservative
 
     def _summary(self) -> Summary:
         kind = "stable" if self.is_stable else "unstable"
@@ -99,20 +175,22 @@ def deflated(M: Floats, right: list[Floats], left: list[Floats]) -> Floats:
 
 def whole(M: Floats, right: list[Floats], left: list[Floats], *, conservative: bool) -> Floquet:
     """The multipliers of a monodromy matrix (d, d) with its known eigenvectors."""
-    reduced = deflated(M, right, left)
-    values = np.linalg.eigvals(reduced).astype(complex)
-    return Floquet(len(M) - len(reduced), _ordered(values), reduced, half=False, conservative=conservative)
+    size = len(M)
+    found = Map(M, np.reshape(right, (-1, size)), np.reshape(left, (-1, size)), half=False, conservative=conservative)
+    values = np.linalg.eigvals(found.reduced).astype(complex)
+    return Floquet(size - len(found.reduced), _ordered(values), found)
 
 
 def of_symmetric(H: Floats, force: Floats, translates: Floats | None) -> Floquet:
     """The multipliers from the map H of half a period, with the gradient of the potential at rest and e_x, (n,)."""
-    C = H[: len(force), : len(force)]
-    reduced = deflated(C, [] if translates is None else [translates], [force])
-    c = np.linalg.eigvals(reduced).astype(complex)
+    size = len(force)
+    known = np.reshape([] if translates is None else translates, (-1, size))
+    found = Map(H[:size, :size], known, force[None], half=True, conservative=True)
+    c = np.linalg.eigvals(found.reduced).astype(complex)
     root = np.sqrt(c * c - 1)
     sigma = np.concatenate((c + root, 1 / (c + root)))
     neutral = 2 if translates is None else 4
-    return Floquet(neutral, _ordered(sigma**2), reduced, half=True, conservative=True)
+    return Floquet(neutral, _ordered(sigma**2), found)
 
 
 def _ordered(values: Complexes) -> Complexes:

@@ -18,11 +18,12 @@ from modal.errors import ComputationError
 from modal.scene import Scene
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
+from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import Point, corrected, follow, located, tangent_of
 from nonlinear.orbits.modes import TOLERANCE, nonlinear_mode, oscillating
 from nonlinear.orbits.orbit import Orbit
-from nonlinear.orbits.special import Special
+from nonlinear.orbits.special import Special, collisions, passing
 from nonlinear.orbits.symmetric import Quarter, quarter_of
 
 NUDGE = 1e-6  # of the range, for derivatives by the number
@@ -120,6 +121,7 @@ def mode_along(
         if len(points) >= MOST:
             break
     modes, row = oscillating(begun, number)
+    points = resolved(problem, points)
     special = tuple(_specials(problem, points))
     return Branch(
         f"mode {number}", tuple(points), special, problem, variation, complete=complete, linear=float(modes.omega[row])
@@ -132,24 +134,23 @@ def _at_edge(problem: Held, before: Point, here: Point) -> Point:
 
 
 def _specials(problem: Held, points: Sequence[Point]) -> Iterator[Special]:
-    """Folds of the number, and what the orbits of one scene do there: folds of their energy, and branch points."""
+    """Folds of the number; and of the orbits of one scene, folds of their energy, branch points and collisions."""
 
     def turning(here: Point) -> float:
         return float(here.tangent[-1])
-
-    def meeting(which: int) -> Callable[[Point], float]:
-        return lambda here: here.orbit.floquet.meeting[which]
 
     for after, (one, other) in enumerate(pairwise(points)):
         if turning(one) * turning(other) < 0:
             found = located(problem, one, other, turning)
             yield Special("fold", found.orbit, after, found, problem.variation.path)
-        for which in (0, 1):
-            if meeting(which)(one) * meeting(which)(other) < 0:
-                found = located(problem, one, other, meeting(which))
-                turned = which == 1 and _energy_turns(problem, one, other)
+        for sign in (1, -1):
+            if test := passing(one, other, sign):
+                found = located(problem, one, other, test)
+                turned = sign < 0 and _energy_turns(problem, one, other)
                 kind, of = ("fold", "energy") if turned else ("branch point", "")
-                yield Special(kind, found.orbit, after, found, of, breaks=which == 0)
+                yield Special(kind, found.orbit, after, found, of, breaks=sign > 0)
+        for met in collisions(problem, one, other):
+            yield Special("collision", met.orbit, after, met)
 
 
 def _energy_turns(problem: Held, one: Point, other: Point) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes, table_numbers
 from modal.scene import Scene, require
+from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import Point, follow, located, point
 from nonlinear.orbits.orbit import Orbit
@@ -41,7 +42,8 @@ def nonlinear_mode(
     """The orbits from mode `number` of the table (from 1) up to a largest angle `to` (rad), which the last one has.
 
     With an `energy` (J, above that of the equilibrium) the last one has this energy instead, if that comes first.
-    Dampers and drives are left out.  The branch ends before `to` where it ends by itself or after `most` (MOST) orbits,
+    Dampers and drives are left out.  To `locate` special points, orbits are added where stability changes twice between
+    two others.  The branch ends before `to` where it ends by itself or after `most` (MOST) orbits,
     and is then not `complete`.  Raises SceneError for a mode that the scene does not have or that is no oscillation
     along the rail, ComputationError where no orbit is found beside the linear mode.
     """
@@ -50,6 +52,7 @@ def nonlinear_mode(
     first = min(first, to / 2)
     steps = follow(problem, beginning(problem, modes, row, first), step=first, longest=longest)
     points, complete = _until(problem, steps, lambda here: _beyond(here.orbit, to, energy), most or MOST, report)
+    points = resolved(problem, points) if locate else points
     special = tuple(along_backbone(problem, points)) if locate else ()
     return Branch(f"mode {number}", tuple(points), special, problem, complete=complete, linear=float(modes.omega[row]))
 

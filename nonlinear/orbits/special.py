@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+import numpy as np
+
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary
 from nonlinear.orbits.continuation import Point, Problem, between, located
@@ -15,6 +17,7 @@ from nonlinear.orbits.symmetric import Quarter
 
 HALVINGS = 30
 ON_CIRCLE = 1e-6
+MEETS = 1e-6  # of its values at the ends: a factor of the discriminant where pairs meet
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,9 +54,6 @@ def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Specia
     def frequency(here: Point) -> float:
         return float(here.tangent[-1])
 
-    def at(sign: int) -> Callable[[Point], float]:
-        return lambda here: here.orbit.floquet.meeting[0 if sign > 0 else 1]
-
     for after, (one, other) in enumerate(pairwise(points)):
         found: list[Special] = []
         turned = energy(one) * energy(other) < 0
@@ -62,11 +62,9 @@ def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Specia
         if frequency(one) * frequency(other) < 0:
             found.append(_special(problem, one, other, frequency, "fold", after, "omega"))
         for sign, taken in ((-1, turned), (1, False)):
-            if not taken and at(sign)(one) * at(sign)(other) < 0:
-                found.append(_special(problem, one, other, at(sign), "branch point", after, breaks=sign > 0))
-        if one.orbit.floquet.apart != other.orbit.floquet.apart:
-            met = halved(problem, one, other, lambda here: here.orbit.floquet.apart)
-            found.append(Special("collision", met.orbit, after, met))
+            if not taken and (test := passing(one, other, sign)):
+                found.append(_special(problem, one, other, test, "branch point", after, breaks=sign > 0))
+        found += [Special("collision", met.orbit, after, met) for met in collisions(problem, one, other)]
         yield from sorted(found, key=lambda each: float((each.point.u - one.u) @ (other.u - one.u)))
 
 
@@ -81,28 +79,62 @@ def along_cycles(problem: Shooting, points: Sequence[Point], accuracy: float = 1
             return problem.energy_slope(here.u, here.tangent)
         return float(here.tangent[-1])
 
-    def meeting(which: int) -> Callable[[Point], float]:
-        return lambda here: here.orbit.floquet.meeting[which]
-
     of = problem.variation.path if problem.variation else "energy"
     for after, (one, other) in enumerate(pairwise(points)):
         found: list[Special] = []
         turned = turning(one) * turning(other) < 0
         if turned:
             found.append(_special(problem, one, other, turning, "fold", after, of, accuracy=accuracy))
-        for which, kind in ((0, "branch point"), (1, "period doubling")):
-            if not (turned and which == 0) and meeting(which)(one) * meeting(which)(other) < 0:
-                found.append(_special(problem, one, other, meeting(which), kind, after, accuracy=accuracy))
-        if one.orbit.floquet.apart != other.orbit.floquet.apart and (met := _circled(problem, one, other, accuracy)):
-            kind = "collision" if problem.conservative else "torus"
-            found.append(Special(kind, met.orbit, after, met))
+        for sign, kind, taken in ((1, "branch point", turned), (-1, "period doubling", False)):
+            if not taken and (test := passing(one, other, sign)):
+                found.append(_special(problem, one, other, test, kind, after, accuracy=accuracy))
+        if problem.conservative:
+            found += [Special("collision", met.orbit, after, met) for met in collisions(problem, one, other, accuracy)]
+        elif met := _circled(problem, one, other, accuracy):
+            found.append(Special("torus", met.orbit, after, met))
         yield from sorted(found, key=lambda each: float((each.point.u - one.u) @ (other.u - one.u)))
+
+
+def passing(one: Point, other: Point, sign: int) -> Callable[[Point], float] | None:
+    """A function that passes 0 where a multiplier passes 1 or −1 between two points; None where none is seen to.
+
+    It is det(R ∓ 1), or the margin of the outermost pair where two pass at once, as those of equal pendula do.
+    """
+    which, margin = (0, 1) if sign > 0 else (1, 0)
+    maps = [here.orbit.floquet.map for here in (one, other)]
+    if np.prod([here.orbit.floquet.meeting[which] for here in (one, other)]) < 0:
+        return lambda here: here.orbit.floquet.meeting[which]
+    if maps[0].conservative and len(maps[0].margins) and maps[0].is_within[margin] != maps[1].is_within[margin]:
+        return lambda here: float(here.orbit.floquet.map.margins[margin])
+    return None
+
+
+def collisions(problem: Problem, one: Point, other: Point, accuracy: float = 1e-10) -> Iterator[Point]:
+    """Where two pairs of multipliers meet and leave the circle or the real axis, or return.
+
+    There a factor of the discriminant passes 0; where that of equal pairs hides it, the number of pairs apart changes.
+    """
+
+    def factor(which: int) -> Callable[[Point], float]:
+        return lambda here: float(here.orbit.floquet.map.margins[which])
+
+    seen = 0
+    before, after = (here.orbit.floquet.map.is_within[2:] for here in (one, other))
+    for which in (2 + np.flatnonzero(before != after)).tolist():
+        ends = [factor(which)(here) for here in (one, other)]
+        if ends[0] * ends[1] < 0:
+            met = located(problem, one, other, factor(which), accuracy)
+            if abs(factor(which)(met)) < MEETS * max(map(abs, ends)):
+                seen += 1
+                yield met
+    if not seen and one.orbit.floquet.apart != other.orbit.floquet.apart:
+        yield halved(problem, one, other, lambda here: here.orbit.floquet.apart)
 
 
 def _circled(problem: Shooting, one: Point, other: Point, accuracy: float) -> Point | None:
     """Where a complex pair of multipliers passes the unit circle; None where a pair grew apart beyond it instead."""
-    if problem.conservative:
-        return halved(problem, one, other, lambda here: here.orbit.floquet.apart)
+    if one.orbit.floquet.apart == other.orbit.floquet.apart:
+        return None
     if one.orbit.floquet.closest_pair * other.orbit.floquet.closest_pair < 0:
         met = located(problem, one, other, lambda here: here.orbit.floquet.closest_pair, accuracy)
     else:

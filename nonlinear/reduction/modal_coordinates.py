@@ -10,7 +10,9 @@ With dampers, shapes and eigenvalues are complex.  They are orthogonal in the fi
     z_r = φ_rᵀ [(λ_r M + D) q + M v] / φ_rᵀ (2 λ_r M + D) φ_r,     q = Σ_r 2 Re φ_r z_r,     η_r = 2 Re z_r,
 
 a z_r without a conjugate (λ_r real) counting once.  For D = 0 and λ = iω both agree.  In linear motion every
-z_r varies as exp(λ_r t).  Modes that share an eigenvalue are separated by their small Gram matrix.
+z_r varies as exp(λ_r t).  Modes that share an eigenvalue are separated by their small Gram matrix.  A translation that
+no damper brakes, λ = 0 and Dφ = 0, is a double eigenvalue with one shape: its η and η' are separate, by the first form,
+because φᵀM q' is its momentum, which every other mode leaves at 0.
 """
 
 from __future__ import annotations
@@ -133,7 +135,7 @@ def along_rail(modes: Modes, number: int) -> tuple[list[int], Any]:
 
 def _projected(M: Floats, D: Floats | None, value: complex, phi: Any, q: Floats, v: Floats) -> tuple[Floats, Floats]:
     """η and η' (T, copies); D is None where dampers leave the undamped shapes as they are."""
-    if D is None:
+    if D is None or not (value or (D @ phi).any()):
         dual = M @ np.linalg.solve(phi.T @ M @ phi, phi.T).T
         return q @ dual, v @ dual
     one = value * M + D

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.scene import Scene
+from modal.scene import Scene, refusals
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, swinging
@@ -35,8 +35,15 @@ def certified(scene: Scene, one: RelativeEquilibrium) -> Orbit | None:
     return orbit if _close(orbit, one) else None
 
 
+def uncertified(scene: Scene) -> str:
+    """Why no periodic orbit of a scene in the plane is looked for; "" where they are."""
+    if scene.n_links > MOST_LINKS:
+        return f"{scene.n_links} links: limit cycles are computed of up to {MOST_LINKS}"
+    return "; ".join(refusals(scene, "a periodic orbit"))
+
+
 def _periodic(scene: Scene, one: RelativeEquilibrium) -> bool:
-    return scene.n_links <= MOST_LINKS and scene.space == "plane" and len(swinging(one.averaged, one.z)) == 1
+    return not uncertified(scene) and len(swinging(one.averaged, one.z)) == 1
 
 
 def _close(orbit: Orbit, one: RelativeEquilibrium) -> bool:

@@ -27,6 +27,9 @@ from nonlinear.postprocessing import smooth
 from nonlinear.reduction import deflection, rest_angles
 from nonlinear.synchronization.phases import from_rest
 
+HOLDS = 0.05  # fraction of the energy from which on a mode counts as one that holds some
+STEADY = 0.05  # largest change of a share from the third quarter of a run to the last
+APART = 0.01  # relative difference of frequencies that are not one, nor one a multiple of the other
 MOST = 2000  # coordinates of a scene up to which its energy is divided among modes
 
 
@@ -34,7 +37,8 @@ MOST = 2000  # coordinates of a scene up to which its energy is divided among mo
 class Survival(Displayed):
     """Energies of the R oscillating rows: `row` (R,) their numbers from 1 in the table `modes`, `energy` (T, R) in J.
 
-    `modes` are those of the `scene` without dampers and drives.
+    `modes` are those of the `scene` without dampers and drives, `omega` (R,) the measured frequencies (rad/s)
+    √(mean η'²/mean η²) in the last quarter of the run.
     """
 
     scene: Scene
@@ -42,6 +46,7 @@ class Survival(Displayed):
     modes: Modes
     row: Ints
     energy: Floats
+    omega: Floats
 
     @cached_property
     def share(self) -> Floats:
@@ -76,6 +81,30 @@ class Survival(Displayed):
         """The fraction of the energy that it holds at the end."""
         return float(self.share[-1, self._place])
 
+    @cached_property
+    def beating(self) -> tuple[int, ...]:
+        """Places of the rows, strongest first, that share the energy steadily with frequencies of their own; else ().
+
+        A motion of several frequencies, as of pendula that beat for ever: no mode survives, and none is lost.
+        """
+        quarters = np.array_split(self.share, 4)
+        before, late = (quarter.mean(axis=0) for quarter in quarters[2:])
+        if len(self.times) < 8 or not np.abs(late - before).max() <= STEADY:
+            return ()
+        holding = [int(place) for place in np.argsort(-late) if late[place] >= HOLDS]
+        own = [place for k, place in enumerate(holding) if all(self._apart(place, other) for other in holding[:k])]
+        return tuple(own) if len(own) > 1 else ()
+
+    def _apart(self, one: int, other: int) -> bool:
+        """Whether two rows swing at frequencies of which neither is a multiple of the other."""
+        ratio = float(max(self.omega[one], self.omega[other]) / min(self.omega[one], self.omega[other]))
+        return abs(ratio - round(ratio)) > APART * ratio
+
+    @cached_property
+    def late_share(self) -> Floats:
+        """The mean share of each row in the last quarter of the run, (R,)."""
+        return np.asarray(np.array_split(self.share, 4)[-1].mean(axis=0))
+
     def locking_time(self, threshold: float = LOCKED) -> float | None:
         """The time (s) from which all other rows together hold less than `threshold`; None if never."""
         return below_for_good(self.times, np.delete(self.share, self._place, axis=1).sum(axis=1), threshold)
@@ -99,13 +128,21 @@ def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Surviva
     if not swinging.size:
         raise ComputationError("no mode of this scene oscillates")
     omega = modes.omega[swinging]
-    energy = _energies(modes, swinging, q, v)
+    energy, rates = _energies(modes, swinging, q, v)
     period = 2 * pi / float(omega[np.argmax(energy.sum(0))])
-    return Survival(trajectory.scene, trajectory.times, modes, swinging + 1, smooth(trajectory.times, energy, period))
+    return Survival(
+        trajectory.scene, trajectory.times, modes, swinging + 1, smooth(trajectory.times, energy, period), rates
+    )
 
 
-def _energies(modes: Modes, rows: Ints, q: Floats, v: Floats) -> Floats:
-    """E_r (J) of these rows (from 0), (T, R)."""
+def _energies(modes: Modes, rows: Ints, q: Floats, v: Floats) -> tuple[Floats, Floats]:
+    """E_r (J) of these rows (from 0), (T, R), and their frequencies (rad/s) in the last quarter, (R,)."""
     phi = modes.matrix.real.take(np.isin(modes.matrix.row, rows))
-    each = ((v @ phi.dual) ** 2 + (modes.omega[phi.row] * (q @ phi.dual)) ** 2) / 2
-    return np.asarray(np.add.reduceat(each, np.flatnonzero(np.diff(phi.row, prepend=-1)), axis=1))
+    begins, omega = np.flatnonzero(np.diff(phi.row, prepend=-1)), modes.omega[phi.row]
+    kinetic, potential = (
+        np.add.reduceat(each**2 / 2, begins, axis=1) for each in (v @ phi.dual, omega * (q @ phi.dual))
+    )
+    late = slice(3 * len(q) // 4, None)
+    mean, means = kinetic[late].mean(axis=0), potential[late].mean(axis=0)
+    rates = omega[begins] * np.sqrt(np.divide(mean, means, out=np.ones_like(mean), where=means > 0))
+    return np.asarray(kinetic + potential), np.asarray(rates)

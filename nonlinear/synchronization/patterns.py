@@ -42,13 +42,14 @@ def apart(eta: Complexes) -> Floats:
 def agreement(state: RelativeEquilibrium) -> str:
     """In phase, antiphase, the phase difference, or which pendulum swings alone; and whether several bands swing."""
     bands = len(swinging(state.averaged, state.z))
-    return _phases(own_amplitudes(state)) + (f", {bands} frequencies" if bands > 1 else "")
+    return _phases(own_amplitudes(state), state.copies) + (f", {bands} frequencies" if bands > 1 else "")
 
 
-def _phases(eta: Complexes) -> str:
+def _phases(eta: Complexes, copies: int) -> str:
     phases = np.abs(apart(eta))
     if len(phases) == 1:
-        return "swings" if len(eta) == 1 else f"pendulum {int(np.abs(eta).argmax()) + 1} alone"
+        one = f"pendulum {int(np.abs(eta).argmax()) + 1}" if copies < len(eta) else "one pendulum"
+        return "swings" if len(eta) == 1 else f"{one} alone"
     return _agreement(phases) + (f", {len(phases)} of {len(eta)} swing" if len(phases) < len(eta) else "")
 
 

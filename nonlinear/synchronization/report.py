@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
+from modal.modes import table_numbers
 from modal.report import (
     NOTHING,
     capital,
@@ -43,13 +44,15 @@ from nonlinear.system import System
 HEAD = ("mode", "description", "pendula", "largest angle (deg)", "frequency (rad/s)", "stability")
 NOT_COVERED = (
     "The averaged equations are of first order in dampers, drives, coupling within a band and squares of angles, with "
-    "the third harmonic of every swing. They leave out: what else happens within a swing, dry friction and play, "
-    "motion across the rail, inverted links, noise."
+    "the third harmonic of every swing. They leave out: what else happens within a swing, joints that stick, play, "
+    "motion across the rail, inverted links, noise. Motions in which modes of one band beat for ever, with two or more "
+    "frequencies, may exist beside the steady ones; they are not searched for."
 )
 EXACT = (
     "Stability and e-folding time are those of the periodic orbit beside each: of its Floquet multipliers in the full "
     "equations."
 )
+COPIED = "Copies are the same motion with the parts of equal pendula exchanged."
 LEFT = "(averaged): no such orbit was found."
 LOCATED = (
     "exact: where periodic orbits of the full equations turn or change their stability, by their Floquet multipliers."
@@ -90,7 +93,10 @@ def _table(theory: Theory) -> str:
     each = _each(theory)
     shown = _shown(theory)
     rows = grid([_cells(*each[k]) for k in shown], HEAD, "text")
-    notes = [EXACT] * any(theory.orbits) + [LEFT] * (None in theory.orbits and any(theory.orbits))
+    notes = [f"Averaged alone: {theory.uncertified}."] * bool(theory.uncertified)
+    notes += [EXACT] * any(theory.orbits) + [LEFT] * (None in theory.orbits and any(theory.orbits))
+    if any(one.copies > 1 for one, _ in each):
+        notes.insert(0, COPIED)
     if more := len(each) - len(shown):
         notes.insert(0, f"{more} more, all unstable, are in the JSON form.")
     return "\n\n".join([rows, *(fill(note, line_width()) for note in notes)])
@@ -115,7 +121,7 @@ def _cells(one: RelativeEquilibrium, orbit: Orbit | None) -> list[str]:
     return [
         str(one.number),
         mode.family,
-        agreement(one),
+        agreement(one) + (f" ({one.copies} copies)" if one.copies > 1 else ""),
         f"{angle:.4g}",
         f"{one.omega:.6g}",
         _fate(one, orbit),
@@ -144,6 +150,8 @@ def _prediction(theory: Theory) -> Iterator[str]:
     if theory.ending:
         size = float(np.abs(theory.ending.floquet.others).max())
         yield f"The orbit in which it ends is stable in the full equations: no multiplier exceeds {size:.6g}."
+    if theory.uncertified:
+        yield f"Its stability is that of the averaged equations alone ({theory.uncertified})."
     if theory.doubts:
         yield f"This is not certain: {'; '.join(theory.doubts)}."
     elif not theory.ending:
@@ -168,7 +176,8 @@ def _unstable(kept: RelativeEquilibrium) -> Iterator[str]:
 def _simulation(found: SynchronizationStudy) -> Iterator[str]:
     yield from _survivor(found.survival) if found.survival else [f"No energies by modes: {found.unmeasured}."]
     if found.agrees is not None:
-        yield "As predicted." if found.agrees else "This is not what was predicted."
+        share = ": the mode is, its share of the energy is not" if found.leads else ""
+        yield "As predicted." if found.agrees else f"This is not what was predicted{share}."
     elif found.survival and found.too_short:
         yield "The run ends before the predicted time: it cannot tell whether the prediction is right."
     yield from _phases(found)
@@ -185,10 +194,26 @@ def _survivor(survival: Survival) -> Iterator[str]:
     time = survival.locking_time()
     if len(survival.row) == 1:
         return
+    if survival.beating:
+        yield _beating(survival)
     if time is None:
         yield "The others do not stay below 1 %."
     else:
         yield f"All others hold less than 1 % after {short(time)} s."
+
+
+def _beating(survival: Survival) -> str:
+    """A sentence on the modes that share the energy, with frequencies of their own."""
+    places = list(survival.beating)
+    rows = table_numbers(survival.scene, survival.modes)[survival.row[places] - 1]
+    shares, rates = (
+        " and ".join(text.format(value) for value in values[places])
+        for text, values in (("{:.3g} %", 100 * survival.late_share), ("{:.6g}", survival.omega))
+    )
+    return (
+        f"Modes {' and '.join(map(str, rows))} keep {shares} in the last quarter, at {rates} rad/s: they beat, "
+        f"a motion of {len(places)} frequencies."
+    )
 
 
 def _phases(found: SynchronizationStudy) -> Iterator[str]:
@@ -260,6 +285,7 @@ def _configuration_record(one: RelativeEquilibrium, orbit: Orbit | None = None) 
         "mode": one.number,
         "family": one.averaged.modes[one.row].family,
         "pendula": agreement(one),
+        "copies": one.copies,
         "amplitudes_deg": np.rad2deg(np.abs(eta)).tolist(),
         "phases_deg": (np.rad2deg(np.angle(eta / eta[np.abs(eta).argmax()])) % 360).tolist(),
         "omega_rad_per_s": one.omega,
@@ -320,10 +346,24 @@ def _survival_record(survival: Survival) -> dict[str, Any]:
         return {
             "survivor": survival.number,
             "survivor_share": survival.survivor_share,
+            "beating": _beating_record(survival),
             "locking_time_s": survival.locking_time(),
         }
     except ComputationError as error:
         return {"survivor": None, "no_survivor": str(error)}
+
+
+def _beating_record(survival: Survival) -> list[dict[str, float]]:
+    """The modes that share the energy with frequencies of their own, strongest first; [] where only one is left."""
+    numbers = table_numbers(survival.scene, survival.modes)
+    return [
+        {
+            "mode": int(numbers[survival.row[place] - 1]),
+            "share": float(survival.late_share[place]),
+            "omega_rad_per_s": float(survival.omega[place]),
+        }
+        for place in survival.beating
+    ]
 
 
 def _frequencies(found: SynchronizationStudy) -> dict[str, Any]:

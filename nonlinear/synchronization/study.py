@@ -15,12 +15,13 @@ from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relati
 from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.orbits import Orbit
 from nonlinear.simulation import simulate
-from nonlinear.synchronization.certificates import certified
+from nonlinear.synchronization.certificates import certified, uncertified
 from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
 from nonlinear.system import State
 
 LONGER, BEYOND = 1.5, 30  # duration over the predicted locking time, and periods added to it
+SHARE = 0.05  # largest difference of the survivor's share of the energy from the predicted one
 USUAL, MOST = 200, 5000  # default and longest duration in periods
 
 
@@ -45,6 +46,11 @@ class Theory(Displayed):
         return orbit if orbit and orbit.is_stable else None
 
     @property
+    def uncertified(self) -> str:
+        """Why stability is that of the averaged equations alone, "" where periodic orbits are looked for."""
+        return uncertified(self.prediction.averaged.scene)
+
+    @property
     def doubts(self) -> tuple[str, ...]:
         """Reasons why the survivor is not certain: those of averaging count only where no stable orbit was found."""
         return self.prediction.doubts_of_start if self.ending else self.prediction.doubts
@@ -64,14 +70,22 @@ class SynchronizationStudy(Displayed):
 
     @property
     def agrees(self) -> bool | None:
-        """Whether the predicted survivor is the simulated one; None where one of them is missing, or the run too short.
+        """Whether the simulated survivor is the predicted one with its share of the energy, within SHARE.
 
-        It is too short where another mode leads and the predicted one has not locked by its end.
+        None where one of them is missing, or the run too short: where the predicted one has not locked by its end.
         """
         if self.theory is None or self.survival is None or self.theory.prediction.motion.dies:
             return None
-        same = self.theory.prediction.row + 1 == self.survival.survivor
+        prediction = self.theory.prediction
+        same = self.leads and abs(prediction.share - self.survival.survivor_share) <= SHARE
         return None if self.too_short and not same else same
+
+    @property
+    def leads(self) -> bool:
+        """Whether the predicted survivor holds most of the energy at the end of the run."""
+        if self.theory is None or self.survival is None:
+            return False
+        return self.theory.prediction.row + 1 == self.survival.survivor
 
     @property
     def too_short(self) -> bool:

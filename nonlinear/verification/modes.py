@@ -3,19 +3,20 @@
 The linear frequency ω is the limit of small angles; `modal.eigen.amplitude` predicts ω(a) = ω (1 + κ a²) for the next
 order.  A full simulation starts in the shape of a mode with a largest angle a; the strongest line of the mode's own
 coordinate η (`nonlinear.reduction.modal_coordinates`) is compared with both.  κ is measured as the limit of
-(ω(a)/ω − 1)/a² for a → 0, extrapolated in a² (Neville), and the angle at which the table is wrong by 1 % by a secant in
-a².
+(ω(a)/ω − 1)/a² for a → 0, extrapolated in a² (Neville), with the mode's periodic orbits to bound what is missed, and
+the angle at which the table is wrong by 1 % by a secant in a².
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from math import degrees, inf, isfinite, nan, pi, radians, sqrt
 
 import numpy as np
 
+from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
 from modal.report import Displayed, Summary, brief, counted
@@ -31,7 +32,9 @@ CERTAIN = 0.01  # relative error of a shift
 DECAY, LEAST_SWINGS = 1.5, 1.5 * LEAST_PERIODS  # e-folds of the amplitude in a run; periods before that
 INTERRUPTED = "interrupted"
 GROWS = 1e-9  # Re λ/|λ| of a growing mode, above rounding
-POINTS = 3
+POINTS, SMALLEST = 3, 4  # amplitudes of an extrapolation; orbits of that to rest
+MARGINS = 3.0, 2.0  # of the shift, and of the last difference: how much higher orders may be
+CLOSED = 1e-11  # relative error of the frequency of an orbit
 MOST_LINKS, MARGIN, HALF_TURN = 12, 1.01, 3.1  # of scenes with backbones; how far these go (rad)
 ONE_PERCENT, FARTHEST, ROUNDS = 0.01, 90.0, 3
 
@@ -49,17 +52,33 @@ class ModeCheck(Displayed):
     one_percent_deg: float
     backbone: Branch | None = None
 
-    @property
+    @cached_property
     def kappa(self) -> tuple[float, float]:
-        """The measured κ (1/rad²) and its uncertainty; NaN where every run was irregular."""
-        return limit([m for m in self.measurements if not m.irregular])
+        """The measured κ (1/rad²) and a bound on its error; NaN where every run was irregular."""
+        return limit([m for m in self.measurements if not m.irregular], self.exact, self.at_rest)
+
+    @cached_property
+    def at_rest(self) -> tuple[float, float]:
+        """κ (1/rad²) of the smallest periodic orbits and its uncertainty; NaN without any."""
+        if not self.backbone or not self.backbone.linear:
+            return nan, inf
+        x = self.backbone.amplitude[:SMALLEST] ** 2
+        y = (self.backbone.omega[:SMALLEST] / self.backbone.linear - 1) / x
+        value, coarser = (float(_at_zero(x[:most]) @ y[:most]) for most in (len(x), len(x) - 1))
+        noise = float(np.abs(_at_zero(x)) @ (CLOSED / x))
+        return (value, abs(value - coarser) + noise) if len(x) > 2 else (nan, inf)
 
     def exact(self, measurement: Measurement) -> float:
         """ω(a)/ω − 1 of the periodic orbit with the largest angle of a run; NaN without one."""
-        if not self.backbone or not self.backbone.linear:
-            return nan
-        orbit = at_amplitude(self.backbone, measurement.effective)
-        return orbit.omega / self.backbone.linear - 1 if orbit else nan
+        if measurement not in self._exact:
+            orbit = at_amplitude(self.backbone, measurement.effective) if self.backbone else None
+            linear = self.backbone.linear if self.backbone else None
+            self._exact[measurement] = orbit.omega / linear - 1 if orbit and linear else nan
+        return self._exact[measurement]
+
+    @cached_property
+    def _exact(self) -> dict[Measurement, float]:
+        return {}
 
     def predicted(self, measurement: Measurement) -> float:
         """κ a² of a run."""
@@ -141,8 +160,11 @@ def _reason(modes: Modes, mode: Mode) -> str:
         return "overdamped: it does not oscillate"
     if _periods_left(mode) < LEAST_SWINGS:
         return f"it dies out within {_periods_left(mode):.2g} periods"
-    if not along_rail(modes, mode.number - 1)[0]:
+    copies, shapes = along_rail(modes, mode.number - 1)
+    if not copies:
         return "it moves across the rail"
+    if modes.on_cart and shapes[0].any() and is_singular(modes.matrices.M):
+        return "the massless cart that it moves has no equation of motion where all bobs hang straight down"
     return ""
 
 
@@ -179,25 +201,35 @@ def _backbone(scene: Scene, number: int, to: float) -> Branch | None:
         return None
 
 
-def limit(runs: Sequence[Measurement]) -> tuple[float, float]:
-    """(ω(a)/ω − 1)/a² at a → 0 and its uncertainty, from the neighbouring amplitudes that minimize that uncertainty.
+def limit(
+    runs: Sequence[Measurement],
+    exact: Callable[[Measurement], float] = lambda run: nan,
+    at_rest: tuple[float, float] = (nan, inf),
+) -> tuple[float, float]:
+    """(ω(a)/ω − 1)/a² at a → 0 and a bound on its error, from the neighbouring amplitudes that minimize that bound.
 
-    The last difference of the extrapolation is taken as its error, together with the effects of the errors of the
-    frequencies and of companions: other modes in the motion shift a frequency by about their share of the energy, which
-    is no longer proportional to a² alone.
+    Where periodic orbits are known, `exact` their shift at the angle of a run and `at_rest` their κ with its
+    uncertainty, the bound is what the same extrapolation of the orbits misses, and of the runs' distances from them.
+    Elsewhere higher orders are taken to be at most MARGINS times the shift of a single run, or the last difference of
+    the extrapolation, to which come the effects of the errors of the frequencies and of companions: other modes in
+    the motion shift a frequency by about their share of the energy, which is no longer proportional to a² alone.
     """
     certain = sorted((run for run in runs if run.error < CERTAIN * abs(run.shift)), key=lambda run: run.effective)
     pieces = [certain[at : at + POINTS] for at in range(max(1, len(certain) - POINTS + 1))]
-    return min((_extrapolated(piece) for piece in pieces if piece), key=lambda found: found[1], default=(nan, inf))
+    found = (_extrapolated(piece, np.array([exact(run) for run in piece]), at_rest) for piece in pieces if piece)
+    return min(found, key=lambda one: one[1], default=(nan, inf))
 
 
-def _extrapolated(runs: Sequence[Measurement]) -> tuple[float, float]:
+def _extrapolated(runs: Sequence[Measurement], exact: Floats, at_rest: tuple[float, float]) -> tuple[float, float]:
     x = np.array([run.effective**2 for run in runs])
-    y = np.array([run.shift for run in runs]) / x
-    error = np.array([run.error for run in runs]) / x + np.abs(y) * [run.outside for run in runs]
-    value, coarser = (float(_at_zero(part) @ y[: len(part)]) for part in (x, x[:-1] if len(x) > 1 else x))
-    doubt = abs(value - coarser) if len(x) > 1 else abs(value) * float(x[0])
-    return value, doubt + float(np.abs(_at_zero(x)) @ error)
+    y, weights = np.array([run.shift for run in runs]) / x, _at_zero(x)
+    error, value = np.array([run.error for run in runs]) / x, float(weights @ y)
+    if np.all(np.isfinite(exact)) and isfinite(at_rest[1]):
+        missed, apart = weights @ (exact / x) - at_rest[0], weights @ (y - exact / x)
+        return value, float(abs(missed) + abs(apart) + np.abs(weights) @ error + at_rest[1])
+    single, several = MARGINS
+    missed = several * abs(value - float(_at_zero(x[:-1]) @ y[:-1])) if len(x) > 1 else single * value * runs[0].shift
+    return value, abs(missed) + float(np.abs(weights) @ (error + np.abs(y) * [run.outside for run in runs]))
 
 
 def _at_zero(x: Floats) -> Floats:

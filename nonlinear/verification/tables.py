@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees, isfinite, isinf
+from math import ceil, degrees, floor, isfinite, isinf, log10
 from typing import Any
 
 from modal.modes.friction import stop_words
@@ -14,6 +14,7 @@ from nonlinear.verification.motion import Comparison, ModeInMotion
 
 MODES = ("mode", "ω (rad/s)", "κ (1/rad²)", "measured", "rel. error ≤", "1 % at (°)", "measured (°)", "description")
 RUNS = ("mode", "angle (°)", "ω(a) (rad/s)", "rel. error ≤", "ω(a)/ω − 1", "orbit", "κa²", "outside")
+BEYOND = 1e-3  # of the error of κ: how far its digits go
 HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 
 
@@ -48,12 +49,20 @@ def _mode_cells(row: ModeCheck) -> list[str]:
         f"{mode.number}{'*' if mode.resonances else ''}",
         digits(mode.omega, mode.relative_error_bound, 9),
         digits(mode.kappa, 0.0, 5),
-        digits(kappa, certain, 5),
-        f"{certain:.0e}" if isfinite(certain) else NOTHING,
+        digits(kappa, BEYOND * min(certain, 1.0), 5),
+        _at_most(certain),
         _angle(mode.linear_to_1_percent_deg),
         _angle(row.one_percent_deg),
         mode.family,
     ]
+
+
+def _at_most(share: float) -> str:
+    """A bound to one digit, rounded up."""
+    if not isfinite(share) or not share:
+        return NOTHING if share else "0"
+    unit = 10.0 ** floor(log10(share))
+    return f"{ceil(share / unit * (1 - 1e-12)) * unit:.0e}"
 
 
 def _run_cells(row: ModeCheck, run: Measurement) -> list[str]:

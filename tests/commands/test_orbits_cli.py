@@ -100,6 +100,7 @@ def test_figure_and_film_are_written_whole(tmp_path: Path, capsys: pytest.Captur
         ["chain-2", "--mode", "1", "--vary", "gravity=1:2:2", "--start", "mode:1:5"],
         ["chain-2", "--mode", "3"],
         ["chain-spatial", "--mode", "1"],
+        ["chain-spatial", "--vary", "gravity=5:10:2", "--start", "mode:1:5"],
         ["chain-2", "--mode", "1", "--start", "mode:1:5"],
         ["huygens", "--vary", "support.mass=3"],
         ["huygens", "--vary", "support.mas=1:3:2"],
@@ -112,3 +113,12 @@ def test_bad_input_is_refused(words: list[str], capsys: pytest.CaptureFixture[st
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.startswith("multipendula: ")
+
+
+def test_what_the_orbits_of_a_mode_leave_out_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["orbits", "metronomes", "--mode", "4", "--to", "2"]) == 0
+    said = capsys.readouterr().err
+    assert "Dampers are left out" in said
+    assert "Drives are left out" in said
+    assert main(["orbits", "chain-2", "--mode", "1", "--to", "2"]) == 0
+    assert not capsys.readouterr().err

@@ -5,14 +5,18 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, Literal
 
+import mpmath as mp
 import numpy as np
 import pytest
 import sympy as sp
 from amounts import usually
+from response_oracle import Oracle
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, natural_modes
 from modal.modes import Modes
-from modal.modes.sensitivity import Sensitivities, sensitivities
+from modal.modes.displacements import centre_displacements
+from modal.modes.sensitivity import Sensitivities, _centres, _hung, sensitivities
+from modal.modes.sensitivity_table import of_mode
 from modal.symbolic import symbolic
 
 STEP = 2e-5
@@ -319,3 +323,65 @@ def test_what_double_precision_does_not_give_has_no_derivative(monkeypatch: pyte
     monkeypatch.setattr(Modes, "error", np.array([1.0]))
     with pytest.raises(ComputationError, match="beyond double precision"):
         sensitivities(modes, 0)
+
+
+def heavy_and_light() -> Scene:
+    """Masses from 1e-4 to 1e4 kg: in the fastest modes heavy centres hardly move."""
+    one = (
+        Body(mass=0.000148, length=0.379, centre=0.2421, inertia=4.219e-07, stiffness=4.094),
+        Bob(mass=5060.0, length=31.3, stiffness=1.153),
+        Rod(mass=0.0803, length=41.8),
+    )
+    other = (
+        Body(mass=8740.0, length=32.6, centre=9.672, inertia=1888000.0, stiffness=0.3307),
+        Bob(mass=80.6, length=36.7, stiffness=58.48),
+        Bob(mass=0.0169, length=0.0439),
+    )
+    return Scene(gravity=3.7, support=Cart(mass=101.9), pendulum=(Pendulum(links=one), Pendulum(links=other)))
+
+
+def test_a_centre_that_hardly_moves_keeps_its_digits() -> None:
+    """∂ω/∂l = φᵀ(∂K/∂l − ω² ∂M/∂l)φ/2ω in 80 digits, M being quadratic in l, so that differences are derivatives."""
+    scene, h = heavy_and_light(), 0.125
+    modes = natural_modes(scene)
+    oracle = Oracle(scene, 80)
+    sides = [Oracle(with_link(scene, 0, length=0.379 + step), 80) for step in (h, -h)]
+    with mp.workdps(80):
+        inverse = mp.cholesky(oracle.M) ** -1
+        square, V = mp.eigsy(inverse * oracle.K * inverse.T)
+        for number in range(1, len(modes)):
+            phi, x = inverse.T * V[:, number], square[number]
+            change = [(getattr(sides[0], part) - getattr(sides[1], part)) / (2 * h) for part in "KM"]
+            true = (phi.T * (change[0] - x * change[1]) * phi)[0] * mp.mpf(0.379) / (2 * x)
+            found = of_mode(modes, modes[number])["pendulum[0].links[0].length"]
+            assert found.relative == pytest.approx(float(true), rel=1e-12, abs=1e-13)
+
+
+def test_centres_in_digits_are_the_running_sums_of_ordinary_scenes() -> None:
+    links = (Rod(mass=1.0, length=0.7, damping=0.1), Bob(mass=0.4, length=1.1, stiffness=0.5))
+    two, one = Pendulum(links=links, count=2), Pendulum(links=(Bob(mass=2.0, length=0.9),))
+    on_cart = Scene(gravity=9.81, support=Cart(mass=3.0, damping=0.2), pendulum=(two, one))
+    for scene in (
+        on_cart,
+        on_cart.conservative,
+        on_cart.replace(support=Fixed(), pendulum=(one, Pendulum(links=links))),
+    ):
+        modes, tried = natural_modes(scene), 0
+        for number, value in enumerate(modes.eigenvalue.tolist()):
+            if modes.multiplicity[number] > 1 or not value.imag:
+                continue
+            shape = modes.shape(number, 0, "mass")
+            found = centre_displacements(modes.rig, value, shape)
+            for z, own in zip(found, _hung(modes, shape), strict=True):
+                assert np.abs(z - _centres(*own, shape.cart)).max() < 1e-10 * np.abs(own[1]).max() + 1e-12
+            tried += 1
+        assert tried >= 3
+
+
+def test_a_massless_cart_has_a_sensitivity_to_its_mass() -> None:
+    scene = Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=[Pendulum(links=[Rod(mass=1.0, length=1.0)])])
+    modes = natural_modes(scene)
+    found = of_mode(modes, modes[len(modes) - 1])["support.mass"]
+    heavier = natural_modes(scene.replace(support=Cart(mass=1e-6)))
+    assert found.derivative == pytest.approx((heavier.omega[-1] - modes.omega[-1]) / 1e-6, rel=1e-4)
+    assert (found.number, found.relative) == (0.0, 0.0)

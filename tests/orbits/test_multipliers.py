@@ -1,15 +1,17 @@
-"""Floquet multipliers against a perturbed long run, and their identities."""
+"""Floquet multipliers against a perturbed long run, their identities, and stability that changes within a step."""
 
 from __future__ import annotations
 
+from functools import cache
+from itertools import pairwise
 from math import radians
 
 import numpy as np
 import pytest
 
-from modal import Body, Cart, Pendulum, Scene, load, natural_modes
+from modal import Bob, Body, Cart, Pendulum, Scene, load, natural_modes
 from modal.types import Complexes, Floats
-from nonlinear.orbits import Orbit, nonlinear_mode
+from nonlinear.orbits import Branch, Orbit, nonlinear_mode
 from nonlinear.simulation import simulate
 from nonlinear.system import State
 
@@ -96,3 +98,48 @@ def test_an_orbit_that_loses_its_stability_is_left_by_a_run_beside_it() -> None:
         run = simulate(orbit.scene, float(times[-1]), start=start, output=times, tolerance=1e-13)
         left = np.abs(run.motion.links - orbit.state.links).max(axis=1)
         assert bool(left[-1] > 1e-4) is not stable
+
+
+UPPER = (Bob(mass=0.2345, length=1.466), Bob(mass=1.377, length=0.636847))
+LOWER = (
+    Body(mass=2.5794, length=0.3696, centre=0.0851, inertia=0.05237),
+    Body(mass=2.9729, length=0.9236, centre=0.5361, inertia=0.03901),
+)
+SCENE = Scene(gravity=6.491, support=Cart(mass=5.379), pendulum=(Pendulum(links=UPPER), Pendulum(links=LOWER)))
+EDGES = (17.767, 17.809, 22.451, 22.682)
+
+
+@cache
+def branch(to: float) -> Branch:
+    return nonlinear_mode(SCENE, 4, radians(to), longest=0.16)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("to", [24.0, 29.0])
+def test_bubbles_of_instability_do_not_depend_on_where_the_branch_ends(to: float) -> None:
+    special = branch(to).special
+    assert [one.kind for one in special] == ["collision"] * 4
+    assert np.degrees([one.orbit.amplitude for one in special]) == pytest.approx(EDGES, abs=2e-3)
+    before = [branch(to).is_stable[one.after] for one in special]
+    assert before == [True, False, True, False]
+    assert sum(not stable for stable in branch(to).is_stable) == 2
+
+
+@pytest.mark.slow
+def test_the_simulator_leaves_the_orbits_of_a_bubble_and_stays_beside_those_around_it() -> None:
+    points = branch(29.0).orbits
+    bubbles = [at for at, orbit in enumerate(points) if not orbit.is_stable]
+    for at, growth in zip(bubbles, (1.0025, 1.0142), strict=True):
+        inside, outside = (np.abs(np.linalg.eigvals(perturbed(points[k]))).max() for k in (at, at - 1))
+        assert inside == pytest.approx(growth, abs=1e-3)
+        assert inside == pytest.approx(np.abs(points[at].floquet.others).max(), abs=2e-4)
+        assert outside < 1 + (growth - 1) / 2
+
+
+def test_equal_pendula_that_lose_stability_together_do_so_at_a_branch_point() -> None:
+    links = (Bob(mass=1.0, length=1.0),)
+    scene = Scene(gravity=9.81, support=Cart(mass=10.0), pendulum=(Pendulum(links=links, count=3),))
+    found = nonlinear_mode(scene, 2, radians(40), longest=0.3)
+    stable = found.is_stable
+    changes = sum(one is not other for one, other in pairwise(stable))
+    assert changes == len({one.after for one in found.special})

@@ -2,15 +2,18 @@
 
 from io import BytesIO
 
+import hoists
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.io import loadmat
 from scipy.special import jv, yv
 
 from modal import load, natural_modes
 from modal.errors import ComputationError, SceneError
 from modal.exports import FORMATS, format_named
-from modal.scene import Bob, Cart, Hoist, Pendulum, Scene
+from modal.plotting.hoisting import hoist_figure
+from modal.scene import Bob, Cart, Fixed, Hoist, Pendulum, Scene
 from modal.statespace import minimal, shaper_for, state_space, swings_of
 from modal.statespace.hoisting import (
     Travel,
@@ -123,6 +126,89 @@ def test_a_shaper_keeps_its_promise_without_hoist_and_loses_it_with() -> None:
     assert 0.01 < left < 2
     words = list(residual_words(scene, 1, "zv", "cart_acceleration", shaper_for(scene.at(0.0))))
     assert f"{100 * left:.3g} %" in words[1]
+
+
+@pytest.mark.parametrize("drag", [0.0, 5.0])
+@pytest.mark.parametrize("begin", [0.0, 100.0])
+def test_a_travel_begins_with_the_hoist_and_drags_the_bob(begin: float, drag: float) -> None:
+    """Newton's law across the rope: l θ'' + 2 l' θ' + g θ + (d/m)(l θ' + x') = −x'', without a term of d l'."""
+    mass = 20.0
+    bob = Bob(mass=mass, length=4.0, drag=drag, hoist=Hoist(to=2.0, begin=begin, duration=3.0))
+    scene = Scene(gravity=G, support=Cart(mass=100.0), pendulum=(Pendulum(links=(bob,)),))
+    place = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])
+
+    def slope(s: float, y: np.ndarray) -> list[float]:
+        shape, rate, bend = (float(place.deriv(k)(s / 3.0)) / 3.0**k for k in range(3))
+        length, speed = 4.0 - 2.0 * shape, -2.0 * rate
+        drawn = drag / mass * (length * y[1] + 3.0 * rate)
+        return [y[1], -(2 * speed * y[1] + G * y[0] + drawn + 3.0 * bend) / length]
+
+    end = solve_ivp(slope, (0.0, 3.0), [0.0, 0.0], "DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+    left = travel_residuals(scene, Travel.along(scene, 3.0))[0]
+    assert left.angle == pytest.approx(np.hypot(end[0], end[1] / np.sqrt(G / 2.0)), rel=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_models_frequencies_and_swing_are_those_of_newtons_equations(seed: int) -> None:
+    """Ropes of bobs with linear and quadratic drag, dampers and springs, on a cart that is held or free."""
+    scene, oracle, _ = hoists.draw(seed)
+    for drive in ("cart_acceleration", "cart_force"):
+        trials = [
+            *hoists.model(scene, oracle, drive, np.random.default_rng(seed)),
+            *hoists.tables(scene, oracle, drive),
+        ]
+        assert not [trial for trial in trials if trial.broken]
+
+
+@pytest.mark.slow
+def test_travels_and_shapers_leave_what_newtons_equations_leave() -> None:
+    scene, oracle, travel = hoists.draw(116)
+    trials = [*hoists.travelling(scene, oracle, travel), *hoists.shaping(scene, oracle, "cart_force")]
+    assert not [trial for trial in trials if trial.broken]
+
+
+def test_pendula_beside_a_cart_that_is_held_are_followed_apart() -> None:
+    """A rope that grows shorter than its neighbour keeps its own swing, l^(−3/4), though their frequencies cross."""
+    rope, still = crane().pendulum[0], Pendulum(links=(Bob(mass=1.0, length=2.0),))
+    scene = Scene(gravity=G, support=Cart(mass=9.0), pendulum=(rope.replace(count=2), still))
+    found = frequencies_along(scene, 3, "cart_acceleration")
+    assert found.names == ("1", "1b", "2")
+    assert found.swing[-1] == pytest.approx([4.0**0.75, 4.0**0.75, 1.0], rel=1e-12)
+    free = frequencies_along(scene, 3)
+    alone = free.swing[-1, np.argmin(abs(free.omega[0] - np.sqrt(G / 4.0)))]
+    assert alone == pytest.approx(4.0**0.75, rel=1e-12), "two equal ropes against each other leave the cart still"
+
+
+@pytest.mark.slow
+def test_a_massless_cart_has_the_modes_that_it_has() -> None:
+    """Its upper rope stays vertical: none of a single bob, g (m₁ + m₂)/(m₁ l₂) of two, whatever the upper length."""
+    bob = Bob(mass=2.0, length=4.0, hoist=Hoist(to=2.0, duration=3.0))
+    scene = Scene(gravity=G, support=Cart(mass=0.0), pendulum=(Pendulum(links=(bob,)),))
+    found = frequencies_along(scene, 3)
+    assert found.omega.shape == found.swing.shape == (3, 0)
+    assert frequencies_along(scene, 3, "cart_acceleration").omega[-1] == pytest.approx([np.sqrt(G / 2)], rel=1e-12)
+    assert len(hoist_figure(found).axes) == 1
+    heavy = scene.replace(support=Cart(mass=7.0))
+    travel = Travel.along(scene, 3.0, 2.0)
+    assert travel_residuals(scene, travel)[0].angle == pytest.approx(travel_residuals(heavy, travel)[0].angle, rel=1e-9)
+    two = scene.replace(pendulum=(Pendulum(links=(bob, Bob(mass=1.0, length=1.0))),))
+    assert frequencies_along(two, 3).omega == pytest.approx(np.full((3, 1), np.sqrt(1.5 * G)), rel=1e-12)
+    with pytest.raises(ComputationError, match="singular"):
+        shaper_residual(two, shaper_for(two.at(0.0)), "cart_force")
+
+
+def test_a_support_that_moves_is_seen_from_the_laboratory() -> None:
+    """The bob of one rope has the acceleration −(g − l'') θ, whatever moves its support."""
+    scene = Scene(gravity=G, support=Fixed(), pendulum=crane().pendulum)
+    found = model_at(scene, 1.2, ("support_acceleration",), ("tip_accelerations", "pivot_forces"))
+    bend = scene.pendulum[0].links[0].hoist.law(4.0)(1.2)[2]
+    states = [signal.name for signal in found.states]
+    expected = np.where(np.array(states) == "theta_1_1", -(G - bend), 0.0)
+    assert pytest.approx(np.array([expected, -expected]), abs=1e-13) == found.C
+    assert pytest.approx(np.zeros((2, 1)), abs=1e-13) == found.D
+    for jumping in ("support_velocity", "support_displacement"):
+        with pytest.raises(SceneError, match="mass matrix; use support_acceleration"):
+            varying_model(scene, inputs=(jumping,))
 
 
 def test_mean_lengths_are_averages_over_time() -> None:

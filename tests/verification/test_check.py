@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, matrices, natural_modes
+from modal import Bob, Body, Cart, ComputationError, Pendulum, Rod, Scene, load, matrices, natural_modes
 from modal.report import digits
 from nonlinear.plotting import draw_check, draw_spectrum
 from nonlinear.reduction import modal_motion, rest_angles, start_in_mode
@@ -105,7 +105,8 @@ def test_the_uncertainty_of_kappa_counts_the_modes_that_swing_along(angles: tupl
     runs = [measure_mode(modes, 1, radians(angle)) for angle in angles]
     kappa, error = limit(runs)
     own = limit([replace(run, outside=0.0) for run in runs])[1]
-    assert own < abs(kappa - modes[1].kappa) < error < 0.05 * abs(kappa)
+    assert abs(kappa - modes[1].kappa) < error < 0.05 * abs(kappa)
+    assert own < error
 
 
 def test_a_damped_mode_keeps_its_kappa() -> None:
@@ -227,3 +228,51 @@ def test_the_picture_of_a_check(paper: Check) -> None:
     assert b"<svg" in stream.getvalue()
     with pytest.raises(ComputationError, match="nothing"):
         draw_check(replace(paper, rows=()), stream)
+
+
+STEEP = Scene(
+    gravity=3.7,
+    support=Cart(mass=0.04921, stiffness=0.1725),
+    pendulum=(
+        Pendulum(
+            links=(Bob(mass=3.0783, length=0.3133), Body(mass=1.6164, length=1.7736, centre=1.133, inertia=1.604))
+        ),
+    ),
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("angles", [(3.0,), (2.0, 3.0), (1.0, 2.0, 3.0)])
+def test_the_error_of_a_measured_kappa_is_a_bound(angles: tuple[float, ...]) -> None:
+    """The κ of the table is that of the averaged Lagrangian in many digits, by `tests/eigen/test_amplitude.py`."""
+    (row,) = check(STEEP, [2], angles, periods=15).rows
+    kappa, error = row.kappa
+    assert row.mode.kappa == pytest.approx(-23.974, abs=1e-3)
+    assert abs(kappa - row.mode.kappa) <= 1.001 * error < 0.2 * abs(kappa)
+    without, doubt = limit(row.measurements)
+    assert without == pytest.approx(kappa)
+    assert abs(without - row.mode.kappa) <= doubt
+
+
+def test_a_translation_that_no_damper_brakes_keeps_its_place_and_its_speed() -> None:
+    links = (Bob(mass=1.0, length=1.0, damping=0.05), Rod(mass=0.4, length=0.6, damping=0.02))
+    scene = Scene(gravity=9.81, support=Cart(mass=3.0), pendulum=(Pendulum(links=links),))
+    modes, rng = natural_modes(scene), np.random.default_rng(4)
+    motion = Motion(*(0.1 * rng.normal(size=shape) for shape in ((5, 2), (5, 2), 5, 5, 5)))
+    found = modal_motion(motion, modes)
+    whole = [sum(parts) for parts in zip(*(found.part(at) for at in range(len(found.number))), strict=True)]
+    assert np.allclose(whole[0], found.displacement, atol=1e-12)
+    assert np.allclose(whole[1], found.velocity, atol=1e-12)
+    momentum = (matrices(scene).M @ found.velocity.T)[0]
+    assert np.allclose(found.rate[:, 0] * found.shapes[0, 0].real, momentum / 4.4, atol=1e-12)
+
+
+def test_a_massless_cart_over_bobs_is_skipped_without_a_run() -> None:
+    pendula = [Pendulum(links=(Bob(mass=m, length=l),)) for m, l in ((1.0, 1.0), (0.5, 0.8))]
+    found = check(Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=pendula))
+    assert not found.rows
+    assert "no equation of motion" in found.skipped[1][1]
+    alike = Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=[pendula[0].replace(count=2)])
+    (still,) = check(alike, [1], (5.0,), periods=8).rows
+    assert still.backbone is None
+    assert still.kappa[0] == pytest.approx(-1 / 16, rel=1e-2)

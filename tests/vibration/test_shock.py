@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import pairwise
 from math import pi, tau
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene
 from modal.scene import RecordMotion
@@ -125,3 +129,64 @@ def test_phi_functions() -> None:
     assert phi(z, 2)[0] == pytest.approx(expected[0], rel=1e-13)
     assert phi(z, 2)[1][1:] == pytest.approx(expected[1][1:], rel=1e-11)
     assert phi(z, 3)[2][0] == pytest.approx(1 / 6)
+
+
+def test_a_peak_is_never_taken_across_a_jump() -> None:
+    """A rod under a ramp that ends at 120 m/s²: θ'' = −ω²θ − (3/2l) a in closed form, with a jump at the end."""
+    ramp = RecordMotion(time_s=(0.0, 0.04, 0.08, 0.12), acceleration_m_per_s2=(0.0, 40.0, 80.0, 120.0))
+    one = Scene(gravity=9.81, pendulum=(Pendulum(links=(Rod(mass=1.0, length=1.0),)),))
+    found = shock_response(one, ramp, ("tip_accelerations", "pivot_forces"))
+    omega, slope = np.sqrt(1.5 * 9.81), 1000.0
+    angle = -1.5 * slope * (0.12 - np.sin(0.12 * omega) / omega) / omega**2
+    bend = -(omega**2) * angle - 1.5 * 120.0
+    assert found.peaks[:, 0] == pytest.approx([abs(120.0 + bend), abs(120.0 + bend / 2)], rel=1e-12)
+    assert found.peaks[:, 1] == pytest.approx([0.12, 0.12], rel=1e-12)
+    assert found.times[found.times > 0.12][0] == np.nextafter(0.12, 1.0), "what is there just after the end"
+    sudden = RecordMotion(time_s=ramp.time_s, acceleration_m_per_s2=(9.0, 9.0, 9.0, 9.0))
+    begun = shock_response(one, sudden, ("tip_accelerations", "pivot_forces")).history[:, 0]
+    assert begun == pytest.approx([9.0 - 13.5, -(9.0 - 6.75)], rel=1e-12)
+
+
+@pytest.mark.parametrize("quantity", ["displacement_m", "velocity_m_per_s", "acceleration_m_per_s2"])
+@pytest.mark.parametrize("samples", [4, 7])
+def test_peaks_are_those_of_the_smooth_pieces(quantity: str, samples: int) -> None:
+    """The largest values by an integrator with dense output, knot to knot, sought by a bounded minimum."""
+    rng = np.random.default_rng(samples)
+    times = np.concatenate(([0.0], np.cumsum(rng.uniform(0.05, 0.3, samples - 1))))
+    given = {quantity: tuple(rng.normal(size=samples).tolist())}
+    record, one = RecordMotion(time_s=tuple(times.tolist()), **given), scene(Cart(mass=1.0, stiffness=20.0))
+    wanted = ("angles", "tip_accelerations", "pivot_forces")
+    found = shock_response(one, record, wanted)
+    model, motion = state_space(one, ("support_acceleration",), wanted), found.record
+    z, largest = np.zeros(len(model.A)), np.zeros(len(model.C))
+    for begin, end in pairwise([*motion.pieces[0].tolist(), float(found.times[-1])]):
+        push = motion.acceleration_at if begin < motion.last else lambda t: 0.0
+
+        def slope(t: float, z: np.ndarray, push: Callable[[float], float] = push) -> np.ndarray:
+            return model.A @ z + model.B[:, 0] * push(t)
+
+        run = solve_ivp(slope, (begin, end), z, "DOP853", rtol=1e-11, atol=1e-13, dense_output=True)
+        fine = np.linspace(begin, end, 400)
+        pushes = np.array([push(t) for t in fine.tolist()])
+        values = np.abs(model.C @ run.sol(fine) + model.D * pushes)
+        for k, at in enumerate(values.argmax(1).tolist()):
+            around = fine[max(at - 1, 0)], fine[min(at + 1, 399)]
+
+            def size(t: float, k: int = k, run: Any = run, push: Callable[[float], float] = push) -> float:
+                return -abs(float(model.C[k] @ run.sol(t) + model.D[k, 0] * push(t)))
+
+            best = minimize_scalar(size, bounds=around, method="bounded", options={"xatol": 1e-9})
+            largest[k] = max(largest[k], -best.fun, values[k, at])
+        z = run.y[:, -1]
+    assert found.peaks[:, 0] == pytest.approx(largest, rel=1e-7)
+
+
+def test_spectra_and_peaks_of_modes_know_where_a_record_ends() -> None:
+    """A step of constant acceleration: u = −(1 − cos ωt)/ω² until its end, then a free swing about zero."""
+    record = prescribed_motion(RecordMotion(time_s=(0.0, 0.1, 0.2, 0.3), acceleration_m_per_s2=(1.0, 1.0, 1.0, 1.0)))
+    assert isinstance(record, Record)
+    frequencies = np.array([0.2, 0.7, 1.3, 3.0])
+    turned = tau * frequencies * 0.3
+    ended = 2 * np.abs(np.sin(turned / 2))
+    expected = np.where(turned < pi, ended, 2.0) / (tau * frequencies) ** 2
+    assert response_spectrum(record, frequencies, 0.0) == pytest.approx(expected, rel=1e-7)

@@ -1,0 +1,191 @@
+"""What `sync` calls certain, and what it calls "As predicted", on random clocks, against a simulation of its own.
+
+Two to four clocks with escapements hang from one cart, equal or unequal, some of them starting below the angle of
+their escapement.  The oracle has its own equations of motion, its own integrator and its own kicks, runs at least
+twice as long, and divides the energy among modes of its own.  Two promises are tried: a survivor without a doubt has
+the claimed share of the energy at the end, and a run "as predicted" has it at the end of that run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import pi, sqrt
+
+import numba
+import numpy as np
+from promise import Trial, attack
+from scipy.linalg import eigh
+
+from modal import Bob, Cart, Pendulum, Scene
+from modal.errors import ComputationError
+from modal.scene import Escapement, InitialCondition
+from modal.types import Floats
+from nonlinear.synchronization import study_synchronization
+from nonlinear.system import State
+
+WITHIN = 0.06  # the largest difference of a share that is no other motion: that of `sync` with a margin for the oracle
+PER_PERIOD = 256  # steps of the oracle
+LONGEST = 2500.0  # s
+
+
+def clocks(seed: int) -> Scene:
+    """Random clocks on a cart."""
+    random = np.random.default_rng(seed)
+    count = int(random.choice([2, 3, 4], p=[0.5, 0.3, 0.2]))
+    mass, length = float(random.uniform(0.3, 1.6)), 0.25
+    free = bool(random.random() < 0.6)
+    cart = Cart(
+        mass=float(random.uniform(3.0, 20.0)) * mass * count / 2,
+        stiffness=0.0 if free else float(random.uniform(0.5, 5.0)),
+        damping=float(random.choice([0.0, random.uniform(0.02, 0.5)])) if free else float(random.uniform(0.02, 0.3)),
+    )
+    unequal = 0.003 * float(random.choice([0.0, 1.0]))
+    low = bool(random.random() < 0.4)
+    pendula = []
+    decay, wide = float(random.uniform(0.02, 0.05)), np.deg2rad(random.uniform(6.0, 9.0))
+    for place in range(count):
+        own = length * (1 + unequal * float(random.uniform(-1.0, 1.0)))
+        damping = 2 * decay * mass * length**2 * (1 + 100 * unequal * float(random.uniform(-1.0, 1.0)))
+        impulse = pi * damping * wide / 2 / sqrt(1 - (np.deg2rad(2.0) / wide) ** 2)
+        below = low and place == 0
+        angle = float(random.uniform(0.3, 1.9) if below else random.uniform(3.0, 10.0)) * float(random.choice([-1, 1]))
+        drive = Escapement(impulse=float(impulse), angle_deg=2.0)
+        link = Bob(mass=mass, length=own, damping=damping, drive=drive)
+        pendula.append(Pendulum(links=[link], start=InitialCondition(angles_deg=(angle,))))
+    return Scene(gravity=9.81, support=cart, pendulum=pendula)
+
+
+@numba.njit(cache=False)
+def _rates(y: Floats, numbers: Floats, cart: Floats, out: Floats) -> None:
+    n = numbers.shape[1]
+    mass, length, damping = numbers[0], numbers[1], numbers[2]
+    total, push = cart[0], -cart[1] * y[0] - cart[2] * y[n + 1]
+    for p in range(n):
+        sine, cosine, speed = np.sin(y[1 + p]), np.cos(y[1 + p]), y[n + 2 + p]
+        total += mass[p] * (1 - cosine**2)
+        push += mass[p] * length[p] * speed**2 * sine
+        push += cosine * (mass[p] * cart[3] * sine + damping[p] * speed / length[p])
+    pull = push / total
+    out[0], out[n + 1] = y[n + 1], pull
+    for p in range(n):
+        speed = y[n + 2 + p]
+        out[1 + p] = speed
+        bend = cart[3] * np.sin(y[1 + p]) + np.cos(y[1 + p]) * pull
+        out[n + 2 + p] = -bend / length[p] - damping[p] * speed / (mass[p] * length[p] ** 2)
+
+
+@numba.njit(cache=False)
+def _stepped(y: Floats, h: float, numbers: Floats, cart: Floats) -> Floats:
+    a, b, c, d = np.empty_like(y), np.empty_like(y), np.empty_like(y), np.empty_like(y)
+    _rates(y, numbers, cart, a)
+    _rates(y + h / 2 * a, numbers, cart, b)
+    _rates(y + h / 2 * b, numbers, cart, c)
+    _rates(y + h * c, numbers, cart, d)
+    return y + h / 6 * (a + 2 * b + 2 * c + d)
+
+
+@numba.njit(cache=False)
+def _kick(y: Floats, p: int, impulse: float, numbers: Floats, cart: Floats) -> None:
+    """The impulse on one clock, M Δv = J; its moment on the cart does not push it."""
+    n = numbers.shape[1]
+    mass, length = numbers[0], numbers[1]
+    total = cart[0]
+    for k in range(n):
+        total += mass[k] * (1 - np.cos(y[1 + k]) ** 2)
+    jump = -np.cos(y[1 + p]) * impulse / length[p] / total
+    y[n + 1] += jump
+    for k in range(n):
+        y[n + 2 + k] -= np.cos(y[1 + k]) * jump / length[k]
+    y[n + 2 + p] += impulse / (mass[p] * length[p] ** 2)
+
+
+@numba.njit(cache=False)
+def run(y: Floats, h: float, marks: Floats, numbers: Floats, cart: Floats) -> Floats:
+    """The states at the `marks`: Runge and Kutta's method with steps of at most h, cut at the kicks by bisection."""
+    n = numbers.shape[1]
+    impulse, angle = numbers[3], numbers[4]
+    side, now, found = np.zeros(n), 0.0, np.empty((len(marks), len(y)))
+    for k in range(len(marks)):
+        while now < marks[k]:
+            step = min(h, marks[k] - now)
+            if step < 1e-12:
+                break
+            after = _stepped(y, step, numbers, cart)
+            who, way, first = -1, 0.0, step
+            for p in range(n):
+                for s in (1.0, -1.0):
+                    if side[p] == -s or s * y[1 + p] >= angle[p] or s * after[1 + p] < angle[p]:
+                        continue
+                    low, high = 0.0, step
+                    for _ in range(45):
+                        middle = (low + high) / 2
+                        if s * _stepped(y, middle, numbers, cart)[1 + p] < angle[p]:
+                            low = middle
+                        else:
+                            high = middle
+                    if who < 0 or high < first:
+                        who, way, first = p, s, high
+            if who < 0:
+                y, now = after, now + step
+                continue
+            y = _stepped(y, first, numbers, cart)
+            now += first
+            _kick(y, who, way * impulse[who], numbers, cart)
+            side[who] = -way
+        found[k] = y
+    return found
+
+
+class Oracle:
+    """Shares of the energy by frequency, from its own simulation."""
+
+    def __init__(self, scene: Scene, start: State, ends: tuple[float, ...]) -> None:
+        links = [pendulum.links[0] for pendulum in scene.pendulum]
+        cart = scene.support
+        self.numbers = np.array(
+            [(one.mass, one.length, one.damping, one.drive.impulse, np.deg2rad(one.drive.angle_deg)) for one in links]
+        ).T.copy()
+        self.cart = np.array([cart.mass, cart.stiffness, cart.damping, scene.gravity])
+        mass, length = self.numbers[:2]
+        M = np.diag([cart.mass + mass.sum(), *mass * length**2])
+        M[0, 1:] = M[1:, 0] = mass * length
+        squares, self.shapes = eigh(np.diag([cart.stiffness, *mass * length * scene.gravity]), M)
+        self.M, self.omega = M, np.sqrt(np.maximum(squares, 0.0))
+        period = 2 * pi / self.omega[-1]
+        windows = [np.linspace(end - 20 * period, end, 400) for end in ends]
+        y = np.concatenate(([start.cart], start.links, [start.cart_rate], start.link_rates)).astype(float)
+        rows = run(y, period / PER_PERIOD, np.concatenate(windows), self.numbers, self.cart)
+        self.ends = dict(zip(ends, np.split(rows, len(ends)), strict=True))
+
+    def share(self, end: float, omega: float) -> float:
+        """The mean share of the modes of this frequency (rad/s) in the last swings before an end (s)."""
+        rows = self.ends[end]
+        half = rows.shape[1] // 2
+        q, v = (part @ self.M @ self.shapes for part in (rows[:, :half], rows[:, half:]))
+        energy = np.where(self.omega > 1e-3, v**2 + (self.omega * q) ** 2, 0.0).mean(axis=0)
+        return float(energy[np.abs(self.omega - omega) < 1e-7 * omega].sum() / energy.sum())
+
+
+def trials(seed: int) -> Iterator[Trial]:
+    """The promises that one set of clocks is given."""
+    scene = clocks(seed)
+    try:
+        found = study_synchronization(scene)
+    except ComputationError:
+        return
+    theory = found.theory
+    if theory is None or theory.prediction.motion.dies:
+        return
+    prediction, duration = theory.prediction, float(found.trajectory.times[-1])
+    settled = max(2 * duration, min(2 * float(prediction.motion.times[-1]), LONGEST))
+    oracle = Oracle(scene, prediction.start, (duration, settled))
+    omega = float(prediction.averaged.modes[prediction.row].omega)
+    about = f"{len(scene.pendulum)} clocks, mode {prediction.number}"
+    if not theory.doubts:
+        yield Trial(f"{about} certain", abs(oracle.share(settled, omega) - prediction.share), WITHIN)
+    if found.agrees:
+        yield Trial(f"{about} as predicted", abs(oracle.share(duration, omega) - prediction.share), WITHIN)
+
+
+if __name__ == "__main__":
+    attack(__doc__ or "", trials, cases=100, quick=1)

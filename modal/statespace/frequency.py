@@ -1,0 +1,161 @@
+"""Frequency responses between named signals of a scene, from its arrays: every input to every output.
+
+Pendula are eliminated from their tips (`modal.eigen.elimination`), which leaves the cart's equation
+
+    (k_c + iωd_c − ω²(m_c + Σ μ)) x = F + Σ (e + ω²ε) + (k_c + iωd_c) s
+
+for a force F on it, the ground displaced by s and the loads e + ω²ε that pendula pass on.  A prescribed cart or support
+is a displacement x; velocities and accelerations are iω and −ω² times displacements.  A scene with damping ratios,
+whose D is full, is eliminated as a whole (`modal.statespace.full_damping`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from modal.assembly import Rig, rig_of
+from modal.eigen import FORCE, REPLICAS, Arithmetic, Hung, Load, Rounded, cart_of, evaluated, hung
+from modal.scene import Scene
+from modal.statespace.full_damping import full_response
+from modal.statespace.places import BASE, GIVEN, GROUND, PUSH, READ, Place, place_of
+from modal.statespace.signals import Signal
+from modal.types import Complexes, Floats
+
+TOLERANCE = 1e-12
+"""Relative error of every entry."""
+NUMBERS = 2**21
+"""Floats at once."""
+LIMIT = 2.0**-200
+"""The frequency, over that of the fastest link alone, that stands for 0."""
+Evaluate = Callable[[Arithmetic], Any]
+
+
+class Elimination:
+    """G between these signals of a scene of constant lengths, evaluated by elimination wherever it is asked for.
+
+    KeyError for signals that are not those of `modal.statespace.signals`.
+    """
+
+    def __init__(self, scene: Scene, inputs: Sequence[Signal], outputs: Sequence[Signal]) -> None:
+        rig, whole = rig_of(scene), scene.has_modal_damping
+        tips = [rig.blocks[block].n - 1 for block, _, copies in rig.members for _ in range(copies)]
+        given = [place_of(GIVEN, signal.name, tips) for signal in inputs]
+        read = [place_of(READ, signal.name, tips) for signal in outputs]
+        self.is_real = not (rig.is_damped or whole)
+        self.unit = float(np.sqrt(rig.gravity / min(float(block.length.min()) for block in rig.blocks)))
+        self._evaluate = full_response(scene, given, read) if whole else _from_tips(rig, given, read)
+        self._orders = np.array([[row.order - column.order for column in given] for row in read])[..., None]
+        width = sum(block.n * block.size for block in rig.blocks) * (1 + len(given)) + len(given) * len(read)
+        width += sum(tip + 1 for tip in tips) ** 2 if whole else 0
+        self._step = max(1, NUMBERS // width // (REPLICAS + 1))
+
+    def along(self, omega: Floats, tolerance: float = TOLERANCE) -> Complexes:
+        """G(iω) (p, m, W) at ω (W,) in rad/s, each entry to this relative error.
+
+        At ω = 0 the limit, infinite where there is none.
+        """
+        still = omega == 0
+        at = np.where(still, LIMIT * self.unit, np.abs(omega))
+        found = self._displacements(at, tolerance, is_real=self.is_real)
+        with np.errstate(all="ignore"):
+            found *= np.array([1, 1j, -1, -1j])[self._orders % 4] * np.float_power(at, self._orders)
+        return _limits(np.where(omega < 0, np.conj(found), found), still, at)
+
+    def at(self, s: Complexes, tolerance: float = TOLERANCE) -> Complexes:
+        """G(s) (p, m, W) at s (W,) in 1/s, each entry to this relative error."""
+        found = self._displacements(-1j * s, tolerance, is_real=False)
+        return np.asarray(found * np.power(s, self._orders), dtype=np.complex128)
+
+    def roughly_at(self, s: Complexes) -> tuple[Complexes, Floats]:
+        """G(s) (p, m, W) in floats, and its rounding error."""
+        with np.errstate(all="ignore"):
+            values, errors = (numbers := Rounded(-1j * s)).results(self._evaluate(numbers))
+            factor = np.power(s, self._orders)
+            return values * factor, errors * np.abs(factor)
+
+    def _displacements(self, omega: Floats | Complexes, tolerance: float, *, is_real: bool) -> Complexes:
+        """Displacements and forces for displacements and forces."""
+        parts = [omega[first : first + self._step] for first in range(0, len(omega), self._step)]
+        found = [evaluated(self._evaluate, own, is_real=is_real, tolerance=tolerance) for own in parts]
+        return np.concatenate(found, axis=-1) if found else np.zeros((*self._orders.shape[:2], 0), np.complex128)
+
+
+def _limits(found: Complexes, still: Any, at: Floats) -> Complexes:
+    """At ω = 0 powers of the frequency that stands for it become 0 and infinity."""
+    if still.any():
+        size, edge = np.abs(found), np.sqrt(at)
+        found = np.where(still & (size * edge > 1), np.inf, np.where(still & (size < edge), 0.0, found))
+    return found
+
+
+def _from_tips(rig: Rig, given: Sequence[Place], read: Sequence[Place]) -> Evaluate:
+    """The evaluation (p, m, W) of displacements for displacements and forces."""
+    members = [(block, column) for block, column, copies in rig.members for _ in range(copies)]
+    loads: list[list[Load]] = [
+        sorted({(one.what, one.link) for one in given if one.pendulum >= 0 and members[one.pendulum][0] == number})
+        for number in range(len(rig.blocks))
+    ]
+
+    def evaluate(numbers: Arithmetic) -> Any:
+        every = [hung(block, own, rig.gravity, numbers) for block, own in zip(rig.blocks, loads, strict=True)]
+        nothing = 0 * numbers.omega
+        moved = np.array([nothing + one for one in _pivots(rig, every, given, members, loads, numbers)])
+        found = []
+        for row in read:
+            if row.pendulum < 0:
+                found.append(moved)
+                continue
+            block, column = members[row.pendulum]
+            values = _read(every[block], rig.blocks[block].n, column, row, numbers)
+            G = values[0] * moved
+            for k, one in enumerate(given):
+                if one.pendulum == row.pendulum:
+                    G[k] = G[k] + values[1 + loads[block].index((one.what, one.link))]
+            found.append(G)
+        return np.array(found)
+
+    return evaluate
+
+
+def _pivots(
+    rig: Rig,
+    every: Sequence[Hung],
+    given: Sequence[Place],
+    members: Sequence[tuple[int, int]],
+    loads: Sequence[Sequence[Load]],
+    numbers: Arithmetic,
+) -> list[Any]:
+    """The displacement of all pivots for every input."""
+    base = any(one.what == BASE for one in given)
+    direct: Any = 0
+    inertial: Any = 0
+    ground: Any = 1
+    if rig.cart and not base:
+        counts = (numbers.number(block.count[:, None]) for block in rig.blocks)
+        mass = np.sum([(count * one.mass).sum(0) for count, one in zip(counts, every, strict=True)], axis=0)
+        direct, inertial, ground = cart_of(rig.cart, mass, numbers)
+    found: list[Any] = []
+    for one in given:
+        if one.pendulum < 0:
+            found.append({BASE: 1, GROUND: ground, PUSH: direct}[one.what])
+            continue
+        block, column = members[one.pendulum]
+        load = loads[block].index((one.what, one.link))
+        pushed = inertial * every[block].inertial[column, load]
+        found.append(pushed + direct * every[block].direct[column, load] if one.what == FORCE else pushed)
+    return found
+
+
+def _read(own: Hung, links: int, column: int, row: Place, numbers: Arithmetic) -> Any:
+    """An output for a displaced pivot, then for each load, (1 + L, W)."""
+    if row.what == "pivot_force":
+        square = numbers.omega * numbers.omega
+        passed = own.direct[column] + square * own.inertial[column]
+        return numbers.felt(np.concatenate([(square * own.mass[column])[None], passed]))
+    if row.what == "joint":
+        return own.joints[row.link + 1, column]
+    above = own.angles[row.link - 1, column] if row.what == "rel" and row.link else 0
+    return own.angles[row.link, column] - above

@@ -1,0 +1,281 @@
+"""Frequency responses of a scene with damping ratios, whose D is full, by elimination of the whole.
+
+    (K + iωD − ω²M) q = F − (K + iωD − ω²M)_x x + ω²p s
+
+over q = (x, θ_1, …), with the force F of each input, a prescribed cart x, whose row is left out, or the momentum p of
+everything at unit velocity along the rail, for a support displaced by s.  M, K and D are assembled from the numbers of
+the scene in the arithmetic of the elimination, and the modes in D_modal = Σ 2ζω (Mφ)(Mφ)ᵀ are computed in DIGITS digits
+by Jacobi's method (Golub & Van Loan, Matrix Computations, §8.5), since K + iωD − ω²M passes on above the modes what D
+does and the other two do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from decimal import Context, Decimal, localcontext
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from modal import pair
+from modal.assembly import Rig, ratio_at, rig_of
+from modal.eigen import FORCE, TORQUE, Arithmetic, Digits
+from modal.scene import Scene
+from modal.statespace.model import fixed
+from modal.statespace.places import BASE, GROUND, PUSH, Place
+
+DIGITS, MOST = 80, 40
+"""Digits of D_modal, and most coordinates for which they are computed."""
+SWEEPS = 40
+
+
+def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -> Callable[[Arithmetic], Any]:
+    """The evaluation (p, m, W) of displacements for displacements and forces."""
+    rig = rig_of(scene)
+    base = any(one.what == BASE for one in given)
+    first = int(rig.cart is not None)
+    dampers = in_digits(fixed(scene) if base else scene)
+    if base and first:
+        dampers = _below(dampers, 1)
+    moved = [one.what == GROUND or (one.what == BASE and not first) for one in given]
+    prescribed = [one.what == BASE and first == 1 for one in given]
+
+    def evaluate(numbers: Arithmetic) -> Any:
+        links, M, K, D, joints, centres = assembled(rig, numbers)
+        square, omega, felt = numbers.omega * numbers.omega, numbers.omega, numbers.felt
+        D = D + numbers.exact(dampers)[..., None]
+        A = felt(K + numbers.imaginary(D) * omega - square * M)
+        zero = 0 * omega
+        momentum = (links.mass[:, None] * centres).sum(0) if not first else M[:, 0]
+        loads = (_load(links, one, first, len(M), centres) for one in given)
+        F = np.array([[zero + value for value in load] for load in loads]) + 0 * A[0, 0]
+        for k in range(len(given)):
+            F[k] = F[k] + square * momentum if moved[k] else F[k] - A[:, 0] if prescribed[k] else F[k]
+        q = np.array(F.swapaxes(0, 1))
+        held = int(base and first)
+        q[held:] = solved(A[held:, held:], F.swapaxes(0, 1)[held:], numbers)
+        if held:
+            q[0] = np.array([zero + int(one) for one in prescribed])
+        carried = np.array([zero + int(one) for one in moved])
+        return np.array([_output(links, row, first, q, carried, joints, centres, given, numbers) for row in read])
+
+    return evaluate
+
+
+def is_small(scene: Scene) -> bool:
+    """Whether D_modal of this scene can be computed in decimals in seconds."""
+    return scene.n_links + (scene.support.kind == "cart") <= MOST
+
+
+class Links:
+    """The links of all pendula in a row: numbers (n, 1), the pendulum of each and its first link."""
+
+    def __init__(self, rig: Rig, numbers: Arithmetic) -> None:
+        hung = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
+        self.sizes = [block.n for block, _ in hung]
+        self.firsts = np.cumsum([0, *self.sizes]).tolist()
+
+        def row(name: str) -> Any:
+            return numbers.number(np.concatenate([getattr(block, name)[:, column] for block, column in hung]))[:, None]
+
+        self.mass, self.length, self.centre, self.inertia = map(row, ("mass", "length", "centre", "inertia"))
+        self.sigma, self.stiffness, self.damping, self.drag = map(row, ("sigma", "stiffness", "damping", "drag"))
+
+    def own(self, pendulum: int) -> slice:
+        """The links of a pendulum."""
+        return slice(self.firsts[pendulum], self.firsts[pendulum + 1])
+
+
+def assembled(rig: Rig, numbers: Arithmetic) -> tuple[Links, Any, Any, Any, Any, Any]:
+    """The links, M, K and D without D_modal (n, n, 1), and the rows (links, n, 1) of lower joints and centres."""
+    links, first = Links(rig, numbers), int(rig.cart is not None)
+    size = first + len(links.mass)
+    zero = numbers.number(np.zeros((size, size, 1)))
+    M, K, D = zero + 0, zero + 0, zero + 0
+    joints, centres = zero[first:] + 0, zero[first:] + 0
+    joints[:, :first] = centres[:, :first] = numbers.number(1.0)
+    gravity = numbers.number(rig.gravity)
+    for p in range(len(links.sizes)):
+        own = links.own(p)
+        m, l, c, I, sigma = (part[own] for part in (links.mass, links.length, links.centre, links.inertia, links.sigma))
+        q = slice(own.start + first, own.stop + first)
+        ways = sigma[:, None] * sigma[None]
+        M[q, q] = np.array(pair.inertia_matrix(m, l, c, I)) * ways
+        b = np.array(pair.first_moments(m, l, c)) * sigma
+        if first:
+            M[0, q] = M[q, 0] = b
+            M[0, 0] = M[0, 0] + m.sum(0)
+        for i in range(len(m)):
+            at = q.start + i
+            K[at, at] = K[at, at] + gravity * b[i]
+            joints[own.start + i, q.start : at + 1] = (sigma * l)[: i + 1]
+            centres[own.start + i, q.start : at] = (sigma * l)[:i]
+            centres[own.start + i, at] = sigma[i] * c[i]
+            for S, strength in ((K, links.stiffness[own][i]), (D, links.damping[own][i])):
+                S[at, at] = S[at, at] + strength
+                if i:
+                    S[at - 1, at - 1] = S[at - 1, at - 1] + strength
+                    S[at, at - 1] = S[at, at - 1] - strength
+                    S[at - 1, at] = S[at - 1, at] - strength
+    if rig.cart is not None:
+        M[0, 0] = M[0, 0] + numbers.number(rig.cart.mass)
+        K[0, 0], D[0, 0] = numbers.number(rig.cart.stiffness), numbers.number(rig.cart.damping)
+    if any(block.drag.any() for block in rig.blocks):
+        D = D + (centres[:, :, None] * (links.drag[:, None] * centres)[:, None]).sum(0)
+    return links, M, K, D, joints, centres
+
+
+def _load(links: Links, one: Place, first: int, size: int, centres: Any) -> Any:
+    """The generalized force of an input, (n, 1)."""
+    found = 0 * centres[0]
+    if one.what == PUSH:
+        found[0] = found[0] + 1
+    elif one.what == FORCE:
+        return centres[links.firsts[one.pendulum] + one.link]
+    elif one.what == TORQUE:
+        at = first + links.firsts[one.pendulum] + one.link
+        found[at] = found[at] + 1
+        if one.link:
+            found[at - 1] = found[at - 1] - 1
+    return found
+
+
+def _output(
+    links: Links,
+    row: Place,
+    first: int,
+    q: Any,
+    carried: Any,
+    joints: Any,
+    centres: Any,
+    given: Sequence[Place],
+    numbers: Arithmetic,
+) -> Any:
+    """An output for every input, (m, W)."""
+    if row.what == "x":
+        return q[0] + carried if first else carried
+    at = links.firsts[row.pendulum] + row.link
+    if row.what == "joint":
+        return (joints[at][:, None] * q).sum(0) + carried
+    if row.what != "pivot_force":
+        above = q[first + at - 1] if row.what == "rel" and row.link else 0
+        return q[first + at] - above
+    own, omega = links.own(row.pendulum), numbers.omega
+    found = 0 * carried
+    for k in range(own.start, own.stop):
+        moved = (centres[k][:, None] * q).sum(0)
+        found = found + omega * omega * links.mass[k] * (moved + carried)
+        found = found - numbers.imaginary(links.drag[k]) * omega * moved
+    for k, one in enumerate(given):
+        if one.what == FORCE and one.pendulum == row.pendulum:
+            found[k] = found[k] + 1
+    return found
+
+
+def solved(A: Any, F: Any, numbers: Arithmetic) -> Any:
+    """A⁻¹ F (n, m, W) of a symmetric A (n, n, W), the last row first."""
+    A, F, size = np.array(A), np.array(F), len(A)
+    rows, diagonal = [], [A[k, k] for k in range(size)]
+    for k in range(size - 1, -1, -1):
+        P = numbers.pivot(A[k, k], diagonal[k])
+        row = numbers.felt(A[k, :k] / P)
+        A[:k, :k] = numbers.felt(A[:k, :k] - A[:k, k][:, None] * row)
+        F[:k] = numbers.felt(F[:k] - row[:, None] * F[k])
+        F[k] = numbers.felt(F[k] / P)
+        rows.append(row)
+    for k, row in enumerate(rows[::-1]):
+        if k:
+            F[k] = numbers.felt(F[k] - (row[:, None] * F[:k]).sum(0))
+    return F
+
+
+# ------------------------------------------------------------------------------------------------------- D_modal
+
+
+@lru_cache(maxsize=8)
+def in_digits(scene: Scene) -> Any:
+    """D_modal (n, n) in decimals."""
+    rig = rig_of(scene)
+    with localcontext(Context(prec=DIGITS)):
+        _, M, K, *_ = assembled(rig, Digits(np.ones(1), DIGITS, is_real=True))
+        free = int(rig.cart is not None and rig.cart.stiffness == 0)
+        M, K = M[..., 0], K[..., 0]
+        if free:
+            M, K = M[1:, 1:] - M[1:, :1] * M[:1, 1:] / M[0, 0], K[1:, 1:]
+        square, momentum = _modes(M, K)
+        swings = [k for k, value in enumerate(square) if value > 0]
+        omega = [square[k].sqrt() for k in swings]
+        ratios = ratio_at(rig)(np.array(omega, dtype=np.float64))
+        strength = [2 * Decimal(ratio) * value for ratio, value in zip(ratios.tolist(), omega, strict=True)]
+        C = momentum[:, swings]
+        return _below((C * np.array(strength, dtype=object)) @ C.T, free)
+
+
+def _below(D: Any, rows: int) -> Any:
+    """A square matrix with as many rows and columns of zeros before it."""
+    found = np.full((len(D) + rows,) * 2, Decimal(0), dtype=object)
+    found[rows:, rows:] = D
+    return found
+
+
+def _modes(M: Any, K: Any) -> tuple[list[Decimal], Any]:
+    """ω² of every mode with a mass and Mφ (n, R), φᵀMφ = 1; of a singular M from the factors of K."""
+    L = _cholesky(M)
+    if L is not None:
+        square, V = _jacobi(_in_factors(L, K))
+        return square, L @ V
+    L = _cholesky(K)
+    assert L is not None
+    inverse, V = _jacobi(_in_factors(L, M))
+    kept = [k for k, value in enumerate(inverse) if value > max(inverse).scaleb(-DIGITS // 2)]
+    roots = np.array([inverse[k].sqrt() for k in kept], dtype=object)
+    return [1 / inverse[k] for k in kept], (L @ V[:, kept]) * roots
+
+
+def _cholesky(S: Any) -> Any:
+    """L with LLᵀ = S; None where S is singular to half the digits."""
+    L = np.array(S)
+    for k in range(len(L)):
+        L[k, k + 1 :] = Decimal(0)
+        square = L[k, k] - (L[k, :k] * L[k, :k]).sum()
+        if square <= abs(S[k, k]).scaleb(-DIGITS // 2):
+            return None
+        L[k, k] = square.sqrt()
+        L[k + 1 :, k] = (L[k + 1 :, k] - (L[k + 1 :, :k] * L[k, :k]).sum(1)) / L[k, k]
+    return L
+
+
+def _in_factors(L: Any, S: Any) -> Any:
+    """L⁻¹ S L⁻ᵀ."""
+    return _forward(L, _forward(L, S).T)
+
+
+def _forward(L: Any, S: Any) -> Any:
+    found = np.array(S)
+    for k in range(len(L)):
+        found[k] = (found[k] - (L[k, :k, None] * found[:k]).sum(0)) / L[k, k]
+    return found
+
+
+def _jacobi(S: Any) -> tuple[list[Decimal], Any]:
+    """Eigenvalues and eigenvectors of a symmetric S."""
+    S, size = (S + S.T) / 2, len(S)
+    V: Any = np.frompyfunc(Decimal, 1, 1)(np.eye(size))
+    for _ in range(SWEEPS):
+        turned = False
+        for i in range(size):
+            for j in range(i + 1, size):
+                if abs(S[i, j]) <= (abs(S[i, i] * S[j, j])).sqrt().scaleb(3 - DIGITS):
+                    continue
+                turned = True
+                tau = (S[j, j] - S[i, i]) / (2 * S[i, j])
+                t = (1 if tau >= 0 else -1) / (abs(tau) + (1 + tau * tau).sqrt())
+                c = 1 / (1 + t * t).sqrt()
+                s = c * t
+                S[i], S[j] = c * S[i] - s * S[j], s * S[i] + c * S[j]
+                S[:, i], S[:, j] = c * S[:, i] - s * S[:, j], s * S[:, i] + c * S[:, j]
+                V[:, i], V[:, j] = c * V[:, i] - s * V[:, j], s * V[:, i] + c * V[:, j]
+        if not turned:
+            break
+    return [S[k, k] for k in range(size)], V

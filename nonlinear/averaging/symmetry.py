@@ -1,0 +1,128 @@
+"""Copies of a motion: equal pendula exchanged, and the phase of every band shifted.
+
+All pendula hang from one support, so that a motion in which equal ones have exchanged their parts is a motion too, and
+averaged equations do not know phases common to a band:
+
+    z' = e^{iφ_b} Φ⁻¹ P Φ z
+
+is as good a state as z, for every permutation P of equal pendula.  The two splay states of three equal metronomes are
+such copies.  A mirror image θ → −θ, x → −x is the motion itself, half a swing later.
+
+A motion is compared pendulum by pendulum: one that swings widest is brought to each pendulum that could have its part,
+which gives the φ_b, and the others are assigned to it as well as they fit.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import factorial, prod
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from modal.scene import Scene
+from modal.types import Booleans, Complexes, Floats, Ints
+from nonlinear.averaging.equations import AveragedEquations
+
+MOST_IMAGES = 24  # pendula tried as the image of the widest
+EQUAL = 1e-3  # difference over the widest amplitude below which two pendula do the same
+
+
+@lru_cache(maxsize=16)
+def kinds(scene: Scene) -> Ints:
+    """The number of the first pendulum that each is equal to but for its start, from 0, (N,)."""
+    bare = [one.replace(start=None, count=1) for one in scene.pendulum]
+    first = np.cumsum([0, *(one.count for one in scene.pendulum)])
+    return np.concatenate(
+        [np.full(one.count, first[bare.index(own)]) for one, own in zip(scene.pendulum, bare, strict=True)]
+    )
+
+
+def exchanged(averaged: AveragedEquations, z: Complexes, order: Ints) -> Complexes:
+    """Amplitudes (C,) of the motion in which pendulum p does what pendulum `order[p]` does in z (C,)."""
+    q = averaged.shapes @ z
+    first, places = int(averaged.system.cart is not None), _places(averaged)
+    moved = q.copy()
+    for p, source in enumerate(order):
+        moved[first + places[p]] = q[first + places[source]]
+    return np.asarray(averaged.dual.T @ moved)
+
+
+def spread_evenly(averaged: AveragedEquations, z: Complexes) -> Complexes:
+    """Amplitudes (C,) of pendula that swing as wide as in z (C,), one after the other in time."""
+    first, places = int(averaged.system.cart is not None), _places(averaged)
+    links = averaged.link_shapes @ z
+    for p, place in enumerate(places):
+        lead = links[place][np.abs(links[place]).argmax()]
+        links[place] *= np.exp(2j * np.pi * p / len(places) - 1j * np.angle(lead))
+    return np.asarray(links @ averaged.dual[first:])
+
+
+def overlap(averaged: AveragedEquations, one: Complexes, z: Complexes) -> Floats:
+    """How alike amplitudes z (C, S) are to `one` (C,), but for size and the phase of each band: from 0 to 1, (S,)."""
+    weights = averaged.omega**2
+    own = ((weights * one.conj())[:, None] * z)[None] * averaged.member[..., None]
+    whole = np.sqrt(np.sum(weights * np.abs(one) ** 2) * (weights @ np.abs(z) ** 2))
+    alike = np.abs(own.sum(axis=1)).sum(axis=0)
+    return np.asarray(np.divide(alike, whole, out=np.zeros_like(whole), where=whole > 0))
+
+
+def order_of(averaged: AveragedEquations, one: Complexes, z: Complexes) -> Ints:
+    """The exchange of equal pendula (N,) that makes z (C,) as like `one` (C,) as possible."""
+    own, other = _by_pendulum(averaged, one), _by_pendulum(averaged, z)
+    kind = kinds(averaged.scene)
+    best, order = -np.inf, np.arange(len(kind))
+    for turn in _turns(own, other, kind):
+        gain = np.einsum("pnb,qnb->pq", own.conj(), other * turn).real
+        rows, columns = linear_sum_assignment(np.where(kind[:, None] == kind, gain, -1e9 * np.abs(gain).max()), True)
+        if (total := float(gain[rows, columns].sum())) > best:
+            best, order = total, columns
+    return order
+
+
+def count_copies(averaged: AveragedEquations, z: Complexes) -> int:
+    """How many different motions the exchanges of equal pendula make of z (C,): N! over those that change nothing."""
+    kind, own = kinds(averaged.scene), _by_pendulum(averaged, z)
+    alike = _alike(own, own, kind)
+    same = np.unique(alike, axis=0).sum(axis=1).tolist()
+    distinct: list[Complexes] = []
+    for turn in _turns(own, own, kind, most=len(kind)):
+        if all(np.abs(turn - other).max() > EQUAL for other in distinct):
+            matched = _alike(own, own * turn, kind)
+            if np.array_equal(np.sort(matched.sum(axis=0)), np.sort(alike.sum(axis=0))) and matched.any(axis=0).all():
+                distinct.append(turn)
+    every = prod(factorial(int(count)) for count in np.unique(kind, return_counts=True)[1])
+    return every // (max(len(distinct), 1) * prod(map(factorial, same)))
+
+
+def _turns(own: Complexes, other: Complexes, kind: Ints, most: int = MOST_IMAGES) -> list[Complexes]:
+    """The factors e^{−iφ_b} (B,) that bring the images of the pendulum that swings widest to its phases."""
+    size = np.abs(own).max(axis=(1, 2))
+    widest = int(size.argmax())
+    images = np.flatnonzero(kind == kind[widest])
+    images = images[np.argsort(np.abs(np.abs(other).max(axis=(1, 2))[images] - size[widest]), kind="stable")][:most]
+    shifts = (np.sum(own[widest] * other[image].conj(), axis=0) for image in images)
+    return [np.where(np.abs(shift) > 0, shift / np.maximum(np.abs(shift), 1e-300), 1.0) for shift in shifts]
+
+
+def _alike(own: Complexes, other: Complexes, kind: Ints) -> Booleans:
+    """Which pendula of one kind do the same in two motions, (N, N)."""
+    apart = np.abs(own[:, None] - other[None]).max(axis=(2, 3))
+    return np.asarray((apart <= EQUAL * np.abs(own).max()) & (kind[:, None] == kind))
+
+
+def _places(averaged: AveragedEquations) -> list[Ints]:
+    """The links of every pendulum from top to bottom."""
+    found: dict[int, Ints] = {}
+    for group in averaged.system.groups:
+        found.update(zip(group.pendula.tolist(), group.index.T, strict=True))
+    return [found[p] for p in range(len(found))]
+
+
+def _by_pendulum(averaged: AveragedEquations, z: Complexes) -> Complexes:
+    """Complex angles (rad) of every link in every band, (N, n, B), 0 beyond the last link of a pendulum."""
+    links, places = averaged.link_shapes @ (z[:, None] * averaged.member.T), _places(averaged)
+    found = np.zeros((len(places), max(map(len, places)), links.shape[1]), dtype=complex)
+    for p, place in enumerate(places):
+        found[p, : len(place)] = links[place]
+    return found

@@ -1,0 +1,168 @@
+"""What happens to the stability of a branch between two of its orbits.
+
+Two pairs of multipliers may collide and part again within one step, so that both ends are stable and orbits between
+them are not: a bubble of instability, as narrow as the coupling of the pairs is weak.  The margins of `floquet` see
+it as they dip below 0.  The map of disturbances itself has no narrow feature: it changes smoothly along the branch,
+and Lagrange's polynomials through the orbits nearby give it between them, with the difference of two orders as its
+doubt.  Where the margins of that map less their doubt fall below 0, the orbit there is computed, and the search goes
+on beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modal.errors import ComputationError
+from modal.types import Floats
+from nonlinear.orbits.continuation import Point, Problem, between
+from nonlinear.orbits.floquet import Map
+
+FINE, COARSE = 6, 4  # orbits through which the two polynomials pass
+APART = 0.2  # of an interval: how near each other these may be
+LOOKS, ZOOMS = 24, 3  # places in an interval, and in turn about the lowest of them
+NEAR = 0.1  # of a value at such a place, below which the minimum beside it is looked at
+MOST = 12  # orbits computed between two of a branch
+SHORTEST = 1e-4  # of an interval
+FIRM = 1.0  # below −FIRM at both ends, a margin is taken to stay negative between them
+ALIKE = 1e-10  # squared distance below which two pairs are the same: those of equal pendula
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """An orbit at a length along the branch; `kept` where it belongs to it."""
+
+    length: float
+    point: Point
+    kept: bool = True
+
+    @property
+    def map(self) -> Map:
+        """The map of disturbances."""
+        return self.point.orbit.floquet.map
+
+
+def resolved(problem: Problem, points: Sequence[Point]) -> list[Point]:
+    """The points of a branch and those between them whose orbits differ in stability from both neighbours."""
+    if len(points) < 2:
+        return list(points)
+    nodes = [Node(length, here) for length, here in zip(_lengths(points), points, strict=True)]
+    for one, other in pairwise(tuple(nodes)):
+        _search(problem, nodes, one, other)
+    return [node.point for node in nodes if node.kept]
+
+
+def _lengths(points: Sequence[Point]) -> Iterator[float]:
+    length = 0.0
+    yield length
+    for one, other in pairwise(points):
+        length += _arc(one, other)
+        yield length
+
+
+def _arc(one: Point, other: Point) -> float:
+    """The length of the branch between two points, from their distance and the angle between their tangents."""
+    turn = float(np.arccos(np.clip(one.tangent @ other.tangent, -1, 1)))
+    return float(np.linalg.norm(other.u - one.u)) * (1 + turn**2 / 24)
+
+
+def _search(problem: Problem, nodes: list[Node], first: Node, last: Node) -> None:
+    """Add to the nodes, in order, those between two of them that the search computes."""
+    left = MOST
+    waiting = [(first, last)]
+    while waiting and left:
+        one, other = waiting.pop()
+        part = None if _stays(one.map, other.map) else _lowest(nodes, one, other)
+        if part is None:
+            continue
+        left -= 1
+        try:
+            found = between(problem, one.point, other.point, part)
+        except ComputationError:
+            continue
+        before, after = _arc(one.point, found), _arc(found, other.point)
+        here = found.orbit.floquet.map.is_within
+        agree = one.map.is_within == other.map.is_within
+        kept = bool(np.any(agree & (here != one.map.is_within)))
+        node = Node(one.length + (other.length - one.length) * before / (before + after), found, kept)
+        nodes.insert(nodes.index(other), node)
+        waiting += [(one, node), (node, other)]
+
+
+def _lowest(nodes: Sequence[Node], one: Node, other: Node) -> float | None:
+    """The part of the way to an orbit at which a margin, of one sign at both ends, may have the other; else None."""
+    agree = (one.map.is_within == other.map.is_within) & ~_alike(one.map, other.map)
+    sign = np.where(one.map.is_within, 1.0, -1.0)
+    chosen = _spread(nodes, one, other)
+
+    def margins(parts: Floats) -> tuple[Floats, Floats]:
+        """Those of the polynomials at parts (P,) of the way, by sign, and their doubts, (P, m)."""
+        at = one.length + parts * (other.length - one.length)
+        fine, coarse = (_interpolated(chosen[:most], at) for most in (FINE, min(COARSE, max(2, len(chosen) - 1))))
+        return sign * fine, np.abs(fine - coarse) if one.map.conservative else np.zeros_like(fine)
+
+    parts = np.linspace(0.0, 1.0, LOOKS + 1)
+    found, doubt = margins(parts)
+    for which in np.flatnonzero(agree):
+        for at in _dips(found[:, which], doubt[:, which]):
+            near, low, unsure = parts[at], found[at, which], doubt[at, which]
+            width = 1 / LOOKS
+            for _ in range(ZOOMS):
+                closer = np.clip(near + np.linspace(-width, width, LOOKS + 1), 0.0, 1.0)
+                values, doubts = (each[:, which] for each in margins(closer))
+                here = int(values.argmin())
+                near, low, unsure, width = closer[here], values[here], doubts[here], 2 * width / LOOKS
+            if low - unsure < -one.map.doubt[which] and SHORTEST < near < 1 - SHORTEST:
+                return float(near)
+    return None
+
+
+def _stays(one: Map, other: Map) -> bool:
+    """Whether the orbits between are unstable for sure, or have no disturbances."""
+    return not len(one.margins) or bool(np.any((one.margins < -FIRM) & (other.margins < -FIRM)))
+
+
+def _alike(one: Map, other: Map) -> NDArray[np.bool_]:
+    """Which margins are those of two pairs that are the same along the branch."""
+    same = np.maximum(np.abs(one.margins), np.abs(other.margins)) < ALIKE
+    same[:2] = False
+    return np.asarray(same)
+
+
+def _dips(values: Floats, doubt: Floats) -> Iterator[int]:
+    """Where values (P,) have a minimum that may lie below 0, by the parabola through it and its neighbours."""
+    before, here, after = values[:-2], values[1:-1], values[2:]
+    bend = before - 2 * here + after
+    for at in np.flatnonzero((here <= before) & (here <= after) & (bend > 0)):
+        low = here[at] - (after[at] - before[at]) ** 2 / (8 * bend[at])
+        if low - doubt[at + 1] < NEAR * here[at]:
+            yield int(at) + 1
+
+
+def _spread(nodes: Sequence[Node], one: Node, other: Node) -> list[Node]:
+    """Both ends and the nodes nearest to them, at most FINE, none too near another."""
+    middle, least = (one.length + other.length) / 2, APART * (other.length - one.length)
+    found = [one, other]
+    for node in sorted(nodes, key=lambda each: abs(each.length - middle)):
+        if len(found) == FINE:
+            break
+        if all(abs(node.length - each.length) >= least for each in found):
+            found.append(node)
+    return found
+
+
+def _interpolated(nodes: Sequence[Node], lengths: Floats) -> Floats:
+    """The margins (P, m) of the map between the nodes at these lengths along the branch (P,)."""
+    x = np.array([node.length for node in nodes])
+    weights = np.array([np.prod([(lengths - b) / (a - b) for b in x if b != a], axis=0) for a in x])
+    M, right, left = (
+        np.tensordot(weights.T, np.array([getattr(node.map, name) for node in nodes]), 1)
+        for name in ("M", "right", "left")
+    )
+    kind = nodes[0].map
+    parts = zip(M, right, left, strict=True)
+    return np.array([replace(kind, M=m, right=r, left=l).margins for m, r, l in parts])

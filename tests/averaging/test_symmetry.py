@@ -1,0 +1,139 @@
+"""Copies of steady motions by exchange of equal pendula, against every permutation tried one by one."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from modal.scene import Scene, scene_from
+from modal.types import Complexes, Ints
+from nonlinear.averaging import RelativeEquilibrium, average, likeness, relative_equilibria, relative_equilibrium, same
+from nonlinear.averaging.symmetry import count_copies, exchanged, kinds
+from nonlinear.ensembles import ensemble
+from nonlinear.system import State
+
+LENGTHS = (0.249044, 0.249067, 0.250278)
+DRIVES = ((0.0005169, 0.003671), (0.000517, 0.003672), (0.0005208, 0.003699))
+
+
+def metronomes(
+    lengths: tuple[float, ...], numbers: tuple[tuple[float, float], ...], mass: float = 17.0, angle: float = 10.0
+) -> Scene:
+    """Bobs with van der Pol drives on a cart with a damper."""
+    drive = {"kind": "van-der-pol", "angle_deg": angle}
+    link = {"kind": "bob", "mass": 0.664}
+    pendula = [
+        {"links": [{**link, "length": length, "damping": damping, "drive": {**drive, "strength": strength}}]}
+        for length, (damping, strength) in zip(lengths, numbers, strict=True)
+    ]
+    return scene_from(
+        {"gravity": 9.81, "support": {"kind": "cart", "mass": mass, "damping": 0.51}, "pendulum": pendula}
+    )
+
+
+@cache
+def equal(count: int) -> tuple[RelativeEquilibrium, ...]:
+    return relative_equilibria(average(metronomes((0.25,) * count, ((0.0005, 0.00367),) * count)))
+
+
+def splay(states: tuple[RelativeEquilibrium, ...]) -> RelativeEquilibrium:
+    """The stable state of three pendula a third of a swing apart."""
+    return next(
+        one for one in states if one.is_stable and np.ptp(np.abs(links(one))) < 1e-6 and abs(links(one).sum()) < 0.1
+    )
+
+
+def links(one: RelativeEquilibrium) -> Complexes:
+    return np.asarray(one.averaged.link_shapes @ one.z)
+
+
+def counted(states: Complexes) -> int:
+    """How many of these rows (S, N) differ by more than a common phase."""
+    found: list[Complexes] = []
+    for row in states:
+        if all(abs(abs(np.vdot(row, other)) - np.linalg.norm(row) * np.linalg.norm(other)) > 1e-7 for other in found):
+            found.append(row)
+    return len(found)
+
+
+def test_equal_pendula_are_told_from_others() -> None:
+    bob = {"kind": "bob", "mass": 1.0, "length": 1.0}
+    other = {**bob, "length": 1.1}
+    pendula = [{"links": [bob]}, {"links": [other], "count": 2}, {"links": [bob], "start": {"angles_deg": [3.0]}}]
+    assert kinds(scene_from({"gravity": 9.81, "pendulum": pendula})).tolist() == [0, 1, 1, 0]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_copies_are_those_that_all_permutations_make(seed: int) -> None:
+    averaged, random = equal(4)[0].averaged, np.random.default_rng(seed)
+    phases = random.choice([1.0, 1j, -1.0, -1j], 4)
+    own = phases * random.choice([0.1, 0.2], 4)
+    rows = np.array([own[list(order)] for order in permutations(range(4))])
+    z = averaged.dual.T @ np.concatenate(([0.0], own))
+    assert count_copies(averaged, z) == counted(rows)
+
+
+def test_both_splay_states_are_one_that_has_two_copies() -> None:
+    one = splay(equal(3))
+    copies = [exchanged(one.averaged, one.z, np.array(order)) for order in permutations(range(3))]
+    assert one.copies == counted(np.array([one.averaged.link_shapes @ z for z in copies])) == 2
+    random = np.random.default_rng(3)
+    turned = [z * np.exp(1j * random.uniform(0, 6.0)) for z in copies]
+    assert np.allclose(likeness(one, np.array(turned).T), 1.0, atol=1e-9)
+    again = [relative_equilibrium(one.averaged, z) for z in turned]
+    assert all(
+        state and np.allclose(state.z, z, atol=1e-7) and same(one, state)
+        for state, z in zip(again, turned, strict=True)
+    )
+    assert not any(same(one, other) for other in equal(3) if other is not one)
+
+
+@pytest.mark.slow
+def test_unequal_pendula_have_both_states_listed() -> None:
+    """Two attractors of equal energies by rows and nearly equal growth: 20.1, 18.1, 17.3° and 18.2, 20.1, 17.2°."""
+    found = relative_equilibria(average(metronomes(LENGTHS, DRIVES, 17.4823, 10.06)))
+    states = [one for one in found if one.is_stable]
+    spread = [np.rad2deg(np.abs(links(one))) for one in states if abs(links(one).sum()) < 0.1]
+    assert len(spread) == 2
+    first, second = sorted(spread, key=lambda angles: -angles[0])
+    assert first == pytest.approx([20.1, 18.1, 17.3], abs=0.06)
+    assert second == pytest.approx([18.2, 20.1, 17.2], abs=0.06)
+    assert not same(*[one for one in states if abs(links(one).sum()) < 0.1])
+
+
+def started(one: RelativeEquilibrium, order: Ints, turn: float) -> State:
+    """A state on a copy of the motion, which the full equations keep but for the error of averaging."""
+    averaged = one.averaged
+    z = exchanged(averaged, one.z, order) * np.exp(1j * turn)
+    q, v = (averaged.shapes @ z).real, (averaged.shapes @ (1j * one.omega * z)).real
+    return State(q[1:], v[1:], float(q[0]), float(v[0]))
+
+
+@pytest.mark.slow
+def test_an_ensemble_recognizes_every_copy() -> None:
+    one = splay(equal(3))
+    starts = [started(one, np.array(order), 0.7) for order in permutations(range(3))]
+    found = ensemble(one.averaged.scene, 6.0, starts=starts, measures=["configuration"], engine="numpy")
+    assert found.to_dict()["configuration"].tolist() == [1.0] * len(starts)
+
+
+def test_members_of_a_family_are_one_state_and_recognized_by_their_energies() -> None:
+    """Four equal metronomes in antiphase: two pairs, at any angle to each other."""
+    family = next(one for one in equal(4) if one.is_family)
+    averaged = family.averaged
+    size = np.abs(links(family)).mean()
+    pairs = [size * np.array([1, -1, turn, -turn]) for turn in np.exp(1j * np.array([0.3, 1.0, 1.5]))]
+    z = np.array(
+        [
+            averaged.dual.T @ np.concatenate(([0.0], own[list(order)]))
+            for own in pairs
+            for order in ((0, 1, 2, 3), (0, 2, 1, 3))
+        ]
+    )
+    assert family.copies == 1
+    assert np.all(likeness(family, z.T) > 0.99)
+    upright = next(one for one in equal(4) if not one.is_family)
+    assert np.all(likeness(upright, z.T) < 0.1)

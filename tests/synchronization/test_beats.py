@@ -1,0 +1,178 @@
+"""Clocks that beat for ever where averaged equations let one mode win, and joints with dry friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from math import pi
+
+import numpy as np
+import pytest
+
+from modal.modes import natural_modes
+from modal.scene import Scene, scene_from
+from modal.scene.parameters import parse_variations
+from nonlinear.averaging import average, predict, relative_equilibria
+from nonlinear.averaging.prediction import WEAK, fastest
+from nonlinear.synchronization import (
+    Survival,
+    SynchronizationStudy,
+    follow_branches,
+    study_synchronization,
+    sync_record,
+)
+from nonlinear.synchronization.certificates import certified, uncertified
+
+pytestmark = pytest.mark.xdist_group("beats")  # several tests look at one study
+
+
+def clocks(*angles: float) -> Scene:
+    """Two clocks, of which one starts below the angle of its escapement, 2°, or not."""
+    numbers = ((0.250137, 0.008013, 0.001757), (0.250379, 0.006071, 0.001332))
+    pendula = [
+        {
+            "links": [
+                {
+                    "kind": "bob",
+                    "mass": 1.59,
+                    "length": length,
+                    "damping": damping,
+                    "drive": {"kind": "escapement", "impulse": impulse, "angle_deg": 2.0},
+                }
+            ],
+            "start": {"angles_deg": [angle]},
+        }
+        for angle, (length, damping, impulse) in zip(angles, numbers, strict=True)
+    ]
+    return scene_from({"gravity": 9.81, "support": {"kind": "cart", "mass": 7.4556}, "pendulum": pendula})
+
+
+def rubbing(**numbers: float) -> Scene:
+    """A metronome with dry friction in its joint."""
+    drive = {"kind": "van-der-pol", "strength": 0.03, "angle_deg": 5.0}
+    link = {"kind": "bob", "mass": 1.0, "length": 0.5, "damping": 0.005, "drive": drive, **numbers}
+    return scene_from({"gravity": 9.81, "pendulum": [{"links": [link], "start": {"angles_deg": [6.0]}}]})
+
+
+@cache
+def beat() -> SynchronizationStudy:
+    return study_synchronization(clocks(-1.54, -8.81), 160.0, output=6401)
+
+
+@pytest.mark.slow
+def test_a_clock_below_its_angle_is_a_doubt() -> None:
+    """The reach at the start is the smaller angle over that of the escapement, and a beat passes below it."""
+    low = predict(clocks(-1.54, -8.81))
+    assert low.motion.reach <= 1.54 / 2
+    assert low.doubts_of_start
+    high = predict(clocks(8.0, 8.81))
+    assert high.motion.reach > 3
+    assert high.certain
+
+
+def test_the_reach_is_the_least_envelope_of_a_beat() -> None:
+    """Two free modes whose sum is small at times, against the sum itself at many times."""
+    found = average(clocks(8.0, 2.0))
+    turns = found.link_shapes.T[:, :, None] * np.array([0.03, 0.025])[:, None, None]
+    beats = np.exp(1j * np.subtract.outer(found.omega, found.omega[:1])[:, :1] * np.linspace(0, 20.0, 4001))
+    envelope = np.abs(np.einsum("cjt,ct->jt", turns * np.ones(4001), beats)).min(axis=0) / np.deg2rad(2.0)
+    z = np.array([0.03, 0.025])[:, None] * beats
+    assert found.reach(z) == pytest.approx(envelope, rel=1e-12)
+
+
+@pytest.mark.slow
+def test_agreement_asks_for_the_share() -> None:
+    found = beat()
+    assert found.theory is not None
+    assert found.survival is not None
+    assert found.leads
+    assert found.theory.prediction.share > 0.99
+    assert found.survival.survivor_share < 0.7
+    assert found.agrees is False
+    assert found.theory.prediction.doubts_of_start
+
+
+@pytest.mark.slow
+def test_a_beat_is_named_with_the_two_lines_of_its_spectrum() -> None:
+    found = beat()
+    assert found.survival is not None
+    places = list(found.survival.beating)
+    assert found.survival.row[places].tolist() == [3, 2]
+    assert found.survival.late_share[places].sum() == pytest.approx(1.0, abs=1e-3)
+    times, angles = found.trajectory.times, found.trajectory.motion.links
+    late = times > 60
+    spectrum = np.abs(np.fft.rfft(angles[late, 0] * np.hanning(late.sum())))
+    lines = 2 * pi * np.fft.rfftfreq(late.sum(), times[1] - times[0])
+    peaks = np.flatnonzero((spectrum[1:-1] > spectrum[:-2]) & (spectrum[1:-1] > spectrum[2:])) + 1
+    strongest = sorted(lines[peaks[np.argsort(-spectrum[peaks])[:2]]])
+    assert sorted(found.survival.omega[places]) == pytest.approx(strongest, abs=0.05)
+
+
+def survival(*frequencies: float, drift: float = 0.0) -> Survival:
+    """Modes with equal energies at these frequencies, that of the first growing or falling."""
+    scene = clocks(1.0, 1.0).conservative
+    count = len(frequencies)
+    energy = np.ones((400, count))
+    energy[:, 0] += drift * np.linspace(0, 8, 400)
+    rows = np.arange(1, count + 1)
+    return Survival(scene, np.linspace(0, 100, 400), natural_modes(scene), rows, energy, np.array(frequencies))
+
+
+def test_a_beat_has_frequencies_of_its_own_and_lasts() -> None:
+    assert survival(6.2, 7.4).beating
+    assert not survival(6.2, 6.2).beating
+    assert not survival(2.0, 6.0).beating
+    assert not survival(6.2, 7.4, drift=-0.1).beating
+    one = survival(6.2, 7.4)
+    assert not replace(one, energy=one.energy * [1.0, 0.01]).beating
+
+
+def test_friction_is_predicted_without_certificates() -> None:
+    """The amplitude by the energy of a swing, (e − d) a/2 − e a³/8 γ² = 2 M/πω; no orbit is looked for."""
+    scene = rubbing(friction=0.001)
+    (one,) = relative_equilibria(average(scene))
+    a, omega = average(scene).largest(one.z), one.omega
+    fed = (0.03 - 0.005) * a / 2 - 0.03 / np.deg2rad(5.0) ** 2 * a**3 / 8
+    assert fed == pytest.approx(2 * 0.001 / (pi * omega), rel=0.02)
+    assert certified(scene, one) is None
+    assert uncertified(scene)
+    assert not uncertified(rubbing())
+
+
+def test_slow_drives_with_friction_are_slow() -> None:
+    """The rate of small swings is that of drive and damper, (e − d)/2ml²; friction has none."""
+    found = average(rubbing(friction=0.001))
+    assert fastest(found) == pytest.approx((0.03 - 0.005) / (2 * 0.25) / found.omega[0], rel=1e-3)
+    assert fastest(found) < WEAK
+
+
+@pytest.mark.parametrize("force", [{"friction": 0.001}, {"drag": 0.001}, {"quadratic_drag": 0.001}])
+def test_a_study_takes_every_force(force: dict[str, float]) -> None:
+    found = study_synchronization(rubbing(**force), 3.0)
+    assert (found.theory is None) == ("quadratic_drag" in force)
+    assert bool(found.silent) == (found.theory is None)
+    if found.theory:
+        assert found.theory.orbits == (None,)
+        assert found.theory.uncertified
+        assert found.theory.ending is None
+    assert sync_record(found)["simulation"]["duration_s"] == 3.0
+
+
+def test_a_swing_that_friction_stops_dies_out() -> None:
+    """A drive too weak for the friction at any amplitude; the swing ends after a finite time, not exponentially."""
+    scene = rubbing(friction=0.001)
+    link = scene.pendulum[0].links[0]
+    weak = scene.replace(
+        pendulum=(scene.pendulum[0].replace(links=[link.replace(drive=link.drive.replace(strength=0.008))]),)
+    )
+    assert predict(weak).motion.dies
+    assert not relative_equilibria(average(weak))
+
+
+@pytest.mark.slow
+def test_branches_with_friction_have_no_exact_values() -> None:
+    """The swing dies out where the drive is too weak for the friction, and no orbit tells where."""
+    variation = parse_variations(["pendulum[0].links[0].drive.strength=0.008:0.02:3"])[0]
+    found = follow_branches(rubbing(friction=0.001), variation)
+    assert found.changes
+    assert set(found.located) == {None}
