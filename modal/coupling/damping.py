@@ -174,17 +174,18 @@ def _mode(rig: Rig, part: Part, omega: float, ratio: float, shapes: _Shapes, dri
     """φᵀDφ/2E by its sources, φᵀeφ/2E and φᵀFφ/2E, in the vectors that make D diagonal; drag and ζω come last."""
     turns, damping, drive, top = _relative(rig, part, shapes, driven)
     scale = 1 / np.sqrt(2 * shapes.modal_mass)
-    turns, cart = turns * scale, shapes.cart * scale
+    turns, moved = turns * scale, shapes.cart * scale
     parts = (
-        np.outer(cart, cart) * (rig.cart.damping if rig.cart else 0.0),
+        np.outer(moved, moved) * (rig.cart.damping if rig.cart else 0.0),
         (turns.T * damping) @ turns,
         (turns.T * drive) @ turns,
         (turns.T * top) @ turns,
         _dragged(rig, part, shapes, scale),
     )
     vectors = np.linalg.eigh(parts[0] + parts[1] + parts[-1])[1]
-    rates = (np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts)
-    return _Mode(part, omega, part.still or not shapes.cart.any(), *rates, np.full(len(scale), ratio * omega))
+    cart, joints, drives, fed, drag = (np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts)
+    still, modal = part.still or not shapes.cart.any(), np.full(len(scale), ratio * omega)
+    return _Mode(part, omega, still, cart, joints, drives, fed, drag, modal)
 
 
 def _dragged(rig: Rig, part: Part, shapes: _Shapes, scale: Floats) -> Floats:
