@@ -205,8 +205,8 @@ COMMANDS = (
         run=section,
         arguments=_section_arguments,
         details=(
-            "Motions with one energy start at random on the section, and each crossing is recorded: closed curves are "
-            "regular motion, clouds chaos."
+            "Motions with one energy start at random on the section, and each crossing is recorded, the start among "
+            "them: closed curves are regular motion, clouds chaos."
         ),
         examples=(
             ("section chain-2 --energy 10 --orbits 6 --duration 20 -o section.png", "a double pendulum at 10 J"),
@@ -221,7 +221,8 @@ COMMANDS = (
         details=(
             "Numbers are drawn within their tolerances, given as standard deviations or as intervals, or from the "
             "covariance of a fit. Reported are "
-            "quantiles of every frequency, with --duration bands of the motion, and which number matters most."
+            "quantiles of every frequency, with --duration bands of the motion, and which number matters most. In "
+            "--format csv each line is a member, with its angles at every sample of the motion."
         ),
         examples=(
             (

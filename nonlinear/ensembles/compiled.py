@@ -38,7 +38,7 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     """Members with these numbers from y (size, S) on; MissingExtraError without numba."""
     lanes = Lanes(numbers)
     task, scale, local = task_of(lanes, numbers, y, wanted)
-    watches = watches_of(lanes.layout, y, wanted)
+    watches = watches_of(lanes, numbers, y, wanted)
     ran = integrate(task, scale, local, watches, grows=True)
     found = watches.found(Found(ran.y, ran.error, ran.horizon, ran.reasons))
     if wanted.stretching:

@@ -17,6 +17,7 @@ from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from tempfile import mkdtemp
+from threading import Lock
 from types import ModuleType
 from typing import Any
 
@@ -24,18 +25,20 @@ from scipy.integrate import DOP853
 
 from modal.scene import whole_file
 from nonlinear.dynamics import Lanes, undisturbed
-from nonlinear.integration.watches import ASIDE, UNKNOWN
+from nonlinear.integration.watches import ASIDE, ROUNDING, UNKNOWN
 
 COMPILING = "Compiling the equations of this form, which takes some ten seconds; the result is saved for later runs."
+MAKING = Lock()
 WIDTH, ROWS = 16, 8  # lanes; numbers of each beside those of its links
 HEAD = '''"""Written by multipendula, which writes it again if it is changed."""
 from math import floor, log, sqrt
 from numpy import isfinite, spacing
 from modal.eigen.compiling import vectorized
 
-D, HALF, FIRST, CONSTANTS, WIDTH, TURN = {size}, {half}, {first}, {constants}, {width}, 6.283185307179586
+D, HALF, FIRST, CONSTANTS, WIDTH = {size}, {half}, {first}, {constants}, {width}
+TOP, TURN = 3.141592653589793, 6.283185307179586
 T, H, REFUSED, FRESH, DUE, LARGEST, ERROR, HORIZON, TURNED = range(9)
-ASIDE, UNKNOWN = {aside!r}, {unknown!r}
+ASIDE, ROUNDING, UNKNOWN = {aside!r}, {rounding!r}, {unknown!r}
 
 
 @vectorized
@@ -92,27 +95,35 @@ def load(k, member, task, front, y, c, rel, ab, sc, loc, v):
 
 
 @vectorized
-def happens(k, y, z, h, front, times, wants, level):
+def reach(k, i, y, z, K, h):
+    low, high = min(y[i, k], z[i, k]), max(y[i, k], z[i, k])
+    slow, fast = K[0, i, k], K[0, i, k]
+    for j in range(1, 13):
+        slow, fast = min(slow, K[j, i, k]), max(fast, K[j, i, k])
+    if slow < 0.0 and fast > 0.0:
+        beyond = 0.5 * h * max(-slow, fast)
+        return low - beyond, high + beyond
+    return low, high
+
+
+@vectorized
+def happens(k, y, z, K, h, front, times, wants, level):
     due = int(front[DUE, k])
     if wants[0] and due < len(times) and times[due] <= front[T, k] + h:
         return True
-    if wants[1]:
-        for i in range(FIRST, HALF):
-            if front[TURNED + i - FIRST, k] == 0.0 and floor(y[i, k] / TURN + 0.5) != floor(z[i, k] / TURN + 0.5):
+    for i in range(FIRST, HALF):
+        turns = wants[1] and front[TURNED + i - FIRST, k] < 2.0
+        if turns or wants[2]:
+            low, high = reach(k, i, y, z, K, h)
+            if turns and floor((low - TOP) / TURN) != floor((high - TOP) / TURN):
                 return True
-    if wants[2]:
-        for i in range(FIRST, HALF):
-            one, two = y[HALF + i, k], z[HALF + i, k]
-            if (one < 0.0) != (two < 0.0):
-                reach = max(abs(y[i, k]), abs(z[i, k])) + h * max(abs(one), abs(two)) / 2.0
-                if reach > front[LARGEST, k]:
-                    return True
+            if wants[2] and max(-low, high) > max(front[LARGEST, k], abs(z[i, k])):
+                return True
     if wants[3]:
-        row = wants[4]
-        one, two = y[row, k] - level, z[row, k] - level
-        if row < FIRST:
-            return (one >= 0.0) != (two >= 0.0)
-        return floor(one / TURN) != floor(two / TURN)
+        low, high = reach(k, wants[4], y, z, K, h)
+        if wants[4] < FIRST:
+            return (low >= level) != (high >= level)
+        return floor((low - level) / TURN) != floor((high - level) / TURN)
     return False
 
 
@@ -191,7 +202,7 @@ def run(task, times, wants, level, members, counts, front, y, z, K, c, rel, ab, 
                     members[k], front[H, k] = -1, 0.0
                 continue
             ok[k] = 1.0
-            if happens(k, y, z, h[k], front, times, wants, level):
+            if happens(k, y, z, K, h[k], front, times, wants, level):
                 which[filled], marks[0, filled], marks[1, filled] = member, front[T, k], h[k]
                 for i in range(D):
                     before[i, filled], after[i, filled] = y[i, k], z[i, k]
@@ -203,15 +214,18 @@ def run(task, times, wants, level, members, counts, front, y, z, K, c, rel, ab, 
                     due += 1
                 front[DUE, k] = due
                 for i in range(FIRST, HALF):
-                    if floor(y[i, k] / TURN + 0.5) != floor(z[i, k] / TURN + 0.5):
-                        front[TURNED + i - FIRST, k] = 1.0
+                    if floor((y[i, k] - TOP) / TURN) != floor((z[i, k] - TOP) / TURN):
+                        front[TURNED + i - FIRST, k] += 1.0
             if wants[2]:
                 for i in range(FIRST, HALF):
                     front[LARGEST, k] = max(front[LARGEST, k], abs(z[i, k]))
             front[T, k] += h[k]
             front[H, k] = min(h[k] * factor, end - front[T, k])
             if wants[5] and isfinite(g[0, k]) and g[0, k] > 0.0:
-                front[ERROR, k] = front[ERROR, k] * g[0, k] + loc[k]
+                far = 0.0
+                for i in range(FIRST, HALF):
+                    far = max(far, abs(z[i, k]))
+                front[ERROR, k] = front[ERROR, k] * g[0, k] + max(loc[k], ROUNDING * far)
                 for i in range(2 * HALF):
                     v[i, k] = w[i, k] / g[0, k]
                 if front[ERROR, k] > UNKNOWN and front[HORIZON, k] == float("inf"):
@@ -250,6 +264,7 @@ def source(lanes: Lanes) -> str:
         constants=len(names),
         width=WIDTH,
         aside=ASIDE,
+        rounding=ROUNDING,
         unknown=UNKNOWN,
     )
     fifth, third = (_weighted(shares, "i, k") for shares in (DOP853.E5, DOP853.E3))
@@ -298,9 +313,14 @@ def compiled_at(path: Path) -> bool:
     return path.exists() and any(path.parent.parent.rglob(f"{path.stem}.run-*.nbi"))
 
 
-@lru_cache(maxsize=32)
 def module_of(text: str) -> ModuleType:
-    """The module with this text, on disk where there is a place for it."""
+    """The module with this text, on disk where there is a place for it; one thread makes it, others wait."""
+    with MAKING:
+        return _module_of(text)
+
+
+@lru_cache(maxsize=32)
+def _module_of(text: str) -> ModuleType:
     path = path_of(text)
     if not compiled_at(path) and sys.stderr.isatty():
         print(COMPILING, file=sys.stderr)

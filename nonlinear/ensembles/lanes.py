@@ -29,8 +29,7 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
 def task_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[Task, Floats, Floats]:
     """What to integrate, natural units of y, and the error (in these) allowed in a step."""
     units, layout = pacing.units_of(numbers), lanes.layout
-    scale, slope = units.scale(layout), np.empty_like(y)
-    fill(lanes.rates(numbers)(y), slope)
+    scale, slope = units.scale(layout), slope_of(lanes, numbers, y)
     size = pacing.extents(numbers, layout, y, units)
     relative, absolute, first = pacing.tolerances(y, slope, scale, size, units.rate, wanted.tolerance)
     absolute = np.ascontiguousarray(np.broadcast_to(absolute, y.shape))
@@ -62,21 +61,29 @@ class Watches:
         )
 
 
-def watches_of(layout: Layout, y: Floats, wanted: Wanted) -> Watches:
+def watches_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> Watches:
     """What is to be measured of members from y (size, S) on."""
-    section = wanted.section
+    layout, section = lanes.layout, wanted.section
+    slope = slope_of(lanes, numbers, y)
     return Watches(
         Samples(np.array(wanted.times), y) if wanted.times else None,
-        FirstTurns(layout, y.shape[1]) if wanted.first_turns else None,
+        FirstTurns(layout, y, slope) if wanted.first_turns else None,
         Largest(layout, y) if wanted.largest else None,
-        Crossings(layout, section.row, section.level, section.direction) if section else None,
+        Crossings(layout, y, slope, section.row, section.level, section.direction) if section else None,
     )
+
+
+def slope_of(lanes: Lanes, numbers: Numbers, y: Floats) -> Floats:
+    """The y' of members at y (size, S)."""
+    slope = np.empty_like(y)
+    fill(lanes.rates(numbers)(y), slope)
+    return slope
 
 
 def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     layout = lanes.layout
     task, scale, local = task_of(lanes, numbers, y, wanted)
-    growth, watches = Growth(layout, scale, local), watches_of(layout, y, wanted)
+    growth, watches = Growth(layout, scale, local), watches_of(lanes, numbers, y, wanted)
     outcome = integrate(task, [growth, *watches.all])
     return watches.found(Found(outcome.y, growth.error, growth.horizon, outcome.reasons))
 

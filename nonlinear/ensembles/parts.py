@@ -9,6 +9,7 @@ import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from modal.errors import SceneError
 from modal.scene import whole_file
@@ -44,12 +45,13 @@ class Parts:
         return self.folder / f"part-{number:06d}.npz"
 
     def done(self, number: int) -> bool:
-        """Whether a chunk is there."""
-        return self.path(number).exists()
+        """Whether a chunk is there; SceneError where what is there is not that chunk."""
+        return self.path(number).exists() and self.read(number).size > 0
 
     def keep(self, number: int, chunk: Chunk) -> None:
         """Write a chunk, safe from a crash when this returns."""
         header = {
+            "multipendula_ensemble": self.question.fingerprint,
             "first": chunk.first,
             "size": chunk.size,
             "reasons": {str(member): reason for member, reason in chunk.reasons.items()},
@@ -59,15 +61,30 @@ class Parts:
             stream.write(as_npz(header, chunk.columns))
 
     def read(self, number: int) -> Chunk:
-        """A chunk that is there; SceneError where the file is damaged."""
+        """A chunk that is there; SceneError where the file is damaged, or a chunk of another ensemble or place."""
         try:
             header, columns = from_npz(self.path(number))
+            self._refuse_other(number, header)
             reasons = {int(member): str(reason) for member, reason in header["reasons"].items()}
             differences = {int(k): float.fromhex(own) for k, own in header["differences_rad"].items()}
             return Chunk(int(header["first"]), int(header["size"]), columns, reasons, differences)
+        except SceneError:
+            raise
         except (ValueError, KeyError, TypeError, AttributeError, EOFError) as error:
             words = "is damaged: remove it, and it is computed again"
             raise SceneError([f"{self.path(number)}: {words} ({type(error).__name__})"]) from None
 
+    def _refuse_other(self, number: int, header: dict[str, Any]) -> None:
+        """SceneError for the header of a chunk that does not stand in this place of this ensemble."""
+        part = self.question.part(number)
+        why = ""
+        if (found := header.get("multipendula_ensemble")) != self.question.fingerprint:
+            why = "does not say of which ensemble it is" if found is None else "is a chunk of another ensemble"
+        elif (header["first"], header["size"]) != (part.first, part.size):
+            last = int(header["first"]) + int(header["size"]) - 1
+            why = f"holds members {header['first']} to {last}, not {part.first} to {part.first + part.size - 1}"
+        if why:
+            raise SceneError([f"{self.path(number)}: {why}: remove it, and it is computed again"])
+
     def __iter__(self) -> Iterator[Chunk]:
-        return (self.read(number) for number in range(self.question.chunks) if self.done(number))
+        return (self.read(number) for number in range(self.question.chunks) if self.path(number).exists())

@@ -14,7 +14,8 @@ from nonlinear.ensembles.measures import Columns, Context, places
 from nonlinear.ensembles.question import Question
 from nonlinear.integration import Trajectory
 from nonlinear.integration.costs import reproducible
-from nonlinear.postprocessing import extremes
+from nonlinear.integration.passages import Level, Passages, counted, level_of, starts_of
+from nonlinear.postprocessing import largest_angle
 from nonlinear.simulation import simulate
 from nonlinear.system import Event, Layout, Motion, State, numbers_of
 
@@ -83,9 +84,9 @@ def _measured(question: Question, scene: Scene, run: Trajectory, sampled: Trajec
     ending = rows[np.searchsorted(sampled.times, question.ending)][None] if question.ending else rows[None, :0]
     whole = Found(rows[-1:].T, np.full(1, np.nan), np.full(1, np.nan))
     if "first_turn" in names:
-        whole.first_turns = np.array([[_first(run, f"{TURNS} {place}")] for place in places(run.system)])
+        whole.first_turns = np.array([[own.time.min(initial=np.inf)] for own in _turns(run, layout)])
     if "largest_angle" in names:
-        whole.largest = np.array([np.abs(extremes(run.times, run.motion.links, run.motion.link_rates)).max()])
+        whole.largest = np.array([largest_angle(run)])
     context = Context(scene, run.system, numbers_of(scene), layout, rows[:1].T, question.wanted)
     for measure in question.measures.measures:
         found |= {name: own[0] for name, own in measure.columns(context, whole, ending).items()}
@@ -94,11 +95,27 @@ def _measured(question: Question, scene: Scene, run: Trajectory, sampled: Trajec
     return found
 
 
+def _turns(run: Trajectory, layout: Layout) -> list[Passages]:
+    """What goes over the top, of each link."""
+    first = int(layout.on_cart)
+    tops = [Level(first + link, np.pi, turns=True) for link in range(layout.links)]
+    return [_counted(run, f"{TURNS} {place}", top, layout) for place, top in zip(places(run.system), tops, strict=True)]
+
+
+def _counted(run: Trajectory, name: str, level: Level, layout: Layout, direction: int = 0) -> Passages:
+    """The events of this name that count as passages of a level."""
+    events = [event for event in run.happenings if event.name == name]
+    rows = np.array([layout.begin(event.state) for event in events]).reshape(len(events), layout.size)
+    time, way = np.array([event.time for event in events]), np.sign(rows[:, layout.half + level.row])
+    none, begun = np.zeros(len(events), dtype=np.int64), layout.begin(run.motion[0])[:, None]
+    found = Passages(none, time, rows, level.number(rows[:, level.row]), way)
+    return counted(found, starts_of(level, layout, begun, 0.0 * begun), begun, direction)
+
+
 def _in_space(question: Question, run: Trajectory, sampled: Trajectory) -> Columns:
     found: Columns = {}
     if "largest_angle" in question.measures.names:
-        height, _ = extremes(run.times, run.motion.links[..., 2], run.motion.link_rates[..., 2])
-        found["largest_angle_deg"] = np.degrees(np.arccos(np.clip(height, -1.0, 1.0)).max())
+        found["largest_angle_deg"] = np.array(np.degrees(largest_angle(run)))
     if "pendulum_energy" in question.measures.names:
         mechanics = sampled.at(np.searchsorted(sampled.times, question.ending)).mechanics
         mean = mechanics.of_pendula(mechanics.kinetic + mechanics.potential).mean(0)
@@ -115,12 +132,12 @@ def _rows(layout: Layout, run: Trajectory) -> Floats:
 
 
 def _events(question: Question, scene: Scene) -> list[Event]:
-    found = []
+    found, first = [], int(question.system.cart is not None)
     if question.wanted.first_turns:
         for link, place in enumerate(places(question.system)):
-            found.append(Event(f"{TURNS} {place}", lambda state, link=link: float(np.cos(state.links[link] / 2))))  # type: ignore[misc]
+            found.append(Event(f"{TURNS} {place}", _passing(Section(first + link, np.pi, 0), first)))
     if section := question.measures.section:
-        found.append(Event(SECTION, _passing(section, int(question.system.cart is not None))))
+        found.append(Event(SECTION, _passing(section, first)))
     return found
 
 
@@ -130,23 +147,9 @@ def _passing(section: Section, first: int) -> Any:
     return lambda state: float(np.sin((state.links[section.row - first] - section.level) / 2))
 
 
-def _first(run: Trajectory, name: str) -> float:
-    return min((event.time for event in run.happenings if event.name == name), default=np.inf)
-
-
 def _crossings(run: Trajectory, section: Section, layout: Layout) -> Columns:
-    first = int(layout.on_cart)
-    crossed = []
-    for event in run.happenings:
-        state = event.state
-        speed = state.cart_rate if section.row < first else state.link_rates[section.row - first]
-        if event.name == SECTION and section.direction * speed >= 0:
-            crossed.append(event)
-    count, links = len(crossed), run.system.n_links
-    return {
-        "crossing_time_s": np.array([event.time for event in crossed]),
-        "crossing_links_rad": np.array([event.state.links for event in crossed]).reshape(count, links),
-        "crossing_link_rates_rad_per_s": np.array([event.state.link_rates for event in crossed]).reshape(count, links),
-        "crossing_cart_m": np.array([event.state.cart for event in crossed]),
-        "crossing_cart_rate_m_per_s": np.array([event.state.cart_rate for event in crossed]),
-    }
+    level = level_of(layout, section.row, section.level)
+    found = _counted(run, SECTION, level, layout, section.direction)
+    motion = layout.read(found.rows)
+    parts = {column: getattr(motion, part) for part, column in STATES.items()}
+    return {"crossing_time_s": found.time, **{f"crossing_{name}": own for name, own in parts.items()}}

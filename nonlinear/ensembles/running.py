@@ -154,11 +154,13 @@ class Ensemble(Displayed):
 
     def words(self) -> str:
         """How many there are, by which engine, and how far to trust them."""
-        drift, lost = self.energy_drift, int(np.count_nonzero(self.beyond))
+        drift, horizon = self.energy_drift, self.column("horizon_s")
+        lost = f"{np.count_nonzero(self.beyond)} members beyond their horizon"
+        told = "horizons not estimated" if np.all(np.isnan(horizon)) else lost
         known = drift[np.isfinite(drift)]
         lines = [f"{self.size} members by {self.engine}: {self.reason}"]
         if len(known):
-            lines.append(f"energy drift at most {known.max():.1e}, {lost} members beyond their horizon")
+            lines.append(f"energy drift at most {known.max():.1e}, {told}")
         if self.differences:
             count = sum(not isnan(own) for own in self.differences.values())
             lines.append(f"{count} members run by themselves differ by at most {self.largest_difference:.1e} rad")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import ceil, floor, inf, log10
+from math import ceil, floor, inf, log10, pi
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,12 @@ import numpy as np
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
-from nonlinear.ensembles.found import Found, Section, Wanted, merged
-from nonlinear.ensembles.lanes import stretched, task_of
+from nonlinear.ensembles.found import Found, Wanted, merged
+from nonlinear.ensembles.lanes import slope_of, stretched, task_of
 from nonlinear.integration import taylor
 from nonlinear.integration.lanes import Task
-from nonlinear.integration.watches import UNKNOWN
+from nonlinear.integration.passages import Level, Passages, counted, level_of, starts_of
+from nonlinear.integration.watches import ROUNDING, UNKNOWN
 from nonlinear.system import Layout, Numbers
 
 SEEN = 0.12  # places a radian of the fastest motion from which the growth of errors is seen
@@ -28,34 +29,32 @@ SHARED = 0.7  # of the speed of the lightest link if it had all the energy: what
 SEGMENT = 20.0  # radians of it after which a tangent vector is brought back to length 1
 AT_ONCE = 1024  # members between whose places in memory no time is lost
 STEP, STEPS = 0.7, 3  # radians of it in a step of the estimate, and steps of lanes in NumPy in that time
+FIRST_FEW = 3  # passages of the top, of which the first that counts is one
+FAR = 100.0  # in y, up to which a series is accurate enough
 FINEST, SPARED = 1e-5, 1e-2  # sizes of motions: the smallest that is told, and the largest that needs a finer series
 
 
 @dataclass(eq=False)
 class Events:
-    """What heyoka finds within steps: `first` is the member in the first lane, `count` how many lanes matter."""
+    """What heyoka finds within steps of members from y on, with y' (size, S).
+
+    `first` is the member in the first lane, `count` how many lanes matter.
+    """
 
     layout: Layout
-    members: int
-    turns: Floats = field(init=False)
+    begun: Floats
+    slope: Floats
     largest: Floats = field(init=False)
-    crossed: list[tuple[int, float, Floats]] = field(default_factory=list)
+    passed: dict[Level, list[tuple[int, float, Floats, float, float]]] = field(default_factory=dict)
     first: int = 0
     count: int = 0
 
     def __post_init__(self) -> None:
-        self.turns = np.full((self.layout.links, self.members), inf)
-        self.largest = np.zeros(self.members)
+        self.largest = np.zeros(self.begun.shape[1])
 
-    def turned(self, link: int) -> Callable[..., None]:
-        """For links that go over the top."""
-
-        def seen(integrator: Any, time: float, sign: int, lane: int) -> None:
-            if lane < self.count:
-                member = self.first + lane
-                self.turns[link, member] = min(self.turns[link, member], time)
-
-        return seen
+    def top(self, link: int) -> Level:
+        """Over which a link turns."""
+        return Level(int(self.layout.on_cart) + link, pi, turns=True)
 
     def widest(self, link: int) -> Callable[..., None]:
         """For links that turn back."""
@@ -68,24 +67,36 @@ class Events:
 
         return seen
 
-    def passed(self, section: Section) -> Callable[..., None]:
-        """For a section."""
+    def passing(self, level: Level, most: float = inf) -> Callable[..., None]:
+        """For a level, of which each member's first so many passages are kept."""
+        found, kept = self.passed.setdefault(level, []), np.zeros(self.begun.shape[1])
 
         def seen(integrator: Any, time: float, sign: int, lane: int) -> None:
-            if lane < self.count:
+            if lane < self.count and kept[member := self.first + lane] < most:
                 y = _at(integrator, time, lane)
-                if section.direction * y[self.layout.half + section.row] >= 0:
-                    self.crossed.append((self.first + lane, time, y))
+                number = float(level.number(y[level.row]))
+                kept[member] += 1
+                found.append((member, time, y, number, -sign if level.turns and number % 2 else sign))
 
         return seen
 
+    def found(self, level: Level, direction: int = 0) -> Passages:
+        """The passages that count, member by member in the order of time."""
+        own = self.passed[level]
+        members = np.array([one[0] for one in own], dtype=np.int64)
+        rows = np.array([one[2] for one in own]).reshape(len(own), self.layout.size)
+        time, number, way = (np.array([one[k] for one in own], dtype=float) for k in (1, 3, 4))
+        starts = starts_of(level, self.layout, self.begun, self.slope)
+        return counted(Passages(members, time, rows, number, way), starts, self.begun, direction)
+
     @property
-    def sorted(self) -> tuple[Any, Floats, Floats]:
-        """Crossings member by member in the order of time."""
-        found = sorted(self.crossed, key=lambda one: one[:2])
-        members, times = (np.array([one[k] for one in found]) for k in range(2))
-        rows = np.array([one[2] for one in found]).reshape(len(found), self.layout.size)
-        return members.astype(np.int64), times.astype(float), rows
+    def turns(self) -> Floats:
+        """The times (s) at which links first go over the top, (L, S), inf where they never do."""
+        times = np.full((self.layout.links, self.begun.shape[1]), inf)
+        for link, own in enumerate(times):
+            found = self.found(self.top(link))
+            np.minimum.at(own, found.member, found.time)
+        return times
 
 
 def _at(integrator: Any, time: float, lane: int) -> Floats:
@@ -98,27 +109,34 @@ def _at(integrator: Any, time: float, lane: int) -> Floats:
 def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     """Members with these numbers from y (size, S) on; MissingExtraError without heyoka.
 
-    Small motions need finer series than the others, which then go by themselves.
+    Small motions, and those of links that have turned often, need finer series than the others, which then go by
+    themselves.
     """
     task, _, local = task_of(Lanes(numbers), numbers, y, wanted)
-    small = local < SPARED * task.relative
-    if not 0 < np.count_nonzero(small) < len(small):
+    fine = _fineness(task, local, y) < 1
+    if not 0 < np.count_nonzero(fine) < len(fine):
         return _run(numbers, y, wanted)
-    groups = [np.flatnonzero(own) for own in (~small, small)]
+    groups = [np.flatnonzero(own) for own in (~fine, fine)]
     return merged([(own, _run(numbers.at(own), np.ascontiguousarray(y[:, own]), wanted)) for own in groups])
+
+
+def _fineness(task: Task, local: Floats, y: Floats) -> Floats:
+    """What to take the tolerance of a series times, (S,): it is relative to the largest number in y (size, S)."""
+    size, far = local / task.relative, np.abs(y).max(0)
+    return np.asarray(np.minimum(np.maximum(size, FINEST) / SPARED, 1.0) * np.minimum(FAR / np.maximum(far, FAR), 1.0))
 
 
 def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     lanes = Lanes(numbers)
     task, scale, local = task_of(lanes, numbers, y, wanted)
-    events = Events(lanes.layout, y.shape[1])
+    events = Events(lanes.layout, y, slope_of(lanes, numbers, y))
     pace = _pace(numbers, lanes.layout, y)
     places = np.linspace(0.0, wanted.duration, max(1, ceil(SEEN * wanted.duration * pace)) + 1)
     grid = np.unique(np.concatenate((places, wanted.times)))
     seen, kept = np.searchsorted(grid, places), np.searchsorted(grid, wanted.times)
-    judge = Judge(numbers, lanes.layout, scale, local)
-    size = float(np.min(local / task.relative, initial=1.0))
-    tolerance = wanted.tolerance * min(1.0, 10.0 ** floor(log10(max(size, FINEST) / SPARED)))
+    tolerance = wanted.tolerance * 10.0 ** floor(log10(np.min(_fineness(task, local, y), initial=1.0)))
+    spared = max(tolerance, taylor.TIGHTEST) / (wanted.tolerance * FAR)
+    judge = Judge(numbers, lanes.layout, scale, local, spared)
     found = Found(np.empty_like(y), np.zeros(y.shape[1]), np.full(y.shape[1], inf))
     if wanted.times:
         found.rows = np.empty((y.shape[1], len(wanted.times), len(y)))
@@ -136,7 +154,8 @@ def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
         half, start = lanes.layout.half, int(lanes.layout.on_cart)
         found.largest = np.max([np.abs(own[start:half]).max(0) for own in (y, found.y)] + [events.largest], axis=0)
     if wanted.section:
-        found.crossed = events.sorted
+        section = wanted.section
+        found.crossed = events.found(level_of(lanes.layout, section.row, section.level), section.direction)[:3]
     if wanted.stretching:
         found.stretching = _stretching(numbers, y[: 2 * lanes.layout.half], wanted)
     return found
@@ -166,11 +185,13 @@ def _integrator(task: Task, tolerance: float, events: Events | None, wanted: Wan
     if events is not None:
         start, half = int(layout.on_cart), layout.half
         if wanted.first_turns:
-            seen += [("cos", start + link, 0.0, events.turned(link)) for link in range(layout.links)]
+            tops = [events.top(link) for link in range(layout.links)]
+            seen += [("sin", top.row, top.value, events.passing(top, FIRST_FEW)) for top in tops]
         if wanted.largest:
             seen += [("rest", half + start + link, 0.0, events.widest(link)) for link in range(layout.links)]
         if section := wanted.section:
-            seen.append(("level" if section.row < start else "sin", section.row, section.level, events.passed(section)))
+            level = level_of(layout, section.row, section.level)
+            seen.append(("sin" if level.turns else "level", level.row, level.value, events.passing(level)))
     return taylor.batch_integrator(written.text, written.rates, len(constants), task.lanes.size, tolerance, seen)
 
 
@@ -201,12 +222,13 @@ class Judge:
     """Estimates errors and horizons as `nonlinear.integration.watches.Growth` does, from places of a grid.
 
     From each place y and a tangent vector go on together by the classical Runge-Kutta method, with compiled rates,
-    until the next place, where y is known again.
+    until the next place, where y is known again.  Errors in a step are `local`, times `spared` |y| where that is more.
     """
 
-    def __init__(self, numbers: Numbers, layout: Layout, scale: Floats, local: Floats) -> None:
+    def __init__(self, numbers: Numbers, layout: Layout, scale: Floats, local: Floats, spared: float) -> None:
         lanes = Lanes(numbers, tangent=True)
         self.size, self.scale, self.local = 2 * layout.half, scale[: 2 * layout.half], local
+        self.spared, self.angles = spared, slice(int(layout.on_cart), layout.half)
         self.constants, written = lanes.written.constants(numbers), lanes.written
         self.rates = taylor.evaluator(written.text, written.rates, len(self.constants), lanes.size)
 
@@ -230,7 +252,9 @@ class Judge:
                 v = both[size:]
                 grown = np.sqrt(np.sum((v / scale) ** 2, axis=0))
                 v /= grown
-                error = error * grown + steps * STEPS * self.local[own]
+                far = np.abs(rows[k, self.angles]).max(0)
+                erring = np.maximum(self.local[own] * np.maximum(1.0, self.spared * far), ROUNDING * far)
+                error = error * grown + steps * STEPS * erring
                 horizon = np.where((error > UNKNOWN) & (horizon == inf), grid[k], horizon)
         found.error[own], found.horizon[own] = error, horizon
 

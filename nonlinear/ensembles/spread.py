@@ -12,7 +12,7 @@ which for small tolerances is (∂r/∂x σ_x)²/σ_r², so that the shares of i
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -20,16 +20,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.modes import natural_frequencies
+from modal.modes import natural_frequencies, omitted
 from modal.report import (
     HTML_ROWS,
     NOTHING,
     Displayed,
     Summary,
-    as_csv,
     as_json,
     brief,
     counted,
+    csv_rows,
     deferred,
     finite,
     grid,
@@ -188,14 +188,24 @@ class Spread(Displayed):
         return np.array(self.ensemble.question.times if self.ensemble else ())
 
     @cached_property
-    def bands(self) -> Floats:
-        """Quantiles (Q, T, L) of the angles (deg) over time, in space of those from the downward vertical."""
+    def angles(self) -> Floats:
+        """Angles (S, T, L) of all members over time in deg, in space those from the downward vertical."""
         if self.ensemble is None:
-            return np.empty((len(QUANTILES), 0, self.scene.n_links))
+            return np.empty((self.size, 0, self.scene.n_links))
         links = self.ensemble.column("links_rad")
         if self.scene.space == "space":
             links = np.arctan2(np.hypot(links[..., 0], links[..., 1]), links[..., 2])
-        return np.degrees(np.nanquantile(links, QUANTILES, axis=0))
+        return np.degrees(links)
+
+    @cached_property
+    def bands(self) -> Floats:
+        """Quantiles (Q, T, L) of the angles (deg) over time."""
+        return np.asarray(np.nanquantile(self.angles, QUANTILES, axis=0))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the frequencies leave out, a sentence each."""
+        return omitted(self.scene)
 
     @cached_property
     def stds(self) -> Floats:
@@ -299,9 +309,9 @@ def _scenes(scene: Scene, values: dict[str, Floats]) -> tuple[dict[int, Scene], 
 
 
 def spread_table(found: Spread, form: str) -> str:
-    """As text, csv (one line a member) or json, the `form`."""
+    """As text, csv (one line a member, with its angles at every sample of a motion) or json, the `form`."""
     if form == "csv":
-        return as_csv(_members(found))
+        return csv_rows(_members(found))
     if form == "json":
         return as_json(_whole(found))
     rows = [
@@ -316,7 +326,7 @@ def spread_table(found: Spread, form: str) -> str:
         for one in found.frequencies
     ]
     headings = ("mode", "ω (rad/s)", "σ (rad/s)", "5 %", "95 %", "matters most")
-    parts = [f"{found.size} members with {found.words}", grid(rows, headings), motion_words(found)]
+    parts = [f"{found.size} members with {found.words}", grid(rows, headings), *found.notes, motion_words(found)]
     if found.failures:
         parts.append(f"{len(found.failures)} members failed: {next(iter(found.failures.values()))}")
     return titled(title_of(found.scene), "spread", parts, "text")
@@ -331,7 +341,7 @@ def motion_words(found: Spread) -> str:
     if found.ensemble is None:
         return ""
     widths = found.bands[-1] - found.bands[0]
-    labels = [label for label in system_of(found.scene).labels if label != "x"]
+    labels = _coordinates(found)
     rows = [
         (label, f"{own[-1]:.3g}", f"{own.max():.3g}", f"{found.times[own.argmax()]:.3g}")
         for label, own in zip(labels, widths.T, strict=True)
@@ -340,13 +350,20 @@ def motion_words(found: Spread) -> str:
     return f"{grid(rows, headings)}\n\n{found.ensemble.words()}"
 
 
-def _members(found: Spread) -> list[dict[str, Any]]:
+def _members(found: Spread) -> Iterator[list[Any]]:
+    """The headings, then a row for each member."""
     modes = [k for k, own in enumerate(found.nominal) if own > 0]
-    return [
-        {path: float(own[k]) for path, own in found.values.items()}
-        | {f"omega_{mode + 1}_rad_per_s": float(found.omega[k, mode]) for mode in modes}
-        for k in range(found.size)
-    ]
+    places = [label[len("theta") :].strip("[]").replace(",", "_") for label in _coordinates(found)]
+    at = [f"theta_{place}_at_{time:.10g}_s_deg" for time in found.times.tolist() for place in places]
+    yield [*found.values, *(f"omega_{mode + 1}_rad_per_s" for mode in modes), *at]
+    drawn = np.column_stack([*found.values.values()])
+    for k in range(found.size):
+        yield [*drawn[k].tolist(), *found.omega[k, modes].tolist(), *found.angles[k].ravel().tolist()]
+
+
+def _coordinates(found: Spread) -> list[str]:
+    """The labels of the links."""
+    return [label for label in system_of(found.scene).labels if label != "x"]
 
 
 def _whole(found: Spread) -> dict[str, Any]:
@@ -357,12 +374,13 @@ def _whole(found: Spread) -> dict[str, Any]:
         "members": found.size,
         "failed": len(found.failures),
         "frequencies": found.frequencies,
+        "notes": list(found.notes),
     }
     if found.ensemble is not None:
         record["motion"] = {
             "engine": found.ensemble.engine,
             "time_s": found.times.tolist(),
-            "coordinates": [label for label in system_of(found.scene).labels if label != "x"],
+            "coordinates": _coordinates(found),
             **{
                 f"q{round(100 * q):02d}_deg": [[finite(float(own)) for own in row] for row in band]
                 for q, band in zip(QUANTILES, found.bands, strict=True)

@@ -10,7 +10,7 @@ from math import isfinite
 from typing import cast
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from modal.errors import ComputationError
 from modal.types import Floats
@@ -21,8 +21,11 @@ from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecor
 
 BESIDE = 1e-6
 """Fraction of a step before a change of friction within which an event that was found there is the same."""
-SILENT = 1e-9
-"""An event's value that starts below this fraction of its value after the first step starts at zero: no crossing."""
+SILENT, AFTER = 1e-9, 0.02
+"""An event's value that starts below this fraction of its value in the first step starts at zero, which is no crossing:
+its side is that after this fraction of the time to the first look."""
+ASIDE, SHARP = 0.01, 1e-9
+"""Fractions of the time between two looks: at which the slope is seen, and to which a turning point is sought."""
 
 
 def silent(time: float) -> None:
@@ -189,11 +192,38 @@ class Drive:
             looks = np.linspace(before, now, event.looks + 1)
             values = [self._value(event, time) for time in looks]
             if before == self.times[0] and abs(values[0]) < SILENT * max(map(abs, values)):
-                values[0] = values[1]
-            for (start, low), (end, high) in pairwise(zip(looks, values, strict=True)):
+                looks[0] += AFTER * (looks[1] - looks[0])
+                values[0] = self._value(event, looks[0])
+            widest = max(abs(high - low) for low, high in pairwise(values))
+            for (start, low), (end, high) in pairwise(self._looked(event, looks.tolist(), values, widest)):
                 if _passes(event, low, high):
                     time = self._refined(event, start, end)
                     yield EventRecord(event.name, time, self._state(self.stepper.exact(time))), event.stop
+
+    def _looked(
+        self, event: Event, looks: Sequence[float], values: Sequence[float], widest: float
+    ) -> Iterator[tuple[float, float]]:
+        """Times and values, with those in between at which the value has passed zero and is about to return."""
+        yield looks[0], values[0]
+        for (start, low), (end, high) in pairwise(zip(looks, values, strict=True)):
+            if low * high > 0 and min(abs(low), abs(high)) < widest:
+                yield from self._turn(event, (start, end), (low, high))
+            yield end, high
+
+    def _turn(
+        self, event: Event, ends: tuple[float, float], values: tuple[float, float]
+    ) -> Iterator[tuple[float, float]]:
+        """Where between two times a value turns beyond zero, if it approaches zero from either."""
+        start, end = ends
+        side, aside = np.sign(values[0]), ASIDE * (end - start)
+
+        def height(time: float) -> float:
+            return float(side * self._value(event, time))
+
+        if height(start + aside) < abs(values[0]) and height(end - aside) < abs(values[1]):
+            found = minimize_scalar(height, bounds=ends, method="bounded", options={"xatol": SHARP * (end - start)})
+            if found.fun < 0:
+                yield float(found.x), float(side * found.fun)
 
     def _jumps(self, time: float, before: Floats, after: Floats) -> Iterator[tuple[EventRecord, bool]]:
         """The events triggered by the jump of a kick."""

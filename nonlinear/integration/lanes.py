@@ -22,6 +22,7 @@ STAGES, EXTRA, DENSE = DOP853.n_stages, len(DOP853.A_EXTRA), len(DOP853.D)
 SAFETY, SHRINKS, GROWS = 0.9, 0.2, 10.0  # of a step's length, as in SciPy
 NUMBERS, NARROWEST, WIDEST = 20_480, 128, 2048  # numbers of y in work at once; lanes
 LEAVING = 8  # the part of all lanes that are through when they leave
+LOOKS = 16  # parts of a step, within each of which a component turns back once at most
 ROUNDS = 14  # of the secant method with its ends kept apart (Illinois), to the last digits of a step
 TINY = 10  # units in the last place of the time that no step is shorter than
 TOO_SHORT = "the step needed is smaller than the spacing between numbers"
@@ -100,21 +101,53 @@ class Inside:
         """Of some of these lanes."""
         return Inside(self.before[:, lanes], self.terms[:, :, lanes])
 
-    def root(self, row: int, level: Floats) -> Floats:
-        """Where one component passes a level (A,) that its ends lie on either side of, as a part of the step."""
-        low, high = np.zeros(level.shape), np.ones(level.shape)
-        at_low, at_high = self.at(low, row) - level, self.at(high, row) - level
-        side, middle = np.zeros(level.shape), low
-        for _ in range(ROUNDS):
-            across = at_high - at_low
-            middle = np.where(across != 0, (low * at_high - high * at_low) / np.where(across != 0, across, 1.0), low)
-            value = self.at(middle, row) - level
-            upper = np.signbit(value) == np.signbit(at_high)
-            low, high = np.where(upper, low, middle), np.where(upper, middle, high)
-            at_low = np.where(upper, np.where(side > 0, at_low / 2, at_low), value)
-            at_high = np.where(upper, value, np.where(side < 0, at_high / 2, at_high))
-            side = np.where(upper, 1.0, -1.0)
-        return np.asarray(middle)
+    def slope(self, part: Floats, row: int) -> Floats:
+        """The derivative of one component with respect to the part of the step."""
+        found, slope = np.zeros(1), np.zeros(1)
+        for number, term in enumerate(self.terms[::-1]):
+            factor, own = (1 - part, -1.0) if number % 2 else (part, 1.0)
+            found, slope = (found + term[row]) * factor, slope * factor + own * (found + term[row])
+        return slope
+
+    def pieces(self, row: int, after: Floats) -> tuple[Floats, Floats]:
+        """Parts of the step (K, A) between which one component rises or falls throughout, and the component there.
+
+        It is `after` (A,) at the end.
+        """
+        grid = np.linspace(0.0, 1.0, LOOKS + 1)[:, None]
+        slope = self.slope(grid, row)
+        low, high = (np.broadcast_to(own, slope[1:].shape) for own in (grid[:-1], grid[1:]))
+        piece, lane = np.nonzero(np.signbit(slope[:-1]) != np.signbit(slope[1:]))
+        turning = low.copy()
+        if len(piece):
+            some = self.take(lane)
+            turning[piece, lane] = crossing(lambda part: some.slope(part, row), low[piece, lane], high[piece, lane])
+        parts = np.empty((2 * LOOKS + 1, after.size))
+        parts[::2], parts[1::2] = grid, turning
+        values = self.at(parts, row)
+        values[0], values[-1] = self.before[row], after
+        return parts, values
+
+    def root(self, row: int, level: Floats, low: Floats | None = None, high: Floats | None = None) -> Floats:
+        """Where one component passes a level (A,) between two parts of the step on either side of it, or its ends."""
+        low, high = np.zeros(level.shape) if low is None else low, np.ones(level.shape) if high is None else high
+        return crossing(lambda part: self.at(part, row) - level, low, high)
+
+
+def crossing(function: Callable[[Floats], Floats], low: Floats, high: Floats) -> Floats:
+    """Where a function of many (A,) is zero between ends on either side of that, by the secant method (Illinois)."""
+    at_low, at_high = function(low), function(high)
+    side, middle = np.zeros(low.shape), low
+    for _ in range(ROUNDS):
+        across = at_high - at_low
+        middle = np.where(across != 0, (low * at_high - high * at_low) / np.where(across != 0, across, 1.0), low)
+        value = function(middle)
+        upper = np.signbit(value) == np.signbit(at_high)
+        low, high = np.where(upper, low, middle), np.where(upper, middle, high)
+        at_low = np.where(upper, np.where(side > 0, at_low / 2, at_low), value)
+        at_high = np.where(upper, value, np.where(side < 0, at_high / 2, at_high))
+        side = np.where(upper, 1.0, -1.0)
+    return np.asarray(middle)
 
 
 def summed(shares: Sequence[tuple[int, float]], stages: Floats, found: Floats, work: Floats) -> None:

@@ -15,6 +15,7 @@ from copy import deepcopy
 from importlib import import_module
 from importlib.util import find_spec
 from math import ceil, exp, inf, log, pi
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -155,8 +156,31 @@ def shortened(tolerance: float) -> float:
     return wanted if order % 4 else 1.01 * exp(4 - 2 * order)
 
 
-_COMPILED: dict[tuple[str, float], Any] = {}
-"""Integrators of this process, by the source of their equations and their tolerance."""
+class Originals(dict[Any, Any]):
+    """What has been compiled in this process, by what it was compiled from: a copy for everyone who asks.
+
+    Integrators and compiled functions of heyoka write into memory of their own while they work, and let Python's other
+    threads run: no two threads may use the same one.  A copy has its own memory and is not compiled again.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._lock = Lock()
+
+    def copy_of(self, key: Any, compiled: Callable[[], Any]) -> Any:
+        """A copy of what is kept under this key, which is compiled first where there is nothing."""
+        with self._lock:
+            if key not in self:
+                with undisturbed():
+                    made = compiled()
+                while len(self) >= MOST_KEPT:
+                    del self[next(iter(self))]
+                self[key] = made
+            return deepcopy(self[key])
+
+
+_COMPILED = Originals()
+"""By the text of their equations and what else they were compiled for."""
 
 
 def ready(system: System, tolerance: float) -> bool:
@@ -167,16 +191,14 @@ def ready(system: System, tolerance: float) -> bool:
 def integrator_of(equations: Generated, tolerance: float) -> Any:
     """Heyoka's integrator for these equations, compiled once per process for all constants of such a scene."""
     text, size = equations.text, equations.layout.size
-    if (kept := _COMPILED.get((text.text, tolerance))) is None:
+
+    def compiled() -> Any:
         heyoka = _heyoka()
         rates = expressions(equations, [heyoka.par[i] for i in range(len(text.numbers))])
         options = {"tol": tolerance, "compact_mode": equations.system.n_links > UNROLLED}
-        with undisturbed():
-            kept = heyoka.taylor_adaptive(rates, np.zeros(size), pars=text.numbers, **options)
-        while len(_COMPILED) >= MOST_KEPT:
-            del _COMPILED[next(iter(_COMPILED))]
-        _COMPILED[text.text, tolerance] = kept
-    found = deepcopy(kept)
+        return heyoka.taylor_adaptive(rates, np.zeros(size), pars=text.numbers, **options)
+
+    found = _COMPILED.copy_of((text.text, tolerance), compiled)
     found.pars[:] = text.numbers
     return found
 
@@ -211,33 +233,28 @@ def _heyoka() -> Any:
 Seen = tuple[str, int, float, Any]
 """What is to be found within steps: its kind, a row of y, a level (rad or m), what to call with it."""
 EVENTS: dict[str, Callable[[Any, Any, float], Any]] = {
-    "cos": lambda heyoka, y, level: heyoka.cos(y / 2.0),
     "sin": lambda heyoka, y, level: heyoka.sin((y - level) / 2.0),
     "level": lambda heyoka, y, level: y - level,
     "rest": lambda heyoka, y, level: 1.0 * y,
 }
-"""Of a component of y: an angle at the top, an angle at a level, anything at a level, anything at zero."""
+"""Of a component of y: an angle at a level and whole turns from it, anything at a level, anything at zero."""
 
 
-_BATCHES: dict[tuple[str, int, float], Any] = {}
-_EVALUATORS: dict[tuple[str, int], Any] = {}
-"""What has been compiled in this process for members side by side, by its text, its size and its tolerance."""
 Rates = Callable[..., Callable[[Any], Sequence[Any]]]
 
 
 def batch_integrator(text: str, rates: Rates, constants: int, size: int, tolerance: float, seen: Sequence[Seen]) -> Any:
     """Heyoka's integrator for as many members at a time as fit into a register; so many constants are parameters.
 
-    `rates` makes the derivative of y (size) from sine, cosine and these, as the `text` has it.
+    `rates` makes the derivative of y (size) from sine, cosine and these, as the `text` has it.  Each is its caller's
+    own; those that see something are compiled anew.
     """
-    known = text, size, tolerance
-    if not seen and known in _BATCHES:
-        return _BATCHES[known]
-    heyoka = _heyoka()
-    width, y = heyoka.recommended_simd_size(), _components(size)
-    events = [heyoka.nt_event_batch(EVENTS[kind](heyoka, y[row], level), call) for kind, row, level, call in seen]
-    with undisturbed():
-        found = heyoka.taylor_adaptive_batch(
+
+    def compiled() -> Any:
+        heyoka = _heyoka()
+        width, y = heyoka.recommended_simd_size(), _components(size)
+        events = [heyoka.nt_event_batch(EVENTS[kind](heyoka, y[row], level), call) for kind, row, level, call in seen]
+        return heyoka.taylor_adaptive_batch(
             list(zip(y, _rates(rates, constants, y), strict=True)),
             np.zeros((size, width)),
             pars=np.zeros((constants, width)),
@@ -246,18 +263,21 @@ def batch_integrator(text: str, rates: Rates, constants: int, size: int, toleran
             fast_math=True,
             **({"nt_events": events} if events else {}),
         )
+
     if not seen:
-        _kept(_BATCHES, known, found)
-    return found
+        return _COMPILED.copy_of(("batch", text, size, tolerance), compiled)
+    with undisturbed():
+        return compiled()
 
 
 def evaluator(text: str, rates: Rates, constants: int, size: int) -> Any:
-    """The y' of many y (size, S) and constants as a compiled function, with vector registers."""
-    if (text, size) not in _EVALUATORS:
+    """The y' of many y (size, S) and constants as a compiled function, with vector registers, its caller's own."""
+
+    def compiled() -> Any:
         heyoka, y = _heyoka(), _components(size)
-        with undisturbed():
-            _kept(_EVALUATORS, (text, size), heyoka.cfunc(_rates(rates, constants, y), vars=y, fast_math=True))
-    return _EVALUATORS[text, size]
+        return heyoka.cfunc(_rates(rates, constants, y), vars=y, fast_math=True)
+
+    return _COMPILED.copy_of(("rates", text, size), compiled)
 
 
 def _components(size: int) -> list[Any]:
@@ -269,9 +289,3 @@ def _rates(rates: Rates, constants: int, y: Sequence[Any]) -> list[Any]:
     heyoka = _heyoka()
     found = rates(heyoka.sin, heyoka.cos, [heyoka.par[k] for k in range(constants)])(y)
     return [heyoka.expression(0.0) + one for one in found]
-
-
-def _kept(known: dict[Any, Any], key: Any, found: Any) -> None:
-    while len(known) >= MOST_KEPT:
-        del known[next(iter(known))]
-    known[key] = found

@@ -14,10 +14,21 @@ import numpy as np
 
 from modal.types import Floats, Ints
 from nonlinear.integration.lanes import Inside, Step, squared
+from nonlinear.integration.passages import (
+    Level,
+    Passages,
+    counted,
+    joined,
+    leaving,
+    level_of,
+    passages,
+    reach,
+    starts_of,
+)
 from nonlinear.system import Layout
 
-TURN = 2 * pi
 ASIDE = 1e-7  # of natural units, by which a neighbour is put aside to see how a difference grows
+ROUNDING = 2.0**-53  # of an angle in a step
 UNKNOWN = 0.1  # error (rad) beyond which nothing is known
 
 
@@ -74,72 +85,58 @@ class Samples:
 
 @dataclass(eq=False)
 class FirstTurns:
-    """The times (s) at which each link first goes over the top, θ = π + 2πk; (L, S), inf where it never does."""
+    """The times (s) at which each link first goes over the top, θ = π + 2πk; (L, S), inf where it never does.
+
+    Members begin with y and y' (size, S).
+    """
 
     layout: Layout
-    members: int
+    begun: Floats
+    slope: Floats
     times: Floats = field(init=False)
 
     def __post_init__(self) -> None:
-        self.times = np.full((self.layout.links, self.members), inf)
+        first, half = int(self.layout.on_cart), self.layout.half
+        self._levels = [Level(row, pi, turns=True) for row in range(first, half)]
+        self._starts = [starts_of(level, self.layout, self.begun, self.slope) for level in self._levels]
+        self.times = np.array([np.where(starts.passes, 0.0, inf) for starts in self._starts])
 
     def see(self, step: Step) -> None:
         """Links that go over the top in the step."""
-        first, half = int(self.layout.on_cart), self.layout.half
-        before, after = (np.rint(y[first:half] / TURN) for y in (step.before, step.after))
-        passed = (before != after) & step.taken
-        passed &= self.times[:, step.member] == inf
-        columns = np.flatnonzero(passed.any(0))
-        if not len(columns):
-            return
-        inside = step.within(columns)
-        for link in np.flatnonzero(passed.any(1)):
-            own = np.flatnonzero(passed[link, columns])
-            at = columns[own]
-            level = TURN * np.where(after[link, at] > before[link, at], before[link, at] + 0.5, before[link, at] - 0.5)
-            part = inside.take(own).root(first + int(link), level)
-            np.minimum.at(self.times[link], step.member[at], step.start[at] + part * step.length[at])
+        for level, starts, times in zip(self._levels, self._starts, self.times, strict=True):
+            if (found := passages(step, level, times[step.member] > step.start)) is not None:
+                found = found.take(~leaving(found, starts))
+                np.minimum.at(times, found.member, found.time)
 
 
 @dataclass(eq=False)
 class Crossings:
     """Where one component of y passes a level, an angle at any turn, upwards (`direction` 1), downwards or both (0).
 
-    Found are the member, the time (s) and y of each.
+    Members begin with y and y' (size, S).  Found are the member, the time (s) and y of each.
     """
 
     layout: Layout
+    begun: Floats
+    slope: Floats
     row: int
     level: float
     direction: int = 0
-    _found: list[tuple[Ints, Floats, Floats]] = field(default_factory=list)
+    _found: list[Passages] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._level = level_of(self.layout, self.row, self.level)
 
     def see(self, step: Step) -> None:
         """Passages within the step."""
-        angle = int(self.layout.on_cart) <= self.row < self.layout.half
-        one, two = (y[self.row] - self.level for y in (step.before, step.after))
-        before, after = (np.floor(one / TURN), np.floor(two / TURN)) if angle else (one >= 0, two >= 0)
-        rises = after > before
-        passed = (before != after) & step.taken
-        if self.direction:
-            passed &= rises if self.direction > 0 else ~rises
-        columns = np.flatnonzero(passed)
-        if not len(columns):
-            return
-        inside, upward = step.within(columns), rises[columns]
-        turns = np.where(upward, after[columns], before[columns]) if angle else np.zeros(len(columns))
-        part = inside.root(self.row, self.level + TURN * turns)
-        times = step.start[columns] + part * step.length[columns]
-        self._found.append((step.member[columns].copy(), times, inside.at(part).T))
+        if (found := passages(step, self._level)) is not None:
+            self._found.append(found)
 
     @property
     def found(self) -> tuple[Ints, Floats, Floats]:
         """Members (C,), times (C,) and y (C, size), member by member in the order of time."""
-        if not self._found:
-            return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, self.layout.size))
-        members, times, rows = (np.concatenate(parts) for parts in zip(*self._found, strict=True))
-        order = np.lexsort((times, members))
-        return members[order], times[order], rows[order]
+        starts = starts_of(self._level, self.layout, self.begun, self.slope)
+        return counted(joined(self._found, len(self.begun)), starts, self.begun, self.direction)[:3]
 
 
 @dataclass(eq=False)
@@ -157,20 +154,18 @@ class Largest:
     def see(self, step: Step) -> None:
         """Ends of steps, and turning points that may lie further out."""
         first, half = int(self.layout.on_cart), self.layout.half
-        one, two = (np.abs(y[first:half]) for y in (step.before, step.after))
-        slow, fast = (y[half + first : 2 * half] for y in (step.before, step.after))
         found = self.angle[step.member]
-        found = np.where(step.taken, np.maximum(found, two.max(0)), found)
-        reach = np.maximum(one, two) + step.length * np.maximum(np.abs(slow), np.abs(fast)) / 2
-        turning = (np.signbit(slow) != np.signbit(fast)) & step.taken & (reach > found)
+        found = np.where(step.taken, np.maximum(found, np.abs(step.after[first:half]).max(0)), found)
+        furthest = np.array([np.maximum(-low, high) for low, high in (reach(step, row) for row in range(first, half))])
+        turning = (furthest > found) & step.taken
         columns = np.flatnonzero(turning.any(0))
         if len(columns):
             inside = step.within(columns)
             for link in np.flatnonzero(turning.any(1)):
                 own = np.flatnonzero(turning[link, columns])
-                at, some = columns[own], inside.take(own)
-                part = some.root(half + first + int(link), np.zeros(len(own)))
-                found[at] = np.maximum(found[at], np.abs(some.at(part, first + int(link))))
+                at, row = columns[own], first + int(link)
+                _, values = inside.take(own).pieces(row, step.after[row, at])
+                found[at] = np.maximum(found[at], np.abs(values).max(0))
         np.maximum.at(self.angle, step.member, found)
 
 
@@ -211,7 +206,8 @@ class Growth:
         grown = np.sqrt(squared(v))
         v /= grown
         taken = step.taken & np.isfinite(grown) & (grown > 0)
-        error = self.error[members] * grown + self.local[members]
+        far = np.abs(step.after[int(self.layout.on_cart) : half]).max(0)
+        error = self.error[members] * grown + np.maximum(self.local[members], ROUNDING * far)
         columns = np.flatnonzero(taken)
         own = members[columns]
         self._v[:, own] = v[:, columns]

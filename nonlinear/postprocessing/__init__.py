@@ -5,6 +5,7 @@ Start with `summary`.
 """
 
 from nonlinear.postprocessing.averages import last, smooth
+from nonlinear.postprocessing.extents import Extent, angles_of, extent_of, largest_angle, places_of
 from nonlinear.postprocessing.frequencies import LEAST_PERIODS, ORDER, Line, attention, line, lines
 from nonlinear.postprocessing.reaction_forces import reaction_forces_of
 from nonlinear.postprocessing.resampling import extremes, picked, resample
@@ -15,13 +16,18 @@ __all__ = [
     "LEAST_PERIODS",
     "ORDER",
     "WINDOW_NAME",
+    "Extent",
     "Line",
+    "angles_of",
     "attention",
+    "extent_of",
     "extremes",
+    "largest_angle",
     "last",
     "line",
     "lines",
     "picked",
+    "places_of",
     "power_spectrum",
     "reaction_forces_of",
     "resample",

@@ -7,10 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import isfinite
+from math import degrees, isfinite
 from typing import Any
-
-import numpy as np
 
 from modal.eigen import counted
 from modal.errors import ComputationError
@@ -19,6 +17,7 @@ from modal.report import visible
 from modal.scene import Moved, SineMotion, title_of
 from nonlinear.dynamics import Dense, Generated, Reduced, Small, is_unstable_equilibrium
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
+from nonlinear.postprocessing.extents import Extent, extent_of, places_of
 from nonlinear.reduction import CORRECTED, LINEAR
 from nonlinear.system import System
 
@@ -103,10 +102,9 @@ def _way(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
 
 
 def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
-    motion = trajectory.motion
-    down = np.clip(motion.links[..., -1], -1.0, 1.0) if trajectory.system.spatial else None
-    angles = np.rad2deg(motion.links if down is None else np.arccos(down))
-    yield "angles", f"{angles.min():.6g} to {angles.max():.6g} deg" + (" from the vertical" if down is not None else "")
+    angles = extent_of(trajectory)
+    where = " from the vertical" if trajectory.system.spatial else ""
+    yield "angles", f"{degrees(angles.low):.6g} to {degrees(angles.high):.6g} deg{where}{_at(angles)}"
     if support := trajectory.system.support:
         moved, way = support.motion.displacement(trajectory.times), "upwards" if support.vertical else "along the rail"
         yield "support", f"{moved.min():.6g} to {moved.max():.6g} m {way}; angles and energies are in its frame"
@@ -114,7 +112,12 @@ def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
             yield "", support.motion.words
         yield from _parametric(trajectory)
     if trajectory.system.cart:
-        yield "cart", f"{motion.cart.min():.6g} to {motion.cart.max():.6g} m"
+        places = extent_of(trajectory, places_of)
+        yield "cart", f"{places.low:.6g} to {places.high:.6g} m{_at(places)}"
+
+
+def _at(extent: Extent) -> str:
+    return "" if extent.between else ", in the samples"
 
 
 def _parametric(trajectory: Trajectory) -> Iterator[tuple[str, str]]:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
 from math import inf, isfinite, nan, pi
+from threading import local
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ from modal.types import Floats
 from nonlinear.chaos import lyapunov_exponent
 from nonlinear.ensembles import run_together
 from nonlinear.integration import Trajectory
-from nonlinear.postprocessing import extremes, last
+from nonlinear.postprocessing import extremes, largest_angle, last
 from nonlinear.reduction import usual_start
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import ENDING, Phases, Survival, find_survival, phases_of
@@ -88,20 +89,30 @@ class RequestedMeasure:
         return self.measure.function(scene, self.number, *([table or scene] if self.measure.numbered else []))
 
 
+Swinging = tuple[Values, tuple[int, ...]]
+
+
+class Known(local):
+    """What was computed of several scenes together, for the measures of each; every thread has its own points."""
+
+    def __init__(self) -> None:
+        self.runs: dict[tuple[Scene, float], Trajectory] = {}
+        self.modes: dict[Scene, Swinging] = {}
+
+
+_KNOWN = Known()
+
+
 def run_all_together(scenes: Sequence[Scene], durations: Iterable[float]) -> None:
     """Have the runs of these scenes at hand for measures, side by side where they are of one form."""
-    _RUNS.clear()
-    for seconds in durations:
-        _RUNS.update({(scene, seconds): run for scene, run in run_together(scenes, seconds).items()})
-
-
-Swinging = tuple[Values, tuple[int, ...]]
-_KNOWN: dict[Scene, Swinging] = {}
+    _KNOWN.runs = {
+        (scene, seconds): run for seconds in durations for scene, run in run_together(scenes, seconds).items()
+    }
 
 
 def find_together(scenes: Sequence[Scene]) -> None:
     """Compute and cache the modes of these scenes for measures, together where they have the same form."""
-    _KNOWN.clear()
+    _KNOWN.modes = {}
     if len(scenes) < 2 or not can_stack(scenes):
         return
     try:
@@ -110,12 +121,12 @@ def find_together(scenes: Sequence[Scene]) -> None:
         return
     numbers = np.cumsum(np.diff(omega, axis=1, prepend=np.nan) != 0, axis=1)
     for scene, row, own in zip(scenes, omega, numbers, strict=True):
-        _KNOWN[scene] = 1j * row[row > 0], tuple(own[row > 0].tolist())
+        _KNOWN.modes[scene] = 1j * row[row > 0], tuple(own[row > 0].tolist())
 
 
 def swinging(scene: Scene) -> Swinging:
     """λ of all oscillating modes, repeated by multiplicity, |λ| ascending, and the number of each."""
-    return _KNOWN.get(scene) or _swinging(scene)
+    return _KNOWN.modes.get(scene) or _swinging(scene)
 
 
 @lru_cache(maxsize=2)
@@ -186,12 +197,9 @@ MODAL = (
 )
 
 
-_RUNS: dict[tuple[Scene, float], Trajectory] = {}
-
-
 def run_of(scene: Scene, seconds: float) -> Trajectory:
     """The run, cached for the next measure of the same scene; KeyboardInterrupt where Ctrl-C cut it short."""
-    return _RUNS.get((scene, seconds)) or _run_of(scene, seconds)
+    return _KNOWN.runs.get((scene, seconds)) or _run_of(scene, seconds)
 
 
 @lru_cache(maxsize=1)
@@ -213,14 +221,8 @@ def amplitude(scene: Scene, seconds: float) -> dict[str, float]:
     Both are evaluated at the turning points between the samples.
     """
     run = run_of(scene, seconds)
-    times, motion = run.times, run.motion
-    if run.system.spatial:
-        height, _ = extremes(times, motion.links[..., 2], motion.link_rates[..., 2])
-        largest = np.arccos(np.clip(height, -1.0, 1.0)).max()
-    else:
-        largest = np.abs(extremes(times, motion.links, motion.link_rates)).max()
-    left, right = extremes(times, motion.cart, motion.cart_rate)
-    return {"largest_angle_deg": float(np.degrees(largest)), "cart_travel_m": float(right - left)}
+    left, right = extremes(run.times, run.motion.cart, run.motion.cart_rate)
+    return {"largest_angle_deg": float(np.degrees(largest_angle(run))), "cart_travel_m": float(right - left)}
 
 
 def lyapunov(scene: Scene, seconds: float) -> dict[str, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
-from contextlib import closing, nullcontext
+from contextlib import closing, nullcontext, suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice
@@ -14,9 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import ComputationError
+from modal.errors import ComputationError, SceneError
+from modal.modes import omitted
 from modal.report import HTML_ROWS, Displayed, Summary, brief, deferred, grid, visible
 from modal.scene import name_of
+from modal.scene.parameters import Variable
 from modal.types import Floats
 from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
 from nonlinear.sweeps.checkpoint import Checkpoint
@@ -200,6 +202,7 @@ def _lines(sweep: Sweep) -> Iterator[str]:
     rows = [_range(sweep, name) for name in sweep.columns]
     yield grid(rows, ("number", "smallest", "at", "largest", "at"))
     yield from reasons(sweep)
+    yield from notes(sweep)
     if any(one.measure.numbered for one in sweep.study.measures):
         yield NUMBERED
 
@@ -211,6 +214,18 @@ def reasons(sweep: Sweep) -> Iterator[str]:
         yield f"{count} × {visible(reason)}"
     if len(found) > MOST_REASONS:
         yield f"and {len(found) - MOST_REASONS} other reasons"
+
+
+def notes(sweep: Sweep) -> tuple[str, ...]:
+    """What frequencies and damping ratios leave out anywhere in the sweep, a sentence each."""
+    study = sweep.study
+    if not any(one.measure.numbered and not one.measure.runs for one in study.measures):
+        return ()
+    scenes = [study.scene]
+    with suppress(SceneError):
+        last = study.point(study.size - 1)
+        scenes.append(Variable(study.scene, last).at(last))
+    return tuple(dict.fromkeys(sentence for scene in scenes for sentence in omitted(scene)))
 
 
 def _range(sweep: Sweep, name: str) -> tuple[str, ...]:

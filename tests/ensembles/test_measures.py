@@ -165,3 +165,25 @@ def test_small_motions_by_taylor_series_keep_their_relative_accuracy() -> None:
     np.testing.assert_allclose(other.column("links_rad") / size, one.column("links_rad") / size, atol=1e-6)
     np.testing.assert_array_equal(other.column("crossing_member"), one.column("crossing_member"))
     np.testing.assert_allclose(other.column("crossing_time_s"), one.column("crossing_time_s"), atol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["numpy", "heyoka"])
+def test_starts_after_many_turns_are_as_accurate_as_is_said(engine: str) -> None:
+    """Against the same starts within one turn, finer: what is wrong lies beyond its horizon."""
+    if engine == "heyoka":
+        pytest.importorskip("heyoka")
+    turned = ANGLES[:, :] + 2 * np.pi * np.array([159_155, -159_155])
+    within = np.arctan2(np.sin(turned), np.cos(turned))
+    options = {"workers": 1, "check": 0, "engine": engine}
+    far = ensemble(load("chain-2"), 8.0, starts=turned, **options)
+    near = ensemble(load("chain-2"), 8.0, starts=within, tolerance=1e-13, **options)
+    wrong = np.abs((far.final.links - turned) - (near.final.links - within)).max(axis=1)
+    assert np.all(wrong <= np.maximum(10 * far.column("error_rad"), 1e-7))
+    assert np.median(wrong) < 1e-5
+
+
+def test_horizons_that_nobody_estimates_are_not_counted() -> None:
+    found = ensemble(load("chain-2"), 0.2, starts=ANGLES[:1], engine="simulate", measures=["largest_angle"])
+    assert np.all(np.isnan(found.column("horizon_s")))
+    assert "horizons not estimated" in found.words()

@@ -148,6 +148,21 @@ def test_a_damaged_part_is_refused(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-40])
     with pytest.raises(SceneError, match="part-000001"):
         found.column("energy_drift")
+    with pytest.raises(SceneError, match="part-000001"):
+        run(tmp_path, starts=STARTS[:10])
+
+
+def test_a_chunk_of_another_ensemble_is_refused(tmp_path: Path) -> None:
+    """Or of another place, before anything is computed."""
+    one, other = tmp_path / "one", tmp_path / "other"
+    run(one, starts=STARTS[:14])
+    run(other, starts=STARTS[:14] / 2)
+    (one / "part-000001.npz").write_bytes((other / "part-000001.npz").read_bytes())
+    with pytest.raises(SceneError, match=r"part-000001\.npz: is a chunk of another ensemble: remove it"):
+        run(one, starts=STARTS[:14])
+    (other / "part-000001.npz").write_bytes((other / "part-000000.npz").read_bytes())
+    with pytest.raises(SceneError, match=r"part-000001\.npz: holds members 0 to 6, not 7 to 13"):
+        run(other, starts=STARTS[:14] / 2)
 
 
 def test_chunks_in_memory_and_on_disk_say_the_same(tmp_path: Path) -> None:

@@ -12,8 +12,10 @@ from seen import flaws
 
 from modal import load
 from modal.errors import SceneError
+from modal.loci import follow_loci, loci_text
+from modal.modes import natural_modes
 from modal.scene import Bob, Cart, Pendulum, Scene, VanDerPol
-from modal.scene.parameters import vary
+from modal.scene.parameters import parse_variations, vary
 from nonlinear import State, simulate
 from nonlinear.ensembles import (
     basins_table,
@@ -25,6 +27,7 @@ from nonlinear.ensembles import (
     spread_table,
 )
 from nonlinear.reduction import usual_start
+from nonlinear.sweeps import Study, parse_measures, sweep, sweep_text
 from nonlinear.synchronization import study_synchronization
 from nonlinear.synchronization.study import theory_of_scene, usual_duration
 
@@ -123,6 +126,10 @@ def test_bands_of_motion_are_quantiles_of_runs() -> None:
         run = simulate(scene.replace(support=scene.support.replace(mass=float(mass))), 1.0, output=201)
         angles.append(np.degrees(run.motion.links))
     np.testing.assert_allclose(found.bands, np.quantile(angles, (0.05, 0.5, 0.95), axis=0), atol=1e-6)
+    rows = [*csv.DictReader(StringIO(spread_table(found, "csv")))]
+    for row, own in zip(rows, angles, strict=True):
+        assert float(row["theta_1_1_at_0.25_s_deg"]) == pytest.approx(own[50, 0], abs=1e-6)
+        assert float(row["theta_1_1_at_1_s_deg"]) == pytest.approx(own[-1, 0], abs=1e-6)
     assert json.loads(spread_table(found, "json"))["motion"]["time_s"][-1] == 1.0
 
 
@@ -218,3 +225,28 @@ def test_the_usual_energy_of_a_section_is_that_of_the_usual_start() -> None:
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=0.15, length=0.25)] * 2)])
     found = find_section(scene, 2.0, orbits=2, workers=1)
     assert found.energy == pytest.approx(simulate(scene, 0.1, start=usual_start(scene)).mechanics.energy[0])
+
+
+@pytest.mark.parametrize(
+    ("numbers", "count"), [({}, 0), ({"pendulum[0].links[0].friction": 0.1}, 1), ({"support.friction": 1.0}, 1)]
+)
+def test_a_spread_of_frequencies_says_what_they_leave_out(numbers: dict[str, float], count: int) -> None:
+    """In the words of the table, as do sweeps."""
+    scene = vary(load("paper-cart-1"), numbers)
+    found = find_spread(scene, ["gravity=1%"], members=3)
+    notes = [*natural_modes(scene).notes]
+    assert len(notes) == count
+    assert json.loads(spread_table(found, "json"))["notes"] == notes
+    swept = sweep_text(sweep(Study(scene, parse_variations(["gravity=9,10"]), parse_measures(["frequencies"]))))
+    loci = loci_text(follow_loci(scene, parse_variations(["gravity=9,10"])[0]))
+    for text in (spread_table(found, "text"), swept, loci):
+        assert all(note in text for note in notes)
+
+
+def test_a_sweep_into_friction_says_what_it_leaves_out() -> None:
+    """Runs, which have it, say nothing."""
+    axes = parse_variations(["pendulum[0].links[0].friction=0,0.1"])
+    (note,) = natural_modes(vary(load("chain-1"), {"pendulum[0].links[0].friction": 0.1})).notes
+    for measure, told in (("frequencies", True), ("energy_drift:0.1", False)):
+        study = Study(load("chain-1"), axes, parse_measures([measure]))
+        assert (note in sweep_text(sweep(study, workers=1))) == told

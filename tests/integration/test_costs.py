@@ -27,7 +27,7 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """A process that has loaded nothing yet, with both extras installed."""
     for name in ("numba", "heyoka", "nonlinear.integration.compiled"):
         monkeypatch.delitem(sys.modules, name, raising=False)
-    monkeypatch.setattr(taylor, "_COMPILED", {})
+    monkeypatch.setattr(taylor, "_COMPILED", taylor.Originals())
     monkeypatch.setattr(taylor, "available", lambda: True)
     for module in (costs, methods):
         monkeypatch.setattr(module, "find_spec", lambda name: SimpleNamespace())
@@ -125,7 +125,7 @@ def test_compiling_is_announced_on_a_terminal_where_nothing_is_kept(
 
 @series
 def test_a_series_that_is_compiled_counts_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(taylor, "_COMPILED", {})
+    monkeypatch.setattr(taylor, "_COMPILED", taylor.Originals())
     scene, tolerance = load("chain-2"), 1e-13
     before = costs.costs(scene, system_of(scene), 1.0, tolerance)["taylor"]
     simulate(scene, 0.1, method="taylor", tolerance=tolerance, start=state_at_rest(scene, [100.0, 100.0]))

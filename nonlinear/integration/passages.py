@@ -1,0 +1,154 @@
+"""When a component of y passes a level: what counts, in every engine, and the passages within a step of lanes.
+
+A motion passes a level where it is on one side before and on the other after.  At its start a motion passes a level
+that it is on, to rounding, if it has a rate there: its equations go back in time as well.  Released from rest on a
+level it leaves it, or touches it, and does not pass.  An angle has the same level again at every whole turn, θ = level
++ 2πk.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modal.types import Booleans, Floats, Ints
+from nonlinear.integration.lanes import Step
+from nonlinear.system import Layout
+
+TURN = 2 * pi
+NOISE = 1e-13  # of the largest acceleration, up to which one is rounding
+ON = 8  # units in the last place within which a start is on a level
+
+
+@dataclass(frozen=True)
+class Level:
+    """A level (rad or m) of a component of y, by its row; of an angle, which `turns`, also whole turns from it."""
+
+    row: int
+    value: float
+    turns: bool
+
+    def cell(self, values: Any) -> Floats:
+        """Between which levels a value is: k from level k up to the next, below a level that does not turn −1."""
+        beyond = np.asarray(values) - self.value
+        return np.floor(beyond / TURN) if self.turns else np.where(beyond >= 0, 0.0, -1.0)
+
+    def number(self, values: Any) -> Floats:
+        """The k of the nearest level."""
+        beyond = np.asarray(values) - self.value
+        return np.rint(beyond / TURN) if self.turns else 0.0 * beyond
+
+    def at(self, number: Any) -> Floats:
+        """The level of this k."""
+        return np.asarray(self.value + TURN * number)
+
+
+def level_of(layout: Layout, row: int, value: float) -> Level:
+    """The level of a component of y."""
+    return Level(row, value, turns=int(layout.on_cart) <= row < layout.half)
+
+
+class Starts(NamedTuple):
+    """Of S members, whether each is `on` a level at its start, its `number`, and the `way` that it goes from there.
+
+    Upwards is 1, downwards −1, 0 where its rate and acceleration do not tell; `passes` where that is by its rate.
+    """
+
+    on: Booleans
+    number: Floats
+    way: Floats
+    passes: Booleans
+
+
+def starts_of(level: Level, layout: Layout, y: Floats, slope: Floats) -> Starts:
+    """Of members from y (size, S) on, with this y' (size, S)."""
+    values, number = y[level.row], level.number(y[level.row])
+    place = level.at(number)
+    on = np.abs(values - place) <= ON * np.spacing(np.maximum(np.abs(values), np.abs(place)))
+    rate, faster = y[layout.half + level.row], slope[layout.half + level.row]
+    moved = np.abs(faster) > NOISE * np.abs(slope[layout.half : 2 * layout.half]).max(0)
+    way = np.where(rate != 0, np.sign(rate), np.sign(faster) * moved)
+    return Starts(on, number, way, on & (rate != 0))
+
+
+class Passages(NamedTuple):
+    """C passages: the member, time (s) and y (C, size) of each, the `number` of its level and the `way`, 1 upwards."""
+
+    member: Ints
+    time: Floats
+    rows: Floats
+    number: Floats
+    way: Floats
+
+    def take(self, which: Any) -> Passages:
+        """Some of them."""
+        return Passages(*(own[which] for own in self))
+
+
+def joined(parts: list[Passages], size: int) -> Passages:
+    """All of these, of y of this size."""
+    none = np.zeros(0)
+    empty = Passages(np.zeros(0, dtype=np.int64), none, np.zeros((0, size)), none, none)
+    return Passages(*(np.concatenate(own) for own in zip(empty, *parts, strict=True)))
+
+
+def counted(found: Passages, starts: Starts, begun: Floats, direction: int = 0) -> Passages:
+    """Those that count, member by member in the order of time, with those at the starts of y (size, S).
+
+    Two in a row through one level the same way are one: what an engine sees of a start, or at the end of a step.
+    """
+    on = np.flatnonzero(starts.on)
+    first = Passages(on, np.zeros(len(on)), begun[:, on].T, starts.number[on], starts.way[on])
+    found = found.take(~(starts.on[found.member] & (found.time <= 0)))
+    both = joined([first, found], len(begun))
+    order = np.lexsort((both.time, both.member))
+    both = both.take(order)
+    counts = np.concatenate((starts.passes[on], np.ones(len(found.member), dtype=bool)))[order]
+    again = (np.diff(both.member) == 0) & (np.diff(both.number) == 0) & (np.diff(both.way) == 0)
+    counts[1:] &= ~again
+    if direction:
+        counts &= both.way == direction
+    return both.take(counts)
+
+
+def leaving(found: Passages, starts: Starts) -> Booleans:
+    """Which passages are what is seen of a start on a level, (C,)."""
+    on, number, way, _ = (own[found.member] for own in starts)
+    return np.asarray(on & (found.number == number) & ((found.way == way) | (found.time <= 0)))
+
+
+def reach(step: Step, row: int) -> tuple[Floats, Floats]:
+    """The lowest and the highest that a component of y, by its row, can be within a step, (W,)."""
+    one, two, rates = step.before[row], step.after[row], step.stages[:, row]
+    turns = (rates.min(0) < 0) & (rates.max(0) > 0)
+    beyond = np.where(turns, step.length * np.abs(rates).max(0) / 2, 0.0)
+    return np.minimum(one, two) - beyond, np.maximum(one, two) + beyond
+
+
+def passages(step: Step, level: Level, among: Booleans | None = None) -> Passages | None:
+    """What passes a level within a step that was taken, also there and back; None where nothing does."""
+    low, high = reach(step, level.row)
+    possible = (level.cell(low) != level.cell(high)) & step.taken
+    columns = np.flatnonzero(possible if among is None else possible & among)
+    if not len(columns):
+        return None
+    inside = step.within(columns)
+    parts, values = inside.pieces(level.row, step.after[level.row, columns])
+    cells = level.cell(values)
+    change = np.diff(cells, axis=0).astype(np.int64)
+    piece, lane = np.nonzero(change)
+    if not len(piece):
+        return None
+    times = np.abs(change[piece, lane])
+    nth = np.arange(times.sum()) - np.repeat(np.cumsum(times) - times, times)
+    piece, lane = np.repeat(piece, times), np.repeat(lane, times)
+    way = np.sign(change[piece, lane])
+    number = cells[piece, lane] + np.where(way > 0, 1 + nth, -nth)
+    some = inside.take(lane)
+    part = some.root(level.row, level.at(number), parts[piece, lane], parts[piece + 1, lane])
+    at = columns[lane]
+    time = step.start[at] + part * step.length[at]
+    return Passages(step.member[at], time, some.at(part).T, number, way.astype(float))

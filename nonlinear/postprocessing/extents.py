@@ -1,0 +1,142 @@
+"""How far a motion goes: the extremes of its angles and of the cart between the samples, too.
+
+Samples miss an extreme by up to the square of their distance, and in space, where an angle from the vertical passes its
+smallest value as |t| does, by their distance itself.  Where cubics between the samples come near an extreme, the motion
+is integrated anew from one sample to the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
+
+from modal.types import Floats
+from nonlinear.integration import EXPLICIT, Choice, Trajectory, equations_of
+from nonlinear.postprocessing.resampling import extremes
+from nonlinear.system import Equations, Motion
+
+FORMS = {"minimal", "maximal", "hamiltonian", "spatial"}
+PLACES, LOOKS, CLOSE = 8, 64, 1e-9  # on each cubic; in a stretch integrated anew, and its tolerance
+STRETCHES, MOST = 8, 2_000_000  # integrated anew for each extreme; places on cubics
+TURNED = 1.5  # rad from one sample to the next, from which on cubics do not tell where extremes are
+Measured = Callable[[Motion], Floats]
+
+
+class Extent(NamedTuple):
+    """The smallest and the largest value; `between` says whether also between the samples."""
+
+    low: float
+    high: float
+    between: bool
+
+
+def angles_of(motion: Motion) -> Floats:
+    """The angles (T, L) of links in rad, in space those from the downward vertical."""
+    links = motion.links
+    return links if links.ndim == 2 else np.arctan2(np.hypot(links[..., 0], links[..., 1]), links[..., 2])
+
+
+def places_of(motion: Motion) -> Floats:
+    """The places (T, 1) of the cart in m."""
+    return motion.cart[:, None]
+
+
+def extent_of(trajectory: Trajectory, measured: Measured = angles_of) -> Extent:
+    """The extremes of a quantity, of angles (rad) or of places of the cart (m), over the whole run.
+
+    Between the samples they are known of motion without jumps of the rates, by an explicit method, whose samples are
+    near enough to each other.
+    """
+    values = measured(trajectory.motion)
+    samples = Extent(float(values.min()), float(values.max()), between=False)
+    if not _known(trajectory):
+        return samples
+    between = _on_cubics(trajectory, measured)
+    equations = _equations(trajectory)
+    low = _furthest(trajectory, measured, equations, between, -1.0)
+    high = _furthest(trajectory, measured, equations, between, 1.0)
+    return Extent(min(samples.low, low), max(samples.high, high), between=True)
+
+
+def largest_angle(trajectory: Trajectory) -> float:
+    """The largest angle (rad) of any link from the downward vertical, also between the samples."""
+    times, motion = trajectory.times, trajectory.motion
+    if not trajectory.system.spatial:
+        return float(np.abs(extremes(times, motion.links, motion.link_rates)).max())
+    if (found := extent_of(trajectory)).between:
+        return found.high
+    height, _ = extremes(times, motion.links[..., 2], motion.link_rates[..., 2])
+    return float(np.arccos(np.clip(height, -1.0, 1.0)).max())
+
+
+def _known(trajectory: Trajectory) -> bool:
+    """Whether the motion between samples can be found."""
+    run, system, times, motion = trajectory.run, trajectory.system, trajectory.times, trajectory.motion
+    jumps = system.kicked or system.rubs or system.hoisting is not None
+    lost = trajectory.driven and trajectory.equations is None
+    if jumps or lost or run.form not in FORMS or run.method not in {*EXPLICIT, "taylor"} or len(times) < 2:
+        return False
+    if len(times) * motion.links[0].size * PLACES > MOST:
+        return False
+    rates = np.abs(motion.link_rates).reshape(len(times), -1).max(1)
+    return bool(np.max(np.diff(times) * np.maximum(rates[:-1], rates[1:])) < TURNED)
+
+
+def _equations(trajectory: Trajectory) -> Equations:
+    load = trajectory.equations.load if trajectory.equations else None
+    form = "spatial" if trajectory.system.spatial else "minimal"
+    return equations_of(trajectory.system, Choice(form, "", compiled=False, reason=""), load)
+
+
+def _on_cubics(trajectory: Trajectory, measured: Measured) -> Floats:
+    """The quantity at places of the cubics between samples, (T − 1, PLACES, …)."""
+    motion, gaps = trajectory.motion, np.diff(trajectory.times)
+    part = np.linspace(0.0, 1.0, PLACES)
+
+    def cubic(values: Floats, rates: Floats) -> Floats:
+        s, h = (own.reshape(*own.shape, *[1] * (values.ndim - 1)) for own in (part[None], gaps[:, None]))
+        one, two, rise, fall = (own[:, None] for own in (values[:-1], values[1:], rates[:-1], rates[1:]))
+        found = one + s * s * (3 - 2 * s) * (two - one) + h * s * (1 - s) * (rise * (1 - s) - fall * s)
+        return found.reshape(-1, *values.shape[1:])
+
+    links, cart = cubic(motion.links, motion.link_rates), cubic(motion.cart, motion.cart_rate)
+    rows = measured(Motion(links, links, cart, cart, cart))
+    return rows.reshape(len(gaps), PLACES, -1)
+
+
+def _furthest(trajectory: Trajectory, measured: Measured, equations: Equations, between: Floats, side: float) -> float:
+    """The largest of side · quantity, as the quantity, in the stretches that come nearest to it."""
+    values = side * between
+    spread = np.abs(np.diff(values, axis=1)).max(1)
+    hopeful = values.max(1) + spread
+    found = -np.inf
+    order = np.argsort(hopeful, axis=None)[::-1][:STRETCHES]
+    for row, column in zip(*np.unravel_index(order, hopeful.shape), strict=True):
+        if hopeful[row, column] > found:
+            found = max(found, _turning(trajectory, measured, equations, int(row), int(column), side))
+    return side * found
+
+
+def _turning(
+    trajectory: Trajectory, measured: Measured, equations: Equations, row: int, column: int, side: float
+) -> float:
+    """The largest of side · quantity from one sample to the next."""
+    start, end = trajectory.times[row : row + 2].tolist()
+    y = equations.begin(trajectory.motion[row])
+    options = {"method": "DOP853", "rtol": CLOSE, "atol": CLOSE * equations.scale, "dense_output": True}
+    within = solve_ivp(equations.derivative, (start, end), y, **options).sol
+
+    def value(times: Floats) -> Floats:
+        return np.asarray(side * measured(equations.read(within(times).T))[:, column])
+
+    looks = np.linspace(start, end, LOOKS)
+    seen = value(looks)
+    best = int(np.argmax(seen))
+    around = looks[max(best - 1, 0)], looks[min(best + 1, LOOKS - 1)]
+    narrow = {"xatol": 1e-9 * (end - start)}
+    sharp = minimize_scalar(lambda t: -value(np.array([t]))[0], bounds=around, method="bounded", options=narrow)
+    return float(max(seen[best], -sharp.fun))

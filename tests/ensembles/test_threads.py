@@ -1,0 +1,69 @@
+"""Threads: each has its own integrators and its own cached runs, so that the numbers are those of one thread."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from modal import load
+from modal.scene.parameters import parse_variations, vary
+from nonlinear.dynamics import Lanes
+from nonlinear.ensembles import ensemble
+from nonlinear.ensembles.executors import WorkerPool
+from nonlinear.integration import taylor
+from nonlinear.sweeps import Study, parse_measures, sweep
+from nonlinear.sweeps.measures import run_all_together, run_of
+from nonlinear.system import numbers_of
+
+STARTS = np.random.default_rng(2).uniform(-3, 3, (48, 2))
+THREADS = 4
+
+
+def found(**options: object) -> bytes:
+    """Everything that an ensemble of STARTS finds."""
+    measures = ["first_turn", "largest_angle", "lyapunov", "section:theta[1,2]=0"]
+    own = ensemble(load("chain-2"), 1.5, starts=STARTS, measures=measures, output="end", check=0, **options)  # type: ignore[arg-type]
+    return b"".join(own.column(name).tobytes() for name in own.columns)
+
+
+@pytest.mark.slow
+def test_ensembles_in_threads_are_those_of_one_thread() -> None:
+    pytest.importorskip("heyoka")
+    alone = found(engine="heyoka", workers=1, chunk=12)
+    with ThreadPoolExecutor(THREADS) as executor:
+        assert found(engine="heyoka", crew=WorkerPool(executor, THREADS), chunk=12) == alone
+        together = [executor.submit(found, engine="heyoka", workers=1, chunk=12) for _ in range(THREADS)]
+        assert {one.result() for one in together} == {alone}
+
+
+def test_whoever_asks_for_a_compiled_series_has_it_alone() -> None:
+    pytest.importorskip("heyoka")
+    lanes = Lanes(numbers_of(load("chain-1")))
+    given = lanes.written.text, lanes.written.rates, len(lanes.written.constants(lanes.numbers)), lanes.size
+    one, other = (taylor.batch_integrator(*given, 1e-9, ()) for _ in range(2))
+    one.state[:], one.pars[:] = 1.0, 2.0
+    assert not np.any(other.state)
+    assert not np.any(other.pars)
+    assert taylor.evaluator(*given) is not taylor.evaluator(*given)
+
+
+def test_a_thread_keeps_its_runs_while_another_begins() -> None:
+    """Runs that were made side by side are not those of a scene alone, to the last digit."""
+    scenes = [vary(load("chain-2"), {"gravity": 9.0 + 0.1 * k}) for k in range(8)]
+    run_all_together(scenes[:4], [1.0])
+    kept = [run_of(scene, 1.0) for scene in scenes[:4]]
+    with ThreadPoolExecutor(1) as executor:
+        executor.submit(run_all_together, scenes[4:], [1.0]).result()
+    assert all(run_of(scene, 1.0) is own for scene, own in zip(scenes, kept, strict=False))
+
+
+def test_a_sweep_in_threads_is_that_of_one_thread() -> None:
+    study = Study(load("chain-2"), parse_variations(["gravity=9:10:96"]), parse_measures(["frequencies", "damping"]))
+    results = []
+    for threads in (1, THREADS):
+        with ThreadPoolExecutor(threads) as executor:
+            results.append(sweep(study, crew=WorkerPool(executor, THREADS)))
+    for name in results[0].columns:
+        assert results[1].values(name).tobytes() == results[0].values(name).tobytes()
