@@ -118,6 +118,13 @@ CONSTANT_MODEL = Capability(
     unless={"massless_cart": "the mass matrix is singular"},
     beside=UNLOADED,
 )
+MOVED_MODEL = replace(
+    CONSTANT_MODEL,
+    name="a linear model of a moved support",
+    takes=CONSTANT_MODEL.takes - {"linear_drag"},
+    refuses={**CONSTANT_MODEL.refuses, "linear_drag": "has no place for air that stands still"},
+)
+GROWS = {**CONSTANT_MODEL.unless, "inverted": "grows by itself"}
 AVERAGED = Capability(
     "averaging",
     SHAPE - {"inverted"} | {"dampers", "linear_drag", "joint_friction"} | DRIVES,
@@ -162,12 +169,8 @@ CAPABILITIES: dict[str, Capability] = {
             beside=UNLOADED,
         ),
         CONSTANT_MODEL,
-        replace(
-            CONSTANT_MODEL,
-            name="a linear model of a moved support",
-            takes=CONSTANT_MODEL.takes - {"linear_drag"},
-            refuses={**CONSTANT_MODEL.refuses, "linear_drag": "has no place for air that stands still"},
-        ),
+        MOVED_MODEL,
+        replace(MOVED_MODEL, name="random vibration", takes=MOVED_MODEL.takes - {"inverted"}, unless=GROWS),
         Capability(
             "a shaper",
             LINEAR - {"inverted"},

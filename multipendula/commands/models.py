@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from multipendula.commands.shared import listed, small_swings
+from multipendula.commands.shared import listed, noted
 from multipendula.completion import Completer
 from multipendula.options import add_words, number, offer
 from multipendula.parser import Page
@@ -69,7 +69,7 @@ def add_signals(page: Page) -> None:
 
 def scene_of(options: argparse.Namespace) -> Scene:
     """The scene, with a note on what its linear model leaves out."""
-    return small_swings(scene_at(options))
+    return noted(scene_at(options))
 
 
 def scene_at(options: argparse.Namespace) -> Scene:

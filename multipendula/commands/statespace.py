@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from modal.exports import FORMATS
 from multipendula.command import Command
 from multipendula.commands.models import add_model_file, add_signals, model_of, scene_at, scene_of
-from multipendula.commands.shared import drawn, estimate_of, listed, output, picture, say, small_swings
+from multipendula.commands.shared import drawn, estimate_of, listed, noted, output, picture, say
 from multipendula.completion import files
 from multipendula.options import (
     PICTURES,
@@ -42,7 +42,7 @@ def export(options: argparse.Namespace) -> None:
     if options.file is None:
         raise SceneError(["-o FILE: is required"])
     scene = scene_at(options)
-    small_swings(scene.at(0.0))
+    noted(scene.at(0.0))
     if scene.is_hoisted:
         content = target.write_varying(_varying(scene, options))
         with whole_file(options.file) as stream:
@@ -191,7 +191,7 @@ def shaper(options: argparse.Namespace) -> None:
     from modal.scene import load
     from modal.statespace import shaper_for, swing_words
 
-    scene = small_swings(load(options.scene))
+    scene = noted(load(options.scene))
     estimate = estimate_of(scene, options.covariance)
     step, tolerance = options.discrete or 0.0, options.tolerance / 100
     found = shaper_for(scene, options.count, options.kind, options.drive, step=step, tolerance=tolerance)

@@ -84,7 +84,9 @@ def choose(
     if method == "taylor":
         problems += refusals(scene, "method taylor", *more)
         problems += [] if form == "minimal" else [f"method taylor: has no series in form {form}: choose minimal"]
-    if form in {"spatial", "maximal"} and method in SCIPY and method not in EXPLICIT:
+    if method in SCIPY and method not in EXPLICIT:
+        problems += refusals(scene, "an implicit method", *more)
+    if form == "maximal" and method in SCIPY and method not in EXPLICIT:
         problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
     if problems:
         raise SceneError(problems)

@@ -10,7 +10,7 @@ from typing import Any
 
 from modal.errors import ComputationError
 from modal.report import Displayed
-from modal.scene import Scene, require
+from modal.scene import Scene, refusals, require
 from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relative_equilibria
 from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.orbits import Orbit
@@ -125,7 +125,8 @@ def study_synchronization(
     prediction and simulation.  KeyboardInterrupt where Ctrl-C cuts the run short.
     """
     require(scene, "synchronization")
-    theory, silent = _tried(lambda: theory_of_scene(scene, start))
+    silent = "; ".join(refusals(scene, "a prediction of synchronization"))
+    theory, silent = (None, silent) if silent else _tried(lambda: theory_of_scene(scene, start))
     length = duration or usual_duration(scene, theory)
     if theory is not None and theory.prediction.unstable:
         start = theory.prediction.start

@@ -59,7 +59,7 @@ def test_one_van_der_pol_pendulum(angle: float) -> None:
 
 
 @pytest.mark.parametrize("stiffness", [0.0, 300.0])
-def test_small_swings_decay_as_damped_modes_do(stiffness: float) -> None:
+def test_noted_decay_as_damped_modes_do(stiffness: float) -> None:
     link = Bob(mass=1.0, length=1.0, damping=0.01)
     pendula = (Pendulum(links=(link,), count=2), Pendulum(links=(Rod(mass=1.0, length=1.1, damping=0.02),)))
     scene = Scene(gravity=G, support=Cart(mass=5.0, damping=0.1, stiffness=stiffness), pendulum=pendula)

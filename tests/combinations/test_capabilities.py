@@ -32,6 +32,13 @@ def test_no_entry_is_of_a_feature_that_does_not_exist() -> None:
 # --------------------------------------------------------------------------------------------------- every pair
 
 PAIRS = pairs()
+
+
+def flat(text: str) -> str:
+    """A text without the breaks and names at the beginning of lines."""
+    return " ".join(text.replace("multipendula: ", "").split())
+
+
 SAMPLE = usually(random.Random(0).sample(PAIRS, 60), PAIRS)
 
 
@@ -40,7 +47,8 @@ def test_the_answer_is_the_one_declared(kind: str, capability: str, tmp_path: Pa
     outcome, (status, words) = attempt(kind, capability, tmp_path), declared(kind, capability)
     assert outcome.status == status or (status == "unless" and outcome.status in {"works", "refused"}), outcome
     if outcome.status == "refused":
-        assert all(said in outcome.words for said in words)
+        answer = flat(outcome.words)
+        assert [said for said in words if flat(said).partition(": take")[0] not in answer] == []
 
 
 # --------------------------------------------------------------------------------------------------- nothing in silence
@@ -63,7 +71,7 @@ def test_a_feature_changes_the_answer_or_is_said_to_be_left_out(kind: str, capab
     answer = attempt(kind, capability, tmp_path / "with").words
     without = attempt(plain, capability, tmp_path / "without").words
     if entry(kind, capability) == "leaves":
-        assert [words for words in declared(kind, capability)[1] if words not in answer] == []
+        assert [words for words in declared(kind, capability)[1] if flat(words) not in flat(answer)] == []
     elif (kind, capability) not in EQUAL:
         assert answer.replace(str(kinds()[kind]), "") != without.replace(str(plain), "")
 

@@ -563,7 +563,7 @@ def test_standing_links_and_too_many_are_refused() -> None:
 DRIVE = VanDerPol(strength=0.05, angle_deg=5.0)
 
 
-def test_the_scenes_own_drives_feed_what_their_torques_give_small_swings() -> None:
+def test_the_scenes_own_drives_feed_what_their_torques_give_noted() -> None:
     driven = scene(Cart(mass=50.0, damping=1.0), bob(1, 1, 2, drive=DRIVE), bob(1, 1))
     still, moves = explain(driven).damped
     found = matrices(driven)

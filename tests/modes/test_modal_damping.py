@@ -212,7 +212,7 @@ def test_all_forms_move_alike_and_close_the_energy_books(name: str) -> None:
         assert np.abs(run.motion.links - runs[0].motion.links).max() < 1e-9
 
 
-def test_small_swings_are_the_closed_form_of_the_damped_modes() -> None:
+def test_noted_are_the_closed_form_of_the_damped_modes() -> None:
     scene, omega, zeta = load("chain-1").replace(damping_ratio=0.1), natural_modes(load("chain-1")).omega[0], 0.1
     start = State(np.array([1e-5]), np.zeros(1))
     run = simulate(scene, 10.0, start=start, tolerance=1e-12, output=50)

@@ -201,7 +201,8 @@ ASKS: dict[str, tuple[str, ...]] = {
     "sweep": ("the table of modes",),
     **dict.fromkeys(("response", "gains"), ("a constant linear model",)),
     "export": ("a constant linear model",),
-    **dict.fromkeys(("vibration", "shock"), ("a linear model of a moved support",)),
+    "vibration": ("a constant linear model", "random vibration"),
+    "shock": ("a constant linear model", "a linear model of a moved support"),
     "shaper": ("a shaper",),
     "play": ("the live page",),
     "derive": ("a derivation",),
@@ -216,8 +217,10 @@ BEYOND = {
     ("count_100", "fit"): "at most",
     ("count_100", "play"): "at most",
     ("count_100", "derive"): "at most",
+    ("count_100", "section"): "no motion of this energy",
+    ("escapement", "orbits vary"): "no limit cycle was found",
 }
-"""Pairs that are refused for a size, not for a feature, with words of the message."""
+"""Pairs that are refused for their numbers, not for a feature, with words of the message."""
 LOADED = tuple(name for name in ATTEMPTS if name.startswith("simulate"))
 """What takes a load, which a scene file has not."""
 
