@@ -149,6 +149,8 @@ def assembled(
     drive, push = _drive(wanted), _pushes(geometry, wanted)
     if drive in SUPPORT:
         require(scene, "a linear model of a moved support")
+    if drive in SUPPORT and geometry.drag.any():
+        raise SceneError([f"input {drive}: drag acts against still air, and the support would move through it"])
     motion = MOTIONS[drive]
     own = _held if drive in DRIVES and scene.has_modal_damping else matrices
     found = given.matrices if given else own(scene)

@@ -292,6 +292,8 @@ def find_spread(
     if duration is not None:
         starts = None if start is None else [start] * members
         motion = ensemble(scene, duration, starts=starts, vary=values, output=SAMPLES, report=report, **options)
+        if len(motion.failures) == motion.size:
+            raise SceneError([f"every member failed: {next(iter(motion.failures.values()))}"])
         if motion.interrupted:
             raise KeyboardInterrupt
         failures = failures | motion.failures
