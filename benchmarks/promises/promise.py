@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterable
+from statistics import median
 from typing import NamedTuple
 
 from tqdm import tqdm
@@ -52,4 +53,5 @@ def attack(description: str, trials: Callable[[int], Iterable[Trial]], *, cases:
     if tried:
         seed, nearest = max(tried, key=lambda pair: pair[1].share)
         print(f"nearest: {nearest.share:.2g} of what was promised (seed {seed}: {nearest.about})")
+        print(f"median: {median(trial.share for _, trial in tried):.2g} of what was promised")
     sys.exit(1 if broken else 0)

@@ -24,6 +24,7 @@ from modal.scene import Scene, require, title_of
 from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics
+from nonlinear.integration import validate, validate_numbers, validate_whole
 from nonlinear.integration.lanes import Task, integrate
 from nonlinear.integration.pacing import longest_first, units_of
 from nonlinear.integration.watches import Gains
@@ -218,7 +219,12 @@ def lyapunov_exponent(
     """
     require(scene, "a Lyapunov exponent")
     duration = usual_duration(scene) if duration is None else duration
-    _check(scene, duration, SHORTEST / USUAL * usual_duration(scene), ensemble)
+    validate(
+        lambda: validate_numbers(duration, tolerance, 0.0),
+        lambda: validate_whole(1, ensemble=ensemble),
+        lambda: validate_whole(0, seed=seed),
+    )
+    _check(scene, duration, SHORTEST / USUAL * usual_duration(scene))
     tangent = Tangent(system_of(scene))
     rng = np.random.default_rng(seed)
     states = starts if starts is not None else nearby(start or initial_state(scene), ensemble, spread, rng)
@@ -240,12 +246,10 @@ def nearby(state: State, ensemble: int, spread: float, rng: np.random.Generator)
     return [replace(state, links=state.links + aside) for aside in asides]
 
 
-def _check(scene: Scene, duration: float, least: float, ensemble: int) -> None:
+def _check(scene: Scene, duration: float, least: float) -> None:
     problems = []
     if not least <= duration < float("inf"):
         problems.append(f"duration {duration!r}: must be at least {least:.3g} s for this scene, {SHORTEST:g} sqrt(l/g)")
-    if ensemble < 1:
-        problems.append(f"ensemble {ensemble}: must be at least 1")
     if problems:
         raise SceneError(problems)
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import inf
+from math import inf, nan
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,7 @@ from nonlinear.system import Layout, Load, Motion, State, System
 
 EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts
 WRITTEN = 8  # links up to which M⁻¹ is written out
+JAM = 1e4  # friction on the rail over that of all weights and centrifugal forces, beyond which it has no bound
 JAMMED = "the rail's friction has no consistent value: its coefficient is too large for these links"
 
 
@@ -127,8 +128,9 @@ class Rubbing:
 class Frictional:
     """The equations `free` with dry friction: contacts slide the way `sign` (J,) says, 0 sticking, until it is changed.
 
-    `placed` (J,) are the angles or the position of contacts at rest.  Events decide when the sign changes.  A load of
-    few links acts as the `pushed` one, through M⁻¹ like friction, others as that of the free equations.
+    `placed` (J,) are the angles or the position of contacts at rest, `refused` says why the last trial step found no
+    friction.  Events decide when the sign changes.  A load of few links acts as the `pushed` one, through M⁻¹ like
+    friction, others as that of the free equations.
     """
 
     free: Minimal
@@ -136,6 +138,7 @@ class Frictional:
     pushed: Load | None = None
     sign: Floats = field(init=False)
     placed: Floats = field(init=False)
+    refused: str = field(init=False, default="")
 
     def __post_init__(self) -> None:
         self.set_sign(np.zeros(len(self.contacts.below)))
@@ -191,10 +194,19 @@ class Frictional:
         return len(self.sign) == self.layout.half and not self.sign.any()
 
     def derivative(self, time: float, y: Any) -> Any:
-        """The derivative y' (size,), sticking contacts having no relative acceleration."""
+        """The derivative y' (size,), sticking contacts having no relative acceleration.
+
+        Where friction has no value the accelerations are NaN, so that an integrator whose trial step leads there takes
+        a shorter one, and `refused` is the reason.
+        """
         half, found = self.layout.half, self._unrubbed(time, y)
         response = self.response(y)
-        rubbing = self._rubbing(y, found, response, self.sign)
+        try:
+            rubbing = self._rubbing(y, found, response, self.sign)
+        except ComputationError as error:
+            self.refused = str(error)
+            found[half : 2 * half] = nan
+            return found
         found[half : 2 * half] += response @ rubbing.tau
         found[-1] += rubbing.tau @ (self.sliding(y) * self._slides)
         for below, above in self._held:
@@ -275,6 +287,16 @@ class Frictional:
         """Set the state of every contact to what it is at this y."""
         self.set_sign(self.settled(time, y, np.sign(self.sliding(y))).sign)
         self.placed = self.place(y)
+
+    def refuse_jam(self, y: Floats, force: float) -> None:
+        """ComputationError where this friction (N) of the rail at one y is beyond all weights and inertial forces.
+
+        Before it has no value it grows as 1/(1 + s μ e n₀), and no integrator's steps, however short, reach that end.
+        """
+        rates = y[self.layout.half + int(self.layout.on_cart) : 2 * self.layout.half]
+        thrown = sum(float(group.block.b.ravel() @ rates[group.index].ravel() ** 2) for group in self.system.groups)
+        if abs(force) > JAM * self.contacts.coefficient * (self.system.gravity * self.system.total_mass + thrown):
+            raise ComputationError(JAMMED)
 
     def _rubbing(self, y: Floats, found: Floats, response: Floats, sign: Floats) -> Rubbing:
         return self._solved(y, found, response, sign, deciding=False)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil, pi, radians
+from typing import cast
 
 import numpy as np
 
@@ -194,6 +195,8 @@ class Asked:
 
 def asked(texts: Sequence[str], system: System) -> Asked:
     """The measures in texts; SceneError names every mistake."""
+    if not isinstance(given := cast("object", texts), list | tuple) or not all(isinstance(one, str) for one in given):
+        raise SceneError([f"measures {texts!r}: must be a list of names, of {', '.join(MEASURES)}"])
     names: list[str] = []
     problems, section = [], None
     for text in texts:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
 from math import prod
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -212,9 +212,12 @@ def _varied(scene: Scene, vary: Vary | None, started: bool) -> tuple[tuple[Varia
     axes: tuple[Variation, ...] = ()
     lists: dict[str, Floats] = {}
     if isinstance(vary, Mapping):
-        lists = {path: np.asarray(own, dtype=float).ravel() for path, own in vary.items()}
+        lists = {path: _numbers(path, own) for path, own in vary.items()}
         _check_lists(scene, lists)
     else:
+        given = cast("Any", vary)
+        if not isinstance(given, list | tuple) or not all(isinstance(own, str | Variation) for own in given):
+            raise SceneError([f"vary {vary!r}: must be a list of PLACE=VALUES, or a mapping of places to values"])
         texts = [own for own in vary if isinstance(own, str)]
         axes = parse_variations(texts) if len(texts) == len(vary) else tuple(vary)  # type: ignore[arg-type]
         validate_variations(scene, axes)
@@ -222,6 +225,15 @@ def _varied(scene: Scene, vary: Vary | None, started: bool) -> tuple[tuple[Varia
     if started and (own := [path for path in paths if ".start." in path]):
         raise SceneError([f"{path}: cannot be varied where starts are given" for path in own])
     return axes, lists
+
+
+def _numbers(path: object, own: object) -> Floats:
+    try:
+        if not isinstance(path, str):
+            raise TypeError
+        return np.asarray(own, dtype=float).ravel()
+    except (TypeError, ValueError):
+        raise SceneError([f"vary {path!r}: must be a place of the scene with one number for each member"]) from None
 
 
 def _check_lists(scene: Scene, lists: Mapping[str, Floats]) -> None:
@@ -241,7 +253,7 @@ def _states(scene: Scene, starts: Starts) -> Motion:
     system = system_of(scene)
     if isinstance(starts, Motion):
         return starts
-    if len(starts) and isinstance(starts[0], State):
+    if isinstance(starts, Sequence) and len(starts) and isinstance(starts[0], State):
         states = [validate_state(own, system) for own in starts]  # type: ignore[arg-type]
         links, rates, cart, speed = (
             np.array([getattr(own, part) for own in states]) for part in ("links", "link_rates", "cart", "cart_rate")

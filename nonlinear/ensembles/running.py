@@ -15,7 +15,7 @@ from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import isnan
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from nonlinear.ensembles.members import Members, Starts, Vary, members_of
 from nonlinear.ensembles.parts import Parts
 from nonlinear.ensembles.plain import STATES, validate_plain
 from nonlinear.ensembles.question import CHECKED, PLAIN, Question, chunk_of, refused, sample_of
-from nonlinear.integration import sample_times, validate, validate_numbers
+from nonlinear.integration import sample_times, validate, validate_numbers, validate_whole
 from nonlinear.system import Motion, system_of
 
 USUAL = 1e-9  # tolerance
@@ -211,6 +211,12 @@ def ensemble(
     (2, 1)
     """
     validate_scene(scene)
+    validate(
+        lambda: validate_whole(0, check=check),
+        lambda: validate_whole(1, optional=True, chunk=chunk, workers=workers),
+        lambda: _validate_share(share),
+        lambda: _validate_folder(folder),
+    )
     question, reason = _question(scene, duration, starts, vary, output, tolerance, measures, engine, check, chunk)
     parts = None if folder is None else Parts(folder, question)
     left = _left(question, parts, share)
@@ -218,11 +224,29 @@ def ensemble(
 
 
 def _left(question: Question, parts: Parts | None, share: tuple[int, int] | None) -> list[int]:
-    """The chunks to compute; SceneError for a share that cannot be."""
+    """The chunks to compute."""
     one, of = share or (0, 1)
-    if not 0 <= one < of:
-        raise SceneError([f"share {share}: must be a number from 0 on and how many there are"])
     return [number for number in range(one, question.chunks, of) if not (parts and parts.done(number))]
+
+
+def _validate_share(share: object) -> None:
+    """SceneError for a share that cannot be."""
+    if share is None:
+        return
+    try:
+        one, of = cast("tuple[int, int]", share)
+        validate_whole(0, k=one, n=of)
+        fits = one < of
+    except (TypeError, ValueError):
+        fits = False
+    if not fits:
+        raise SceneError([f"share {share!r}: must be (k, n), whole numbers with 0 ≤ k < n"])
+
+
+def _validate_folder(folder: object) -> None:
+    """SceneError for what names no folder."""
+    if folder is not None and not (isinstance(folder, str | os.PathLike) and os.fspath(folder)):
+        raise SceneError([f"folder {folder!r}: must be the path of a folder"])
 
 
 def _question(
@@ -257,8 +281,6 @@ def _question(
     keeps_end = output == END if isinstance(output, str) else output is None and not measures
     checked = () if chosen == PLAIN else sample_of(members.size, check)
     question = Question(members, duration, tolerance, chosen, wanted, times, keeps_end, checked)
-    if chunk is not None and chunk < 1:
-        raise SceneError([f"chunk {chunk}: must be at least 1"])
     fitting = chunk or chunk_of(scene, duration, tolerance, len(question.wanted.times), chosen)
     if (numbers := members.size * len(times) * 2 * scene.n_links) > MOST_NUMBERS:
         raise SceneError([f"output: {numbers:.3g} numbers are too many to keep: use fewer samples, or measures"])

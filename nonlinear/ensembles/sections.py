@@ -22,6 +22,7 @@ from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.found import Section
 from nonlinear.ensembles.measures import section_of
 from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.integration import validate_whole
 from nonlinear.reduction import usual_start
 from nonlinear.system import State, System, numbers_of, system_of
 
@@ -95,6 +96,7 @@ def find_section(
     angle upwards through 0.  SceneError for a scene that does not keep its energy, and where no start has it.
     """
     require(scene, "a Poincaré section")
+    validate_whole(1, orbits=orbits)
     system = system_of(scene)
     text = at or f"{next(label for label in system.labels if label != 'x')}>0"
     section = section_of(f"section:{text}", system)

@@ -39,6 +39,7 @@ from modal.scene import Scene, describe, left_out, name_of, title_of
 from modal.scene.parameters import Variable, Variation, find_places, number_at
 from modal.types import Floats
 from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.integration import validate, validate_whole
 from nonlinear.system import State, system_of
 
 if TYPE_CHECKING:
@@ -277,8 +278,7 @@ def find_spread(
         twice = [one.path for one in own if {*find_places(scene, one.path)} & {*estimate.places}]
         if twice:
             raise SceneError([f"{path}: has a tolerance and is among the fitted numbers" for path in twice])
-    if members < 3:
-        raise SceneError([f"members {members}: must be at least 3"])
+    validate(lambda: validate_whole(3, members=members), lambda: validate_whole(0, seed=seed))
     rng = np.random.default_rng(seed)
     values = {one.path: one.drawn(_value(scene, one.path), members, rng) for one in own}
     values |= estimate.drawn(members, rng) if estimate is not None else {}

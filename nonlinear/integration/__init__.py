@@ -16,6 +16,7 @@ from nonlinear.integration.arguments import (
     validate_forces,
     validate_numbers,
     validate_observable,
+    validate_whole,
 )
 from nonlinear.integration.driver import Drive, silent
 from nonlinear.integration.escapements import Escaping, escaping
@@ -66,4 +67,5 @@ __all__ = [
     "validate_forces",
     "validate_numbers",
     "validate_observable",
+    "validate_whole",
 ]

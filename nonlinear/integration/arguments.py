@@ -49,6 +49,18 @@ def validate_numbers(duration: float, tolerance: float, start_time: float) -> No
         raise SceneError(problems)
 
 
+def validate_whole(least: int, *, optional: bool = False, **values: object) -> None:
+    """SceneError that names every value that is no whole number from `least` on; None is allowed where `optional`."""
+    wrong = [
+        f"{name} {value!r}: must be a whole number from {least}"
+        for name, value in values.items()
+        if not (optional and value is None)
+        and (not isinstance(value, Integral) or isinstance(value, bool) or value < least)
+    ]
+    if wrong:
+        raise SceneError(wrong)
+
+
 def validate_accuracy(accuracy: float | None) -> None:
     """SceneError for an invalid accuracy."""
     if accuracy is None:

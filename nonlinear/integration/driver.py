@@ -97,7 +97,8 @@ class Drive:
         except KeyboardInterrupt:
             record.stopped, record.interrupted = f"interrupted at {record.reached:.9g} s", True
         except ComputationError as error:
-            record.stopped, record.failed = str(error), True
+            refused = self.friction.equations.refused if self.friction else ""
+            record.stopped, record.failed = refused or str(error), True
         if self.friction:
             record.friction = self._rubbed(record)
         record.close()

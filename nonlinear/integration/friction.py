@@ -62,6 +62,7 @@ class StickSlip:
 
     def next(self, stepper: Stepper, before: float) -> Change | None:
         """The first change within the last step, None where there is none."""
+        self.equations.refused = ""
         if self.equations.at_rest and self.equations.load is None:
             return None
         looks = np.linspace(before, stepper.time, LOOKS + 1)
@@ -200,6 +201,7 @@ class StickSlip:
         rows = stepper.inside(times)
         speeds = self.equations.sliding(rows)[:, 0]
         forces = [self.equations.rubbing(time, row).tau[0] for time, row in zip(times.tolist(), rows, strict=True)]
+        self.equations.refuse_jam(rows[-1], forces[-1])
         self._work[0] += (now - before) / 2 * float(WEIGHTS @ (np.array(forces) * speeds))
 
     def record(self, time: float, y: Floats) -> Friction:

@@ -167,9 +167,8 @@ class _Ceiling:
 
 
 def _floor(axis: Axes, stage: Stage) -> None:
-    """The floor on which shadows fall, as wide and as deep as they are."""
-    shadows = np.concatenate([actor.shadow for actor in stage.actors if actor.shadow is not None])
-    shadows = shadows - np.stack((stage.camera, 0 * stage.camera), axis=-1).repeat(len(stage.actors), 0)[:, None]
+    """The floor on which shadows fall, as wide and as deep as they are wherever the cart goes."""
+    shadows = np.concatenate([actor.shadow for actor in stage.actors if actor.shadow is not None], axis=1)
     level = -(stage.floor or 0.0)
     y = (shadows[..., 1] - level) / OBLIQUE[1]
     x = shadows[..., 0] - y * OBLIQUE[0]

@@ -51,6 +51,8 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     yield from _way(trajectory)
     if isfinite(run.error):
         yield "accuracy", f"no angle is off by more than {run.error:.2g} rad"
+    elif run.form == TRUNCATED:
+        yield "accuracy", "unknown: nothing has judged what the other shapes would change"
     yield from _ranges(trajectory)
     if trajectory.system.kicked:
         yield "drives", f"{len(trajectory.kicks.time)} kicks fed {trajectory.kicks.energy.sum():.6g} J"

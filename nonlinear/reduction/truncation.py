@@ -4,14 +4,17 @@ The Lagrangian of a plane scene is even about its equilibrium: neglected modes r
 amplitude and act back at the fifth, so a single mode already has the κ of ω(a) = ω (1 + κ a²).  As measured, the
 frequency of the lowest mode of 2 to 10 bobs alone is wrong by 0.006 % at 20°, 0.1 % at 40°, 0.6 % at 60°, with two
 more modes by 0.004 % at 60°; shapes are wrong sooner, by a³.  The truncation error is reported.  The largest error of
-any angle is estimated as the sum of
+any angle is estimated as SAFETY times the largest distance, so far and within the slowest period to come, to a second
+run at a hundredth of the tolerance (so that it sees the integrator's error too):
 
-- SAFETY times the largest distance, so far and within the slowest period to come, to a second, finer run: with
-  the next MORE shapes, or about twice as many as there are, and every mode within NEAR of 1:1, 1:2 or 1:3 of a kept
-  one, wherever it is in the table, at a tenth of the tolerance (so that it sees the integrator's error too);
-- the part of the start outside even those, by its linear motion: max_i Σ_s |φ_is| (η_s² + (η_s'/ω_s)²)^½.
+- of the whole scene, where that costs at most DEAR times as much as what follows;
+- else in the kept shapes and those that their motion excites (`nonlinear.reduction.excitation`), all but LEFT of the
+  sum of the angles that it gives them, and all that it reaches and that are near enough to grow by themselves: two
+  neglected shapes take energy of two kept ones where ω_s + ω_t = ω_i + ω_j, so ω_s ≤ (1 + 2 NEAR) max ω_i.  The
+  motion that the rest make in answer to the second run is added to the distance.
 
-It grows with time, and is an estimate, not a bound: it assumes that the finer run is closer to the whole motion.
+It grows with time, and is an estimate, not a bound: it assumes that the second run is closer to the whole motion.
+Where the second run does not reach its end nothing is stated, and the run says so.
 """
 
 from __future__ import annotations
@@ -19,7 +22,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,6 +36,8 @@ from nonlinear.integration import (
     SMALLEST,
     TRUNCATED,
     Choice,
+    Request,
+    SimulationError,
     Trajectory,
     extent,
     modes_of,
@@ -41,16 +45,24 @@ from nonlinear.integration import (
     sample_times,
     validate,
     validate_numbers,
+    validate_whole,
 )
+from nonlinear.reduction.excitation import PER_PERIOD, THIRD, Excitation, excite, excited
 from nonlinear.reduction.truncated import Truncated
 from nonlinear.system import State, System, initial_state, system_of, validate_state
 
 SAFETY = 2.0
 NEGLIGIBLE = 1e-8  # fraction of the start's energy that an automatic choice may neglect
 MARGIN = 4  # modes kept beyond those of the start: a twentieth of the error, a quarter more calls
-MORE = 8  # least number of further shapes in the finer run
-RATIOS, NEAR = (1, 2, 3), 0.1  # resonant ratios of frequencies, and the relative width of a resonance
-FURTHEST = 600.0  # largest exponent of a growth that is evaluated
+LEFT = 0.1  # share of the excited angles that the second run may leave out
+NEAR = 0.1  # relative width of a resonance
+REACHED = 1e-13  # angle (rad) below which a shape is moved by rounding alone
+DEAR = 4.0  # cost of the whole scene over that of its excited shapes up to which it is the judge
+CALL, PRODUCT = 100.0, 1e-3  # links, and products of R² numbers, that cost as much as the rest of a derivative
+FEWEST, MOST_LOOKED, MOST_NUMBERS = 200, 20_000, 10_000_000  # times at which two runs are compared, angles at these
+FINER = 100.0  # tolerance of the run over that of its judge
+FINEST = 1e-13  # tolerance of the whole scene as judge, finer than which only compiled series go
+UNJUDGED = "not judged, for the second run did not reach its end"
 
 
 class Kept(NamedTuple):
@@ -131,20 +143,28 @@ class Survey(Displayed):
         count = int(np.argmax(self.outside <= NEGLIGIBLE))
         return min(self.kept[max(count, 1) - 1].mode + MARGIN, len(self.modes))
 
-    def judging(self, count: int) -> Ints:
-        """The shapes of the finer run for the first `count` shapes: the next ones, and all that resonate with them."""
-        tuned = np.multiply.outer(RATIOS, self.swings[:count]).ravel()
-        answers = np.any(np.abs(self.swings[:, None] - tuned) < NEAR * tuned, axis=1)
-        answers[: self.columns(self.kept[min(max(2 * count, count + MORE), len(self.kept)) - 1].mode)] = True
-        return np.flatnonzero(answers)
+    def excitation(self, run: Trajectory, chosen: Ints, looked: Floats) -> tuple[Ints, Excitation]:
+        """The other shapes, and how far a run in the chosen ones moves each, seen at `looked` (s), evenly spaced."""
+        left = np.delete(np.arange(len(self.kept)), chosen)
+        left = left[self.value.real[left] <= 0]
+        begun = self.equations(left).begin(self.start)[: 2 * len(left)].reshape(2, -1)
+        motion = run.motion.at(np.isin(run.times, looked))
+        return left, excite(self.system, looked, motion, self.shapes[:, left], self.swings[left], begun)
 
-    def missed(self, judging: Ints, elapsed: Floats) -> Floats:
-        """Largest angle (rad) to which all other shapes can add up in their linear motion so far, (T,)."""
-        left = np.delete(np.arange(len(self.kept)), judging)
-        angles, rate = np.abs(self.shapes[-self.system.n_links :, left]) * self.amplitude[left], self.value.real[left]
-        grows = rate > 0
-        growth = np.exp(np.minimum(np.multiply.outer(elapsed, rate[grows]), FURTHEST))
-        return np.asarray(angles[:, ~grows].sum(axis=1).max() + growth @ angles[:, grows].max(axis=0))
+    def judging(self, run: Trajectory, count: int, looked: Floats) -> Ints:
+        """The shapes of the second run for a run in the first `count`: these, and those that it excites."""
+        left, found = self.excitation(run, np.arange(count), looked)
+        reached = found.angles > REACHED
+        near = self.swings[left] <= (1 + 2 * NEAR) * self.swings[:count].max()
+        grows = np.flatnonzero(self.value.real > 0)
+        more = left[reached & near], left[excited(np.where(reached, found.angles, 0.0), LEFT)]
+        return np.unique(np.concatenate((np.arange(count), grows, *more)))
+
+    def cheap(self, judging: Ints) -> bool:
+        """Whether the whole scene costs no more than DEAR times a run in these shapes."""
+        links, fast = self.system.n_links, float(self.swings[judging].max())
+        few = fast * (CALL + PRODUCT * links * len(judging) ** 2)
+        return len(judging) == len(self.kept) or float(self.swings.max()) * (CALL + links) <= DEAR * few
 
     def equations(self, chosen: Ints) -> Truncated:
         """The reduced equations in these shapes."""
@@ -171,8 +191,11 @@ def simulate_truncated(
     infinite. Raises SceneError for a scene in space and for invalid arguments, ComputationError where the modes cannot
     be computed, SimulationError where the integrator fails.
     """
-    validate_numbers(duration, tolerance, 0.0)
-    _validate(scene, modes, method)
+    validate(
+        lambda: validate_numbers(duration, tolerance, 0.0),
+        lambda: validate_whole(1, optional=True, modes=modes),
+        lambda: _validate(scene, method),
+    )
     system = system_of(scene)
     state, times = validate(
         lambda: validate_state(start if start is not None else initial_state(scene), system),
@@ -195,21 +218,57 @@ def in_modes(
 ) -> Truncation:
     """The motion of a survey's start at these times (T,) in s, in its lowest `modes`."""
     fewer = survey.columns(modes)
-    judging = survey.judging(fewer)
-    first = _run(survey, np.arange(fewer), times, method, tolerance, report)
-    second = _run(survey, judging, first.times, method, tolerance / 10, report)
-    whole = second.complete
-    gone = np.abs(first.motion.links - second.motion.links).max(axis=1) if whole else np.full(len(first.times), np.inf)
-    elapsed, swings = first.times - first.times[0], survey.swings[:fewer]
-    period = 2 * np.pi / float(swings[swings > 0].min(initial=np.inf))
-    errors = SAFETY * _within(elapsed, gone, period) + survey.missed(judging, elapsed)
+    looked = _looked(survey, np.arange(fewer), times)
+    first = _run(survey, np.arange(fewer), np.union1d(times, looked), method, tolerance, report)
+    errors, judge = np.full(len(first.times), np.inf), "not judged, for the run did not reach its end"
+    if first.complete:
+        errors, judge = _judged(survey, first, fewer, looked, report)
+    run = replace(first.run, error=float(errors[-1]), reason=f"{first.run.reason}; error {judge}")
+    asked = np.isin(first.times, times)
+    asked[-1] = True
     return Truncation(
-        trajectory=replace(first, run=replace(first.run, error=float(errors[-1]))),
+        trajectory=replace(first, run=run).at(asked),
         kept=survey.kept[:fewer],
         omega=survey.swings[:fewer],
         outside=float(survey.outside[fewer]),
-        errors=errors,
+        errors=errors[asked],
     )
+
+
+def _judged(
+    survey: Survey, first: Trajectory, fewer: int, looked: Floats, report: Callable[[float], object]
+) -> tuple[Floats, str]:
+    """The largest error (rad) of a run in the first shapes so far, (T,), and what it was judged by."""
+    judging, tolerance = survey.judging(first, fewer, looked), first.run.tolerance / FINER
+    whole = survey.cheap(judging)
+    times = first.times if whole else np.union1d(first.times, finer := _looked(survey, judging, first.times))
+    try:
+        if whole:
+            request = Request(survey.scene, survey.system, survey.start, times, report=report)
+            second = request.run(request.choice(max(tolerance, FINEST)))
+        else:
+            second = _run(survey, judging, times, first.run.method, tolerance, report)
+    except SimulationError as error:
+        second = error.trajectory
+    if not second.complete:
+        return np.full(len(first.times), np.inf), f"{UNJUDGED}: {second.run.stopped}"
+    elapsed, swings = first.times - first.times[0], survey.swings[:fewer]
+    gone = np.abs(first.motion.links - second.motion.at(np.isin(times, first.times)).links).max(axis=1)
+    errors = _within(elapsed, gone, 2 * np.pi / float(swings[swings > 0].min(initial=np.inf)))
+    if whole:
+        return SAFETY * errors, "judged by the whole scene"
+    errors = errors + survey.excitation(second, judging, finer)[1].sum(elapsed)
+    return SAFETY * errors, f"judged by {len(judging)} shapes, those that they excite"
+
+
+def _looked(survey: Survey, chosen: Ints, times: Floats) -> Floats:
+    """Even times (s) at which the forces of a motion in the chosen shapes are seen, as far as numbers can be kept."""
+    rate = THIRD * PER_PERIOD * float(survey.swings[chosen].max()) / (2 * np.pi)
+    most = min(MOST_LOOKED, MOST_NUMBERS // survey.system.n_links)
+    count = float(times[-1] - times[0]) * rate
+    if count < most:
+        return np.linspace(times[0], times[-1], max(int(np.ceil(count)), FEWEST) + 1)
+    return np.asarray(times[0] + np.arange(most + 1) / rate)
 
 
 def _within(elapsed: Floats, values: Floats, period: float) -> Floats:
@@ -218,11 +277,8 @@ def _within(elapsed: Floats, values: Floats, period: float) -> Floats:
     return np.asarray(np.maximum.accumulate(values)[last])
 
 
-def _validate(scene: Scene, modes: int | None, method: str) -> None:
+def _validate(scene: Scene, method: str) -> None:
     found = refusals(scene, "motion in a few modes")
-    whole = isinstance(modes, Integral) and not isinstance(modes, bool)
-    if modes is not None and not (whole and modes >= 1):
-        found.append(f"modes {modes!r}: must be a whole number from 1")
     if method not in SCIPY:
         found.append(f"method {method}: must be one of {', '.join(SCIPY)}")
     if found:

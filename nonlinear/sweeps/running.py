@@ -20,6 +20,7 @@ from modal.scene import left_out, name_of
 from modal.scene.parameters import Variable
 from modal.types import Floats
 from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
+from nonlinear.integration import validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint
 from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_each, measure_points
 
@@ -109,6 +110,7 @@ def sweep(
     of points done.  On Ctrl-C the rows found so far are returned.  Raises ComputationError where workers cannot be
     started.
     """
+    validate_whole(1, optional=True, workers=workers)
     kept = journal or Checkpoint()
     rows = {row.index: row for row in kept.rows}
     left = [index for index in range(study.size) if index not in rows]

@@ -170,6 +170,32 @@ def test_what_cannot_be_is_told(more: dict, words: str) -> None:
         ensemble(load("chain-2"), 1.0, **more)
 
 
+WRONG = {
+    "check": [-1, 1.5, np.nan, "2", None, True, [1]],
+    "chunk": [np.nan, 0, 1.5, "3", -1, True, np.inf, [2]],
+    "share": [(0.5, 2), (0, 0), (2, 2), (0,), (0, 1, 2), 5, "ab", (0, np.nan), (None, 2), (True, 2), (-1, 2)],
+    "workers": [0, -1, 1.5, np.nan, "2", True],
+    "folder": [5, 1.5, ""],
+    "measures": ["largest_angle", 5, [5], [None]],
+    "vary": [5, "gravity=1:2:3", [5], {"gravity": "a"}, {5: [1]}, {"gravity": [[1, 2], [3]]}],
+    "starts": [5, "a", [[1, "b"]], [], {}],
+}
+
+
+@pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in WRONG.items() for value in values])
+def test_a_wrong_argument_is_named_with_its_value(name: str, value: object) -> None:
+    given = {"starts": [[0.1, 0.2]], "workers": 1} if name not in {"vary", "starts"} else {"workers": 1}
+    with pytest.raises(SceneError, match=f"^{name}") as told:
+        ensemble(load("chain-2"), 1.0, **given | {name: value})  # type: ignore[arg-type]
+    assert name in {"vary", "starts"} or repr(value) in str(told.value)
+
+
+def test_all_wrong_arguments_are_named_at_once() -> None:
+    with pytest.raises(SceneError) as told:
+        ensemble(load("chain-2"), 1.0, starts=[[0.1, 0.2]], check=-1, chunk=0, share=(2, 1), workers=-3)
+    assert [problem.split()[0] for problem in told.value.problems] == ["check", "chunk", "workers", "share"]
+
+
 def test_the_engine_is_chosen_by_its_cost() -> None:
     """Few members are not worth compiling for, many are; what looks within steps prefers kernels to events."""
     from nonlinear.ensembles.costs import ENGINES, choose_engine

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable
 from io import StringIO
+from re import escape
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +20,7 @@ from modal.modes import natural_modes
 from modal.scene import Bob, Cart, Pendulum, Scene, VanDerPol
 from modal.scene.parameters import parse_variations, vary
 from nonlinear import State, simulate
+from nonlinear.chaos import lyapunov_exponent
 from nonlinear.ensembles import (
     basins_table,
     find_basins,
@@ -149,6 +153,20 @@ def test_bands_of_motion_are_quantiles_of_runs() -> None:
 def test_what_is_no_tolerance_is_told(texts: list[str], words: str) -> None:
     with pytest.raises(SceneError, match=words):
         find_spread(load("chain-2"), texts)
+
+
+@pytest.mark.parametrize("number", [-1, 1.5, np.nan, "2", None, True])
+def test_numbers_of_a_study_that_are_none_are_named(number: object) -> None:
+    chain: Any = load("chain-2")
+    calls: dict[str, Callable[[Any], object]] = {
+        "members": lambda n: find_spread(chain, ["gravity=1%"], members=n),
+        "seed": lambda n: find_spread(chain, ["gravity=1%"], members=3, seed=n),
+        "orbits": lambda n: find_section(chain, 1.0, orbits=n),
+        "ensemble": lambda n: lyapunov_exponent(chain, 30.0, ensemble=n),
+    }
+    for name, call in calls.items():
+        with pytest.raises(SceneError, match=escape(f"{name} {number!r}: must be a whole number")):
+            call(number)
 
 
 def test_studies_that_cannot_be_are_told() -> None:

@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from test_hamiltonian import dense_M
 
 from modal.scene import Cart, Scene, scene_from
-from nonlinear import simulate
+from nonlinear import SimulationError, simulate
 from nonlinear.dynamics import Frictional
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import reaction_forces_of
 from nonlinear.simulation import resume
-from nonlinear.system import AppliedForces, State, turning_point
+from nonlinear.system import AppliedForces, State, system_of, turning_point
 
 G = 9.81
 
@@ -334,3 +335,27 @@ def test_random_scenes_keep_their_books(seed: int) -> None:
     assert found.energy_drift() < 1e-9
     assert np.all(found.friction.end >= found.friction.begin)
     assert np.all(found.friction.work <= 0)
+
+
+def jamming() -> Scene:
+    """Two links above one another that turn fast push the cart into its rail the harder, the more the rail rubs."""
+    links = [{"kind": "bob", "mass": 1.0, "length": 0.761}, {"kind": "rod", "mass": 1.0, "length": 0.753}]
+    start = {"angles_deg": [30.0, 30.0], "rates_deg": [1292.0, 1292.0]}
+    support = {"kind": "cart", "mass": 0.032, "friction_coefficient": 0.752}
+    return scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": links, "start": start}]})
+
+
+@pytest.mark.parametrize(
+    ("method", "tolerance"), [("DOP853", 1e-3), ("DOP853", 1e-9), ("DOP853", 1e-13), ("RK45", 1e-6), ("LSODA", 1e-7)]
+)
+def test_a_rail_that_jams_says_so_where_the_mass_matrix_does(method: str, tolerance: float) -> None:
+    """N = (N₀)/(1 + s μ e n₀) loses its value where 1 = μ n₀, n₀ = Σ b sin θ (M⁻¹ e_x), by the dense M of the scene."""
+    scene = jamming()
+    with pytest.raises(SimulationError, match="coefficient is too large") as caught:
+        simulate(scene, 1.0, method=method, tolerance=tolerance, output=1001)
+    run = caught.value.trajectory
+    assert run.times[-1] == pytest.approx(0.12481666, abs=2e-4 if tolerance > 1e-5 else 2e-5)
+    links = run.final.links
+    pair = system_of(scene).groups[0].block.b.ravel()
+    response = np.linalg.solve(dense_M(scene, np.concatenate(([run.final.cart], links))), np.eye(3)[0])
+    assert 1 - 0.752 * float(pair * np.sin(links) @ response[1:]) == pytest.approx(0.0, abs=1e-2)

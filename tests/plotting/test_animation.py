@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.patches import Polygon
 from PIL import Image
 
 import modal
 from modal.errors import ComputationError, SceneError
-from modal.scene import Bob, Body, Cart, InitialCondition, Pendulum, Scene
+from modal.scene import Bob, Body, Cart, Fixed, InitialCondition, Pendulum, Scene
 from nonlinear.dynamics import vectors
 from nonlinear.integration import Trajectory
 from nonlinear.plotting import animate
@@ -22,7 +23,7 @@ from nonlinear.plotting.animation import Film, Shown
 from nonlinear.plotting.scene import MOST_PENDULA, energies_of, stage_of
 from nonlinear.postprocessing import picked, resample
 from nonlinear.simulation import simulate
-from nonlinear.system import State
+from nonlinear.system import State, initial_state
 
 
 def run(name: str, duration: float = 1.0, **options: Any) -> Trajectory:
@@ -228,6 +229,26 @@ def test_the_camera_follows_a_cart_that_leaves() -> None:
     stage = stage_of(scenes()["drifting"], np.linspace(0, 2, 5))
     assert stage.follows
     assert np.ptp(stage.extent[0]) < 5 < np.ptp(stage.cart)
+
+
+def unequal_in_space(support: Fixed | Cart, rate: float) -> Trajectory:
+    pendula = [
+        Pendulum(links=(Bob(mass=1.0, length=length),) * count, start=InitialCondition(angles_deg=(6.0,) * count))
+        for length, count in ((1.0, 2), (0.75, 1), (0.4, 3))
+    ]
+    scene = Scene(gravity=9.81, space="space", support=support, pendulum=pendula)
+    begun = initial_state(scene)
+    return simulate(scene, 2.0, start=State(begun.links, begun.link_rates, 0.0, rate), output=41)
+
+
+@pytest.mark.parametrize(("support", "rate"), [(Fixed(), 0.0), (Cart(mass=1.0), 20.0)])
+def test_shadows_of_pendula_of_any_number_of_links_fall_on_the_floor(support: Fixed | Cart, rate: float) -> None:
+    drawn = Film(unequal_in_space(support, rate), np.linspace(0, 2, 5), 10.0, 1.0)
+    assert drawn.scenery.stage.follows == bool(rate)
+    (floor,) = [patch for patch in drawn.scenery.axis.patches if isinstance(patch, Polygon)]
+    for actor in drawn.scenery.stage.actors:
+        assert actor.shadow is not None
+        assert np.all(floor.get_path().contains_points(actor.shadow.reshape(-1, 2)))
 
 
 @pytest.mark.slow

@@ -611,3 +611,10 @@ def test_no_scheduler_is_said(address: str) -> None:
 
 def test_rows_that_are_compared_hold_no_nan() -> None:
     assert not any(isnan(value) for one in both_ways() for row in one.rows for value in row.numbers.values())
+
+
+@pytest.mark.parametrize("workers", [0, -1, 1.5, float("nan"), "2", True])
+def test_a_number_of_workers_that_is_none_is_named(workers: object) -> None:
+    study = Study(load("chain-1"), parse_variations(["gravity=1:2:2"]), parse_measures(["frequencies"]))
+    with pytest.raises(SceneError, match=f"^workers {workers!r}: must be a whole number"):
+        sweep(study, workers=workers)  # type: ignore[arg-type]
