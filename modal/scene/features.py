@@ -6,15 +6,26 @@ equations of motion read the numbers of a scene, not its features.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
-from modal.scene.links import Escapement, VanDerPol
+from modal.scene.links import AnyLink, Escapement, VanDerPol
 
-if TYPE_CHECKING:
-    from modal.scene.links import AnyLink
-    from modal.scene.model import Scene
+
+class Described(Protocol):
+    """What is read of a scene."""
+
+    @property
+    def support(self) -> Any:
+        """The support."""
+
+    @property
+    def pendulum(self) -> Sequence[Any]:
+        """The pendula."""
+
+    def links(self) -> Iterator[AnyLink]:
+        """Every link."""
 
 
 @dataclass(frozen=True)
@@ -32,16 +43,16 @@ class Feature:
     support: str = ""
     pendulum: str = ""
     link: str = ""
-    only: Callable[[Scene], bool] = lambda scene: True
+    only: Callable[[Described], bool] = lambda scene: True
 
-    def places(self, scene: Scene) -> Iterator[str]:
+    def places(self, scene: Described) -> Iterator[str]:
         """Where a scene has it, as `pendulum[0].links[1].friction = 0.1`."""
         for where, part, key in self._parts(scene):
             value = getattr(part, key, None)
             if value is not None and self.has(value):
                 yield f"{where}{key}{_written(value)}"
 
-    def _parts(self, scene: Scene) -> Iterator[tuple[str, Any, str]]:
+    def _parts(self, scene: Described) -> Iterator[tuple[str, Any, str]]:
         if self.scene:
             yield "", scene, self.scene
         if self.support:
@@ -52,7 +63,7 @@ class Feature:
             for j, link in enumerate(pendulum.links if self.link else ()):
                 yield f"pendulum[{i}].links[{j}].", link, self.link
 
-    def is_in(self, scene: Scene, values: Callable[[str], set[Any]]) -> bool:
+    def is_in(self, scene: Described, values: Callable[[str], set[Any]]) -> bool:
         """Whether a scene has it; `values` are those of a key of all links."""
         has, support = self.has, getattr(scene.support, self.support, None) if self.support else None
         return self.only(scene) and bool(
@@ -69,7 +80,7 @@ def _written(value: Any) -> str:
     return f" = {value!r}" if isinstance(value, float | int) else ""
 
 
-def _stays_behind(scene: Scene) -> bool:
+def _stays_behind(scene: Described) -> bool:
     """Whether a cart can move while all mass below it is at rest: each pendulum begins with joints that bobs hold."""
     return all(_holds(pendulum.links) for pendulum in scene.pendulum)
 
@@ -120,7 +131,7 @@ DRAG = frozenset({"linear_drag", "quadratic_drag"})
 DRIVES = frozenset({"escapement", "van_der_pol"})
 
 
-def features(scene: Scene) -> frozenset[str]:
+def features(scene: Described) -> frozenset[str]:
     """The names of all that a scene has.
 
     >>> from modal import load
