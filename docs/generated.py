@@ -8,6 +8,8 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- shipped -->                            the scenes that come with the package
     <!-- formats -->                            what a model can be written as
     <!-- measures -->                           what a sweep can measure
+    <!-- options -->                            every option with its metavar and its one meaning
+    <!-- combinations -->                       what a scene has by what takes it
     <!-- gallery -->                            every figure of docs/pictures.toml
     <!-- play -->                               sketches of all shipped scenes, linked to their live pages
     <!-- live: paper-cart-3 #swing -->           the live page of one, swinging
@@ -27,11 +29,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from modal.scene import Capability
     from multipendula.parser import Page
 
 ROOT = Path(__file__).parent.parent
 PLACE = re.compile(
-    r"^<!-- (commands|names|modules|shipped|formats|measures|gallery|play|live):?([^>]*) -->$", flags=re.MULTILINE
+    r"^<!-- (commands|names|modules|shipped|formats|ensemble_measures|measures|options|combinations|gallery|play|live)"
+    r":?([^>]*) -->$",
+    flags=re.MULTILINE,
 )
 PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\.(png|gif)\)$", flags=re.MULTILINE)
 
@@ -158,6 +163,54 @@ def ensemble_measures() -> str:
     from nonlinear.ensembles import MEASURES
 
     return _table("measure | what it is", [f"`{one.name}` | {_escaped(one.words)}" for one in MEASURES.values()])
+
+
+def options() -> str:
+    """Every option with its metavar and its meaning, then the uses that mean something else."""
+    from multipendula.flags import FLAGS, OTHERWISE
+
+    rows = [f"`{f'{flag} {metavar}'.strip()}` | {_escaped(words)}" for flag, (metavar, words) in FLAGS.items()]
+    others = [f"`{command} {flag}` | {_escaped(words)}" for (command, flag), words in OTHERWISE.items()]
+    more = ["## Other meanings", "These uses still mean something else.", _table("option | meaning there", others)]
+    return "\n\n".join([_table("option | meaning", rows), *more])
+
+
+MARKS = {"takes": "✓", "leaves": "○", "singly": "1", "unless": "(✓)", "refuses": "✗", "beside": ""}
+
+
+def combinations() -> str:
+    """Two tables, what a scene has by what takes it, and what is said of every pair that is not simply taken."""
+    from modal.scene import CAPABILITIES, FEATURES
+
+    numbers = {name: f"[{at}](#combination-{at})" for at, name in enumerate(CAPABILITIES, 1)}
+    listed = [f"{numbers[name]} | {_escaped(name)}" for name in CAPABILITIES]
+    grid = [
+        " | ".join([one.words, *(MARKS[held.entries(feature)[0][0]] for held in CAPABILITIES.values())])
+        for feature, one in FEATURES.items()
+    ]
+    heading = " | ".join(["a scene with", *numbers.values()])
+    parts = [_table("number | capability", listed), _table(heading, grid)]
+    return "\n\n".join([*parts, *(_capability(at, one) for at, one in enumerate(CAPABILITIES.values(), 1))])
+
+
+def _capability(at: int, one: Capability) -> str:
+    from modal.scene import FEATURES
+
+    told: dict[tuple[str, str], list[str]] = {}
+    for feature in FEATURES:
+        kind, words = one.entries(feature)[0]
+        if words and kind != "beside":
+            told.setdefault((kind, words), []).append(FEATURES[feature].words)
+    heads = {"leaves": "leaves out", "refuses": "refuses", "singly": "member by member", "unless": "with a condition"}
+    lines = [f"- {heads[kind]}: {', '.join(names)}: {_escaped(words)}" for (kind, words), names in told.items()]
+    lines += [
+        f"- not together: {FEATURES[a].words}, {FEATURES[b].words}: {_escaped(why)}"
+        for (a, b), why in one.apart.items()
+    ]
+    lines += [f"- needs: {_escaped(why)}" for why in one.needs.values()]
+    return "\n\n".join(
+        [f"(combination-{at})=\n### {at}. {_escaped(one.name)}", "\n".join(lines) or "Takes everything."]
+    )
 
 
 def _table(heading: str, rows: list[str]) -> str:

@@ -202,15 +202,15 @@ def file_of_text(name: str) -> str:
     return name
 
 
-def number(words: str, most: float = sys.float_info.max, least: float = 0.0) -> Callable[[str], float]:
-    """A converter for numbers above 0 in a range, which `words` describe."""
+def number(words: str, most: float = sys.float_info.max, least: float = 5e-324) -> Callable[[str], float]:
+    """A converter for numbers in a range, by default all above 0, which `words` describe."""
 
     def converted(text: str) -> float:
         try:
             value = float(text)
         except ValueError:
             value = float("nan")
-        if not (0 < value <= most and value >= least):
+        if not least <= value <= most:
             raise argparse.ArgumentTypeError(f"{text}: must be a number of {words}")
         return value
 

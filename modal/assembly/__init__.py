@@ -18,7 +18,6 @@ from modal.assembly.hoisting import (
     instants,
     matrices_along,
     matrices_at,
-    require_constant_lengths,
 )
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
@@ -57,7 +56,6 @@ __all__ = [
     "modal_dampers",
     "modal_factor",
     "ratio_at",
-    "require_constant_lengths",
     "rig_of",
     "stacked",
 ]

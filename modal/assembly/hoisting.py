@@ -137,12 +137,6 @@ def hoisting_of(scene: Scene, given: Hoists | None = None) -> Hoisting | None:
     return Hoisting(np.array(base), tuple(laws), given or None)
 
 
-def require_constant_lengths(scene: Scene, what: str) -> None:
-    """SceneError for a scene with a hoist; `what` needs constant lengths."""
-    if scene.is_hoisted:
-        raise SceneError([f"hoist: {what} needs constant lengths: remove the hoist"])
-
-
 def _validated(given: Any, link: Any, place: str) -> Spline:
     if not isinstance(link, Bob):
         raise SceneError([f"{place}: only the massless rope of a bob can change its length"])

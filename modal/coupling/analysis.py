@@ -29,7 +29,7 @@ from modal.eigen import at_infinity, degenerate_modes
 from modal.errors import ComputationError
 from modal.modes import MOST_COMPARED, lettered, natural_modes, table_numbers
 from modal.report import NOTHING, Displayed, Summary, brief, counted
-from modal.scene import Scene, name_of
+from modal.scene import Scene, name_of, require
 from modal.types import Floats, Ints
 
 MOST_POLES = 10_000
@@ -41,9 +41,6 @@ ROUGH = 0.02
 """Relative difference of a splitting from that with a constant m_r above which both are only a guide."""
 UNEVEN = 1e-3
 """Largest differences of decay rates within a family, over its splitting and over the largest rate."""
-MODAL = "the coupling is explained with the dampers of the cart and the joints: remove the damping_ratio"
-HOISTED = "the coupling is explained for constant lengths: remove the hoist"
-STANDS = "the coupling is explained for hanging pendula: an inverted link has no frequency of its own"
 
 
 @dataclass(frozen=True)
@@ -271,15 +268,10 @@ def family_name(index: int) -> str:
 def explain(scene: Scene) -> Coupling:
     """The coupling of the pendula of a scene through its cart.
 
-    Raises ComputationError for inverted links, beyond MOST_POLES distinct frequencies, and where double precision
-    misses the modal effective masses.
+    Raises SceneError for inverted links and hoists, ComputationError beyond MOST_POLES distinct frequencies and where
+    double precision misses the modal effective masses.
     """
-    if scene.stands:
-        raise ComputationError(STANDS)
-    if scene.is_hoisted:
-        raise ComputationError(HOISTED)
-    if scene.has_modal_damping:
-        raise ComputationError(MODAL)
+    require(scene, "the explanation of the coupling")
     rig = rig_of(scene)
     if (size := sum(block.mass.size for block in rig.blocks)) > MOST_POLES:
         raise ComputationError(f"different pendula have {size} links: at most {MOST_POLES} are explained")

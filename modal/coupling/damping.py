@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Rig, centres
+from modal.assembly import Rig, centres, ratio_at
 from modal.coupling.fixed_base import without_damping
 from modal.eigen import Part, Spectrum, find_spectrum
 from modal.errors import ComputationError
@@ -38,9 +38,9 @@ CHUNK = 400_000
 class Damped(Displayed):
     """Modes of frequency `omega` (rad/s), `fold` of them, in the conservative scene; `still` if the cart is.
 
-    `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart`, `from_joints` and `from_drag` add up
-    to σ, `from_drives` is the growth rate by the scene's own drives.  `fed` is F in 1/(kg m²), `exact` the damped
-    eigenvalue (rad/s), None where it is not available.
+    `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart`, `from_joints`, `from_drag` and
+    `from_ratio` (ζω of the scene's damping ratio) add up to σ, `from_drives` is the growth rate by the scene's own
+    drives.  `fed` is F in 1/(kg m²), `exact` the damped eigenvalue (rad/s), None where it is not available.
     """
 
     omega: float
@@ -53,11 +53,12 @@ class Damped(Displayed):
     fed: float
     exact: complex | None
     from_drag: float = 0.0
+    from_ratio: float = 0.0
 
     @property
     def rate(self) -> float:
         """σ (1/s) to first order."""
-        return self.from_cart + self.from_joints + self.from_drag
+        return self.from_cart + self.from_joints + self.from_drag + self.from_ratio
 
     @property
     def decay(self) -> float:
@@ -86,6 +87,7 @@ class _Mode(NamedTuple):
     drives: Floats
     fed: Floats
     drag: Floats
+    ratio: Floats
 
 
 def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
@@ -111,6 +113,7 @@ def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
             fed=float(mode.fed[k]) / moment,
             exact=None if value is None else complex(value * units.rate),
             from_drag=float(mode.drag[k]) * units.rate,
+            from_ratio=float(mode.ratio[k]) * units.rate,
         )
         for mode, found in zip(modes, values, strict=True)
         for k, value in enumerate(found)
@@ -143,11 +146,12 @@ def _modes(rig: Rig, found: Spectrum, driven: tuple[Floats, ...]) -> list[_Mode]
     swinging = [number for number, value in enumerate(found.eigenvalue) if value]
     parts = [(number, part) for number in swinging for part in found.groups[number]]
     parts.sort(key=lambda entry: (entry[1].source, entry[1].row))
-    modes = []
+    modes, omega = [], np.abs(found.eigenvalue)
+    ratio = ratio_at(rig)(omega)
     for source, members in groupby(parts, key=lambda entry: entry[1].source):
         owned = list(members)
         for (number, part), shapes in zip(owned, _shapes(rig, found, source, [part for _, part in owned]), strict=True):
-            modes.append((number, _mode(rig, part, float(abs(found.eigenvalue[number])), shapes, driven)))
+            modes.append((number, _mode(rig, part, float(omega[number]), float(ratio[number]), shapes, driven)))
     return [mode for _, mode in sorted(modes, key=lambda entry: entry[0])]
 
 
@@ -166,21 +170,22 @@ def _shapes(rig: Rig, found: Spectrum, source: int, parts: list[Part]) -> Iterat
             yield _Shapes(details.cart[here].real, details.modal_mass[here], angles)
 
 
-def _mode(rig: Rig, part: Part, omega: float, shapes: _Shapes, driven: tuple[Floats, ...]) -> _Mode:
-    """φᵀDφ/2E by its sources, φᵀeφ/2E and φᵀFφ/2E, in the vectors that make D diagonal; drag comes last."""
+def _mode(rig: Rig, part: Part, omega: float, ratio: float, shapes: _Shapes, driven: tuple[Floats, ...]) -> _Mode:
+    """φᵀDφ/2E by its sources, φᵀeφ/2E and φᵀFφ/2E, in the vectors that make D diagonal; drag and ζω come last."""
     turns, damping, drive, top = _relative(rig, part, shapes, driven)
     scale = 1 / np.sqrt(2 * shapes.modal_mass)
-    turns, cart = turns * scale, shapes.cart * scale
+    turns, moved = turns * scale, shapes.cart * scale
     parts = (
-        np.outer(cart, cart) * (rig.cart.damping if rig.cart else 0.0),
+        np.outer(moved, moved) * (rig.cart.damping if rig.cart else 0.0),
         (turns.T * damping) @ turns,
         (turns.T * drive) @ turns,
         (turns.T * top) @ turns,
         _dragged(rig, part, shapes, scale),
     )
     vectors = np.linalg.eigh(parts[0] + parts[1] + parts[-1])[1]
-    rates = (np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts)
-    return _Mode(part, omega, part.still or not shapes.cart.any(), *rates)
+    cart, joints, drives, fed, drag = (np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts)
+    still, modal = part.still or not shapes.cart.any(), np.full(len(scale), ratio * omega)
+    return _Mode(part, omega, still, cart, joints, drives, fed, drag, modal)
 
 
 def _dragged(rig: Rig, part: Part, shapes: _Shapes, scale: Floats) -> Floats:
@@ -218,7 +223,7 @@ def _tops(n: int, count: Floats) -> Floats:
 
 def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
     """The damped eigenvalue of every vector: of the same pendula's, the one that best satisfies λ² + 2σλ + ω² = 0."""
-    if not rig.is_damped:
+    if not (rig.is_damped or rig.damping_ratio):
         return [[complex(0.0, mode.omega)] * len(mode.cart) for mode in modes]
     unknown: list[list[complex | None]] = [[None] * len(mode.cart) for mode in modes]
     try:
@@ -233,7 +238,10 @@ def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
     for m, mode in enumerate(modes):
         wanted.setdefault(mode.part.kind, []).extend((m, k) for k in range(len(mode.cart)))
     for kind, places in wanted.items():
-        first = [(modes[m].cart[k] + modes[m].joints[k] + modes[m].drag[k], modes[m].omega) for m, k in places]
+        first = [
+            (modes[m].cart[k] + modes[m].joints[k] + modes[m].drag[k] + modes[m].ratio[k], modes[m].omega)
+            for m, k in places
+        ]
         slow = _slow(np.array(values.get(kind, [])), len(places))
         for (m, k), value in zip(places, _nearest(np.array(first), slow), strict=True):
             unknown[m][k] = value

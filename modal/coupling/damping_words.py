@@ -56,6 +56,7 @@ def _mode(coupling: Coupling, mode: Damped) -> str:
         f"[σ = φᵀDφ/2φᵀMφ], {short(mode.from_cart)} of it from the cart's damper [c_c φ_x²/2φᵀMφ] and "
         f"{short(mode.from_joints)} from the joints [Σ d_i(θ_i − θ_i−1)²/2φᵀMφ]"
         + (f", {short(mode.from_drag)} from drag [Σ drag_k(h_kᵀφ)²/2φᵀMφ]" if mode.from_drag else "")
+        + (f", {short(mode.from_ratio)} from the damping ratio [ζω]" if mode.from_ratio else "")
     )
     if mode.exact is None:
         return first + "."

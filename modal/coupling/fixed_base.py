@@ -38,10 +38,12 @@ class FixedBaseModes(Displayed):
 
 
 def without_damping(rig: Rig) -> Rig:
-    """The rig without dampers and drag, in the plane of the rail."""
+    """The rig without dampers, drag and damping ratios, in the plane of the rail."""
     none = [np.zeros_like(block.damping) for block in rig.blocks]
     blocks = tuple(replace(block, damping=own, drag=own) for block, own in zip(rig.blocks, none, strict=True))
-    return replace(rig, blocks=blocks, cart=rig.cart and rig.cart._replace(damping=0.0), spatial=False)
+    return replace(
+        rig, blocks=blocks, cart=rig.cart and rig.cart._replace(damping=0.0), spatial=False, damping_ratio=0.0
+    )
 
 
 def fixed_base_modes(rig: Rig) -> FixedBaseModes:

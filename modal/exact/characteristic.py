@@ -25,7 +25,7 @@ from modal.errors import ComputationError
 from modal.exact.polynomials import integers, interpolated, leading_minors, primitive, product, scaled, shifted, total
 from modal.exact.roots import Interval, isolate
 from modal.report import Displayed
-from modal.scene import Cart, Pendulum, Scene
+from modal.scene import Cart, Pendulum, Scene, require
 
 Variable = Literal["x", "lambda"]
 Clear = Callable[[list[Any]], list[Any]]
@@ -112,12 +112,9 @@ def of_scene(scene: Scene) -> list[Factor]:
 
     A number of the scene is read as the shortest decimal that gives its float, as written in the file: 0.1 is 1/10;
     a rod has c = l/2 and I = m l²/12 exactly.  Equal pendula factor, and a free cart's rigid translation is the
-    factor x.  Raises ComputationError where there are dampers.
+    factor x.  Raises SceneError where there are dampers.
     """
-    if scene.is_hoisted:
-        raise ComputationError("a scene with a hoist has a polynomial at every length: remove the hoist")
-    if scene.has_damping:
-        raise ComputationError("a damped scene has no polynomial in ω²: remove the dampers")
+    require(scene, "a polynomial in ω²")
     g, passed = exact(scene.gravity), 0
     counts: dict[Links, int] = {}
     names: dict[Links, str] = {}

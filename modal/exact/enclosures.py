@@ -19,7 +19,7 @@ from modal.errors import ComputationError
 from modal.exact.balls import Ball, Hung, Links, flint
 from modal.exact.characteristic import exact
 from modal.modes import natural_modes
-from modal.scene import Cart, Fixed, Pendulum, Scene
+from modal.scene import Cart, Fixed, Pendulum, Scene, require
 
 GUARD_BITS = 64
 FIRST_WIDTH = 2.0**-48
@@ -44,14 +44,11 @@ def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = 
     """Every natural frequency, ascending, in an interval of relative width at most 10^−digits.
 
     Rows of different labels may overlap: no interval proves two frequencies equal.  The rigid translation of a free
-    cart is exact.  `report` is called with the fraction done.  Raises ComputationError for dampers and joint springs
-    and where no precision decides a sign, MissingExtraError without python-flint.
+    cart is exact.  `report` is called with the fraction done.  Raises SceneError for dampers, joint springs and
+    inverted links, ComputationError where no precision decides a sign, MissingExtraError without python-flint.
     """
     flint()
-    if scene.is_hoisted:
-        raise ComputationError("enclosures need constant lengths: remove the hoist")
-    if scene.has_damping or scene.stands or any(link.stiffness > 0 for link in scene.links()):
-        raise ComputationError("enclosures need a scene without dampers, joint springs and inverted links")
+    require(scene, "an enclosure")
     rigid = isinstance(scene.support, Cart) and scene.support.stiffness == 0
     found = [Enclosure("0", "0", 1, "rigid translation")] * rigid
     problems = list(_problems(scene))

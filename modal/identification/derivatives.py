@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from modal.assembly import matrices
 from modal.errors import SceneError
 from modal.modes import UNCERTAIN, Modes
-from modal.scene import Scene
+from modal.scene import Scene, require
 from modal.scene.parameters import Place, Variable, number_at, with_numbers
 from modal.types import Complexes, Floats
 
@@ -61,13 +61,7 @@ def differences(scene: Scene, place: Place, unit: float, arrays_of: Callable[[Sc
 
 def require_polynomial(scene: Scene) -> None:
     """SceneError where M, K or D are no polynomials in the numbers of a scene."""
-    problems = []
-    if scene.has_modal_damping:
-        problems.append("damping_ratio: modal dampers depend on all numbers through the modes: give joint dampers")
-    if scene.is_hoisted:
-        problems.append("hoist: a length that changes in time has no single value to be uncertain: fix it first")
-    if problems:
-        raise SceneError([f"{problem} for fits to modes and standard deviations" for problem in problems])
+    require(scene, "a derivative of modes")
 
 
 def matrix_derivatives(scene: Scene, places: Sequence[Place], units: Sequence[float]) -> tuple[Floats, Floats, Floats]:

@@ -17,9 +17,9 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.loci.crossings import CloseApproach, find_close_approaches
 from modal.loci.tracking import Point, follow, solve_at
-from modal.modes import labelled, omitted
+from modal.modes import labelled
 from modal.report import Displayed, Summary, counted, csv_rows, deferred, grid, tabulated, with_unit
-from modal.scene import Scene, name_of
+from modal.scene import Scene, left_out, name_of
 from modal.scene.parameters import Variation, find_places, number_at, validate_variations
 from modal.types import Floats, Ints
 
@@ -191,7 +191,7 @@ def loci_text(found: Loci) -> str:
         for meeting in found.encounters
     ]
     headers = ("meeting", "loci", with_unit("at", found.variation.unit), "ω (rad/s)", "gap (rad/s)", "exchange (MAC)")
-    return "\n".join([head, grid(rows, headers) or "none meet", *omitted(found.scene), ""])
+    return "\n".join([head, grid(rows, headers) or "none meet", *left_out(found.scene), ""])
 
 
 def loci_csv(found: Loci) -> str:

@@ -19,16 +19,13 @@ from modal.modes.modal_matrix import ModalMatrix, all_shapes
 from modal.modes.mode import UNCERTAIN, Mode
 from modal.modes.modes import Modes, natural_modes
 from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
-from modal.modes.omissions import HOISTED, UNDRIVEN, omitted, unconserved
 from modal.modes.sensitivity import sensitivities
 from modal.modes.shapes import Shape
 from modal.modes.tables import table
 
 __all__ = [
-    "HOISTED",
     "MOST_COMPARED",
     "UNCERTAIN",
-    "UNDRIVEN",
     "ModalMatrix",
     "Mode",
     "Modes",
@@ -40,7 +37,6 @@ __all__ = [
     "lettered",
     "natural_frequencies",
     "natural_modes",
-    "omitted",
     "paired",
     "rope_error_of_bobs",
     "rope_error_of_rods",
@@ -49,7 +45,6 @@ __all__ = [
     "stop_of",
     "table",
     "table_numbers",
-    "unconserved",
 ]
 
 if not TYPE_CHECKING:

@@ -15,11 +15,10 @@ from modal.eigen import Limits, find_spectrum, notes
 from modal.modes.eigenvalues import Eigenvalues, kept
 from modal.modes.modal_matrix import ModalMatrix, all_shapes, stacked
 from modal.modes.mode import UNCERTAIN, Mode
-from modal.modes.omissions import omitted
 from modal.modes.rows import described
 from modal.modes.shapes import Shape, expand, validate_normalisation
 from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, deferred, more, scrolled
-from modal.scene import Scene
+from modal.scene import Scene, left_out
 from modal.types import Floats
 
 if TYPE_CHECKING:
@@ -191,7 +190,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         with np.errstate(all="ignore"):
             found = notes(self.natural, self.spectrum.sources)
         grows = self.scene.has_modal_damping and bool(((self.eigenvalue.real > 0) & (self.eigenvalue.imag == 0)).any())
-        return *found, *[GROWING] * grows, *omitted(self.scene), *[SELECTED] * self.selected
+        return *found, *[GROWING] * grows, *left_out(self.scene), *[SELECTED] * self.selected
 
     @cached_property
     def route(self) -> str:

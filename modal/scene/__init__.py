@@ -13,6 +13,8 @@ a title, `summary` what a scene shows of itself.
 from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
+from modal.scene.capabilities import CAPABILITIES, Capability, left_out, one_by_one, refusals, require
+from modal.scene.features import FEATURES, Feature
 from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
 from modal.scene.hoist import Hoist, LengthLaw
 from modal.scene.links import AnyLink, Bob, Body, Escapement, Rod, VanDerPol
@@ -23,9 +25,7 @@ from modal.scene.model import (
     Pendulum,
     Scene,
     describe,
-    refuse_motion,
     scene_from,
-    unsupported,
     validate_scene,
 )
 from modal.scene.motion import Moved, RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
@@ -34,12 +34,16 @@ from modal.scene.records import Spectrum
 from modal.scene.titles import name_of, title_of, what_hangs
 
 __all__ = [
+    "CAPABILITIES",
+    "FEATURES",
     "STANDARD",
     "AnyLink",
     "Bob",
     "Body",
+    "Capability",
     "Cart",
     "Escapement",
+    "Feature",
     "Fixed",
     "Hoist",
     "InitialCondition",
@@ -60,14 +64,16 @@ __all__ = [
     "dumps",
     "example_names",
     "kind_of",
+    "left_out",
     "load",
     "name_of",
+    "one_by_one",
     "parse",
     "parse_variations",
-    "refuse_motion",
+    "refusals",
+    "require",
     "scene_from",
     "title_of",
-    "unsupported",
     "validate_scene",
     "what_hangs",
     "whole_file",

@@ -15,7 +15,8 @@ from unicodedata import category
 
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
-from modal.scene.links import AnyLink, Bob, Body, Escapement, Rod
+from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features
+from modal.scene.links import AnyLink, Bob, Body, Rod
 from modal.scene.motion import Moved
 from modal.scene.validation import (
     COUNT,
@@ -159,12 +160,22 @@ class Scene(Displayed, Part):
     1.62
     """
 
+    __slots__ = ("_features",)
+
     title: str = field(after(_one_line, {"type": "str", "max_length": 200}), default="")
     gravity: float = field(POSITIVE)
     space: Literal["plane", "space"] = field(one_of("plane", "space"), default="plane")
     support: Fixed | Cart | Moved = field(any_kind(Fixed, Cart, Moved), default=Fixed())
     damping_ratio: float | tuple[float, ...] = field(one_or_list(RATIO), default=0.0)
     pendulum: tuple[Pendulum, ...] = field(parts(Pendulum.schema()))
+
+    @property
+    def features(self) -> frozenset[str]:
+        """The names of what it has (`modal.scene.features`), found once."""
+        found: frozenset[str] | None = getattr(self, "_features", None)
+        if found is None:
+            object.__setattr__(self, "_features", found := features(self))
+        return found
 
     @property
     def n_pendula(self) -> int:
@@ -179,35 +190,32 @@ class Scene(Displayed, Part):
     @property
     def has_damping(self) -> bool:
         """Whether anything in the linearized scene dissipates energy."""
-        return self.has_modal_damping or self.has_dampers
+        return not self.features.isdisjoint(LOSS)
 
     @property
     def has_modal_damping(self) -> bool:
         """Whether any mode has a damping ratio of its own."""
-        return any(self.damping_ratio) if isinstance(self.damping_ratio, tuple) else self.damping_ratio > 0
+        return "damping_ratio" in self.features
 
     @property
     def has_dampers(self) -> bool:
         """Whether the cart or any joint has a damper, or any link linear drag."""
-        return (isinstance(self.support, Cart) and self.support.damping > 0) or any(
-            link.damping > 0 or link.drag > 0 for link in self.links()
-        )
+        return not self.features.isdisjoint(LOSS - {"damping_ratio"})
 
     @property
     def has_friction(self) -> bool:
         """Whether there is dry friction at a joint or on the rail."""
-        on_rail = isinstance(self.support, Cart) and self.support.has_friction
-        return on_rail or any(link.friction > 0 for link in self.links())
+        return not self.features.isdisjoint(FRICTION)
 
     @property
     def is_gripped(self) -> bool:
         """Whether the rail alone has dry friction, which holds the cart in the end while the pendula swing on."""
-        return self.has_friction and not any(link.friction for link in self.links())
+        return self.has_friction and "joint_friction" not in self.features
 
     @property
     def has_drag(self) -> bool:
         """Whether there is drag on any link, linear or quadratic."""
-        return any(link.drag > 0 or link.quadratic_drag > 0 for link in self.links())
+        return not self.features.isdisjoint(DRAG)
 
     @property
     def frictionless(self) -> Scene:
@@ -222,17 +230,17 @@ class Scene(Displayed, Part):
     def linearizable(self) -> Scene:
         """The same scene without what its linear equations leave out: drives, dry friction and quadratic drag."""
         scene = self.undriven.frictionless
-        return scene._with(quadratic_drag=0.0) if any(link.quadratic_drag for link in scene.links()) else scene
+        return scene._with(quadratic_drag=0.0) if "quadratic_drag" in scene.features else scene
 
     @property
     def is_driven(self) -> bool:
         """Whether any joint has a drive."""
-        return any(link.drive for link in self.links())
+        return not self.features.isdisjoint(DRIVES)
 
     @property
     def is_hoisted(self) -> bool:
         """Whether the length of any link changes in time."""
-        return any(link.hoist for link in self.links())
+        return "hoist" in self.features
 
     def at(self, time: float) -> Scene:
         """The same scene with all lengths fixed at their values at a time (s)."""
@@ -245,7 +253,7 @@ class Scene(Displayed, Part):
     @property
     def is_moved(self) -> bool:
         """Whether the support moves as prescribed."""
-        return isinstance(self.support, Moved)
+        return "moved_support" in self.features
 
     @property
     def still(self) -> Scene:
@@ -280,7 +288,7 @@ class Scene(Displayed, Part):
     @property
     def stands(self) -> bool:
         """Whether any link is inverted at equilibrium."""
-        return any("up" in pendulum.ways for pendulum in self.pendulum)
+        return "inverted" in self.features
 
     def links(self) -> Iterator[AnyLink]:
         """Every link as specified: copies and runs of equal links once each."""
@@ -323,12 +331,8 @@ class Scene(Displayed, Part):
         at = f".support.{name} = {getattr(self.support, name)!r}"
         if self.space == "space":
             yield f'{at}: needs space = "plane"'
-        if self.support.friction_coefficient and self._kicks:
+        if {"rail_coefficient", "escapement"} <= self.features:
             yield f"{at}: cannot be combined with escapements, whose kicks the rail would feel: give friction"
-
-    @property
-    def _kicks(self) -> bool:
-        return any(isinstance(link.drive, Escapement) for link in self.links())
 
 
 def validate_scene(given: object) -> Scene:
@@ -337,22 +341,6 @@ def validate_scene(given: object) -> Scene:
         return given
     meant = f': load("{fspath(given)}") gives one' if isinstance(given, str | PathLike) else ""
     raise SceneError([f"a Scene is required, not {type(given).__name__}{meant}"])
-
-
-def refuse_motion(scene: Scene, what: str) -> None:
-    """SceneError where the support moves and `what`, the beginning of a sentence, needs it at rest."""
-    if scene.is_moved:
-        raise SceneError([f'support = "moved": {what} needs a support at rest; simulate follows a moved one'])
-
-
-def unsupported(scene: Scene, why: str, *names: str) -> list[str]:
-    """One problem for each of these features that a scene has: "friction", "drag", "quadratic_drag"."""
-    has = {
-        "friction": scene.has_friction,
-        "drag": any(link.drag > 0 for link in scene.links()),
-        "quadratic_drag": any(link.quadratic_drag > 0 for link in scene.links()),
-    }
-    return [f"{name}: {why}" for name in names if has[name]]
 
 
 def scene_from(data: object) -> Scene:

@@ -35,7 +35,7 @@ from modal.assembly import Instant, Matrices, matrices
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, counted, deferred
-from modal.scene import Fixed, Scene, validate_scene
+from modal.scene import Fixed, Scene, require, validate_scene
 from modal.statespace.signals import (
     DRIVES,
     INPUTS,
@@ -130,8 +130,7 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
     absolute angles.  Raises SceneError for groups that the scene does not have, ComputationError where M is singular or
     the model has more than LARGEST_STATE states.
     """
-    if validate_scene(scene).is_hoisted:
-        raise SceneError(["hoist: its linear model varies in time, and this one is constant: export one to npz or mat"])
+    require(validate_scene(scene), "a constant linear model")
     return assembled(scene, None, inputs, outputs)
 
 
@@ -148,6 +147,8 @@ def assembled(
     wanted = validate_signals(inputs or default[0], INPUTS, "input", on_cart=geometry.on_cart)
     read = validate_signals(outputs or default[1], OUTPUTS, "output", on_cart=geometry.on_cart)
     drive, push = _drive(wanted), _pushes(geometry, wanted)
+    if drive in SUPPORT:
+        require(scene, "a linear model of a moved support")
     if drive in SUPPORT and geometry.drag.any():
         raise SceneError([f"input {drive}: drag acts against still air, and the support would move through it"])
     motion = MOTIONS[drive]

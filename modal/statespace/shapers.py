@@ -40,7 +40,7 @@ from modal.eigen import smallest_where
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
 from modal.report import Displayed, Summary, counted, tabulated
-from modal.scene import Scene
+from modal.scene import Scene, refusals
 from modal.statespace.model import fixed
 from modal.types import Booleans, Complexes, Floats
 
@@ -150,8 +150,7 @@ def swing_rows(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
     problems = (
         [] if drive in drives else [f"drive = {drive!r}: must be one of {', '.join(drives)}{meant(drive, drives)}"]
     )
-    if scene.support.kind != "cart":
-        problems.append("the support is fixed: a shaper needs a cart")
+    problems += refusals(scene, "a shaper")
     if problems:
         raise SceneError(problems)
     pushed = drive == "cart_force"

@@ -25,7 +25,7 @@ import sympy as sp
 from modal import pair
 from modal.errors import SceneError
 from modal.exact import exact, exact_links
-from modal.scene import Cart, Pendulum, Scene, refuse_motion, title_of, unsupported
+from modal.scene import Cart, Pendulum, Scene, require, title_of
 from modal.symbolic.lagrange import Coordinate, coordinate
 
 SYMBOLIC = ("masses", "lengths", "gravity", "cart")
@@ -200,17 +200,11 @@ def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicSystem:
     """A scene with its decimals as exact fractions, or as symbols for the quantities in `symbolic` (of SYMBOLIC).
 
     Copies of a pendulum share their symbols; those of several pendula begin with the number of the first copy.  Raises
-    SceneError above MOST_LINKS links, and for dry friction and drag.
+    SceneError above MOST_LINKS links, and for what no derivation takes.
     """
-    refuse_motion(scene, "a derivation")
+    require(scene, "a derivation")
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: at most {MOST_LINKS} are written in exact numbers"])
-    if scene.is_hoisted:
-        raise SceneError(["hoist: derivations have constant lengths: remove the hoist"])
-    if scene.has_modal_damping:
-        raise SceneError(["damping_ratio: has no exact matrix; derivations take dampers of the cart and the joints"])
-    if found := unsupported(scene, "is not derived in symbols", "friction", "drag", "quadratic_drag"):
-        raise SceneError(found)
     chains: list[Chain] = []
     for pendulum in scene.pendulum:
         prefix = f"{len(chains) + 1}_" if len(scene.pendulum) > 1 else ""

@@ -26,7 +26,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import natural_modes
-from modal.scene import Scene
+from modal.scene import Scene, require
 from modal.scene.records import Spectrum
 from modal.statespace import ModalForm, frequency_response, state_space, to_modal_form
 from modal.statespace.gains import without_noise
@@ -219,6 +219,7 @@ def random_response(scene: Scene, spectrum: Spectrum, outputs: tuple[str, ...] =
     `outputs` are groups of `modal.statespace.signals.OUTPUTS`.  Raises ComputationError where a mode grows by itself,
     since nothing is then stationary, and the errors of `state_space` and `to_modal_form`.
     """
+    require(scene, "random vibration")
     modes = natural_modes(scene)
     if growing := [number for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.real > 0]:
         raise ComputationError(f"mode {growing[0]} grows by itself: there is no stationary random vibration")

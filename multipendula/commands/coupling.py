@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from multipendula.command import Command
-from multipendula.commands.shared import draw_in, picture, say
+from multipendula.commands.shared import draw_in, noted, picture, say
 from multipendula.options import add_format, add_report, add_scene
 from multipendula.parser import Page
 
@@ -17,7 +17,7 @@ def explain(options: argparse.Namespace) -> None:
 
     if options.output:
         picture(options.output)
-    coupling = explain(load(options.scene))
+    coupling = explain(noted(load(options.scene), "the explanation of the coupling"))
     draw_in(options, options.output, "modal.plotting", "draw_coupling", coupling)
     say(coupling_report(coupling, options.format), options.format)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from multipendula.command import Command
-from multipendula.commands.shared import bar, listed, output, small_swings
+from multipendula.commands.shared import bar, listed, noted, output
 from multipendula.completion import scenes
 from multipendula.options import add_format, add_scene, add_text, add_words, offer, whole
 from multipendula.parser import Page
@@ -30,7 +30,7 @@ def derive(options: argparse.Namespace) -> None:
     else:
         system, scene = derivation.target(options.target, options.links, symbols, ways)
         title = system.title
-        sections = list(derivation.derive(system, show or derivation.SECTIONS, scene and small_swings(scene)))
+        sections = list(derivation.derive(system, show or derivation.SECTIONS, scene and noted(scene)))
     with output(options.output) as write:
         text = typesetting.typeset(title, sections, options.format)
         write(folded(text) if options.format == "text" else text)
@@ -68,7 +68,7 @@ def enclose(options: argparse.Namespace) -> None:
     from modal.scene import load
 
     with output(options.output) as write, bar(1.0, "scene") as report:
-        for row in enclose(small_swings(load(options.scene)), options.digits, report):
+        for row in enclose(noted(load(options.scene)), options.digits, report):
             folds = f", {row.multiplicity}-fold" if row.multiplicity > 1 else ""
             write(folded(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}") + "\n")
 

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
-from multipendula.commands.shared import drawn, picture, say, small_swings
+from multipendula.commands.shared import drawn, noted, picture, say
 from multipendula.options import add_format, add_report, add_scene, number, whole
 from multipendula.parser import Page
 
@@ -32,7 +32,7 @@ def hoist(options: argparse.Namespace) -> None:
     if alone:
         raise SceneError([f"--{name}: needs --travel METRES" for name in alone])
     scene = load(options.scene)
-    small_swings(scene.at(0.0))
+    noted(scene.at(0.0))
     found = frequencies_along(scene, options.samples, options.drive)
     left = _left(scene, options) if options.travel else ()
     say(_written(found, left, options), options.format)

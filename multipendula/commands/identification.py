@@ -7,7 +7,7 @@ import sys
 from dataclasses import replace
 
 from multipendula.command import Command
-from multipendula.commands.shared import bar, drawn, in_a_folder, listed, output, picture, say, small_swings
+from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output, picture, say
 from multipendula.completion import files, places
 from multipendula.options import (
     PICTURES,
@@ -223,7 +223,7 @@ def mac(options: argparse.Namespace) -> None:
 
     kind = picture(options.output) if options.output else ""
     in_a_folder(options.output)
-    scene = small_swings(load(options.scene))
+    scene = noted(load(options.scene))
     measured = read_modes(scene, options.data)
     if measured.unused:
         print(f"multipendula: columns not used: {', '.join(measured.unused)}", file=sys.stderr)

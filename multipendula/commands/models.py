@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from multipendula.commands.shared import listed, small_swings
+from multipendula.commands.shared import listed, noted
 from multipendula.completion import Completer
-from multipendula.options import add_words, offer
+from multipendula.options import add_words, number, offer
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -62,13 +62,27 @@ def add_signals(page: Page) -> None:
         "tip_positions, tip_accelerations, pivot_forces"
     )
     add_words(page.asked, "--signals", OUTPUTS, metavar="WORDS", help=words)
+    words = "the model at the lengths that a hoist has at this time"
+    page.asked.add_argument("--when", metavar="SECONDS", type=number("seconds from 0", least=0.0), help=words)
+    page.rephrase(r"Scene\.at\(seconds\)", "--when SECONDS")
 
 
 def scene_of(options: argparse.Namespace) -> Scene:
     """The scene, with a note on what its linear model leaves out."""
+    return noted(scene_at(options))
+
+
+def scene_at(options: argparse.Namespace) -> Scene:
+    """The scene, at the time asked for if it has a hoist."""
+    from modal.errors import SceneError
     from modal.scene import load
 
-    return small_swings(load(options.scene))
+    scene = load(options.scene)
+    if options.when is None:
+        return scene
+    if not scene.is_hoisted:
+        raise SceneError(["--when: this scene has no hoist, and its lengths are those of every time"])
+    return scene.at(options.when)
 
 
 def model_of(scene: Scene, options: argparse.Namespace) -> StateSpace:

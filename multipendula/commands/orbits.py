@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import start_of, whole
-from multipendula.commands.shared import bar, drawn, film_form, picture, say, validated
+from multipendula.commands.shared import bar, drawn, film_form, noted, picture, say, validated
 from multipendula.completion import mode_numbers, places
 from multipendula.options import (
     FILMS,
@@ -91,12 +91,10 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
 def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
     from math import radians
 
-    from modal.modes import unconserved
     from modal.scene.parameters import parse_variations
     from nonlinear.orbits import mode_along, nonlinear_mode
 
-    for words in unconserved(scene):
-        print(f"multipendula: {words}", file=sys.stderr)
+    noted(scene, "a periodic orbit of a mode")
     to = options.to or TO
     if options.vary:
         (variation,) = parse_variations([options.vary])

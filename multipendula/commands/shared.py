@@ -120,11 +120,11 @@ def estimate_of(scene: Scene, path: str | None) -> Estimate | None:
     return read_estimate(scene, path)
 
 
-def small_swings(scene: Scene) -> Scene:
-    """The scene itself; what its linear model leaves out is told on standard error."""
-    from modal.modes import omitted
+def noted(scene: Scene, capability: str = "the table of modes") -> Scene:
+    """The scene itself; what a capability leaves out of it is told on standard error."""
+    from modal.scene import left_out
 
-    for words in omitted(scene):
+    for words in left_out(scene, capability):
         print(f"multipendula: {words}", file=sys.stderr)
     return scene
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from modal.exports import FORMATS
 from multipendula.command import Command
-from multipendula.commands.models import add_model_file, add_signals, model_of, scene_of
-from multipendula.commands.shared import drawn, estimate_of, listed, output, picture, say, small_swings
+from multipendula.commands.models import add_model_file, add_signals, model_of, scene_at, scene_of
+from multipendula.commands.shared import drawn, estimate_of, listed, noted, output, picture, say
 from multipendula.completion import files
 from multipendula.options import (
     PICTURES,
@@ -36,13 +36,13 @@ def export(options: argparse.Namespace) -> None:
     """Write a state-space model for control software, a simulator or a controller."""
     from modal.errors import SceneError
     from modal.exports import format_named
-    from modal.scene import load, whole_file
+    from modal.scene import whole_file
 
     target = format_named(options.to)
     if options.file is None:
         raise SceneError(["-o FILE: is required"])
-    scene = load(options.scene)
-    small_swings(scene.at(0.0))
+    scene = scene_at(options)
+    noted(scene.at(0.0))
     if scene.is_hoisted:
         content = target.write_varying(_varying(scene, options))
         with whole_file(options.file) as stream:
@@ -79,6 +79,7 @@ def _export_arguments(page: Page) -> None:
     add_words(page.written, "--to", (*most, last), comma="", metavar="FORMAT", required=True, help=words)
     words = "the file to write, or - for standard output"
     page.rephrase(r"^format (\S+):", r"--to \1:")
+    page.rephrase(r"mat and npz take it$", r"\g<0>, and every format that of one time, --when SECONDS")
     page.rephrase(r"a C header needs a sampled model", "--to c needs --discrete SECONDS")
     add_model_file(page, words, files(()), required=True)
     seconds = number("seconds above 0")
@@ -190,7 +191,7 @@ def shaper(options: argparse.Namespace) -> None:
     from modal.scene import load
     from modal.statespace import shaper_for, swing_words
 
-    scene = small_swings(load(options.scene))
+    scene = noted(load(options.scene))
     estimate = estimate_of(scene, options.covariance)
     step, tolerance = options.discrete or 0.0, options.tolerance / 100
     found = shaper_for(scene, options.count, options.kind, options.drive, step=step, tolerance=tolerance)

@@ -74,13 +74,12 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
 
 
 def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
-    from modal.errors import SceneError
+    from modal.scene import require
     from nonlinear.simulation import simulate as run
     from nonlinear.verification import compare, comparison_table
 
     _refuse(options, "cannot be combined with", ("mode", "amplitude"))
-    if scene.space == "space":
-        raise SceneError(["--general: modal coordinates are implemented in the plane only"])
+    require(scene, "a comparison with modes")
     duration = options.duration or USUAL
     with bar(duration) as report:
         trajectory = whole(run(scene, duration, start=start_of(scene, options.start), report=report))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Cart, Scene, describe
+from modal.scene import Cart, Scene, describe, refusals
 from modal.types import Floats
 
 if TYPE_CHECKING:
@@ -18,17 +18,6 @@ if TYPE_CHECKING:
 MOST_LINKS = 60
 MOST_NUMBERS = 30_000
 """Of a recording: 160 kB as 32-bit floats in base64."""
-TREATED = {
-    "": {"title", "gravity", "space", "support", "pendulum"},
-    "support": {"kind", "mass", "damping", "stiffness"},
-    "pendulum": {"links", "count", "equilibrium", "start"},
-    "links": {"kind", "mass", "length", "centre", "inertia", "damping", "stiffness", "drive", "count"},
-}
-"""What a page knows of each part of a scene."""
-WORDS = {
-    "hoist": "the live page has constant lengths only",
-    "damping_ratio": "the live page has dampers only, in joints and on the cart",
-}
 
 
 def scene_data(scene: Scene) -> dict[str, Any]:
@@ -50,22 +39,11 @@ def scene_data(scene: Scene) -> dict[str, Any]:
 
 
 def _problems(scene: Scene) -> Iterator[str]:
-    if scene.space == "space":
-        yield 'space = "space": the live page shows motion in one plane'
+    yield from refusals(scene, "the live page")
     if scene.n_links > MOST_LINKS:
         yield f"the scene has {scene.n_links} links in all: the live page shows at most {MOST_LINKS}"
-    if isinstance(scene.support, Cart) and scene.support.mass == 0:
+    if isinstance(scene.support, Cart) and scene.support.mass == 0 and "massless_cart" not in scene.features:
         yield "support.mass = 0.0: the live page needs a cart with mass"
-    data = describe(scene)
-    parts = [("", "", data), ("support.", "support", data.get("support", {}))]
-    for p, pendulum in enumerate(data["pendulum"]):
-        parts.append((f"pendulum[{p}].", "pendulum", pendulum))
-        parts += [(f"pendulum[{p}].links[{i}].", "links", link) for i, link in enumerate(pendulum["links"])]
-    for place, kind, part in parts:
-        for key in part.keys() - TREATED[kind]:
-            yield f"{place}{key}: {WORDS.get(key, 'the live page does not treat it')}"
-    if scene.support.kind not in {"fixed", "cart"}:
-        yield f'support.kind = "{scene.support.kind}": the live page does not treat it'
 
 
 def recording_of(trajectory: Trajectory) -> dict[str, Any]:

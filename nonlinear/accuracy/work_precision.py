@@ -25,7 +25,7 @@ import numpy as np
 from modal._compatibility import former, former_argument
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed
-from modal.scene import Scene, refuse_motion, unsupported
+from modal.scene import Scene, require
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
 from nonlinear.accuracy.references import Reference, reference_of
@@ -36,7 +36,6 @@ from nonlinear.system import (
     System,
     apart,
     initial_state,
-    require_constant_lengths,
     system_of,
     validate_state,
 )
@@ -116,16 +115,9 @@ def measure_work_precision(
     reference. Raises SceneError for invalid arguments, ComputationError where there is no reference to compare with.
     """
     validate_numbers(duration, 1e-9, 0.0)
-    require_constant_lengths(scene, "a comparison of methods")
+    require(scene, "a comparison of methods")
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: methods are compared for at most {MOST_LINKS}"])
-    refuse_motion(scene, "the comparison of methods")
-    if scene.is_driven:
-        raise SceneError(["drive: methods are compared for scenes without drives only"])
-    if found := unsupported(
-        scene, "not every method takes it: none are compared", "friction", "drag", "quadratic_drag"
-    ):
-        raise SceneError(found)
     state = validate_state(start if start is not None else initial_state(scene), system_of(scene))
     asked = list_candidates(scene) if candidates is None else tuple(candidates)
     reference = _reference(scene, state, duration)

@@ -42,7 +42,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
 from modal.report import Displayed, Summary, brief, counted
-from modal.scene import Cart, Scene, name_of, refuse_motion, unsupported
+from modal.scene import Scene, name_of, require
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls, rubbed
 from nonlinear.dynamics import Contacts, contacts_of
@@ -313,20 +313,9 @@ def average(scene: Scene, system: System | None = None) -> AveragedEquations:
     Raises ComputationError for other scenes, for dry friction on the rail, for quadratic drag, for more than MOST links
     or MOST_BANDS bands, and for coordinates without a mode, such as those of some massless carts.
     """
-    if scene.space == "space" or scene.stands:
-        raise ComputationError("averaged equations need hanging links in the plane")
-    if scene.is_hoisted:
-        raise ComputationError("averaged equations need constant lengths, and this scene has a hoist")
-    if scene.has_modal_damping:
-        raise ComputationError("averaged equations know the dampers of the cart and the joints, not a damping_ratio")
-    if isinstance(scene.support, Cart) and scene.support.has_friction:
-        why = "averaged equations do not know when a cart sticks"
-        raise ComputationError(f"support.friction: {why}: simulate the scene instead")
-    if found := unsupported(scene, "has no exact mean in averaged equations", "quadratic_drag"):
-        raise ComputationError(found[0])
+    require(scene, "averaging")
     if scene.n_links > MOST:
         raise ComputationError(f"averaged equations are limited to {MOST} links, not {scene.n_links}")
-    refuse_motion(scene, "averaging")
     system, modes = system or system_of(scene), natural_modes(scene.conservative)
     phi = modes.matrix.real.take(modes.omega[modes.matrix.row] > 0)
     if len(phi.row) < scene.n_links + bool(system.cart and system.cart.stiffness):

@@ -20,7 +20,7 @@ from scipy.special import stdtrit
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, visible
-from modal.scene import Escapement, Scene, refuse_motion, title_of, unsupported
+from modal.scene import Scene, require, title_of
 from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics
@@ -28,7 +28,7 @@ from nonlinear.integration import validate, validate_numbers, validate_whole
 from nonlinear.integration.lanes import Task, integrate
 from nonlinear.integration.pacing import longest_first, units_of
 from nonlinear.integration.watches import Gains
-from nonlinear.system import State, initial_state, numbers_of, require_constant_lengths, system_of, validate_state
+from nonlinear.system import State, initial_state, numbers_of, system_of, validate_state
 
 TRANSIENT = 0.5
 """Fraction of the duration run beforehand, for v to align with the fastest growing direction."""
@@ -217,7 +217,7 @@ def lyapunov_exponent(
     simulated time, out of 1.5 times the duration.  After Ctrl-C λ comes from the part measured so far, if that is long
     enough. Raises SceneError for a scene in space or a duration that is too short.
     """
-    refuse_motion(scene, "a Lyapunov exponent")
+    require(scene, "a Lyapunov exponent")
     duration = usual_duration(scene) if duration is None else duration
     validate(
         lambda: validate_numbers(duration, tolerance, 0.0),
@@ -225,7 +225,6 @@ def lyapunov_exponent(
         lambda: validate_whole(0, seed=seed),
     )
     _check(scene, duration, SHORTEST / USUAL * usual_duration(scene))
-    require_constant_lengths(scene, "a Lyapunov exponent")
     tangent = Tangent(system_of(scene))
     rng = np.random.default_rng(seed)
     states = starts if starts is not None else nearby(start or initial_state(scene), ensemble, spread, rng)
@@ -248,11 +247,7 @@ def nearby(state: State, ensemble: int, spread: float, rng: np.random.Generator)
 
 
 def _check(scene: Scene, duration: float, least: float) -> None:
-    problems = ['space = "space": Lyapunov exponents are computed in the plane'] if scene.space == "space" else []
-    if any(isinstance(link.drive, Escapement) for link in scene.links()):
-        problems.append("drive: Lyapunov exponents need smooth motion, without the impulses of escapements")
-    why = "Lyapunov exponents are computed without friction and drag"
-    problems += unsupported(scene, why, "friction", "drag", "quadratic_drag")
+    problems = []
     if not least <= duration < float("inf"):
         problems.append(f"duration {duration!r}: must be at least {least:.3g} s for this scene, {SHORTEST:g} sqrt(l/g)")
     if problems:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from modal.eigen.compiling import available, compiled
-from modal.errors import MissingExtraError, SceneError
+from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
 from nonlinear.dynamics.joints import joint_law
 from nonlinear.dynamics.minimal import NOTHING, Minimal
@@ -127,10 +127,6 @@ class Compiled(Minimal):
     def __post_init__(self) -> None:
         if not available():
             raise MissingExtraError("numba", "fast")
-        if self.system.hoisting is not None:
-            raise SceneError(["hoist: compiled equations have constant lengths; those in minimal coordinates do not"])
-        if self.system.modal_damping is not None:
-            raise SceneError(["damping_ratio: compiled equations have none; those in minimal coordinates do"])
 
     @cached_property
     def scene(self) -> tuple[Floats, Ints, Floats, float, bool]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, as_csv, as_json, deferred, finite, grid, tabulated, titled
-from modal.scene import InitialCondition, Pendulum, Scene, describe, name_of, refuse_motion, title_of
+from modal.scene import InitialCondition, Pendulum, Scene, describe, name_of, require, title_of
 from modal.scene.parameters import Variation, parse_variations
 from modal.types import Floats
 from nonlinear.ensembles.measures import configurations
@@ -124,7 +124,7 @@ def find_basins(
     are those of `ensemble`.  SceneError for anything else.
     """
     axes = grid_of(scene, vary)
-    refuse_motion(scene, "a map of basins")
+    require(scene, "an ensemble")
     measure = measure or ("configuration" if scene.is_driven else "first_turn")
     if measure not in RHYTHMS:
         raise SceneError([f"measure {measure}: must be one of {', '.join(RHYTHMS)}"])

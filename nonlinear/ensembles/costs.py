@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from math import inf
 
 from modal.errors import SceneError
+from modal.scene import refusals
 from nonlinear.ensembles.members import Members
 from nonlinear.ensembles.question import COMPILED, LANES, ONE_BY_ONE, PLAIN, SERIES, Question, seconds_each
 from nonlinear.integration import taylor_takes
@@ -29,6 +30,8 @@ def choose_engine(
         raise SceneError([f"engine {asked}: must be one of auto, {', '.join(ENGINES)}"])
     if asked == PLAIN:
         return PLAIN, "as asked for, one by one"
+    if asked != "auto" and (found := refusals(members.scene, f"engine {asked}", *members.varied)):
+        raise SceneError(found)
     if why_not:
         if asked != "auto":
             raise SceneError([f"engine {asked}: {why_not}; simulate takes its members one by one"])
@@ -44,7 +47,8 @@ def choose_engine(
 
 
 def _seconds(name: str, members: Members, duration: float, tolerance: float, sooner: float) -> float:
-    if not find_spec(NEEDS[name]) or (name == SERIES and not taylor_takes(members.scene)):
+    absent = not find_spec(NEEDS[name]) or (name == SERIES and not taylor_takes(members.scene))
+    if absent or refusals(members.scene, f"engine {name}", *members.varied):
         return inf
     return BEFORE[name] + members.size * seconds_each(members.scene, duration, tolerance) / sooner
 

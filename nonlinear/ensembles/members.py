@@ -17,7 +17,8 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, counted
-from modal.scene import Scene, describe, name_of, refuse_motion
+from modal.scene import Scene, describe, name_of
+from modal.scene.features import varied_features
 from modal.scene.parameters import (
     Place,
     Variable,
@@ -154,6 +155,11 @@ class Members(Displayed):
         """The places that are varied."""
         return (*(axis.path for axis in self.axes), *(self.lists or ()))
 
+    @cached_property
+    def varied(self) -> tuple[str, ...]:
+        """The features that some members may have by what is varied."""
+        return tuple(sorted({name for path in self.paths for name in varied_features(path)}))
+
     @property
     def values(self) -> dict[str, Floats]:
         """What each member has at every place that is varied, (S,) by path."""
@@ -187,7 +193,6 @@ class Members(Displayed):
 
 def members_of(scene: Scene, starts: Starts | None, vary: Vary | None) -> Members:
     """The members of a scene with these starts or variations; SceneError names every mistake."""
-    refuse_motion(scene, "an ensemble")
     if (starts is None) and not vary:
         raise SceneError([NONE_GIVEN])
     states, (axes, lists) = validate(

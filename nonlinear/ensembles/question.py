@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from modal.report import Displayed
-from modal.scene import Escapement, Scene
+from modal.scene import Scene, one_by_one
 from modal.scene.parameters import find_places
 from nonlinear.ensembles.found import Wanted
 from nonlinear.ensembles.measures import Asked, ending_times
@@ -130,21 +130,11 @@ def chunk_of(scene: Scene, duration: float, tolerance: float, samples: int, engi
     return int(max(min(wished, fitting, MOST), FEWEST))
 
 
-LATER = {"friction", "friction_coefficient", "drag", "quadratic_drag"}
-"""Numbers that only `simulate` takes."""
-
-
 def refused(members: Members, duration: float, tolerance: float) -> str:
     """Why these members go one by one through `simulate`; "" where they go side by side."""
     scene = members.scene
-    if scene.space == "space":
-        return "the scene is in space"
-    if scene.has_modal_damping:
-        return "the scene has a damping_ratio"
-    if any(isinstance(link.drive, Escapement) for link in scene.links()):
-        return "the scene has escapements"
-    if scene.has_friction or scene.has_drag or any(LATER & set(path.split(".")) for path in members.paths):
-        return "the scene has dry friction or drag"
+    if why := one_by_one(scene, *members.varied):
+        return why
     if any(place[-1] == "count" for path in members.paths for place in find_places(scene, path)):
         return "members differ in their number of links or pendula"
     if choose(scene, duration, tolerance).method == "Radau":

@@ -21,7 +21,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, counted
-from modal.scene import Scene, name_of, validate_scene
+from modal.scene import Scene, name_of, require, validate_scene
 from modal.types import Floats
 from nonlinear.ensembles.computing import Chunk, compute, engine_of
 from nonlinear.ensembles.costs import choose_engine, seconds_of
@@ -32,7 +32,7 @@ from nonlinear.ensembles.parts import Parts
 from nonlinear.ensembles.plain import STATES, validate_plain
 from nonlinear.ensembles.question import CHECKED, PLAIN, Question, chunk_of, refused, sample_of
 from nonlinear.integration import sample_times, validate, validate_numbers, validate_whole
-from nonlinear.system import Motion, require_constant_lengths, system_of
+from nonlinear.system import Motion, system_of
 
 USUAL = 1e-9  # tolerance
 END = "end"
@@ -262,7 +262,7 @@ def _question(
     chunk: int | None,
 ) -> tuple[Question, str]:
     """What is asked and why by this engine; SceneError names every mistake."""
-    require_constant_lengths(scene, "an ensemble")
+    require(scene, "an ensemble")
     system = system_of(scene)
     members, wanted, times, *_ = validate(
         lambda: members_of(scene, starts, vary),

@@ -11,7 +11,7 @@ from collections.abc import Hashable, Iterable, Sequence
 import numpy as np
 
 from modal.errors import MultipendulaError
-from modal.scene import Escapement, Scene
+from modal.scene import Scene, one_by_one, refusals
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.found import Wanted
@@ -29,18 +29,8 @@ REASON = "side by side with others of its form"
 
 
 def form_of(scene: Scene) -> Hashable:
-    """Equal for scenes that go together.
-
-    None for those in space, with escapements, damping ratios, dry friction or drag, and on moved supports.
-    """
-    if (
-        scene.space == "space"
-        or scene.has_modal_damping
-        or scene.is_moved
-        or any(isinstance(link.drive, Escapement) for link in scene.links())
-    ):
-        return None
-    if scene.has_friction or scene.has_drag:
+    """Equal for scenes that go together, None for one that goes alone."""
+    if one_by_one(scene) or refusals(scene, "an ensemble"):
         return None
     pendula = tuple(
         (one.count, one.ways, tuple((link.count, link.drive is not None) for link in one.links))

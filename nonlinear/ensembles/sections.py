@@ -15,7 +15,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, as_csv, as_json, by_column, deferred, finite, titled
-from modal.scene import Scene, describe, name_of, refuse_motion, title_of
+from modal.scene import Scene, describe, name_of, require, title_of
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
@@ -24,7 +24,7 @@ from nonlinear.ensembles.measures import section_of
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.integration import validate_whole
 from nonlinear.reduction import usual_start
-from nonlinear.system import State, System, numbers_of, require_constant_lengths, system_of
+from nonlinear.system import State, System, numbers_of, system_of
 
 ORBITS, PERIODS = 24, 200.0  # motions, and how long each goes on in sqrt(l/g), where nobody says
 TRIES = 20_000  # starts drawn for each one that has the energy
@@ -95,16 +95,11 @@ def find_section(
     `at` is a coordinate with what it passes, such as "theta[1,1]>0" (deg, or m of the cart), by default the first
     angle upwards through 0.  SceneError for a scene that does not keep its energy, and where no start has it.
     """
-    require_constant_lengths(scene, "a Poincaré section")
-    refuse_motion(scene, "a section")
+    require(scene, "a Poincaré section")
     validate_whole(1, orbits=orbits)
     system = system_of(scene)
     text = at or f"{next(label for label in system.labels if label != 'x')}>0"
     section = section_of(f"section:{text}", system)
-    if system.spatial or system.works:
-        raise SceneError(
-            ["a section needs motion in the plane without dampers, friction, drag and drives, which keeps its energy"]
-        )
     if energy is None:
         energy = energy_of(scene, usual_start(scene))
     starts = starts_at(scene, section, energy, orbits)

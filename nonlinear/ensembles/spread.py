@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.modes import natural_frequencies, omitted
+from modal.modes import natural_frequencies
 from modal.report import (
     HTML_ROWS,
     NOTHING,
@@ -35,7 +35,7 @@ from modal.report import (
     grid,
     titled,
 )
-from modal.scene import Scene, describe, name_of, title_of
+from modal.scene import Scene, describe, left_out, name_of, title_of
 from modal.scene.parameters import Variable, Variation, find_places, number_at
 from modal.types import Floats
 from nonlinear.ensembles.running import Ensemble, ensemble
@@ -206,7 +206,7 @@ class Spread(Displayed):
     @property
     def notes(self) -> tuple[str, ...]:
         """What the frequencies leave out, a sentence each."""
-        return omitted(self.scene)
+        return left_out(self.scene)
 
     @cached_property
     def stds(self) -> Floats:
@@ -292,6 +292,8 @@ def find_spread(
     if duration is not None:
         starts = None if start is None else [start] * members
         motion = ensemble(scene, duration, starts=starts, vary=values, output=SAMPLES, report=report, **options)
+        if len(motion.failures) == motion.size:
+            raise SceneError([f"every member failed: {next(iter(motion.failures.values()))}"])
         if motion.interrupted:
             raise KeyboardInterrupt
         failures = failures | motion.failures

@@ -16,7 +16,7 @@ from modal.errors import SceneError
 from modal.identification import Parameter, scene_with
 from modal.identification.parameters import numbers_at
 from modal.report import Displayed
-from modal.scene import Cart, Escapement, Scene
+from modal.scene import Cart, Scene, refusals
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.identification.flow import Channel, Result, Task, integrate
@@ -69,23 +69,11 @@ class Layout:
 
 def require_fittable(scene: Scene) -> None:
     """SceneError for a scene whose motions cannot be fitted, with every reason."""
-    problems = []
-    if scene.space == "space":
-        problems.append('space = "space": motions are fitted in the plane')
-    if any(isinstance(link.drive, Escapement) for link in scene.links()):
-        problems.append("escapements: their kicks cannot be fitted")
-    if scene.is_hoisted:
-        problems.append("hoist: motions of constant lengths are fitted")
-    if scene.is_moved:
-        problems.append('support = "moved": motions on a support at rest or a cart are fitted')
-    if scene.has_modal_damping:
-        problems.append("damping_ratio: give dampers of joints and the rail, which can be fitted")
-    if isinstance(scene.support, Cart) and scene.support.friction_coefficient:
-        problems.append("support.friction_coefficient: give the rail a friction in N, which can be fitted")
+    found = refusals(scene, "a fit of motions")
     if scene.n_links > MOST_LINKS:
-        problems.append(f"the scene has {scene.n_links} links: motions of at most {MOST_LINKS} are fitted")
-    if problems:
-        raise SceneError(problems)
+        found.append(f"the scene has {scene.n_links} links: motions of at most {MOST_LINKS} are fitted")
+    if found:
+        raise SceneError(found)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

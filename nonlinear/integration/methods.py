@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Scene
+from modal.scene import Scene, refusals
 from nonlinear.dynamics import (
     Body,
     Dense,
@@ -70,30 +70,28 @@ def choose(
     `system` is what is integrated, where that is less than the whole scene.
     """
     system = system or system_of(scene)
-    space, driven = system.spatial, driven or system.support is not None
+    space = system.spatial
     problems = [] if method in METHODS else [f"method {method}: must be one of {', '.join(METHODS)}"]
     if form not in FORMS:
         problems.append(f"form {form}: must be one of {', '.join(FORMS)}")
-    elif space and form not in {"auto", "spatial"}:
-        problems.append(f"form {form}: works in the plane only, and this scene is in space")
-    elif not space and form == "spatial":
-        problems.append("form spatial: works in space only, and this scene is in the plane")
-    problems += _unresisted(system, method, form)
+        form = "auto"
+    more = [name for name, has in (("load", driven), ("hoist", system.hoisting)) if has]
+    whole = form if form != "auto" else "spatial" if space else "minimal"
+    problems += refusals(scene, f"form {whole}", *more)
     if form == "maximal" and (least := float(np.min(system.by_link("length"))) / system.length) < SHORTEST:
         problems.append(f"form maximal: cannot tell the ends of a link {least:.1g} times as long as the longest apart")
-    if method == "taylor" and (space or form not in {"auto", "minimal"} or driven):
-        more = ", and this support moves" if system.support else ""
-        problems.append(f"method taylor: runs plane scenes in minimal coordinates without applied forces{more}")
-    form = form if form != "auto" else "spatial" if space else "minimal"
-    if form in {"spatial", "maximal"} and method in SCIPY and method not in EXPLICIT:
+    form = whole
+    if method == "taylor":
+        problems += refusals(scene, "method taylor", *more)
+        problems += [] if form == "minimal" else [f"method taylor: has no series in form {form}: choose minimal"]
+    if method in SCIPY and method not in EXPLICIT:
+        problems += refusals(scene, "an implicit method", *more)
+    if form == "maximal" and method in SCIPY and method not in EXPLICIT:
         problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
-    if scene.has_modal_damping and space:
-        problems.append('damping_ratio: acts on the rates of angles, which space has not: set space = "plane"')
-    problems += _unhoisted(system, method, form)
     if problems:
         raise SceneError(problems)
-    plain = driven or scene.has_modal_damping or system.hoisting is not None or system.rubs or system.dragged
-    seconds = costs(scene, system, duration, tolerance, size) if form == "minimal" and not plain else {}
+    plain = form == "minimal" and not refusals(scene, "compiled equations", *more)
+    seconds = costs(scene, system, duration, tolerance, size) if plain else {}
     if method == "auto":
         method, why = _automatic(
             scene, system, duration, tolerance, form, seconds if tolerance * size >= TIGHTEST else {}
@@ -104,37 +102,6 @@ def choose(
     compiled = method in SCIPY and not written and bool(seconds) and seconds["compiled"] < seconds["DOP853"]
     finest = SMALLEST if method in SCIPY else TIGHTEST / size
     return Choice(form, method, compiled, why + (", compiled" if compiled else ""), max(tolerance, finest))
-
-
-def _unresisted(system: System, method: str, form: str) -> Iterator[str]:
-    """What cannot take dry friction, drag or kicks."""
-    if system.rubs and form not in {"auto", "minimal"}:
-        yield f"form {form}: cannot take dry friction, which sticks and slips; minimal can"
-    if method == "taylor" and (system.rubs or system.dragged):
-        what = "dry friction" if system.rubs else "drag"
-        yield f"method taylor: has no series for {what}; {', '.join(SCIPY)} take it"
-    if system.kicked and form not in {"auto", "minimal"}:
-        yield f"form {form}: cannot take the kicks of escapements; minimal can"
-
-
-def _unhoisted(system: System, method: str, form: str) -> Iterator[str]:
-    """What cannot take lengths that change."""
-    if system.hoisting is None:
-        return
-    if system.spatial:
-        yield 'hoist: lengths change in the plane only: set space = "plane"'
-    elif form not in {"auto", "minimal", "maximal"}:
-        yield f"form {form}: has constant lengths, and this scene has a hoist; minimal and maximal take it"
-    if method == "taylor":
-        yield "method taylor: has constant lengths, and this scene has a hoist; DOP853 takes it"
-    if system.modal_damping is not None:
-        yield "hoist: cannot be combined with a damping_ratio, which belongs to modes of constant lengths"
-    if system.kicked:
-        yield "hoist: cannot be combined with the kicks of escapements"
-    if system.rubs or system.dragged:
-        yield "hoist: cannot be combined with dry friction or drag"
-    if system.support is not None:
-        yield "hoist: cannot be combined with a moved support: put the pendula on a cart or on a fixed one"
 
 
 def _automatic(
@@ -203,8 +170,6 @@ def equations_of(
     if system.hoisting is not None:
         from nonlinear.dynamics import Hoisted, HoistedMaximal
 
-        if problems := list(_unhoisted(system, choice.method, choice.form)):
-            raise SceneError(problems)
         return HoistedMaximal(system, load) if choice.form == "maximal" else Hoisted(system, load=load)
     if system.rubs:
         few = system.n_links <= SEPARATE

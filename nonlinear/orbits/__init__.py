@@ -29,7 +29,6 @@ from nonlinear.orbits.held import mode_along
 from nonlinear.orbits.modes import at_amplitude, mode_orbit, nonlinear_mode, orbit_where_off, oscillating
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.report import orbits_csv, orbits_record, orbits_text
-from nonlinear.orbits.shooting import refusals
 from nonlinear.orbits.special import Special
 
 __all__ = [
@@ -56,6 +55,5 @@ __all__ = [
     "orbits_text",
     "oscillating",
     "periodic_orbit",
-    "refusals",
     "require_cycles",
 ]

@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.scene import Scene, refuse_motion
+from modal.scene import Scene, require
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
@@ -205,10 +205,7 @@ def require_cycles(scene: Scene, variation: Variation) -> None:
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: orbits need two or more values of a continuous parameter"])
-    refuse_motion(scene, "a limit cycle")
-    _ = shooting(scene).first
-    if not scene.is_driven:
-        raise ComputationError("nothing excites this scene: it has no limit cycles")
+    require(scene, "a limit cycle")
 
 
 def _beginnings(

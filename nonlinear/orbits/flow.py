@@ -21,7 +21,7 @@ import numpy as np
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.types import Floats, Ints
 from nonlinear.dynamics.variational import Variational
@@ -62,10 +62,6 @@ class Flow(Displayed):
     equations: Variational = field(init=False)
 
     def __post_init__(self) -> None:
-        if self.system.hoisting is not None:
-            raise SceneError(["hoist: periodic orbits need constant lengths"])
-        if self.system.modal_damping is not None:
-            raise SceneError(["damping_ratio: periodic orbits know the dampers of the cart and the joints only"])
         object.__setattr__(self, "equations", Variational(self.system))
 
     @cached_property

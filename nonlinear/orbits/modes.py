@@ -10,7 +10,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes, table_numbers
-from modal.scene import Scene, refuse_motion
+from modal.scene import Scene, require
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import Point, follow, located, point
@@ -126,9 +126,7 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
 
     SceneError where it is no oscillation along the rail.
     """
-    refuse_motion(scene, "a periodic orbit")
-    if scene.space == "space":
-        raise SceneError(["periodic orbits: only for scenes in the plane"])
+    require(scene, "a periodic orbit of a mode")
     modes, still = natural_modes(scene), natural_modes(scene.conservative)
     if not 1 <= number <= len(modes):
         raise SceneError([f"mode {number}: the scene has modes 1 to {len(modes)}"])

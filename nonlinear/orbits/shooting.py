@@ -18,8 +18,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError
-from modal.scene import Scene, refuse_motion, unsupported
+from modal.errors import ComputationError
+from modal.scene import Scene, require
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
 from nonlinear.orbits.floquet import Floquet, whole
@@ -202,28 +202,15 @@ def shooting(
     fast: bool | None = None,
 ) -> Shooting:
     """The equations of a scene in the plane; SceneError in space, and with dry friction or drag."""
-    if scene.space == "space":
-        raise SceneError(["periodic orbits: only for scenes in the plane"])
-    refuse_motion(scene, "a periodic orbit")
-    _refuse(scene)
+    require(scene, "a periodic orbit")
 
     @lru_cache(maxsize=8)
     def flow_at(value: float | None) -> Flow:
         varied = scene if value is None or variation is None else vary(scene, {variation.path: value})
-        _refuse(varied)
+        require(varied, "a periodic orbit")
         return Flow(system_of(varied), tolerance, force=force, fast=fast)
 
     return Shooting(scene, flow_at, leader, segments, period, variation)
-
-
-def _refuse(scene: Scene) -> None:
-    if found := refusals(scene):
-        raise SceneError(found)
-
-
-def refusals(scene: Scene) -> list[str]:
-    """One problem for each force of a scene that orbits are computed without."""
-    return unsupported(scene, "limit cycles are computed without it", "friction", "drag", "quadratic_drag")
 
 
 def spread(problem: Shooting, flow: Flow, y: Floats, period: float) -> Floats:

@@ -19,7 +19,7 @@ import numpy as np
 from modal.assembly import matrices
 from modal.eigen import is_singular
 from modal.errors import ComputationError
-from modal.scene import Scene, refuse_motion
+from modal.scene import Scene, require
 from modal.types import Floats
 from nonlinear.orbits.floquet import of_symmetric
 from nonlinear.orbits.flow import Flow
@@ -27,8 +27,8 @@ from nonlinear.orbits.orbit import Orbit
 from nonlinear.system import system_of
 
 UNMOVED = (
-    "a massless cart over bobs has no equation of motion where all of them hang straight down, and the orbits of a "
-    "mode pass there: give it a mass"
+    "a massless cart has no equation of motion where all that pulls it hangs straight down, and the orbits of a mode "
+    "pass there: give it a mass"
 )
 
 
@@ -84,7 +84,7 @@ class Quarter:
 
 def quarter_of(scene: Scene, tolerance: float, fast: bool | None = None) -> Quarter:
     """The equations of a conservative scene in the plane; ComputationError where it has none at the equilibrium."""
-    refuse_motion(scene, "a periodic orbit")
+    require(scene, "a periodic orbit of a mode")
     if is_singular(matrices(scene).M):
         raise ComputationError(UNMOVED)
     return Quarter(scene, Flow(system_of(scene), tolerance, fast=fast))

@@ -24,14 +24,14 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
 from modal.report import Displayed
-from modal.scene import Fixed, Scene, refuse_motion, unsupported
+from modal.scene import Fixed, Scene, require
 from modal.types import Complexes, Floats
 from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
 from nonlinear.reduction.two_planes import join, split
-from nonlinear.system import Motion, State, require_constant_lengths
+from nonlinear.system import Motion, State
 
 LINEAR, CORRECTED = "linear modes", "corrected modes"
 LEAST = -0.5  # κ a² below which it is too large for a correction
@@ -144,14 +144,9 @@ def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
     Raises ComputationError where the modes do not span the start, as where eigenvalues of damped modes coincide,
     and for dry friction and quadratic drag.
     """
-    require_constant_lengths(scene, "motion in closed form")
-    refuse_motion(scene, "a sum of free modes")
-    if found := unsupported(scene, "no closed form has it: simulate the scene instead", "friction", "quadratic_drag"):
-        raise ComputationError(found[0])
+    require(scene, "motion in closed form")
     if scene.space == "plane":
         return Superposition(scene, (_flat(scene, start, corrected),))
-    if scene.has_modal_damping:
-        raise SceneError(['damping_ratio: the closed form of motion in space has none: set space = "plane"'])
     along, across = split(scene, start)
     plane = scene.in_plane
     held = plane.replace(support=Fixed())

@@ -29,7 +29,7 @@ import numpy as np
 from modal.errors import SceneError
 from modal.modes import Modes
 from modal.report import Displayed
-from modal.scene import Scene, refuse_motion, unsupported
+from modal.scene import Scene, refusals
 from modal.types import Floats, Ints
 from nonlinear.integration import (
     SCIPY,
@@ -49,7 +49,7 @@ from nonlinear.integration import (
 )
 from nonlinear.reduction.excitation import PER_PERIOD, THIRD, Excitation, excite, excited
 from nonlinear.reduction.truncated import Truncated
-from nonlinear.system import State, System, initial_state, require_constant_lengths, system_of, validate_state
+from nonlinear.system import State, System, initial_state, system_of, validate_state
 
 SAFETY = 2.0
 NEGLIGIBLE = 1e-8  # fraction of the start's energy that an automatic choice may neglect
@@ -191,7 +191,6 @@ def simulate_truncated(
     infinite. Raises SceneError for a scene in space and for invalid arguments, ComputationError where the modes cannot
     be computed, SimulationError where the integrator fails.
     """
-    require_constant_lengths(scene, "motion in a few modes")
     validate(
         lambda: validate_numbers(duration, tolerance, 0.0),
         lambda: validate_whole(1, optional=True, modes=modes),
@@ -279,15 +278,11 @@ def _within(elapsed: Floats, values: Floats, period: float) -> Floats:
 
 
 def _validate(scene: Scene, method: str) -> None:
-    refuse_motion(scene, "modal truncation")
-    problems = [] if scene.space == "plane" else ["space: modal truncation is implemented in the plane only"]
-    if scene.is_driven:
-        problems.append("drive: a scene with drives cannot be reduced to a few modes")
-    problems += unsupported(scene, "a scene with dry friction cannot be reduced to a few modes", "friction")
+    found = refusals(scene, "motion in a few modes")
     if method not in SCIPY:
-        problems.append(f"method {method}: must be one of {', '.join(SCIPY)}")
-    if problems:
-        raise SceneError(problems)
+        found.append(f"method {method}: must be one of {', '.join(SCIPY)}")
+    if found:
+        raise SceneError(found)
 
 
 def survey_modes(scene: Scene, system: System, start: State) -> Survey:

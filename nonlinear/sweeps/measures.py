@@ -28,6 +28,7 @@ from modal.modes import UNCERTAIN, labelled, natural_frequencies, natural_modes
 from modal.report import counted
 from modal.scene import Scene
 from modal.types import Floats
+from nonlinear.chaos import lyapunov_exponent
 from nonlinear.ensembles import run_together
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import extremes, largest_angle, last
@@ -224,11 +225,17 @@ def amplitude(scene: Scene, seconds: float) -> dict[str, float]:
     return {"largest_angle_deg": float(np.degrees(largest_angle(run))), "cart_travel_m": float(right - left)}
 
 
+def lyapunov(scene: Scene, seconds: float) -> dict[str, float]:
+    """The largest Lyapunov exponent of the usual start, measured for so long after a transient of half that time."""
+    return {"lyapunov_per_s": lyapunov_exponent(scene, seconds or None, start=usual_start(scene), ensemble=1).value}
+
+
 RUNS = (
     Measure("energy_drift", energy_drift, 10.0, "the relative drift of energy in N seconds", False, 1e6, runs=True),
     Measure(
         "amplitude", amplitude, 10.0, "the largest angle and the cart's travel in N seconds", False, 1e6, runs=True
     ),
+    Measure("lyapunov", lyapunov, 0, "the largest Lyapunov exponent, from N seconds of the motion", False, 1e6),
 )
 
 

@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.modes import omitted
 from modal.report import HTML_ROWS, Displayed, Summary, brief, deferred, grid, visible
-from modal.scene import name_of
+from modal.scene import left_out, name_of
 from modal.scene.parameters import Variable
 from modal.types import Floats
 from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
@@ -227,7 +226,7 @@ def notes(sweep: Sweep) -> tuple[str, ...]:
     with suppress(SceneError):
         last = study.point(study.size - 1)
         scenes.append(Variable(study.scene, last).at(last))
-    return tuple(dict.fromkeys(sentence for scene in scenes for sentence in omitted(scene)))
+    return tuple(dict.fromkeys(sentence for scene in scenes for sentence in left_out(scene)))
 
 
 def _range(sweep: Sweep, name: str) -> tuple[str, ...]:

@@ -12,11 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.scene import Scene
+from modal.scene import Scene, refusals
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, swinging
-from nonlinear.orbits import Orbit, Special, crossed, cycle_of, refusals
+from nonlinear.orbits import Orbit, Special, crossed, cycle_of
 from nonlinear.synchronization.patterns import own_amplitudes
 
 MOST_LINKS = 24
@@ -39,11 +39,11 @@ def uncertified(scene: Scene) -> str:
     """Why no periodic orbit of a scene in the plane is looked for; "" where they are."""
     if scene.n_links > MOST_LINKS:
         return f"{scene.n_links} links: limit cycles are computed of up to {MOST_LINKS}"
-    return "; ".join(refusals(scene))
+    return "; ".join(refusals(scene, "a periodic orbit"))
 
 
 def _periodic(scene: Scene, one: RelativeEquilibrium) -> bool:
-    return not uncertified(scene) and scene.space == "plane" and len(swinging(one.averaged, one.z)) == 1
+    return not uncertified(scene) and len(swinging(one.averaged, one.z)) == 1
 
 
 def _close(orbit: Orbit, one: RelativeEquilibrium) -> bool:

@@ -22,9 +22,9 @@ from math import exp, log
 import numpy as np
 
 from modal._compatibility import former
-from modal.errors import ComputationError, SceneError
+from modal.errors import SceneError
 from modal.report import Displayed
-from modal.scene import Scene, refuse_motion
+from modal.scene import Scene, require
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Complexes, Floats
 from nonlinear.averaging import (
@@ -165,9 +165,7 @@ def follow_branches(scene: Scene, variation: Variation, report: Report = lambda 
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: branches need two or more values of a continuous parameter"])
-    refuse_motion(scene, "following configurations")
-    if not scene.is_driven:
-        raise ComputationError("nothing excites this scene: it has no steady oscillations")
+    require(scene, "a branch of configurations")
     walk = Walk(scene, variation)
     found: list[Branch] = []
     for value in _places(variation, found):

@@ -10,7 +10,7 @@ from typing import Any
 
 from modal.errors import ComputationError
 from modal.report import Displayed
-from modal.scene import Scene
+from modal.scene import Scene, refusals, require
 from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relative_equilibria
 from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.orbits import Orbit
@@ -18,7 +18,7 @@ from nonlinear.simulation import simulate
 from nonlinear.synchronization.certificates import certified, uncertified
 from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
-from nonlinear.system import State, require_constant_lengths
+from nonlinear.system import State
 
 LONGER, BEYOND = 1.5, 30  # duration over the predicted locking time, and periods added to it
 SHARE = 0.05  # largest difference of the survivor's share of the energy from the predicted one
@@ -124,8 +124,9 @@ def study_synchronization(
     the simulated time and the duration.  A start that ends in an unstable state is replaced by a perturbed one, in
     prediction and simulation.  KeyboardInterrupt where Ctrl-C cuts the run short.
     """
-    require_constant_lengths(scene, "synchronization")
-    theory, silent = _tried(lambda: theory_of_scene(scene, start))
+    require(scene, "synchronization")
+    silent = "; ".join(refusals(scene, "a prediction of synchronization"))
+    theory, silent = (None, silent) if silent else _tried(lambda: theory_of_scene(scene, start))
     length = duration or usual_duration(scene, theory)
     if theory is not None and theory.prediction.unstable:
         start = theory.prediction.start

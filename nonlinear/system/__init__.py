@@ -4,7 +4,7 @@ In: a `Scene` and a start.  Out: a `System`, a `State` (positions and velocities
 with `system`.
 """
 
-from modal.assembly import Hoisting, Hoists, require_constant_lengths
+from modal.assembly import Hoisting, Hoists
 from nonlinear.system.directions import of_plane, unit_vectors, velocities
 from nonlinear.system.events import (
     NO_FRICTION,
@@ -46,7 +46,6 @@ __all__ = [
     "numbers_of",
     "numbers_of_all",
     "of_plane",
-    "require_constant_lengths",
     "state_at_rest",
     "system_of",
     "system_with",

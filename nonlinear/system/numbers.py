@@ -17,7 +17,7 @@ import numpy as np
 
 from modal.assembly import CartNumbers
 from modal.report import Displayed
-from modal.scene import AnyLink, Body, Cart, Escapement, Scene, refuse_motion
+from modal.scene import AnyLink, Body, Cart, Escapement, Scene
 from modal.scene.parameters import Place
 from modal.types import Floats
 from nonlinear.system.system import Excitation, Group, System, system_of
@@ -86,7 +86,6 @@ def _spread(entry: Any) -> Any:
 
 def numbers_of(scene: Scene, values: Values | None = None, system: System | None = None) -> Numbers:
     """The numbers of a scene, with arrays (S,) of `values` at some of its places."""
-    refuse_motion(scene, "computing many members side by side")
     given: Values = values or {}
     support, cart = scene.support, [0.0, 0.0, 0.0]
     if isinstance(support, Cart):

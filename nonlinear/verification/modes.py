@@ -20,12 +20,11 @@ from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
 from modal.report import Displayed, Summary, brief, counted
-from modal.scene import Scene, name_of, refuse_motion
+from modal.scene import Scene, name_of, require
 from modal.types import Floats
 from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
 from nonlinear.postprocessing import LEAST_PERIODS
 from nonlinear.reduction import along_rail
-from nonlinear.system import require_constant_lengths
 from nonlinear.verification.measurement import PERIODS, Measurement, measure_mode
 
 AMPLITUDES_DEG = (1.0, 5.0, 10.0, 30.0)
@@ -130,10 +129,7 @@ def check(
     `report` is called with the number of modes done.  Modes that do not oscillate for long enough are skipped with a
     reason; after Ctrl-C, so are those not done.
     """
-    require_constant_lengths(scene, "a check of modes")
-    refuse_motion(scene, "the check of modes")
-    if scene.has_modal_damping and scene.space == "space":
-        raise SceneError(['damping_ratio: acts on the rates of angles, which space has not: set space = "plane"'])
+    require(scene, "a check of modes")
     given, scene = scene, scene.linearizable
     modes = natural_modes(scene)
     chosen = range(len(modes)) if numbers is None else numbers

@@ -15,7 +15,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.modes import Mode, Modes, natural_modes
 from modal.report import Displayed
-from modal.scene import refuse_motion
+from modal.scene import require
 from modal.types import Floats
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import Line, lines
@@ -68,7 +68,7 @@ def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, cou
     At most `count` lines are sought in every coordinate.  A decaying mode's lines are those of η exp(−Re λ t).
     Raises ComputationError for a motion out of the plane.
     """
-    refuse_motion(trajectory.scene, "a comparison with free modes")
+    require(trajectory.scene, "a comparison with modes")
     modes = natural_modes(trajectory.scene)
     chosen = list(range(len(modes))) if numbers is None else list(numbers)
     motion = modal_motion(trajectory.motion, modes, chosen)

@@ -7,7 +7,7 @@ from typing import Any
 
 from modal.modes.friction import stop_words
 from modal.report import NOTHING, as_csv, as_json, digits, finite, grid, markdown, titled
-from modal.scene import describe, title_of
+from modal.scene import describe, left_out, title_of
 from nonlinear.verification.measurement import Measurement
 from nonlinear.verification.modes import FARTHEST, Check, ModeCheck
 from nonlinear.verification.motion import Comparison, ModeInMotion
@@ -83,10 +83,8 @@ def _notes(found: Check) -> list[str]:
         notes.append(
             "dampers: κa² and ω(a) refer to the mean amplitude of a run, which is less than the initial angle."
         )
-    if found.scene.is_driven:
-        notes.append("drives: ignored, as in the table.")
-    if found.scene.has_friction or any(link.quadratic_drag for link in found.scene.links()):
-        notes.append("dry friction and quadratic drag: ignored, as in the table.")
+    notes += left_out(found.scene, "a check of modes")
+    if found.scene.features & {"joint_friction", "rail_friction", "rail_coefficient", "quadratic_drag"}:
         largest = max((degrees(run.amplitude) for row in found.rows for run in row.measurements), default=0.0)
         checked = tuple(f"mode {row.mode.number}:" for row in found.rows)
         notes += [words for words in stop_words(found.scene, largest) if words.startswith(checked)] if largest else []

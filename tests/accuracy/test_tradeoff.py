@@ -303,7 +303,7 @@ def test_two_planes_and_back() -> None:
 
 
 @pytest.mark.slow
-def test_small_swings_in_space_are_linear() -> None:
+def test_noted_in_space_are_linear() -> None:
     errors = []
     for size in (2e-2, 1e-2):
         rng = np.random.default_rng(1)

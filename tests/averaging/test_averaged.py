@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, load, natural_modes
 from modal.assembly import matrices
 from modal.coupling import explain
-from modal.errors import ComputationError
+from modal.errors import ComputationError, SceneError
 from modal.scene import Escapement, InitialCondition, VanDerPol
 from modal.scene.links import Drive
 from modal.scene.parameters import vary
@@ -59,7 +59,7 @@ def test_one_van_der_pol_pendulum(angle: float) -> None:
 
 
 @pytest.mark.parametrize("stiffness", [0.0, 300.0])
-def test_small_swings_decay_as_damped_modes_do(stiffness: float) -> None:
+def test_noted_decay_as_damped_modes_do(stiffness: float) -> None:
     link = Bob(mass=1.0, length=1.0, damping=0.01)
     pendula = (Pendulum(links=(link,), count=2), Pendulum(links=(Rod(mass=1.0, length=1.1, damping=0.02),)))
     scene = Scene(gravity=G, support=Cart(mass=5.0, damping=0.1, stiffness=stiffness), pendulum=pendula)
@@ -300,7 +300,7 @@ def test_what_dies_out_is_said() -> None:
     ],
 )
 def test_what_cannot_be_predicted_is_refused(scene: Scene, start: State | None, message: str) -> None:
-    with pytest.raises(ComputationError, match=message):
+    with pytest.raises((ComputationError, SceneError), match=message):
         predict(scene, start)
 
 
@@ -311,8 +311,11 @@ def test_what_cannot_be_averaged_is_refused() -> None:
     many = Scene(gravity=G, support=Fixed(), pendulum=(Pendulum(links=alone[0].links, count=401),))
     up = Pendulum(links=(Bob(mass=1.0, length=1.0, stiffness=30.0),), equilibrium=("up",))
     standing = Scene(gravity=G, support=Fixed(), pendulum=(up,))
-    for scene, message in ((space, "plane"), (standing, "hanging"), (many, "400 links, not 401"), (wide, "not 5")):
+    for scene, message in ((many, "400 links, not 401"), (wide, "not 5")):
         with pytest.raises(ComputationError, match=message):
+            average(scene)
+    for scene, message in ((space, "space"), (standing, "equilibrium")):
+        with pytest.raises(SceneError, match=message):
             average(scene)
 
 
@@ -369,7 +372,7 @@ def test_amplitudes_that_diverge_are_refused(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_a_massless_cart_without_a_mode_is_refused() -> None:
-    with pytest.raises(ComputationError, match="massless cart"):
+    with pytest.raises(SceneError, match=r"support\.mass = 0\.0"):
         predict(in_units(1.0, 10.0, -3.0, drive=FEED, cart=0.0))
 
 

@@ -20,6 +20,7 @@ from nonlinear.chaos.studies import Study, level_starts
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Dense, Mechanics, Minimal
 from nonlinear.plotting import draw_finding, draw_running
+from nonlinear.sweeps import parse_measures
 from nonlinear.system import State, system_of
 
 pytestmark = pytest.mark.xdist_group("exponents")  # one result serves several tests
@@ -354,3 +355,15 @@ def test_starts_replace_the_scenes_own() -> None:
     state = State(np.array([3.0, 3.0]), np.zeros(2))
     found = lyapunov_exponent(chain(2), 7.0, starts=[state, state])
     assert found.ensemble == 2
+
+
+@pytest.mark.slow
+def test_linear_drag_is_in_the_exponent_and_in_its_sweep() -> None:
+    """A motion that dies out has the slowest decay of the linear scene as its exponent."""
+    link = Bob(mass=1.0, length=1.0, drag=2.0)
+    start = InitialCondition(angles_deg=(20.0,))
+    scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(link,), start=start),))
+    slowest = float(natural_modes(scene).eigenvalue.real.max())
+    assert lyapunov_exponent(scene, 40.0, ensemble=1).value == pytest.approx(slowest, rel=2e-3)
+    (swept,) = parse_measures(["lyapunov:40"])
+    assert swept.of(scene)["lyapunov_per_s"] == pytest.approx(slowest, rel=2e-3)

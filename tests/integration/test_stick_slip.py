@@ -104,7 +104,7 @@ def simulate_system(scene: Scene) -> Any:
 
 
 @pytest.mark.slow
-def test_small_swings_lose_the_same_angle_each_time() -> None:
+def test_noted_lose_the_same_angle_each_time() -> None:
     torque = 1e-7
     scene = scene_of(bob(friction=torque), angles=(1e-4,))
     found = simulate(scene, 25.0, tolerance=1e-12, events=[turning_point(simulate_system(scene), "theta[1,1]")])

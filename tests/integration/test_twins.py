@@ -116,7 +116,7 @@ def test_the_growth_is_that_of_a_finer_run() -> None:
     assert found.words in text(run)
 
 
-def test_small_swings_hardly_grow_and_whole_scenes_have_nothing_to_tell() -> None:
+def test_noted_hardly_grow_and_whole_scenes_have_nothing_to_tell() -> None:
     calm = departure(simulate(PAIR, 5.0, start=state_at_rest(PAIR, [2.0, 2.0])))
     assert calm is not None
     assert calm.seconds == 5.0

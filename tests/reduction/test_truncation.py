@@ -309,13 +309,13 @@ def test_what_cannot_be_is_refused(changes: dict[str, object], words: str) -> No
 
 def test_space_is_refused() -> None:
     scene = chain(0, 3).model_copy(update={"space": "space"})
-    with pytest.raises(SceneError, match=r"^space: modal truncation"):
+    with pytest.raises(SceneError, match=r"^space = "):
         simulate_truncated(scene, 1.0)
 
 
 def test_modes_that_do_not_span_the_motion_are_refused() -> None:
     """Without a mass the cart of a bob has no equation of its own at rest."""
-    with pytest.raises(SceneError, match="do not span"):
+    with pytest.raises(SceneError, match=r"support\.mass = 0\.0"):
         simulate_truncated(chain(0, 2, Cart(mass=0.0)), 1.0, start=State(np.full(2, 0.1), np.zeros(2)))
 
 

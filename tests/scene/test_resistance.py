@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from modal.errors import ComputationError, SceneError
-from modal.modes import natural_modes, omitted
-from modal.scene import Scene, scene_from
+from modal.errors import SceneError
+from modal.modes import natural_modes
+from modal.scene import Scene, left_out, scene_from
 from modal.scene.parameters import Variation, vary
 from modal.symbolic.system import of_scene
 from nonlinear import simulate
@@ -83,11 +83,11 @@ def test_links_that_count_as_one_have_the_friction_of_all() -> None:
 
 
 def test_the_linear_model_says_what_it_leaves_out() -> None:
-    assert "Dry friction" in omitted(RUBBING)[0]
-    assert "Quadratic drag" in omitted(AIRY)[0]
-    assert omitted(scene_from(data(drag=1.0))) == ()
+    assert "Dry friction" in left_out(RUBBING)[0]
+    assert "Quadratic drag" in left_out(AIRY)[0]
+    assert left_out(scene_from(data(drag=1.0))) == ()
     assert natural_modes(RUBBING).omega == pytest.approx(natural_modes(RUBBING.frictionless).omega)
-    assert natural_modes(RUBBING).notes[0] == omitted(RUBBING)[0]
+    assert natural_modes(RUBBING).notes[0] == left_out(RUBBING)[0]
 
 
 @pytest.mark.parametrize("scene", [RUBBING, AIRY, scene_from(data(drag=0.1))], ids=["friction", "quadratic", "linear"])
@@ -101,17 +101,18 @@ def test_who_has_no_place_for_them_says_so(scene: Scene) -> None:
     ):
         with pytest.raises(SceneError, match=name):
             action()
-    with pytest.raises(SceneError, match="method taylor: has no series for"):
-        simulate(scene, 1.0, method="taylor")
+    if scene.features.isdisjoint({"linear_drag"}):
+        with pytest.raises(SceneError, match=rf"{name}.* method taylor"):
+            simulate(scene, 1.0, method="taylor")
 
 
 def test_closed_forms_and_averages_refuse_what_they_cannot_take() -> None:
     for scene in (RUBBING, AIRY):
-        with pytest.raises(ComputationError, match="simulate the scene instead"):
+        with pytest.raises(SceneError, match="motion in closed form"):
             superpose(scene, initial_state(scene), corrected=False)
-    with pytest.raises(ComputationError, match="when a cart sticks"):
+    with pytest.raises(SceneError, match=r"support\.friction"):
         average(scene_from(data({"friction": 0.1})))
-    with pytest.raises(ComputationError, match="quadratic_drag: has no exact mean"):
+    with pytest.raises(SceneError, match="quadratic_drag"):
         average(AIRY)
     with pytest.raises(SceneError, match="few modes"):
         simulate_truncated(RUBBING, 1.0, modes=1)

@@ -57,7 +57,7 @@ def test_light_links_below_heavy_ones(ratio):
 
 
 @pytest.mark.parametrize("degrees", [1e-12, 1e-6, 1.0])
-def test_small_swings_keep_their_digits_and_the_textbook_does_not(degrees):
+def test_noted_keep_their_digits_and_the_textbook_does_not(degrees):
     one = next(each for each in families.amplitudes(quick=False) if each.parameter == degrees)
     found, _, _ = extremes.ours(one)
     right = one.reference()

@@ -259,7 +259,7 @@ def test_the_certificate_sees_small_motion_about_a_standing_rest_and_on_a_coasti
     assert simulate(cart, 60, start=coasting, tolerance=1e-2, method="DOP853").energy_drift() > 1e-4
 
 
-def test_what_is_harmless_does_not_spoil_small_swings() -> None:
+def test_what_is_harmless_does_not_spoil_noted() -> None:
     scene = modal.load("chain-1")
     for turns in (0.0, 2 * math.pi):
         run = simulate(scene, 20, start=State(np.array([turns + 1e-6]), np.zeros(1)), method="DOP853")

@@ -342,7 +342,7 @@ def test_what_is_drawn_is_what_was_found() -> None:
 def test_words_and_refusals() -> None:
     found = example()
     assert {agreement(one.states[-1]) for one in found.branches} == {"pendulum 2 alone", f"{apart(found):.0f}° apart"}
-    with pytest.raises(ComputationError, match="nothing excites"):
+    with pytest.raises(SceneError, match="nothing excites"):
         follow_branches(modal.load("paper-cart-2"), parse_variations(["support.mass=1:2:3"])[0])
     with pytest.raises(SceneError, match="two or more values"):
         follow_branches(found.scene, parse_variations(["support.mass=1"])[0])

@@ -1,0 +1,434 @@
+"""What takes what: every capability with an entry for every feature, stated once and asked at the door.
+
+An entry is of one of these kinds; no feature is without one, which a test reads:
+
+    takes      it is in the result
+    leaves     it is left out, and the sentence is told beside the result
+    refuses    SceneError before anything is computed: PLACE: WHAT WHY: THE WAY OUT, where WHY does not say it
+    singly     it is taken, but members of an ensemble go one by one, for this reason
+    unless     it is taken, except where this message says why not
+    beside     it cannot meet this capability
+
+`apart` are pairs of features that are taken alone and refused together; of each set in `needs` a scene must have one.
+`instead` is another capability, whose words are added to a refusal of what it takes.
+The manual prints the table (docs/reference/combinations.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import dataclass, field, replace
+
+from modal.errors import SceneError
+from modal.scene.features import DRAG, DRIVES, FEATURES, FRICTION, LOSS
+from modal.scene.model import Scene
+
+Names = Set[str]
+Sentences = Mapping[str, str]
+NONE: Sentences = {}
+
+
+@dataclass(frozen=True)
+class Capability:
+    """What a capability does with every feature; its `name` begins the sentences of what it refuses."""
+
+    name: str
+    takes: Names
+    leaves: Sentences = field(default_factory=dict)
+    refuses: Sentences = field(default_factory=dict)
+    singly: Sentences = field(default_factory=dict)
+    unless: Sentences = field(default_factory=dict)
+    beside: Sentences = field(default_factory=dict)
+    apart: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    needs: Mapping[frozenset[str], str] = field(default_factory=dict)
+    instead: tuple[str, str] = ("", "")
+
+    def entries(self, feature: str) -> list[tuple[str, str]]:
+        """The kind of every entry for a feature, with its sentence: exactly one."""
+        kinds = ("leaves", "refuses", "singly", "unless", "beside")
+        told = [(kind, getattr(self, kind)[feature]) for kind in kinds if feature in getattr(self, kind)]
+        return [("takes", "")] * (feature in self.takes) + told
+
+
+def _each(names: Names, why: str) -> Sentences:
+    """One sentence for several features."""
+    return dict.fromkeys(sorted(names), why)
+
+
+def _of(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
+# ------------------------------------------------------------------------------------------------------- features
+
+SHAPE = _of("cart copies inverted joint_springs")
+LINEAR = SHAPE | LOSS | {"massless_cart", "space"}
+ACTING = SHAPE | LOSS | DRAG | {"moved_support", "load"}
+
+# ------------------------------------------------------------------------------------------------------- sentences
+
+UNDRIVEN = "Drives are left out: they sustain small swings without changing the modes."
+RUBBING = "Dry friction is left out: at an amplitude it acts as a damping ratio, and in the end it stops a swing."
+GRIPPED = (
+    "Dry friction on the rail is left out: at an amplitude it acts as a damping ratio, and in the end it holds the "
+    "cart, as if the support were fixed."
+)
+ABOUT: Sentences = {
+    **_each(DRIVES, UNDRIVEN),
+    "moved_support": "The support's motion is left out: the modes are those about a support at rest.",
+    "joint_friction": RUBBING,
+    **_each(FRICTION - {"joint_friction"}, GRIPPED),
+    "quadratic_drag": "Quadratic drag is left out: it dies out with the square of the speed.",
+}
+HOISTED = "Lengths change with the hoist: these are the modes at the lengths before it; hoist lists them along it."
+OMITTED: Sentences = {"hoist": HOISTED, **ABOUT}
+"""What the linear model of a scene leaves out; `ABOUT` where lengths are constant."""
+
+CONSTANT: Sentences = {"hoist": "needs constant lengths"}
+STILL: Sentences = {"moved_support": "needs a support at rest, and simulate follows a moved one"}
+PLANE: Sentences = {"space": "is computed in the plane"}
+NO_RATIO: Sentences = {"damping_ratio": "has no place for dampers that belong to modes"}
+STICKS = _each(FRICTION, "does not follow what sticks and slips")
+NO_DRAG = _each(DRAG, "is computed without drag")
+LOSSES = _each(LOSS, "needs a scene without losses")
+UNLOADED: Sentences = {"load": "only `simulate` is given applied forces"}
+HANGS_STRAIGHT = "a massless cart has no equation of motion where all that pulls it hangs straight down"
+ENDS: Sentences = {"massless_cart": HANGS_STRAIGHT}
+STOPS: Sentences = {"massless_cart": "the step needed is smaller than the spacing between numbers"}
+NO_INERTIA: Sentences = {"massless_cart": "has no equation of motion where all that pulls the cart hangs straight down"}
+NO_SMOOTH: Sentences = {"escapement": "needs smooth motion, without kicks"}
+KINK: Sentences = {"quadratic_drag": "has no series across the kink of |v| v at rest"}
+ALONE = _each(FRICTION | _of("space damping_ratio escapement"), "has no place for it, and engine simulate has")
+HOISTING = {
+    ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
+    ("hoist", "moved_support"): "a hoist hangs from a cart or a fixed support",
+    **{("hoist", name): "drag acts on constant lengths" for name in sorted(DRAG)},
+}
+MINIMAL = ("form minimal", "form minimal takes it")
+EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
+
+# ------------------------------------------------------------------------------------------------------- the table
+
+AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, Scene.at(seconds)"}
+CONSTANT_MODEL = Capability(
+    "a constant linear model",
+    LINEAR - {"massless_cart"},
+    leaves=ABOUT,
+    refuses=AT_ONE_TIME,
+    unless={"massless_cart": "the mass matrix is singular"},
+    beside=UNLOADED,
+)
+MOVED_MODEL = replace(
+    CONSTANT_MODEL,
+    name="a linear model of a moved support",
+    takes=CONSTANT_MODEL.takes - {"linear_drag"},
+    refuses={**CONSTANT_MODEL.refuses, "linear_drag": "has no place for air that stands still"},
+)
+GROWS = {**CONSTANT_MODEL.unless, "inverted": "grows by itself"}
+AVERAGED = Capability(
+    "averaging",
+    SHAPE - {"inverted"} | {"dampers", "linear_drag", "joint_friction"} | DRIVES,
+    refuses={
+        **STILL,
+        **CONSTANT,
+        **PLANE,
+        **NO_RATIO,
+        **NO_INERTIA,
+        "inverted": "needs hanging links",
+        "quadratic_drag": "has no exact mean for it",
+        **_each(FRICTION - {"joint_friction"}, "does not know when a cart sticks"),
+    },
+    beside=UNLOADED,
+)
+
+PERIODIC = Capability(
+    "a periodic orbit",
+    SHAPE | {"dampers"} | DRIVES,
+    refuses={**STILL, **CONSTANT, **PLANE, **STICKS, **NO_DRAG, **NO_RATIO},
+    unless=ENDS,
+    beside=UNLOADED,
+)
+
+SIDE_BY_SIDE = Capability(
+    "engine numpy",
+    SHAPE | DRAG | {"dampers", "van_der_pol"},
+    refuses={**STILL, **CONSTANT, **ALONE},
+    unless=STOPS,
+    beside=UNLOADED,
+)
+
+CAPABILITIES: dict[str, Capability] = {
+    one.name: one
+    for one in (
+        Capability("the table of modes", LINEAR, leaves=OMITTED, beside=UNLOADED),
+        Capability(
+            "the explanation of the coupling",
+            LINEAR - {"inverted"},
+            leaves=ABOUT,
+            refuses={**CONSTANT, "inverted": "has no frequency for a link that stands"},
+            beside=UNLOADED,
+        ),
+        CONSTANT_MODEL,
+        MOVED_MODEL,
+        replace(MOVED_MODEL, name="random vibration", takes=MOVED_MODEL.takes - {"inverted"}, unless=GROWS),
+        Capability(
+            "a shaper",
+            LINEAR - {"inverted"},
+            leaves=OMITTED,
+            unless={"inverted": "is unstable"},
+            beside=UNLOADED,
+            needs={_of("cart"): 'support.kind: a shaper needs kind = "cart"'},
+        ),
+        Capability(
+            "a derivative of modes",
+            LINEAR - NO_RATIO.keys(),
+            leaves=ABOUT,
+            refuses={**CONSTANT, **NO_RATIO},
+            beside=UNLOADED,
+        ),
+        Capability(
+            "a derivation",
+            SHAPE | {"dampers", "massless_cart", "space"},
+            leaves=_each(DRIVES, UNDRIVEN),
+            refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG, "has no symbols for it")},
+            beside=UNLOADED,
+        ),
+        Capability("a polynomial in ω²", LINEAR - LOSS, leaves=ABOUT, refuses={**CONSTANT, **LOSSES}, beside=UNLOADED),
+        Capability(
+            "an enclosure",
+            LINEAR - LOSS - {"inverted", "joint_springs"},
+            leaves=ABOUT,
+            refuses={
+                **CONSTANT,
+                **LOSSES,
+                "inverted": "counts modes of hanging links",
+                "joint_springs": "counts modes of free joints",
+            },
+            beside=UNLOADED,
+        ),
+        Capability(
+            "the live page",
+            SHAPE | {"dampers"} | DRIVES,
+            refuses={
+                **_each(FRICTION | DRAG | _of("moved_support hoist space damping_ratio"), "cannot show it"),
+                "massless_cart": "cannot show it",
+            },
+            beside=UNLOADED,
+        ),
+        Capability(
+            "form minimal",
+            ACTING | FRICTION | DRIVES | {"hoist"},
+            refuses=PLANE,
+            unless=ENDS,
+            apart={
+                **HOISTING,
+                ("hoist", "escapement"): "kicks act on constant lengths",
+                **{("hoist", name): "dry friction acts on constant lengths" for name in sorted(FRICTION)},
+            },
+        ),
+        Capability(
+            "form spatial",
+            (ACTING | {"space"}) - NO_RATIO.keys(),
+            refuses={
+                **NO_RATIO,
+                "hoist": "changes lengths in the plane only",
+                **_each(FRICTION | DRIVES, "acts on angles of the plane"),
+            },
+            unless=ENDS,
+            needs={_of("space"): 'form spatial: works in space only: set space = "space"'},
+        ),
+        Capability(
+            "form maximal",
+            ACTING | {"hoist", "van_der_pol"},
+            refuses={**PLANE, **STICKS, **NO_SMOOTH},
+            unless=ENDS,
+            apart=HOISTING,
+            instead=MINIMAL,
+        ),
+        Capability(
+            "form hamiltonian",
+            ACTING | {"van_der_pol"},
+            refuses={**PLANE, **STICKS, **NO_SMOOTH, **CONSTANT},
+            unless=ENDS,
+            instead=MINIMAL,
+        ),
+        Capability(
+            "method taylor",
+            SHAPE | LOSS | DRIVES,
+            refuses={
+                **PLANE,
+                **CONSTANT,
+                **STILL,
+                **STICKS,
+                **KINK,
+                "load": "has no series of forces from Python",
+            },
+            unless=ENDS,
+            instead=("form minimal", "method DOP853 takes it"),
+        ),
+        Capability(
+            "compiled equations",
+            SHAPE | DRIVES | {"dampers"},
+            refuses=_each(FRICTION | DRAG | _of("space hoist moved_support damping_ratio load"), "are without it"),
+            unless=ENDS,
+            instead=("form minimal", "method DOP853 takes it"),
+        ),
+        Capability(
+            "an implicit method",
+            ACTING | FRICTION | DRIVES | {"hoist"},
+            refuses={"space": "cannot keep the constraints of motion in space"},
+            unless=ENDS,
+        ),
+        SIDE_BY_SIDE,
+        replace(SIDE_BY_SIDE, name="engine numba"),
+        replace(
+            SIDE_BY_SIDE,
+            name="engine heyoka",
+            takes=SIDE_BY_SIDE.takes - {"quadratic_drag"},
+            refuses={**SIDE_BY_SIDE.refuses, **KINK},
+        ),
+        replace(SIDE_BY_SIDE, name="an ensemble", refuses={**STILL, **CONSTANT}, singly=ALONE),
+        Capability(
+            "motion in a few modes",
+            SHAPE | LOSS | {"quadratic_drag"},
+            refuses={**STILL, **CONSTANT, **PLANE, **STICKS, **_each(DRIVES, "has no drives"), **NO_INERTIA},
+            beside=UNLOADED,
+        ),
+        Capability(
+            "motion in closed form",
+            LINEAR,
+            leaves=_each(DRIVES, UNDRIVEN),
+            refuses={**STILL, **CONSTANT, **STICKS, "quadratic_drag": "has no term for it"},
+            beside=UNLOADED,
+            apart={("space", "damping_ratio"): "motion in space has no damping ratios"},
+        ),
+        Capability(
+            "a comparison of methods",
+            SHAPE | LOSS - {"linear_drag"} | {"space"},
+            refuses={**STILL, **CONSTANT, **STICKS, **NO_DRAG, **_each(DRIVES, "has no drives")},
+            unless=ENDS,
+            beside=UNLOADED,
+        ),
+        Capability(
+            "a check of modes",
+            LINEAR,
+            leaves={name: words for name, words in ABOUT.items() if name != "moved_support"},
+            refuses={**STILL, **CONSTANT},
+            beside=UNLOADED,
+            apart={("space", "damping_ratio"): "motion in space has no damping ratios"},
+        ),
+        Capability(
+            "a comparison with modes",
+            SHAPE | LOSS | DRAG | FRICTION | DRIVES,
+            refuses={**STILL, **CONSTANT, **PLANE},
+            unless=ENDS,
+            beside=UNLOADED,
+        ),
+        Capability(
+            "a periodic orbit of a mode",
+            SHAPE - {"inverted"},
+            leaves={
+                "dampers": "Dampers are left out: the orbits of a mode conserve energy.",
+                "damping_ratio": "Damping ratios are left out: the orbits of a mode conserve energy.",
+                **_each(DRAG, "Drag is left out: the orbits of a mode conserve energy."),
+                **_each(FRICTION, "Dry friction is left out: the orbits of a mode conserve energy."),
+                **_each(DRIVES, "Drives are left out: the orbits of a mode conserve energy."),
+            },
+            refuses={**STILL, **CONSTANT, **PLANE},
+            unless={"inverted": "the equilibrium is unstable", "massless_cart": HANGS_STRAIGHT},
+            beside=UNLOADED,
+        ),
+        PERIODIC,
+        replace(PERIODIC, name="a limit cycle", needs=EXCITED),
+        Capability(
+            "a Lyapunov exponent",
+            SHAPE | LOSS | {"van_der_pol"},
+            refuses={**STILL, **CONSTANT, **PLANE, **STICKS, "quadratic_drag": "is computed without it", **NO_SMOOTH},
+            unless=STOPS,
+            beside=UNLOADED,
+        ),
+        Capability(
+            "a Poincaré section",
+            SHAPE,
+            refuses={
+                **STILL,
+                **CONSTANT,
+                **PLANE,
+                **_each(LOSS | DRAG | FRICTION | DRIVES, "needs a motion that keeps its energy"),
+            },
+            unless=ENDS,
+            beside=UNLOADED,
+        ),
+        AVERAGED,
+        replace(AVERAGED, name="a prediction of synchronization", needs=EXCITED),
+        replace(AVERAGED, name="a branch of configurations", needs=EXCITED),
+        Capability(
+            "synchronization",
+            SHAPE - {"inverted"} | LOSS | DRAG | FRICTION | DRIVES,
+            refuses={**STILL, **CONSTANT, **PLANE, "inverted": "compares phases of hanging pendula"},
+            unless=ENDS,
+            beside=UNLOADED,
+        ),
+        Capability(
+            "a fit of motions",
+            SHAPE | {"dampers", "linear_drag", "quadratic_drag", "joint_friction", "rail_friction", "van_der_pol"},
+            refuses={
+                **STILL,
+                **CONSTANT,
+                **PLANE,
+                **NO_RATIO,
+                **NO_SMOOTH,
+                "rail_coefficient": "fits a friction of the rail in N",
+            },
+            unless=ENDS,
+            beside=UNLOADED,
+        ),
+    )
+}
+
+
+def refusals(scene: Scene, capability: str, *more: str) -> list[str]:
+    """A sentence for everything that a scene, with `more` features of a call, has and the capability refuses."""
+    one, has = CAPABILITIES[capability], scene.features | set(more)
+    found = [f"{_place(scene, name)}: {one.name} {_why(one, name)}" for name in one.refuses if name in has]
+    found += [f"{_place(scene, a)}: {why}: remove {b}" for (a, b), why in one.apart.items() if {a, b} <= has]
+    return found + [why for wanted, why in one.needs.items() if not wanted & has]
+
+
+def _met(sentences: Sentences, has: Names) -> Iterator[tuple[str, str]]:
+    return ((name, why) for name, why in sentences.items() if name in has)
+
+
+def _why(one: Capability, name: str) -> str:
+    """Why a capability refuses a feature, and the way out."""
+    why, (other, words) = one.refuses[name], one.instead
+    more = f"; {words}" if other and name in CAPABILITIES[other].takes else ""
+    return why if ": " in why else f"{why}: {FEATURES[name].mend}{more}"
+
+
+def _place(scene: Scene, name: str) -> str:
+    return next(FEATURES[name].places(scene), name)
+
+
+def require(scene: Scene, capability: str, *more: str) -> None:
+    """SceneError with every reason unless the capability takes the scene, with `more` features of the call.
+
+    >>> from modal import load
+    >>> require(load("huygens"), "a Poincaré section")
+    Traceback (most recent call last):
+    ...
+    modal.errors.SceneError: ...
+    """
+    if found := refusals(scene, capability, *more):
+        raise SceneError(found)
+
+
+def left_out(scene: Scene, capability: str = "the table of modes") -> tuple[str, ...]:
+    """What a capability leaves out of a scene, a sentence each."""
+    return tuple(dict.fromkeys(words for _, words in _met(CAPABILITIES[capability].leaves, scene.features)))
+
+
+def one_by_one(scene: Scene, *more: str) -> str:
+    """Why members of a scene, with `more` features that some of them have, go one by one; "" for side by side."""
+    met = _met(CAPABILITIES["an ensemble"].singly, scene.features | set(more))
+    return next((f"no engine takes {FEATURES[name].words} side by side" for name, _ in met), "")

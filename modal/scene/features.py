@@ -1,0 +1,160 @@
+"""What a scene has: every feature that some capability must know of, with its place, its name and the way out.
+
+`Scene.features` holds the names of those that a scene has, found once.  What takes which is stated in `capabilities`;
+equations of motion read the numbers of a scene, not its features.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from modal.scene.links import AnyLink, Escapement, VanDerPol
+
+
+class Described(Protocol):
+    """What is read of a scene."""
+
+    @property
+    def support(self) -> Any:
+        """The support."""
+
+    @property
+    def pendulum(self) -> Sequence[Any]:
+        """The pendula."""
+
+    def links(self) -> Iterator[AnyLink]:
+        """Every link."""
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A trait of scenes: its name in a sentence, the way out of it, and the keys of a scene whose values tell it.
+
+    A scene has it where `has` is true of the value of that key in the scene, its support, a pendulum or a link, and
+    `only` of the scene.
+    """
+
+    words: str
+    mend: str
+    has: Callable[[Any], Any] = bool
+    scene: str = ""
+    support: str = ""
+    pendulum: str = ""
+    link: str = ""
+    only: Callable[[Described], bool] = lambda scene: True
+
+    def places(self, scene: Described) -> Iterator[str]:
+        """Where a scene has it, as `pendulum[0].links[1].friction = 0.1`."""
+        for where, part, key in self._parts(scene):
+            value = getattr(part, key, None)
+            if value is not None and self.has(value):
+                yield f"{where}{key}{_written(value)}"
+
+    def _parts(self, scene: Described) -> Iterator[tuple[str, Any, str]]:
+        if self.scene:
+            yield "", scene, self.scene
+        if self.support:
+            yield "support.", scene.support, self.support
+        for i, pendulum in enumerate(scene.pendulum):
+            if self.pendulum:
+                yield f"pendulum[{i}].", pendulum, self.pendulum
+            for j, link in enumerate(pendulum.links if self.link else ()):
+                yield f"pendulum[{i}].links[{j}].", link, self.link
+
+    def is_in(self, scene: Described, values: Callable[[str], set[Any]]) -> bool:
+        """Whether a scene has it; `values` are those of a key of all links."""
+        has, support = self.has, getattr(scene.support, self.support, None) if self.support else None
+        return self.only(scene) and bool(
+            (self.scene and has(getattr(scene, self.scene)))
+            or (support is not None and has(support))
+            or (self.pendulum and any(has(getattr(one, self.pendulum)) for one in scene.pendulum))
+            or (self.link and any(map(has, values(self.link))))
+        )
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, str):
+        return f' = "{value}"'
+    return f" = {value!r}" if isinstance(value, float | int) else ""
+
+
+def _stays_behind(scene: Described) -> bool:
+    """Whether a cart can move while all mass below it is at rest: each pendulum begins with joints that bobs hold."""
+    return all(_holds(pendulum.links) for pendulum in scene.pendulum)
+
+
+def _holds(links: tuple[AnyLink, ...]) -> bool:
+    return next((link.inertia == 0 for link in links if link.inertia or link.centre == link.length), True)
+
+
+def _ratio(given: float | tuple[float, ...]) -> bool:
+    return any(given) if isinstance(given, tuple) else given > 0
+
+
+FEATURES: dict[str, Feature] = {
+    "cart": Feature("a cart", 'give the support another kind than "cart"', "cart".__eq__, support="kind"),
+    "massless_cart": Feature(
+        "a massless cart above bobs", "give the cart a mass", (0.0).__eq__, support="mass", only=_stays_behind
+    ),
+    "moved_support": Feature("a moved support", 'write kind = "fixed" or "cart"', "moved".__eq__, support="kind"),
+    "hoist": Feature("a hoist", "remove the hoist", link="hoist"),
+    "space": Feature("motion in space", 'set space = "plane"', "space".__eq__, scene="space"),
+    "copies": Feature("copies of a pendulum", "write one pendulum", (1).__lt__, pendulum="count"),
+    "inverted": Feature(
+        "inverted links", "let all links hang", lambda ways: "up" in (ways or ()), pendulum="equilibrium"
+    ),
+    "joint_springs": Feature("springs at joints", "remove the springs", link="stiffness"),
+    "dampers": Feature("dampers", "remove the dampers", support="damping", link="damping"),
+    "linear_drag": Feature("linear drag", "remove the drag", link="drag"),
+    "quadratic_drag": Feature("quadratic drag", "remove it, or give drag", link="quadratic_drag"),
+    "damping_ratio": Feature("a damping ratio", "give dampers at joints instead", _ratio, scene="damping_ratio"),
+    "joint_friction": Feature("dry friction at joints", "remove it, or give dampers", link="friction"),
+    "rail_friction": Feature("dry friction on the rail", "remove it, or give a damper", support="friction"),
+    "rail_coefficient": Feature(
+        "a coefficient of friction on the rail", "give a friction in N, or remove it", support="friction_coefficient"
+    ),
+    "escapement": Feature(
+        "kicks of escapements", "remove the drives", lambda drive: isinstance(drive, Escapement), link="drive"
+    ),
+    "van_der_pol": Feature(
+        "van der Pol drives", "remove the drives", lambda drive: isinstance(drive, VanDerPol), link="drive"
+    ),
+    "load": Feature("applied forces", "leave out the load"),
+}
+"""All features by name; a load comes with a call, not with a scene."""
+
+LOSS = frozenset({"dampers", "linear_drag", "damping_ratio"})
+FRICTION = frozenset({"joint_friction", "rail_friction", "rail_coefficient"})
+DRAG = frozenset({"linear_drag", "quadratic_drag"})
+DRIVES = frozenset({"escapement", "van_der_pol"})
+
+
+def features(scene: Described) -> frozenset[str]:
+    """The names of all that a scene has.
+
+    >>> from modal import load
+    >>> sorted(features(load("huygens")))
+    ['cart', 'dampers', 'escapement']
+    """
+    links = list(scene.links())
+    found: dict[str, set[Any]] = {}
+
+    def values(key: str) -> set[Any]:
+        if key not in found:
+            found[key] = {getattr(link, key) for link in links}
+        return found[key]
+
+    return frozenset(name for name, one in FEATURES.items() if one.is_in(scene, values))
+
+
+def varied_features(path: str) -> frozenset[str]:
+    """The names of those that a number at this path of a scene gives to some values of it.
+
+    >>> sorted(varied_features("pendulum[0].links[*].quadratic_drag"))
+    ['quadratic_drag']
+    """
+    part = "support" if path.startswith("support.") else "link" if ".links[" in path else "scene"
+    key = path.rpartition(".")[2]
+    return frozenset(name for name, one in FEATURES.items() if getattr(one, part) == key)

@@ -1,0 +1,309 @@
+"""Every kind of scene by every capability, tried as a user would: by the command where there is one.
+
+A pair works, is refused with one of the project's messages, breaks with any other exception, or gives no answer within
+PATIENCE seconds of processor time.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modal.errors import MultipendulaError
+from modal.scene import CAPABILITIES, Scene, left_out, load, refusals
+from multipendula import cli
+from nonlinear.ensembles import ensemble
+from nonlinear.simulation import simulate
+from nonlinear.system import AppliedForces, State
+
+SCENES = Path(__file__).parents[1] / "combinations" / "scenes"
+PATIENCE = 20.0
+GRAVITY = "--vary gravity=9.8:9.9:2"
+FIRST, SECOND = "pendulum[0].start.angles_deg[0]", "pendulum[0].start.angles_deg[1]"
+GRID = f"--vary {FIRST}=5:10:2 --vary {SECOND}=5:10:2"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a pair: works, refused, breaks or silent (no answer), with the message or the output."""
+
+    status: str
+    words: str = ""
+
+
+class _Late(BaseException):
+    """No answer in time."""
+
+
+@contextlib.contextmanager
+def _patiently(seconds: float) -> Iterator[None]:
+    """Raise `_Late` after so many seconds of processor time, and again where a library swallows it."""
+
+    def late(number: int, frame: object) -> None:
+        raise _Late
+
+    before = signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, seconds, 1.0)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def push(time: float, state: State) -> AppliedForces:
+    """A load that every scene can take: moments on all links."""
+    moments = np.zeros_like(state.links)
+    moments[..., 0] = 0.3 * np.sin(2.0 * time)
+    return AppliedForces(0.0, moments)
+
+
+def _command(words: str, scene: Path, folder: Path) -> str:
+    """Run `multipendula words`, with @ for the scene and # for a file in the folder."""
+    said = io.StringIO()
+    arguments = [word.replace("@", str(scene)).replace("#", str(folder / "out")) for word in words.split()]
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        status = cli.main(arguments)
+    if status:
+        raise RefusedError(said.getvalue())
+    written = [sha256(path.read_bytes()).hexdigest() for path in sorted(folder.glob("out*"))]
+    return "\n".join([said.getvalue(), *written])
+
+
+class RefusedError(MultipendulaError):
+    """A command ended with a message."""
+
+
+def _motion(path: Path, scene: Scene, **options: Any) -> str:
+    if path.stem == "load":
+        options |= {"load": push, "breaks": []}
+    run = simulate(scene, 1.0, output=11, **options)
+    return repr([run.motion.links.tolist(), run.motion.cart.tolist()])
+
+
+def _members(path: Path, scene: Scene, engine: str) -> str:
+    found = ensemble(scene, 1.0, vary={"gravity": [9.8, 9.81, 9.82, 9.83]}, engine=engine, workers=1)
+    return f"{found.engine} {found.column('links_rad').tolist()}"
+
+
+def _fit(path: Path, scene: Scene, folder: Path) -> str:
+    run = simulate(scene, 2.0, output=201)
+    rng = np.random.default_rng(0)
+    links = run.motion.links if run.motion.links.ndim == 2 else run.motion.links[..., 0]
+    data = np.column_stack((run.times, links + 1e-3 * rng.standard_normal(links.shape)))
+    names = [label.replace("[", "_").replace(",", "_").rstrip("]") for label in run.system.labels if label != "x"]
+    header = ",".join(["time_s", *(f"{name}_rad" for name in names[: links.shape[1]])])
+    np.savetxt(folder / "data.csv", data, delimiter=",", header=header, comments="")
+    return _command(f"fit @ {folder / 'data.csv'} --free pendulum[0].links[0].length", path, folder)
+
+
+def _vibration(path: Path, scene: Scene, folder: Path) -> str:
+    (folder / "psd.csv").write_text("frequency_hz,psd\n0.1,0.01\n10,0.01\n")
+    return _command(f"vibration @ --psd {folder / 'psd.csv'}", path, folder)
+
+
+def _shock(path: Path, scene: Scene, folder: Path) -> str:
+    times = np.arange(81) * 0.025
+    rows = "\n".join(f"{t},{a}" for t, a in zip(times, np.sin(3 * times) * np.exp(-times), strict=True))
+    (folder / "quake.csv").write_text("time_s,acceleration_m_per_s2\n" + rows + "\n")
+    return _command(f"shock @ {folder / 'quake.csv'}", path, folder)
+
+
+Attempt = Callable[[Path, Scene, Path], str]
+
+
+def _by(words: str) -> Attempt:
+    return lambda path, scene, folder: _command(words, path, folder)
+
+
+def _simulated(**options: Any) -> Attempt:
+    return lambda path, scene, folder: _motion(path, scene, **options)
+
+
+def _ensemble(engine: str) -> Attempt:
+    return lambda path, scene, folder: _members(path, scene, engine)
+
+
+ATTEMPTS: dict[str, Attempt] = {
+    "table": _by("table @ --format json"),
+    "shapes": _by("shapes @ -o #.png"),
+    "matrices": _by("matrices @"),
+    "explain": _by("explain @"),
+    "check": _by("check @ --mode 2 --amplitude 5"),
+    "check general": _by("check @ --general --start angles:5,0 --duration 2"),
+    "simulate": _simulated(),
+    "simulate maximal": _simulated(form="maximal"),
+    "simulate hamiltonian": _simulated(form="hamiltonian"),
+    "simulate Radau": _simulated(method="Radau"),
+    "simulate taylor": _simulated(method="taylor"),
+    "simulate accuracy": _simulated(accuracy=1e-4),
+    "ensemble auto": _ensemble("auto"),
+    "ensemble numpy": _ensemble("numpy"),
+    "ensemble numba": _ensemble("numba"),
+    "ensemble heyoka": _ensemble("heyoka"),
+    "orbits mode": _by("orbits @ --mode 2 --to 10 --format json"),
+    "orbits vary": _by(f"orbits @ {GRAVITY} --start scene --duration 20"),
+    "sync": _by("sync @ --duration 5"),
+    "sync vary": _by(f"sync @ {GRAVITY}"),
+    "chaos": _by("chaos @ --duration 7 --ensemble 2"),
+    "section": _by("section @ --orbits 2 --duration 2 --workers 1"),
+    "basins": _by(f"basins @ {GRID} --measure largest_angle --duration 1 --workers 1"),
+    "fit": _fit,
+    "sweep": _by("sweep @ --vary gravity=9:10:2 --workers 1 -o #.csv"),
+    "response": _by("response @ --at 0.1,1"),
+    "gains": _by("gains @"),
+    "shaper": _by("shaper @"),
+    "export": _by("export @ --to json -o #.json"),
+    "vibration": _vibration,
+    "shock": _shock,
+    "play": _by("play @ -o #.html"),
+    "derive": _by("derive @ --show matrices"),
+    "enclose": _by("enclose @ --digits 10"),
+    "spread": _by("spread @ --tolerance gravity=1% --members 20 --workers 1"),
+    "spread motion": _by("spread @ --tolerance gravity=1% --members 8 --duration 1 --workers 1"),
+    "keep modes": _by("simulate @ --keep-modes 1 --duration 1 -o #.csv"),
+    "tradeoff": _by("tradeoff @ --duration 0.5"),
+    "advise": _by("advise @ --accuracy 1e-3 --duration 1"),
+    "plot": _by("plot @ --duration 1 -o #.png"),
+}
+ASKS: dict[str, tuple[str, ...]] = {
+    "table": ("the table of modes",),
+    "shapes": ("the table of modes",),
+    "matrices": ("the table of modes",),
+    "explain": ("the explanation of the coupling",),
+    "check": ("a check of modes",),
+    "check general": ("a comparison with modes",),
+    "simulate maximal": ("form maximal",),
+    "simulate hamiltonian": ("form hamiltonian",),
+    "simulate Radau": ("an implicit method",),
+    "simulate taylor": ("method taylor",),
+    "ensemble auto": ("an ensemble",),
+    "ensemble numpy": ("an ensemble", "engine numpy"),
+    "ensemble numba": ("an ensemble", "engine numba"),
+    "ensemble heyoka": ("an ensemble", "engine heyoka"),
+    "orbits mode": ("a periodic orbit of a mode",),
+    "orbits vary": ("a limit cycle",),
+    "sync": ("synchronization",),
+    "sync vary": ("a branch of configurations",),
+    "chaos": ("a Lyapunov exponent",),
+    "section": ("a Poincaré section",),
+    "basins": ("an ensemble",),
+    "fit": ("a fit of motions",),
+    "sweep": ("the table of modes",),
+    **dict.fromkeys(("response", "gains"), ("a constant linear model",)),
+    "export": ("a constant linear model",),
+    "vibration": ("a constant linear model", "random vibration"),
+    "shock": ("a constant linear model", "a linear model of a moved support"),
+    "shaper": ("a shaper",),
+    "play": ("the live page",),
+    "derive": ("a derivation",),
+    "enclose": ("an enclosure",),
+    "spread": ("the table of modes",),
+    "spread motion": ("an ensemble",),
+    "keep modes": ("motion in a few modes",),
+    "tradeoff": ("a comparison of methods",),
+}
+"""The capability that stands at the door of each; of others, the form of the equations of motion."""
+BEYOND = {
+    ("count_100", "fit"): "at most",
+    ("count_100", "play"): "at most",
+    ("count_100", "derive"): "at most",
+    ("hoist", "export"): "holds a constant model",
+    ("count_100", "section"): "no motion of this energy",
+    ("escapement", "orbits vary"): "no limit cycle was found",
+}
+"""Pairs that are refused for their numbers, not for a feature, with words of the message."""
+LOADED = tuple(name for name in ATTEMPTS if name.startswith("simulate"))
+"""What takes a load, which a scene file has not."""
+
+
+def declared(kind: str, capability: str) -> tuple[str, tuple[str, ...]]:
+    """What the table says of a pair, works, refused or unless, and words that the answer has."""
+    scene, more = load(kinds()[kind]), ("load",) if kind == "load" else ()
+    form = "form spatial" if scene.space == "space" else "form minimal"
+    asked = ASKS.get(capability, (form,))
+    if (kind, capability) in BEYOND:
+        return "refused", (BEYOND[kind, capability],)
+    if found := next(filter(None, (refusals(scene, name, *more) for name in asked)), []):
+        return "refused", tuple(found)
+    ends = [
+        words for name in asked for feature, words in CAPABILITIES[name].unless.items() if feature in scene.features
+    ]
+    if ends:
+        return "unless", tuple(ends)
+    return "works", tuple(words for name in asked for words in left_out(scene, name))
+
+
+def _links_without(**numbers: Any) -> Callable[[Scene], Scene]:
+    def plain(scene: Scene) -> Scene:
+        pendula = [one.replace(links=tuple(link.replace(**numbers) for link in one.links)) for one in scene.pendulum]
+        return scene.replace(pendulum=tuple(pendula))
+
+    return plain
+
+
+OFF: dict[str, tuple[str, Callable[[Scene], Scene]]] = {
+    "damping_ratio": ("damping_ratio", lambda scene: scene.replace(damping_ratio=0.0)),
+    "escapement": ("escapement", _links_without(drive=None)),
+    "van_der_Pol": ("van_der_pol", _links_without(drive=None)),
+    "hoist": ("hoist", lambda scene: scene.at(0.0)),
+    "joint_dampers": ("dampers", _links_without(damping=0.0)),
+    "joint_friction": ("joint_friction", lambda scene: scene.frictionless),
+    "rail_friction": ("rail_friction", lambda scene: scene.frictionless),
+    "rail_coefficient": ("rail_coefficient", lambda scene: scene.frictionless),
+    "joint_springs": ("joint_springs", _links_without(stiffness=0.0)),
+    "linear_drag": ("linear_drag", _links_without(drag=0.0)),
+    "quadratic_drag": ("quadratic_drag", _links_without(quadratic_drag=0.0)),
+    "moved_horizontal": ("moved_support", lambda scene: scene.still),
+    "moved_vertical": ("moved_support", lambda scene: scene.still),
+}
+"""The feature of a kind, and how to switch it off."""
+TIMED = {"tradeoff", "advise"}
+"""What prints how long it took, so that no two answers are equal."""
+
+
+def guarded() -> list[tuple[str, str]]:
+    """Pairs in which a feature is taken or left out, and can be switched off."""
+    return [
+        (kind, one) for kind, one in pairs() if kind in OFF and one not in TIMED and declared(kind, one)[0] == "works"
+    ]
+
+
+def entry(kind: str, capability: str) -> str:
+    """What the table says of the feature of a kind: takes, singly or leaves."""
+    asked = ASKS.get(capability, ("form minimal",))
+    return CAPABILITIES[asked[-1]].entries(OFF[kind][0])[0][0]
+
+
+@cache
+def kinds() -> dict[str, Path]:
+    """The kinds of scene by name."""
+    return {path.stem: path for path in sorted(SCENES.glob("*.toml"))}
+
+
+def pairs() -> list[tuple[str, str]]:
+    """Every pair that can be asked for."""
+    return [(kind, capability) for kind in kinds() for capability in ATTEMPTS if kind != "load" or capability in LOADED]
+
+
+def attempt(kind: str | Path, capability: str, folder: Path, patience: float = PATIENCE) -> Outcome:
+    """Try a pair, of a kind of scene or of a file; files go into the folder."""
+    path = kinds()[kind] if isinstance(kind, str) else kind
+    try:
+        with _patiently(patience):
+            return Outcome("works", ATTEMPTS[capability](path, load(path), folder))
+    except MultipendulaError as refusal:
+        return Outcome("refused", str(refusal))
+    except _Late:
+        return Outcome("silent")
+    except Exception as error:
+        return Outcome("breaks", f"{type(error).__name__}: {error}")
