@@ -60,6 +60,8 @@ BOUND = 1e-9  # of z: at its bound
 SUSPECT = 0.02  # misfit of a fit whose record may have been read wrongly
 LOOK = 1.5  # periods of sqrt(l/g) at the beginning, of so many segments, by which mistakes are judged
 SEGMENTS = 3
+POORLY = 25.0  # mean square, in units of the coarse noise, of a beginning that does not fit
+HASTY = 3  # evaluations for a part of a record that is read wrongly
 LOST = 0.2  # misfit of a fit that is tried once more by short windows
 DENSE = 25  # unknowns beyond which the Jacobian is sparse: states matter in their own segment alone
 LSMR = {"atol": 1e-10, "btol": 1e-10, "maxiter": 2000, "regularize": False}
@@ -104,14 +106,15 @@ def fit(
 
     require_radians(whole, problem.system.rate, beginning)
     try:
-        found = Search(problem, loss, report).run(joined=window is not None)
+        search = Search(problem, loss, report, mistake)
+        found = search.run(joined=window is not None)
     except ComputationError as error:
         if words := mistake():
             raise ComputationError(f"{error}; {words}") from None
         raise
     if found.misfit.max() < SUSPECT:
         return replace(found, verdict=tuple(diagnose(found)))
-    words = mistake()
+    words = search.mistake or mistake()
     if not words and window is None and found.misfit.max() > LOST:
         again = Search(problem, loss, report)
         if again.span < np.inf:
@@ -125,7 +128,7 @@ def _beginning(problem: Problem) -> float:
     segments = [replace(one, continued=False) for one in problem.recording.segments[:SEGMENTS]]
     recording = replace(problem.recording, segments=tuple(segments)).until(part)
     own = replace(problem, recording=recording, noise=coarse_noise(recording), tolerance=ROUGHLY)
-    search = Search(own, "linear", lambda part: None)
+    search = Search(own, "linear")
     try:
         u = search.lengthen(search.begin())
         u = search.refined(u)
@@ -151,11 +154,15 @@ def _size(recording: Recording, sensor: int) -> float:
 class Search:
     """The search for the least squares."""
 
-    def __init__(self, problem: Problem, loss: str, report: Report) -> None:
+    def __init__(
+        self, problem: Problem, loss: str, report: Report = lambda part: None, look: Callable[[], str] = lambda: ""
+    ) -> None:
         self.problem, self.loss, self.report = problem, loss, report
+        self.look, self.mistake = look, ""
         self.kept = np.ones(len(problem.parameters), dtype=bool)
         self.evaluations = 0
         self.begun = np.zeros(0)
+        self.starts: list[Floats] = []
 
     def run(self, joined: bool) -> Fit:
         """From the first samples to the whole record: through short windows that are `joined`, or ever longer parts."""
@@ -181,6 +188,10 @@ class Search:
             self.kept[found.held] = False
             u[: layout.numbers][~self.kept] = starts_of(problem.parameters)[~self.kept]
         self.begun = u[: layout.numbers].copy()
+        own = np.where(
+            self.kept, [b[0] if b else one.start for one, b in zip(problem.parameters, known, strict=True)], self.begun
+        )
+        self.starts = [self.begun] if np.array_equal(own, self.begun) else [own, self.begun]
         self.report(0.05)
         return u
 
@@ -189,13 +200,10 @@ class Search:
         problem, layout = self.problem, self.problem.layout
         short = replace(problem, recording=problem.recording.windows(self.span), tolerance=ROUGHLY)
         v = np.concatenate((u[: layout.delays.stop], initial_states(short).ravel()))
-        own = v.copy()
-        own[: layout.numbers] = starts_of(problem.parameters)
-        loose = replace(short, tightness=LOOSE[0])
-        v = min((v, own), key=lambda one: float(np.sum(np.square(loose.residuals(one)))))
-        for turn, tightness in enumerate(LOOSE):
+        v = self._nearest(replace(short, tightness=LOOSE[0]), v)
+        for turn, tightness in enumerate(LOOSE[1:]):
             v = self._solved(replace(short, tightness=tightness), v, ROUGH, True, 1e-3)
-            self.report(0.05 + 0.1 * (turn + 1))
+            self.report(0.2 + 0.1 * turn)
         rows = np.cumsum([0, *(len(one.times) for one in short.recording.segments)])
         begins = np.cumsum([0, *(len(one.times) for one in problem.recording.segments)])[:-1]
         states = [v[short.layout.state(int(k))] for k in np.searchsorted(rows, begins)]
@@ -209,6 +217,26 @@ class Search:
         span = max(SHORT * period, sum(durations) / max(MOST_WINDOWS - len(durations), 1))
         return span if self.problem.is_seen and span < SHORTEST * period else np.inf
 
+    def _nearest(self, part: Problem, u: Floats) -> Floats:
+        """Fitted to a part of the record, from the given numbers, or if they do not fit from those of the spectrum."""
+        found, numbers = [], self.problem.layout.numbers
+        for z in self.starts:
+            self.begun, v = z, u.copy()
+            v[:numbers] = z
+            try:
+                v = self._solved(part, v, ROUGH, True, 1e-3)
+                found.append((float(np.mean(np.square(part.residuals(v)))), z, v))
+            except ComputationError:
+                continue
+            if found[-1][0] < 1:
+                break
+        if not found:
+            raise ComputationError("the scene's motion cannot be followed from the first samples of the record")
+        cost, self.begun, v = min(found, key=lambda one: one[0])
+        if cost > POORLY:
+            self.mistake = self.look()
+        return v
+
     def refined(self, u: Floats) -> Floats:
         """Roughly fitted to all of a short record."""
         return self._solved(self.problem, u, ROUGH, True, 1e-3)
@@ -218,11 +246,12 @@ class Search:
         problem = self.problem
         longest = max(one.times[-1] - one.times[0] for one in problem.recording.segments)
         part = SHORTEST * 2 * np.pi / problem.system.rate
-        while part < longest:
+        u = self._nearest(replace(problem, recording=problem.recording.until(part), tolerance=ROUGHLY), u)
+        while LONGER * part < longest:
+            part *= LONGER
             short = problem.recording.until(part)
             u = self._solved(replace(problem, recording=short, tolerance=ROUGHLY), u, ROUGH, True, 1e-3)
             self.report(0.05 + 0.35 * part / longest)
-            part *= LONGER
         for tightness in LOOSE if any(one.continued for one in problem.recording.segments) else ():
             u = self._solved(replace(problem, tightness=tightness, tolerance=ROUGHLY), u, ROUGH, True, 1e-3)
         return u
@@ -341,7 +370,7 @@ class Search:
                 bounds=(low, high),
                 x_scale=self._scales(problem)[columns],
                 loss=self.loss,
-                max_nfev=most,
+                max_nfev=min(most, HASTY) if self.mistake else most,
                 ftol=close,
                 xtol=close,
                 gtol=None,

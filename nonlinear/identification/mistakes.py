@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import natural_modes
@@ -25,6 +26,7 @@ ENOUGH = 0.1  # misfit of a record that is read rightly, at its beginning
 THOUSAND = 1000.0  # milliseconds in a second
 APART = 3.0  # at most, between a frequency of the record and the scene's
 FAST = 4.0  # times sqrt(g/l): angles that turn faster whirl, or are in degrees
+LARGE = 0.3  # rad: smaller angles are not in degrees, which would be too small to measure
 SMALL = 0.05  # rad: smaller angles may be radians in a column of degrees
 MOST_SENSORS = 6  # that are exchanged or turned, one after the other
 
@@ -64,7 +66,7 @@ def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
         return replace(recording, segments=tuple(replace(s, values=s.values * scales) for s in recording.segments))
 
     for chosen in [angles] + [[c] for c in angles if len(angles) > 1]:
-        if chosen:
+        if chosen and _largest(recording, chosen) > LARGE:
             yield in_degrees(recording, chosen)
     if angles and _largest(recording, angles) < SMALL:
         names = [sensors[c].name for c in angles]
@@ -112,13 +114,16 @@ def require_radians(recording: Recording, rate: float, misfit: Callable[[Recordi
     if fast:
         mistake = in_degrees(recording, fast)
         left = misfit(mistake.recording)
-        if left < ENOUGH:
+        if left < ENOUGH / 2:
             raise SceneError([_told(mistake, left)])
 
 
 def _speed(recording: Recording, sensor: int) -> float:
-    """How fast (rad/s) a sensor's angle turns at most, but for a twentieth of the samples."""
-    found = [np.abs(np.diff(one.values[:, sensor]) / np.diff(one.times)) for one in recording.segments]
+    """How fast (rad/s) a sensor's angle turns at most, but for a twentieth of the samples and for outliers."""
+    found = [
+        np.abs(np.diff(median_filter(one.values[:, sensor], 3, mode="nearest")) / np.diff(one.times))
+        for one in recording.segments
+    ]
     speeds = np.concatenate(found)
     speeds = speeds[np.isfinite(speeds)]
     return float(np.quantile(speeds, 0.95)) if len(speeds) else 0.0
