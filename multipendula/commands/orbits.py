@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import start_of, whole
-from multipendula.commands.shared import bar, drawn, film_form, noted, picture, say, validated
+from multipendula.commands.shared import bar, drawn, film_form, noted, picture, say, validated, warned
 from multipendula.completion import mode_numbers, places
 from multipendula.options import (
     FILMS,
@@ -36,7 +36,7 @@ TO, LONG = 90.0, 100
 
 def orbits(options: argparse.Namespace) -> None:
     """Follow periodic orbits: a mode to large angles, or limit cycles along a number, with their stability."""
-    scene = validated(options, options.output, lambda: _fitting(options))
+    scene = warned(validated(options, options.output, lambda: _fitting(options)), "a periodic orbit")
     found = _mode(scene, options) if options.mode else _cycles(scene, options)
     if options.enter:
         found = (*found, *_entered(found))

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from modal.identification import Estimate
     from modal.scene import Scene
 
+MANY = 60  # links from which a command that integrates disturbances says beforehand that it takes long
+
 
 @contextmanager
 def output(path: str | None) -> Iterator[Callable[[str], object]]:
@@ -126,6 +128,16 @@ def noted(scene: Scene, capability: str = "the table of modes") -> Scene:
 
     for words in left_out(scene, capability):
         print(f"multipendula: {words}", file=sys.stderr)
+    return scene
+
+
+def warned(scene: Scene, what: str) -> Scene:
+    """The scene itself; where it has so many links that `what` takes long, that is told on standard error first."""
+    if scene.n_links > MANY:
+        print(
+            f"multipendula: {what} of {scene.n_links} links takes minutes, and more: a scene of fewer tells the same sooner",
+            file=sys.stderr,
+        )
     return scene
 
 

@@ -8,7 +8,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from multipendula.command import Command
 from multipendula.commands.runs import ELSEWHERE, recorded, start_of, whole
-from multipendula.commands.shared import bar, chosen, drawn, in_a_folder, picture, say
+from multipendula.commands.shared import bar, chosen, drawn, in_a_folder, picture, say, warned
 from multipendula.options import (
     REPORTS,
     add_accuracy,
@@ -137,7 +137,7 @@ def _exponent(options: argparse.Namespace) -> Drawn:
 
     if options.quick:
         raise SceneError(["--quick: works with paper:000 and paper:001 only"])
-    scene = load(_scene(options))
+    scene = warned(load(_scene(options)), "a Lyapunov exponent")
     duration = options.duration or usual_duration(scene)
     with bar((1 + TRANSIENT) * duration) as report:
         members, start = options.ensemble or 16, start_of(scene, None, elsewhere=ELSEWHERE)

@@ -56,6 +56,7 @@ def test_the_answer_is_the_one_declared(kind: str, capability: str, tmp_path: Pa
 GUARDED = guarded()
 EQUAL = {
     ("damping_ratio", "gains"): "inputs reach modes whatever damps these",
+    ("damping_ratio", "spread"): "a damping ratio leaves |λ| as it is",
     ("van_der_Pol", "chaos"): "so short a run tells a bound alone",
 }
 """Pairs whose answer does not depend on a feature that is taken, and why."""
