@@ -60,6 +60,7 @@ BOUND = 1e-9  # of z: at its bound
 SUSPECT = 0.02  # misfit of a fit whose record may have been read wrongly
 LOOK = 1.5  # periods of sqrt(l/g) at the beginning, of so many segments, by which mistakes are judged
 SEGMENTS = 3
+BRIEF = 500  # steps of a motion at the beginning: faster ones are none of a right reading
 POORLY = 25.0  # mean square, in units of the coarse noise, of a beginning that does not fit
 HASTY = 3  # evaluations for a part of a record that is read wrongly
 LOST = 0.2  # misfit of a fit that is tried once more by short windows
@@ -127,7 +128,7 @@ def _beginning(problem: Problem) -> float:
     part = LOOK * 2 * np.pi / problem.system.rate
     segments = [replace(one, continued=False) for one in problem.recording.segments[:SEGMENTS]]
     recording = replace(problem.recording, segments=tuple(segments)).until(part)
-    own = replace(problem, recording=recording, noise=coarse_noise(recording), tolerance=ROUGHLY)
+    own = replace(problem, recording=recording, noise=coarse_noise(recording), tolerance=ROUGHLY, steps=BRIEF)
     search = Search(own, "linear")
     try:
         u = search.lengthen(search.begin())

@@ -70,6 +70,7 @@ class Task:
     scale: Floats
     tolerance: float
     first: float
+    most: int = MOST_STEPS
 
 
 @dataclass(eq=False)
@@ -152,7 +153,7 @@ class _Front:
 
     def run(self) -> Result:
         """Steps until all are at their ends."""
-        for _ in range(MOST_STEPS):
+        for _ in range(self.task.most):
             if not len(self.segment):
                 return self.result
             self.step()

@@ -19,7 +19,7 @@ from modal.report import Displayed
 from modal.scene import Cart, Scene, refusals
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import Lanes
-from nonlinear.identification.flow import Channel, Result, Task, integrate
+from nonlinear.identification.flow import MOST_STEPS, Channel, Result, Task, integrate
 from nonlinear.identification.records import Recording, Sensor
 from nonlinear.identification.sticking import Joint
 from nonlinear.system import Numbers, System, numbers_of, system_of
@@ -81,7 +81,7 @@ class Problem(Displayed):
     """A recording, and a scene of which these numbers are free; `scaled` frees the sensors' scales.
 
     `noise` (C,) is the standard deviation of every sensor, `tightness` times that the one of a gap between a motion and
-    its continuation.
+    its continuation.  Motions of more than so many `steps` are not followed.
     """
 
     scene: Scene
@@ -91,6 +91,7 @@ class Problem(Displayed):
     scaled: bool = False
     tolerance: float = TOLERANCE
     tightness: float = TIGHT
+    steps: int = MOST_STEPS
 
     @cached_property
     def system(self) -> System:
@@ -347,6 +348,7 @@ class Problem(Displayed):
                 self.scale,
                 self.tolerance,
                 FIRST / self.system.rate,
+                self.steps,
             )
         )
 
