@@ -40,9 +40,10 @@ VAGUE = 0.1  # relative standard deviation of a frequency above which a pole is 
 NEAR, ALIKE_SHAPE = 0.05, 0.98  # relative distance and MAC of poles that may be one mode
 AS_WELL, BEATLESS = 1.5, 30.0  # residuals of one mode over those of its two poles; the same where these never beat
 BETTER = 0.7  # residuals with a change of frequency over those without
+WEAK, BLENDED = 0.1, 0.8  # share of the amplitudes, distance over the damping rate, of a combination of stronger poles
 ROUNDING = 1e-9  # of the size of a series: residuals that tell nothing
 DIED = 3.0  # times 1/σ after which an oscillation has died away
-NEXT = 0.02  # of the change of a frequency: what fourth powers of the amplitude and other modes add to it
+NEXT, OTHERS = 0.02, 0.3  # of the change of a frequency: what fourth powers add to it, and a mode of the same amplitude
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +148,17 @@ def one_mode(series: Sequence[Series], found: Decays, faint: float = 0.0, *, res
         most = BEATLESS if (r, s) in beatless and not resolved else AS_WELL
         if np.sqrt(np.mean((one.rms * weights) ** 2)) < most:
             return _significant(series, one.model, faint)
+    return None
+
+
+def without_combination(series: Sequence[Series], found: Decays, faint: float = 0.0) -> Decays | None:
+    """Decays without a weak pole that cubic forces make of stronger ones, λ_i + λ_j + λ̄_k; None where there is none."""
+    size = np.max(np.abs(found.amplitudes), axis=0)
+    for r in np.argsort(size).tolist():
+        strong = found.poles[size[r] < WEAK * size]
+        sums = strong[:, None, None] + strong[:, None] + strong.conj()
+        if np.any(np.abs(sums - found.poles[r]) < BLENDED * np.abs(sums.real)):
+            return _significant(series, _chosen(found.model, np.delete(np.arange(len(size)), r)), faint)
     return None
 
 
@@ -321,7 +333,6 @@ def _described(series: Sequence[Series], model: Model, weights: Floats) -> Decay
             rows = slice(int(starts[k]), int(starts[k + 1]))
             blocks.append((rows, float(weights[k] ** 2 * noise), rho))
     cov = (covariance(G, blocks) * np.outer(scale, scale))[: 2 * R, : 2 * R]
-    cov[R + model.bent, R + model.bent] += (NEXT * np.abs(model.shifts)) ** 2
     variances = {rows.start: variance for rows, variance, _ in blocks}
     stds = []
     for k, part in enumerate(parts):
@@ -329,6 +340,9 @@ def _described(series: Sequence[Series], model: Model, weights: Floats) -> Decay
         stds.append(noise * np.sqrt(part[3]))
         at += len(part[0])
     amplitudes = np.array([part[1] for part in parts])
+    strength = np.sum(np.abs(amplitudes) ** 2, axis=0)
+    beside = np.minimum(1.0, strength.sum() / np.maximum(strength[model.bent], 1e-300) - 1)
+    cov[R + model.bent, R + model.bent] += ((NEXT + OTHERS * beside) * np.abs(model.shifts)) ** 2
     model = Model(model.poles, model.bent, model.shifts, _squares(series, amplitudes))
     return Decays(model, cov, amplitudes, np.array(stds), np.array(rms), white)
 

@@ -15,7 +15,17 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.identification.decays import Decays, Series, bent, fit_decays, log_decrement, one_mode, shape_of, suspects
+from modal.identification.decays import (
+    Decays,
+    Series,
+    bent,
+    fit_decays,
+    log_decrement,
+    one_mode,
+    shape_of,
+    suspects,
+    without_combination,
+)
 from modal.identification.derivatives import polar
 from modal.identification.measured import turned
 from modal.identification.realization import Realization, modal_assurance, realize
@@ -156,7 +166,12 @@ def identify(
     found = fit_decays(series, poles, faint)
     if len(found.poles) < len(poles):
         notes.append(f"{counted(len(poles) - len(found.poles), 'pole', 'poles')} left out: faint or not significant")
-    while one := one_mode(series, found, faint, resolved=order is not None) or bent(series, found, faint):
+    while one := one_mode(series, found, faint, resolved=order is not None):
+        found = one
+    while not order and (one := without_combination(series, found, faint)):
+        notes.append("a pole left out that is a combination of stronger ones, as swings that are not small make it")
+        found = one
+    while one := bent(series, found, faint):
         found = one
     notes += [_bent(found, r) for r in found.model.bent.tolist()]
     notes += [
