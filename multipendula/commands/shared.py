@@ -135,7 +135,7 @@ def warned(scene: Scene, what: str) -> Scene:
     """The scene itself; where it has so many links that `what` takes long, that is told on standard error first."""
     if scene.n_links > MANY:
         print(
-            f"multipendula: {what} of {scene.n_links} links takes minutes, and more: a scene of fewer tells the same sooner",
+            f"multipendula: {what} of {scene.n_links} links takes minutes: try a scene of fewer first",
             file=sys.stderr,
         )
     return scene
