@@ -14,6 +14,7 @@ FLAGS: dict[str, tuple[str, str]] = {
     "--band": ("FILE", "picture of the motion's band over the fitted numbers"),
     "--baseline": ("", "how a record is corrected before it is used"),
     "--bootstrap": ("N", "number of resampled records that check standard deviations"),
+    "--column": ("HEADING=COLUMN", "what a column of a record with another heading holds"),
     "--columns": ("NAMES", "columns of a table"),
     "--compare": ("LAWS", "laws of damping to compare"),
     "--count": ("K", "number of slowest modes to shape"),

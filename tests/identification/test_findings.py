@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from amounts import usually
 
 from modal.errors import SceneError
 from modal.identification import scene_with
@@ -31,7 +32,11 @@ WORDS = ("scale of", "outlier", "jumps by a turn", "look", "counts the other way
 
 def scene_of(links: int, lengths: Floats | None = None) -> Scene:
     """The first links, with their own or these lengths."""
-    own = LINKS[:links] if lengths is None else [one | {"length": x} for one, x in zip(LINKS, lengths, strict=False)]
+    own = (
+        LINKS[:links]
+        if lengths is None
+        else [one | {"length": x} for one, x in zip(LINKS[:links], lengths, strict=False)]
+    )
     return scene_from({"gravity": 9.81, "pendulum": [{"links": own}]})
 
 
@@ -89,14 +94,16 @@ DEFECTS: dict[str, tuple[int, Callable[[Floats], Floats], float, str]] = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", DEFECTS)
+@pytest.mark.parametrize(
+    "name", usually([name for name in DEFECTS if name not in {"exchanged", "relative"}], [*DEFECTS])
+)
 def test_a_mistake_in_a_record_is_named(name: str) -> None:
     links, by, time, words = DEFECTS[name]
     assert words in said(changed(clean(links), by, time))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", usually(range(3), range(20)))
 def test_clean_records_have_no_findings(seed: int) -> None:
     rng = np.random.default_rng(seed)
     links = 1 + seed % 2
@@ -169,7 +176,7 @@ def test_windows_find_the_right_minimum() -> None:
 @pytest.mark.slow
 def test_standard_deviations_beside_a_held_number_say_so() -> None:
     record = clean(2)
-    found = fit(scene_of(2), record, ["pendulum[0].links[*].mass"])
+    found = fit(scene_of(2), record, ["pendulum[0].links[*].mass", "pendulum[0].links[*].damping"])
     (direction,) = found.undetermined
     (words,) = (one for one in found.verdict if "exactly" in one)
     assert all(place in words for place in direction.changes)
