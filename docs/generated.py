@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from modal.scene import Capability
+    from modal.scene.capabilities import Capability
     from multipendula.parser import Page
 
 ROOT = Path(__file__).parent.parent
@@ -208,9 +208,7 @@ def _capability(at: int, one: Capability) -> str:
         for (a, b), why in one.apart.items()
     ]
     lines += [f"- needs: {_escaped(why)}" for why in one.needs.values()]
-    return "\n\n".join(
-        [f"(combination-{at})=\n### {at}. {_escaped(one.name)}", "\n".join(lines) or "Takes everything."]
-    )
+    return "\n\n".join([f"(combination-{at})=\n## {at}. {_escaped(one.name)}", "\n".join(lines) or "Takes everything."])
 
 
 def _table(heading: str, rows: list[str]) -> str:

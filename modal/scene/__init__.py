@@ -13,8 +13,8 @@ a title, `summary` what a scene shows of itself.
 from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
-from modal.scene.capabilities import CAPABILITIES, Capability, left_out, one_by_one, refusals, require
-from modal.scene.features import FEATURES, Feature
+from modal.scene.capabilities import CAPABILITIES, left_out, one_by_one, refusals, require
+from modal.scene.features import FEATURES
 from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
 from modal.scene.hoist import Hoist, LengthLaw
 from modal.scene.links import AnyLink, Bob, Body, Escapement, Rod, VanDerPol
@@ -40,10 +40,8 @@ __all__ = [
     "AnyLink",
     "Bob",
     "Body",
-    "Capability",
     "Cart",
     "Escapement",
-    "Feature",
     "Fixed",
     "Hoist",
     "InitialCondition",

@@ -71,7 +71,7 @@ UNDRIVEN = "Drives are left out: they sustain small swings without changing the 
 RUBBING = "Dry friction is left out: at an amplitude it acts as a damping ratio, and in the end it stops a swing."
 GRIPPED = (
     "Dry friction on the rail is left out: at an amplitude it acts as a damping ratio, and in the end it holds the "
-    "cart, as if the support were fixed."
+    "cart, below which the load swings on as from a fixed support."
 )
 ABOUT: Sentences = {
     **_each(DRIVES, UNDRIVEN),

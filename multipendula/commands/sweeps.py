@@ -33,12 +33,12 @@ def _sweep_arguments(page: Page) -> None:
     vary = page.asked.add_argument("--vary", metavar="PLACE=VALUES", action="append", required=True, help=words)
     offer(vary, places)
     measures = (
-        *("frequencies", "damping", "splitting", "beat", "amplitude", "energy_drift"),
+        *("frequencies", "damping", "splitting", "beat", "amplitude", "energy_drift", "lyapunov"),
         *("order", "survivor", "locking", "pendulum_energy"),
     )
     words = (
-        "frequencies (default), damping, splitting or beat of the modes, amplitude or energy_drift of a run, order, "
-        "survivor, locking or pendulum_energy of a scene with drives; repeat for several"
+        "frequencies (default), damping, splitting or beat of the modes, amplitude, energy_drift or lyapunov of a run, "
+        "order, survivor, locking or pendulum_energy of a scene with drives; repeat for several"
     )
     add_words(page.asked, "--measure", measures, comma="", metavar="NAME[:N]", action="append", help=words)
     words = "follow all frequencies along one --vary by their mode shapes"

@@ -75,6 +75,7 @@ def choose(
     if form not in FORMS:
         problems.append(f"form {form}: must be one of {', '.join(FORMS)}")
         form = "auto"
+    scene = scene if space or scene.space == "plane" else scene.in_plane
     more = [name for name, has in (("load", driven), ("hoist", system.hoisting)) if has]
     whole = form if form != "auto" else "spatial" if space else "minimal"
     problems += refusals(scene, f"form {whole}", *more)

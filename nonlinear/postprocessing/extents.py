@@ -21,7 +21,7 @@ from nonlinear.system import Equations, Motion
 
 FORMS = {"minimal", "maximal", "hamiltonian", "spatial"}
 PLACES, LOOKS, CLOSE = 8, 64, 1e-9  # on each cubic; in a stretch integrated anew, and its tolerance
-STRETCHES, MOST = 8, 2_000_000  # integrated anew for each extreme; places on cubics
+STRETCHES, MOST = 24, 2_000_000  # integrated anew for each extreme; places on cubics
 TURNED = 1.5  # rad from one sample to the next, from which on cubics do not tell where extremes are
 Measured = Callable[[Motion], Floats]
 
@@ -111,8 +111,8 @@ def _on_cubics(trajectory: Trajectory, measured: Measured) -> Floats:
 def _furthest(trajectory: Trajectory, measured: Measured, equations: Equations, between: Floats, side: float) -> float:
     """The largest of side · quantity, as the quantity, in the stretches that come nearest to it."""
     values = side * between
-    spread = np.abs(np.diff(values, axis=1)).max(1)
-    hopeful = values.max(1) + spread
+    bend = np.abs(np.diff(values, 2, axis=1)).max(1)
+    hopeful = values.max(1) + bend / 4  # a parabola passes its places by an eighth of it, a kink by a fourth
     found = -np.inf
     order = np.argsort(hopeful, axis=None)[::-1][:STRETCHES]
     for row, column in zip(*np.unravel_index(order, hopeful.shape), strict=True):

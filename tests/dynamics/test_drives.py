@@ -588,12 +588,12 @@ def test_each_refusal_of_a_drive_names_the_place_or_the_argument() -> None:
         scene_from(link_with(kind="escapement", impulse=1.0) | {"space": "space"})
     assert refusal.value.problems == (f'{PLACE}: needs space = "plane"',)
     for form in ("maximal", "hamiltonian"):
-        with pytest.raises(SceneError, match=f"form {form}: cannot take the kicks of escapements"):
+        with pytest.raises(SceneError, match=f"drive: form {form}"):
             simulate(scene, 1.0, form=form)
     refusals = {
-        "drive: a scene with drives": lambda: simulate_truncated(scene, 1.0, 2),
-        "drive: methods are compared": lambda: measure_work_precision(scene, 1.0),
-        "drive: Lyapunov exponents": lambda: lyapunov_exponent(scene, 60.0),
+        "drive: motion in a few modes": lambda: simulate_truncated(scene, 1.0, 2),
+        "drive: a comparison of methods": lambda: measure_work_precision(scene, 1.0),
+        "drive: a Lyapunov exponent": lambda: lyapunov_exponent(scene, 60.0),
     }
     for words, action in refusals.items():
         with pytest.raises(SceneError, match=words) as refused:
@@ -618,5 +618,5 @@ def test_a_check_leaves_drives_out_and_says_so() -> None:
     scene = beside_a_clock(damping=0.1)
     driven, bare = (check(one, [2], (1.0, 10.0)) for one in (scene, scene.undriven))
     assert driven.rows[0].kappa == bare.rows[0].kappa
-    assert "drives: " in check_table(driven, "text")
+    assert "Drives are left out" in check_table(driven, "text")
     assert "drives" not in check_table(bare, "text")

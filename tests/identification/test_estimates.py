@@ -197,7 +197,7 @@ def test_a_file_that_is_none_is_told_by_its_name(tmp_path: Path) -> None:
 def test_what_is_no_polynomial_in_its_numbers_is_refused() -> None:
     one = scene()
     ratios = estimate_of(one.replace(damping_ratio=0.01), record())
-    with pytest.raises(SceneError, match="damping_ratio: modal dampers depend on all numbers"):
+    with pytest.raises(SceneError, match="damping_ratio"):
         mode_stds(natural_modes(ratios.scene), ratios, [1])
     model = state_space(one, ("support_acceleration",))
     with pytest.raises(ComputationError, match="responses to support_acceleration have no standard deviations"):

@@ -191,7 +191,7 @@ def test_turning_points_of_an_exponential_are_not_a_straight_line() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"space": "space"}, "fitted in the plane"),
+        ({"space": "space"}, "a fit of motions is computed in the plane"),
         ({"damping_ratio": 0.01}, "damping_ratio"),
         ({"support": {"kind": "cart", "mass": 1.0, "friction_coefficient": 0.1}}, "friction_coefficient"),
     ],

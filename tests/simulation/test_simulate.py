@@ -343,7 +343,7 @@ def test_samples_are_where_they_were_asked_for() -> None:
         ({"tolerance": 0.5}, "tolerance 0.5: must be from 1e-15 to 0.01"),
         ({"tolerance": math.nan}, "tolerance nan"),
         ({"method": "Euler"}, "method Euler: must be one of auto, DOP853"),
-        ({"form": "spatial", "method": "taylor"}, "method taylor: runs plane scenes"),
+        ({"form": "spatial", "method": "taylor"}, "form spatial: works in space only"),
         ({"form": "maximal", "method": "LSODA"}, "method LSODA: cannot keep the constraints of the maximal form"),
         ({"form": "polar"}, "form polar: must be one of auto, minimal"),
         ({"output": 10**12}, "output 1000000000000: must be from 2 to"),

@@ -33,6 +33,6 @@ def test_the_table_has_no_option_and_no_exception_that_is_gone() -> None:
 
 def test_the_pages_hold_every_entry() -> None:
     page = combinations()
-    assert all(f"### {at}. {name}" in page for at, name in enumerate(CAPABILITIES, 1))
+    assert all(f"## {at}. {name}" in page for at, name in enumerate(CAPABILITIES, 1))
     assert all(f"\n| {one.words} |" in page for one in FEATURES.values())
     assert all(f"`{flag}" in options() for flag in FLAGS)

@@ -297,8 +297,8 @@ def test_every_mistake_of_a_call_is_named(tmp_path: Path, capsys: pytest.Capture
 
 @pytest.mark.slow
 def test_a_scene_in_space_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["sync", "chain-spatial", "--duration", "5"]) == 1
-    assert "only for motion in the plane" in capsys.readouterr().err
+    assert main(["sync", "chain-spatial", "--duration", "5"]) == 2
+    assert "is computed in the plane" in capsys.readouterr().err
 
 
 def test_a_single_pendulum_locks_with_nobody() -> None:
