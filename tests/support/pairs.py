@@ -27,6 +27,7 @@ from nonlinear.system import AppliedForces, State
 
 SCENES = Path(__file__).parents[1] / "combinations" / "scenes"
 PATIENCE = 20.0
+EXTRA = "multipendula["  # how messages name what is not installed
 GRAVITY = "--vary gravity=9.8:9.9:2"
 FIRST, SECOND = "pendulum[0].start.angles_deg[0]", "pendulum[0].start.angles_deg[1]"
 GRID = f"--vary {FIRST}=5:10:2 --vary {SECOND}=5:10:2"
@@ -34,7 +35,7 @@ GRID = f"--vary {FIRST}=5:10:2 --vary {SECOND}=5:10:2"
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a pair: works, refused, breaks or silent (no answer), with the message or the output."""
+    """What became of a pair, with the message or the output: works, refused, absent (an extra), breaks, silent."""
 
     status: str
     words: str = ""
@@ -51,6 +52,9 @@ def _patiently(seconds: float) -> Iterator[None]:
     def late(number: int, frame: object) -> None:
         raise _Late
 
+    if not hasattr(signal, "SIGPROF"):
+        yield
+        return
     before = signal.signal(signal.SIGPROF, late)
     signal.setitimer(signal.ITIMER_PROF, seconds, 1.0)
     try:
@@ -309,7 +313,8 @@ def attempt(kind: str | Path, capability: str, folder: Path, patience: float = P
         with _patiently(patience):
             return Outcome("works", ATTEMPTS[capability](path, load(path), folder))
     except MultipendulaError as refusal:
-        return Outcome("refused", str(refusal))
+        words = str(refusal)
+        return Outcome("absent" if EXTRA in words else "refused", words)
     except _Late:
         return Outcome("silent")
     except Exception as error:
