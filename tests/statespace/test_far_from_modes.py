@@ -8,6 +8,7 @@ import far_from_modes
 import numpy as np
 import pytest
 from response_oracle import Oracle
+from scipy.integrate import trapezoid
 
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, dump, natural_modes
 from modal.scene.records import Spectrum
@@ -110,7 +111,7 @@ def test_noise_far_above_the_modes_is_that_of_the_isolation() -> None:
         below += m
         k, s = 9.80665 * below / l, s - m * (2 * np.pi * f) ** 2
         H, s = H * k / (k + s), k * s / (k + s)
-    assert found.rms[0] == pytest.approx(np.sqrt(np.trapezoid(H**2, f)), rel=1e-6, abs=0)
+    assert found.rms[0] == pytest.approx(np.sqrt(trapezoid(H**2, f)), rel=1e-6, abs=0)
     assert found.psd(f[:1])[0, 0] == pytest.approx(H[0] ** 2, rel=1e-11, abs=0)
 
 
