@@ -10,9 +10,10 @@ Before a law begins and after its end the length is constant.
 from __future__ import annotations
 
 import csv
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -77,6 +78,20 @@ class LengthLaw(Displayed):
             speed = speed * s + length
             length = length * s + coefficient[piece]
         return length, np.where(moving, speed, 0.0), np.where(moving, acceleration, 0.0)
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        """The same at one time, in plain floats."""
+        knots, pieces = self._floats
+        piece = min(max(bisect_right(knots, time) - 1, 0), len(pieces) - 1)
+        s = min(max(time, knots[0]), knots[-1]) - knots[piece]
+        length = speed = acceleration = 0.0
+        for coefficient in pieces[piece]:
+            acceleration, speed, length = acceleration * s + 2 * speed, speed * s + length, length * s + coefficient
+        return (length, speed, acceleration) if knots[0] <= time < knots[-1] else (length, 0.0, 0.0)
+
+    @cached_property
+    def _floats(self) -> tuple[list[float], list[list[float]]]:
+        return self.knots.tolist(), self.coefficients[:, ::-1].tolist()
 
     @property
     def breaks(self) -> tuple[float, ...]:

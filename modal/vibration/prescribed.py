@@ -12,9 +12,10 @@ multiples f_k of Δf = 1/duration within the PSD, with independent uniform phase
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from copy import copy
 from functools import cached_property, lru_cache
-from math import factorial, inf, pi, radians, sin, tau
+from math import ceil, cos, factorial, inf, pi, radians, sin, tau
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,9 @@ WITHIN = 0.01
 IMAGES = np.arange(1, 200)[:, None] * [1, -1]
 DRIFTING = 1e-3  # velocity at the end, over the largest in the record, from which the record drifts
 BLOCK = 4_000_000  # sines times instants at once
+SPACING, TERMS = 0.2, 11
+"""Phase (rad) of the fastest sine between two instants of a table, and terms of the Taylor series about each: the
+remainder, (SPACING/2)¹¹/11! = 2.5e-19 of the sum of all amplitudes, is below rounding."""
 
 
 class PrescribedMotion(ABC):
@@ -46,6 +50,15 @@ class PrescribedMotion(ABC):
     shortest: float = inf
     words: str = ""
     """What the user should know of it."""
+
+    @property
+    def constants(self) -> tuple[Any, ...]:
+        """The numbers of a motion that plain arithmetic of these and of the time gives; none of any other."""
+        return ()
+
+    def with_constants(self, constants: Sequence[Any]) -> PrescribedMotion:
+        """The motion with other constants, of any type that takes plain arithmetic and a sine."""
+        raise NotImplementedError
 
     @abstractmethod
     def derivative(self, time: Any, order: int) -> Any:
@@ -67,6 +80,10 @@ class PrescribedMotion(ABC):
         """The acceleration (m/s²) at one time (s)."""
         return float(self.derivative(time, 2))
 
+    def velocity_at(self, time: float) -> float:
+        """The velocity (m/s) at one time (s)."""
+        return float(self.derivative(time, 1))
+
 
 class Sine(PrescribedMotion):
     """A sin(ω t + φ)."""
@@ -74,6 +91,17 @@ class Sine(PrescribedMotion):
     def __init__(self, motion: SineMotion) -> None:
         self.amplitude, self.omega, self.phase = motion.amplitude, tau * motion.frequency_hz, radians(motion.phase_deg)
         self.shortest = 0.5 / motion.frequency_hz
+
+    @property
+    def constants(self) -> tuple[Any, Any, Any]:
+        """Amplitude (m), angular frequency (rad/s) and phase (rad)."""
+        return self.amplitude, self.omega, self.phase
+
+    def with_constants(self, constants: Sequence[Any]) -> Sine:
+        """A sine with these."""
+        found = copy(self)
+        found.amplitude, found.omega, found.phase = constants
+        return found
 
     def derivative(self, time: Any, order: int) -> Any:
         """A ωⁿ sin(ω t + φ + n π/2)."""
@@ -83,6 +111,10 @@ class Sine(PrescribedMotion):
     def acceleration_at(self, time: float) -> float:
         """In plain floats."""
         return -self.amplitude * self.omega**2 * sin(self.omega * time + self.phase)
+
+    def velocity_at(self, time: float) -> float:
+        """In plain floats."""
+        return self.amplitude * self.omega * cos(self.omega * time + self.phase)
 
 
 class Sweep(PrescribedMotion):
@@ -174,7 +206,7 @@ class RandomProcess(PrescribedMotion):
         self.omega = tau * f
         size = np.sqrt(2 * psd / motion.duration) / self.omega ** ORDERS[motion.of]
         self.lines = size * np.exp(1j * (phases + {0: 0.0, 1: -pi / 2, 2: pi}[ORDERS[motion.of]]))
-        self.shortest = 0.5 / float(f[-1])
+        self.shortest, self.duration = 0.5 / float(f[-1]), motion.duration
         self.words = (
             f"a sum of {len(f)} sines from {f[0]:.4g} to {f[-1]:.4g} Hz that repeats after {motion.duration:g} s"
         )
@@ -193,6 +225,38 @@ class RandomProcess(PrescribedMotion):
         flat = times.ravel()
         parts = [self._summed(lines, flat[at : at + rows]) for at in range(0, len(flat), rows)]
         return np.concatenate(parts).reshape(times.shape)
+
+    def acceleration_at(self, time: float) -> float:
+        """In plain floats, from the table."""
+        return self._tabled(self._tables[1], time)
+
+    def velocity_at(self, time: float) -> float:
+        """In plain floats, from the table."""
+        return self._tabled(self._tables[0], time)
+
+    @cached_property
+    def _tables(self) -> list[list[tuple[float, ...]]]:
+        """Taylor coefficients of velocity and acceleration, the highest first, at equal parts of the duration."""
+        numbers = np.rint(self.omega * self.duration / tau).astype(np.int64)
+        count = 2 * ceil(tau * numbers[-1] / SPACING / 2)
+        found = []
+        for order in (1, 2):
+            rows = []
+            for term in range(TERMS):
+                bins = np.zeros(count // 2 + 1, dtype=complex)
+                bins[numbers] = self.lines * (1j * self.omega) ** (order + term) * (count / 2 / factorial(term))
+                rows.append(np.fft.irfft(bins, count))
+            found.append([*zip(*(row.tolist() for row in reversed(rows)), strict=True)])
+        return found
+
+    def _tabled(self, table: list[tuple[float, ...]], time: float) -> float:
+        place = time % self.duration * (len(table) / self.duration)
+        at = int(place + 0.5)
+        s = (place - at) * (self.duration / len(table))
+        found = 0.0
+        for coefficient in table[at % len(table)]:
+            found = found * s + coefficient
+        return found
 
     def _summed(self, lines: Any, times: Floats) -> Floats:
         turned = np.multiply.outer(times, self.omega)

@@ -12,12 +12,12 @@ solved without M by one pass up each chain and one down (`recursion`), written o
 from nonlinear.dynamics.banded import Banded
 from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
+from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
 from nonlinear.dynamics.friction import Contacts, Frictional, contacts_of, links_of_contacts
 from nonlinear.dynamics.generated import Generated
 from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.hoisted_maximal import HoistedMaximal
-from nonlinear.dynamics.hoisting import Hoisted
-from nonlinear.dynamics.inertial import Inertial, applied, with_inertial_forces
+from nonlinear.dynamics.inputs import Inputs, Instant
 from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
 from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.lanes import Lanes
@@ -26,6 +26,7 @@ from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
 from nonlinear.dynamics.minimal import Body, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
 from nonlinear.dynamics.symmetries import Reduced, Symmetry, exactly_symmetric, find_symmetries, symmetrize, synchronous
+from nonlinear.dynamics.text import Module
 
 __all__ = [
     "Banded",
@@ -33,16 +34,18 @@ __all__ = [
     "Contacts",
     "Dense",
     "Elimination",
+    "Form",
     "Frictional",
     "Generated",
     "Hamiltonian",
-    "Hoisted",
     "HoistedMaximal",
-    "Inertial",
+    "Inputs",
+    "Instant",
     "Lanes",
     "Maximal",
     "Mechanics",
     "Minimal",
+    "Module",
     "Reactions",
     "Recursion",
     "Reduced",
@@ -51,17 +54,18 @@ __all__ = [
     "SpatialRecursion",
     "Symmetry",
     "acting",
-    "applied",
     "children_without_interrupts",
     "contacts_of",
     "exactly_symmetric",
     "find_symmetries",
+    "form_of",
     "is_unstable_equilibrium",
+    "jacobian_of",
     "links_of_contacts",
     "loses_digits",
+    "module_of",
     "symmetrize",
     "synchronous",
     "undisturbed",
     "vectors",
-    "with_inertial_forces",
 ]

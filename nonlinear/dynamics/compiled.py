@@ -15,8 +15,9 @@ import numpy as np
 from modal.eigen.compiling import available, compiled
 from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
+from nonlinear.dynamics.inputs import NOTHING
 from nonlinear.dynamics.joints import joint_law
-from nonlinear.dynamics.minimal import NOTHING, Minimal
+from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.recursion import links_of
 from nonlinear.system import System
 

@@ -23,8 +23,9 @@ import numpy as np
 from modal import pair
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics.joints import acting
-from nonlinear.dynamics.minimal import NOTHING, Minimal
+from nonlinear.dynamics.inputs import NOTHING
+from nonlinear.dynamics.joints import acting, frame_of
+from nonlinear.dynamics.minimal import Minimal
 from nonlinear.system import Group, System
 
 LIGHT = 1e-2  # cart mass over suspended mass below which the dense form would lose digits
@@ -63,7 +64,7 @@ class Small(Minimal):
         """Whether any force acts besides gravity."""
         cart, groups = self.system.cart, self.system.groups
         held = cart is not None and (cart.stiffness or cart.damping)
-        acted_on = self.load or self.system.modal_damping is not None
+        acted_on = self.load or self.system.support or self.system.modal_damping is not None
         return bool(held or acted_on or any(group.hinged or group.dragged for group in groups))
 
     @cached_property
@@ -96,7 +97,7 @@ class Small(Minimal):
         """Add the forces of springs, dampers and loads."""
         first, state = int(self.layout.on_cart), self.layout.state(y)
         push = self.load(time, state) if self.load else NOTHING
-        on_cart, on_links, power = acting(self.system, state, push)
+        on_cart, on_links, power = acting(self.system, state, push, frame_of(self.system, time))
         force[first:] += on_links
         if first:
             force[0] += on_cart

@@ -15,12 +15,24 @@ Every line is plain arithmetic: it accepts floats, arrays with further axes, com
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal.types import Floats
 from nonlinear.system import Group, System
+
+
+class Resistance(NamedTuple):
+    """Generalized forces on u (d, n, P, ...) or torques on angles (n, P, ...), and what belongs to them.
+
+    The force (N) on the cart and the power (W) are (...), the force (N) on every centre is (d, n, P, ...).
+    """
+
+    generalized: Any
+    on_cart: Any
+    power: Any
+    forces: Any
 
 
 def drag_forces(group: Group, velocities: Any) -> Any:
@@ -31,26 +43,37 @@ def drag_forces(group: Group, velocities: Any) -> Any:
     return -(strength * velocities)
 
 
-def drag(group: Group, along: Any, cart_rate: Any) -> tuple[Any, Any, Any]:
-    """Generalized forces on the directions u (d, n, P, ...), the force (N) on the cart, and the power (W), both (...).
+def drag(group: Group, along: Any, cart_rate: Any, support: Any = None, winding: Any = None) -> Resistance:
+    """The drag of a group of links.
 
-    `along` (d, n, P, ...) are the rates u'; the first component is along the rail.
+    `along` (d, n, P, ...) are the rates u'; the first component is along the rail.  The air stands still while a
+    `support` moves, with the velocity (m/s) along the rail and down; the power is that in its frame.  `winding`
+    (d, n, P, ...) are the velocities l' u of bobs at the end of ropes that change their length.
     """
     length, centre = (_spread(part, along) for part in (group.block.length, group.block.centre))
     steps = length * along
     velocities = np.cumsum(steps, axis=1) - steps + centre * along
+    if winding is not None:
+        velocities = velocities + np.cumsum(winding, axis=1)
     velocities[0] = velocities[0] + cart_rate
-    forces = drag_forces(group, velocities)
+    wind = velocities
+    if support is not None:
+        wind = velocities.copy()
+        wind[0], wind[-1] = wind[0] + support[0], wind[-1] + support[1]
+    forces = drag_forces(group, wind)
     through = np.cumsum(forces[:, ::-1], axis=1)[:, ::-1]
     pushed = length * (through - forces) + centre * forces
-    return pushed, through[0, 0].sum(0), (forces * velocities).sum((0, 1, 2))
+    return Resistance(pushed, through[0, 0].sum(0), (forces * velocities).sum((0, 1, 2)), forces)
 
 
-def plane_drag(group: Group, angles: Any, rates: Any, cart_rate: Any) -> tuple[Any, Any, Any]:
-    """Torques (n, P, ...) on the absolute angles, the force (N) on the cart and the power (W)."""
+def plane_drag(
+    group: Group, angles: Any, rates: Any, cart_rate: Any, support: Any = None, speed: Any = None
+) -> Resistance:
+    """The drag of a group in the plane; `speed` (n, P, ...) is that at which ropes become longer."""
     sin, cos = np.sin(angles), np.cos(angles)
-    pushed, force, power = drag(group, np.stack((rates * cos, -(rates * sin))), cart_rate)
-    return pushed[0] * cos - pushed[1] * sin, force, power
+    winding = None if speed is None else np.stack((speed * sin, speed * cos))
+    found = drag(group, np.stack((rates * cos, -(rates * sin))), cart_rate, support, winding)
+    return found._replace(generalized=found.generalized[0] * cos - found.generalized[1] * sin)
 
 
 def forces_of(system: System, speeds: Floats) -> Floats:

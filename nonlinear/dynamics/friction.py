@@ -25,7 +25,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Floats, Ints
 from nonlinear.dynamics.drag import forces_of
-from nonlinear.dynamics.generated import Symbol, Tape, Text, called, function_in, written_body
+from nonlinear.dynamics.forms import inverse_of
 from nonlinear.dynamics.hamiltonian import velocities
 from nonlinear.dynamics.mechanics import Mechanics
 from nonlinear.dynamics.minimal import Minimal
@@ -248,18 +248,8 @@ class Frictional:
         """M⁻¹ p in floats, from the angles and p together; None for many links."""
         if self.system.n_links > WRITTEN:
             return None
-        tape, links, half = Tape(), self.system.n_links, self.layout.half
-        inputs = np.array([tape.symbol("y", i) for i in range(links + half)], dtype=object)
-
-        def make(group: Any, tail: int) -> Any:
-            return written_body(group, self.system, sine=called("sin"), cosine=called("cos"))
-
-        found = velocities(self.system, inputs[:links], inputs[links:], make).tolist()
-        text = Text(tape, [one if isinstance(one, Symbol) else float(one) for one in found], links + half)
-        from math import cos, sin
-
-        made: Callable[[Any], list[float]] = function_in(text.text, "made")(sin, cos, *text.numbers)
-        return made
+        made = inverse_of(self.system)
+        return lambda inputs: made(inputs[: self.system.n_links], inputs[self.system.n_links :])
 
     def response(self, y: Floats) -> Floats:
         """M⁻¹Jᵀ, (half, J)."""

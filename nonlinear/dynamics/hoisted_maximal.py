@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics.hoisting import directions
 from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.maximal import Maximal, Pivots, Saddle
 from nonlinear.system import AppliedForces, State, System
@@ -50,10 +49,14 @@ class HoistedMaximal(Maximal):
         system, speed, acceleration = frozen(self.system, time)
         pivots, forces = Pivots(system), np.zeros(self.pivots.size)
         support, links = pivots.parts(forces)
-        on_cart, on_links, power = acting(system, state, push)
+        on_cart, on_links, power = acting(system, state, push, None)
         support += on_cart, system.gravity * system.cart.mass if system.cart else 0.0
         links[:, 1] = system.gravity * system.mass
         links[:, 2] = on_links
+        velocities = pivots.parts(pivots.placed(state)[1] + self._winding(state.links, speed))[1][:, :2]
+        felt = self._felt(time, velocities)
+        links[:, :2] += felt
+        power += float(np.sum(felt * velocities))
         u, n = directions(state.links)
         gamma = pivots.gamma(state.links, state.link_rates)
         gamma[-2 * system.n_links :] -= (acceleration * u + 2 * speed * state.link_rates * n).T.ravel()
@@ -98,3 +101,9 @@ class HoistedMaximal(Maximal):
         for group in self.system.groups:
             links[group.index, :2] = np.moveaxis(np.cumsum(along[:, group.index], axis=1), 0, -1)
         return found
+
+
+def directions(angles: Floats) -> tuple[Floats, Floats]:
+    """The unit vectors u along and n across every link, (2, ...): along the rail, down."""
+    sin, cos = np.sin(angles), np.cos(angles)
+    return np.stack((sin, cos)), np.stack((cos, -sin))

@@ -51,6 +51,16 @@ def modal_drag(system: System, rates: Any) -> Any:
     return -np.tensordot(np.asarray(system.modal_damping), rates, 1)
 
 
+def inertial_torques(group: Group, angles: Any, support: Any) -> Any:
+    """Torques (n, P, ...) of the inertial forces −m a in the frame of a support, a along the rail and down (m/s²).
+
+    They are those of a uniform field: with b as in `modal.pair`, b (a_down sin θ − a_along cos θ).
+    """
+    along, down = support
+    b = _spread(group.block.b, angles)
+    return b * (down * np.sin(angles) - along * np.cos(angles))
+
+
 def spring_energy(group: Group, angles: Floats) -> Floats:
     """Energy (J) of every joint spring, (n, P, ...)."""
     return np.asarray(_spread(group.block.stiffness, angles) * bend(group, angles) ** 2 / 2)
@@ -72,21 +82,39 @@ def _spread(constant: Floats, like: Any) -> Floats:
     return constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim))
 
 
-def acting(system: System, state: State, push: AppliedForces) -> tuple[float, Floats, float]:
+Frame = tuple[tuple[float, float], tuple[float, float]]
+AT_REST: Frame = ((0.0, 0.0), (0.0, 0.0))
+
+
+def frame_of(system: System, time: float) -> Frame:
+    """Acceleration (m/s²) and velocity (m/s) of the support, each along the rail and down, at a time (s)."""
+    support = system.support
+    return (support.acceleration(time), support.velocity(time)) if support else AT_REST
+
+
+def acting(
+    system: System, state: State, push: AppliedForces, frame: Frame | None = AT_REST
+) -> tuple[float, Floats, float]:
     """Force (N) along the rail, generalized forces (N m) on the absolute angles, (L,), and non-conservative power (W).
 
-    Pivot forces are excluded; conservative forces do not count in the power.
+    Pivot forces are excluded.  Drag and inertial forces are those in a `frame` that moves; without one the caller adds
+    them.  Conservative forces do not count in the power.
     """
     torques, power, dragged = state.links * 0.0, 0.0, 0.0
     for group in system.groups:
         own = group.index
+        angles, rates = state.links[own], state.link_rates[own]
         if group.hinged:
-            torques[own], drained = joint_torques(group, state.links[own], state.link_rates[own])
+            torques[own], drained = joint_torques(group, angles, rates)
             power += float(drained)
-        if group.dragged:
-            found = plane_drag(group, state.links[own], state.link_rates[own], state.cart_rate)
-            torques[own] += found[0]
-            dragged, power = dragged + float(found[1]), power + float(found[2])
+        if frame is not None and group.dragged:
+            found = plane_drag(group, angles, rates, state.cart_rate, frame[1])
+            torques[own] += found.generalized
+            dragged, power = dragged + float(found.on_cart), power + float(found.power)
+        if frame is not None and any(frame[0]):
+            inertial = inertial_torques(group, angles, frame[0])
+            torques[own] += inertial
+            power += float(np.sum(inertial * rates))
     if push.moments is not None:
         torques, power = torques + push.moments, power + float(push.moments @ state.link_rates)
     kept, working = cart_force(system, state.cart, state.cart_rate)

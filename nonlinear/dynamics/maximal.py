@@ -35,8 +35,8 @@ from scipy.sparse.linalg import splu
 
 from modal.errors import ComputationError
 from modal.types import Floats, Ints
-from nonlinear.dynamics.inertial import Inertial
-from nonlinear.dynamics.joints import acting
+from nonlinear.dynamics.drag import forces_of
+from nonlinear.dynamics.joints import acting, frame_of
 from nonlinear.dynamics.mechanics import Reactions
 from nonlinear.system import AppliedForces, Load, Motion, State, System
 
@@ -93,20 +93,25 @@ class Maximal:
         """The unknowns, and the power (W) of dampers, drives, the load and inertial forces."""
         system, forces, push = self.system, np.zeros(self.pivots.size), self._push(time, state)
         support, links = self.pivots.parts(forces)
-        on_cart, on_links, power = acting(system, state, push)
+        on_cart, on_links, power = acting(system, state, push, None)
         support += on_cart, system.gravity * system.cart.mass if system.cart else 0.0
         links[:, 1] = system.gravity * system.mass
         links[:, 2] = on_links
-        if isinstance(self.load, Inertial):
-            felt = -system.mass[:, None] * self.load.acceleration(time)
-            links[:, :2] += felt
-            power += float(np.sum(felt * self.pivots.parts(self.pivots.placed(state)[1])[1][:, :2]))
+        velocities = self.pivots.parts(self.pivots.placed(state)[1])[1][:, :2]
+        felt = self._felt(time, velocities)
+        links[:, :2] += felt
+        power += float(np.sum(felt * velocities))
         unknowns = self.saddle.solve(state.links, forces, self.pivots.gamma(state.links, state.link_rates))
         return unknowns, power
 
     def _push(self, time: float, state: State) -> AppliedForces:
-        load = self.load.given if isinstance(self.load, Inertial) else self.load
-        return load(time, state) if load else AppliedForces()
+        return self.load(time, state) if self.load else AppliedForces()
+
+    def _felt(self, time: float, velocities: Floats) -> Floats:
+        """Inertial forces and drag (N) on centres with these velocities (L, 2) in the frame of the support."""
+        (acceleration, velocity), system = frame_of(self.system, time), self.system
+        felt = -system.mass[:, None] * acceleration
+        return felt + forces_of(system, (velocities + velocity)[None])[0] if system.dragged else felt
 
     def _state(self, y: Floats) -> State:
         return self.read(y[None])[0]

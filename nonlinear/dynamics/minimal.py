@@ -10,19 +10,18 @@ gives x'' (the Schur complement of the cart), from which each group computes the
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.dynamics.drag import plane_drag
-from nonlinear.dynamics.joints import cart_force, joint_torques, modal_drag
-from nonlinear.dynamics.recursion import downward, links_of, upward
-from nonlinear.system import AppliedForces, Group, Layout, Load, Motion, State, System
-
-NOTHING = AppliedForces()
+from nonlinear.dynamics.drag import Resistance, plane_drag
+from nonlinear.dynamics.inputs import Inputs, Instant
+from nonlinear.dynamics.joints import cart_force, inertial_torques, joint_torques, modal_drag
+from nonlinear.dynamics.recursion import Bias, downward, links_of, upward
+from nonlinear.system import Group, Layout, Load, Motion, State, System
 
 
 class Body(Protocol):
@@ -39,10 +38,13 @@ class Body(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Suspended(ABC):
-    """The equations of a scene: `bodies` solve its groups, `load` acts from outside, y may include the work."""
+    """The equations of a scene: `bodies` solve its groups, `load` acts from outside, y may include the work.
+
+    A group without a body has ropes that change their length.
+    """
 
     system: System
-    bodies: tuple[Body, ...]
+    bodies: tuple[Body | None, ...]
     load: Load | None = None
     counts_work: bool = True
 
@@ -59,69 +61,73 @@ class Suspended(ABC):
     def places(self) -> tuple[Ints, ...]:
         """Positions of every group's numbers among those of all links."""
 
+    @cached_property
+    def inputs(self) -> Inputs:
+        """What time brings."""
+        return Inputs(self.system, self.load)
+
     @abstractmethod
-    def acting(self, group: Group, links: Any, rates: Any, moments: Any | None) -> tuple[Any, Any]:
-        """Generalized forces of joints and of external `moments`, and the power (W) of dampers and moments."""
+    def acting(self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any) -> tuple[Any, Any]:
+        """Generalized forces of joints, of external `moments` and of the acceleration of a `support`; their power (W).
+
+        Conservative forces do not count in the power.
+        """
+
+    @abstractmethod
+    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> Resistance:
+        """The drag of a group's links."""
+
+    def hung(self, instant: Instant) -> list[tuple[Group, Body]]:
+        """Every group and its solver at an instant."""
+        return [(group, body) for group, body in zip(self.system.groups, self.bodies, strict=True) if body]
 
     def derivative(self, time: float, y: Any) -> Any:
         """The time derivative of y, (size, ...): further axes of y are independent trajectories side by side."""
-        layout, cart = self.layout, self.system.cart
-        first, half = int(layout.on_cart), layout.half
-        q, v = y[:half], y[half : 2 * half]
-        push = self.applied(time, y)
+        return self.rates(y, self.inputs.at(time, y, self.layout))
+
+    def rates(self, y: Any, instant: Instant) -> Any:
+        """The time derivative of y, (size, ...), from what time brings at this instant."""
+        system, layout, cart = self.system, self.layout, self.system.cart
+        first, half, push = int(layout.on_cart), layout.half, instant.push
+        q, v, (along, down) = y[:half], y[half : 2 * half], instant.support
         found = np.empty_like(y)
         found[:half] = v
-        drag = None if self.system.modal_damping is None else modal_drag(self.system, v)
-        own, rate = None if drag is None else drag[first:], v[0] if cart else 0.0
-        mass, force, power, solved = self._pulls(self.bodies_at(time), q[first:], v[first:], push, own, rate)
-        x2 = 0.0
+        links, rates, gravity, rate = q[first:], v[first:], system.gravity - down, v[0] if cart else 0.0
+        drag = None if system.modal_damping is None else modal_drag(system, v)
+        moments = push.moments if push.moments is None or links.ndim > 1 else np.ravel(push.moments)
+        mass, force, power, solved = 0.0, 0.0, 0.0, []
+        for place, (group, body) in zip(self.places, self.hung(instant), strict=True):
+            own, speed, given = links[place], rates[place], None if moments is None else moments[place]
+            forces, work = self.acting(group, own, speed, given, instant.support if system.support else None)
+            if drag is not None:
+                resisting = drag[first:][place]
+                forces, work = forces + resisting, work + np.sum(resisting * speed, axis=(0, 1))
+            resistance = None
+            if group.dragged:
+                velocity = instant.velocity if system.support else None
+                winding = None if instant.lengths is None else instant.lengths.speed[group.index]
+                resistance = self.dragged(group, own, speed, rate, velocity, winding)
+                forces, force = forces + resistance.generalized, force - resistance.on_cart
+                work = work + resistance.power
+            one_mass, one_force, memory = body.pull(own, speed, forces, gravity)
+            mass, force, power = mass + one_mass, force + one_force, power + work
+            solved.append((place, group, body, memory, resistance))
+        x2 = along
         if cart:
-            kept, working = cart_force(self.system, q[0], v[0])
+            kept, working = cart_force(system, q[0], v[0])
             outside = push.cart + working + (0.0 if drag is None else drag[0])
             x2 = found[half] = (outside + kept - force) / (cart.mass + mass)
             power = power + v[0] * outside
         turned = found[half + first : 2 * half]
-        for place, body, memory in solved:
+        for place, group, body, memory, resistance in solved:
             turned[place] = body.turn(memory, x2)
+            if instant.lengths is not None:
+                power = power + winch_power(
+                    group, instant, links[place], rates[place], turned[place], (x2, -gravity), resistance
+                )
         if layout.works:
             found[-1] = power
         return found
-
-    def applied(self, time: float, y: Any) -> AppliedForces:
-        """What acts from outside."""
-        return self.load(time, self.layout.state(y)) if self.load else NOTHING
-
-    def bodies_at(self, time: float) -> tuple[Body, ...]:
-        """The solvers of the groups at a time (s)."""
-        return self.bodies
-
-    @abstractmethod
-    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any) -> tuple[Any, Any, Any]:
-        """Generalized forces of drag like those of `acting`, its force on the cart (N), and its power (W)."""
-
-    def _pulls(
-        self,
-        bodies: tuple[Body, ...],
-        links: Any,
-        rates: Any,
-        push: AppliedForces,
-        drag: Any | None,
-        cart_rate: Any,
-    ) -> tuple[Any, Any, Any, list[tuple[Ints, Body, Any]]]:
-        mass, force, power, solved = 0.0, 0.0, 0.0, []
-        given = push.moments if push.moments is None or links.ndim > 1 else np.ravel(push.moments)
-        for group, place, body in zip(self.system.groups, self.places, bodies, strict=True):
-            own, speed = links[place], rates[place]
-            torques, work = self.acting(group, own, speed, None if given is None else given[place])
-            if drag is not None:
-                torques, work = torques + drag[place], work + np.sum(drag[place] * speed, axis=(0, 1))
-            if group.dragged:
-                resisting, braking, lost = self.dragged(group, own, speed, cart_rate)
-                torques, force, work = torques + resisting, force - braking, work + lost
-            one_mass, one_force, memory = body.pull(own, speed, torques, self.system.gravity)
-            mass, force, power = mass + one_mass, force + one_force, power + work
-            solved.append((place, body, memory))
-        return mass, force, power, solved
 
     def begin(self, state: State) -> Floats:
         """The vector y of a state."""
@@ -142,21 +148,30 @@ class Suspended(ABC):
 
 
 class Recursion:
-    """One pass up and one down in NumPy, for arrays (n, P, ...) of any type that `sine` and `cosine` accept."""
+    """One pass up and one down in NumPy, for arrays (n, P, ...) of any type that `sine` and `cosine` accept.
 
-    def __init__(self, group: Group, tail: int = 0, sine: Any = np.sin, cosine: Any = np.cos) -> None:
-        self.sine, self.cosine = sine, cosine
+    Where lengths change, `winding` are their speeds and accelerations, (n, P) each.
+    """
+
+    def __init__(
+        self, group: Group, tail: int = 0, sine: Any = np.sin, cosine: Any = np.cos, winding: Any = None
+    ) -> None:
+        self.sine, self.cosine, self.winding = sine, cosine, winding
         self.links = [type(link)(*(value.reshape(-1, *[1] * tail) for value in link)) for link in links_of(group)]
 
     def pull(self, angles: Any, rates: Any, torques: Any, gravity: float) -> tuple[Any, Any, Any]:
         """Mass (kg) and force (N) of the pull along the rail, summed over the pendula."""
-        answer, turns = upward(self.links, self.sine(angles), self.cosine(angles), rates, torques)
-        return answer.xx.sum(0), (answer.px - gravity * answer.xz).sum(0), (turns, gravity)
+        bias = None
+        if self.winding is not None:
+            speed, acceleration = self.winding
+            bias = [Bias(*own) for own in zip(2 * speed * rates, acceleration, strict=True)]
+        answer, turns = upward(self.links, self.sine(angles), self.cosine(angles), rates, torques, bias)
+        return answer.xx.sum(0), (answer.px - gravity * answer.xz).sum(0), (turns, gravity, bias)
 
     def turn(self, memory: Any, push: Any) -> Any:
         """θ'' (n, P, ...)."""
-        turns, gravity = memory
-        return np.array(downward(self.links, turns, push, -gravity))
+        turns, gravity, bias = memory
+        return np.array(downward(self.links, turns, push, -gravity, bias))
 
 
 class Minimal(Suspended):
@@ -169,17 +184,52 @@ class Minimal(Suspended):
         """Positions of every group's angles (n, P) among those of all links."""
         return tuple(group.index for group in self.system.groups)
 
-    def acting(self, group: Group, links: Any, rates: Any, moments: Any | None) -> tuple[Any, Any]:
-        """Torques (n, P, ...) on the absolute angles, and the power of joints and moments."""
+    def hung(self, instant: Instant) -> list[tuple[Group, Body]]:
+        """Every group and its solver, those whose ropes change their length with the lengths of this instant."""
+        groups = zip(self.system.groups, self.bodies or [None] * len(self.system.groups), strict=True)
+        return [(group, body) if body else self._strung(group, instant) for group, body in groups]
+
+    def _strung(self, group: Group, instant: Instant) -> tuple[Group, Body]:
+        assert instant.lengths is not None
+        assert self.system.hoisting is not None
+        length, *winding = (part[group.index] for part in instant.lengths)
+        centre = np.where(self.system.hoisting.moving[group.index], length, group.block.centre)
+        own = replace(group, block=replace(group.block, length=length, centre=centre))
+        return own, Recursion(own, winding=winding)
+
+    def acting(self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any) -> tuple[Any, Any]:
+        """Torques (n, P, ...) on the absolute angles, and the power of joints, moments and inertial forces."""
         torques, power = moments, 0.0
         if moments is not None:
             power = np.sum(moments * rates)
+        if support is not None:
+            power = power + (inertial_torques(group, links, support) * rates).sum((0, 1))
         if group.hinged:
             hinges, drained = joint_torques(group, links, rates)
             torques = hinges if torques is None else torques + hinges
             power = power + drained
         return np.zeros_like(links) if torques is None else torques, power
 
-    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any) -> tuple[Any, Any, Any]:
+    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> Resistance:
         """Torques (n, P, ...) on the absolute angles, the force on the cart, and the power."""
-        return plane_drag(group, links, rates, cart_rate)
+        return plane_drag(group, links, rates, cart_rate, support, speed)
+
+
+def winch_power(group: Group, instant: Instant, angles: Any, rates: Any, turns: Any, start: Any, drag: Any) -> Any:
+    """The power (W) of the winches of a group: Σ l' u·f with the force f that a rope transmits, f = Σ m (a − g) − F.
+
+    `start` is the acceleration of the first joint less gravity, F the `drag` of everything below.
+    """
+    assert instant.lengths is not None
+    _, speed, acceleration = (part[group.index] for part in instant.lengths)
+    sin, cos = np.sin(angles), np.cos(angles)
+    u, n = np.stack((sin, cos)), np.stack((cos, -sin))
+    along, across = acceleration - group.block.length * rates * rates, group.block.length * turns + 2 * speed * rates
+    ends = np.cumsum(along * u + across * n, axis=1)
+    ends[0], ends[1] = ends[0] + start[0], ends[1] + start[1]
+    rest = group.block.length - group.block.centre
+    needed = group.block.mass * (ends - rest * (turns * n - rates * rates * u))
+    if drag is not None:
+        needed = needed - drag.forces
+    force = np.cumsum(needed[:, ::-1], axis=1)[:, ::-1]
+    return (speed * (u * force).sum(0)).sum((0, 1))

@@ -9,7 +9,7 @@ import numpy as np
 
 from modal.types import Floats, Ints
 from nonlinear.dynamics import spatial_joints as ball_joints
-from nonlinear.dynamics.drag import drag
+from nonlinear.dynamics.drag import Resistance, drag
 from nonlinear.dynamics.minimal import Suspended
 from nonlinear.dynamics.recursion import links_of
 from nonlinear.dynamics.spatial_joints import generalized
@@ -52,11 +52,15 @@ class Spatial(Suspended):
         """Positions of the components (3, n, P) of every group among those of all links."""
         return tuple(3 * group.index + np.arange(3)[:, None, None] for group in self.system.groups)
 
-    def acting(self, group: Group, links: Any, rates: Any, moments: Any | None) -> tuple[Any, Any]:
-        """Generalized forces (3, n, P, ...) on u, and the power of dampers and moments."""
+    def acting(self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any) -> tuple[Any, Any]:
+        """Generalized forces (3, n, P, ...) on u, and the power of dampers, moments and inertial forces."""
         power = 0.0
         if moments is not None:
             power = np.sum(dot(moments, cross(links, rates)))
+        if support is not None:
+            along, down = support
+            b = group.block.b.reshape(*group.block.b.shape, *[1] * (links.ndim - 3))
+            power = power - (b * (along * rates[0] + down * rates[2])).sum((0, 1))
         if group.sprung or group.damped:
             hinges = ball_joints.moments(group, links, rates)
             moments = hinges if moments is None else moments + hinges
@@ -64,10 +68,10 @@ class Spatial(Suspended):
             power = power + ball_joints.damper_power(group, links, rates)
         return np.zeros_like(links) if moments is None else generalized(moments, links), power
 
-    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any) -> tuple[Any, Any, Any]:
-        """Generalized forces (3, n, P, ...) on u, the force on the cart, and the power."""
-        pushed, force, power = drag(group, rates, cart_rate)
-        return generalized(cross(links, pushed), links), force, power
+    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> Resistance:
+        """The drag of a group, with generalized forces (3, n, P, ...) on u."""
+        found = drag(group, rates, cart_rate, support)
+        return found._replace(generalized=generalized(cross(links, found.generalized), links))
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """Normalized u and w across it, and the largest of ||u| − 1| and |u·w| / (|w| + √(g/l)) removed."""

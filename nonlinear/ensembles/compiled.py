@@ -97,7 +97,7 @@ def integrate(task: Task, scale: Floats, local: Floats, watches: Watches | None,
 
 def _given(task: Task, count: int) -> Floats:
     """The constants of the equations (C, S), or (C, 1) where members do not differ."""
-    constants = task.lanes.written.constants(task.numbers)
+    constants = task.lanes.constants(task.numbers)
     width = count if any(isinstance(own, np.ndarray) for own in constants) else 1
     return np.array([np.broadcast_to(own, width) for own in constants]).reshape(len(constants), width)
 

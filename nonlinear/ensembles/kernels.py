@@ -1,6 +1,6 @@
 """DOP853 over lanes as a module of its own for every form of scene, written out for numba (extra `fast`).
 
-The equations are the text of `nonlinear.dynamics.lanes`; sine and cosine, sums over stages and the control of steps are
+The equations are the text of `nonlinear.dynamics.forms`; sine and cosine, sums over stages and the control of steps are
 loops over WIDTH lanes without a branch, which the compiler turns into vector instructions.  The text depends on the
 form alone, not on its numbers: it is kept on disk, where numba keeps what it compiles beside it.
 
@@ -10,7 +10,6 @@ Steps in which something happens that is measured are put into a buffer, to be l
 from __future__ import annotations
 
 import os
-import re
 import sys
 from functools import lru_cache
 from hashlib import sha256
@@ -155,7 +154,7 @@ def run(task, times, wants, level, members, counts, front, y, z, K, c, rel, ab, 
                 counts[0] += 1
                 fresh = True
         if fresh:
-            rate(y, c, g)
+            rates(y, c, g)
             for k in range(WIDTH):
                 if front[FRESH, k] == 1.0:
                     front[FRESH, k] = 0.0
@@ -176,7 +175,7 @@ def run(task, times, wants, level, members, counts, front, y, z, K, c, rel, ab, 
             for i in range(2 * HALF):
                 for k in range(WIDTH):
                     w[i, k] += ASIDE * v[i, k] * sc[i, k]
-            rate(w, c, g)
+            rates(w, c, g)
             grown(z, h, g, K, sc, v, w)
         for k in range(WIDTH):
             ok[k] = 0.0
@@ -254,34 +253,20 @@ def run(task, times, wants, level, members, counts, front, y, z, K, c, rel, ab, 
 
 def source(lanes: Lanes) -> str:
     """The text of the module for this form of scene."""
-    written, layout = lanes.written, lanes.layout
-    names = [*written.floats.values(), *written.kept]
-    size = lanes.size
+    layout = lanes.layout
     head = HEAD.format(
-        size=size,
+        size=lanes.size,
         half=layout.half,
         first=int(layout.on_cart),
-        constants=len(names),
+        constants=len(lanes.module.names),
         width=WIDTH,
         aside=ASIDE,
         rounding=ROUNDING,
         unknown=UNKNOWN,
     )
     fifth, third = (_weighted(shares, "i, k") for shares in (DOP853.E5, DOP853.E3))
-    return head + _rate(lanes, names) + _attempt() + CONTROL.format(fifth=fifth, third=third)
-
-
-def _rate(lanes: Lanes, names: list[str]) -> str:
-    text = lanes.written.text.split("\n")
-    body, found = text[3:-2], text[-2].strip().removeprefix("return [").removesuffix("]")
-    angles = sorted({int(place) for place in re.findall(r"(?:sin|cos)\(y(\d+)\)", "\n".join(text))})
-    lines = ["", "@vectorized", "def rate(y, c, o):", " for k in range(WIDTH):"]
-    lines += [f"  {name} = c[{at}, k]" for at, name in enumerate(names)]
-    lines += [f"  y{i} = y[{i}, k]" for i in range(lanes.size)]
-    lines += [f"  s{i}, q{i} = sincos(y{i})" for i in angles]
-    for line in (*body, *(f"  o[{i}, k] = {word}" for i, word in enumerate(found.split(", ")))):
-        lines.append(re.sub(r"cos\(y(\d+)\)", r"q\1", re.sub(r"sin\(y(\d+)\)", r"s\1", line)))
-    return "\n".join(lines) + "\n\n"
+    rates = f"\n@vectorized\n{lanes.module.looped('rates')}\n"
+    return head + rates + _attempt() + CONTROL.format(fifth=fifth, third=third)
 
 
 def _attempt() -> str:
@@ -289,7 +274,7 @@ def _attempt() -> str:
     for stage in range(1, DOP853.n_stages + 1):
         shares = DOP853.A[stage] if stage < DOP853.n_stages else DOP853.B
         lines += [" for i in range(D):", "  for k in range(WIDTH):"]
-        lines += [f"   z[i, k] = y[i, k] + h[k] * ({_weighted(shares[:stage], 'i, k')})", f" rate(z, c, K[{stage}])"]
+        lines += [f"   z[i, k] = y[i, k] + h[k] * ({_weighted(shares[:stage], 'i, k')})", f" rates(z, c, K[{stage}])"]
     return "\n".join(lines) + "\n\n"
 
 

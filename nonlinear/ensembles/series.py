@@ -179,8 +179,7 @@ def _swing(numbers: Numbers) -> float:
 
 def _integrator(task: Task, tolerance: float, events: Events | None, wanted: Wanted) -> Any:
     """For so many members as fit into a register, with what is to be seen on the way."""
-    written, layout = task.lanes.written, task.lanes.layout
-    constants = written.constants(task.numbers)
+    layout = task.lanes.layout
     seen: list[tuple[str, int, float, Any]] = []
     if events is not None:
         start, half = int(layout.on_cart), layout.half
@@ -192,7 +191,7 @@ def _integrator(task: Task, tolerance: float, events: Events | None, wanted: Wan
         if section := wanted.section:
             level = level_of(layout, section.row, section.level)
             seen.append(("sin" if level.turns else "level", level.row, level.value, events.passing(level)))
-    return taylor.batch_integrator(written.text, written.rates, len(constants), task.lanes.size, tolerance, seen)
+    return taylor.batch_integrator(task.lanes.module, task.lanes.size, tolerance, seen)
 
 
 def _propagated(integrator: Any, task: Task, own: slice, grid: Floats, events: Events | None, found: Found) -> Floats:
@@ -200,7 +199,7 @@ def _propagated(integrator: Any, task: Task, own: slice, grid: Floats, events: E
     members = np.arange(own.start, own.stop)
     width = integrator.state.shape[1]
     rows = np.empty((len(grid), len(task.begun), len(members)))
-    given = task.lanes.written.constants(task.numbers.at(members))
+    given = task.lanes.constants(task.numbers.at(members))
     constants = np.array([np.broadcast_to(one, len(members)) for one in given]).reshape(len(given), len(members))
     wide = np.repeat(grid[:, None], width, axis=1)
     for at in range(0, len(members), width):
@@ -229,8 +228,8 @@ class Judge:
         lanes = Lanes(numbers, tangent=True)
         self.size, self.scale, self.local = 2 * layout.half, scale[: 2 * layout.half], local
         self.spared, self.angles = spared, slice(int(layout.on_cart), layout.half)
-        self.constants, written = lanes.written.constants(numbers), lanes.written
-        self.rates = taylor.evaluator(written.text, written.rates, len(self.constants), lanes.size)
+        self.constants = lanes.constants(numbers)
+        self.rates = taylor.evaluator(lanes.module, lanes.size)
 
     def see(self, own: slice, grid: Floats, rows: Floats, pace: float, found: Found) -> None:
         """Members with y (K, size, S) at evenly spaced times (s), of a motion of this pace (rad/s)."""

@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 
 from modal.assembly import CartNumbers
 from modal.types import Booleans, Floats, Ints
-from nonlinear.dynamics import Minimal, Recursion
+from nonlinear.dynamics import Instant, Minimal, Recursion
 from nonlinear.integration.steppers import Stepper
 from nonlinear.system import NO_KICKS, AppliedForces, Group, Kicks, Layout, System
 
@@ -61,10 +61,10 @@ class Escaping:
         np.add.at(moments, self.below, kicked)
         np.add.at(moments, self.above, -kicked)
         push = AppliedForces(moments=moments[:-1])
-        still = Minimal(self._free, tuple(Recursion(group) for group in self._free.groups), lambda time, state: push)
+        still = Minimal(self._free, tuple(map(Recursion, self._free.groups)))
         layout, y = still.layout, np.zeros(still.layout.size)
         y[layout.on_cart : layout.half] = links
-        return np.asarray(still.derivative(0.0, y)[layout.half : 2 * layout.half])
+        return np.asarray(still.rates(y, Instant(push=push))[layout.half : 2 * layout.half])
 
 
 def escaping(system: System) -> Escaping:

@@ -19,7 +19,8 @@ from scipy.integrate import DOP853
 from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics import Generated
-from nonlinear.dynamics.generated import UNDEFINED, function_in
+from nonlinear.dynamics.generated import UNDEFINED
+from nonlinear.dynamics.text import function_in
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
 
 STAGES, EXTRA = DOP853.n_stages, len(DOP853.A_EXTRA)
@@ -27,6 +28,8 @@ SAFETY, SHRINKS, GROWS = 0.9, 0.2, 10.0  # factors of the step size, as in SciPy
 AT_ONCE = 256  # steps
 
 Numbers = Sequence[float]
+Rate = Callable[..., list[float]]
+Listed = Callable[[float, Numbers], Numbers]
 
 
 class Passed(NamedTuple):
@@ -40,16 +43,20 @@ class Passed(NamedTuple):
 
 
 class FloatDOP853(DOP853):  # type: ignore[misc]
-    """SciPy's method for an autonomous `rate` of lists of floats."""
+    """SciPy's method for a `rate` of y and the `inputs` at a time and y, all lists of floats.
+
+    They are None where there are none, and the time itself where `clocked`.
+    """
 
     t: float
     y: Floats
     f: Floats
     h_abs: float
 
-    def __init__(self, rate: Callable[[Numbers], list[float]], *arguments: Any, **options: Any) -> None:
+    def __init__(self, rate: Rate, inputs: Listed | None, clocked: bool, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self.rate, self.attempt = rate, attempt_of(self.n)
+        beside = "" if inputs is None else ", (t + {} * h,)" if clocked else ", inputs(t + {} * h, z)"
+        self.rate, self.inputs, self.attempt = rate, inputs, attempt_of(self.n, beside)
         self.passed = Passed(self.t, self.t, self.y.tolist(), self.y.tolist(), [self.f.tolist()])
         self.smallest = np.broadcast_to(self.atol, self.y.shape).tolist()
 
@@ -73,7 +80,8 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
     def _attempted(self, length: float, y: Numbers, f: Numbers) -> tuple[float, Numbers, Sequence[Numbers]]:
         self.nfev += STAGES
         try:
-            fifth, third, after, stages = self.attempt(self.rate, length, y, f, self.rtol, self.smallest)
+            given = (self.rate, length, y, f, self.rtol, self.smallest, self.t, self.inputs)
+            fifth, third, after, stages = self.attempt(*given)
         except UNDEFINED:
             return nan, y, [f]
         both = fifth + 0.01 * third
@@ -90,7 +98,14 @@ class FloatStepper(DOP853Stepper[Generated]):
     _failure: ComputationError | None = None
 
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> FloatDOP853:
-        return FloatDOP853(self.equations.rate, self.f, time, y, end, **options)
+        listed = self.equations.listed
+        inputs = self._off_breaks(listed) if listed and self.pace.breaks else listed
+        clocked = self.equations.is_clocked and not self.pace.breaks
+        return FloatDOP853(self.equations.rate, inputs, clocked, f, time, y, end, **options)
+
+    def _off_breaks(self, listed: Listed) -> Listed:
+        """The inputs, seen strictly between the surrounding breaks."""
+        return lambda time, y: listed(self.clear_of_breaks(time), y)
 
     def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Numbers]], int]:
         """Many steps at once, as defined in `Sweeper`."""
@@ -124,7 +139,8 @@ def interpolated(steps: Sequence[Passed], times: Floats, derivative: Any) -> Flo
     rates[: STAGES + 1] = np.array([step.stages for step in steps]).transpose(1, 2, 0)
     length = end - start
     for stage, share in enumerate(DOP853.A_EXTRA, STAGES + 1):
-        rates[stage] = derivative(0.0, before + length * np.tensordot(share[:stage], rates[:stage], 1))
+        at = start + length * DOP853.C_EXTRA[stage - STAGES - 1]
+        rates[stage] = derivative(at, before + length * np.tensordot(share[:stage], rates[:stage], 1))
     moved, first, last = after - before, length * rates[0], length * rates[STAGES]
     terms = [moved, first - moved, 2 * moved - last - first, *(length * np.tensordot(DOP853.D, rates, 1))]
     at = np.searchsorted(end, times)
@@ -139,17 +155,19 @@ def interpolated(steps: Sequence[Passed], times: Floats, derivative: Any) -> Flo
 
 
 @lru_cache(maxsize=32)
-def attempt_of(size: int) -> Callable[..., tuple[float, float, Numbers, Sequence[Numbers]]]:
-    """One attempted step for y of this size: a function of (rate, length, y, y', relative and absolute tolerances).
+def attempt_of(size: int, beside: str = "") -> Callable[..., tuple[float, float, Numbers, Sequence[Numbers]]]:
+    """One attempted step for y of this size.
 
-    It returns the sums of squares of the fifth- and third-order errors over their tolerances, y at the end, and all
-    stages.
+    It is a function of rate, length, y, y', relative and absolute tolerances, and of time and inputs for what stands
+    `beside` y at a part {} of the step.  It returns the sums of squares of the fifth- and third-order errors over their
+    tolerances, y at the end, and all stages.
     """
-    lines = ["def attempt(rate, h, y, k0, relative, absolute):", f"  {_all('y{i}', size)}, = y"]
+    lines = ["def attempt(rate, h, y, k0, relative, absolute, t, inputs):", f"  {_all('y{i}', size)}, = y"]
+    nodes = [*DOP853.C, 1.0]
     for stage, shares in enumerate([*DOP853.A[1:], DOP853.B], 1):
         lines += [f"  {_all(f'k{stage - 1}_{{i}}', size)}, = k{stage - 1}"]
         sums = ", ".join(f"y{i} + h * ({_sum(shares, i)})" for i in range(size))
-        lines += [f"  z = [{sums}]", f"  k{stage} = rate(z)"]
+        lines += [f"  z = [{sums}]", f"  k{stage} = rate(z{beside.format(float(nodes[stage]))})"]
     lines += [f"  {_all(f'k{STAGES}_{{i}}', size)}, = k{STAGES}"]
     lines += [f"  {_all('z{i}', size)}, = z", f"  {_all('a{i}', size)}, = absolute", "  fifth = third = 0.0"]
     for i in range(size):

@@ -23,7 +23,6 @@ from nonlinear.dynamics import (
     contacts_of,
     loses_digits,
     undisturbed,
-    with_inertial_forces,
 )
 from nonlinear.integration.costs import WRITTEN, costs
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
@@ -167,11 +166,11 @@ def equations_of(
     """The equations of motion in the chosen form, of the system that remains after symmetry reductions."""
     if symmetries:
         return Reduced(system, equations_of(symmetries[-1].system, choice), symmetries)
-    load = with_inertial_forces(system, load)
     if system.hoisting is not None:
-        from nonlinear.dynamics import Hoisted, HoistedMaximal
+        from nonlinear.dynamics import HoistedMaximal
 
-        return HoistedMaximal(system, load) if choice.form == "maximal" else Hoisted(system, load=load)
+        if choice.form == "maximal":
+            return HoistedMaximal(system, load)
     if system.rubs:
         few = system.n_links <= SEPARATE
         return Frictional(_free(system, None if few else load), contacts_of(system), load if few else None)
@@ -198,8 +197,10 @@ def equations_of(
 
 def _free(system: System, load: Load | None) -> Minimal:
     """The equations in minimal coordinates in the plane, without dry friction."""
-    if load is None and system.n_links <= WRITTEN:
-        return Generated(system)
+    if system.n_links <= WRITTEN:
+        return Generated(system, load=load)
+    if system.hoisting is not None:
+        return Minimal(system, (None,) * len(system.groups), load)
     if system.n_links <= FEWEST and not any(loses_digits(group, system) for group in system.groups):
         return Small(system, load=load)
     return Minimal(system, tuple(body_of(group, system) for group in system.groups), load)

@@ -19,7 +19,6 @@ from nonlinear.dynamics import (
     Minimal,
     Reduced,
     Symmetry,
-    applied,
     find_symmetries,
 )
 from nonlinear.integration.arguments import extent, shaken
@@ -98,7 +97,7 @@ class Prepared:
             reduced=equations.words if isinstance(equations, Reduced) else "",
         )
         motion, events = equations.read(record.rows), tuple(record.happenings)
-        driven = applied(equations.load) is not None
+        driven = equations.load is not None
         return Trajectory(
             self.scene,
             equations.system,

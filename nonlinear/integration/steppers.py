@@ -169,8 +169,12 @@ class SciPyStepper:
 
     def _beside(self, time: float, y: Floats) -> Floats:
         """The derivative, evaluated strictly between the surrounding breaks."""
+        return self.f(self.clear_of_breaks(time), y)
+
+    def clear_of_breaks(self, time: float) -> float:
+        """A time (s) strictly between the breaks around the present step."""
         clear = BESIDE * ulp(time)
-        return self.f(min(max(time, self._low + clear), self._high - clear), y)
+        return min(max(time, self._low + clear), self._high - clear)
 
     @property
     def time(self) -> float:

@@ -22,8 +22,7 @@ import numpy as np
 
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats
-from nonlinear.dynamics import Generated, Minimal, undisturbed
-from nonlinear.dynamics.generated import function_in
+from nonlinear.dynamics import Generated, Minimal, Module, module_of, undisturbed
 from nonlinear.integration.steppers import Pace
 from nonlinear.system import System
 
@@ -185,30 +184,33 @@ _COMPILED = Originals()
 
 def ready(system: System, tolerance: float) -> bool:
     """Whether a series of this order has been compiled for such a scene in this process."""
-    return bool(_COMPILED) and (Generated(system).text.text, uneven(tolerance)) in _COMPILED
+    return bool(_COMPILED) and (_text(module_of(Generated(system).form)), uneven(tolerance)) in _COMPILED
+
+
+def _text(module: Module) -> str:
+    return module.python("rates")
 
 
 def integrator_of(equations: Generated, tolerance: float) -> Any:
     """Heyoka's integrator for these equations, compiled once per process for all constants of such a scene."""
-    text, size = equations.text, equations.layout.size
+    module, size = module_of(equations.form), equations.layout.size
 
     def compiled() -> Any:
-        heyoka = _heyoka()
-        rates = expressions(equations, [heyoka.par[i] for i in range(len(text.numbers))])
         options = {"tol": tolerance, "compact_mode": equations.system.n_links > UNROLLED}
-        return heyoka.taylor_adaptive(rates, np.zeros(size), pars=text.numbers, **options)
+        return _heyoka().taylor_adaptive(expressions(module, size), np.zeros(size), pars=equations.constants, **options)
 
-    found = _COMPILED.copy_of((text.text, tolerance), compiled)
-    found.pars[:] = text.numbers
+    found = _COMPILED.copy_of((_text(module), tolerance), compiled)
+    found.pars[:] = equations.constants
     return found
 
 
-def expressions(equations: Generated, numbers: Sequence[Any] | None = None) -> list[tuple[Any, Any]]:
-    """Pairs of each component of y and its derivative, as heyoka expressions of the scene's `numbers` or of others."""
-    heyoka, text = _heyoka(), equations.text
-    rate = function_in(text.text, "made")(heyoka.sin, heyoka.cos, *(text.numbers if numbers is None else numbers))
-    y = [heyoka.expression(f"y{i}") for i in range(equations.layout.size)]
-    return [(one, heyoka.expression(0.0) + its) for one, its in zip(y, rate(y), strict=True)]
+def expressions(module: Module, size: int) -> list[tuple[Any, Any]]:
+    """Pairs of each component of y and its derivative, as heyoka's expressions, with the constants as parameters."""
+    heyoka = _heyoka()
+    y = [heyoka.expression(f"y{i:03d}") for i in range(size)]
+    functions = {"sin": heyoka.sin, "cos": heyoka.cos, "sqrt": heyoka.sqrt}
+    rates = module.recorded("rates", [heyoka.par[k] for k in range(len(module.names))], functions)
+    return [(one, heyoka.expression(0.0) + its) for one, its in zip(y, rates(y), strict=True)]
 
 
 def _admitted(equations: Minimal) -> Generated:
@@ -240,24 +242,21 @@ EVENTS: dict[str, Callable[[Any, Any, float], Any]] = {
 """Of a component of y: an angle at a level and whole turns from it, anything at a level, anything at zero."""
 
 
-Rates = Callable[..., Callable[[Any], Sequence[Any]]]
+def batch_integrator(module: Module, size: int, tolerance: float, seen: Sequence[Seen]) -> Any:
+    """Heyoka's integrator for as many members at a time as fit into a register, their constants being parameters.
 
-
-def batch_integrator(text: str, rates: Rates, constants: int, size: int, tolerance: float, seen: Sequence[Seen]) -> Any:
-    """Heyoka's integrator for as many members at a time as fit into a register; so many constants are parameters.
-
-    `rates` makes the derivative of y (size) from sine, cosine and these, as the `text` has it.  Each is its caller's
-    own; those that see something are compiled anew.
+    Each is its caller's own; those that see something are compiled anew.
     """
 
     def compiled() -> Any:
         heyoka = _heyoka()
-        width, y = heyoka.recommended_simd_size(), _components(size)
+        width, rates = heyoka.recommended_simd_size(), expressions(module, size)
+        y = [one for one, _ in rates]
         events = [heyoka.nt_event_batch(EVENTS[kind](heyoka, y[row], level), call) for kind, row, level, call in seen]
         return heyoka.taylor_adaptive_batch(
-            list(zip(y, _rates(rates, constants, y), strict=True)),
+            rates,
             np.zeros((size, width)),
-            pars=np.zeros((constants, width)),
+            pars=np.zeros((len(module.names), width)),
             tol=shortened(tolerance),
             compact_mode=size > 4 * UNROLLED,
             fast_math=True,
@@ -265,27 +264,16 @@ def batch_integrator(text: str, rates: Rates, constants: int, size: int, toleran
         )
 
     if not seen:
-        return _COMPILED.copy_of(("batch", text, size, tolerance), compiled)
+        return _COMPILED.copy_of(("batch", _text(module), size, tolerance), compiled)
     with undisturbed():
         return compiled()
 
 
-def evaluator(text: str, rates: Rates, constants: int, size: int) -> Any:
+def evaluator(module: Module, size: int) -> Any:
     """The y' of many y (size, S) and constants as a compiled function, with vector registers, its caller's own."""
 
     def compiled() -> Any:
-        heyoka, y = _heyoka(), _components(size)
-        return heyoka.cfunc(_rates(rates, constants, y), vars=y, fast_math=True)
+        y, rates = zip(*expressions(module, size), strict=True)
+        return _heyoka().cfunc(list(rates), vars=list(y), fast_math=True)
 
-    return _COMPILED.copy_of(("rates", text, size), compiled)
-
-
-def _components(size: int) -> list[Any]:
-    heyoka = _heyoka()
-    return [heyoka.expression(f"y{i:03d}") for i in range(size)]
-
-
-def _rates(rates: Rates, constants: int, y: Sequence[Any]) -> list[Any]:
-    heyoka = _heyoka()
-    found = rates(heyoka.sin, heyoka.cos, [heyoka.par[k] for k in range(constants)])(y)
-    return [heyoka.expression(0.0) + one for one in found]
+    return _COMPILED.copy_of(("rates", _text(module), size), compiled)

@@ -71,7 +71,7 @@ def _planar(group: Group, own: list[Floats], felt: Floats, cart_rate: Floats) ->
         forces -= joint_torques(group, theta, rate)[0]
     braking: Any = 0.0
     if group.dragged:
-        resisting, braking, _ = plane_drag(group, theta, rate, cart_rate)
+        resisting, braking, *_ = plane_drag(group, theta, rate, cart_rate)
         forces -= resisting
     return second, forces[None], braking
 
@@ -91,7 +91,7 @@ def _spatial(group: Group, own: list[Floats], felt: Floats, cart_rate: Floats) -
     if group.sprung or group.damped:
         forces -= ball_joints.generalized(ball_joints.moments(group, u, w), u)
     if group.dragged:
-        resisting, braking, _ = drag(group, w, cart_rate)
+        resisting, braking, *_ = drag(group, w, cart_rate)
         forces -= resisting
     return second, sigma * (s * forces[:2] + (r * _along(p, forces[:2]) - s * forces[2]) * p), braking
 

@@ -17,7 +17,7 @@ from nonlinear.system.events import (
     turning_point,
 )
 from nonlinear.system.initial import has_start, initial_state, state_at_rest, validate_state
-from nonlinear.system.numbers import Numbers, numbers_of, numbers_of_all, system_with
+from nonlinear.system.numbers import Numbers, entries_of, numbers_of, numbers_of_all, system_with
 from nonlinear.system.state import AppliedForces, Equations, Layout, Load, Motion, State, apart
 from nonlinear.system.system import Group, System, system_of
 
@@ -40,6 +40,7 @@ __all__ = [
     "State",
     "System",
     "apart",
+    "entries_of",
     "has_start",
     "initial_state",
     "level_crossing",

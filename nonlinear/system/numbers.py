@@ -20,7 +20,7 @@ from modal.report import Displayed
 from modal.scene import AnyLink, Body, Cart, Escapement, Scene
 from modal.scene.parameters import Place
 from modal.types import Floats
-from nonlinear.system.system import Excitation, Group, System, system_of
+from nonlinear.system.system import Group, System, system_of
 
 BEFORE = 4  # entries before those of links
 FIELDS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "strength", "curb", "drag", "quadratic_drag")
@@ -104,6 +104,19 @@ def numbers_of(scene: Scene, values: Values | None = None, system: System | None
     return Numbers(system or system_of(scene), (given.get(("gravity",), scene.gravity), *cart, *fields))
 
 
+def entries_of(system: System) -> list[float]:
+    """The list of a system's own numbers."""
+    fields = np.zeros((len(FIELDS), system.n_links))
+    for group in system.groups:
+        drive, quadratic = group.excitation, group.quadratic_drag
+        own = {name: getattr(group.block, name) for name in FIELDS if hasattr(group.block, name)}
+        own |= {"strength": drive.strength, "curb": drive.curb} if drive else {}
+        own |= {} if quadratic is None else {"quadratic_drag": quadratic}
+        for name, values in own.items():
+            fields[FIELDS.index(name), group.index] = values
+    return [system.gravity, *(map(float, system.cart or (0.0, 0.0, 0.0))), *fields.ravel().tolist()]
+
+
 def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
     """Of scenes that differ in numbers alone."""
     system = system_of(scenes[0])
@@ -153,6 +166,6 @@ def _group(group: Group, fields: Mapping[str, Any], tail: bool) -> Group:
     own = {name: values[group.index] for name, values in fields.items()}
     strength, curb, quadratic = (own.pop(name) for name in ("strength", "curb", "quadratic_drag"))
     sigma = group.block.sigma[..., None] if tail else group.block.sigma
-    drive = None if group.excitation is None else Excitation(strength, curb, 0.0 * sigma, 0.0 * sigma)
+    drive = group.excitation and replace(group.excitation, strength=strength, curb=curb)
     block = replace(group.block, sigma=sigma, **own)
     return replace(group, block=block, excitation=drive, quadratic_drag=quadratic if np.any(quadratic) else None)

@@ -33,6 +33,11 @@ class MovingSupport:
         size, (along, down) = self.motion.acceleration_at(time), self.direction
         return along * size, down * size
 
+    def velocity(self, time: float) -> tuple[float, float]:
+        """Its velocity (m/s) along the rail and down, at one time (s)."""
+        size, (along, down) = self.motion.velocity_at(time), self.direction
+        return along * size, down * size
+
     def displacements(self, times: Floats, dimensions: int) -> Floats:
         """Its place in the laboratory (m), (T, d)."""
         return self._vectors(self.motion.displacement(times), dimensions)

@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, natural_modes, pair
 from modal.errors import MissingExtraError
 from modal.types import Floats
-from nonlinear.dynamics import Banded, Dense, Generated, Minimal, Recursion, Small, banded, compiled, joints
+from nonlinear.dynamics import Banded, Dense, Generated, Minimal, Recursion, Small, banded, compiled, joints, module_of
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.dynamics.recursion import Link, downward, upward
 from nonlinear.integration import Pace, taylor
@@ -255,7 +255,9 @@ def test_the_trap() -> None:
     expected = by_runge_kutta(equations, y0, 0.7)
 
     def at(first: float) -> float:
-        alone = heyoka.taylor_adaptive(taylor.expressions(Generated(equations.system)), y0, compact_mode=True)
+        own = Generated(equations.system)
+        rates = taylor.expressions(module_of(own.form), own.layout.size)
+        alone = heyoka.taylor_adaptive(rates, y0, compact_mode=True, pars=own.constants)
         assert alone.order % 4 == 0
         alone.step(max_delta_t=first)
         alone.propagate_until(0.7)

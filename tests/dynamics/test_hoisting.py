@@ -14,7 +14,7 @@ from modal.errors import ComputationError, SceneError
 from modal.scene import Bob, Body, Cart, Fixed, Hoist, Pendulum, Rod, Scene
 from nonlinear import files
 from nonlinear.chaos import lyapunov_exponent
-from nonlinear.dynamics import Hoisted, HoistedMaximal, Mechanics
+from nonlinear.dynamics import Generated, HoistedMaximal, Mechanics
 from nonlinear.ensembles import ensemble
 from nonlinear.orbits.shooting import shooting
 from nonlinear.postprocessing import reaction_forces_of
@@ -139,7 +139,7 @@ def test_maximal_coordinates_move_alike_and_both_close_their_books(support: Fixe
     start, how = swinging(scene), {"tolerance": 1e-11, "output": 20, "start_time": 0.3}
     run = simulate(scene, 0.6, start=start, **how)
     other = simulate(scene, 0.6, start=start, form="maximal", **how)
-    assert isinstance(run.equations, Hoisted)
+    assert isinstance(run.equations, Generated)
     assert isinstance(other.equations, HoistedMaximal)
     assert np.abs(run.motion.links - other.motion.links).max() < 1e-9
     assert np.abs(run.motion.work - other.motion.work).max() < 1e-9 * run.energy_scale
@@ -162,7 +162,7 @@ def test_pivot_forces_are_the_multipliers() -> None:
 def test_power_is_the_rate_of_energy() -> None:
     scene = mixed(Cart(mass=3.0, damping=0.5))
     system, step = system_of(scene), 1e-5
-    equations = Hoisted(system)
+    equations = Generated(system)
     y = equations.begin(swinging(scene))
 
     def energy(time: float, row: np.ndarray) -> float:
@@ -248,7 +248,7 @@ def test_the_linear_equations_are_the_slope_of_the_full_ones() -> None:
     ways = ("down", "up", "down", "down")
     scene = scene.replace(pendulum=(scene.pendulum[0].replace(equilibrium=ways), scene.pendulum[1]))
     system = system_of(scene)
-    equations, n, step = Hoisted(system), scene.n_links + 1, 1e-6
+    equations, n, step = Generated(system), scene.n_links + 1, 1e-6
     rest = np.concatenate(([0.0], system.rest, np.zeros(n + 1)))
     for time in (0.4, 0.8, 1.4):
         found = matrices_at(scene, time)

@@ -41,7 +41,7 @@ def test_ensembles_in_threads_are_those_of_one_thread() -> None:
 def test_whoever_asks_for_a_compiled_series_has_it_alone() -> None:
     pytest.importorskip("heyoka")
     lanes = Lanes(numbers_of(load("chain-1")))
-    given = lanes.written.text, lanes.written.rates, len(lanes.written.constants(lanes.numbers)), lanes.size
+    given = lanes.module, lanes.size
     one, other = (taylor.batch_integrator(*given, 1e-9, ()) for _ in range(2))
     one.state[:], one.pars[:] = 1.0, 2.0
     assert not np.any(other.state)

@@ -1,0 +1,195 @@
+"""The text of the equations of a form of scene: what all scenes have in common that differ in their numbers alone.
+
+The lines of `nonlinear.dynamics.minimal` are run once with symbols in place of numbers, state and inputs, and what they
+leave on the tape is written (`nonlinear.dynamics.text`).  A number that is 0, and a centre at the end of its link,
+belong to the form: what only they would do is not in the text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from modal.types import Ints
+from nonlinear.dynamics.dense import Elimination, loses_digits
+from nonlinear.dynamics.hamiltonian import velocities
+from nonlinear.dynamics.minimal import Body, Minimal, Recursion
+from nonlinear.dynamics.tape import Tape, along, partials
+from nonlinear.dynamics.text import Module
+from nonlinear.system import AppliedForces, Group, System, entries_of, system_with
+from nonlinear.system.numbers import BEFORE, FIELDS
+
+SHORT = 6  # links of a chain up to which its matrix takes fewer operations than the recursion
+Table = tuple[tuple[Any, ...], ...]
+
+
+@dataclass(frozen=True)
+class Form:
+    """What the text depends on; a `system` of this form.
+
+    `chains` are the places of links and their directions at equilibrium group by group, and whether their equations are
+    solved by elimination; `present` tells which numbers (`nonlinear.system.numbers`) are not 0, `ends` which links have
+    their centre at their end, `ratios` which entries of the modal damping are not 0, `laws` the links that follow each
+    law of a hoist; `direction` is that of a support that moves, `sines` how many constants of its motion are numbers;
+    `pushed` equations have a load, `works` ones the work.
+    """
+
+    chains: tuple[tuple[Table, Table, bool], ...]
+    on_cart: bool
+    present: tuple[bool, ...]
+    ends: tuple[bool, ...]
+    ratios: tuple[bool, ...]
+    laws: Table
+    direction: tuple[float, float] | None
+    sines: int
+    pushed: bool
+    works: bool
+    system: System = field(compare=False, repr=False)
+
+    @property
+    def count(self) -> int:
+        """How many numbers p there are."""
+        return sum(self.present) + sum(self.ratios) + self.sines
+
+    def numbers(self, entries: Sequence[Any], system: System) -> list[Any]:
+        """The numbers p of a scene of this form, or of many."""
+        own = [entry for entry, has in zip(entries, self.present, strict=True) if has]
+        D = () if system.modal_damping is None else np.ravel(system.modal_damping).tolist()
+        own += [entry for entry, has in zip(D, self.ratios, strict=True) if has]
+        return [*own, *system.support.motion.constants] if system.support else own
+
+
+def form_of(
+    system: System,
+    entries: Sequence[Any] | None = None,
+    *,
+    pushed: bool = False,
+    works: bool | None = None,
+    frail: Sequence[bool] | None = None,
+) -> Form:
+    """The form of a system with its own numbers or others, arrays where members differ.
+
+    `works` tells whether the work is counted, by default where there can be any; `frail` are groups whose dense
+    matrices lose digits.
+    """
+    own = entries_of(system) if entries is None else entries
+    weak = [loses_digits(group, system) for group in system.groups] if frail is None else frail
+    links, hoisting, support = system.n_links, system.hoisting, system.support
+    at = {name: BEFORE + links * FIELDS.index(name) for name in ("length", "centre")}
+    length, centre = (own[place : place + links] for place in at.values())
+    moving = np.zeros(links, dtype=bool) if hoisting is None else hoisting.moving
+    chains = tuple(
+        (_table(group.index), _table(group.block.sigma), _eliminated(group, lost, moving))
+        for group, lost in zip(system.groups, weak, strict=True)
+    )
+    D = () if system.modal_damping is None else np.ravel(system.modal_damping)
+    return Form(
+        chains,
+        system.cart is not None,
+        tuple(isinstance(entry, np.ndarray) or bool(entry) for entry in own),
+        tuple(l is c or bool(np.array_equal(l, c)) for l, c in zip(length, centre, strict=True)),
+        tuple(bool(entry) for entry in D),
+        tuple(tuple(places.tolist()) for places, _ in hoisting.laws) if hoisting else (),
+        support.direction if support else None,
+        len(support.motion.constants) if support else 0,
+        pushed,
+        system.works or pushed if works is None else works,
+        system,
+    )
+
+
+def _table(values: Any) -> Table:
+    return tuple(map(tuple, values.tolist()))
+
+
+def _eliminated(group: Group, frail: bool, moving: Any) -> bool:
+    return group.n <= SHORT and not frail and not moving[group.index].any()
+
+
+class Symbolic:
+    """A system of a form with symbols for its numbers, and the solvers of its groups."""
+
+    def __init__(self, form: Form) -> None:
+        self.tape = Tape()
+        self.system = self._with_symbols(form)
+        self.bodies: tuple[Body, ...] = tuple(
+            (Elimination if dense else Recursion)(group)
+            for group, (_, _, dense) in zip(self.system.groups, form.chains, strict=True)
+        )
+
+    def _with_symbols(self, form: Form) -> System:
+        p = iter(self.tape.inputs("p", form.count))
+        entries = [next(p) if has else 0.0 for has in form.present]
+        links = form.system.n_links
+        at = {name: BEFORE + links * FIELDS.index(name) for name in ("length", "centre")}
+        for k, same in enumerate(form.ends):
+            if same:
+                entries[at["centre"] + k] = entries[at["length"] + k]
+        found = system_with(form.system, entries)
+        if form.ratios:
+            D = np.array([next(p) if has else 0.0 for has in form.ratios], dtype=object)
+            found = replace(found, modal_damping=D.reshape(links + form.on_cart, -1))
+        if form.sines and found.support:
+            found = replace(found, support=replace(found.support, motion=found.support.motion.with_constants([*p])))
+        return found
+
+
+class Equations(Symbolic):
+    """The rates y' of a form on a tape, from the symbols y, of the inputs u and of the numbers p."""
+
+    def __init__(self, form: Form) -> None:
+        super().__init__(form)
+        moving = np.array([place for law in form.laws for place in law], dtype=np.int64)
+        bodies = (
+            None if np.isin(group.index, moving).any() else body
+            for group, body in zip(self.system.groups, self.bodies, strict=True)
+        )
+        minimal = Minimal(self.system, tuple(bodies), _unknown if form.pushed else None, counts_work=form.works)
+        self.y = self.tape.inputs("y", minimal.layout.size)
+        self.u = self.tape.inputs("u", minimal.inputs.count)
+        self.rates = minimal.rates(self.y, minimal.inputs.instant(self.u)).tolist()
+
+
+def _unknown(time: float, state: Any) -> AppliedForces:
+    raise NotImplementedError("applied forces are inputs of what is written")
+
+
+@lru_cache(maxsize=64)
+def module_of(form: Form, *, tangent: bool = False) -> Module:
+    """The function "rates" of a form: y', or with `tangent` (y', J v), both from (y, v) as one vector."""
+    own = Equations(form)
+    if not tangent:
+        return Module(own.tape, {"rates": own.rates})
+    v = own.tape.inputs("y", len(own.y))
+    return Module(own.tape, {"rates": [*own.rates, *along(own.tape, own.rates, own.y, v)]})
+
+
+@lru_cache(maxsize=64)
+def jacobian_of(form: Form) -> tuple[Module, Ints, Ints]:
+    """The function "jacobian" of a form: y', then the entries of ∂y'/∂y that are not always 0, at these places."""
+    own = Equations(form)
+    slopes = partials(own.tape, own.rates, own.y)
+    places = np.array([(row, column) for row, each in enumerate(slopes) for column in each]).reshape(-1, 2)
+    entries = [slope for each in slopes for slope in each.values()]
+    return Module(own.tape, {"jacobian": [*own.rates, *entries]}), places[:, 0], places[:, 1]
+
+
+@lru_cache(maxsize=64)
+def _inverse(form: Form) -> Module:
+    own = Symbolic(form)
+    links, bodies = own.system.n_links, iter(own.bodies)
+    angles, p = own.tape.inputs("v", links), own.tape.inputs("u", links + form.on_cart)
+    found = velocities(own.system, angles, p, lambda group, tail: next(bodies))
+    return Module(own.tape, {"velocities": found.tolist()})
+
+
+def inverse_of(system: System) -> Callable[[Sequence[float], Sequence[float]], list[float]]:
+    """The velocities M⁻¹ p in floats, from the angles (L,) and the momenta p (half,)."""
+    form = form_of(replace(system, support=None, hoisting=None, modal_damping=None))
+    module = _inverse(form)
+    made = module.function("velocities", module.constants(form.numbers(entries_of(system), system)))
+    return lambda angles, p: made((), p, angles)

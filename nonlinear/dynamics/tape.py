@@ -1,0 +1,178 @@
+"""Plain arithmetic recorded once, operation by operation, and its derivatives.
+
+The equations of motion are plain arithmetic: run with symbols in place of numbers they leave their operations on a
+tape, each once, without those that involve only a 0.  The inputs have a kind: "p" (the numbers of a scene), "u" (what
+time brings), "y" (the state), "v" (a direction).  `nonlinear.dynamics.text` writes what is on the tape.
+
+Derivatives are found on the same tape by the chain rule, forwards: `partials` are the entries of a Jacobian that are
+not zero, `along` is its product with a vector (Griewank and Walther, Evaluating Derivatives, 2008, §3.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import Any
+
+import numpy as np
+
+
+class Tape:
+    """Recorded operations in order; `known` maps each to its symbol, so that none is recorded twice."""
+
+    def __init__(self) -> None:
+        self.known: dict[tuple[Any, ...], Symbol] = {}
+        self.sizes: dict[str, int] = {}
+
+    def symbol(self, *operation: Any) -> Symbol:
+        """The result of an operation on symbols and floats."""
+        if operation not in self.known:
+            self.known[operation] = Symbol(self, operation)
+        return self.known[operation]
+
+    def inputs(self, kind: str, count: int) -> Any:
+        """So many more inputs of a kind, an array (count,)."""
+        at = self.sizes.get(kind, 0)
+        self.sizes[kind] = at + count
+        found = np.empty(count, dtype=object)
+        found[:] = [self.symbol("in", kind, k) for k in range(at, at + count)]
+        return found
+
+
+def _scalar(operation: Any) -> Any:
+    """An operator that leaves arrays to apply it to their elements."""
+
+    @wraps(operation)
+    def done(self: Symbol, other: Any) -> Any:
+        return NotImplemented if isinstance(other, np.ndarray) else operation(self, other)
+
+    return done
+
+
+class Symbol:
+    """An unknown number, as its operation: an operator or a function followed by its operands."""
+
+    __slots__ = ("operation", "tape")
+
+    def __init__(self, tape: Tape, operation: tuple[Any, ...]) -> None:
+        self.tape, self.operation = tape, operation
+
+    def _with(self, operator: str, left: Any, right: Any) -> Any:
+        return self.tape.symbol(operator, *(v if isinstance(v, Symbol) else float(v) for v in (left, right)))
+
+    @_scalar
+    def __add__(self, other: Any) -> Any:
+        return self if _is(other, 0) else self._with("+", self, other)
+
+    @_scalar
+    def __sub__(self, other: Any) -> Any:
+        if other is self:
+            return 0.0
+        return self if _is(other, 0) else self._with("-", self, other)
+
+    @_scalar
+    def __rsub__(self, other: Any) -> Any:
+        return -self if _is(other, 0) else self._with("-", other, self)
+
+    @_scalar
+    def __mul__(self, other: Any) -> Any:
+        return 0.0 if _is(other, 0) else self if _is(other, 1) else self._with("*", self, other)
+
+    @_scalar
+    def __truediv__(self, other: Any) -> Any:
+        return self if _is(other, 1) else self._with("/", self, other)
+
+    @_scalar
+    def __rtruediv__(self, other: Any) -> Any:
+        return 0.0 if _is(other, 0) else self._with("/", other, self)
+
+    def __pow__(self, power: int) -> Any:
+        if power not in {1, 2}:
+            raise NotImplementedError
+        return self if power == 1 else self * self
+
+    def __neg__(self) -> Any:
+        return self.operation[1] if self.operation[0] == "neg" else self.tape.symbol("neg", self)
+
+    def sin(self) -> Any:
+        """The sine, which NumPy asks of the elements of an array."""
+        return self.tape.symbol("sin", self)
+
+    def cos(self) -> Any:
+        """The cosine."""
+        return self.tape.symbol("cos", self)
+
+    def sqrt(self) -> Any:
+        """The square root."""
+        return self.tape.symbol("sqrt", self)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+def _is(value: Any, number: int) -> bool:
+    return not isinstance(value, Symbol) and bool(value == number)
+
+
+def uses(tape: Tape, outputs: Sequence[Any]) -> dict[int, int]:
+    """How often each symbol is used, by its identity; the symbols of these are `order`."""
+    found: dict[int, int] = {}
+    wanted = list(outputs)
+    while wanted:
+        value = wanted.pop()
+        if isinstance(value, Symbol):
+            found[id(value)] = found.get(id(value), 0) + 1
+            if found[id(value)] == 1:
+                wanted += value.operation[1:]
+    return found
+
+
+def order(tape: Tape, used: dict[int, int]) -> list[Symbol]:
+    """The symbols that are used, in the order of the tape."""
+    return [symbol for symbol in tape.known.values() if id(symbol) in used]
+
+
+# ---------------------------------------------------------------------------------------------------- derivatives
+
+
+def partials(tape: Tape, outputs: Sequence[Any], by: Sequence[Symbol]) -> list[dict[int, Any]]:
+    """Of every output its derivatives by these inputs that are not zero, {number of the input: derivative}."""
+    slopes: dict[int, dict[int, Any]] = {id(symbol): {k: 1.0} for k, symbol in enumerate(by)}
+    for symbol in order(tape, uses(tape, outputs)):
+        if id(symbol) not in slopes:
+            slopes[id(symbol)] = _chained(symbol, slopes)
+    return [slopes[id(one)] if isinstance(one, Symbol) else {} for one in outputs]
+
+
+def along(tape: Tape, outputs: Sequence[Any], by: Sequence[Symbol], v: Sequence[Any]) -> list[Any]:
+    """J v, the derivatives of the outputs as these inputs change by v."""
+    slopes: dict[int, dict[int, Any]] = {id(symbol): {0: change} for symbol, change in zip(by, v, strict=True)}
+    for symbol in order(tape, uses(tape, outputs)):
+        if id(symbol) not in slopes:
+            slopes[id(symbol)] = _chained(symbol, slopes)
+    return [slopes[id(one)].get(0, 0.0) if isinstance(one, Symbol) else 0.0 for one in outputs]
+
+
+RULES: dict[str, Callable[..., Any]] = {
+    "+": lambda f, a, b, da, db: da + db,
+    "-": lambda f, a, b, da, db: da - db,
+    "*": lambda f, a, b, da, db: da * b + a * db,
+    "/": lambda f, a, b, da, db: (da - f * db) / b,
+    "neg": lambda f, a, da: -da,
+    "sin": lambda f, a, da: a.cos() * da,
+    "cos": lambda f, a, da: -(a.sin() * da),
+    "sqrt": lambda f, a, da: 0.5 * da / f,
+}
+"""The derivative of f = operator(a, b) from the changes da and db of a and b."""
+
+
+def _chained(symbol: Symbol, slopes: dict[int, dict[int, Any]]) -> dict[int, Any]:
+    operator, *operands = symbol.operation
+    if operator == "in":
+        return {}
+    each = [slopes[id(one)] if isinstance(one, Symbol) else {} for one in operands]
+    found = {}
+    for k in sorted(set().union(*each)):
+        change = RULES[operator](symbol, *operands, *(slope.get(k, 0.0) for slope in each))
+        if isinstance(change, Symbol) or change:
+            found[k] = change
+    return found

@@ -1,0 +1,190 @@
+"""What is on a tape, written: functions of (y, u, v) in Python and for compilers, with their constants in common.
+
+What depends on the numbers p of a scene alone is written apart and done once (`Module.constants`): for one scene in
+floats, for many at once in arrays.  The rest is straight-line code without arrays, matrices or loops; for few links
+Python's floats are several times faster in it than NumPy, which would spend most of its time on calls.  The same text
+serves floats, arrays of many states, complex numbers and heyoka's expressions; numba's loops over lanes.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, lru_cache
+from typing import Any
+
+import numpy as np
+
+from nonlinear.dynamics.tape import Symbol, Tape, order, uses
+
+DEEPEST = 40  # nesting of parentheses
+KINDS = ("y", "u", "v")
+"""The arguments of a function that is written, in this order; those of no use are empty."""
+FUNCTIONS: dict[str, Mapping[str, Any]] = {
+    "floats": {"sin": math.sin, "cos": math.cos, "sqrt": math.sqrt},
+    "arrays": {"sin": np.sin, "cos": np.cos, "sqrt": np.sqrt},
+    "complex": {"sin": cmath.sin, "cos": cmath.cos, "sqrt": cmath.sqrt},
+}
+Function = Callable[..., Any]
+
+
+class Module:
+    """Named functions, each from what its components are."""
+
+    def __init__(self, tape: Tape, functions: Mapping[str, Sequence[Any]]) -> None:
+        self.sizes, self.functions = dict(tape.sizes), {name: list(outputs) for name, outputs in functions.items()}
+        used = {name: uses(tape, outputs) for name, outputs in self.functions.items()}
+        every = uses(tape, [one for outputs in self.functions.values() for one in outputs])
+        symbols = order(tape, every)
+        still = _still(symbols)
+        ends = _ends(symbols, self.functions.values(), still)
+        self._before = _Lines("t")
+        self._before.add([symbol for symbol in symbols if id(symbol) in still], every, ends)
+        self.kept = [self._before.names[id(symbol)] for symbol in symbols if id(symbol) in ends]
+        constants = {id(symbol): f"c{k}" for k, symbol in enumerate(one for one in symbols if id(one) in ends)}
+        self._lines = {name: _Lines("x", constants) for name in functions}
+        for name, lines in self._lines.items():
+            lines.add([one for one in symbols if id(one) in used[name] and id(one) not in still], used[name], set())
+
+    def constants(self, p: Sequence[Any]) -> list[Any]:
+        """The constants of all functions, from the numbers of one scene, or of many in arrays."""
+        names = "".join(f"p{k}, " for k in range(self.sizes.get("p", 0)))
+        body = [f" {names}= p"] * bool(names) + [f" {line}" for line in self._before.lines]
+        text = "\n".join(("def constants(p):", *body, f" return [{', '.join(self.kept)}]"))
+        target = "arrays" if any(isinstance(one, np.ndarray) for one in p) else "floats"
+        return function_in(text, "constants", target)(p)  # type: ignore[no-any-return]
+
+    @property
+    def names(self) -> list[str]:
+        """What the constants are called."""
+        return [f"c{k}" for k in range(len(self.kept))]
+
+    def components(self, name: str) -> list[str]:
+        """What a function returns, as words."""
+        return [self._lines[name].word(one) for one in self.functions[name]]
+
+    @cache  # noqa: B019 - a module is kept with what is written of it
+    def python(self, name: str) -> str:
+        """The source of `made`, which takes the constants and gives the function."""
+        rows = (f"  {''.join(f'{kind}{k}, ' for k in range(self.sizes[kind]))}= {kind}" for kind in self._kinds(name))
+        lines = (f"  {line}" for line in self._lines[name].lines)
+        returned = f"  return [{', '.join(self.components(name))}]"
+        return "\n".join(
+            (
+                f"def made({', '.join(self.names)}):",
+                " def made(y, u=(), v=()):",
+                *rows,
+                *lines,
+                returned,
+                " return made",
+            )
+        )
+
+    def function(self, name: str, constants: Sequence[Any], target: str = "floats") -> Function:
+        """A function with these constants, for floats, arrays, complex numbers (FUNCTIONS)."""
+        return function_in(self.python(name), "made", target)(*constants)  # type: ignore[no-any-return]
+
+    def recorded(self, name: str, constants: Sequence[Any], functions: Mapping[str, Any]) -> Function:
+        """A function with these constants, for anything with plain arithmetic and these functions of it."""
+        space = dict(functions)
+        exec(compile(self.python(name), f"<{name}>", "exec"), space)
+        return space["made"](*constants)  # type: ignore[no-any-return]
+
+    def looped(self, name: str) -> str:
+        """The source of a loop over lanes for numba, which has WIDTH and `sincos`.
+
+        It is a function of its arguments, the constants c (C, WIDTH) and the results o; sine and cosine of one angle
+        are computed together.
+        """
+        pairs: dict[str, tuple[str, str]] = {}
+        lines = [f"  {kind}{k} = {kind}[{k}, k]" for kind in self._kinds(name) for k in range(self.sizes[kind])]
+        lines = [f"  c{k} = c[{k}, k]" for k in range(len(self.kept))] + lines
+        written = [*self._lines[name].lines, *(f"o[{k}, k] = {one}" for k, one in enumerate(self.components(name)))]
+        for line in written:
+            lines += [f"  {one}" for one in _paired(line, pairs)]
+        arguments = ", ".join((*self._kinds(name), "c", "o"))
+        return "\n".join((f"def {name}({arguments}):", " for k in range(WIDTH):", *lines)) + "\n"
+
+    def _kinds(self, name: str) -> list[str]:
+        wanted = {one.operation[1] for one in self._lines[name].given}
+        return [kind for kind in KINDS if kind in wanted]
+
+
+class _Lines:
+    """Assignments of what is wanted more than once or nested too deeply, each to a name of this letter."""
+
+    def __init__(self, letter: str, names: Mapping[int, str] | None = None) -> None:
+        self.letter, self.names, self.lines = letter, dict(names or {}), list[str]()
+        self.given: list[Symbol] = []
+
+    def add(self, symbols: Sequence[Symbol], used: Mapping[int, int], kept: set[int]) -> None:
+        """Write these symbols, those that are `kept` in a line of their own."""
+        deep: dict[int, int] = {}
+        angles = {id(one.operation[1]) for one in symbols if one.operation[0] in {"sin", "cos"}}
+        for symbol in symbols:
+            operator, *operands = symbol.operation
+            given = operator == "in"
+            text = f"{operands[0]}{operands[1]}" if given else joined(operator, [self.word(one) for one in operands])
+            deep[id(symbol)] = 0 if given else 1 + max(deep.get(id(operand), 0) for operand in operands)
+            often = used[id(symbol)] > 1 or id(symbol) in angles
+            if id(symbol) in kept or (not given and (often or deep[id(symbol)] >= DEEPEST)):
+                name = f"{self.letter}{len(self.lines)}"
+                self.lines.append(f"{name} = {text}")
+                text, deep[id(symbol)] = name, 0
+            self.names[id(symbol)] = text
+            self.given += [symbol] * given
+
+    def word(self, value: Any) -> str:
+        """A value as it is called in the text."""
+        return self.names[id(value)] if isinstance(value, Symbol) else repr(float(value))
+
+
+def joined(operator: str, parts: Sequence[str]) -> str:
+    """The text of an operation on what these words name."""
+    if operator in FUNCTIONS["floats"]:
+        return f"{operator}({parts[0]})"
+    return f"(-{parts[0]})" if operator == "neg" else f"({parts[0]} {operator} {parts[1]})"
+
+
+def _paired(line: str, pairs: dict[str, tuple[str, str]]) -> list[str]:
+    """A line in which sines and cosines are names, after the lines that compute those not computed before."""
+    before = []
+    for at, call in enumerate(("sin(", "cos(")):
+        while (start := line.find(call)) >= 0:
+            end = line.index(")", start)
+            angle = line[start + len(call) : end]
+            if angle not in pairs:
+                pairs[angle] = f"s{len(pairs)}", f"q{len(pairs)}"
+                before.append(f"{', '.join(pairs[angle])} = sincos({angle})")
+            line = line[:start] + pairs[angle][at] + line[end + 1 :]
+    return [*before, line]
+
+
+def _still(symbols: Sequence[Symbol]) -> set[int]:
+    """What depends on the numbers of a scene alone."""
+    found: set[int] = set()
+    for symbol in symbols:
+        operator, *operands = symbol.operation
+        if operator == "in":
+            fixed = operands[0] == "p"
+        else:
+            fixed = all(id(own) in found for own in operands if isinstance(own, Symbol))
+        if fixed:
+            found.add(id(symbol))
+    return found
+
+
+def _ends(symbols: Sequence[Symbol], functions: Any, still: set[int]) -> set[int]:
+    """What is still and wanted by what is not, or returned."""
+    wanted = [own for symbol in symbols if id(symbol) not in still for own in symbol.operation[1:]]
+    wanted += [one for outputs in functions for one in outputs]
+    return {id(own) for own in wanted if isinstance(own, Symbol) and id(own) in still}
+
+
+@lru_cache(maxsize=256)
+def function_in(text: str, name: str, target: str = "floats") -> Callable[..., Any]:
+    """The function of this name that a source text defines, with the FUNCTIONS of a target."""
+    space: dict[str, Any] = dict(FUNCTIONS[target])
+    exec(compile(text, f"<{name}>", "exec"), space)
+    return space[name]  # type: ignore[no-any-return]
