@@ -18,6 +18,7 @@ from modal.assembly.hoisting import (
     instants,
     matrices_along,
     matrices_at,
+    quadratic_drags,
 )
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
@@ -55,6 +56,7 @@ __all__ = [
     "matrices_of",
     "modal_dampers",
     "modal_factor",
+    "quadratic_drags",
     "ratio_at",
     "rig_of",
     "stacked",

@@ -195,7 +195,7 @@ def instants(scene: Scene) -> Callable[[float], Instant]:
     bare = [(replace(chain, drag=np.zeros_like(chain.drag)), 0) for chain in chains]
     metre = [(replace(chain, length=np.ones_like(chain.length)), 0) for chain in chains]
     springs, joint_dampers = assembled(bare, rig.cart, 0.0)[1], dampers(bare, rig.cart)
-    first, labels, quadratic = int(rig.cart is not None), coordinate_labels(rig), _quadratic_drag(scene)
+    first, labels, quadratic = int(rig.cart is not None), coordinate_labels(rig), quadratic_drags(scene)
     pattern = displacements(metre, rig.cart, joints)[:, first:]
     above, own = np.where(hoisting.moving, pattern, np.tril(pattern, -1)), np.diag(~hoisting.moving * sigma * centre)
     index, sides = np.arange(first, first + len(mass)), np.ones((len(mass), first))
@@ -226,7 +226,7 @@ def instants(scene: Scene) -> Callable[[float], Instant]:
     return at
 
 
-def _quadratic_drag(scene: Scene) -> Floats:
+def quadratic_drags(scene: Scene) -> Floats:
     """That of every link (L,), in the order of the file."""
     return np.concatenate(
         [

@@ -102,7 +102,6 @@ ALONE = _each(FRICTION | _of("space damping_ratio escapement"), "has no place fo
 HOISTING = {
     ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
     ("hoist", "moved_support"): "a hoist hangs from a cart or a fixed support",
-    **{("hoist", name): "drag acts on constant lengths" for name in sorted(DRAG)},
 }
 MINIMAL = ("form minimal", "form minimal takes it")
 EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}

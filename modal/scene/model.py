@@ -313,16 +313,6 @@ class Scene(Displayed, Part):
                 if link.friction:
                     yield f'.pendulum[{index}].links[{at}].friction = {link.friction!r}: needs space = "plane"'
         yield from self._rail_problems()
-        yield from self._drag_problems()
-
-    def _drag_problems(self) -> Iterator[str]:
-        """Drag acts against still air, which passes a moved support."""
-        for index, pendulum in enumerate(self.pendulum if self.is_moved else ()):
-            for at, link in enumerate(pendulum.links):
-                for name in ("drag", "quadratic_drag"):
-                    if value := getattr(link, name):
-                        where = f".pendulum[{index}].links[{at}].{name} = {value!r}"
-                        yield f"{where}: needs a fixed support or a cart: the air stands still, and this support moves"
 
     def _rail_problems(self) -> Iterator[str]:
         if not isinstance(self.support, Cart) or not self.support.has_friction:

@@ -1,10 +1,13 @@
 """Parametric excitation: a support that moves up and down as a sine makes gravity vary with time.
 
-About the equilibrium, with the support's acceleration a(t) upwards and p = (σ_i b_i), small angles obey Hill's equation
+About the equilibrium, with the support's velocity v(t) and acceleration a(t) upwards, small angles obey Hill's equation
 
-    M θ'' + D θ' + (K + a(t) diag p) θ = 0
+    M θ'' + (D + D_v) θ' + (K + a(t) diag p + v(t) diag s) θ = 0,    p_i = σ_i b_i
 
-whose solutions grow where a Floquet multiplier, an eigenvalue of the matrix that takes (θ, θ') across one period, lies
+in which the air that streams past a centre presses on it with (d + q |v|) v, drag d and quadratic drag q, as its weight
+does: s are the sums p with d + q |v| in place of masses, and D_v the damping of q |v| beside that of d in D.
+
+Solutions grow where a Floquet multiplier, an eigenvalue of the matrix that takes (θ, θ') across one period, lies
 outside the unit circle.  One undamped pendulum obeys Mathieu's equation, whose unstable regions are the tongues of the
 chart of Ince and Strutt (McLachlan, Theory and Application of Mathieu Functions, 1947, §4.10), and an inverted one
 stands where a²Ω² exceeds about 2 g l (Kapitza, 1951; Landau & Lifshitz, Mechanics, §30).
@@ -18,7 +21,7 @@ from math import log
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from modal.assembly import matrices
+from modal.assembly import matrices, quadratic_drags
 from modal.errors import SceneError
 from modal.report import Displayed
 from modal.scene import Moved, Scene, SineMotion
@@ -69,12 +72,17 @@ def parametric_stability(scene: Scene) -> ParametricStability:
         )
     found, geometry, motion = matrices(scene), geometry_of(scene), prescribed_motion(support.motion)
     n = len(found.M)
-    solved = np.linalg.solve(found.M, np.hstack([found.K, found.D, np.diag(geometry.centres.T @ geometry.mass)]))
-    K, D, shaken = np.split(solved, 3, axis=1)
+    solved = np.linalg.solve(found.M, np.hstack([found.K, found.D, geometry.centres.T]))
+    K, D, forced = np.split(solved, [n, 2 * n], axis=1)
+    inverse, quadratic = np.linalg.inv(found.M), quadratic_drags(scene)
 
     def rate(time: float, y: np.ndarray) -> np.ndarray:
         angles, rates = y.reshape(2, n, 2 * n)
-        return np.concatenate((rates, -(K + motion.acceleration_at(time) * shaken) @ angles - D @ rates)).ravel()
+        speed = motion.velocity_at(time)
+        beside = quadratic * abs(speed)
+        pressed = geometry.centres.T @ (geometry.mass * motion.acceleration_at(time) + (geometry.drag + beside) * speed)
+        slowed = D @ rates + (forced * beside) @ (geometry.centres @ rates)
+        return np.concatenate((rates, -K @ angles - inverse * pressed @ angles - slowed)).ravel()
 
     scale = max(float(np.sqrt(np.abs(K).max())), 1e-300)
     size = np.diag(np.concatenate((np.ones(n), np.full(n, scale))))

@@ -208,21 +208,23 @@ class Mechanics(Displayed):
         own = (u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]) @ self.system.by_link("inertia")
         return np.asarray(orbital + own)
 
-    def pivot_forces(self, accelerations: tuple[Floats, Floats], support: Floats | None = None) -> Floats:
+    def pivot_forces(
+        self, accelerations: tuple[Floats, Floats], support: tuple[Floats, Floats] | None = None
+    ) -> Floats:
         """Force (N) on every link from above at its upper joint, (T, L, d).
 
-        `accelerations` are x'' (T,) and the second derivatives of the unit vectors (T, L, d), `support` (T, d) is the
-        acceleration of a moved support: Newton's second law for the link and all below it, on which their drag acts
-        as well.
+        `accelerations` are x'' (T,) and the second derivatives of the unit vectors (T, L, d), `support` the
+        acceleration and the velocity of a moved support (T, d): Newton's second law for the link and all below it, on
+        which their drag acts as well.
         """
         u, w = self.vectors
         bodily = self._chained(*accelerations, lambda l, v, a: a * u + 2 * v * w)[1]
         if support is not None:
-            bodily += support[:, None]
+            bodily += support[0][:, None]
         bodily[..., -1] -= self.system.gravity
         needed = self.system.mass[:, None] * bodily
         if self.system.dragged:
-            needed -= forces_of(self.system, self.speeds)
+            needed -= forces_of(self.system, self.speeds if support is None else self.speeds + support[1][:, None])
         for group in self.system.groups:
             own = needed[:, group.index]
             needed[:, group.index] = np.cumsum(own[:, ::-1], axis=1)[:, ::-1]

@@ -20,7 +20,8 @@ def reaction_forces_of(trajectory: Trajectory) -> Reactions:
         raise ComputationError("the reaction forces of this run need its applied forces, which are not saved")
     system, motion = trajectory.system, trajectory.motion
     support = system.support
-    pushed = support.accelerations(trajectory.times, 3 if system.spatial else 2) if support else None
+    size, times = 3 if system.spatial else 2, trajectory.times
+    pushed = (support.accelerations(times, size), support.velocities(times, size)) if support else None
     pivots = trajectory.mechanics.pivot_forces(_accelerations(trajectory, motion), pushed)
     tops = np.zeros(system.n_links, dtype=bool)
     tops[np.concatenate([group.index[0] for group in system.groups])] = True

@@ -46,6 +46,10 @@ class MovingSupport:
         """Its acceleration (m/s²), (T, d)."""
         return self._vectors(self.motion.acceleration(times), dimensions)
 
+    def velocities(self, times: Floats, dimensions: int) -> Floats:
+        """Its velocity (m/s), (T, d)."""
+        return self._vectors(self.motion.velocity(times), dimensions)
+
     def _vectors(self, sizes: Floats, dimensions: int) -> Floats:
         found = np.zeros((len(sizes), dimensions))
         found[:, 0], found[:, -1] = self.direction[0] * sizes, self.direction[1] * sizes
