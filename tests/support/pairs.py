@@ -221,7 +221,7 @@ BEYOND = {
     ("count_100", "fit"): "at most",
     ("count_100", "play"): "at most",
     ("count_100", "derive"): "at most",
-    ("hoist", "export"): "holds a constant model",
+    **dict.fromkeys((("hoist", "export"), ("hoist_and_drag", "export")), "holds a constant model"),
     ("count_100", "section"): "no motion of this energy",
     ("escapement", "orbits vary"): "no limit cycle was found",
 }
