@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import csv
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any, Literal
@@ -79,19 +79,27 @@ class LengthLaw(Displayed):
             length = length * s + coefficient[piece]
         return length, np.where(moving, speed, 0.0), np.where(moving, acceleration, 0.0)
 
-    def at(self, time: float) -> tuple[float, float, float]:
-        """The same at one time, in plain floats."""
-        knots, pieces = self._floats
-        piece = min(max(bisect_right(knots, time) - 1, 0), len(pieces) - 1)
-        s = min(max(time, knots[0]), knots[-1]) - knots[piece]
-        length = speed = acceleration = 0.0
-        for coefficient in pieces[piece]:
-            acceleration, speed, length = acceleration * s + 2 * speed, speed * s + length, length * s + coefficient
-        return (length, speed, acceleration) if knots[0] <= time < knots[-1] else (length, 0.0, 0.0)
-
     @cached_property
-    def _floats(self) -> tuple[list[float], list[list[float]]]:
-        return self.knots.tolist(), self.coefficients[:, ::-1].tolist()
+    def at(self) -> Callable[[float], tuple[float, float, float]]:
+        """The same at one time, in plain floats, for up to the fifth power."""
+        knots = self.knots.tolist()
+        pieces = np.pad(self.coefficients, ((0, 0), (0, 6 - self.coefficients.shape[1]))).tolist()
+        first, last = knots[0], knots[-1]
+        before, after = ((float(self(time)[0]), 0.0, 0.0) for time in (first, last))
+
+        def at(time: float) -> tuple[float, float, float]:
+            if time < first:
+                return before
+            if time >= last:
+                return after
+            piece = bisect_right(knots, time) - 1
+            a, b, c, d, e, f = pieces[piece]
+            s = time - knots[piece]
+            length = ((((f * s + e) * s + d) * s + c) * s + b) * s + a
+            speed = (((5 * f * s + 4 * e) * s + 3 * d) * s + 2 * c) * s + b
+            return length, speed, ((20 * f * s + 12 * e) * s + 6 * d) * s + 2 * c
+
+        return at
 
     @property
     def breaks(self) -> tuple[float, ...]:

@@ -55,7 +55,8 @@ class Generated(Minimal):
         if not self.inputs.count:
             return None
         if self.load is None:
-            return lambda time, y: self.inputs.of_time(time)
+            of_time = self.inputs.of_time
+            return lambda time, y: of_time(time)
         return lambda time, y: self.inputs.listed(time, y, self.layout)
 
     def derivative(self, time: Any, y: Any) -> Any:

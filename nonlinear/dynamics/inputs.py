@@ -72,7 +72,7 @@ class Inputs:
 
     def listed(self, time: float, y: Sequence[float], layout: Layout) -> list[Any]:
         """The inputs u at one time (s), where the load sees the state y."""
-        found = self.of_time(time)
+        found = [*self.of_time(time)]
         if self.load is not None:
             push = self.load(time, layout.state(np.asarray(y)))
             found += [float(push.cart)] * (self.system.cart is not None)
@@ -80,24 +80,19 @@ class Inputs:
         return found
 
     @cached_property
-    def of_time(self) -> Callable[[float], list[float]]:
+    def of_time(self) -> Callable[[float], Sequence[float]]:
         """The inputs of time alone at one time (s), in floats."""
-        support, dragged, laws = self.system.support, self.system.dragged, [_scalar(law) for _, law in self.laws]
-        motion = support.motion if support else None
-
-        analytic = self.is_analytic
-
-        def inputs(time: float) -> list[float]:
-            if analytic:
-                return [time]
-            found = [motion.acceleration_at(time)] if motion else []
-            if motion and dragged:
-                found.append(motion.velocity_at(time))
-            for law in laws:
-                found += law(time)
-            return found
-
-        return inputs
+        support = self.system.support
+        parts = [_scalar(law) for _, law in self.laws]
+        if support and self.is_analytic:
+            parts.insert(0, lambda time: (time,))
+        elif support:
+            motion, dragged = support.motion, self.system.dragged
+            pair = (motion.acceleration_at, motion.velocity_at) if dragged else (motion.acceleration_at,)
+            parts.insert(0, lambda time: [each(time) for each in pair])
+        if len(parts) == 1:
+            return parts[0]
+        return lambda time: [number for part in parts for number in part(time)]
 
     def instant(self, u: Sequence[Any]) -> Instant:
         """The instant of these inputs."""
@@ -138,7 +133,7 @@ def _along(direction: tuple[float, float], size: Any) -> tuple[Any, Any]:
     return (along * size if along else 0.0), (down * size if down else 0.0)
 
 
-def _scalar(law: Any) -> Callable[[float], list[float]]:
+def _scalar(law: Any) -> Callable[[float], Sequence[float]]:
     if hasattr(law, "at"):
         return law.at  # type: ignore[no-any-return]
     return lambda time: [float(part) for part in law(time)]

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from scipy.integrate import DOP853
 
-from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics import Generated
 from nonlinear.dynamics.generated import UNDEFINED
@@ -51,6 +50,8 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
     t: float
     y: Floats
     f: Floats
+    t_old: float
+    y_old: Floats
     h_abs: float
 
     def __init__(self, rate: Rate, inputs: Listed | None, clocked: bool, *arguments: Any, **options: Any) -> None:
@@ -60,8 +61,32 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         self.passed = Passed(self.t, self.t, self.y.tolist(), self.y.tolist(), [self.f.tolist()])
         self.smallest = np.broadcast_to(self.atol, self.y.shape).tolist()
 
-    def _step_impl(self) -> tuple[bool, str | None]:
-        t, y, f = self.t, self.y.tolist(), self.f.tolist()
+    def advance(self, due: Numbers, most: int) -> tuple[list[Passed], list[Passed], int]:
+        """Up to this many steps, none if the first fails, until the last time that is `due` (all that, if none is).
+
+        Returns the steps, those in which times are due, and how many of these times have been reached.
+        """
+        y, f, at = self.y.tolist(), self.f.tolist(), 0
+        steps: list[Passed] = []
+        wanted: list[Passed] = []
+        while len(steps) < most and self.t < self.t_bound and (at < len(due) or not due):
+            step = self._passed(y, f)
+            if step is None:
+                break
+            steps.append(step)
+            y, f, self.t = step.after, step.stages[-1], step.end
+            if at < len(due) and due[at] <= self.t:
+                wanted.append(step)
+                at = bisect_right(due, self.t)
+        if steps:
+            self.passed = steps[-1]
+            self.t_old, self.y_old = self.passed.start, np.array(self.passed.before)
+            self.y, self.f = np.array(y), np.array(f)
+        return steps, wanted, at
+
+    def _passed(self, y: Numbers, f: Numbers) -> Passed | None:
+        """The next step, None where it would be too short."""
+        t = self.t
         least = 10 * abs(nextafter(t, self.t_bound) - t)
         length, rejected = min(max(float(self.h_abs), least), self.max_step), False
         while length >= least:
@@ -71,11 +96,13 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
             if error < 1:
                 grown = min(GROWS, SAFETY * error ** (-1 / 8)) if error else GROWS
                 self.h_abs, self.h_previous = length * (min(1.0, grown) if rejected else grown), length
-                self.y_old, self.t, self.y, self.f = self.y, end, np.array(after), np.array(stages[-1])
-                self.passed = Passed(t, end, y, after, stages)
-                return True, None
+                return Passed(t, end, y, after, stages)
             length, rejected = length * max(SHRINKS, SAFETY * error ** (-1 / 8)), True
-        return False, self.TOO_SMALL_STEP
+        return None
+
+    def _step_impl(self) -> tuple[bool, str | None]:
+        steps, _, _ = self.advance((), 1)
+        return (True, None) if steps else (False, self.TOO_SMALL_STEP)
 
     def _attempted(self, length: float, y: Numbers, f: Numbers) -> tuple[float, Numbers, Sequence[Numbers]]:
         self.nfev += STAGES
@@ -95,8 +122,6 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
 class FloatStepper(DOP853Stepper[Generated]):
     """DOP853 in floats for generated equations, with the arguments of `DOP853Stepper`."""
 
-    _failure: ComputationError | None = None
-
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> FloatDOP853:
         listed = self.equations.listed
         inputs = self._off_breaks(listed) if listed and self.pace.breaks else listed
@@ -109,26 +134,15 @@ class FloatStepper(DOP853Stepper[Generated]):
 
     def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Numbers]], int]:
         """Many steps at once, as defined in `Sweeper`."""
-        if self._failure:
-            raise self._failure
-        due, at = times.tolist(), 0
-        ends: list[tuple[float, Numbers]] = []
-        kept: list[Passed] = []
-        try:
-            while at < len(due) and len(ends) < AT_ONCE:
-                self.step()
-                passed = cast("FloatDOP853", self._solver).passed
-                ends.append((passed.end, passed.after))
-                if due[at] <= passed.end:
-                    kept.append(passed)
-                    at = bisect_right(due, passed.end)
-        except ComputationError as error:
-            self._failure = error
-            if not ends:
-                raise
-        self._done += EXTRA * len(kept)
-        rows = interpolated(kept, times[:at], self.equations.derivative) if at else np.empty((0, len(self.y)))
-        return rows, ends, len(ends)
+        solver = cast("FloatDOP853", self._on_its_way())
+        steps, wanted, reached = solver.advance(times.tolist(), AT_ONCE)
+        if not steps:
+            raise self._stopped(solver.TOO_SMALL_STEP)
+        self.before, self.y_before, self._within = solver.t_old, solver.y_old, None
+        solver.status = "finished" if solver.t >= solver.t_bound else "running"
+        self._done += EXTRA * len(wanted)
+        rows = interpolated(wanted, times[:reached], self.equations.derivative) if reached else np.empty((0, solver.n))
+        return rows, [(step.end, step.after) for step in steps], len(steps)
 
 
 def interpolated(steps: Sequence[Passed], times: Floats, derivative: Any) -> Floats:

@@ -1,0 +1,134 @@
+"""What each feature of a scene costs: a derivative in floats beside that of the plain scene, and whole runs.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/engines.py [--quick]
+
+Two bobs with one feature each, over the same two bobs without; then runs of shipped scenes, that of `kapitza.toml`
+beside the ten lines that a user would write with SciPy's DOP853.  Process times, the best of several, all in one run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from math import pi, sin
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from modal import Bob, Cart, Fixed, InitialCondition, Pendulum, Scene, load
+from modal.scene import Hoist, Moved, RandomMotion, SineMotion
+from nonlinear import simulate
+from nonlinear.dynamics import Generated
+from nonlinear.system import AppliedForces, State, initial_state, system_of
+
+RUNS = {
+    "kapitza": ("examples/kapitza.toml", 10.0),
+    "crane": ("hoisting-crane", 10.0),
+    "suspension": ("examples/suspension.toml", 10.0),
+}
+START = InitialCondition(angles_deg=(30.0, -20.0))
+
+
+def of(support: Fixed | Cart | Moved | None = None, damping_ratio: float | None = None, **more: float) -> Scene:
+    links = (Bob(mass=1.3, length=1.1, **more), Bob(mass=0.7, length=0.6, **more))
+    ratio = {} if damping_ratio is None else {"damping_ratio": damping_ratio}
+    return Scene(gravity=9.81, support=support or Fixed(), pendulum=(Pendulum(links=links, start=START),), **ratio)
+
+
+def hoisted(scene: Scene) -> Scene:
+    first, second = scene.pendulum[0].links
+    links = (first.replace(hoist=Hoist(to=0.7, duration=3.0)), second)
+    return scene.replace(pendulum=(scene.pendulum[0].replace(links=links),))
+
+
+def push(time: float, state: State) -> AppliedForces:
+    return AppliedForces(moments=np.array([sin(time), 0.0]))
+
+
+def features() -> dict[str, tuple[Scene, bool]]:
+    """Scenes, and whether a load acts on them."""
+    sine = SineMotion(direction="vertical", amplitude=0.02, frequency_hz=2.0)
+    random = RandomMotion(psd=(1.0, 1.0), frequency_hz=(0.1, 5.0), seed=3, duration=60.0)
+    return {
+        "plain": (of(), False),
+        "dampers": (of(damping=0.1), False),
+        "springs": (of(stiffness=2.0), False),
+        "linear drag": (of(drag=0.1), False),
+        "quadratic drag": (of(quadratic_drag=0.1), False),
+        "damping_ratio": (of(damping_ratio=0.02), False),
+        "cart": (of(Cart(mass=2.0)), False),
+        "moved by a sine": (of(Moved(motion=sine)), False),
+        "moved at random": (of(Moved(motion=random)), False),
+        "moved, drag": (of(Moved(motion=sine), drag=0.1), False),
+        "hoist": (hoisted(of()), False),
+        "hoist, drag": (hoisted(of(drag=0.1)), False),
+        "load from Python": (of(), True),
+    }
+
+
+def best(call: Callable[[], object], times: int) -> float:
+    """Seconds of one call, the best of several batches."""
+    found = []
+    for _ in range(7):
+        begun = time.process_time()
+        for _ in range(times):
+            call()
+        found.append((time.process_time() - begun) / times)
+    return min(found)
+
+
+def derivative(scene: Scene, loaded: bool) -> Callable[[], object]:
+    """A call of the written rate with its inputs, as in a stage of a step."""
+    equations = Generated(system_of(scene), load=push if loaded else None)
+    y = equations.begin(initial_state(scene)).tolist()
+    rate, listed = equations.rate, equations.listed
+    if listed is None:
+        return lambda: rate(y)
+    if equations.is_clocked:
+        return lambda: rate(y, (0.7,))
+    return lambda: rate(y, listed(0.7, y))
+
+
+def by_hand(seconds: float) -> float:
+    """The last angle of kapitza.toml by ten lines and SciPy."""
+    scene = load("examples/kapitza.toml")
+    link, motion = scene.pendulum[0].links[0], scene.support.motion
+    omega, phase = 2 * pi * motion.frequency_hz, motion.phase_deg * pi / 180
+    inertia, b = link.inertia + link.mass * link.centre**2, link.mass * link.centre
+
+    def rate(t: float, y: np.ndarray) -> list[float]:
+        lifted = -motion.amplitude * omega**2 * sin(omega * t + phase)
+        return [y[1], -(b * (scene.gravity + lifted) * sin(y[0]) + link.damping * y[1]) / inertia]
+
+    start = initial_state(scene)
+    run = solve_ivp(rate, (0, seconds), [start.links[0], start.link_rates[0]], "DOP853", rtol=1e-9, atol=1e-10)
+    return float(run.y[0, -1])
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="fewer calls and shorter runs")
+    quick = parser.parse_args().quick
+    calls, share = (200, 0.1) if quick else (5000, 1.0)
+    print("a derivative with            µs   over plain")
+    plain = 0.0
+    for name, (scene, loaded) in features().items():
+        seconds = best(derivative(scene, loaded), calls)
+        plain = plain or seconds
+        print(f"{name:22}  {1e6 * seconds:7.2f}  {seconds / plain:7.2f}")
+    print("\na run of                     s     steps  µs a derivative")
+    for name, (scene, duration) in RUNS.items():
+        own, length = load(scene), share * duration
+        found = simulate(own, length, method="DOP853")
+        seconds = best(lambda own=own, length=length: simulate(own, length, method="DOP853"), 1)
+        print(f"{name:22}  {seconds:7.4f}  {found.run.steps:6}  {1e6 * seconds / found.run.calls:7.2f}")
+        if name == "kapitza":
+            hand, angle = best(lambda length=length: by_hand(length), 1), by_hand(length)
+            apart = abs(angle - float(found.motion.links[-1, 0]))
+            print(f"  ten lines by hand     {hand:7.4f}  {seconds / hand:6.2f} of it; apart {apart:.1e} rad")
+
+
+if __name__ == "__main__":
+    main()
