@@ -126,8 +126,10 @@ def main() -> None:
         print(f"{name:22}  {seconds:7.4f}  {found.run.steps:6}  {1e6 * seconds / found.run.calls:7.2f}")
         if name == "kapitza":
             hand, angle = best(lambda length=length: by_hand(length), 1), by_hand(length)
+            ends = best(lambda own=own, length=length: simulate(own, length, method="DOP853", output=2), 1)
             apart = abs(angle - float(found.motion.links[-1, 0]))
-            print(f"  ten lines by hand     {hand:7.4f}  {seconds / hand:6.2f} of it; apart {apart:.1e} rad")
+            print(f"  without samples       {ends:7.4f}")
+            print(f"  ten lines by hand     {hand:7.4f}  {ends / hand:6.2f} of it; apart {apart:.1e} rad")
 
 
 if __name__ == "__main__":

@@ -197,3 +197,54 @@ def test_the_packages_know_no_option_of_the_command(name: str) -> None:
 def test_the_search_for_options_bites() -> None:
     source = '"""About --modes."""\nraise ValueError(f"--to {name}: no", "write -o FILE", "a - b, -1, well-made, a--b")'
     assert [text for text in spoken(source) if OPTION.search(text)] == ["write -o FILE", "--to "]
+
+
+# ------------------------------------------------------------------------------------------------------ one text
+
+FIRST_MOMENTS, DIRECTIONS = {"b", "mc", "static", "first_moment"}, {"sin", "cos", "sine", "cosine", "s", "c", "along"}
+KEPT = {
+    "nonlinear.dynamics.recursion": "the text",
+    "nonlinear.dynamics.dense": "the text of short chains, and the small dense form",
+    "nonlinear.dynamics.joints": "the inertial torques of a moved support, for every form",
+    "nonlinear.dynamics.hamiltonian": "the canonical form, an independent route",
+    "nonlinear.dynamics.friction": "the reaction of the rail",
+    "nonlinear.dynamics.minimal": "the winches' power",
+    "nonlinear.reduction.truncated": "the motion in a few modes",
+    "nonlinear.postprocessing.frequencies": "the amplitude series of a frequency",
+    "nonlinear.chaos.studies": "the energies that a section can have",
+}
+"""Modules that may multiply first moments by directions of links, and why."""
+
+
+def _name(node: ast.expr) -> str:
+    if isinstance(node, ast.Subscript | ast.Call):
+        return _name(node.value if isinstance(node, ast.Subscript) else node.func)
+    return node.id if isinstance(node, ast.Name) else node.attr if isinstance(node, ast.Attribute) else ""
+
+
+def _factors(node: ast.expr) -> list[str]:
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult | ast.MatMult):
+        return _factors(node.left) + _factors(node.right)
+    return [_name(node.operand if isinstance(node, ast.UnaryOp) else node)]
+
+
+def turns_first_moments(source: str) -> bool:
+    """Whether a product in a source has both a first moment and a sine or cosine for factors."""
+    products = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.BinOp))
+    names = (set(_factors(node)) for node in products if isinstance(node.op, ast.Mult | ast.MatMult))
+    return any(own & FIRST_MOMENTS and own & DIRECTIONS for own in names)
+
+
+def test_the_physics_of_links_is_written_once() -> None:
+    found = {
+        name
+        for name, path in sources().items()
+        if name.startswith(("nonlinear", "multipendula")) and turns_first_moments(path.read_text(encoding="utf-8"))
+    }
+    assert found - set(KEPT) == set()
+
+
+def test_a_twin_by_hand_would_be_found() -> None:
+    assert turns_first_moments("force[0] += (group.block.b * np.cos(q)) @ turned")
+    assert turns_first_moments("x = m * mc * c * w * w")
+    assert not turns_first_moments("x = group.block.length * np.cos(q)")
