@@ -1,6 +1,7 @@
 // The page: its parts joined, and a frame after the other.
 
 import { Controls } from "./controls.js";
+import { energiesOf } from "./equations.js";
 import { mannerOf } from "./modes.js";
 import { degrees, digits, scientific } from "./numbers.js";
 import { drawScene, drawStrip, hueOf, paint } from "./picture.js";
@@ -10,7 +11,6 @@ import { packed, sceneFile, unpacked } from "./scene_file.js";
 import { Sound } from "./sound.js";
 import { Stage } from "./stage.js";
 import { ModeTable } from "./table.js";
-import { energiesOf } from "./recursion.js";
 
 const SPAN = 12; // s of the strip
 const TRAIL = 70; // frames
