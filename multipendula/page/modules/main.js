@@ -64,7 +64,7 @@ class LivePage {
     const { player } = this;
     element("title").textContent = player.scene.title || document.title;
     element("replay").hidden = !player.recording;
-    element("of-cart").hidden = !player.system.cart;
+    element("of-cart").hidden = !player.system.cart && !player.system.support;
     player.listen((what) => this.heard(what));
     this.bindButtons();
     this.bindSwitches();
@@ -184,7 +184,7 @@ class LivePage {
   remember() {
     const { player } = this;
     const places = player.view.places(player.y);
-    player.view.follow(places, player.y[0]);
+    player.view.follow(places, player.y[0] + player.view.shift[0]);
     if (this.trails.length !== places.length) this.trails = places.map(() => []);
     if (!player.playing) return;
     places.forEach(({ joints }, i) => {
