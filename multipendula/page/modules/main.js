@@ -164,6 +164,7 @@ class LivePage {
   frame(now) {
     const { player, sound } = this;
     player.frame((now - this.last) / 1000);
+    if (player.system.support) player.view.shift = player.system.support(player.now).slice(0, 2);
     this.last = now;
     this.count++;
     this.remember();

@@ -168,7 +168,6 @@ export class Player {
 
   // One frame, `elapsed` seconds after the last.
   frame(elapsed) {
-    if (this.system.support) this.view.shift = this.system.support(this.now).slice(0, 2);
     if (!this.playing) return;
     const passed = Math.min(elapsed, 0.05) * this.speed;
     if (this.replaying) {
