@@ -207,9 +207,9 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "the live page",
-            SHAPE | {"dampers"} | DRIVES,
+            SHAPE | {"dampers", "moved_support"} | DRAG | DRIVES,
             refuses={
-                **_each(FRICTION | DRAG | _of("moved_support hoist space damping_ratio"), "cannot show it"),
+                **_each(FRICTION | _of("hoist space damping_ratio"), "cannot show it"),
                 "massless_cart": "cannot show it",
             },
             beside=UNLOADED,

@@ -1,10 +1,10 @@
 """The live page: one HTML file in which a scene hangs, swings and is changed, or a saved motion plays.
 
 In: a scene or a trajectory.  Out: a page without any request to a network.  `document` puts it together from
-`page.html`, `page.css` and the JavaScript modules in `modules/`, which know nothing of Python and hold the same
-equations; `payload` is what it is given to show.  In `modules/`, `system.js` is a scene as numbers, `modes.js` its
-modes, `recursion.js` its equations of motion, `motion.js` a run; `main.js` joins them to what is seen.  Start with
-`document`.
+`page.html`, `page.css` and the JavaScript modules in `modules/`, and writes the equations of one link into it
+(`nonlinear.dynamics.links`); `payload` is what it is given to show.  In `modules/`, `system.js` is a scene as numbers,
+`modes.js` its modes, `equations.js` the loops of its equations of motion, `motion.js` a run; `main.js` joins them to
+what is seen.  Start with `document`.
 """
 
 from multipendula.page.document import LARGEST, MODULES, joined, page

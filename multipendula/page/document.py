@@ -11,6 +11,7 @@ import json
 import re
 from base64 import b64encode
 from collections.abc import Sequence
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,9 @@ from modal.report import html
 from modal.scene import scene_from, title_of
 
 HERE = Path(__file__).parent
-MODAL = ("system", "matrices", "amplitude", "modes")
-PHYSICS = (*MODAL, "dop853", "recursion", "kicks", "motion", "scene_file", "recording")
-"""The modules that touch no document."""
+MODAL = ("steps", "system", "matrices", "amplitude", "modes")
+PHYSICS = (*MODAL, "dop853", "equations", "kicks", "motion", "scene_file", "recording")
+"""The modules that touch no document; `steps` is written."""
 MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "main")
 LARGEST = 300_000
 """Bytes of a page, at most."""
@@ -31,7 +32,21 @@ EXPORT = re.compile(r"^export (?=(?:const|function|class) (\w+))", re.MULTILINE)
 
 def joined(names: Sequence[str] = MODULES) -> str:
     """The modules of these names as one script."""
-    return "\n".join(_scoped(name, _file(f"modules/{name}.js")) for name in names)
+    return "\n".join(_scoped(name, steps() if name == "steps" else _file(f"modules/{name}.js")) for name in names)
+
+
+@cache
+def steps() -> str:
+    """The module of the equations of motion, written from what `nonlinear.dynamics.links` records."""
+    from nonlinear.dynamics import link_steps, sine_steps, support_steps
+
+    kinds = {
+        kind: f"{{ link: {link_steps(linear=on).javascript()}, support: {support_steps(linear=on).javascript()} }}"
+        for kind, on in (("full", False), ("linearized", True))
+    }
+    parts = {**kinds, "sine": sine_steps().javascript()}
+    lines = [f"export const {name} = {text};" for name, text in parts.items()]
+    return "\n".join(("// Written by `nonlinear.dynamics.text`.", "const { sin, cos, sqrt } = Math;", *lines))
 
 
 def _scoped(name: str, text: str) -> str:

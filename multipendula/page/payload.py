@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Cart, Scene, describe, refusals
+from modal.scene import Cart, Moved, Scene, describe, refusals
 from modal.types import Floats
 
 if TYPE_CHECKING:
@@ -42,6 +42,8 @@ def _problems(scene: Scene) -> Iterator[str]:
     yield from refusals(scene, "the live page")
     if scene.n_links > MOST_LINKS:
         yield f"the scene has {scene.n_links} links in all: the live page shows at most {MOST_LINKS}"
+    if isinstance(scene.support, Moved) and scene.support.motion.kind != "sine":
+        yield f'support.motion.kind = "{scene.support.motion.kind}": the live page moves a support in a sine'
     if isinstance(scene.support, Cart) and scene.support.mass == 0 and "massless_cart" not in scene.features:
         yield "support.mass = 0.0: the live page needs a cart with mass"
 

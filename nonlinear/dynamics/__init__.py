@@ -21,6 +21,7 @@ from nonlinear.dynamics.inputs import Inputs, Instant
 from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
 from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.lanes import Lanes
+from nonlinear.dynamics.links import link_steps, sine_steps, support_steps
 from nonlinear.dynamics.maximal import Maximal
 from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
 from nonlinear.dynamics.minimal import Body, Minimal, Recursion
@@ -61,9 +62,12 @@ __all__ = [
     "form_of",
     "is_unstable_equilibrium",
     "jacobian_of",
+    "link_steps",
     "links_of_contacts",
     "loses_digits",
     "module_of",
+    "sine_steps",
+    "support_steps",
     "symmetrize",
     "synchronous",
     "undisturbed",

@@ -35,12 +35,16 @@ class Resistance(NamedTuple):
     forces: Any
 
 
+def drag_law(velocity: Any, drag: Any, quadratic: Any = None) -> Any:
+    """The force (N), (d, ...) like the velocity (m/s) of a centre in the air."""
+    strength = drag if quadratic is None else drag + quadratic * np.sqrt((velocity * velocity).sum(0))
+    return -(strength * velocity)
+
+
 def drag_forces(group: Group, velocities: Any) -> Any:
     """The force (N) on every link's centre, (d, n, P, ...) like its velocity (m/s)."""
-    strength = _spread(group.block.drag, velocities)
-    if group.quadratic_drag is not None:
-        strength = strength + _spread(group.quadratic_drag, velocities) * np.sqrt((velocities * velocities).sum(0))
-    return -(strength * velocities)
+    quadratic = None if group.quadratic_drag is None else _spread(group.quadratic_drag, velocities)
+    return drag_law(velocities, _spread(group.block.drag, velocities), quadratic)
 
 
 def drag(group: Group, along: Any, cart_rate: Any, support: Any = None, winding: Any = None) -> Resistance:

@@ -56,9 +56,13 @@ def inertial_torques(group: Group, angles: Any, support: Any) -> Any:
 
     They are those of a uniform field: with b as in `modal.pair`, b (a_down sin θ − a_along cos θ).
     """
+    return inertial_law(_spread(group.block.b, angles), np.sin(angles), np.cos(angles), support)
+
+
+def inertial_law(b: Any, sin: Any, cos: Any, support: Any) -> Any:
+    """The torque (N m) of those of one link and all that hangs below it."""
     along, down = support
-    b = _spread(group.block.b, angles)
-    return b * (down * np.sin(angles) - along * np.cos(angles))
+    return b * (down * sin - along * cos)
 
 
 def spring_energy(group: Group, angles: Floats) -> Floats:

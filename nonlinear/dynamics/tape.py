@@ -87,9 +87,9 @@ class Symbol:
         return 0.0 if _is(other, 0) else self._with("/", other, self)
 
     def __pow__(self, power: int) -> Any:
-        if power not in {1, 2}:
+        if power not in {0, 1, 2}:
             raise NotImplementedError
-        return self if power == 1 else self * self
+        return 1.0 if power == 0 else self if power == 1 else self * self
 
     def __neg__(self) -> Any:
         return self.operation[1] if self.operation[0] == "neg" else self.tape.symbol("neg", self)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import cmath
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, lru_cache
 from typing import Any
@@ -106,6 +107,20 @@ class Module:
         arguments = ", ".join((*self._kinds(name), "c", "o"))
         return "\n".join((f"def {name}({arguments}):", " for k in range(WIDTH):", *lines)) + "\n"
 
+    def javascript(self) -> str:
+        """The source of an object of functions for JavaScript, where sin, cos and sqrt are those of Math.
+
+        `constants(p)` returns c; the others are functions (c, y, u, v, o), which write into o.
+        """
+        made = [_braced("constants(p)", self._before, (), f"return [{', '.join(self.kept)}];")]
+        for name, lines in self._lines.items():
+            found = self.components(name)
+            text = "\n".join((*lines.lines, *found))
+            constants = [one for one in self.names if re.search(rf"\b{one}\b", text)]
+            ends = (f"o[{k}] = {one};" for k, one in enumerate(found))
+            made.append(_braced(f"{name}(c, y, u, v, o)", lines, constants, *ends))
+        return "\n".join(("{", *made, "}"))
+
     def _kinds(self, name: str) -> list[str]:
         wanted = {one.operation[1] for one in self._lines[name].given}
         return [kind for kind in KINDS if kind in wanted]
@@ -145,6 +160,13 @@ def joined(operator: str, parts: Sequence[str]) -> str:
     if operator in FUNCTIONS["floats"]:
         return f"{operator}({parts[0]})"
     return f"(-{parts[0]})" if operator == "neg" else f"({parts[0]} {operator} {parts[1]})"
+
+
+def _braced(head: str, lines: _Lines, constants: Sequence[str], *ends: str) -> str:
+    """A method of an object in JavaScript: what it reads from arrays, its lines, its ends."""
+    reads = [(one[0], int(one[1:])) for one in constants] + [one.operation[1:] for one in lines.given]
+    body = [f"{kind}{k} = {kind}[{k}]" for kind, k in reads] + lines.lines
+    return "\n".join((f"{head} {{", *(f"const {line};" for line in body), *ends, "},"))
 
 
 def _paired(line: str, pairs: dict[str, tuple[str, str]]) -> list[str]:

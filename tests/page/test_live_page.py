@@ -14,7 +14,7 @@ from chromium import Chromium
 from live import BROWSER, axe, written
 
 from modal import Bob, Pendulum, Scene, natural_modes
-from modal.scene import load, parse
+from modal.scene import Moved, SineMotion, load, parse
 from multipendula.page import recording_of
 from nonlinear import simulate
 from nonlinear.system import initial_state
@@ -342,6 +342,35 @@ def test_dampers_and_drives(shown: Chromium) -> None:
     shown.click("sound")
     shown.frames(6)
     shown.click("sound")
+    assert shown.errors == []
+
+
+def test_sliders_of_drag_and_of_a_moved_support(shown: Chromium, tmp_path: Path) -> None:
+    assert cells(shown)[1][5] == "–" or float(cells(shown)[1][5].split()[0]) == 0
+    enter(shown, "Drag", 0.3)
+    enter(shown, "Quadratic drag", 0.2)
+    link = parse(file_of(shown).encode()).pendulum[0].links[0]
+    assert (link.drag, link.quadratic_drag) == (0.3, 0.2)
+    assert float(cells(shown)[1][5].split()[0]) > 0.1
+    enter(shown, "Drag", 0.0)
+    enter(shown, "Quadratic drag", 0.0)
+    assert float(cells(shown)[1][5].split()[0]) == 0
+    motion = SineMotion(amplitude=0.1, frequency_hz=1.0, direction="vertical")
+    shown.open(written(load("chain-2").replace(support=Moved(motion=motion)), tmp_path))
+    enter(shown, "Support amplitude", 0.2)
+    enter(shown, "Support frequency", 1.25)
+    shown.frames(1)
+    before = shown.run("document.getElementById('scene').toDataURL()")
+    shown.click("play")
+    shown.frames(13)
+    assert parse(file_of(shown).encode()).support.motion == motion.replace(amplitude=0.2, frequency_hz=1.25)
+    assert shown.run("document.getElementById('scene').toDataURL()") != before
+    assert "10⁻" in text(shown, "drift")
+    shown.click("link")
+    fragment = shown.run("location.hash")
+    shown.open(tmp_path / "page.html", fragment)
+    assert "holds no scene" not in text(shown, "status")
+    assert "amplitude = 0.2" in file_of(shown)
     assert shown.errors == []
 
 

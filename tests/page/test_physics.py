@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,23 @@ from scipy.integrate._ivp import dop853_coefficients as coefficients
 
 from modal import natural_modes
 from modal.modes import Modes
-from modal.scene import Scene, example_names, load, parse, scene_from
+from modal.scene import (
+    Fixed,
+    InitialCondition,
+    Moved,
+    Scene,
+    SineMotion,
+    describe,
+    example_names,
+    load,
+    parse,
+    scene_from,
+)
 from multipendula.page import MOST_LINKS, scene_data
 from nonlinear import simulate
+from nonlinear.dynamics import Generated
 from nonlinear.integration import Trajectory
-from nonlinear.system import AppliedForces, initial_state
+from nonlinear.system import AppliedForces, initial_state, system_of
 
 pytestmark = [BROWSER, pytest.mark.slow, pytest.mark.xdist_group("chromium")]
 
@@ -112,12 +125,12 @@ def test_a_wrong_shape_or_frequency_is_seen(browser: Chromium) -> None:
 
 def test_damping_ratios_are_the_first_order_of_the_table(browser: Chromium) -> None:
     scene = load("paper-cart-2")
-    weak = scene.replace(support=scene.support.replace(damping=1e-3))
-    (rows,) = asked(browser, MODES, [scene_data(weak)])
-    mine = sorted(row["ratio"] for row in rows if row["omega"])
-    theirs = sorted(mode.damping_ratio for mode in natural_modes(weak) if mode.oscillates)
-    assert mine == pytest.approx(theirs, rel=1e-5, abs=1e-12)
-    assert mine[-1] > 1e-8
+    weak = [scene.replace(support=scene.support.replace(damping=1e-3)), aired(scene, drag=1e-3)]
+    for rows, one in zip(asked(browser, MODES, [scene_data(one) for one in weak]), weak, strict=True):
+        mine = sorted(row["ratio"] for row in rows if row["omega"])
+        theirs = sorted(mode.damping_ratio for mode in natural_modes(one) if mode.oscillates)
+        assert mine == pytest.approx(theirs, rel=1e-5, abs=1e-12)
+        assert mine[-1] > 1e-8
 
 
 def within(run: Trajectory, scene: Scene) -> np.ndarray:
@@ -152,6 +165,90 @@ def test_motions_are_pythons_within_the_horizon(browser: Chromium) -> None:
             works = np.array(answer["rows"])[inside, -1]
             assert np.abs(works - run.motion.work[inside]).max() < 1e-5 * max(1.0, np.abs(run.motion.work).max())
     assert compared > 10 * len(scenes)
+
+
+def aired(scene: Scene, **given: float) -> Scene:
+    """The scene with the same numbers given to every link."""
+    pendula = (one.replace(links=tuple(link.replace(**given) for link in one.links)) for one in scene.pendulum)
+    return scene.replace(pendulum=tuple(pendula))
+
+
+SHAKEN = {"amplitude": 0.1, "frequency_hz": 1.7, "phase_deg": 25.0}
+AIR = {"drag": 0.1, "quadratic_drag": 0.3}
+ACTED = {
+    "linear drag": lambda scene: aired(scene, drag=0.2),
+    "quadratic drag": lambda scene: aired(scene, **AIR),
+    "shaken": lambda scene: scene.replace(support=Moved(motion=SineMotion(**SHAKEN))),
+    "heaved": lambda scene: scene.replace(support=Moved(motion=SineMotion(direction="vertical", **SHAKEN))),
+}
+
+
+@pytest.mark.parametrize("name", ACTED)
+def test_drag_and_moved_supports_act_as_in_python(browser: Chromium, name: str) -> None:
+    times = np.linspace(0, SECONDS, 41)
+    scenes = [ACTED[name](motion_scene(seed)) for seed in usually((2, 5), range(40))]
+    given = {"scenes": [scene_data(one) for one in scenes], "times": times.tolist()}
+    for answer, scene in zip(asked(browser, RUNS, given), scenes, strict=True):
+        run = simulate(scene, SECONDS, output=times, tolerance=1e-12)
+        inside = within(run, scene)
+        assert inside.sum() > 10
+        assert apart(answer["rows"], run)[inside].max() < MOTION
+        works, most = np.array(answer["rows"])[inside, -1], np.abs(run.motion.work).max()
+        assert most > 0.1
+        assert np.abs(works - run.motion.work[inside]).max() < 1e-5 * max(1.0, most)
+        assert answer["worst"] < 1e-8
+
+
+@pytest.mark.parametrize("direction", ["horizontal", "vertical"])
+def test_a_support_that_moves_through_the_air_is_pythons(browser: Chromium, direction: str) -> None:
+    """Rates at random states: scenes refuse drag on a moved support, the equations do not."""
+    question = """({ scene, support, states }) => {
+      const system = $system.systemOf({ ...scene, support });
+      const rates = $equations.equationsOf(system);
+      return states.map(([time, ...y]) => {
+        const out = new Float64Array(y.length);
+        rates(time, Float64Array.from(y), out);
+        return [...out];
+      });
+    }"""
+    rng = np.random.default_rng(0)
+    support = Moved(motion=SineMotion(direction=direction, **SHAKEN))
+    scene = aired(motion_scene(4).replace(support=Fixed()), **AIR)
+    system = replace(system_of(scene), support=system_of(motion_scene(4).replace(support=support)).support)
+    equations, half = Generated(system), system.n_links
+    states = rng.normal(size=(20, 2 * half + 2))
+    given = [[time, 0.0, *y[:half], 0.0, *y[half:]] for time, *y in states.tolist()]
+    mine = asked(browser, question, {"scene": scene_data(scene), "support": describe(support), "states": given})
+    for (time, *y), rates in zip(states.tolist(), mine, strict=True):
+        expected = equations.derivative(time, np.array(y))
+        assert np.delete(rates, (0, 1 + half)) == pytest.approx(expected, rel=1e-11, abs=1e-11)
+
+
+@pytest.mark.parametrize("name", ACTED)
+def test_the_linear_motion_is_that_of_small_angles(browser: Chromium, name: str) -> None:
+    """Half the angles leave an eighth of the difference, with quadratic drag a quarter."""
+    question = """(scenes) => scenes.map((scene) => {
+      const system = $system.systemOf(scene);
+      const motion = new $motion.Motion(system, $system.startOf(scene, system), { tolerance: 1e-12 });
+      motion.advance(4);
+      return [[...motion.y], [...motion.predicted]].map((y) => y.slice(0, -1));
+    })"""
+    scene = ACTED[name](load("chain-2"))
+    scenes = []
+    for size in (1e-3, 5e-4):
+        start = InitialCondition(angles_deg=(200 * size, -300 * size), rates_deg=(0.0, 100 * size))
+        own = scene.replace(pendulum=(scene.pendulum[0].replace(start=start),))
+        if name in {"shaken", "heaved"}:
+            amplitude = size / 10 if name == "shaken" else 0.01
+            motion = own.support.motion.replace(amplitude=amplitude)
+            own = own.replace(support=own.support.replace(motion=motion))
+        scenes.append(own)
+    (one, other) = (np.array(pair) for pair in asked(browser, question, [scene_data(own) for own in scenes]))
+    ends = [np.abs(full).max() for full, _ in (one, other)]
+    left = [np.abs(full - linear).max() for full, linear in (one, other)]
+    assert ends[0] / ends[1] == pytest.approx(2, rel=0.02)
+    assert left[0] < 0.02 * ends[0]
+    assert left[0] / left[1] > (3.5 if name == "quadratic drag" else 7)
 
 
 @pytest.mark.parametrize("name", ["huygens", "metronomes", "clocks-double"])
@@ -232,6 +329,7 @@ def test_five_double_pendula_cost_little(browser: Chromium) -> None:
 def test_a_scene_file_of_the_page_reads_back(browser: Chromium) -> None:
     scenes = [load(name) for name in ("huygens", "cart-upright", "metronomes", "rope")][:3]
     scenes += [motion_scene(seed) for seed in range(5)] + [mild_scene(seed) for seed in range(5)]
+    scenes += [acted(motion_scene(5)) for acted in ACTED.values()]
     scenes.append(scenes[0].replace(title='A "quoted" \\ <b>title</b> \x7fü 😀'.replace("\x7f", "")))
     for text, scene in zip(
         asked(browser, "(all) => all.map((one) => $scene_file.sceneFile(one))", [scene_data(one) for one in scenes]),
@@ -272,6 +370,15 @@ def test_a_link_is_checked_before_it_is_believed(browser: Chromium) -> None:
         {"scene": scene | {"title": 5}},
         {"scene": scene | {"support": {"kind": "cart", "mass": 0}}},
         {"scene": scene | {"pendulum": []}},
+        {
+            "scene": scene
+            | {"support": {"kind": "moved", "motion": {"kind": "random", "amplitude": 1, "frequency_hz": 1}}}
+        },
+        {
+            "scene": scene
+            | {"support": {"kind": "moved", "motion": {"kind": "sine", "amplitude": 1, "frequency_hz": 0}}}
+        },
+        {"scene": scene | {"pendulum": [{"links": [{"kind": "bob", "mass": 1, "length": 1, "drag": -1}]}]}},
         {"scene": scene | {"pendulum": [{"links": [{"kind": "bob", "mass": "1", "length": 1}]}]}},
         {"scene": scene | {"pendulum": [scene["pendulum"][0] | {"count": 1e6}]}},
         {"scene": scene, "y": [0, 0]},

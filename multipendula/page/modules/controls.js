@@ -65,10 +65,17 @@ export class Controls {
       return player.scene.pendulum[entry].links[index];
     };
     const ofLink = (key) => ({ read: () => link()[key], write: (value) => player.changeLink(player.selected, key, value), range: decade });
+    const ofAir = (key, most) => ({ ...ofLink(key), linear: true, read: () => link()[key] ?? 0, range: (value) => [0, Math.max(most(link()), 2 * value)] });
     this.ofLink = [
       new Slider(boxes.link, { label: "Mass", unit: "kg", ...ofLink("mass") }),
       new Slider(boxes.link, { label: "Length", unit: "m", ...ofLink("length") }),
     ];
+    if (!player.system.support || player.system.links.some(({ drag, quadratic }) => drag || quadratic)) {
+      this.ofLink.push(
+        new Slider(boxes.link, { label: "Drag", unit: "N s/m", ...ofAir("drag", ({ mass, length }) => mass * Math.sqrt(player.scene.gravity / length)) }),
+        new Slider(boxes.link, { label: "Quadratic drag", unit: "N s²/m²", ...ofAir("quadratic_drag", ({ mass, length }) => mass / length) }),
+      );
+    }
     this.others = [
       new Slider(boxes.scene, {
         label: "Gravity",
@@ -106,6 +113,14 @@ export class Controls {
           write: (value) => player.change((scene) => (scene.support.mass = value)),
           range: (value) => [value / 100, value * 100],
         }),
+      );
+    }
+    if (player.system.support) {
+      const ofMotion = (key) => ({ read: () => player.scene.support.motion[key], write: (value) => player.change((scene) => (scene.support.motion[key] = value)) });
+      const swing = { linear: true, range: (value) => [0, 2 * value || player.view.reach / 10] };
+      this.others.unshift(
+        new Slider(boxes.cart, { label: "Support amplitude", unit: "m", ...ofMotion("amplitude"), ...swing }),
+        new Slider(boxes.cart, { label: "Support frequency", unit: "Hz", ...ofMotion("frequency_hz"), range: decade }),
       );
     }
     this.others.push(

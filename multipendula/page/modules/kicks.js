@@ -1,9 +1,10 @@
 // Escapements: a kick whenever a joint passes its angle outwards, as in `nonlinear.integration.escapements`.
 //
-// A kick P acts on the link below the joint and -P on the one above; the velocities jump by the response of the
-// recursion to these moments without gravity or velocities.
+// A kick P acts on the link below the joint and -P on the one above; the velocities jump by the accelerations that these
+// moments give the scene at rest without gravity and springs.
 
-import { responseOf } from "./recursion.js";
+import { equationsOf } from "./equations.js";
+import { numbered } from "./system.js";
 
 const BUMP = 0.25; // a curve of one curvature rises above its ends by at most this times its change of slope
 
@@ -18,7 +19,8 @@ export class Escapements {
       const gamma = this.angleOf(joint, y);
       return Math.abs(gamma) > joint.link.angle ? -Math.sign(gamma) : 0;
     });
-    this.respond = responseOf({ ...system, cart: system.cart && { ...system.cart, stiffness: 0, damping: 0 } });
+    this.moments = new Float64Array(system.size);
+    this.respond = equationsOf(slack(system), () => this.moments);
   }
 
   angleOf({ own, above, link }, y) {
@@ -75,23 +77,29 @@ export class Escapements {
   // The kicks that `watch` has found.
   kick(y) {
     if (!this.due?.length) return;
-    const { size, links } = this.system;
-    const moments = new Float64Array(links.length);
+    const { size } = this.system;
+    const moments = this.moments.fill(0);
     const kicks = this.due.map((number) => {
       const { own, above, link } = this.joints[number];
       const side = this.beyond(number, y).side;
-      moments[own] += side * link.impulse;
-      if (above >= 0) moments[above] -= side * link.impulse;
+      moments[1 + own] += side * link.impulse;
+      if (above >= 0) moments[1 + above] -= side * link.impulse;
       this.sides[number] = -side;
       return { joint: this.joints[number], impulse: side * link.impulse };
     });
-    const jump = new Float64Array(size);
-    this.respond(y.subarray(1, size), new Float64Array(links.length), moments, 0, 0, jump);
+    const [still, jump] = [Float64Array.from(y).fill(0, size), new Float64Array(y.length)];
+    this.respond(0, still, jump);
     for (const { joint, impulse } of kicks) y[2 * size] += (impulse * this.rateOf(joint, y)) / 2;
-    for (let i = 0; i < size; i++) y[size + i] += jump[i];
+    for (let i = 0; i < size; i++) y[size + i] += jump[size + i];
     for (const { joint, impulse } of kicks) y[2 * size] += (impulse * this.rateOf(joint, y)) / 2;
     this.due = [];
   }
+}
+
+// The scene without gravity and springs, on a support at rest.
+function slack(system) {
+  const chains = system.chains.map((chain) => ({ ...chain, links: chain.links.map((link) => numbered({ ...link, stiffness: 0 }, 0)) }));
+  return { ...system, chains, gravity: 0, support: null, cart: system.cart && { ...system.cart, stiffness: 0 } };
 }
 
 // The least number from `low` to `high` for which a test holds, which it does from there on.

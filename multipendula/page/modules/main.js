@@ -1,6 +1,7 @@
 // The page: its parts joined, and a frame after the other.
 
 import { Controls } from "./controls.js";
+import { energiesOf } from "./equations.js";
 import { mannerOf } from "./modes.js";
 import { degrees, digits, scientific } from "./numbers.js";
 import { drawScene, drawStrip, hueOf, paint } from "./picture.js";
@@ -10,7 +11,6 @@ import { packed, sceneFile, unpacked } from "./scene_file.js";
 import { Sound } from "./sound.js";
 import { Stage } from "./stage.js";
 import { ModeTable } from "./table.js";
-import { energiesOf } from "./recursion.js";
 
 const SPAN = 12; // s of the strip
 const TRAIL = 70; // frames
@@ -64,7 +64,7 @@ class LivePage {
     const { player } = this;
     element("title").textContent = player.scene.title || document.title;
     element("replay").hidden = !player.recording;
-    element("of-cart").hidden = !player.system.cart;
+    element("of-cart").hidden = !player.system.cart && !player.system.support;
     player.listen((what) => this.heard(what));
     this.bindButtons();
     this.bindSwitches();
@@ -164,6 +164,7 @@ class LivePage {
   frame(now) {
     const { player, sound } = this;
     player.frame((now - this.last) / 1000);
+    if (player.system.support) player.view.shift = player.system.support(player.now).slice(0, 2);
     this.last = now;
     this.count++;
     this.remember();
@@ -184,7 +185,7 @@ class LivePage {
   remember() {
     const { player } = this;
     const places = player.view.places(player.y);
-    player.view.follow(places, player.y[0]);
+    player.view.follow(places, player.y[0] + player.view.shift[0]);
     if (this.trails.length !== places.length) this.trails = places.map(() => []);
     if (!player.playing) return;
     places.forEach(({ joints }, i) => {

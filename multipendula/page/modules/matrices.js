@@ -1,68 +1,43 @@
-// M, K and D of the linearized scene in the coordinates (x, deviations of the angles), as in `modal.assembly.dense`.
-//
-// `weights` are how many equal copies each chain stands for.  Both quadratic forms are also sums of squares, without
-// the cancellation that a product with the matrix has.
+// M, K and D of the linearized scene in the coordinates (x, deviations of the angles).
+
+import { full } from "./steps.js";
 
 export function zeros(n, columns = n) {
   return Array.from({ length: n }, () => new Float64Array(columns));
 }
 
-export function matricesOf(chains, cart, gravity, weights) {
-  const n = 1 + chains.reduce((total, chain) => total + chain.links.length, 0);
-  const [M, K, D] = [zeros(n), zeros(n), zeros(n)];
-  if (cart) [M[0][0], K[0][0], D[0][0]] = [cart.mass, cart.stiffness, cart.damping];
+// The bilinear forms x'Mz, x'Kz and x'Dz of chains that each stand for `weights` equal copies (null: one).  With x = z
+// they are sums of squares, without the cancellation that a product with the matrix has.
+export function formsOf(chains, cart, weights, x, z) {
+  const found = cart ? [cart.mass, cart.stiffness, cart.damping].map((value) => value * x[0] * z[0]) : [0, 0, 0];
   let at = 1;
   chains.forEach(({ links }, number) => {
-    const weight = weights[number];
-    links.forEach((link, i) => {
-      const own = at + i;
-      M[0][0] += weight * link.m;
-      M[own][own] += weight * (link.J + link.l ** 2 * link.below);
-      K[own][own] += weight * gravity * link.s * link.b;
-      M[0][own] = M[own][0] = weight * link.s * link.b;
-      for (let j = 0; j < i; j++) M[own][at + j] = M[at + j][own] = weight * links[j].s * links[j].l * link.s * link.b;
-      couple(K, own, i, weight * link.stiffness);
-      couple(D, own, i, weight * link.damping);
+    const pair = Float64Array.of(x[0], z[0], 0, 0, 0);
+    links.forEach(({ constants }, i) => {
+      full.link.paired(constants, [x[at], z[at], i ? x[at - 1] : 0, i ? z[at - 1] : 0], pair, null, pair);
+      at++;
     });
-    at += links.length;
+    for (let k = 0; k < 3; k++) found[k] += (weights?.[number] ?? 1) * pair[2 + k];
   });
+  return found;
+}
+
+export function inertiaOf(chains, cart, weights, x, z = x) {
+  return formsOf(chains, cart, weights, x, z)[0];
+}
+
+export function matricesOf(chains, cart, weights) {
+  const n = 1 + chains.reduce((total, chain) => total + chain.links.length, 0);
+  const [M, K, D] = [zeros(n), zeros(n), zeros(n)];
+  const units = zeros(n);
+  units.forEach((unit, i) => (unit[i] = 1));
+  for (let i = 0; i < n; i++) {
+    for (let j = 0; j <= i; j++) {
+      const forms = formsOf(chains, cart, weights, units[i], units[j]);
+      [M, K, D].forEach((matrix, k) => (matrix[i][j] = matrix[j][i] = forms[k]));
+    }
+  }
   return { M, K, D };
-}
-
-function couple(matrix, own, i, value) {
-  matrix[own][own] += value;
-  if (!i) return;
-  matrix[own - 1][own - 1] += value;
-  matrix[own][own - 1] -= value;
-  matrix[own - 1][own] -= value;
-}
-
-// x'Mx as a sum of squares of the velocities.
-export function inertiaForm(chains, cart, weights, x) {
-  let [total, at] = [cart ? cart.mass * x[0] ** 2 : 0, 1];
-  chains.forEach(({ links }, number) => {
-    let speed = x[0];
-    for (const link of links) {
-      const turn = link.s * x[at++];
-      total += weights[number] * (link.m * (speed + link.c * turn) ** 2 + link.I * turn ** 2);
-      speed += link.l * turn;
-    }
-  });
-  return total;
-}
-
-// x'Kx.
-export function stiffnessForm(chains, cart, gravity, weights, x) {
-  let [total, at] = [cart ? cart.stiffness * x[0] ** 2 : 0, 1];
-  chains.forEach(({ links }, number) => {
-    let above = 0;
-    for (const link of links) {
-      const own = x[at++];
-      total += weights[number] * (gravity * link.s * link.b * own ** 2 + link.stiffness * (own - above) ** 2);
-      above = own;
-    }
-  });
-  return total;
 }
 
 // The lower triangle L of M = L L'; an error where M is not positive definite.

@@ -6,7 +6,7 @@
 
 import { isGuide, kappaOf } from "./amplitude.js";
 import { sum } from "./system.js";
-import { backward, cholesky, forward, inertiaForm, jacobi, matricesOf, stiffnessForm, zeros } from "./matrices.js";
+import { backward, cholesky, formsOf, forward, inertiaOf, jacobi, matricesOf, zeros } from "./matrices.js";
 
 // Rows in ascending order of frequency: omega (rad/s), growing (whether it grows at that rate instead), multiplicity,
 // shapes (cart in m and every angle, largest angle 1), kappa, onePercent (degrees), ratio (of the dampers, to first
@@ -30,7 +30,7 @@ export function mannerOf({ omega, growing, ratio }) {
 function kindsOf(chains) {
   const kinds = new Map();
   for (const chain of chains) {
-    const key = JSON.stringify(chain.links.map(({ m, l, c, I, s, damping, stiffness }) => [m, l, c, I, s, damping, stiffness]));
+    const key = JSON.stringify(chain.links.map(({ numbers }) => numbers));
     if (!kinds.has(key)) kinds.set(key, []);
     kinds.get(key).push(chain);
   }
@@ -42,7 +42,7 @@ function alone(system, kind) {
   const fold = kind.length - (system.cart ? 1 : 0);
   if (!fold) return [];
   const chains = [kind[0]];
-  const { M, K, D } = matricesOf(chains, null, system.gravity, [1]);
+  const { M, K } = matricesOf(chains, null, [1]);
   const own = (matrix) => matrix.slice(1).map((row) => row.slice(1));
   return eigen(own(M), own(K)).map((vector) => {
     const x = Float64Array.of(0, ...vector);
@@ -56,7 +56,7 @@ function alone(system, kind) {
       }
       return shape;
     });
-    return row(shapes, x, chains, null, system.gravity, [1], D, system.cart ? "cart still" : "fixed support");
+    return row(shapes, x, chains, null, system.gravity, [1], system.cart ? "cart still" : "fixed support");
   });
 }
 
@@ -65,10 +65,10 @@ function together(system, kinds) {
   const { cart, gravity } = system;
   const chains = kinds.map((kind) => kind[0]);
   const weights = kinds.map((kind) => kind.length);
-  const { M, K, D } = matricesOf(chains, cart, gravity, weights);
+  const { M, K } = matricesOf(chains, cart, weights);
   const free = !cart.stiffness;
   const vectors = free ? withoutCart(M, K) : eigen(M, K);
-  const found = vectors.map((x) => row([spread(system, kinds, x)], x, chains, cart, gravity, weights, D, "cart moves"));
+  const found = vectors.map((x) => row([spread(system, kinds, x)], x, chains, cart, gravity, weights, "cart moves"));
   if (free) {
     const shape = new Float64Array(system.size);
     shape[0] = 1;
@@ -105,14 +105,13 @@ function spread(system, kinds, x) {
   return shape;
 }
 
-function row(shapes, x, chains, cart, gravity, weights, D, where) {
-  const inertia = inertiaForm(chains, cart, weights, x);
-  const square = stiffnessForm(chains, cart, gravity, weights, x) / inertia;
+function row(shapes, x, chains, cart, gravity, weights, where) {
+  const [inertia, stiffness, drag] = formsOf(chains, cart, weights, x, x);
+  const square = stiffness / inertia;
   const omega = Math.sqrt(Math.abs(square));
-  const drag = sum(D.map((line, i) => x[i] * sum([...line].map((value, j) => value * x[j]))));
   const ratio = omega && square > 0 ? drag / (2 * omega * inertia) : 0;
   const unit = scaled(x);
-  const swing = { omega, x: unit, chains, weights, inertia: inertiaForm(chains, cart, weights, unit), gravity };
+  const swing = { omega, x: unit, chains, weights, inertia: inertiaOf(chains, cart, weights, unit), gravity };
   return { omega, growing: square < 0, multiplicity: shapes.length, shapes: shapes.map(scaled), ratio, where, swing };
 }
 
@@ -143,7 +142,7 @@ function describe(system, rows, row, i) {
 function energiesIn(system, { shapes: [shape] }) {
   return system.chains.map(({ first, links }) => {
     const own = Float64Array.of(shape[0], ...shape.slice(1 + first, 1 + first + links.length));
-    return inertiaForm([{ links }], null, [1], own);
+    return inertiaOf([{ links }], null, null, own);
   });
 }
 

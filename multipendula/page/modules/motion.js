@@ -2,9 +2,10 @@
 
 import { Integrator } from "./dop853.js";
 import { Escapements } from "./kicks.js";
-import { backward, cholesky, forward, matricesOf } from "./matrices.js";
+import { energiesOf, equationsOf } from "./equations.js";
+import { inertiaOf } from "./matrices.js";
+import { linearized } from "./steps.js";
 import { atRest } from "./system.js";
-import { energiesOf, equationsOf } from "./recursion.js";
 
 const FAR = 100; // rad between the motion and a prediction that has grown away from it and is given up
 
@@ -12,10 +13,11 @@ export class Motion {
   constructor(system, y, { tolerance = 1e-10, push = null, linear = true, time = 0 } = {}) {
     const start = Float64Array.from(y);
     start[2 * system.size] = 0;
+    const forces = push && forcesOf(system, push);
     this.system = system;
-    this.full = new Integrator(equationsOf(system, push), start, { tolerance, uncounted: 1, time });
+    this.full = new Integrator(equationsOf(system, forces), start, { tolerance, uncounted: 1, time });
     this.escapements = system.links.some((link) => link.impulse) ? new Escapements(system, start) : null;
-    this.linear = linear ? new Integrator(linearEquationsOf(system, push), deviation(system, start), { tolerance, time }) : null;
+    this.linear = linear ? new Integrator(equationsOf(system, forces, linearized), deviation(system, start), { tolerance, time }) : null;
     this.first = this.energy;
     this.largest = Math.max(this.first.kinetic, 1e-7 * system.gravity * system.links.reduce((total, link) => total + link.b, 0));
     this.lowest = this.highest = this.first.potential;
@@ -75,35 +77,20 @@ export class Motion {
   }
 }
 
+// A push acts on the cart, or without one as a moment on the first link of every pendulum.
+function forcesOf({ size, cart, chains }, push) {
+  const forces = new Float64Array(size);
+  const places = cart ? [0] : chains.map(({ first }) => 1 + first);
+  return (time) => {
+    const amount = push(time);
+    for (const place of places) forces[place] = amount;
+    return forces;
+  };
+}
+
 function deviation(system, y) {
   const rest = atRest(system);
   return y.slice(0, 2 * system.size).map((value, i) => value - rest[i]);
-}
-
-// M q'' + D q' + K q = F for q = (x, deviations), without drives.
-export function linearEquationsOf(system, push = null) {
-  const { size, cart } = system;
-  const first = cart ? 0 : 1;
-  const { M, K, D } = matricesOf(system.chains, cart, system.gravity, system.chains.map(() => 1));
-  const L = cholesky(M.slice(first).map((row) => row.slice(first)));
-  const solved = (right) => backward(L, forward(L, right));
-  const load = new Float64Array(size);
-  if (cart) load[0] = 1;
-  else for (const chain of system.chains) load[1 + chain.first] = 1;
-  const pushed = solved(load.slice(first));
-  const columns = [K, D].map((matrix) => matrix.map((row) => solved(row.slice(first))));
-  const n = size - first;
-  return (time, y, out) => {
-    const force = push ? push(time) : 0;
-    out.set(y.subarray(size), 0);
-    out.fill(0, size);
-    for (let i = 0; i < n; i++) out[size + first + i] = force * pushed[i];
-    for (let j = first; j < size; j++) {
-      const [held, slowed] = [columns[0][j], columns[1][j]];
-      const [q, v] = [y[j], y[size + j]];
-      for (let i = 0; i < n; i++) out[size + first + i] -= held[i] * q + slowed[i] * v;
-    }
-  };
 }
 
 // A state at rest in the shape of a mode whose largest angle is `amplitude` (rad); a translation moves the cart at
@@ -120,18 +107,15 @@ export function inShape(system, row, amplitude, copy = 0) {
 
 // The largest angle (rad) that each mode has in a state: the amplitude of its swing, over its shapes.
 export function amplitudesOf(system, rows, y) {
-  const { M } = matricesOf(system.chains, system.cart, system.gravity, system.chains.map(() => 1));
   const q = deviation(system, y);
-  const momentum = [q.slice(0, system.size), q.slice(system.size)].map((part) =>
-    Float64Array.from(M, (row) => row.reduce((total, value, i) => total + value * part[i], 0)),
-  );
-  const dot = (one, other) => one.reduce((total, value, i) => total + value * other[i], 0);
+  const parts = [q.subarray(0, system.size), q.subarray(system.size)];
+  const product = (one, other) => inertiaOf(system.chains, system.cart, null, one, other);
   return rows.map((row) => {
     if (!row.omega || row.growing) return 0;
     return Math.hypot(
       ...row.shapes.flatMap((shape) => {
-        const mass = dot(shape, Float64Array.from(M, (line) => dot(shape, line)));
-        return [dot(shape, momentum[0]) / mass, dot(shape, momentum[1]) / mass / row.omega];
+        const mass = product(shape, shape);
+        return [product(shape, parts[0]) / mass, product(shape, parts[1]) / mass / row.omega];
       }),
     );
   });

@@ -42,7 +42,7 @@ export function hueOf(system, number, colours) {
 
 function drawSupport(ink, view, y, colours, tool) {
   const half = view.half * view.scale;
-  const [x, top] = view.pixel([y[0], 0]);
+  const [x, top] = view.pixel([y[0] + view.shift[0], view.shift[1]]);
   ink.lineWidth = 1.5;
   ink.strokeStyle = colours.line;
   if (!view.system.cart) {

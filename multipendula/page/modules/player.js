@@ -67,13 +67,19 @@ export class Player {
 
   // The full motion from the present state.
   release() {
+    const time = this.system.support ? this.now : 0;
     this.replaying = false;
     const { amount, frequency, on } = this.drive;
     const push = on ? (time) => amount * Math.cos(2 * Math.PI * frequency * time) : null;
-    this.motion = new Motion(this.system, this.y, { push });
+    this.motion = new Motion(this.system, this.y, { push, time });
     this.y = this.motion.y;
     this.playing = true;
     this.tell("state");
+  }
+
+  // The time of the scene (s): a support that moves goes on where it is.
+  get now() {
+    return this.replaying ? this.time + this.recording.begin : (this.motion?.time ?? 0);
   }
 
   toggle() {
@@ -82,7 +88,7 @@ export class Player {
       this.playing = !this.playing;
     } else if (this.motion) this.playing = !this.playing;
     else {
-      if (this.isAtRest && !this.drive.on) this.y = startOf(this.scene, this.system) ?? this.shape(this.firstRow, 0);
+      if (this.isAtRest && !this.drive.on) this.y = startOf(this.scene, this.system) ?? (this.isShaken ? this.y : this.shape(this.firstRow, 0));
       return this.release();
     }
     this.tell("state");
@@ -91,6 +97,11 @@ export class Player {
   get isAtRest() {
     const rest = atRest(this.system);
     return this.y.every((value, i) => Math.abs(value - rest[i]) < 1e-12);
+  }
+
+  // Whether the support's motion sets off what hangs at rest.
+  get isShaken() {
+    return this.system.support !== null && this.scene.support.motion.direction !== "vertical";
   }
 
   get firstRow() {

@@ -104,9 +104,13 @@ function isState({ scene, y, drive, selected }) {
 export function isScene(scene) {
   const { title = "", gravity, support, pendulum } = scene;
   if (typeof title !== "string" || title.length > 200 || !isPositive(gravity) || !Array.isArray(pendulum)) return false;
-  const held = support.kind === "fixed" || (support.kind === "cart" && isPositive(support.mass));
+  const held = support.kind === "fixed" || (support.kind === "cart" && isPositive(support.mass)) || (support.kind === "moved" && isSine(support.motion));
   if (!held || !isAmount(support.damping) || !isAmount(support.stiffness)) return false;
   return pendulum.length > 0 && pendulum.length <= MOST_LINKS && pendulum.every(isPendulum);
+}
+
+function isSine({ kind, amplitude, frequency_hz, phase_deg = 0, direction = "horizontal" }) {
+  return kind === "sine" && isReal(amplitude) && amplitude >= 0 && isPositive(frequency_hz) && isReal(phase_deg) && ["horizontal", "vertical"].includes(direction);
 }
 
 function isPendulum({ count = 1, links, equilibrium, start }) {
@@ -118,8 +122,8 @@ function isPendulum({ count = 1, links, equilibrium, start }) {
   return ways && begun && !(links.at(-1).kind === "body" && links.at(-1).centre === 0);
 }
 
-function isLink({ kind, mass, length, centre, inertia, damping, stiffness, drive }) {
+function isLink({ kind, mass, length, centre, inertia, damping, stiffness, drag, quadratic_drag, drive }) {
   const body = kind === "bob" || kind === "rod" || (kind === "body" && isReal(centre) && centre >= 0 && isReal(inertia) && inertia >= 0 && centre + inertia > 0);
   const driven = drive === undefined || (drive.kind === "van-der-pol" && isPositive(drive.strength) && isPositive(drive.angle_deg)) || (drive.kind === "escapement" && isPositive(drive.impulse) && isAmount(drive.angle_deg));
-  return body && isPositive(mass) && isPositive(length) && isAmount(damping) && isAmount(stiffness) && driven;
+  return body && isPositive(mass) && isPositive(length) && [damping, stiffness, drag, quadratic_drag].every(isAmount) && driven;
 }

@@ -3,12 +3,14 @@
 // A scene has the keys of a scene file, every link written out.  With s the direction of a link at equilibrium
 // (1 down, -1 up), b = m c + l (mass below) its first moment and g b s what gravity adds to its stiffness.
 
+import { full, sine } from "./steps.js";
+
 export const MOST_LINKS = 60;
 
 export function systemOf(scene) {
   const chains = [];
   scene.pendulum.forEach((pendulum, entry) => {
-    for (let copy = 0; copy < (pendulum.count ?? 1); copy++) chains.push({ entry, copy, links: linksOf(pendulum) });
+    for (let copy = 0; copy < (pendulum.count ?? 1); copy++) chains.push({ entry, copy, links: linksOf(pendulum, scene.gravity) });
   });
   let first = 0;
   for (const chain of chains) {
@@ -20,6 +22,7 @@ export function systemOf(scene) {
   return {
     gravity: scene.gravity,
     cart: kind === "cart" ? { mass, damping, stiffness } : null,
+    support: kind === "moved" ? movedBy(scene.support.motion) : null,
     chains,
     links,
     size: links.length + 1,
@@ -27,29 +30,43 @@ export function systemOf(scene) {
   };
 }
 
-function linksOf(pendulum) {
+// Displacement, velocity and acceleration of a support at a time (s), each along the rail and down.
+function movedBy({ amplitude, frequency_hz, phase_deg = 0, direction }) {
+  const upwards = direction === "vertical";
+  const constants = sine.constants([amplitude, 2 * Math.PI * frequency_hz, (phase_deg * Math.PI) / 180, upwards ? 0 : 1, upwards ? -1 : 0]);
+  const found = new Float64Array(6);
+  return (time) => {
+    sine.moved(constants, null, [time], null, found);
+    return found;
+  };
+}
+
+// A link with its numbers and constants for the steps.
+export function numbered(link, gravity) {
+  const { m, l, c, I, damping, stiffness, strength, curb, drag, quadratic, b, s, rest, bent } = link;
+  const numbers = [m, l, c, I, damping, stiffness, strength, curb, drag, quadratic, b, s, rest, bent, gravity];
+  return { ...link, numbers, constants: Float64Array.from(full.link.constants(numbers)) };
+}
+
+function linksOf(pendulum, gravity) {
   const links = pendulum.links.map((link, i) => numbersOf(link, pendulum.equilibrium?.[i] === "up" ? -1 : 1));
   let below = 0;
   for (const link of links.toReversed()) {
-    link.below = below;
     link.b = link.m * link.c + link.l * below;
     below += link.m;
   }
   links.forEach((link, i) => (link.bent = link.rest - (i ? links[i - 1].rest : 0)));
-  return links;
+  return links.map((link) => numbered(link, gravity));
 }
 
-function numbersOf({ kind, mass: m, length: l, centre, inertia, damping = 0, stiffness = 0, drive }, s) {
+function numbersOf({ kind, mass: m, length: l, centre, inertia, damping = 0, stiffness = 0, drag = 0, quadratic_drag: quadratic = 0, drive }, s) {
   const c = { bob: l, rod: l / 2 }[kind] ?? centre;
   const I = { bob: 0, rod: (m * l ** 2) / 12 }[kind] ?? inertia;
-  const J = I + m * c * c;
-  const far = I + m * (l - c) ** 2;
-  const cross = I - m * c * (l - c);
   const angle = ((drive?.angle_deg ?? 0) * Math.PI) / 180;
   const strength = drive?.kind === "van-der-pol" ? drive.strength : 0;
   const impulse = drive?.kind === "escapement" ? drive.impulse : 0;
   const curb = strength ? strength / angle ** 2 : 0;
-  return { kind, m, l, c, I, J, far, cross, s, rest: s > 0 ? 0 : Math.PI, damping, stiffness, strength, curb, impulse, angle };
+  return { kind, m, l, c, I, s, rest: s > 0 ? 0 : Math.PI, damping, stiffness, drag, quadratic, strength, curb, impulse, angle };
 }
 
 export function sum(values) {

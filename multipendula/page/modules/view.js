@@ -10,6 +10,7 @@ export class View {
     const n = system.chains.length;
     this.gap = this.reach * Math.min(0.85, 2.2 / n);
     this.pivots = system.chains.map((_, i) => (i - (n - 1) / 2) * this.gap);
+    this.shift = [0, 0]; // of a moved support, along the rail and down
     this.half = this.pivots.at(-1) + 0.16 * this.reach;
     this.forget();
   }
@@ -45,7 +46,7 @@ export class View {
   // Joints (from the pivot down) and centres of every chain in metres, along the rail and down.
   places(y) {
     return this.system.chains.map(({ first, links }, number) => {
-      let at = [y[0] + this.pivots[number], 0];
+      let at = [y[0] + this.pivots[number] + this.shift[0], this.shift[1]];
       const [joints, centres] = [[at], []];
       links.forEach((link, i) => {
         const [s, c] = [Math.sin(y[1 + first + i]), Math.cos(y[1 + first + i])];

@@ -1,0 +1,168 @@
+"""The plane equations of one link, recorded: steps for loops over chains of any length, in any language.
+
+A step takes the numbers p of its link, its own `y`, what it is handed by its neighbour `u`, and `v` of an earlier step:
+
+    swung       u = velocity of its upper joint in the support's frame (m/s): that of its lower one
+    answered    u = `answered` of the link below (zeros below the last), v = `swung` of the upper joint: the response of
+                all from its upper joint down (xx, xz, zz, px, pz), torque at that joint, drag of these links (N, along
+                the rail and down), power (W) of what does not conserve energy, and hx, hz, e, D of its `Turn`
+    fallen      u = ã of its upper joint, v = its own `answered`: that of its lower joint, and θ''
+    stored      u = `swung` of its upper joint and energies (J) of the links above: those with its own
+
+with y = (θ, θ', both of the link above, external moment, support's acceleration and velocity along the rail and down).
+From the sums of `answered` over all chains, `railed` on a cart and `held` on a support give ã of the first joints and
+the power; their y = (x, x', force on the cart, support's acceleration along the rail and down).
+
+The linear equations are the same steps followed by their derivatives: every argument and result has its changes behind
+it (`along`).  Drives and quadratic drag are left out of them.  `paired` are the bilinear forms of small motions x and z
+from equilibrium, y = (x, z, both of the link above): u = (speeds x, z, x'Mz, x'Kz, x'Dz) with its link's share.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from modal.scene import SineMotion
+from modal.vibration import prescribed_motion
+from nonlinear.dynamics.drag import drag_law
+from nonlinear.dynamics.joints import inertial_law, joint_law
+from nonlinear.dynamics.recursion import Answer, Link, Turn, hung, passed
+from nonlinear.dynamics.tape import Tape, along
+from nonlinear.dynamics.text import Module
+
+LINK = (
+    *("mass", "length", "centre", "inertia", "damping", "stiffness", "strength", "curb", "drag", "quadratic"),
+    *("static", "sigma", "rest", "bent", "gravity"),
+)
+"""The numbers p of a link; `static` is the first moment of it and all below, `bent` the relaxed angle at its joint."""
+CART = ("mass", "damping", "stiffness", "gravity")
+SINE = ("amplitude", "omega", "phase", "along", "down")
+Step = Callable[[Any, Any, Any, Any], list[Any]]
+
+
+def _swung(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
+    return list(_below(link.length, y, u))
+
+
+def _below(distance: Any, y: Any, upper: Any) -> tuple[Any, Any]:
+    return upper[0] + distance * (y[0].cos() * y[1]), upper[1] - distance * (y[0].sin() * y[1])
+
+
+def _answered(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
+    theta, rate, _, _, moment, *frame = y[:9]
+    s, c, support, wind = theta.sin(), theta.cos(), frame[:2], frame[2:]
+    kept, working = joint_law(*_bent(link, y), link.stiffness, link.damping, link.strength, link.curb)
+    torque, (tx, tz) = kept + working, u[6:8]
+    velocity = np.array(_below(link.centre, y, v), dtype=object)
+    fx, fz = drag_law(velocity + wind, link.drag, link.quadratic)
+    dragged = c * (link.length * tx + link.centre * fx) - s * (link.length * tz + link.centre * fz)
+    rest = link.length - link.centre
+    static, moved = link.mass * link.centre, link.mass * rest * rest
+    own = Link(
+        link.mass,
+        link.length,
+        static,
+        link.inertia + static * link.centre,
+        link.inertia,
+        link.inertia + moved,
+        link.inertia - static * rest,
+    )
+    answer, turn = passed(own, Answer(*u[:5]), s, c, rate, moment + torque - u[5] + dragged)
+    outside = moment + inertial_law(link.static, s, c, support)
+    power = u[8] + working * (rate - y[3]) + outside * rate + fx * velocity[0] + fz * velocity[1]
+    return [*answer, torque, tx + fx, tz + fz, power, turn.hx, turn.hz, turn.e, turn.D]
+
+
+def _bent(link: Any, y: Any) -> tuple[Any, Any]:
+    return y[0] - y[2] - link.bent, y[1] - y[3]
+
+
+def _fallen(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
+    turn = Turn(v[9], v[10], v[11], v[12], y[0].sin(), y[0].cos(), y[1])
+    theta2, ax, az = hung(SimpleNamespace(l=link.length), turn, u[0], u[1])  # type: ignore[arg-type]
+    return [ax, az, theta2]
+
+
+def _stored(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
+    vx, vz = _below(link.centre, y, u)
+    kinetic = (link.mass * (vx * vx + vz * vz) + link.inertia * y[1] ** 2) / 2
+    lift, gamma = ((y[0] - link.rest) / 2).sin(), y[0] - y[2] - link.bent
+    potential = 2 * link.gravity * link.static * link.sigma * lift**2 + link.stiffness * gamma**2 / 2
+    return [*_below(link.length, y, u), u[2] + kinetic, u[3] + potential]
+
+
+def _paired(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
+    x, z, above_x, above_z = y
+    turns = link.sigma * x, link.sigma * z
+    one, other = (speed + link.centre * turn for speed, turn in zip(u[:2], turns, strict=True))
+    bends = x - above_x, z - above_z
+    held, slowed = joint_law(bends[0], bends[0], link.stiffness, link.damping)
+    (resisted,) = drag_law(np.array([one], dtype=object), link.drag)
+    M = u[2] + link.mass * one * other + link.inertia * turns[0] * turns[1]
+    K = u[3] + link.gravity * link.static * link.sigma * x * z - held * bends[1]
+    D = u[4] - slowed * bends[1] - resisted * other
+    return [*(speed + link.length * turn for speed, turn in zip(u[:2], turns, strict=True)), M, K, D]
+
+
+def _railed(cart: Any, y: Any, u: Any, v: Any) -> list[Any]:
+    x, rate, push, _, down = y
+    gravity = cart.gravity - down
+    kept, working = joint_law(x, rate, cart.stiffness, cart.damping)
+    outside = push + working
+    pull = u[3] - gravity * u[1] - u[6]
+    return [(outside + kept - pull) / (cart.mass + u[0]), -gravity, u[8] + rate * outside]
+
+
+def _held(cart: Any, y: Any, u: Any, v: Any) -> list[Any]:
+    return [y[3], y[4] - cart.gravity, u[8]]
+
+
+def _recorded(names: tuple[str, ...], steps: Mapping[str, tuple[Step, tuple[int, int, int]]], linear: bool) -> Module:
+    tape = Tape()
+    p = dict(zip(names, tape.inputs("p", len(names)), strict=True))
+    if linear:
+        p |= dict.fromkeys(p.keys() & {"strength", "curb", "quadratic"}, 0.0)
+    functions = {}
+    for name, (step, sizes) in steps.items():
+        kinds = [(kind, range(size)) for kind, size in zip("yuv", sizes, strict=True)]
+        given = [[tape.symbol("in", kind, k) for k in own] for kind, own in kinds]
+        outputs = step(SimpleNamespace(**p), *given)
+        if linear:
+            changes = [tape.symbol("in", kind, len(own) + k) for kind, own in kinds for k in own]
+            outputs += along(tape, outputs, [one for own in given for one in own], changes)
+        functions[name] = outputs
+    return Module(tape, functions)
+
+
+@cache
+def link_steps(*, linear: bool = False) -> Module:
+    """The steps along a chain, of the numbers LINK; `paired` among those that are not linear."""
+    steps = {
+        "swung": (_swung, (9, 2, 0)),
+        "answered": (_answered, (9, 13, 2)),
+        "fallen": (_fallen, (9, 3, 13)),
+    }
+    others = {} if linear else {"stored": (_stored, (9, 4, 0)), "paired": (_paired, (4, 5, 0))}
+    return _recorded(LINK, {**steps, **others}, linear)
+
+
+@cache
+def support_steps(*, linear: bool = False) -> Module:
+    """What the first joints do, of the numbers CART."""
+    return _recorded(CART, {"railed": (_railed, (5, 13, 0)), "held": (_held, (5, 13, 0))}, linear)
+
+
+@cache
+def sine_steps() -> Module:
+    """`moved`: displacement, velocity and acceleration of a support, two numbers each, of u = (time,) and SINE."""
+    tape = Tape()
+    *constants, ahead, down = tape.inputs("p", len(SINE))
+    (time,) = tape.inputs("u", 1)
+    motion = prescribed_motion(SineMotion(amplitude=1.0, frequency_hz=1.0)).with_constants(constants)
+    found = [part * motion.derivative(time, order) for order in range(3) for part in (ahead, down)]
+    return Module(tape, {"moved": found})
