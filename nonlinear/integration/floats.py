@@ -18,8 +18,8 @@ from scipy.integrate import DOP853
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics import Generated
-from nonlinear.dynamics.generated import UNDEFINED
+from nonlinear.dynamics import Written
+from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
 from nonlinear.dynamics.text import function_in
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
 
@@ -28,8 +28,6 @@ SAFETY, SHRINKS, GROWS = 0.9, 0.2, 10.0  # factors of the step size, as in SciPy
 AT_ONCE = 256  # steps
 
 Numbers = Sequence[float]
-Rate = Callable[..., list[float]]
-Listed = Callable[[float, Numbers], Numbers]
 
 
 class Passed(NamedTuple):
@@ -92,7 +90,7 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         return super()._dense_output_impl()
 
 
-class FloatStepper(DOP853Stepper[Generated]):
+class FloatStepper(DOP853Stepper[Written]):
     """DOP853 in floats for generated equations, with the arguments of `DOP853Stepper`."""
 
     _failure: ComputationError | None = None

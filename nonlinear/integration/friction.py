@@ -133,7 +133,7 @@ class StickSlip:
         sliding, unit = equations.sliding(y), equations.system.rate * TOGETHER
         stopping = (sign != 0) & (change.which | (sliding * sign <= unit) & self._slowing(change.time, y))
         loose = (sign == 0) & change.which
-        found = self._stopped(y, stopping | ((sign == 0) & ~loose) | loose)
+        found = self._stopped(change.time, y, stopping | ((sign == 0) & ~loose) | loose)
         begun = np.where(stopping, 0.0, sign)
         for j in np.flatnonzero(loose):
             begun[j] = -np.sign(equations.rubbing(change.time, found).tau[j])
@@ -150,10 +150,10 @@ class StickSlip:
         slope = self.equations.derivative(time, y)
         return np.asarray(self.equations.sliding(slope) * self.equations.sign < 0)
 
-    def _stopped(self, y: Floats, still: Booleans) -> Floats:
+    def _stopped(self, time: float, y: Floats, still: Booleans) -> Floats:
         """The same y after an impulse of friction that takes all velocity from these contacts."""
         equations, half = self.equations, self.equations.layout.half
-        response, speed = equations.response(y)[:, still], equations.sliding(y)[still]
+        response, speed = equations.responding(time, y).columns[:, still], equations.sliding(y)[still]
         if not speed.any():
             return y.copy()
         found = y.copy()
