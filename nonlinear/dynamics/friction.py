@@ -147,9 +147,10 @@ class Frictional:
         return self.contacts.relative(rows[..., : self.layout.half])
 
     @property
-    def at_rest(self) -> bool:
-        """Whether every coordinate is held, so that nothing moves."""
-        return len(self.sign) == self.layout.half and not self.sign.any()
+    def rests(self) -> bool:
+        """Whether every coordinate is held for good, as nothing from outside changes."""
+        acted_on = self.load or self.system.support or self.system.hoisting
+        return not acted_on and len(self.sign) == self.layout.half and not self.sign.any()
 
     def derivative(self, time: float, y: Any) -> Any:
         """The derivative y' (size,), sticking contacts having no relative acceleration.

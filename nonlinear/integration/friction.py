@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import pairwise
 from math import nan
 from typing import NamedTuple
 
@@ -63,7 +62,7 @@ class StickSlip:
     def next(self, stepper: Stepper, before: float) -> Change | None:
         """The first change within the last step, None where there is none."""
         self.equations.refused = ""
-        if self.equations.at_rest and self.equations.load is None:
+        if self.equations.rests:
             return None
         looks = np.linspace(before, stepper.time, LOOKS + 1)
         rows = np.vstack((stepper.inside(looks[:-1]), stepper.y))
@@ -71,15 +70,14 @@ class StickSlip:
             values = -self.equations.sign * self.equations.sliding(rows)
         else:
             values = np.array([self._values(time, row) for time, row in zip(looks.tolist(), rows, strict=True)])
-        fresh = self._changed >= before
-        for k, (start, end) in enumerate(pairwise(looks.tolist())):
-            low, high = values[k], values[k + 1]
-            passing = (low <= 0) & (high > 0)
-            if k == 0:
-                passing |= fresh & (low >= 0) & (high > low) & (high > 0)
-            if passing.any():
-                return self._first(stepper, start, end, passing)
-            if k and (peak := self._peak(stepper, looks, values, k)):
+        low, high = values[:-1], values[1:]
+        passing, near = (low <= 0) & (high > 0), np.zeros(low.shape, dtype=bool)
+        passing[0] |= (self._changed >= before) & (low[0] >= 0) & (high[0] > low[0]) & (high[0] > 0)
+        near[1:] = _near(values)
+        for k in np.flatnonzero((passing | near).any(1)).tolist():
+            if passing[k].any():
+                return self._first(stepper, looks[k], looks[k + 1], passing[k])
+            if peak := self._peak(stepper, looks, near[k], k):
                 return self._first(stepper, *peak)
         return None
 
@@ -96,13 +94,8 @@ class StickSlip:
     def _value(self, stepper: Stepper, j: int, time: float) -> float:
         return float(self._values(time, stepper.inside(np.array([time]))[0])[j])
 
-    def _peak(self, stepper: Stepper, looks: Floats, values: Floats, k: int) -> tuple[float, float, Booleans] | None:
-        """The look before a positive maximum near look k, its time, and the contact that has it; None without one."""
-        left, middle, right = values[k - 1 : k + 2]
-        bend = left - 2 * middle + right
-        with np.errstate(all="ignore"):
-            top = middle - (right - left) ** 2 / (8 * bend)
-        near = (middle < 0) & (middle >= left) & (middle >= right) & (bend < 0) & (top > middle / 2)
+    def _peak(self, stepper: Stepper, looks: Floats, near: Booleans, k: int) -> tuple[float, float, Booleans] | None:
+        """The look before a positive maximum near look k, its time, and which of those `near` has it; None without."""
         for j in np.flatnonzero(near).tolist():
             found = minimize_scalar(
                 lambda time, j=j: -self._value(stepper, j, time),
@@ -111,7 +104,7 @@ class StickSlip:
                 options={"xatol": 1e-12 * max(1.0, abs(looks[k]))},
             )
             if -found.fun > 0:
-                return float(looks[k - 1]), float(found.x), np.arange(values.shape[1]) == j
+                return float(looks[k - 1]), float(found.x), np.arange(len(near)) == j
         return None
 
     def _first(self, stepper: Stepper, start: float, end: float, among: Booleans) -> Change:
@@ -184,7 +177,7 @@ class StickSlip:
         self._changed[begun | (before != found)] = time
         equations.set_sign(found)
         equations.placed = np.where(begun, equations.place(y), equations.placed)
-        if equations.at_rest and equations.load is None:
+        if equations.rests:
             self.rest = time
 
     def _account(self, y: Floats) -> None:
@@ -213,6 +206,15 @@ class StickSlip:
         which = np.array([phase[0] for phase in phases], dtype=np.int64)
         begin, end = (np.array([phase[k] for phase in phases], dtype=float) for k in (1, 2))
         return Friction(places[which], begin, end, places, self._work.copy(), self.rest)
+
+
+def _near(values: Floats) -> Booleans:
+    """Which values (K, J) have a negative maximum at an inner look, (K − 2, J), that may be positive beside it."""
+    left, middle, right = values[:-2], values[1:-1], values[2:]
+    bend = left - 2 * middle + right
+    with np.errstate(all="ignore"):
+        top = middle - (right - left) ** 2 / (8 * bend)
+    return np.asarray((middle < 0) & (middle >= left) & (middle >= right) & (bend < 0) & (top > middle / 2))
 
 
 def _root(value: Callable[[float], float], start: float, end: float) -> float:
