@@ -76,8 +76,10 @@ def links_of_contacts(system: System) -> Ints:
 
 
 class Rubbed(NamedTuple):
-    """Accelerations (half,) under friction, the friction τ (J,) of contacts that stick or slide on a rail with a
-    coefficient, 0 elsewhere, and the rail's push N up on the cart where there is one."""
+    """Accelerations (half,) under friction, the friction τ (J,) found, and N of a rail with a coefficient.
+
+    τ is that of contacts that stick and of one that slides on such a rail, 0 elsewhere.
+    """
 
     accelerations: Any
     tau: Sequence[Any]

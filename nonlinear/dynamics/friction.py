@@ -14,7 +14,7 @@ On the rail the limit may be μ|N|, N = N₀ + nᵀτ being the reaction of the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from math import inf, nan
@@ -26,7 +26,7 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.contacts import Contacts
 from nonlinear.dynamics.forms import rubbing_of
-from nonlinear.dynamics.generated import Generated, Listed, Rate, Written
+from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed, Rate, Written
 from nonlinear.dynamics.minimal import Minimal, Recursion, inverted
 from nonlinear.system import Layout, Load, Motion, State, System, entries_of
 
@@ -268,9 +268,10 @@ class WrittenFrictional(Written, Frictional):
         return partial(self._on_rail, found) if self.contacts.coefficient else found
 
     @property
-    def rate_of_arrays(self) -> Rate:
+    def rate_of_arrays(self) -> Callable[..., Any]:
         """The same of many y side by side."""
-        if rate := self.contacts.coefficient and self.rate:
+        if self.contacts.coefficient:
+            rate = self.rate
             return lambda y, u: np.array([rate(*own) for own in zip(y.T.tolist(), u.T.tolist(), strict=True)]).T
         return self.function("rates" if self.sign.all() else "sticking", "arrays")
 
@@ -305,14 +306,21 @@ class WrittenFrictional(Written, Frictional):
 
     def rubbing(self, time: float, y: Floats, sign: Floats | None = None) -> Rubbing:
         """Friction at one y."""
-        coefficient, slides = self.contacts.coefficient, self._slides
-        if sign is not None or (coefficient and slides[0]):
+        if sign is not None:
             return super().rubbing(time, y, sign)
-        own, limit, count = y.tolist(), self.contacts.limit, len(self.sign)
-        found = self.function("friction")(own, self.listed(time, own))
-        if coefficient:
-            limit = np.append(coefficient * abs(found[-1]), limit[1:])
-        return Rubbing(np.where(slides, -self.sign * limit, found[:count]), limit, self.sign)
+        own, limit, coefficient = y.tolist(), self.contacts.limit.copy(), self.contacts.coefficient
+        function, u, at = self.function("friction"), self.listed(time, own), slice(len(self.sign))
+        if coefficient and self._slides[0]:
+            try:
+                tau = np.array(self._on_rail(function, own, u))
+            except UNDEFINED:
+                raise ComputationError(JAMMED) from None
+            limit[0] = abs(tau[0])
+        else:
+            tau = np.array(function(own, u))
+            if coefficient:
+                limit[0] = coefficient * abs(tau[-1])
+        return Rubbing(np.where(self._slides, -self.sign * limit, tau[at]), limit, self.sign)
 
 
 def _consistent(a: Floats, G: Floats, limit: Floats, sign: Floats, deciding: bool) -> Rubbing:

@@ -31,7 +31,7 @@ class Written(ABC):
 
     @property
     @abstractmethod
-    def rate_of_arrays(self) -> Rate:
+    def rate_of_arrays(self) -> Callable[..., Any]:
         """The same of many y side by side."""
 
     @property
@@ -90,7 +90,7 @@ class Generated(Written, Minimal):
         return module_of(self.form).function("rates", self.constants)
 
     @cached_property
-    def rate_of_arrays(self) -> Rate:
+    def rate_of_arrays(self) -> Callable[..., Any]:
         """The same of many y side by side."""
         return module_of(self.form).function("rates", self.constants, "arrays")
 

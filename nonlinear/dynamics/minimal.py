@@ -160,12 +160,13 @@ class Suspended(ABC):
 
     def responses(self, links: Any, instant: Instant) -> Any:
         """M⁻¹Jᵀ, the accelerations (half, J) by a unit of friction at every contact, at the lengths of an instant."""
-        assert instant.gripping is not None
+        gripping = instant.gripping
+        assert gripping is not None
         if instant.lengths is not None:
             still = np.zeros_like(instant.lengths.speed)
             instant = instant._replace(lengths=instant.lengths._replace(speed=still, acceleration=still))
         solvers = self.hung(instant)
-        forces = instant.gripping.forces(self.layout.half).T
+        forces = gripping.forces(self.layout.half).T
         return np.stack([inverted(self.system, solvers, links, one) for one in forces], axis=1)
 
     def reaction(self, y: Any, instant: Instant, accelerations: Any, whole: bool = True) -> Any:

@@ -105,8 +105,13 @@ class FloatStepper(DOP853Stepper[Written]):
         """The inputs, seen strictly between the surrounding breaks."""
         return lambda time, y: listed(self.clear_of_breaks(time), y)
 
-    def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Numbers]], int]:
-        """Many steps at once, as defined in `Sweeper`."""
+    def sweep(
+        self, times: Floats, every: bool = True, clear: Callable[[Sequence[Numbers]], bool] | None = None
+    ) -> tuple[Floats, list[tuple[float, Numbers]], int]:
+        """Many steps at once, as defined in `Sweeper`, up to the first that is not `clear`, judged by y' at its stages.
+
+        That step is taken but not among the results.
+        """
         if self._failure:
             raise self._failure
         due, at = times.tolist(), 0
@@ -116,6 +121,8 @@ class FloatStepper(DOP853Stepper[Written]):
             while at < len(due) and len(ends) < AT_ONCE:
                 self.step()
                 passed = cast("FloatDOP853", self._solver).passed
+                if clear and not clear(passed.stages):
+                    break
                 ends.append((passed.end, passed.after))
                 if due[at] <= passed.end:
                     kept.append(passed)

@@ -9,7 +9,7 @@ and which way the others slide, and the integrator restarts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import nan
@@ -24,6 +24,7 @@ from nonlinear.integration.steppers import Stepper
 from nonlinear.system import Friction
 
 LOOKS = 8  # intervals of every step that are searched
+CLEAR = 0.5  # least velocity of a contact over the change of it in a step that needs no search
 TOGETHER = 1e-12  # velocity, in natural units, below which contacts that slow down stop together
 BRIEF, OFTEN = 1e-7, 4  # phases shorter than this, over √(l/g), of which so many in a row are chatter
 FIRM = 1e-6  # excess over its limit by which a contact breaks loose after chatter
@@ -52,7 +53,7 @@ class StickSlip:
     _phases: list[tuple[int, float, float]] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
-        count = len(self.equations.sign)
+        count, self._pairs = len(self.equations.sign), self.equations.contacts.pairs
         self._since, self._work, self._turned = np.full(count, nan), np.zeros(count), self.equations.place(self.y)
         self._changed, self._brief, self._firm = np.full(count, -np.inf), np.zeros(count, int), np.zeros(count)
         self._settle(self.time, self.y, np.sign(self.equations.sliding(self.y)))
@@ -80,6 +81,18 @@ class StickSlip:
             if peak := self._peak(stepper, looks, near[k], k):
                 return self._first(stepper, *peak)
         return None
+
+    def clear(self, stages: Sequence[Sequence[float]]) -> bool:
+        """Whether in a step with these y' at its stages, of which the first half are velocities, nothing can change.
+
+        All contacts slide, each with a velocity that stays above CLEAR times its change within the step.
+        """
+        for (below, above), s in zip(self._pairs, self.equations.sign.tolist(), strict=True):
+            speeds = [s * (v[below] - v[above]) if above >= 0 else s * v[below] for v in stages]
+            least = min(speeds)
+            if least <= CLEAR * (max(speeds) - least):
+                return False
+        return True
 
     def _values(self, time: float, row: Floats) -> Floats:
         """The value of every contact, negative while its state lasts, (J,)."""

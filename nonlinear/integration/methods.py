@@ -174,8 +174,9 @@ def equations_of(
             return HoistedMaximal(system, load)
     if system.rubs:
         contacts, free = contacts_of(system), _free(system, load)
-        few = isinstance(free, Generated) and len(contacts.pairs) <= RUBBED
-        return (WrittenFrictional if few else Frictional)(free, contacts)
+        if isinstance(free, Generated) and len(contacts.pairs) <= RUBBED:
+            return WrittenFrictional(free, contacts)
+        return Frictional(free, contacts)
     if choice.form == "spatial":
         from nonlinear.dynamics import Spatial
         from nonlinear.dynamics import SpatialRecursion as InSpace
