@@ -105,6 +105,21 @@ class FloatStepper(DOP853Stepper[Written]):
         """The inputs, seen strictly between the surrounding breaks."""
         return lambda time, y: listed(self.clear_of_breaks(time), y)
 
+    def along(self, weights: Floats) -> Callable[[float], float]:
+        """The sum of the components of y with these weights, as a function of time (s) within the last step."""
+        if self._within is None:
+            self._within = self._solver.dense_output()
+        start, length = self._within.t_old, self._within.h
+        first, terms = float(self._within.y_old @ weights), (self._within.F @ weights).tolist()[::-1]
+
+        def value(time: float) -> float:
+            x, found = (time - start) / length, 0.0
+            for number, term in enumerate(terms):
+                found = (found + term) * (1 - x if number % 2 else x)
+            return first + found
+
+        return value
+
     def sweep(
         self, times: Floats, every: bool = True, clear: Callable[[Sequence[Numbers]], bool] | None = None
     ) -> tuple[Floats, list[tuple[float, Numbers]], int]:

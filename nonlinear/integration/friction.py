@@ -20,6 +20,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import Frictional, links_of_contacts
+from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.steppers import Stepper
 from nonlinear.system import Friction
 
@@ -104,6 +105,14 @@ class StickSlip:
             found[stuck] = (np.abs(rubbing.tau) - rubbing.limit * (1 + self._firm))[stuck]
         return found
 
+    def _of_time(self, stepper: Stepper, j: int) -> Callable[[float], float]:
+        """The value of a contact as a function of time (s) within the last step."""
+        if self.equations.sign[j] and isinstance(stepper, FloatStepper):
+            weights, half = np.zeros_like(self.y), self.equations.layout.half
+            weights[half : 2 * half] = -self.equations.sign[j] * self.equations.contacts.jacobian(half)[j]
+            return stepper.along(weights)
+        return partial(self._value, stepper, j)
+
     def _value(self, stepper: Stepper, j: int, time: float) -> float:
         return float(self._values(time, stepper.inside(np.array([time]))[0])[j])
 
@@ -111,7 +120,7 @@ class StickSlip:
         """The look before a positive maximum near look k, its time, and which of those `near` has it; None without."""
         for j in np.flatnonzero(near).tolist():
             found = minimize_scalar(
-                lambda time, j=j: -self._value(stepper, j, time),
+                lambda time, value=self._of_time(stepper, j): -value(time),
                 bounds=(looks[k - 1], looks[k + 1]),
                 method="bounded",
                 options={"xatol": 1e-12 * max(1.0, abs(looks[k]))},
@@ -124,7 +133,7 @@ class StickSlip:
         """The first of these contacts to pass zero; one whose value is zero at the start may be negative at first."""
         times = np.full(len(among), np.inf)
         for j in np.flatnonzero(among).tolist():
-            value = partial(self._value, stepper, j)
+            value = self._of_time(stepper, j)
             early = start + (end - start) * np.append(0.0, NEARER)
             low = next((time for time in early.tolist() if value(time) < 0), None)
             times[j] = start if low is None else _root(value, low, end)

@@ -10,8 +10,17 @@ import pytest
 
 from modal.errors import ComputationError
 from modal.scene import scene_from
-from nonlinear.dynamics import Frictional, Mechanics, Minimal, Recursion, Small, WrittenFrictional, contacts_of
-from nonlinear.dynamics.friction import Contacts, _on_rail, hold
+from nonlinear.dynamics import (
+    Contacts,
+    Frictional,
+    Mechanics,
+    Minimal,
+    Recursion,
+    Small,
+    WrittenFrictional,
+    contacts_of,
+)
+from nonlinear.dynamics.friction import _on_rail, hold
 from nonlinear.integration import Choice, equations_of
 from nonlinear.system import AppliedForces, State, System, system_of
 
@@ -208,5 +217,5 @@ def test_every_set_of_sticking_contacts_obeys_newton(name: str, written: bool) -
         assert rate[half : 2 * half] == pytest.approx(expected, rel=1e-10, abs=1e-10)
         assert not contacts.relative(rate[: 2 * half].reshape(2, half))[:, s == 0].any()
         if written:
-            both = equations.derivative(np.full(2, 0.7), np.stack((y, y), axis=1))
+            both = equations.derivative(0.7, np.stack((y, y), axis=1))
             assert both == pytest.approx(np.stack((rate, rate), axis=1), rel=1e-12, abs=1e-12)
