@@ -119,8 +119,9 @@ class StickSlip:
     def _peak(self, stepper: Stepper, looks: Floats, near: Booleans, k: int) -> tuple[float, float, Booleans] | None:
         """The look before a positive maximum near look k, its time, and which of those `near` has it; None without."""
         for j in np.flatnonzero(near).tolist():
+            value = self._of_time(stepper, j)
             found = minimize_scalar(
-                lambda time, value=self._of_time(stepper, j): -value(time),
+                lambda time, value=value: -value(time),
                 bounds=(looks[k - 1], looks[k + 1]),
                 method="bounded",
                 options={"xatol": 1e-12 * max(1.0, abs(looks[k]))},
