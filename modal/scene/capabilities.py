@@ -222,7 +222,6 @@ CAPABILITIES: dict[str, Capability] = {
             apart={
                 **HOISTING,
                 ("hoist", "escapement"): "kicks act on constant lengths",
-                **{("hoist", name): "dry friction acts on constant lengths" for name in sorted(FRICTION)},
             },
         ),
         Capability(

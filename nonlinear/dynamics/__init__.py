@@ -10,11 +10,12 @@ solved without M by one pass up each chain and one down (`recursion`), written o
 """
 
 from nonlinear.dynamics.banded import Banded
+from nonlinear.dynamics.contacts import Contacts, contacts_of, links_of_contacts
 from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
 from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
-from nonlinear.dynamics.friction import Contacts, Frictional, contacts_of, links_of_contacts
-from nonlinear.dynamics.generated import Generated
+from nonlinear.dynamics.friction import Frictional, WrittenFrictional
+from nonlinear.dynamics.generated import Generated, Written
 from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.hoisted_maximal import HoistedMaximal
 from nonlinear.dynamics.inputs import Inputs, Instant
@@ -54,6 +55,8 @@ __all__ = [
     "Spatial",
     "SpatialRecursion",
     "Symmetry",
+    "Written",
+    "WrittenFrictional",
     "acting",
     "children_without_interrupts",
     "contacts_of",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics.friction import contacts_of
+from nonlinear.dynamics.contacts import contacts_of
 from nonlinear.dynamics.joints import acting
 from nonlinear.system import AppliedForces, Group, State, System
 

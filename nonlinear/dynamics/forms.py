@@ -7,16 +7,16 @@ belong to the form: what only they would do is not in the text.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
 from modal.types import Ints
 from nonlinear.dynamics.dense import Elimination, loses_digits
-from nonlinear.dynamics.hamiltonian import velocities
+from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Body, Minimal, Recursion
 from nonlinear.dynamics.tape import Tape, along, partials
 from nonlinear.dynamics.text import Module
@@ -35,7 +35,8 @@ class Form:
     solved by elimination; `present` tells which numbers (`nonlinear.system.numbers`) are not 0, `ends` which links have
     their centre at their end, `ratios` which entries of the modal damping are not 0, `laws` the links that follow each
     law of a hoist; `direction` is that of a support that moves, `sines` how many constants of its motion are numbers;
-    `pushed` equations have a load, `works` ones the work.
+    `pushed` equations have a load, `works` ones the work; `contacts` are the coordinates below and above each contact
+    with dry friction, none where that is left out, and on a rail that `presses` it has a coefficient.
     """
 
     chains: tuple[tuple[Table, Table, bool], ...]
@@ -48,6 +49,8 @@ class Form:
     sines: int
     pushed: bool
     works: bool
+    contacts: tuple[tuple[int, int], ...]
+    presses: bool
     system: System = field(compare=False, repr=False)
 
     @property
@@ -98,6 +101,8 @@ def form_of(
         len(support.motion.constants) if support else 0,
         pushed,
         system.works or pushed if works is None else works,
+        (),
+        False,
         system,
     )
 
@@ -148,10 +153,17 @@ class Equations(Symbolic):
             None if np.isin(group.index, moving).any() else body
             for group, body in zip(self.system.groups, self.bodies, strict=True)
         )
-        minimal = Minimal(self.system, tuple(bodies), _unknown if form.pushed else None, counts_work=form.works)
-        self.y = self.tape.inputs("y", minimal.layout.size)
-        self.u = self.tape.inputs("u", minimal.inputs.count)
-        self.rates = minimal.rates(self.y, minimal.inputs.instant(self.u)).tolist()
+        load = _unknown if form.pushed else None
+        self.minimal = Minimal(self.system, tuple(bodies), load, counts_work=form.works)
+        inputs = Inputs(self.system, load, form.contacts)
+        self.y = self.tape.inputs("y", self.minimal.layout.size)
+        self.u = self.tape.inputs("u", inputs.count)
+        self.instant = inputs.instant(self.u)
+        sliding = self.instant
+        if sliding.gripping:
+            sliding = sliding._replace(gripping=sliding.gripping._replace(sticks=[0.0] * len(form.contacts)))
+        rates, rubbed = self.minimal.rubbed(self.y, sliding)
+        self.rates = [*rates.tolist(), *([] if rubbed.normal is None else [rubbed.normal])]
 
 
 def _unknown(time: float, state: Any) -> AppliedForces:
@@ -179,17 +191,30 @@ def jacobian_of(form: Form) -> tuple[Module, Ints, Ints]:
 
 
 @lru_cache(maxsize=64)
-def _inverse(form: Form) -> Module:
-    own = Symbolic(form)
-    links, bodies = own.system.n_links, iter(own.bodies)
-    angles, p = own.tape.inputs("v", links), own.tape.inputs("u", links + form.on_cart)
-    found = velocities(own.system, angles, p, lambda group, tail: next(bodies))
-    return Module(own.tape, {"velocities": found.tolist()})
+def rubbing_of(form: Form) -> Module:
+    """The functions of a form with `contacts`, of which each ends with N where the rail has a coefficient.
 
-
-def inverse_of(system: System) -> Callable[[Sequence[float], Sequence[float]], list[float]]:
-    """The velocities M⁻¹ p in floats, from the angles (L,) and the momenta p (half,)."""
-    form = form_of(replace(system, support=None, hoisting=None, modal_damping=None))
-    module = _inverse(form)
-    made = module.function("velocities", module.constants(form.numbers(entries_of(system), system)))
-    return lambda angles, p: made((), p, angles)
+    y' where all contacts slide ("rates"), and where some stick ("sticking"); τ (J,) of those that stick, or slide on
+    such a rail ("friction"); y' without the friction of such a rail, then M⁻¹Jᵀ (half, J) row by row ("responses"),
+    which end with N and ∂N/∂τ (J,).
+    """
+    own = Equations(form)
+    minimal, half, gripping = own.minimal, own.minimal.layout.half, own.instant.gripping
+    assert gripping is not None
+    rates, rubbed = minimal.rubbed(own.y, own.instant)
+    push = [] if rubbed.normal is None else [rubbed.normal]
+    free = minimal.rates(own.y, own.instant._replace(gripping=None))
+    columns = minimal.responses(own.y[form.on_cart : half], own.instant)
+    responding = [*free.tolist(), *columns.ravel().tolist()]
+    if push:
+        normal = partial(minimal.reaction, own.y, own.instant)
+        responding += [normal(free[half : 2 * half]), *(normal(column, False) for column in columns.T)]
+    return Module(
+        own.tape,
+        {
+            "rates": own.rates,
+            "sticking": [*rates.tolist(), *push],
+            "friction": [*rubbed.tau, *push],
+            "responses": responding,
+        },
+    )

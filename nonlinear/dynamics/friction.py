@@ -14,74 +14,25 @@ On the rail the limit may be μ|N|, N = N₀ + nᵀτ being the reaction of the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from math import inf, nan
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.types import Floats, Ints
-from nonlinear.dynamics.drag import forces_of
-from nonlinear.dynamics.forms import inverse_of
-from nonlinear.dynamics.hamiltonian import velocities
-from nonlinear.dynamics.mechanics import Mechanics
-from nonlinear.dynamics.minimal import Minimal
-from nonlinear.system import Layout, Load, Motion, State, System
+from modal.types import Floats
+from nonlinear.dynamics.contacts import Contacts
+from nonlinear.dynamics.forms import rubbing_of
+from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed, Rate, Written
+from nonlinear.dynamics.minimal import Minimal, Recursion, inverted
+from nonlinear.system import Layout, Load, Motion, State, System, entries_of
 
 EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts
-WRITTEN = 8  # links up to which M⁻¹ is written out
 JAM = 1e4  # friction on the rail over that of all weights and centrifugal forces, beyond which it has no bound
 JAMMED = "the rail's friction has no consistent value: its coefficient is too large for these links"
-
-
-@dataclass(frozen=True, eq=False)
-class Contacts:
-    """The J contacts of a system from the cart down each pendulum, all arrays (J,).
-
-    `below` and `above` are the coordinates of v whose difference is γ', −1 standing for the support; `limit` is in
-    N m, or N on the rail, which comes first where `rail` is true; its limit is 0 where there is a `coefficient` μ.
-    """
-
-    below: Ints
-    above: Ints
-    limit: Floats
-    rail: bool
-    coefficient: float
-
-    def relative(self, values: Floats) -> Floats:
-        """The value at every contact (..., J) from those of the coordinates (..., half)."""
-        padded = np.concatenate((values, np.zeros_like(values[..., :1])), axis=-1)
-        return np.asarray(padded[..., self.below] - padded[..., self.above])
-
-    def jacobian(self, half: int) -> Floats:
-        """J, (J, half)."""
-        return self.relative(np.eye(half)).T.copy()
-
-
-def contacts_of(system: System) -> Contacts:
-    """The contacts of a system with dry friction."""
-    first = int(system.cart is not None)
-    below, above, limit = np.zeros((3, 0))
-    for group in system.groups:
-        if group.friction is not None:
-            over = np.vstack((np.full_like(group.index[:1], -1), group.index[:-1] + first))
-            rubbing = group.friction > 0
-            below = np.append(below, group.index[rubbing] + first)
-            above, limit = np.append(above, over[rubbing]), np.append(limit, group.friction[rubbing])
-    if system.rail:
-        below, above, limit = np.append(below, 0), np.append(above, -1), np.append(limit, system.rail.friction)
-    order = np.argsort(below, kind="stable")
-    coefficient = system.rail.coefficient if system.rail else 0.0
-    places = below[order].astype(np.int64), above[order].astype(np.int64)
-    return Contacts(*places, limit[order], system.rail is not None, coefficient)
-
-
-def links_of_contacts(system: System) -> Ints:
-    """The link below each contact (J,), −1 for the rail."""
-    return np.asarray(contacts_of(system).below - int(system.cart is not None))
 
 
 def hold(a: Floats, G: Floats, limit: Floats) -> tuple[Floats, Floats]:
@@ -124,18 +75,25 @@ class Rubbing:
     sign: Floats
 
 
+class Responding(NamedTuple):
+    """The derivative y' (size,) without friction and M⁻¹Jᵀ (half, J); with a coefficient, N₀ (N) and n (J,)."""
+
+    rates: Floats
+    columns: Floats
+    push: float = nan
+    slopes: Any = None
+
+
 @dataclass(eq=False)
 class Frictional:
     """The equations `free` with dry friction: contacts slide the way `sign` (J,) says, 0 sticking, until it is changed.
 
     `placed` (J,) are the angles or the position of contacts at rest, `refused` says why the last trial step found no
-    friction.  Events decide when the sign changes.  A load of few links acts as the `pushed` one, through M⁻¹ like
-    friction, others as that of the free equations.
+    friction.  Events decide when the sign changes.
     """
 
     free: Minimal
     contacts: Contacts
-    pushed: Load | None = None
     sign: Floats = field(init=False)
     placed: Floats = field(init=False)
     refused: str = field(init=False, default="")
@@ -159,7 +117,7 @@ class Frictional:
     @property
     def load(self) -> Load | None:
         """The external load."""
-        return self.pushed or self.free.load
+        return self.free.load
 
     @property
     def layout(self) -> Layout:
@@ -189,9 +147,10 @@ class Frictional:
         return self.contacts.relative(rows[..., : self.layout.half])
 
     @property
-    def at_rest(self) -> bool:
-        """Whether every coordinate is held, so that nothing moves."""
-        return len(self.sign) == self.layout.half and not self.sign.any()
+    def rests(self) -> bool:
+        """Whether every coordinate is held for good, as nothing from outside changes."""
+        acted_on = self.load or self.system.support or self.system.hoisting
+        return not acted_on and len(self.sign) == self.layout.half and not self.sign.any()
 
     def derivative(self, time: float, y: Any) -> Any:
         """The derivative y' (size,), sticking contacts having no relative acceleration.
@@ -199,32 +158,32 @@ class Frictional:
         Where friction has no value the accelerations are NaN, so that an integrator whose trial step leads there takes
         a shorter one, and `refused` is the reason.
         """
-        half, found = self.layout.half, self._unrubbed(time, y)
-        response = self.response(y)
+        half, responding = self.layout.half, self.responding(time, y)
+        found = responding.rates
         try:
-            rubbing = self._rubbing(y, found, response, self.sign)
+            rubbing = self._solved(responding, self.sign)
         except ComputationError as error:
             self.refused = str(error)
             found[half : 2 * half] = nan
             return found
-        found[half : 2 * half] += response @ rubbing.tau
+        found[half : 2 * half] += responding.columns @ rubbing.tau
         found[-1] += rubbing.tau @ (self.sliding(y) * self._slides)
         for below, above in self._held:
             for part in (found[:half], found[half : 2 * half]):
                 part[below] = part[above] if above >= 0 else 0.0
         return found
 
-    def _unrubbed(self, time: float, y: Floats) -> Floats:
-        """The derivative y' without friction."""
-        found: Floats = self.free.derivative(time, y)
-        if self.pushed:
-            half, first = self.layout.half, int(self.layout.on_cart)
-            push, p = self.pushed(time, self.layout.state(y)), np.zeros(half)
-            p[:first] = push.cart
-            p[first:] = 0.0 if push.moments is None else push.moments
-            found[half : 2 * half] += self._inverted(y, p[None])[:, 0]
-            found[-1] += p @ y[half : 2 * half]
-        return found
+    def responding(self, time: float, y: Floats) -> Responding:
+        """The derivative without friction, and the responses to it."""
+        free, instant = self.free, self.free.inputs.at(time, y, self.layout)
+        links, forces = y[int(self.layout.on_cart) : self.layout.half], self._jacobian.T
+        solvers = [(group, Recursion(group, 1)) for group in free.lengthened(instant)]
+        columns = inverted(self.system, solvers, np.repeat(links[:, None], forces.shape[1], 1), forces)
+        rates = free.derivative(time, y)
+        if not self.contacts.coefficient:
+            return Responding(rates, columns)
+        push = free.reaction(y, instant, rates[self.layout.half : 2 * self.layout.half])
+        return Responding(rates, columns, push, np.array([free.reaction(y, instant, own, False) for own in columns.T]))
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """The same y without the rounding by which sticking contacts move."""
@@ -243,35 +202,13 @@ class Frictional:
     def _jacobian(self) -> Floats:
         return self.contacts.jacobian(self.layout.half)
 
-    @cached_property
-    def _inverse(self) -> Callable[[Any], list[float]] | None:
-        """M⁻¹ p in floats, from the angles and p together; None for many links."""
-        if self.system.n_links > WRITTEN:
-            return None
-        made = inverse_of(self.system)
-        return lambda inputs: made(inputs[: self.system.n_links], inputs[self.system.n_links :])
-
-    def response(self, y: Floats) -> Floats:
-        """M⁻¹Jᵀ, (half, J)."""
-        return self._inverted(y, self._jacobian)
-
-    def _inverted(self, y: Floats, p: Floats) -> Floats:
-        """M⁻¹pᵀ, (half, K), of generalized forces p (K, half)."""
-        links = y[int(self.layout.on_cart) : self.layout.half]
-        if inverse := self._inverse:
-            angles = links.tolist()
-            return np.array([inverse([*angles, *row]) for row in p.tolist()]).T
-        return np.asarray(velocities(self.system, np.repeat(links[:, None], len(p), 1), p.T))
-
     def rubbing(self, time: float, y: Floats, sign: Floats | None = None) -> Rubbing:
         """Friction at one y, contacts sliding the way `sign` (J,) says (by default, the present one), 0 sticking."""
-        found = self._unrubbed(time, y)
-        return self._rubbing(y, found, self.response(y), self.sign if sign is None else sign)
+        return self._solved(self.responding(time, y), self.sign if sign is None else sign)
 
     def settled(self, time: float, y: Floats, sign: Floats) -> Rubbing:
         """Friction at one y, where contacts of sign 0 are at rest and may begin to slide: its `sign` has the result."""
-        found, response = self._unrubbed(time, y), self.response(y)
-        return self._solved(y, found, response, sign, deciding=True)
+        return self._solved(self.responding(time, y), sign, deciding=True)
 
     def release(self, time: float, y: Floats) -> None:
         """Set the state of every contact to what it is at this y."""
@@ -288,33 +225,102 @@ class Frictional:
         if abs(force) > JAM * self.contacts.coefficient * (self.system.gravity * self.system.total_mass + thrown):
             raise ComputationError(JAMMED)
 
-    def _rubbing(self, y: Floats, found: Floats, response: Floats, sign: Floats) -> Rubbing:
-        return self._solved(y, found, response, sign, deciding=False)
-
-    def _solved(self, y: Floats, found: Floats, response: Floats, sign: Floats, *, deciding: bool) -> Rubbing:
+    def _solved(self, found: Responding, sign: Floats, *, deciding: bool = False) -> Rubbing:
         half = self.layout.half
-        a, G = self._jacobian @ found[half : 2 * half], self._jacobian @ response
+        a, G = self._jacobian @ found.rates[half : 2 * half], self._jacobian @ found.columns
         if not self.contacts.coefficient:
             return _consistent(a, G, self.contacts.limit, sign, deciding)
-        reaction = self._reaction(y, found[half : 2 * half], response)
-        return _on_rail(a, G, self.contacts, sign, reaction, deciding)
+        return _on_rail(a, G, self.contacts, sign, (found.push, found.slopes), deciding)
 
-    def _reaction(self, y: Floats, accelerations: Floats, response: Floats) -> tuple[float, Floats]:
-        """N₀ (N) and n (J,) of the rail's push up on the cart, N = N₀ + nᵀτ.
 
-        N = g Σ m + Σ b_i (sin θ_i θ_i'' + cos θ_i θ_i'²), less what drag carries.
-        """
-        system, first, half = self.system, int(self.layout.on_cart), self.layout.half
-        angles, rates = y[first:half], y[half + first : 2 * half]
-        b, lifted = np.empty(system.n_links), 0.0
-        for group in system.groups:
-            b[group.index] = group.block.b
-        if system.dragged:
-            speeds = Mechanics(system, self.read(y[None])).speeds
-            lifted = float(forces_of(system, speeds)[..., -1].sum())
-        leaning, thrown = b * np.sin(angles), float((b * np.cos(angles)) @ rates**2)
-        weight = system.gravity * system.total_mass + lifted
-        return weight + thrown + float(leaning @ accelerations[first:]), leaning @ response[first:]
+@dataclass(eq=False)
+class WrittenFrictional(Written, Frictional):
+    """`Frictional` written out, for few contacts of few links."""
+
+    free: Generated
+
+    def __post_init__(self) -> None:
+        presses = self.contacts.coefficient > 0
+        form = replace(self.free.form, contacts=self.contacts.pairs, presses=presses)
+        self._module = rubbing_of(form)
+        self._constants = self._module.constants(form.numbers(entries_of(self.system), self.system))
+        self._functions: dict[tuple[str, str], Rate] = {}
+        super().__post_init__()
+
+    def function(self, name: str, target: str = "floats") -> Rate:
+        """A function of `rubbing_of`."""
+        if (name, target) not in self._functions:
+            self._functions[name, target] = self._module.function(name, self._constants, target)
+        return self._functions[name, target]
+
+    def set_sign(self, sign: Floats) -> None:
+        """Let the contacts slide or stick like this from now on."""
+        super().set_sign(sign)
+        limit = self.contacts.limit.copy()
+        if self.contacts.coefficient:
+            limit[0] = self.contacts.coefficient
+        self._phase = [*(-sign * limit).tolist(), *(sign == 0).astype(float).tolist()]
+
+    @property
+    def rate(self) -> Rate:
+        """The time derivative of one y in floats, a list, from y and the inputs u."""
+        found = self.function("rates" if self.sign.all() else "sticking")
+        return partial(self._on_rail, found) if self.contacts.coefficient else found
+
+    @property
+    def rate_of_arrays(self) -> Callable[..., Any]:
+        """The same of many y side by side."""
+        if self.contacts.coefficient:
+            rate = self.rate
+            return lambda y, u: np.array([rate(*own) for own in zip(y.T.tolist(), u.T.tolist(), strict=True)]).T
+        return self.function("rates" if self.sign.all() else "sticking", "arrays")
+
+    def _on_rail(self, function: Rate, y: Sequence[float], u: Sequence[float]) -> list[float]:
+        """What a function that ends with N gives, N pressing down on the rail or, if not, up."""
+        *found, push = function(y, u)
+        if push >= 0 or not self.sign[0]:
+            return found
+        own, at = [*u], len(u) - len(self._phase)
+        own[at] = -own[at]
+        *found, push = function(y, own)
+        if push > 0:
+            self.refused = JAMMED
+            raise ValueError(JAMMED)
+        return found
+
+    @property
+    def listed(self) -> Listed:
+        """The inputs u at a time (s) and a state y."""
+        return self._with(self._phase)
+
+    def _with(self, phase: list[float]) -> Listed:
+        own = self.free.listed
+        return (lambda time, y: [*own(time, y), *phase]) if own else (lambda time, y: phase)
+
+    def responding(self, time: float, y: Floats) -> Responding:
+        """The derivative without friction, and the responses to it."""
+        own, half, count = y.tolist(), self.layout.half, len(self.sign)
+        found = np.array(self.function("responses")(own, self._with([0.0] * (2 * count))(time, own)))
+        rates, columns, rest = np.split(found, (len(y), len(y) + half * count))
+        return Responding(rates, columns.reshape(half, count), *([rest[0], rest[1:]] if len(rest) else []))
+
+    def rubbing(self, time: float, y: Floats, sign: Floats | None = None) -> Rubbing:
+        """Friction at one y."""
+        if sign is not None:
+            return super().rubbing(time, y, sign)
+        own, limit, coefficient = y.tolist(), self.contacts.limit.copy(), self.contacts.coefficient
+        function, u, at = self.function("friction"), self.listed(time, own), slice(len(self.sign))
+        if coefficient and self._slides[0]:
+            try:
+                tau = np.array(self._on_rail(function, own, u))
+            except UNDEFINED:
+                raise ComputationError(JAMMED) from None
+            limit[0] = abs(tau[0])
+        else:
+            tau = np.array(function(own, u))
+            if coefficient:
+                limit[0] = coefficient * abs(tau[-1])
+        return Rubbing(np.where(self._slides, -self.sign * limit, tau[at]), limit, self.sign)
 
 
 def _consistent(a: Floats, G: Floats, limit: Floats, sign: Floats, deciding: bool) -> Rubbing:

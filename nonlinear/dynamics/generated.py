@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,10 +18,58 @@ UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """Raised by Python's floats where NumPy's give inf or nan."""
 
 Rate = Callable[..., list[float]]
+Listed = Callable[[float, Sequence[float]], Sequence[float]]
+
+
+class Written(ABC):
+    """Equations that are written out: their `derivative` by what is written for floats and for arrays."""
+
+    @property
+    @abstractmethod
+    def rate(self) -> Rate:
+        """The time derivative of one y in floats, a list, from y and the inputs u."""
+
+    @property
+    @abstractmethod
+    def rate_of_arrays(self) -> Callable[..., Any]:
+        """The same of many y side by side."""
+
+    @property
+    @abstractmethod
+    def listed(self) -> Listed | None:
+        """The inputs u at a time (s) and a state y; None where there are none."""
+
+    @property
+    def is_clocked(self) -> bool:
+        """Whether the only input is the time."""
+        return False
+
+    def derivative(self, time: Any, y: Any) -> Any:
+        """The time derivative of one y, (size,), or of many side by side, (size, S), real or complex."""
+        found = np.empty_like(y)
+        if y.ndim > 1:
+            for row, rate in zip(found, self.rate_of_arrays(y, self._beside(time, y)), strict=True):
+                row[...] = rate
+            return found
+        own = y.tolist()
+        try:
+            found[...] = self.rate(own, self.listed(time, own) if self.listed else ())
+        except UNDEFINED:
+            found[...] = np.nan
+        return found
+
+    def _beside(self, times: Any, y: Any) -> Any:
+        """The inputs (K, S) of states side by side at one time or a time each."""
+        if self.listed is None:
+            return ()
+        if self.is_clocked:
+            return [np.broadcast_to(times, y.shape[1:])]
+        each = np.broadcast_to(times, y.shape[1:]).tolist()
+        return np.array([self.listed(time, own) for time, own in zip(each, y.T.real, strict=True)]).T
 
 
 @dataclass(frozen=True, eq=False)
-class Generated(Minimal):
+class Generated(Written, Minimal):
     """The equations of `Minimal` written out, without bodies."""
 
     bodies: tuple[()] = ()
@@ -41,7 +90,8 @@ class Generated(Minimal):
         return module_of(self.form).function("rates", self.constants)
 
     @cached_property
-    def _rates(self) -> Rate:
+    def rate_of_arrays(self) -> Callable[..., Any]:
+        """The same of many y side by side."""
         return module_of(self.form).function("rates", self.constants, "arrays")
 
     @property
@@ -50,7 +100,7 @@ class Generated(Minimal):
         return self.inputs.is_analytic and self.inputs.count == 1
 
     @cached_property
-    def listed(self) -> Callable[[float, Sequence[float]], Sequence[float]] | None:
+    def listed(self) -> Listed | None:
         """The inputs u at a time (s) and a state y; None where there are none."""
         if not self.inputs.count:
             return None
@@ -58,26 +108,3 @@ class Generated(Minimal):
             of_time = self.inputs.of_time
             return lambda time, y: of_time(time)
         return lambda time, y: self.inputs.listed(time, y, self.layout)
-
-    def derivative(self, time: Any, y: Any) -> Any:
-        """The time derivative of one y, (size,), or of many side by side, (size, S), real or complex."""
-        found = np.empty_like(y)
-        if y.ndim > 1:
-            for row, rate in zip(found, self._rates(y, self._beside(time, y)), strict=True):
-                row[...] = rate
-            return found
-        own = y.tolist()
-        try:
-            found[...] = self.rate(own, self.listed(time, own) if self.listed else ())
-        except UNDEFINED:
-            found[...] = np.nan
-        return found
-
-    def _beside(self, times: Any, y: Any) -> Any:
-        """The inputs (K, S) of states side by side at one time or a time each."""
-        if self.listed is None:
-            return ()
-        if self.is_clocked:
-            return [np.broadcast_to(times, y.shape[1:])]
-        each = np.broadcast_to(times, y.shape[1:]).tolist()
-        return np.array([self.listed(time, own) for time, own in zip(each, y.T.real, strict=True)]).T

@@ -13,7 +13,6 @@ Vectors p are ordered like q, (x, links); further axes of angles and momenta are
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -22,7 +21,7 @@ import numpy as np
 
 from modal.types import Floats
 from nonlinear.dynamics.joints import acting, frame_of, spring_energy
-from nonlinear.dynamics.minimal import Body, Recursion
+from nonlinear.dynamics.minimal import Recursion, inverted
 from nonlinear.system import AppliedForces, Group, Layout, Load, Motion, State, System
 
 
@@ -57,20 +56,9 @@ def momenta(system: System, state: State) -> Floats:
     return np.concatenate(([rail + system.cart.mass * state.cart_rate], on_links)) if system.cart else on_links
 
 
-def velocities(system: System, links: Any, p: Any, make: Callable[..., Body] = Recursion) -> Any:
-    """The velocities q' = M⁻¹ p (half, ...) at the angles (L, ...), each group solved by the body that `make` gives."""
-    first, found = int(system.cart is not None), np.zeros_like(p)
-    solved, mass, force = [], 0.0, 0.0
-    for group in system.groups:
-        body, angles = make(group, p.ndim - 1), links[group.index]
-        one_mass, one_force, memory = body.pull(angles, 0 * angles, p[first:][group.index], 0.0)
-        mass, force = mass + one_mass, force + one_force
-        solved.append((group, body, memory))
-    if system.cart:
-        found[0] = (p[0] - force) / (system.cart.mass + mass)
-    for group, body, memory in solved:
-        found[first:][group.index] = body.turn(memory, found[0] if system.cart else 0.0)
-    return found
+def velocities(system: System, links: Any, p: Any) -> Any:
+    """The velocities q' = M⁻¹ p (half, ...) at the angles (L, ...)."""
+    return inverted(system, [(group, Recursion(group, p.ndim - 1)) for group in system.groups], links, p)
 
 
 def potential(system: System, cart: Any, links: Any) -> Any:

@@ -7,6 +7,9 @@ scene has it:
     velocity (m/s), in its direction
     of every law of a hoist the length (m), its speed and its acceleration
     the force on the cart (N), and the moment on every link (N m), of a load
+    of every contact with dry friction the torque or force that it exerts while it slides (N m or N), 0 where it sticks;
+    then of every contact 1 where it sticks, 0 where it slides; on a rail with a coefficient μ, first, instead of the
+    friction −s μ sign N
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from nonlinear.dynamics.contacts import Gripping
 from nonlinear.system import AppliedForces, Layout, Load, System
 
 NOTHING = AppliedForces()
@@ -32,12 +36,16 @@ class Lengths(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """Accelerations (m/s²) and velocities (m/s) of a moved support along the rail and down, lengths, applied forces."""
+    """Accelerations (m/s²) and velocities (m/s) of a moved support along the rail and down, lengths, applied forces.
+
+    The friction of contacts that slide is applied; `gripping` tells which stick.
+    """
 
     support: tuple[Any, Any] = (0.0, 0.0)
     velocity: tuple[Any, Any] = (0.0, 0.0)
     lengths: Lengths | None = None
     push: AppliedForces = NOTHING
+    gripping: Gripping | None = None
 
 
 QUIET = Instant()
@@ -45,10 +53,11 @@ QUIET = Instant()
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What time brings to a system under a load."""
+    """What time brings to a system under a load, with `contacts` (the coordinates below and above each)."""
 
     system: System
     load: Load | None = None
+    contacts: tuple[tuple[int, int], ...] = ()
 
     @cached_property
     def laws(self) -> tuple[Any, ...]:
@@ -59,7 +68,8 @@ class Inputs:
     def count(self) -> int:
         """How many inputs u there are, in the plane."""
         pushed = self.load is not None
-        return self._moved + 3 * len(self.laws) + pushed * (self.system.n_links + (self.system.cart is not None))
+        acting = pushed * (self.system.n_links + (self.system.cart is not None))
+        return self._moved + 3 * len(self.laws) + acting + 2 * len(self.contacts)
 
     @property
     def _moved(self) -> int:
@@ -105,10 +115,22 @@ class Inputs:
                 size = motion.derivative(first, 1) if self.is_analytic else next(given)
                 velocity = _along(moving.direction, size)
         lengths = self._lengths([(next(given), next(given), next(given)) for _ in self.laws]) if self.laws else None
-        acting = [*given]
-        force = acting.pop(0) if acting and self.system.cart else 0.0
-        push = AppliedForces(force, _filled(acting)) if acting else NOTHING
-        return Instant(support, velocity, lengths, push)
+        first = int(self.system.cart is not None)
+        acting = [next(given) for _ in range(first + self.system.n_links)] if self.load else []
+        if not self.contacts:
+            return Instant(support, velocity, lengths, self._push(acting))
+        acting = acting or [0.0] * (first + self.system.n_links)
+        pressed = next(given) if self.system.rail and self.system.rail.coefficient else None
+        for below, above in self.contacts[pressed is not None :]:
+            tau = next(given)
+            acting[below] = acting[below] + tau
+            if above >= 0:
+                acting[above] = acting[above] - tau
+        return Instant(support, velocity, lengths, self._push(acting), Gripping(self.contacts, [*given], pressed))
+
+    def _push(self, acting: Sequence[Any]) -> AppliedForces:
+        first = int(self.system.cart is not None)
+        return AppliedForces(acting[0] if first else 0.0, _filled(acting[first:])) if acting else NOTHING
 
     def _lengths(self, laws: Sequence[tuple[Any, Any, Any]]) -> Lengths:
         links = self.system.n_links

@@ -10,15 +10,17 @@ gives x'' (the Schur complement of the cart), from which each group computes the
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from modal.types import Floats, Ints
+from nonlinear.dynamics.contacts import Rubbed
 from nonlinear.dynamics.drag import Resistance, plane_drag
-from nonlinear.dynamics.inputs import Inputs, Instant
+from nonlinear.dynamics.inputs import Inputs, Instant, Lengths
 from nonlinear.dynamics.joints import cart_force, inertial_torques, joint_torques, modal_drag
 from nonlinear.dynamics.recursion import Bias, downward, links_of, upward
 from nonlinear.system import Group, Layout, Load, Motion, State, System
@@ -85,8 +87,23 @@ class Suspended(ABC):
         """The time derivative of y, (size, ...): further axes of y are independent trajectories side by side."""
         return self.rates(y, self.inputs.at(time, y, self.layout))
 
+    def lengthened(self, instant: Instant) -> list[Group]:
+        """The groups with the lengths of an instant."""
+        groups = self.system.groups
+        return [self._lengthened(one, instant.lengths) if instant.lengths else one for one in groups]
+
+    def _lengthened(self, group: Group, lengths: Lengths) -> Group:
+        assert self.system.hoisting is not None
+        length = lengths.length[group.index]
+        centre = np.where(self.system.hoisting.moving[group.index], length, group.block.centre)
+        return replace(group, block=replace(group.block, length=length, centre=centre))
+
     def rates(self, y: Any, instant: Instant) -> Any:
         """The time derivative of y, (size, ...), from what time brings at this instant."""
+        return self.rubbed(y, instant)[0]
+
+    def rubbed(self, y: Any, instant: Instant) -> tuple[Any, Rubbed]:
+        """The same, and what dry friction does."""
         system, layout, cart = self.system, self.layout, self.system.cart
         first, half, push = int(layout.on_cart), layout.half, instant.push
         q, v, (along, down) = y[:half], y[half : 2 * half], instant.support
@@ -118,15 +135,58 @@ class Suspended(ABC):
             outside = push.cart + working + (0.0 if drag is None else drag[0])
             x2 = found[half] = (outside + kept - force) / (cart.mass + mass)
             power = power + v[0] * outside
-        turned = found[half + first : 2 * half]
-        for place, group, body, memory, resistance in solved:
+        accelerations = found[half : 2 * half]
+        turned = accelerations[first:]
+        for place, _, body, memory, _ in solved:
             turned[place] = body.turn(memory, x2)
-            if instant.lengths is not None:
-                power = power + winch_power(
-                    group, instant, links[place], rates[place], turned[place], (x2, -gravity), resistance
-                )
+        rubbed = Rubbed(accelerations, ())
+        if instant.gripping is not None:
+            normal = partial(self.reaction, y, instant)
+            rubbed = instant.gripping.rubbed(accelerations, self.responses(links, instant), normal)
+            accelerations[:] = rubbed.accelerations
+            x2 = accelerations[0] if cart else along
+            if rubbed.normal is not None:
+                power = power + v[0] * instant.gripping.pressed * rubbed.normal
+        if instant.lengths is not None:
+            for place, group, _, _, resistance in solved:
+                winding = [part[group.index] for part in instant.lengths[1:]]
+                moved = links[place], rates[place], turned[place]
+                force = transmitted(group, winding, *moved, (x2, -gravity), resistance)
+                rope = np.stack((np.sin(links[place]), np.cos(links[place])))
+                power = power + (winding[0] * (rope * force).sum(0)).sum((0, 1))
         if layout.works:
             found[-1] = power
+        return found, rubbed
+
+    def responses(self, links: Any, instant: Instant) -> Any:
+        """M⁻¹Jᵀ, the accelerations (half, J) by a unit of friction at every contact, at the lengths of an instant."""
+        gripping = instant.gripping
+        assert gripping is not None
+        if instant.lengths is not None:
+            still = np.zeros_like(instant.lengths.speed)
+            instant = instant._replace(lengths=instant.lengths._replace(speed=still, acceleration=still))
+        solvers = self.hung(instant)
+        forces = gripping.forces(self.layout.half).T
+        return np.stack([inverted(self.system, solvers, links, one) for one in forces], axis=1)
+
+    def reaction(self, y: Any, instant: Instant, accelerations: Any, whole: bool = True) -> Any:
+        """The rail's push N up on the cart (N), or if not `whole` its part that is linear in the accelerations."""
+        system, first, half = self.system, int(self.layout.on_cart), self.layout.half
+        links, rates, turned = y[first:half], y[half + first : 2 * half], accelerations[first:]
+        found, gravity = 0.0, 0.0
+        if whole and system.cart:
+            gravity = system.gravity - instant.support[1]
+            found = system.cart.mass * gravity
+        for place, group in zip(self.places, self.lengthened(instant), strict=True):
+            speed, winding, drag = rates[place] if whole else 0 * rates[place], [0.0, 0.0], None
+            if whole and instant.lengths is not None:
+                winding = [part[group.index] for part in instant.lengths[1:]]
+            if whole and group.dragged:
+                reeled = None if instant.lengths is None else winding[0]
+                drag = self.dragged(group, links[place], speed, y[half], None, reeled)
+            start = accelerations[0], -gravity
+            force = transmitted(group, winding, links[place], speed, turned[place], start, drag)
+            found = found - force[1][0].sum(0)
         return found
 
     def begin(self, state: State) -> Floats:
@@ -145,6 +205,22 @@ class Suspended(ABC):
     def project(self, y: Floats) -> tuple[Floats, float]:
         """No constraints: y is unchanged."""
         return y, 0.0
+
+
+def inverted(system: System, solvers: Sequence[tuple[Group, Body]], links: Any, p: Any) -> Any:
+    """M⁻¹ p (half, ...), the accelerations by generalized forces p alone, at the angles (L, ...)."""
+    first, found = int(system.cart is not None), np.zeros(np.shape(p), dtype=np.result_type(links, p))
+    solved, mass, force = [], 0.0, 0.0
+    for group, body in solvers:
+        angles = links[group.index]
+        one_mass, one_force, memory = body.pull(angles, 0 * angles, p[first:][group.index], 0.0)
+        mass, force = mass + one_mass, force + one_force
+        solved.append((group, body, memory))
+    if system.cart:
+        found[0] = (p[0] - force) / (system.cart.mass + mass)
+    for group, body, memory in solved:
+        found[first:][group.index] = body.turn(memory, found[0] if system.cart else 0.0)
+    return found
 
 
 class Recursion:
@@ -191,11 +267,8 @@ class Minimal(Suspended):
 
     def _strung(self, group: Group, instant: Instant) -> tuple[Group, Body]:
         assert instant.lengths is not None
-        assert self.system.hoisting is not None
-        length, *winding = (part[group.index] for part in instant.lengths)
-        centre = np.where(self.system.hoisting.moving[group.index], length, group.block.centre)
-        own = replace(group, block=replace(group.block, length=length, centre=centre))
-        return own, Recursion(own, winding=winding)
+        own = self._lengthened(group, instant.lengths)
+        return own, Recursion(own, winding=[part[group.index] for part in instant.lengths[1:]])
 
     def acting(self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any) -> tuple[Any, Any]:
         """Torques (n, P, ...) on the absolute angles, and the power of joints, moments and inertial forces."""
@@ -215,13 +288,13 @@ class Minimal(Suspended):
         return plane_drag(group, links, rates, cart_rate, support, speed)
 
 
-def winch_power(group: Group, instant: Instant, angles: Any, rates: Any, turns: Any, start: Any, drag: Any) -> Any:
-    """The power (W) of the winches of a group: Σ l' u·f with the force f that a rope transmits, f = Σ m (a − g) − F.
+def transmitted(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, start: Any, drag: Any) -> Any:
+    """The force f (2, n, P) on every link from above, along the rail and down: f = Σ m (a − g) − F of all below it.
 
-    `start` is the acceleration of the first joint less gravity, F the `drag` of everything below.
+    `winding` are the speeds and accelerations of the lengths, `start` is the acceleration of the first joint less
+    gravity, F the `drag`.
     """
-    assert instant.lengths is not None
-    _, speed, acceleration = (part[group.index] for part in instant.lengths)
+    speed, acceleration = winding
     sin, cos = np.sin(angles), np.cos(angles)
     u, n = np.stack((sin, cos)), np.stack((cos, -sin))
     along, across = acceleration - group.block.length * rates * rates, group.block.length * turns + 2 * speed * rates
@@ -231,5 +304,4 @@ def winch_power(group: Group, instant: Instant, angles: Any, rates: Any, turns: 
     needed = group.block.mass * (ends - rest * (turns * n - rates * rates * u))
     if drag is not None:
         needed = needed - drag.forces
-    force = np.cumsum(needed[:, ::-1], axis=1)[:, ::-1]
-    return (speed * (u * force).sum(0)).sum((0, 1))
+    return np.cumsum(needed[:, ::-1], axis=1)[:, ::-1]

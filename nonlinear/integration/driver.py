@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
 from math import isfinite
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -15,6 +15,7 @@ from scipy.optimize import brentq, minimize_scalar
 from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.integration.escapements import Escapements
+from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.friction import StickSlip
 from nonlinear.integration.steppers import Stepper, Sweeper
 from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecord, Friction, Kicks, State
@@ -87,7 +88,7 @@ class Drive:
         record = Record(self.times, np.empty((len(self.times), len(self.stepper.y))))
         record.keep(self.stepper.y[None])
         free = isinstance(self.stepper, Sweeper) and not (self.events or self.escapements or self.friction)
-        advance = self._far if free else self._on
+        advance = self._far if free else self._gliding if self._glides else self._on
         try:
             while record.filled < len(self.times) and not record.stopped:
                 if self.friction and self.friction.rest == self.friction.rest:
@@ -118,11 +119,35 @@ class Drive:
         time, row = record.last or (float(self.times[0]), self.stepper.y)
         return cast("StickSlip", self.friction).record(time, np.asarray(row))
 
+    @property
+    def _glides(self) -> bool:
+        """Whether many steps at once can be taken while all contacts slide."""
+        friction, alone = self.friction, not (self.events or self.escapements)
+        known = bool(friction and not friction.equations.contacts.coefficient)
+        return known and alone and isinstance(self.stepper, FloatStepper)
+
+    def _gliding(self, record: Record) -> None:
+        """Many steps in which all contacts slide, and the one in which that may change."""
+        friction, stepper = cast("StickSlip", self.friction), cast("FloatStepper", self.stepper)
+        if not friction.equations.sign.all():
+            return self._on(record)
+        every = self.report is not silent
+        with np.errstate(all="ignore"):
+            swept = stepper.sweep(self.times[record.filled :], every, friction.clear)
+        if swept[2]:
+            self._keep(record, *swept)
+        if stepper.time > record.reached and record.filled < len(self.times):
+            self._within(record, stepper.before)
+        return None
+
     def _far(self, record: Record) -> None:
         """Many steps in which nothing but samples is needed."""
-        first = record.filled
         with np.errstate(all="ignore"):
-            rows, ends, steps = cast("Sweeper", self.stepper).sweep(self.times[first:], self.report is not silent)
+            swept = cast("Sweeper", self.stepper).sweep(self.times[record.filled :], self.report is not silent)
+        self._keep(record, *swept)
+
+    def _keep(self, record: Record, rows: Floats, ends: Sequence[Any], steps: int) -> None:
+        first = record.filled
         if self.report is silent:
             record.keep(rows)
             record.steps, record.last = record.steps + steps, ends[-1]
@@ -138,6 +163,10 @@ class Drive:
         before = self.stepper.time
         with np.errstate(all="ignore"):
             self.stepper.step()
+        self._within(record, before)
+
+    def _within(self, record: Record, before: float) -> None:
+        """Everything that happens within the last step."""
         record.steps += 1
         now, y = self.stepper.time, self.stepper.y
         kick = self.escapements.next(self.stepper, before) if self.escapements else None

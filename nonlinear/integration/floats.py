@@ -17,8 +17,8 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from modal.types import Floats
-from nonlinear.dynamics import Generated
-from nonlinear.dynamics.generated import UNDEFINED
+from nonlinear.dynamics import Written
+from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
 from nonlinear.dynamics.text import function_in
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
 
@@ -27,8 +27,6 @@ SAFETY, SHRINKS, GROWS = 0.9, 0.2, 10.0  # factors of the step size, as in SciPy
 AT_ONCE = 256  # steps
 
 Numbers = Sequence[float]
-Rate = Callable[..., list[float]]
-Listed = Callable[[float, Numbers], Numbers]
 
 
 class Passed(NamedTuple):
@@ -61,25 +59,31 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         self.passed = Passed(self.t, self.t, self.y.tolist(), self.y.tolist(), [self.f.tolist()])
         self.smallest = np.broadcast_to(self.atol, self.y.shape).tolist()
 
-    def advance(self, due: Numbers, most: int) -> tuple[list[Passed], list[Passed], int]:
+    def advance(
+        self, due: Numbers, most: int, clear: Callable[[Sequence[Numbers]], bool] | None = None
+    ) -> tuple[list[Passed], list[Passed], int]:
         """Up to this many steps, none if the first fails, until the last time that is `due` (all that, if none is).
 
-        Returns the steps, those in which times are due, and how many of these times have been reached.
+        Returns the steps, those in which times are due, and how many of these times have been reached; the first step
+        that is not `clear` is taken but not among them.
         """
         y, f, at = self.y.tolist(), self.f.tolist(), 0
         steps: list[Passed] = []
         wanted: list[Passed] = []
+        begun = self.t
         while len(steps) < most and self.t < self.t_bound and (at < len(due) or not due):
             step = self._passed(y, f)
             if step is None:
                 break
-            steps.append(step)
+            self.passed = step
             y, f, self.t = step.after, step.stages[-1], step.end
+            if clear and not clear(step.stages):
+                break
+            steps.append(step)
             if at < len(due) and due[at] <= self.t:
                 wanted.append(step)
                 at = bisect_right(due, self.t)
-        if steps:
-            self.passed = steps[-1]
+        if self.t > begun:
             self.t_old, self.y_old = self.passed.start, np.array(self.passed.before)
             self.y, self.f = np.array(y), np.array(f)
         return steps, wanted, at
@@ -119,7 +123,7 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         return super()._dense_output_impl()
 
 
-class FloatStepper(DOP853Stepper[Generated]):
+class FloatStepper(DOP853Stepper[Written]):
     """DOP853 in floats for generated equations, with the arguments of `DOP853Stepper`."""
 
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> FloatDOP853:
@@ -132,11 +136,32 @@ class FloatStepper(DOP853Stepper[Generated]):
         """The inputs, seen strictly between the surrounding breaks."""
         return lambda time, y: listed(self.clear_of_breaks(time), y)
 
-    def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Numbers]], int]:
-        """Many steps at once, as defined in `Sweeper`."""
+    def along(self, weights: Floats) -> Callable[[float], float]:
+        """The sum of the components of y with these weights, as a function of time (s) within the last step."""
+        if self._within is None:
+            self._within = self._solver.dense_output()
+        start, length = self._within.t_old, self._within.h
+        first, terms = float(self._within.y_old @ weights), (self._within.F @ weights).tolist()[::-1]
+
+        def value(time: float) -> float:
+            x, found = (time - start) / length, 0.0
+            for number, term in enumerate(terms):
+                found = (found + term) * (1 - x if number % 2 else x)
+            return first + found
+
+        return value
+
+    def sweep(
+        self, times: Floats, every: bool = True, clear: Callable[[Sequence[Numbers]], bool] | None = None
+    ) -> tuple[Floats, list[tuple[float, Numbers]], int]:
+        """Many steps at once, as defined in `Sweeper`, up to the first that is not `clear`, judged by y' at its stages.
+
+        That step is taken but not among the results.
+        """
         solver = cast("FloatDOP853", self._on_its_way())
-        steps, wanted, reached = solver.advance(times.tolist(), AT_ONCE)
-        if not steps:
+        begun = solver.t
+        steps, wanted, reached = solver.advance(times.tolist(), AT_ONCE, clear)
+        if solver.t == begun:
             raise self._stopped(solver.TOO_SMALL_STEP)
         self.before, self.y_before, self._within = solver.t_old, solver.y_old, None
         solver.status = "finished" if solver.t >= solver.t_bound else "running"

@@ -9,10 +9,9 @@ and which way the others slide, and the integrator restarts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import pairwise
 from math import nan
 from typing import NamedTuple
 
@@ -21,10 +20,12 @@ from scipy.optimize import brentq, minimize_scalar
 
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import Frictional, links_of_contacts
+from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.steppers import Stepper
 from nonlinear.system import Friction
 
 LOOKS = 8  # intervals of every step that are searched
+CLEAR = 0.5  # least velocity of a contact over the change of it in a step that needs no search
 TOGETHER = 1e-12  # velocity, in natural units, below which contacts that slow down stop together
 BRIEF, OFTEN = 1e-7, 4  # phases shorter than this, over √(l/g), of which so many in a row are chatter
 FIRM = 1e-6  # excess over its limit by which a contact breaks loose after chatter
@@ -53,7 +54,7 @@ class StickSlip:
     _phases: list[tuple[int, float, float]] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
-        count = len(self.equations.sign)
+        count, self._pairs = len(self.equations.sign), self.equations.contacts.pairs
         self._since, self._work, self._turned = np.full(count, nan), np.zeros(count), self.equations.place(self.y)
         self._changed, self._brief, self._firm = np.full(count, -np.inf), np.zeros(count, int), np.zeros(count)
         self._settle(self.time, self.y, np.sign(self.equations.sliding(self.y)))
@@ -63,7 +64,7 @@ class StickSlip:
     def next(self, stepper: Stepper, before: float) -> Change | None:
         """The first change within the last step, None where there is none."""
         self.equations.refused = ""
-        if self.equations.at_rest and self.equations.load is None:
+        if self.equations.rests:
             return None
         looks = np.linspace(before, stepper.time, LOOKS + 1)
         rows = np.vstack((stepper.inside(looks[:-1]), stepper.y))
@@ -71,17 +72,28 @@ class StickSlip:
             values = -self.equations.sign * self.equations.sliding(rows)
         else:
             values = np.array([self._values(time, row) for time, row in zip(looks.tolist(), rows, strict=True)])
-        fresh = self._changed >= before
-        for k, (start, end) in enumerate(pairwise(looks.tolist())):
-            low, high = values[k], values[k + 1]
-            passing = (low <= 0) & (high > 0)
-            if k == 0:
-                passing |= fresh & (low >= 0) & (high > low) & (high > 0)
-            if passing.any():
-                return self._first(stepper, start, end, passing)
-            if k and (peak := self._peak(stepper, looks, values, k)):
+        low, high = values[:-1], values[1:]
+        passing, near = (low <= 0) & (high > 0), np.zeros(low.shape, dtype=bool)
+        passing[0] |= (self._changed >= before) & (low[0] >= 0) & (high[0] > low[0]) & (high[0] > 0)
+        near[1:] = _near(values)
+        for k in np.flatnonzero((passing | near).any(1)).tolist():
+            if passing[k].any():
+                return self._first(stepper, looks[k], looks[k + 1], passing[k])
+            if peak := self._peak(stepper, looks, near[k], k):
                 return self._first(stepper, *peak)
         return None
+
+    def clear(self, stages: Sequence[Sequence[float]]) -> bool:
+        """Whether in a step with these y' at its stages, of which the first half are velocities, nothing can change.
+
+        All contacts slide, each with a velocity that stays above CLEAR times its change within the step.
+        """
+        for (below, above), s in zip(self._pairs, self.equations.sign.tolist(), strict=True):
+            speeds = [s * (v[below] - v[above]) if above >= 0 else s * v[below] for v in stages]
+            least = min(speeds)
+            if least <= CLEAR * (max(speeds) - least):
+                return False
+        return True
 
     def _values(self, time: float, row: Floats) -> Floats:
         """The value of every contact, negative while its state lasts, (J,)."""
@@ -93,32 +105,36 @@ class StickSlip:
             found[stuck] = (np.abs(rubbing.tau) - rubbing.limit * (1 + self._firm))[stuck]
         return found
 
+    def _of_time(self, stepper: Stepper, j: int) -> Callable[[float], float]:
+        """The value of a contact as a function of time (s) within the last step."""
+        if self.equations.sign[j] and isinstance(stepper, FloatStepper):
+            weights, half = np.zeros_like(self.y), self.equations.layout.half
+            weights[half : 2 * half] = -self.equations.sign[j] * self.equations.contacts.jacobian(half)[j]
+            return stepper.along(weights)
+        return partial(self._value, stepper, j)
+
     def _value(self, stepper: Stepper, j: int, time: float) -> float:
         return float(self._values(time, stepper.inside(np.array([time]))[0])[j])
 
-    def _peak(self, stepper: Stepper, looks: Floats, values: Floats, k: int) -> tuple[float, float, Booleans] | None:
-        """The look before a positive maximum near look k, its time, and the contact that has it; None without one."""
-        left, middle, right = values[k - 1 : k + 2]
-        bend = left - 2 * middle + right
-        with np.errstate(all="ignore"):
-            top = middle - (right - left) ** 2 / (8 * bend)
-        near = (middle < 0) & (middle >= left) & (middle >= right) & (bend < 0) & (top > middle / 2)
+    def _peak(self, stepper: Stepper, looks: Floats, near: Booleans, k: int) -> tuple[float, float, Booleans] | None:
+        """The look before a positive maximum near look k, its time, and which of those `near` has it; None without."""
         for j in np.flatnonzero(near).tolist():
+            value = self._of_time(stepper, j)
             found = minimize_scalar(
-                lambda time, j=j: -self._value(stepper, j, time),
+                lambda time, value=value: -value(time),
                 bounds=(looks[k - 1], looks[k + 1]),
                 method="bounded",
                 options={"xatol": 1e-12 * max(1.0, abs(looks[k]))},
             )
             if -found.fun > 0:
-                return float(looks[k - 1]), float(found.x), np.arange(values.shape[1]) == j
+                return float(looks[k - 1]), float(found.x), np.arange(len(near)) == j
         return None
 
     def _first(self, stepper: Stepper, start: float, end: float, among: Booleans) -> Change:
         """The first of these contacts to pass zero; one whose value is zero at the start may be negative at first."""
         times = np.full(len(among), np.inf)
         for j in np.flatnonzero(among).tolist():
-            value = partial(self._value, stepper, j)
+            value = self._of_time(stepper, j)
             early = start + (end - start) * np.append(0.0, NEARER)
             low = next((time for time in early.tolist() if value(time) < 0), None)
             times[j] = start if low is None else _root(value, low, end)
@@ -133,7 +149,7 @@ class StickSlip:
         sliding, unit = equations.sliding(y), equations.system.rate * TOGETHER
         stopping = (sign != 0) & (change.which | (sliding * sign <= unit) & self._slowing(change.time, y))
         loose = (sign == 0) & change.which
-        found = self._stopped(y, stopping | ((sign == 0) & ~loose) | loose)
+        found = self._stopped(change.time, y, stopping | ((sign == 0) & ~loose) | loose)
         begun = np.where(stopping, 0.0, sign)
         for j in np.flatnonzero(loose):
             begun[j] = -np.sign(equations.rubbing(change.time, found).tau[j])
@@ -150,10 +166,10 @@ class StickSlip:
         slope = self.equations.derivative(time, y)
         return np.asarray(self.equations.sliding(slope) * self.equations.sign < 0)
 
-    def _stopped(self, y: Floats, still: Booleans) -> Floats:
+    def _stopped(self, time: float, y: Floats, still: Booleans) -> Floats:
         """The same y after an impulse of friction that takes all velocity from these contacts."""
         equations, half = self.equations, self.equations.layout.half
-        response, speed = equations.response(y)[:, still], equations.sliding(y)[still]
+        response, speed = equations.responding(time, y).columns[:, still], equations.sliding(y)[still]
         if not speed.any():
             return y.copy()
         found = y.copy()
@@ -184,7 +200,7 @@ class StickSlip:
         self._changed[begun | (before != found)] = time
         equations.set_sign(found)
         equations.placed = np.where(begun, equations.place(y), equations.placed)
-        if equations.at_rest and equations.load is None:
+        if equations.rests:
             self.rest = time
 
     def _account(self, y: Floats) -> None:
@@ -213,6 +229,15 @@ class StickSlip:
         which = np.array([phase[0] for phase in phases], dtype=np.int64)
         begin, end = (np.array([phase[k] for phase in phases], dtype=float) for k in (1, 2))
         return Friction(places[which], begin, end, places, self._work.copy(), self.rest)
+
+
+def _near(values: Floats) -> Booleans:
+    """Which values (K, J) have a negative maximum at an inner look, (K − 2, J), that may be positive beside it."""
+    left, middle, right = values[:-2], values[1:-1], values[2:]
+    bend = left - 2 * middle + right
+    with np.errstate(all="ignore"):
+        top = middle - (right - left) ** 2 / (8 * bend)
+    return np.asarray((middle < 0) & (middle >= left) & (middle >= right) & (bend < 0) & (top > middle / 2))
 
 
 def _root(value: Callable[[float], float], start: float, end: float) -> float:

@@ -20,6 +20,7 @@ from nonlinear.dynamics import (
     Reduced,
     Small,
     Symmetry,
+    WrittenFrictional,
     contacts_of,
     loses_digits,
     undisturbed,
@@ -36,7 +37,7 @@ FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
 STIFF = 30.0  # fastest decay over the fastest oscillation
 SHORTEST = 1e-13  # link length over the longest, below which positions in maximal coordinates cannot resolve it
 ROOM = 1e140  # largest moment of inertia, and inverse of the smallest, whose square does not overflow
-SEPARATE = 8  # links up to which a load acts apart from equations with dry friction
+RUBBED = 8  # contacts with dry friction up to which the equations are written out
 FEWEST = 24  # links of a scene up to which it is one dense matrix
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
 FINEST = 1e-13  # tolerance below which only Taylor series gain accuracy
@@ -172,8 +173,10 @@ def equations_of(
         if choice.form == "maximal":
             return HoistedMaximal(system, load)
     if system.rubs:
-        few = system.n_links <= SEPARATE
-        return Frictional(_free(system, None if few else load), contacts_of(system), load if few else None)
+        contacts, free = contacts_of(system), _free(system, load)
+        if isinstance(free, Generated) and len(contacts.pairs) <= RUBBED:
+            return WrittenFrictional(free, contacts)
+        return Frictional(free, contacts)
     if choice.form == "spatial":
         from nonlinear.dynamics import Spatial
         from nonlinear.dynamics import SpatialRecursion as InSpace

@@ -14,11 +14,11 @@ from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.dynamics import (
     Frictional,
-    Generated,
     HoistedMaximal,
     Minimal,
     Reduced,
     Symmetry,
+    Written,
     find_symmetries,
 )
 from nonlinear.integration.arguments import extent, shaken
@@ -224,7 +224,7 @@ def _stepper(
     relative = choice.tolerance * sharpened(slope, equations.scale)
     absolute = NEAR_ZERO * relative * size * equations.scale
     pace = replace(pace, first=first_step(y, slope, absolute + relative * np.abs(y), FIRST / equations.system.rate))
-    if choice.method == "DOP853" and isinstance(inner, Generated):
+    if choice.method == "DOP853" and isinstance(inner, Written):
         return FloatStepper(inner, first, y, last, relative, absolute, pace)
     if choice.method == "DOP853" and choice.compiled:
         from nonlinear.integration.compiled import CompiledStepper

@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
 
 from modal.errors import ComputationError
 from modal.scene import scene_from
-from nonlinear.dynamics import Frictional, Mechanics, Minimal, Recursion, Small, contacts_of
-from nonlinear.dynamics.friction import Contacts, _on_rail, hold
+from nonlinear.dynamics import (
+    Contacts,
+    Frictional,
+    Mechanics,
+    Minimal,
+    Recursion,
+    Small,
+    WrittenFrictional,
+    contacts_of,
+)
+from nonlinear.dynamics.friction import _on_rail, hold
 from nonlinear.integration import Choice, equations_of
-from nonlinear.system import AppliedForces, State, system_of
+from nonlinear.system import AppliedForces, State, System, system_of
 
 
 def every_state(a: np.ndarray, G: np.ndarray, limit: np.ndarray) -> list[np.ndarray]:
@@ -83,19 +93,19 @@ def test_a_rail_that_jams_says_so() -> None:
 
 
 def test_written_out_and_by_the_recursion_it_is_the_same() -> None:
-    links = [{"kind": "rod", "mass": 1.0, "length": 0.5, "friction": 0.1, "count": 9}]
+    links = [{"kind": "rod", "mass": 1.0, "length": 0.5, "friction": 0.1, "count": 5}]
     found = system_of(scene_from({"gravity": 9.81, "pendulum": [{"links": links}]}))
     long = Frictional(Minimal(found, tuple(Recursion(group) for group in found.groups)), contacts_of(found))
     rng = np.random.default_rng(3)
-    y = long.begin(State(rng.normal(size=9), rng.normal(size=9)))
+    y = long.begin(State(rng.normal(size=5), rng.normal(size=5)))
     long.release(0.0, y)
     written = equations_of(found, Choice("minimal", "DOP853", False, ""))
-    assert isinstance(written, Frictional)
+    assert isinstance(written, WrittenFrictional)
     written.release(0.0, y)
     assert written.derivative(0.0, y) == pytest.approx(long.derivative(0.0, y), rel=1e-9, abs=1e-9)
 
 
-def test_a_load_acts_alike_apart_and_within() -> None:
+def test_a_load_acts_alike_written_out_and_by_a_matrix() -> None:
     links = [{"kind": "rod", "mass": 1.0, "length": 0.5, "friction": 0.1, "count": 3}]
     support = {"kind": "cart", "mass": 1.0, "friction": 0.2}
     system = system_of(scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": links}]}))
@@ -105,10 +115,107 @@ def test_a_load_acts_alike_apart_and_within() -> None:
 
     apart = equations_of(system, Choice("minimal", "DOP853", False, ""), load)
     within = Frictional(Small(system, load=load), contacts_of(system))
-    assert isinstance(apart, Frictional)
-    assert apart.pushed
+    assert isinstance(apart, WrittenFrictional)
     rng = np.random.default_rng(8)
     y = within.begin(State(rng.normal(size=3), rng.normal(size=3), 0.4, -0.3))
     for equations in (apart, within):
         equations.release(2.0, y)
     assert apart.derivative(2.0, y) == pytest.approx(within.derivative(2.0, y), rel=1e-9)
+
+
+# -------------------------------------------------------------------------------- with everything else that acts
+
+LINKS = [{"kind": "bob", "mass": m, "length": l, "friction": f} for m, l, f in [(2.0, 1.0, 0.4), (0.7, 0.8, 0.3)]]
+ROPE = {**LINKS[0], "hoist": {"to": 0.4, "duration": 2.0}}
+CART = {"kind": "cart", "mass": 1.5, "friction": 0.6}
+BESIDE: dict[str, dict[str, Any]] = {
+    "plain": {"links": LINKS, "support": CART},
+    "hoist": {"links": [ROPE, LINKS[1]], "support": {"kind": "fixed"}},
+    "hoist and rail": {"links": [ROPE, LINKS[1]], "support": CART},
+    "hoist and coefficient": {
+        "links": [ROPE, LINKS[1]],
+        "support": {**CART, "friction": 0.0, "friction_coefficient": 0.2},
+    },
+    "coefficient": {"links": LINKS, "support": {**CART, "friction": 0.0, "friction_coefficient": 0.2}},
+    "drag": {"links": [{**one, "drag": 0.3} for one in LINKS], "support": CART},
+    "damping ratio": {"links": LINKS, "support": CART, "damping_ratio": 0.05},
+    "moved": {
+        "links": LINKS,
+        "support": {"kind": "moved", "motion": {"kind": "sine", "amplitude": 0.1, "frequency_hz": 2.0}},
+    },
+}
+
+
+def newton(system: System, time: float, y: np.ndarray, sign: np.ndarray, contacts: Contacts) -> np.ndarray:
+    """q'' of bobs by Newton's law, Σ m J_kᵀ (r_k'' − g) = Q + Jᵀτ, with γ'' = 0 at contacts that stick, as one matrix.
+
+    The unknowns are q'', the friction of those that stick, and with a coefficient N = m_c g + Σ m (g − z'').
+    """
+    first, n = int(system.cart is not None), system.n_links
+    half = first + n
+    theta, v = y[first:half], y[half : 2 * half]
+    w = v[first:]
+    l, l1, l2 = (
+        (row[0] for row in system.hoisting.at(np.array([time])))
+        if system.hoisting
+        else (system.by_link("length"), np.zeros(n), np.zeros(n))
+    )
+    u, across = np.array([np.sin(theta), np.cos(theta)]), np.array([np.cos(theta), -np.sin(theta)])
+    M, right, lift = np.zeros((half, half)), np.zeros(half), np.zeros(half)
+    weight = 0.0
+    if system.cart:
+        M[0, 0], weight = system.cart.mass, system.cart.mass * system.gravity
+    start = system.support.accelerations(np.array([time]), 2)[0] if system.support else np.zeros(2)
+    bias, speed, Jk = start.copy(), np.array([v[0] if first else 0.0, 0.0]), np.zeros((2, half))
+    if first:
+        Jk[0, 0] = 1.0
+    for k in range(n):
+        bias = bias + l2[k] * u[:, k] + 2 * l1[k] * w[k] * across[:, k] - l[k] * w[k] ** 2 * u[:, k]
+        speed = speed + l1[k] * u[:, k] + l[k] * w[k] * across[:, k]
+        Jk[:, first + k] = l[k] * across[:, k]
+        m = float(system.mass[k])
+        M += m * Jk.T @ Jk
+        right -= m * Jk.T @ (bias - [0.0, system.gravity]) + float(system.by_link("drag")[k]) * Jk.T @ speed
+        weight += m * (system.gravity - bias[1])
+        lift -= m * Jk[1]
+    if system.modal_damping is not None:
+        right -= system.modal_damping @ v
+    J, stuck = contacts.jacobian(half), sign == 0
+    right = right - J.T @ (sign * contacts.limit)
+    size = half + int(stuck.sum())
+    K, r = np.zeros((size + 1, size + 1)), np.append(right, np.zeros(size + 1 - half))
+    K[:half, :half], K[:half, half:size], K[half:size, :half] = M, -J[stuck].T, J[stuck]
+    K[size, size], K[size, :half], r[size] = 1.0, -lift, weight
+    if contacts.coefficient:
+        K[:half, size] = sign[0] * contacts.coefficient * J[0]
+    found = np.linalg.solve(K, r)
+    assert not contacts.coefficient or found[-1] > 0
+    return found[:half]
+
+
+@pytest.mark.parametrize("name", BESIDE)
+@pytest.mark.parametrize("written", [True, False])
+def test_every_set_of_sticking_contacts_obeys_newton(name: str, written: bool) -> None:
+    given = dict(BESIDE[name])
+    system = system_of(scene_from({"gravity": 9.81, "pendulum": [{"links": given.pop("links")}], **given}))
+    contacts, free = contacts_of(system), Minimal(system, tuple(map(Recursion, system.groups)))
+    if system.hoisting:
+        free = Minimal(system, (None,))
+    equations = Frictional(free, contacts)
+    if written:
+        equations = equations_of(system, Choice("minimal", "DOP853", False, ""))  # type: ignore[assignment]
+        assert isinstance(equations, WrittenFrictional)
+    rng, half = np.random.default_rng(4), equations.layout.half
+    for sign in product((-1.0, 0.0, 1.0), repeat=len(contacts.pairs)):
+        s = np.array(sign)
+        y = np.append(rng.normal(size=2 * half), 0.0)
+        slides = np.abs(rng.normal(size=len(s))) * s
+        for (below, above), gamma in zip(contacts.pairs, slides, strict=True):
+            y[half + below] = gamma + (y[half + above] if above >= 0 else 0.0)
+        equations.set_sign(s)
+        rate, expected = equations.derivative(0.7, y), newton(system, 0.7, y, s, contacts)
+        assert rate[half : 2 * half] == pytest.approx(expected, rel=1e-10, abs=1e-10)
+        assert not contacts.relative(rate[: 2 * half].reshape(2, half))[:, s == 0].any()
+        if written:
+            both = equations.derivative(0.7, np.stack((y, y), axis=1))
+            assert both == pytest.approx(np.stack((rate, rate), axis=1), rel=1e-12, abs=1e-12)

@@ -268,6 +268,37 @@ def test_a_load_breaks_what_sticks_loose_when_it_exceeds_the_limit() -> None:
     assert found.final.cart == pytest.approx(0.1 * 3.0**3 / 6, rel=1e-8)
 
 
+@pytest.mark.parametrize("cart", [None, {"friction": 1.5}, {"friction_coefficient": 0.08}])
+def test_a_hoist_keeps_its_books_with_friction(cart: dict[str, float] | None) -> None:
+    """The energy changes by the work of the winch, of friction and of drives alone, through many phases."""
+    rope = bob(friction=1.2, mass=3.0, hoist={"to": 0.5, "begin": 0.5, "duration": 3.0})
+    more = {"support": {"kind": "cart", "mass": 2.0, **cart}} if cart else {}
+    found = simulate(scene_of(rope, bob(friction=0.8, length=0.6), angles=(50.0, -30.0), **more), 6.0, tolerance=1e-12)
+    assert len(found.friction.begin) > 1
+    assert np.all(found.friction.work < 0)
+    assert found.energy_drift() < 1e-9
+
+
+def test_lowering_breaks_a_rope_loose_where_its_weight_exceeds_the_friction() -> None:
+    """m g l sin θ = M at l = 1.5, half-way; nothing else turns a rope at rest, and what holds it knows no l''."""
+    scene = scene_of(
+        bob(friction=1.5 * G * sin(pi / 6), hoist={"to": 2.0, "begin": 0.5, "duration": 2.0}), angles=(30.0,)
+    )
+    found = simulate(scene, 3.0, tolerance=1e-11)
+    assert found.friction.begin[0] == 0.0
+    assert found.friction.end[0] == pytest.approx(1.5, abs=1e-9)
+    assert np.isnan(found.friction.rest)
+
+
+def test_a_shaken_pivot_breaks_its_link_loose() -> None:
+    """m l A ω² sin ωt = M, from rest."""
+    shaken = {"kind": "moved", "motion": {"kind": "sine", "amplitude": 0.1, "frequency_hz": 1.0}}
+    found = simulate(scene_of(bob(friction=2.0), support=shaken), 1.0, tolerance=1e-11)
+    omega = 2 * pi
+    assert found.friction.end[0] == pytest.approx(np.arcsin(2.0 / (0.1 * omega**2)) / omega, abs=1e-9)
+    assert found.energy_drift() < 1e-9
+
+
 def test_chatter_ends() -> None:
     """A load that exceeds the limit only by rounding, at its peak, and a mass that is pushed from both sides."""
     push = lambda time, state: AppliedForces(0.5 * sin(3 * time) * (1 + 1e-15))  # noqa: E731
