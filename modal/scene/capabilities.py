@@ -98,7 +98,7 @@ STOPS: Sentences = {"massless_cart": "the step needed is smaller than the spacin
 NO_INERTIA: Sentences = {"massless_cart": "has no equation of motion where all that pulls the cart hangs straight down"}
 NO_SMOOTH: Sentences = {"escapement": "needs smooth motion, without kicks"}
 KINK: Sentences = {"quadratic_drag": "has no series across the kink of |v| v at rest"}
-ALONE = _each(FRICTION | _of("space damping_ratio escapement"), "has no place for it, and engine simulate has")
+ALONE = _each(FRICTION | _of("space escapement"), "has no place for it, and engine simulate has")
 HOISTING = {
     ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
     ("hoist", "moved_support"): "a hoist hangs from a cart or a fixed support",
@@ -151,8 +151,8 @@ PERIODIC = Capability(
 
 SIDE_BY_SIDE = Capability(
     "engine numpy",
-    SHAPE | DRAG | {"dampers", "van_der_pol"},
-    refuses={**STILL, **CONSTANT, **ALONE},
+    SHAPE | DRAG | LOSS | {"van_der_pol", "moved_support", "hoist"},
+    refuses=ALONE,
     unless=STOPS,
     beside=UNLOADED,
 )
@@ -280,14 +280,19 @@ CAPABILITIES: dict[str, Capability] = {
             unless=ENDS,
         ),
         SIDE_BY_SIDE,
-        replace(SIDE_BY_SIDE, name="engine numba"),
+        replace(
+            SIDE_BY_SIDE,
+            name="engine numba",
+            takes=SIDE_BY_SIDE.takes - {"moved_support", "hoist"},
+            refuses={**ALONE, **STILL, **CONSTANT},
+        ),
         replace(
             SIDE_BY_SIDE,
             name="engine heyoka",
-            takes=SIDE_BY_SIDE.takes - {"quadratic_drag"},
-            refuses={**SIDE_BY_SIDE.refuses, **KINK},
+            takes=SIDE_BY_SIDE.takes - {"quadratic_drag", "moved_support", "hoist"},
+            refuses={**ALONE, **STILL, **CONSTANT, **KINK},
         ),
-        replace(SIDE_BY_SIDE, name="an ensemble", refuses={**STILL, **CONSTANT}, singly=ALONE),
+        replace(SIDE_BY_SIDE, name="an ensemble", refuses=NONE, singly=ALONE),
         Capability(
             "motion in a few modes",
             SHAPE | LOSS | {"quadratic_drag"},

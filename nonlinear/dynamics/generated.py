@@ -11,7 +11,7 @@ import numpy as np
 
 from nonlinear.dynamics.forms import Form, form_of, module_of
 from nonlinear.dynamics.minimal import Minimal
-from nonlinear.system import entries_of
+from nonlinear.system import entries_of, prescribed_of
 
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """Raised by Python's floats where NumPy's give inf or nan."""
@@ -33,7 +33,8 @@ class Generated(Minimal):
     @cached_property
     def constants(self) -> list[float]:
         """What stands in the text for this scene."""
-        return module_of(self.form).constants(self.form.numbers(entries_of(self.system), self.system))
+        own = entries_of(self.system), prescribed_of(self.system)
+        return module_of(self.form).constants(self.form.numbers(*own))
 
     @cached_property
     def rate(self) -> Rate:
@@ -76,7 +77,7 @@ class Generated(Minimal):
         """The inputs (K, S) of states side by side at one time or a time each."""
         if self.listed is None:
             return ()
-        if self.is_clocked:
-            return [np.broadcast_to(times, y.shape[1:])]
+        if self.load is None:
+            return [np.broadcast_to(own, y.shape[1:]) for own in self.inputs.beside(times)]
         each = np.broadcast_to(times, y.shape[1:]).tolist()
         return np.array([self.listed(time, own) for time, own in zip(each, y.T.real, strict=True)]).T

@@ -12,13 +12,13 @@ scene has it:
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from nonlinear.system import AppliedForces, Layout, Load, System
+from nonlinear.system import AppliedForces, Group, Layout, Load, System
 
 NOTHING = AppliedForces()
 
@@ -99,6 +99,14 @@ class Inputs:
 
         return inputs
 
+    def beside(self, times: Any) -> list[Any]:
+        """The inputs of time alone at times of any shape (s), each of that shape."""
+        support, laws = self.system.support, [law(times) for _, law in self.laws]
+        if self.is_analytic:
+            return [times]
+        orders = () if support is None else (2, 1)[: self._moved]
+        return [support.motion.beside(times, order) for order in orders] + [part for law in laws for part in law]
+
     def instant(self, u: Sequence[Any]) -> Instant:
         """The instant of these inputs."""
         given = iter(u)
@@ -119,8 +127,9 @@ class Inputs:
         links = self.system.n_links
         parts = Lengths([0.0] * links, [0.0] * links, [0.0] * links)
         for group in self.system.groups:
-            for place, length in zip(group.index.ravel().tolist(), group.block.length.ravel(), strict=True):
-                parts.length[place] = length
+            for place, length in zip(group.index, group.block.length, strict=True):
+                for own, its in zip(place.tolist(), length, strict=True):
+                    parts.length[own] = its
         for (places, _), numbers in zip(self.laws, laws, strict=True):
             for part, number in zip(parts, numbers, strict=True):
                 for place in places.tolist():
@@ -131,6 +140,12 @@ class Inputs:
         """The instant at one time (s) and state, or at many times side by side."""
         found = self.instant(self.of_time(time)) if self.system.support or self.laws else QUIET
         return found._replace(push=self.load(time, layout.state(y))) if self.load else found
+
+
+def lengthened(group: Group, moving: Any, length: Any) -> Group:
+    """A group with other lengths (n, P, ...) of its links, of which those that are `moving` (L,) are bobs on ropes."""
+    roped = moving[group.index].reshape(*group.index.shape, *[1] * (np.ndim(length) - 2))
+    return replace(group, block=replace(group.block, length=length, centre=np.where(roped, length, group.block.centre)))
 
 
 def _along(direction: tuple[float, float], size: Any) -> tuple[Any, Any]:

@@ -10,7 +10,7 @@ gives x'' (the Schur complement of the cart), from which each group computes the
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
@@ -18,7 +18,7 @@ import numpy as np
 
 from modal.types import Floats, Ints
 from nonlinear.dynamics.drag import Resistance, plane_drag
-from nonlinear.dynamics.inputs import Inputs, Instant
+from nonlinear.dynamics.inputs import Inputs, Instant, lengthened
 from nonlinear.dynamics.joints import cart_force, inertial_torques, joint_torques, modal_drag
 from nonlinear.dynamics.recursion import Bias, downward, links_of, upward
 from nonlinear.system import Group, Layout, Load, Motion, State, System
@@ -157,7 +157,8 @@ class Recursion:
         self, group: Group, tail: int = 0, sine: Any = np.sin, cosine: Any = np.cos, winding: Any = None
     ) -> None:
         self.sine, self.cosine, self.winding = sine, cosine, winding
-        self.links = [type(link)(*(value.reshape(-1, *[1] * tail) for value in link)) for link in links_of(group)]
+        links = links_of(group)
+        self.links = [type(link)(*(v.reshape(-1, *[1] * tail) for v in link)) for link in links] if tail else links
 
     def pull(self, angles: Any, rates: Any, torques: Any, gravity: float) -> tuple[Any, Any, Any]:
         """Mass (kg) and force (N) of the pull along the rail, summed over the pendula."""
@@ -193,8 +194,7 @@ class Minimal(Suspended):
         assert instant.lengths is not None
         assert self.system.hoisting is not None
         length, *winding = (part[group.index] for part in instant.lengths)
-        centre = np.where(self.system.hoisting.moving[group.index], length, group.block.centre)
-        own = replace(group, block=replace(group.block, length=length, centre=centre))
+        own = lengthened(group, self.system.hoisting.moving, length)
         return own, Recursion(own, winding=winding)
 
     def acting(self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any) -> tuple[Any, Any]:
