@@ -95,12 +95,13 @@ def upward(
     below = Answer(*[0 * sin[-1]] * 5)
     turns: list[Turn] = []
     for link, s, c, w, Q, own in reversed(list(zip(links, sin, cos, rate, torque, extra, strict=True))):
-        below, turn = _passed(link, below, s, c, w, Q, own)
+        below, turn = passed(link, below, s, c, w, Q, own)
         turns.append(turn)
     return below, turns[::-1]
 
 
-def _passed(link: Link, below: Answer, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None) -> tuple[Answer, Turn]:
+def passed(link: Link, below: Answer, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None) -> tuple[Answer, Turn]:
+    """One link upwards: the response at its upper joint, from that at its lower joint."""
     l, mc, twice = link.l, link.mc, 2 * s * c * below.xz
     nn = c * c * below.xx - twice + s * s * below.zz
     uu = s * s * below.xx + twice + c * c * below.zz
@@ -137,12 +138,18 @@ def downward(
     found = []
     extra = [None] * len(links) if bias is None else bias
     for link, turn, own in zip(links, turns, extra, strict=True):
-        alpha = -(turn.hx * ax + turn.hz * az + turn.e) / turn.D
-        ww = turn.rate * turn.rate
-        ax = ax + link.l * (alpha * turn.cos - ww * turn.sin)
-        az = az - link.l * (alpha * turn.sin + ww * turn.cos)
-        if own is not None:
-            ax = ax + own.across * turn.cos + own.along * turn.sin
-            az = az - own.across * turn.sin + own.along * turn.cos
+        alpha, ax, az = carried(link, turn, ax, az, own)
         found.append(alpha)
     return found
+
+
+def carried(link: Link, turn: Turn, ax: Any, az: Any, bias: Bias | None = None) -> tuple[Any, Any, Any]:
+    """One link downwards: θ'' and the acceleration of its lower joint, from that of its upper joint."""
+    alpha = -(turn.hx * ax + turn.hz * az + turn.e) / turn.D
+    ww = turn.rate * turn.rate
+    ax = ax + link.l * (alpha * turn.cos - ww * turn.sin)
+    az = az - link.l * (alpha * turn.sin + ww * turn.cos)
+    if bias is not None:
+        ax = ax + bias.across * turn.cos + bias.along * turn.sin
+        az = az - bias.across * turn.sin + bias.along * turn.cos
+    return alpha, ax, az
