@@ -280,12 +280,7 @@ CAPABILITIES: dict[str, Capability] = {
             unless=ENDS,
         ),
         SIDE_BY_SIDE,
-        replace(
-            SIDE_BY_SIDE,
-            name="engine numba",
-            takes=SIDE_BY_SIDE.takes - {"moved_support", "hoist"},
-            refuses={**ALONE, **STILL, **CONSTANT},
-        ),
+        replace(SIDE_BY_SIDE, name="engine numba", unless={**STOPS, "moved_support": "takes no sweep"}),
         replace(
             SIDE_BY_SIDE,
             name="engine heyoka",

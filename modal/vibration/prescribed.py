@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from functools import cached_property, lru_cache
 from math import ceil, cos, factorial, inf, pi, radians, sin, tau
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,6 +39,19 @@ SPACING, TERMS = 0.2, 11
 remainder, (SPACING/2)¹¹/11! = 2.5e-19 of the sum of all amplitudes, is below rounding."""
 
 
+class Polynomials(NamedTuple):
+    """A function of time t: Σ c_k (t − t_i)^k in K pieces, of which each ends at one of the `knots` (K − 1,) in s.
+
+    The t_i are the `origins` (K,), c the `coefficients` (K, d); it repeats after the `period` (s), inf where it does
+    not.
+    """
+
+    knots: Floats
+    origins: Floats
+    coefficients: Floats
+    period: float = inf
+
+
 class PrescribedMotion(ABC):
     """A support's displacement (m), velocity (m/s) and acceleration (m/s²) in its direction.
 
@@ -59,6 +72,11 @@ class PrescribedMotion(ABC):
     def with_constants(self, constants: Sequence[Any]) -> PrescribedMotion:
         """The motion with other constants, of any type that takes plain arithmetic and a sine."""
         raise NotImplementedError
+
+    @property
+    def polynomials(self) -> Polynomials | None:
+        """The acceleration piece by piece; None where it is no polynomial."""
+        return None
 
     @abstractmethod
     def derivative(self, time: Any, order: int) -> Any:
@@ -184,6 +202,14 @@ class Record(PrescribedMotion):
         derivatives[0] -= self.steady
         return np.append(found.x[:-1][wide], self.last), derivatives
 
+    @property
+    def polynomials(self) -> Polynomials:
+        """Those of the spline, zero outside the record."""
+        knots, derivatives = self.pieces
+        inside = (derivatives / np.array([factorial(k) for k in range(len(derivatives))])[:, None]).T
+        none = np.zeros((1, inside.shape[1]))
+        return Polynomials(knots, np.concatenate((knots[:1], knots)), np.concatenate((none, inside, none)))
+
     def derivative(self, time: Any, order: int) -> Any:
         """Of the spline less its baseline; at constant velocity outside the record."""
         within = np.clip(time, self.first, self.last)
@@ -248,6 +274,13 @@ class RandomProcess(PrescribedMotion):
         for coefficient in table[:, at % table.shape[1]]:
             found = found * s + coefficient
         return found
+
+    @property
+    def polynomials(self) -> Polynomials:
+        """Those of the table."""
+        own = self._arrays[1].T[:, ::-1]
+        places = np.arange(len(own) + 1) * (self.duration / len(own))
+        return Polynomials((places[:-1] + places[1:]) / 2, places, np.concatenate((own, own[:1])), self.duration)
 
     @cached_property
     def _arrays(self) -> list[Floats]:

@@ -11,13 +11,15 @@ scene has it:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from modal.scene.hoist import LengthLaw
+from modal.vibration.prescribed import Polynomials
 from nonlinear.system import AppliedForces, Group, Layout, Load, System
 
 NOTHING = AppliedForces()
@@ -107,6 +109,16 @@ class Inputs:
         orders = () if support is None else (2, 1)[: self._moved]
         return [support.motion.beside(times, order) for order in orders] + [part for law in laws for part in law]
 
+    @cached_property
+    def polynomials(self) -> list[Polynomials] | None:
+        """Every input of time alone piece by piece; none where the time is the only one; None where any has none."""
+        if self.is_analytic:
+            return []
+        moved = [self.system.support.motion.polynomials] if self.system.support else []
+        if None in moved or self._moved > 1 or not all(isinstance(law, LengthLaw) for _, law in self.laws):
+            return None
+        return [*moved, *(own for _, law in self.laws for own in _derivatives(law))]
+
     def instant(self, u: Sequence[Any]) -> Instant:
         """The instant of these inputs."""
         given = iter(u)
@@ -146,6 +158,17 @@ def lengthened(group: Group, moving: Any, length: Any) -> Group:
     """A group with other lengths (n, P, ...) of its links, of which those that are `moving` (L,) are bobs on ropes."""
     roped = moving[group.index].reshape(*group.index.shape, *[1] * (np.ndim(length) - 2))
     return replace(group, block=replace(group.block, length=length, centre=np.where(roped, length, group.block.centre)))
+
+
+def _derivatives(law: LengthLaw) -> Iterator[Polynomials]:
+    """A length, its speed and its acceleration."""
+    own, origins = law.coefficients, np.concatenate((law.knots[:1], law.knots))
+    ends = [np.asarray(law(time)[0]) for time in (law.knots[0], law.knots[-1])]
+    for order in range(3):
+        first, last = np.zeros((2, 1, own.shape[1]))
+        first[0, 0], last[0, 0] = ends if order == 0 else (0.0, 0.0)
+        yield Polynomials(law.knots, origins, np.concatenate((first, own, last)))
+        own = np.append(own[:, 1:] * np.arange(1, own.shape[1]), np.zeros((len(own), 1)), axis=1)
 
 
 def _along(direction: tuple[float, float], size: Any) -> tuple[Any, Any]:

@@ -8,9 +8,11 @@ from math import inf
 
 from modal.errors import SceneError
 from modal.scene import refusals
+from nonlinear.dynamics.inputs import Inputs
 from nonlinear.ensembles.members import Members
 from nonlinear.ensembles.question import COMPILED, LANES, ONE_BY_ONE, PLAIN, SERIES, Question, seconds_each
 from nonlinear.integration import taylor_takes
+from nonlinear.system import system_of
 
 ENGINES = (LANES, COMPILED, SERIES, PLAIN)
 SOONER = {LANES: 1.0, COMPILED: 5.0, SERIES: 7.0}
@@ -36,6 +38,8 @@ def choose_engine(
         if asked != "auto":
             raise SceneError([f"engine {asked}: {why_not}; simulate takes its members one by one"])
         return PLAIN, f"one by one, for {why_not}"
+    if asked == COMPILED and not _recorded(members.scene):
+        raise SceneError([f"support.motion: engine {asked} takes no sweep: take engine numpy"])
     if asked == SERIES and find_spec("heyoka") and not taylor_takes(members.scene):
         raise SceneError([f"engine {asked}: takes shorter chains and fewer links"])
     if asked != "auto":
@@ -46,8 +50,15 @@ def choose_engine(
     return best, f"the fastest for so many, about {seconds[best]:.2g} s on one core"
 
 
+def _recorded(scene: Scene) -> bool:
+    """Whether what time brings is a function of it that can be compiled."""
+    return Inputs(system_of(scene)).polynomials is not None
+
+
 def _seconds(name: str, members: Members, duration: float, tolerance: float, sooner: float) -> float:
     absent = not find_spec(NEEDS[name]) or (name == SERIES and not taylor_takes(members.scene))
+    if name == COMPILED and not _recorded(members.scene):
+        return inf
     if absent or refusals(members.scene, f"engine {name}", *members.varied):
         return inf
     return BEFORE[name] + members.size * seconds_each(members.scene, duration, tolerance) / sooner
