@@ -97,6 +97,7 @@ ENDS: Sentences = {"massless_cart": HANGS_STRAIGHT}
 STOPS: Sentences = {"massless_cart": "the step needed is smaller than the spacing between numbers"}
 NO_INERTIA: Sentences = {"massless_cart": "has no equation of motion where all that pulls the cart hangs straight down"}
 NO_SMOOTH: Sentences = {"escapement": "needs smooth motion, without kicks"}
+NO_SERIES = "has a series of a sine or of few polynomials only"
 KINK: Sentences = {"quadratic_drag": "has no series across the kink of |v| v at rest"}
 ALONE = _each(FRICTION | _of("space escapement"), "has no place for it, and engine simulate has")
 HOISTING = {
@@ -254,16 +255,14 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "method taylor",
-            SHAPE | LOSS | DRIVES,
+            SHAPE | LOSS | DRIVES | {"moved_support", "hoist"},
             refuses={
                 **PLANE,
-                **CONSTANT,
-                **STILL,
                 **STICKS,
                 **KINK,
                 "load": "has no series of forces from Python",
             },
-            unless=ENDS,
+            unless={**ENDS, "moved_support": NO_SERIES, "hoist": NO_SERIES},
             instead=("form minimal", "method DOP853 takes it"),
         ),
         Capability(

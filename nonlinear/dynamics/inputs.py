@@ -119,6 +119,13 @@ class Inputs:
             return None
         return [*moved, *(own for _, law in self.laws for own in _derivatives(law))]
 
+    @cached_property
+    def pieces(self) -> list[Polynomials] | None:
+        """The `polynomials` where each piece begins and ends at a break of the system, so at the end of a step."""
+        breaks = {*self.system.hoisting.breaks} if self.system.hoisting else set()
+        own = self.polynomials
+        return own if own is not None and all(breaks.issuperset(one.knots.tolist()) for one in own) else None
+
     def instant(self, u: Sequence[Any]) -> Instant:
         """The instant of these inputs."""
         given = iter(u)
@@ -158,6 +165,14 @@ def lengthened(group: Group, moving: Any, length: Any) -> Group:
     """A group with other lengths (n, P, ...) of its links, of which those that are `moving` (L,) are bobs on ropes."""
     roped = moving[group.index].reshape(*group.index.shape, *[1] * (np.ndim(length) - 2))
     return replace(group, block=replace(group.block, length=length, centre=np.where(roped, length, group.block.centre)))
+
+
+def at_time(pieces: Sequence[Polynomials], time: float) -> list[float]:
+    """Origin and coefficients of the piece of each at a time (s), one after the other."""
+    at = [int(np.searchsorted(one.knots, time, side="right")) for one in pieces]
+    return [
+        own for one, k in zip(pieces, at, strict=True) for own in (float(one.origins[k]), *one.coefficients[k].tolist())
+    ]
 
 
 def _derivatives(law: LengthLaw) -> Iterator[Polynomials]:

@@ -24,6 +24,7 @@ from nonlinear.dynamics import (
     loses_digits,
     undisturbed,
 )
+from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration.costs import WRITTEN, costs
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.integration.taylor import LONGEST_CHAIN, MOST_LINKS, TIGHTEST
@@ -84,6 +85,10 @@ def choose(
     if method == "taylor":
         problems += refusals(scene, "method taylor", *more)
         problems += [] if form == "minimal" else [f"method taylor: has no series in form {form}: choose minimal"]
+        where = "support.motion" if system.support else "hoist"
+        if Inputs(system).pieces is None:
+            words = "has a series of a sine or of few polynomials only: method DOP853 takes it"
+            problems.append(f"{where}: method taylor {words}")
     if method in SCIPY and method not in EXPLICIT:
         problems += refusals(scene, "an implicit method", *more)
     if form == "maximal" and method in SCIPY and method not in EXPLICIT:
