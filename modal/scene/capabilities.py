@@ -283,8 +283,9 @@ CAPABILITIES: dict[str, Capability] = {
         replace(
             SIDE_BY_SIDE,
             name="engine heyoka",
-            takes=SIDE_BY_SIDE.takes - {"quadratic_drag", "moved_support", "hoist"},
-            refuses={**ALONE, **STILL, **CONSTANT, **KINK},
+            takes=SIDE_BY_SIDE.takes - {"quadratic_drag"},
+            refuses={**ALONE, **KINK},
+            unless={**STOPS, "moved_support": NO_SERIES, "hoist": NO_SERIES},
         ),
         replace(SIDE_BY_SIDE, name="an ensemble", refuses=NONE, singly=ALONE),
         Capability(

@@ -106,16 +106,19 @@ class Inputs:
         support, laws = self.system.support, [law(times) for _, law in self.laws]
         if self.is_analytic:
             return [times]
-        orders = () if support is None else (2, 1)[: self._moved]
-        return [support.motion.beside(times, order) for order in orders] + [part for law in laws for part in law]
+        motion, orders = [support.motion] if support else [], (2, 1)[: self._moved]
+        return [moving.beside(times, order) for order in orders for moving in motion] + [
+            part for law in laws for part in law
+        ]
 
     @cached_property
     def polynomials(self) -> list[Polynomials] | None:
         """Every input of time alone piece by piece; none where the time is the only one; None where any has none."""
         if self.is_analytic:
             return []
-        moved = [self.system.support.motion.polynomials] if self.system.support else []
-        if None in moved or self._moved > 1 or not all(isinstance(law, LengthLaw) for _, law in self.laws):
+        support = self.system.support
+        moved = [own for own in [support.motion.polynomials] if own] if support else []
+        if len(moved) < self._moved or not all(isinstance(law, LengthLaw) for _, law in self.laws):
             return None
         return [*moved, *(own for _, law in self.laws for own in _derivatives(law))]
 

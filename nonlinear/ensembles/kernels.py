@@ -317,8 +317,9 @@ def _attempt(before: str, u: str) -> str:
     lines = ["", "@vectorized", "def attempt(y, h, c, K, z, front, tables, u):"]
     for stage in range(1, DOP853.n_stages + 1):
         shares = DOP853.A[stage] if stage < DOP853.n_stages else DOP853.B
-        lines += [" for i in range(D):", "  for k in range(WIDTH):"]
-        lines += [f"   z[i, k] = y[i, k] + h[k] * ({_weighted(shares[:stage], 'i, k')})", f" {before.format(NODES[stage])}rates(z, {u}c, K[{stage}])"]
+        summed = _weighted(shares[:stage], "i, k")
+        lines += [" for i in range(D):", "  for k in range(WIDTH):", f"   z[i, k] = y[i, k] + h[k] * ({summed})"]
+        lines += [f" {before.format(NODES[stage])}rates(z, {u}c, K[{stage}])"]
     return "\n".join(lines) + "\n\n"
 
 

@@ -76,9 +76,9 @@ class Step:
         start, length = self.start[columns], self.length[columns]
         found = start + part * length
         if not self.breaks:
-            return found
+            return np.asarray(found)
         clear = BESIDE * np.spacing(start + length)
-        return np.minimum(np.maximum(found, start + clear), np.maximum(start + length - clear, start + clear))
+        return np.asarray(np.minimum(np.maximum(found, start + clear), start + length - clear))
 
     def within(self, columns: Ints) -> Inside:
         """The motion inside the step of the lanes in these columns."""
@@ -263,7 +263,7 @@ class Front:
 
     def _now(self, columns: Any = ALL) -> Floats:
         """The times (s) of lanes that begin a step, after a break."""
-        return self.t[columns] + BESIDE * np.spacing(self.t[columns])
+        return np.asarray(self.t[columns] + BESIDE * np.spacing(self.t[columns]))
 
     def attempt(self) -> Step:
         """A step of every lane."""

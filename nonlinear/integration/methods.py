@@ -9,7 +9,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Scene, refusals
+from modal.scene import CAPABILITIES, Scene, refusals
 from nonlinear.dynamics import (
     Body,
     Dense,
@@ -87,8 +87,8 @@ def choose(
         problems += [] if form == "minimal" else [f"method taylor: has no series in form {form}: choose minimal"]
         where = "support.motion" if system.support else "hoist"
         if Inputs(system).pieces is None:
-            words = "has a series of a sine or of few polynomials only: method DOP853 takes it"
-            problems.append(f"{where}: method taylor {words}")
+            words = CAPABILITIES["method taylor"].unless["moved_support"]
+            problems.append(f"{where}: method taylor {words}: method DOP853 takes it")
     if method in SCIPY and method not in EXPLICIT:
         problems += refusals(scene, "an implicit method", *more)
     if form == "maximal" and method in SCIPY and method not in EXPLICIT:

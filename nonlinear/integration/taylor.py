@@ -16,7 +16,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from math import ceil, exp, inf, log, pi
 from threading import Lock
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats
 from modal.vibration.prescribed import Polynomials
 from nonlinear.dynamics import Generated, Minimal, Module, module_of, undisturbed
-from nonlinear.dynamics.inputs import at_time
+from nonlinear.dynamics.inputs import Inputs, at_time
 from nonlinear.integration.steppers import Pace
 from nonlinear.system import System
 
@@ -59,7 +59,7 @@ class TaylorStepper:
         begun = np.array(y, dtype=float)
         self.start, self.end, self.pace, self.calls = start, end, pace, 0
         self.integrator = integrator_of(_admitted(equations), uneven(tolerance))
-        self.pieces = equations.inputs.pieces or ()
+        self.pieces = pieces_of(equations)
         self.integrator.state[:], self.integrator.time = begun, start
         self._coefficients, self._from = begun[None], start
         self._failure: ComputationError | None = None
@@ -194,7 +194,23 @@ def ready(system: System, tolerance: float) -> bool:
     if not _COMPILED:
         return False
     own = Generated(system)
-    return (_text(module_of(own.form), own.inputs.pieces or ()), uneven(tolerance)) in _COMPILED
+    return (_text(module_of(own.form), pieces_of(own)), uneven(tolerance)) in _COMPILED
+
+
+class Timed(Protocol):
+    """What has inputs of time."""
+
+    @property
+    def inputs(self) -> Inputs:
+        """Those."""
+        ...
+
+
+def pieces_of(equations: Timed) -> Sequence[Polynomials]:
+    """The polynomials that are inputs; ComputationError where inputs are neither these nor the time alone."""
+    if (found := equations.inputs.pieces) is None:
+        raise ComputationError("Taylor series cannot follow this function of time: choose another method")
+    return found
 
 
 def _text(module: Module, pieces: Sequence[Polynomials]) -> str:
@@ -204,7 +220,7 @@ def _text(module: Module, pieces: Sequence[Polynomials]) -> str:
 
 def integrator_of(equations: Generated, tolerance: float) -> Any:
     """Heyoka's integrator for these equations, compiled once per process for all constants of such a scene."""
-    module, size, pieces = module_of(equations.form), equations.layout.size, equations.inputs.pieces or ()
+    module, size, pieces = module_of(equations.form), equations.layout.size, pieces_of(equations)
     pars = [*equations.constants, *at_time(pieces, 0.0)]
 
     def compiled() -> Any:

@@ -263,9 +263,6 @@ def test_the_linear_equations_are_the_slope_of_the_full_ones() -> None:
 def test_what_needs_constant_lengths_says_so() -> None:
     scene = load("hoisting-crane")
     start = State(np.zeros(2), np.zeros(2))
-    for method in ("taylor",):
-        with pytest.raises(SceneError, match="hoist"):
-            simulate(scene, 1.0, method=method)
     for form in ("hamiltonian",):
         with pytest.raises(SceneError, match="hoist"):
             simulate(scene, 1.0, form=form)

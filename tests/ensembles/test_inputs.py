@@ -146,6 +146,71 @@ def test_many_links_go_by_the_recursion(name: str) -> None:
         np.testing.assert_allclose(found[:, k], expected, rtol=1e-9, atol=1e-9)
 
 
+MEASURED = ("largest_angle", "first_turn", "lyapunov", "section:theta[1,2]=0")
+
+
+def alike(name: str, engine: str, within: float) -> None:
+    """Whether members of an engine are those of lanes in NumPy, whatever is measured."""
+    options = {**OPTIONS, "vary": MASSES, "measures": MEASURED}
+    one, other = (ensemble(SCENES[name], 2.0, engine=own, **options) for own in ("numpy", engine))
+    assert not other.failures
+    assert one.columns == other.columns
+    for column in one.columns:
+        if column not in {"energy_drift", "error_rad", "horizon_s"}:
+            expected = one.column(column)
+            np.testing.assert_allclose(other.column(column), expected, atol=within, rtol=within, err_msg=column)
+    assert other.energy_drift.max() < 1e-8
+    ratio = other.column("error_rad") / one.column("error_rad")
+    assert np.all((ratio > 1e-3) & (ratio < 1e3))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["sine", "record", "random", "ratio", "drag", *HOISTS])
+def test_compiled_members_are_those_of_lanes(name: str) -> None:
+    pytest.importorskip("numba")
+    alike(name, "numba", 1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["sine", "sine and ratio", "drag", *HOISTS])
+def test_members_by_taylor_series_are_those_of_lanes(name: str) -> None:
+    pytest.importorskip("heyoka")
+    alike(name, "heyoka", 1e-7)
+
+
+@pytest.mark.parametrize("name", ["sine and ratio", "trapezoidal"])
+def test_a_run_by_taylor_series_is_that_of_dop853(name: str) -> None:
+    pytest.importorskip("heyoka")
+    runs = [simulate(SCENES[name], 2.0, method=own, tolerance=1e-13, output=21) for own in ("taylor", "DOP853")]
+    assert np.abs(runs[0].motion.links - runs[1].motion.links).max() < 1e-12
+    assert runs[0].energy_drift() < 1e-13
+
+
+@pytest.mark.parametrize(
+    ("name", "engine", "words"),
+    [("sweep", "numba", "takes no sweep"), ("sweep", "heyoka", "a sine"), ("record", "heyoka", "a sine")],
+)
+def test_functions_of_time_that_an_engine_cannot_record_are_refused(name: str, engine: str, words: str) -> None:
+    pytest.importorskip(engine)
+    with pytest.raises(SceneError, match=rf"support\.motion: engine {engine} .*{words}.*: take engine numpy"):
+        ensemble(SCENES[name], 2.0, vary=MASSES, engine=engine, **OPTIONS)
+    if engine == "heyoka":
+        with pytest.raises(SceneError, match=rf"support\.motion: method taylor .*{words}"):
+            simulate(SCENES[name], 2.0, method="taylor")
+
+
+@pytest.mark.parametrize("name", ["record", "random", *HOISTS])
+def test_polynomials_are_the_functions_of_time(name: str) -> None:
+    inputs = Lanes(numbers_of(SCENES[name])).inputs
+    times = np.random.default_rng(5).uniform(-0.5, 30.0, 400)
+    assert inputs.polynomials
+    for one, expected in zip(inputs.polynomials, inputs.beside(times), strict=True):
+        t = times % one.period if np.isfinite(one.period) else times
+        at = np.searchsorted(one.knots, t, side="right")
+        found = sum(own * (t - one.origins[at]) ** k for k, own in enumerate(one.coefficients[at].T))
+        np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+
+
 def test_a_ratio_is_that_of_each_member_where_their_modes_differ() -> None:
     """Alone in its first mode, each member loses 2 ζ ω of its amplitude."""
     masses = {"pendulum[0].links[1].mass": [0.2, 0.6, 3.0]}
