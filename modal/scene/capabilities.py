@@ -255,7 +255,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "method taylor",
-            SHAPE | LOSS | DRIVES | {"moved_support", "hoist"},
+            SHAPE | LOSS | DRIVES,
             refuses={
                 **PLANE,
                 **STICKS,
@@ -279,11 +279,16 @@ CAPABILITIES: dict[str, Capability] = {
             unless=ENDS,
         ),
         SIDE_BY_SIDE,
-        replace(SIDE_BY_SIDE, name="engine numba", unless={**STOPS, "moved_support": "takes no sweep"}),
+        replace(
+            SIDE_BY_SIDE,
+            name="engine numba",
+            takes=SIDE_BY_SIDE.takes - {"moved_support"},
+            unless={**STOPS, "moved_support": "takes no sweep"},
+        ),
         replace(
             SIDE_BY_SIDE,
             name="engine heyoka",
-            takes=SIDE_BY_SIDE.takes - {"quadratic_drag"},
+            takes=SIDE_BY_SIDE.takes - {"quadratic_drag", "moved_support", "hoist"},
             refuses={**ALONE, **KINK},
             unless={**STOPS, "moved_support": NO_SERIES, "hoist": NO_SERIES},
         ),

@@ -279,7 +279,7 @@ class RandomProcess(PrescribedMotion):
     def polynomials(self) -> Polynomials:
         """Those of the table."""
         own = self._arrays[1].T[:, ::-1]
-        places: Floats = np.arange(len(own) + 1) * (self.duration / len(own))
+        places = np.multiply(np.arange(len(own) + 1), self.duration / len(own), dtype=np.float64)
         return Polynomials((places[:-1] + places[1:]) / 2, places, np.concatenate((own, own[:1])), self.duration)
 
     @cached_property

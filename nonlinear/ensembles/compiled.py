@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from modal.eigen.compiling import available
-from modal.errors import MissingExtraError
+from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats, Ints
 from nonlinear.dynamics import Lanes, undisturbed
 from nonlinear.dynamics.inputs import Inputs
@@ -100,7 +100,8 @@ def integrate(task: Task, scale: Floats, local: Floats, watches: Watches | None,
 
 def _tables(inputs: Inputs) -> tuple[Ints, Floats, Floats, Floats, Floats]:
     """The polynomials of all inputs as arrays: first piece of each, knots, origins, coefficients (d last), periods."""
-    own = inputs.polynomials or []
+    if (own := inputs.polynomials) is None:
+        raise ComputationError("engine numba cannot follow this function of time: take engine numpy")
     first = np.cumsum([0, *(len(one.origins) for one in own)])
     degree = max((one.coefficients.shape[1] for one in own), default=1)
     knots, origins, coefficients = np.zeros(first[-1]), np.zeros(first[-1]), np.zeros((first[-1], degree))
