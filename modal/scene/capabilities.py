@@ -97,8 +97,9 @@ ENDS: Sentences = {"massless_cart": HANGS_STRAIGHT}
 STOPS: Sentences = {"massless_cart": "the step needed is smaller than the spacing between numbers"}
 NO_INERTIA: Sentences = {"massless_cart": "has no equation of motion where all that pulls the cart hangs straight down"}
 NO_SMOOTH: Sentences = {"escapement": "needs smooth motion, without kicks"}
+NO_SERIES = "has a series of a sine or of few polynomials only"
 KINK: Sentences = {"quadratic_drag": "has no series across the kink of |v| v at rest"}
-ALONE = _each(FRICTION | _of("space damping_ratio escapement"), "has no place for it, and engine simulate has")
+ALONE = _each(FRICTION | _of("space escapement"), "has no place for it, and engine simulate has")
 HOISTING = {
     ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
     ("hoist", "moved_support"): "a hoist hangs from a cart or a fixed support",
@@ -150,8 +151,8 @@ PERIODIC = Capability(
 
 SIDE_BY_SIDE = Capability(
     "engine numpy",
-    SHAPE | DRAG | {"dampers", "van_der_pol"},
-    refuses={**STILL, **CONSTANT, **ALONE},
+    SHAPE | DRAG | LOSS | {"van_der_pol", "moved_support", "hoist"},
+    refuses=ALONE,
     unless=STOPS,
     beside=UNLOADED,
 )
@@ -255,13 +256,11 @@ CAPABILITIES: dict[str, Capability] = {
             SHAPE | LOSS | DRIVES,
             refuses={
                 **PLANE,
-                **CONSTANT,
-                **STILL,
                 **STICKS,
                 **KINK,
                 "load": "has no series of forces from Python",
             },
-            unless=ENDS,
+            unless={**ENDS, "moved_support": NO_SERIES, "hoist": NO_SERIES},
             instead=("form minimal", "method DOP853 takes it"),
         ),
         Capability(
@@ -278,14 +277,20 @@ CAPABILITIES: dict[str, Capability] = {
             unless=ENDS,
         ),
         SIDE_BY_SIDE,
-        replace(SIDE_BY_SIDE, name="engine numba"),
+        replace(
+            SIDE_BY_SIDE,
+            name="engine numba",
+            takes=SIDE_BY_SIDE.takes - {"moved_support"},
+            unless={**STOPS, "moved_support": "takes no sweep"},
+        ),
         replace(
             SIDE_BY_SIDE,
             name="engine heyoka",
-            takes=SIDE_BY_SIDE.takes - {"quadratic_drag"},
-            refuses={**SIDE_BY_SIDE.refuses, **KINK},
+            takes=SIDE_BY_SIDE.takes - {"quadratic_drag", "moved_support", "hoist"},
+            refuses={**ALONE, **KINK},
+            unless={**STOPS, "moved_support": NO_SERIES, "hoist": NO_SERIES},
         ),
-        replace(SIDE_BY_SIDE, name="an ensemble", refuses={**STILL, **CONSTANT}, singly=ALONE),
+        replace(SIDE_BY_SIDE, name="an ensemble", refuses=NONE, singly=ALONE),
         Capability(
             "motion in a few modes",
             SHAPE | LOSS | {"quadratic_drag"},

@@ -1,7 +1,7 @@
 """`nonlinear.dynamics.recursion` compiled by numba (extra `fast`): one kernel for the whole derivative.
 
 Links are ordered as in y: pendulum by pendulum, top to bottom, so that joints, recursion and work are loops over flat
-arrays.  The lines of the recursion are those of `nonlinear.dynamics.recursion._passed`, where they are explained.
+arrays; what it does at each link is `nonlinear.dynamics.recursion`, as it stands there.
 """
 
 from __future__ import annotations
@@ -18,44 +18,14 @@ from modal.types import Floats, Ints
 from nonlinear.dynamics.inputs import NOTHING
 from nonlinear.dynamics.joints import joint_law
 from nonlinear.dynamics.minimal import Minimal
-from nonlinear.dynamics.recursion import links_of
+from nonlinear.dynamics.recursion import Answer, Link, Turn, hung, links_of, passed
 from nonlinear.system import System
 
 CONSTANTS = 12
 LOOSE = np.empty(0)
 
 
-_joint_law = compiled(joint_law)
-
-
-@compiled
-def _passed(links, i, below, s, c, w, Q):  # type: ignore[no-untyped-def]
-    """One link upwards: (xx, xz, zz, px, pz) above it and (hx, hz, e, D)."""
-    m, l, mc, J = links[i, 0], links[i, 1], links[i, 2], links[i, 3]
-    I, far, cross = links[i, 4], links[i, 5], links[i, 6]
-    xx, xz, zz, px, pz = below
-    ww, twice = w * w, 2 * s * c * xz
-    nn = c * c * xx - twice + s * s * zz
-    uu = s * s * xx + twice + c * c * zz
-    nu = s * c * (xx - zz) + (c * c - s * s) * xz
-    pn, pu = c * px - s * pz, s * px + c * pz
-    D = J + l * l * nn
-    hn, hu = mc + l * nn, l * nu
-    e = l * (pn - l * ww * nu) - Q
-    pull = e / D
-    nn_, nu_ = (m * I + far * nn) / D, cross * nu / D
-    uu_ = m + (uu - hu * hu / D)
-    pn, pu = pn - ww * l * nu - hn * pull, pu - ww * (mc + l * uu) - hu * pull
-    skew = s * c * (uu_ - nn_) + (c * c - s * s) * nu_
-    twice = 2 * s * c * nu_
-    above = (
-        c * c * nn_ + twice + s * s * uu_,
-        skew,
-        s * s * nn_ - twice + c * c * uu_,
-        c * pn + s * pu,
-        c * pu - s * pn,
-    )
-    return above, (c * hn + s * hu, c * hu - s * hn, e, D)
+_joint_law, _passed, _hung = compiled(joint_law), compiled(passed), compiled(hung)
 
 
 @compiled
@@ -70,17 +40,22 @@ def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _link(links, i):  # type: ignore[no-untyped-def]
+    return Link(links[i, 0], links[i, 1], links[i, 2], links[i, 3], links[i, 4], links[i, 5], links[i, 6])
+
+
+@compiled
 def _upward(links, start, stop, angles, rates, moments, turns):  # type: ignore[no-untyped-def]
     """One pendulum: fills `turns` (hx, hz, e, D, sin, cos); the load on its first joint, and the joints' power."""
-    below, carried, power = (0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0
+    below, hung, power = Answer(0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0
     for i in range(stop - 1, start - 1, -1):
         s, c = np.sin(angles[i]), np.cos(angles[i])
         hinge, lost = _joint(links, angles, rates, i, i == start)
-        Q, carried, power = hinge - carried, hinge, power + lost
+        Q, hung, power = hinge - hung, hinge, power + lost
         if moments.size:
             Q = moments[i] + Q
-        below, turn = _passed(links, i, below, s, c, rates[i], Q)
-        turns[i, 0], turns[i, 1], turns[i, 2], turns[i, 3] = turn
+        below, turn = _passed(_link(links, i), below, s, c, rates[i], Q)
+        turns[i, 0], turns[i, 1], turns[i, 2], turns[i, 3] = turn.hx, turn.hz, turn.e, turn.D
         turns[i, 4], turns[i, 5] = s, c
     return below, power
 
@@ -89,10 +64,8 @@ def _upward(links, start, stop, angles, rates, moments, turns):  # type: ignore[
 def _downward(links, start, stop, rates, turns, ax, az, turned):  # type: ignore[no-untyped-def]
     """One pendulum: fills θ'' under the acceleration (ax, az) of its first joint less gravity."""
     for i in range(start, stop):
-        alpha = -(turns[i, 0] * ax + turns[i, 1] * az + turns[i, 2]) / turns[i, 3]
-        s, c, ww, l = turns[i, 4], turns[i, 5], rates[i] * rates[i], links[i, 1]
-        ax, az = ax + l * (alpha * c - ww * s), az - l * (alpha * s + ww * c)
-        turned[i] = alpha
+        turn = Turn(turns[i, 0], turns[i, 1], turns[i, 2], turns[i, 3], turns[i, 4], turns[i, 5], rates[i])
+        turned[i], ax, az = _hung(_link(links, i), turn, ax, az)
 
 
 @compiled

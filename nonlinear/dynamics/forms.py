@@ -8,7 +8,7 @@ belong to the form: what only they would do is not in the text.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from typing import Any
 
@@ -20,7 +20,15 @@ from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Body, Minimal, Recursion
 from nonlinear.dynamics.tape import Tape, along, partials
 from nonlinear.dynamics.text import Module
-from nonlinear.system import AppliedForces, Group, System, entries_of, system_with
+from nonlinear.system import (
+    AppliedForces,
+    Group,
+    System,
+    entries_of,
+    prescribed_of,
+    system_with,
+    with_prescribed,
+)
 from nonlinear.system.numbers import BEFORE, FIELDS
 
 SHORT = 6  # links of a chain up to which its matrix takes fewer operations than the recursion
@@ -58,17 +66,16 @@ class Form:
         """How many numbers p there are."""
         return sum(self.present) + sum(self.ratios) + self.sines
 
-    def numbers(self, entries: Sequence[Any], system: System) -> list[Any]:
-        """The numbers p of a scene of this form, or of many."""
-        own = [entry for entry, has in zip(entries, self.present, strict=True) if has]
-        D = () if system.modal_damping is None else np.ravel(system.modal_damping).tolist()
-        own += [entry for entry, has in zip(D, self.ratios, strict=True) if has]
-        return [*own, *system.support.motion.constants] if system.support else own
+    def numbers(self, entries: Sequence[Any], prescribed: Sequence[Any]) -> list[Any]:
+        """The numbers p of a scene of this form, or of many (`nonlinear.system.Numbers`)."""
+        every, has = (*entries, *prescribed), (*self.present, *self.ratios, *[True] * self.sines)
+        return [own for own, there in zip(every, has, strict=True) if there]
 
 
 def form_of(
     system: System,
     entries: Sequence[Any] | None = None,
+    prescribed: Sequence[Any] | None = None,
     *,
     pushed: bool = False,
     works: bool | None = None,
@@ -80,6 +87,7 @@ def form_of(
     matrices lose digits.
     """
     own = entries_of(system) if entries is None else entries
+    beside = prescribed_of(system) if prescribed is None else prescribed
     weak = [loses_digits(group, system) for group in system.groups] if frail is None else frail
     links, hoisting, support = system.n_links, system.hoisting, system.support
     at = {name: BEFORE + links * FIELDS.index(name) for name in ("length", "centre")}
@@ -89,13 +97,13 @@ def form_of(
         (_table(group.index), _table(group.block.sigma), _eliminated(group, lost, moving))
         for group, lost in zip(system.groups, weak, strict=True)
     )
-    D = () if system.modal_damping is None else np.ravel(system.modal_damping)
+    D = beside[: 0 if system.modal_damping is None else np.size(system.modal_damping)]
     return Form(
         chains,
         system.cart is not None,
-        tuple(isinstance(entry, np.ndarray) or bool(entry) for entry in own),
+        _present(own),
         tuple(l is c or bool(np.array_equal(l, c)) for l, c in zip(length, centre, strict=True)),
-        tuple(bool(entry) for entry in D),
+        _present(D),
         tuple(tuple(places.tolist()) for places, _ in hoisting.laws) if hoisting else (),
         support.direction if support else None,
         len(support.motion.constants) if support else 0,
@@ -105,6 +113,10 @@ def form_of(
         False,
         system,
     )
+
+
+def _present(entries: Sequence[Any]) -> tuple[bool, ...]:
+    return tuple(isinstance(entry, np.ndarray) or bool(entry) for entry in entries)
 
 
 def _table(values: Any) -> Table:
@@ -134,13 +146,8 @@ class Symbolic:
         for k, same in enumerate(form.ends):
             if same:
                 entries[at["centre"] + k] = entries[at["length"] + k]
-        found = system_with(form.system, entries)
-        if form.ratios:
-            D = np.array([next(p) if has else 0.0 for has in form.ratios], dtype=object)
-            found = replace(found, modal_damping=D.reshape(links + form.on_cart, -1))
-        if form.sines and found.support:
-            found = replace(found, support=replace(found.support, motion=found.support.motion.with_constants([*p])))
-        return found
+        ratios = [next(p) if has else 0.0 for has in form.ratios]
+        return with_prescribed(system_with(form.system, entries), [*ratios, *p])
 
 
 class Equations(Symbolic):

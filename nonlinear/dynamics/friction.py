@@ -28,7 +28,7 @@ from nonlinear.dynamics.contacts import Contacts
 from nonlinear.dynamics.forms import rubbing_of
 from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed, Rate, Written
 from nonlinear.dynamics.minimal import Minimal, Recursion, inverted
-from nonlinear.system import Layout, Load, Motion, State, System, entries_of
+from nonlinear.system import Layout, Load, Motion, State, System, entries_of, prescribed_of
 
 EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts
 JAM = 1e4  # friction on the rail over that of all weights and centrifugal forces, beyond which it has no bound
@@ -243,7 +243,7 @@ class WrittenFrictional(Written, Frictional):
         presses = self.contacts.coefficient > 0
         form = replace(self.free.form, contacts=self.contacts.pairs, presses=presses)
         self._module = rubbing_of(form)
-        self._constants = self._module.constants(form.numbers(entries_of(self.system), self.system))
+        self._constants = self._module.constants(form.numbers(entries_of(self.system), prescribed_of(self.system)))
         self._functions: dict[tuple[str, str], Rate] = {}
         super().__post_init__()
 

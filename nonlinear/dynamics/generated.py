@@ -12,7 +12,7 @@ import numpy as np
 
 from nonlinear.dynamics.forms import Form, form_of, module_of
 from nonlinear.dynamics.minimal import Minimal
-from nonlinear.system import entries_of
+from nonlinear.system import entries_of, prescribed_of
 
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """Raised by Python's floats where NumPy's give inf or nan."""
@@ -62,8 +62,6 @@ class Written(ABC):
         """The inputs (K, S) of states side by side at one time or a time each."""
         if self.listed is None:
             return ()
-        if self.is_clocked:
-            return [np.broadcast_to(times, y.shape[1:])]
         each = np.broadcast_to(times, y.shape[1:]).tolist()
         return np.array([self.listed(time, own) for time, own in zip(each, y.T.real, strict=True)]).T
 
@@ -82,7 +80,8 @@ class Generated(Written, Minimal):
     @cached_property
     def constants(self) -> list[float]:
         """What stands in the text for this scene."""
-        return module_of(self.form).constants(self.form.numbers(entries_of(self.system), self.system))
+        own = entries_of(self.system), prescribed_of(self.system)
+        return module_of(self.form).constants(self.form.numbers(*own))
 
     @cached_property
     def rate(self) -> Rate:
@@ -108,3 +107,9 @@ class Generated(Written, Minimal):
             of_time = self.inputs.of_time
             return lambda time, y: of_time(time)
         return lambda time, y: self.inputs.listed(time, y, self.layout)
+
+    def _beside(self, times: Any, y: Any) -> Any:
+        """The inputs (K, S) of states side by side."""
+        if self.load is not None:
+            return super()._beside(times, y)
+        return [np.broadcast_to(own, y.shape[1:]) for own in self.inputs.beside(times)]

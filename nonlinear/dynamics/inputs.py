@@ -14,15 +14,17 @@ scene has it:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from modal.scene.hoist import LengthLaw
+from modal.vibration.prescribed import Polynomials
 from nonlinear.dynamics.contacts import Gripping
-from nonlinear.system import AppliedForces, Layout, Load, System
+from nonlinear.system import AppliedForces, Group, Layout, Load, System
 
 NOTHING = AppliedForces()
 
@@ -104,6 +106,34 @@ class Inputs:
             return parts[0]
         return lambda time: [number for part in parts for number in part(time)]
 
+    def beside(self, times: Any) -> list[Any]:
+        """The inputs of time alone at times of any shape (s), each of that shape."""
+        support, laws = self.system.support, [law(times) for _, law in self.laws]
+        if self.is_analytic:
+            return [times]
+        motion, orders = [support.motion] if support else [], (2, 1)[: self._moved]
+        return [moving.beside(times, order) for order in orders for moving in motion] + [
+            part for law in laws for part in law
+        ]
+
+    @cached_property
+    def polynomials(self) -> list[Polynomials] | None:
+        """Every input of time alone piece by piece; none where the time is the only one; None where any has none."""
+        if self.is_analytic:
+            return []
+        support = self.system.support
+        moved = [own for own in [support.motion.polynomials] if own] if support else []
+        if len(moved) < self._moved or not all(isinstance(law, LengthLaw) for _, law in self.laws):
+            return None
+        return [*moved, *(own for _, law in self.laws for own in _derivatives(law))]
+
+    @cached_property
+    def pieces(self) -> list[Polynomials] | None:
+        """The `polynomials` where each piece begins and ends at a break of the system, so at the end of a step."""
+        breaks = {*self.system.hoisting.breaks} if self.system.hoisting else set()
+        own = self.polynomials
+        return own if own is not None and all(breaks.issuperset(one.knots.tolist()) for one in own) else None
+
     def instant(self, u: Sequence[Any]) -> Instant:
         """The instant of these inputs."""
         given = iter(u)
@@ -136,8 +166,9 @@ class Inputs:
         links = self.system.n_links
         parts = Lengths([0.0] * links, [0.0] * links, [0.0] * links)
         for group in self.system.groups:
-            for place, length in zip(group.index.ravel().tolist(), group.block.length.ravel(), strict=True):
-                parts.length[place] = length
+            for place, length in zip(group.index, group.block.length, strict=True):
+                for own, its in zip(place.tolist(), length, strict=True):
+                    parts.length[own] = its
         for (places, _), numbers in zip(self.laws, laws, strict=True):
             for part, number in zip(parts, numbers, strict=True):
                 for place in places.tolist():
@@ -148,6 +179,31 @@ class Inputs:
         """The instant at one time (s) and state, or at many times side by side."""
         found = self.instant(self.of_time(time)) if self.system.support or self.laws else QUIET
         return found._replace(push=self.load(time, layout.state(y))) if self.load else found
+
+
+def lengthened(group: Group, moving: Any, length: Any) -> Group:
+    """A group with other lengths (n, P, ...) of its links, of which those that are `moving` (L,) are bobs on ropes."""
+    roped = moving[group.index].reshape(*group.index.shape, *[1] * (np.ndim(length) - 2))
+    return replace(group, block=replace(group.block, length=length, centre=np.where(roped, length, group.block.centre)))
+
+
+def at_time(pieces: Sequence[Polynomials], time: float) -> list[float]:
+    """Origin and coefficients of the piece of each at a time (s), one after the other."""
+    at = [int(np.searchsorted(one.knots, time, side="right")) for one in pieces]
+    return [
+        own for one, k in zip(pieces, at, strict=True) for own in (float(one.origins[k]), *one.coefficients[k].tolist())
+    ]
+
+
+def _derivatives(law: LengthLaw) -> Iterator[Polynomials]:
+    """A length, its speed and its acceleration."""
+    own, origins = law.coefficients, np.concatenate((law.knots[:1], law.knots))
+    ends = [np.asarray(law(time)[0]) for time in (law.knots[0], law.knots[-1])]
+    for order in range(3):
+        first, last = np.zeros((2, 1, own.shape[1]))
+        first[0, 0], last[0, 0] = ends if order == 0 else (0.0, 0.0)
+        yield Polynomials(law.knots, origins, np.concatenate((first, own, last)))
+        own = np.append(own[:, 1:] * np.arange(1, own.shape[1]), np.zeros((len(own), 1)), axis=1)
 
 
 def _along(direction: tuple[float, float], size: Any) -> tuple[Any, Any]:

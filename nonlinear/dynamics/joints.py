@@ -48,7 +48,8 @@ def joint_torques(group: Group, angles: Any, rates: Any) -> tuple[Any, Any]:
 
 def modal_drag(system: System, rates: Any) -> Any:
     """The generalized forces −D_modal q' (half, ...) of damping ratios, from the rates of the cart and the links."""
-    return -np.tensordot(np.asarray(system.modal_damping), rates, 1)
+    D = np.asarray(system.modal_damping)
+    return -np.tensordot(D, rates, 1) if D.ndim == 2 else -(D * rates).sum(1)
 
 
 def inertial_torques(group: Group, angles: Any, support: Any) -> Any:

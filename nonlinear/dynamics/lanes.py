@@ -15,21 +15,14 @@ import numpy as np
 
 from nonlinear.dynamics.dense import FRAIL, LIGHT
 from nonlinear.dynamics.forms import Form, form_of, module_of
-from nonlinear.dynamics.inputs import QUIET
+from nonlinear.dynamics.inputs import QUIET, Inputs
 from nonlinear.dynamics.minimal import Minimal, Recursion
-from nonlinear.dynamics.recursion import links_of
 from nonlinear.dynamics.text import Module
 from nonlinear.system import AppliedForces, Group, Layout, Numbers, System
 
 WRITTEN = 32  # links of a scene whose equations are written out
-Rates = Callable[[Any], Sequence[Any]]
-
-
-class Spread(Recursion):
-    """The recursion for numbers (n, P, S) or (n, P, 1)."""
-
-    def __init__(self, group: Group) -> None:
-        self.sine, self.cosine, self.links, self.winding = np.sin, np.cos, links_of(group), None
+Rates = Callable[..., Sequence[Any]]
+"""The function that gives y' from y (size, S) and the times (s), one or a time each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +54,11 @@ class Lanes:
         return self.layout.size * (1 + self.tangent)
 
     @cached_property
+    def inputs(self) -> Inputs:
+        """What time brings."""
+        return Inputs(self.system)
+
+    @cached_property
     def is_written(self) -> bool:
         """Whether the equations are written out."""
         return self.tangent or self.system.n_links <= WRITTEN
@@ -68,9 +66,9 @@ class Lanes:
     @cached_property
     def form(self) -> Form:
         """What the text depends on."""
-        entries, _ = self._parted(self.numbers)
+        own = self._parted(self.numbers)[0], self.numbers.prescribed
         frail = [_frail(self.numbers, group) for group in self.system.groups]
-        return form_of(self.system, entries, pushed=self.pushed, works=self.layout.works, frail=frail)
+        return form_of(self.system, *own, pushed=self.pushed, works=self.layout.works, frail=frail)
 
     @cached_property
     def module(self) -> Module:
@@ -79,18 +77,30 @@ class Lanes:
 
     def constants(self, numbers: Numbers) -> list[Any]:
         """What stands in the text for these members: numbers and arrays (S,)."""
-        return self.module.constants(self.form.numbers(self._parted(numbers)[0], self.system))
+        return self.module.constants(self.form.numbers(self._parted(numbers)[0], numbers.prescribed))
 
     def rates(self, numbers: Numbers) -> Rates:
-        """The function that gives y' of so many members as these numbers are of, from y (size, S)."""
+        """The rates of so many members as these numbers are of."""
         push = self._parted(numbers)[1]
         if self.is_written:
             rates = self.module.function("rates", self.constants(numbers), "arrays")
-            return (lambda y: rates(y, push)) if push else rates
+            if not self.inputs.count:
+                return lambda y, times=0.0: rates(y, push)
+            return lambda y, times=0.0: rates(y, (*self.inputs.beside(times), *push))
         system = numbers.arrays
-        equations = Minimal(system, tuple(Spread(group) for group in system.groups), counts_work=self.layout.works)
+        bodies = (None if self._winds(group) else Recursion(group) for group in system.groups)
+        equations = Minimal(system, tuple(bodies), counts_work=self.layout.works)
         moments = AppliedForces(push[0], np.array(np.broadcast_arrays(*push[1:]))) if push else QUIET.push
-        return lambda y: equations.rates(y, QUIET._replace(push=moments))
+
+        def by_recursion(y: Any, times: Any = 0.0) -> Any:
+            instant = equations.inputs.instant(self.inputs.beside(np.broadcast_to(times, y.shape[1:])))
+            return equations.rates(y, instant._replace(push=moments))
+
+        return by_recursion
+
+    def _winds(self, group: Group) -> bool:
+        hoisting = self.system.hoisting
+        return hoisting is not None and bool(hoisting.moving[group.index].any())
 
     def _parted(self, numbers: Numbers) -> tuple[Sequence[Any], Sequence[Any]]:
         """The numbers of the scene, and the forces."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, ClassVar, Protocol
 
@@ -20,7 +20,7 @@ import numpy as np
 from modal.types import Floats, Ints
 from nonlinear.dynamics.contacts import Rubbed
 from nonlinear.dynamics.drag import Resistance, plane_drag
-from nonlinear.dynamics.inputs import Inputs, Instant, Lengths
+from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
 from nonlinear.dynamics.joints import cart_force, inertial_torques, joint_torques, modal_drag
 from nonlinear.dynamics.recursion import Bias, downward, links_of, upward
 from nonlinear.system import Group, Layout, Load, Motion, State, System
@@ -94,9 +94,7 @@ class Suspended(ABC):
 
     def _lengthened(self, group: Group, lengths: Lengths) -> Group:
         assert self.system.hoisting is not None
-        length = lengths.length[group.index]
-        centre = np.where(self.system.hoisting.moving[group.index], length, group.block.centre)
-        return replace(group, block=replace(group.block, length=length, centre=centre))
+        return lengthened(group, self.system.hoisting.moving, lengths.length[group.index])
 
     def rates(self, y: Any, instant: Instant) -> Any:
         """The time derivative of y, (size, ...), from what time brings at this instant."""
@@ -233,7 +231,8 @@ class Recursion:
         self, group: Group, tail: int = 0, sine: Any = np.sin, cosine: Any = np.cos, winding: Any = None
     ) -> None:
         self.sine, self.cosine, self.winding = sine, cosine, winding
-        self.links = [type(link)(*(value.reshape(-1, *[1] * tail) for value in link)) for link in links_of(group)]
+        links = links_of(group)
+        self.links = [type(link)(*(v.reshape(-1, *[1] * tail) for v in link)) for link in links] if tail else links
 
     def pull(self, angles: Any, rates: Any, torques: Any, gravity: float) -> tuple[Any, Any, Any]:
         """Mass (kg) and force (N) of the pull along the rail, summed over the pendula."""

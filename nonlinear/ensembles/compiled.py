@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from modal.eigen.compiling import available
-from modal.errors import MissingExtraError
+from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats, Ints
 from nonlinear.dynamics import Lanes, undisturbed
+from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Rates
 from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.ensembles.kernels import ROWS, WIDTH, module_of, source
@@ -71,14 +72,16 @@ def integrate(task: Task, scale: Floats, local: Floats, watches: Watches | None,
     which, marks = np.zeros(BUFFER, dtype=np.int64), np.zeros((2, BUFFER))
     before, after, stages = np.zeros((size, BUFFER)), np.zeros((size, BUFFER)), np.zeros((STAGES + 1, size, BUFFER))
     spread = np.ascontiguousarray(np.broadcast_to(scale, (size, scale.shape[1])))
+    ends, tables = np.append(task.breaks, task.end), _tables(task.lanes.inputs)
+    inputs = np.zeros((max(task.lanes.inputs.count, 1), WIDTH))
     arguments = (
-        (task.begun, given, task.relative, task.absolute, task.first, task.end, spread, local),
+        (task.begun, given, task.relative, task.absolute, task.first, ends, task.longest, spread, local, tables),
         *(times, wants, section.level if section else 0.0, members, np.zeros(1, dtype=np.int64), front, *lanes),
         *(np.zeros((STAGES + 1, size, WIDTH)), constants, np.zeros(WIDTH)),
         *(np.ones((size, WIDTH)), np.ones((size, WIDTH)), np.zeros(WIDTH)),
         *(np.zeros((size, WIDTH)) for _ in range(3)),
         *(np.zeros(WIDTH) for _ in range(3)),
-        *(ran.y, ran.error, ran.horizon, ran.gain, status, which, marks, before, after, stages),
+        *(ran.y, ran.error, ran.horizon, ran.gain, status, which, marks, before, after, stages, inputs),
     )
     filled = 0
     while filled >= 0:
@@ -93,6 +96,19 @@ def integrate(task: Task, scale: Floats, local: Floats, watches: Watches | None,
         ran.reasons[int(member)] = f"stopped at {ran.horizon[member]:.9g} s: {REASONS[int(status[member])]}"
         ran.horizon[member] = np.nan
     return ran
+
+
+def _tables(inputs: Inputs) -> tuple[Ints, Floats, Floats, Floats, Floats]:
+    """The polynomials of all inputs as arrays: first piece of each, knots, origins, coefficients (d last), periods."""
+    if (own := inputs.polynomials) is None:
+        raise ComputationError("engine numba cannot follow this function of time: take engine numpy")
+    first = np.cumsum([0, *(len(one.origins) for one in own)])
+    degree = max((one.coefficients.shape[1] for one in own), default=1)
+    knots, origins, coefficients = np.zeros(first[-1]), np.zeros(first[-1]), np.zeros((first[-1], degree))
+    for one, at, stop in zip(own, first, first[1:], strict=False):
+        knots[at : stop - 1], origins[at:stop] = one.knots, one.origins
+        coefficients[at:stop, degree - one.coefficients.shape[1] :] = one.coefficients[:, ::-1]
+    return first, knots, origins, coefficients, np.array([one.period for one in own])
 
 
 def _given(task: Task, count: int) -> Floats:
@@ -112,5 +128,6 @@ def _see(
 
     taken = np.ones(len(which), dtype=bool)
     step = Step(which, taken, marks[0], marks[1], before, after, stages, rates_of(slice(None)), rates_of)
+    step.breaks = bool(len(task.breaks))
     for watch in watches:
         watch.see(step)

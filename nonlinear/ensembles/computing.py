@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from nonlinear.ensembles import lanes, plain
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.ensembles.measures import Columns, Context
-from nonlinear.ensembles.members import Block, Part
+from nonlinear.ensembles.members import RATIO, Block, Part
 from nonlinear.ensembles.plain import STATES
 from nonlinear.ensembles.question import COMPILED, LANES, PLAIN, Question
 from nonlinear.integration.costs import reproducible
@@ -60,14 +60,15 @@ def compute(question: Question, part: Part) -> Chunk:
     block = part.block(layout)
     found = engine_of(question.engine)(block.numbers, block.y, question.wanted)
     context = Context(question.scene, question.system, block.numbers, layout, block.y, question.wanted)
-    drift = Accounts(block.numbers, layout).drift(block.y, found.y)
+    drift = Accounts(block.numbers, layout).drift(block.y, found.y, question.duration)
     return _chunk(question, part, block, context, found, drift)
 
 
 def _layout(question: Question) -> Layout:
     """The parts of y; work is counted where any member might do any."""
     differing = {place: np.ones(1) for place in question.members.part(0, 1).places if "start" not in place}
-    return Lanes(numbers_of(question.scene, differing, question.system)).layout
+    found = Lanes(numbers_of(question.scene, differing, question.system)).layout
+    return replace(found, works=found.works or any(place[0] == RATIO for place in differing))
 
 
 def _chunk(question: Question, part: Part, block: Block, context: Context, found: Found, drift: Floats) -> Chunk:

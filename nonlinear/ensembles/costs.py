@@ -7,10 +7,12 @@ from importlib.util import find_spec
 from math import inf
 
 from modal.errors import SceneError
-from modal.scene import refusals
+from modal.scene import CAPABILITIES, Scene, refusals
+from nonlinear.dynamics.inputs import Inputs
 from nonlinear.ensembles.members import Members
 from nonlinear.ensembles.question import COMPILED, LANES, ONE_BY_ONE, PLAIN, SERIES, Question, seconds_each
 from nonlinear.integration import taylor_takes
+from nonlinear.system import system_of
 
 ENGINES = (LANES, COMPILED, SERIES, PLAIN)
 SOONER = {LANES: 1.0, COMPILED: 5.0, SERIES: 7.0}
@@ -19,6 +21,8 @@ SOONER_WITHIN = {LANES: 1.0, COMPILED: 7.0, SERIES: 4.0}
 WITHIN = {"largest_angle", "section"}
 BEFORE = {LANES: 0.05, COMPILED: 7.0, SERIES: 3.0}
 """Seconds to load and compile."""
+RECORDED = {name: CAPABILITIES[f"engine {name}"].unless["moved_support"] for name in (COMPILED, SERIES)}
+"""What of the functions of time an engine takes."""
 NEEDS = {LANES: "numpy", COMPILED: "numba", SERIES: "heyoka"}
 
 
@@ -36,6 +40,9 @@ def choose_engine(
         if asked != "auto":
             raise SceneError([f"engine {asked}: {why_not}; simulate takes its members one by one"])
         return PLAIN, f"one by one, for {why_not}"
+    if not _recorded(asked, members.scene):
+        where = "hoist" if members.scene.is_hoisted else "support.motion"
+        raise SceneError([f"{where}: engine {asked} {RECORDED[asked]}: take engine numpy"])
     if asked == SERIES and find_spec("heyoka") and not taylor_takes(members.scene):
         raise SceneError([f"engine {asked}: takes shorter chains and fewer links"])
     if asked != "auto":
@@ -46,8 +53,17 @@ def choose_engine(
     return best, f"the fastest for so many, about {seconds[best]:.2g} s on one core"
 
 
+def _recorded(name: str, scene: Scene) -> bool:
+    """Whether what time brings is a function of it that an engine can compile."""
+    inputs = Inputs(system_of(scene))
+    needed = {COMPILED: "polynomials", SERIES: "pieces"}.get(name)
+    return needed is None or getattr(inputs, needed) is not None
+
+
 def _seconds(name: str, members: Members, duration: float, tolerance: float, sooner: float) -> float:
     absent = not find_spec(NEEDS[name]) or (name == SERIES and not taylor_takes(members.scene))
+    if not _recorded(name, members.scene):
+        return inf
     if absent or refusals(members.scene, f"engine {name}", *members.varied):
         return inf
     return BEFORE[name] + members.size * seconds_each(members.scene, duration, tolerance) / sooner

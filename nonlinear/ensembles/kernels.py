@@ -24,6 +24,8 @@ from scipy.integrate import DOP853
 
 from modal.scene import whole_file
 from nonlinear.dynamics import Lanes, undisturbed
+from nonlinear.integration.lanes import NODES
+from nonlinear.integration.steppers import BESIDE
 from nonlinear.integration.watches import ASIDE, ROUNDING, UNKNOWN
 
 COMPILING = "Compiling the equations of this form, which takes some ten seconds; the result is saved for later runs."
@@ -37,7 +39,7 @@ from modal.eigen.compiling import vectorized
 D, HALF, FIRST, CONSTANTS, WIDTH = {size}, {half}, {first}, {constants}, {width}
 TOP, TURN = 3.141592653589793, 6.283185307179586
 T, H, REFUSED, FRESH, DUE, LARGEST, ERROR, HORIZON, TURNED = range(9)
-ASIDE, ROUNDING, UNKNOWN = {aside!r}, {rounding!r}, {unknown!r}
+ASIDE, ROUNDING, UNKNOWN, CLEAR = {aside!r}, {rounding!r}, {unknown!r}, {clear!r}
 
 
 @vectorized
@@ -58,6 +60,35 @@ def sincos(x):
     return sign * (even * s + odd * c), sign * (even * c - odd * s)
 
 '''
+CLOCK = """
+@vectorized
+def inputs(part, h, front, tables, u):
+    for k in range(WIDTH):
+        u[0, k] = front[T, k] + part * h[k]
+
+"""
+TABLES = """
+@vectorized
+def inputs(part, h, front, tables, u):
+    first, knots, origins, coefficients, periods = tables
+    for k in range(WIDTH):
+        clear = CLEAR * spacing(front[T, k] + h[k])
+        time = max(min(front[T, k] + part * h[k], front[T, k] + h[k] - clear), front[T, k] + clear)
+        for j in range(len(periods)):
+            t = time - floor(time / periods[j]) * periods[j] if isfinite(periods[j]) else time
+            low, high = first[j], first[j + 1] - 1
+            while low < high:
+                middle = (low + high) // 2
+                if knots[middle] <= t:
+                    low = middle + 1
+                else:
+                    high = middle
+            s, found = t - origins[low], 0.0
+            for power in range(coefficients.shape[1]):
+                found = found * s + coefficients[low, power]
+            u[j, k] = found
+
+"""
 CONTROL = """
 @vectorized
 def errors(y, z, K, rel, ab, h, err):
@@ -76,7 +107,7 @@ def errors(y, z, K, rel, ab, h, err):
 
 @vectorized
 def load(k, member, task, front, y, c, rel, ab, sc, loc, v):
-    begun, given, relative, absolute, first, end, scale, local = task
+    begun, given, relative, absolute, first, ends, longest, scale, local, tables = task
     for i in range(D):
         y[i, k] = begun[i, member]
         ab[i, k] = absolute[i, member]
@@ -86,7 +117,7 @@ def load(k, member, task, front, y, c, rel, ab, sc, loc, v):
     rel[k], loc[k] = relative[member], local[member]
     for i in range(len(front)):
         front[i, k] = 0.0
-    front[H, k], front[FRESH, k], front[HORIZON, k] = min(first[member], end), 1.0, float("inf")
+    front[H, k], front[FRESH, k], front[HORIZON, k] = min(first[member], longest, ends[0]), 1.0, float("inf")
     for i in range(2 * HALF):
         v[i, k] = 1.0 / sqrt(2.0 * HALF)
     for i in range(FIRST, HALF):
@@ -142,8 +173,9 @@ def grown(z, h, g, K, sc, v, w):
 
 @vectorized
 def run(task, times, wants, level, members, counts, front, y, z, K, c, rel, ab, sc, loc, v, w, g, h, err, ok,
-        out, error, horizon, gain, status, which, marks, before, after, stages):
-    end, size = task[5], task[0].shape[1]
+        out, error, horizon, gain, status, which, marks, before, after, stages, u):
+    ends, longest, tables, size = task[5], task[6], task[9], task[0].shape[1]
+    end = ends[len(ends) - 1]
     filled, room = 0, len(which) - WIDTH
     while filled <= room:
         fresh = False
@@ -152,9 +184,9 @@ def run(task, times, wants, level, members, counts, front, y, z, K, c, rel, ab, 
                 members[k] = counts[0]
                 load(k, counts[0], task, front, y, c, rel, ab, sc, loc, v)
                 counts[0] += 1
-                fresh = True
+            fresh = fresh or front[FRESH, k] == 1.0
         if fresh:
-            rates(y, c, g)
+            {start}rates(y, {u}c, g)
             for k in range(WIDTH):
                 if front[FRESH, k] == 1.0:
                     front[FRESH, k] = 0.0
@@ -166,7 +198,7 @@ def run(task, times, wants, level, members, counts, front, y, z, K, c, rel, ab, 
             h[k] = front[H, k]
         if not busy:
             return -1 - filled
-        attempt(y, h, c, K, z)
+        attempt(y, h, c, K, z, front, tables, u)
         errors(y, z, K, rel, ab, h, err)
         if wants[5]:
             for i in range(D):
@@ -175,7 +207,7 @@ def run(task, times, wants, level, members, counts, front, y, z, K, c, rel, ab, 
             for i in range(2 * HALF):
                 for k in range(WIDTH):
                     w[i, k] += ASIDE * v[i, k] * sc[i, k]
-            rates(w, c, g)
+            {end}rates(w, {u}c, g)
             grown(z, h, g, K, sc, v, w)
         for k in range(WIDTH):
             ok[k] = 0.0
@@ -218,8 +250,14 @@ def run(task, times, wants, level, members, counts, front, y, z, K, c, rel, ab, 
             if wants[2]:
                 for i in range(FIRST, HALF):
                     front[LARGEST, k] = max(front[LARGEST, k], abs(z[i, k]))
+            ahead = 0
+            while ahead < len(ends) - 1 and ends[ahead] <= front[T, k]:
+                ahead += 1
             front[T, k] += h[k]
-            front[H, k] = min(h[k] * factor, end - front[T, k])
+            if ahead < len(ends) - 1 and front[T, k] >= ends[ahead] - CLEAR * spacing(ends[ahead]):
+                front[T, k], front[FRESH, k] = ends[ahead], 1.0
+                ahead += 1
+            front[H, k] = min(h[k] * factor, longest, ends[ahead] - front[T, k])
             if wants[5] and isfinite(g[0, k]) and g[0, k] > 0.0:
                 far = 0.0
                 for i in range(FIRST, HALF):
@@ -263,18 +301,25 @@ def source(lanes: Lanes) -> str:
         aside=ASIDE,
         rounding=ROUNDING,
         unknown=UNKNOWN,
+        clear=float(BESIDE),
     )
     fifth, third = (_weighted(shares, "i, k") for shares in (DOP853.E5, DOP853.E3))
-    rates = f"\n@vectorized\n{lanes.module.looped('rates')}\n"
-    return head + rates + _attempt() + CONTROL.format(fifth=fifth, third=third)
+    looped = lanes.module.looped("rates")
+    timed = looped.startswith("def rates(y, u,")
+    before, u = "inputs({}, h, front, tables, u); " if timed else "", "u, " if timed else ""
+    read = (CLOCK if lanes.inputs.is_analytic else TABLES) if timed else ""
+    control = CONTROL.replace("{start}", before.format(0.0)).replace("{end}", before.format(1.0)).replace("{u}", u)
+    rates = f"\n@vectorized\n{looped}\n"
+    return head + read + rates + _attempt(before, u) + control.format(fifth=fifth, third=third)
 
 
-def _attempt() -> str:
-    lines = ["", "@vectorized", "def attempt(y, h, c, K, z):"]
+def _attempt(before: str, u: str) -> str:
+    lines = ["", "@vectorized", "def attempt(y, h, c, K, z, front, tables, u):"]
     for stage in range(1, DOP853.n_stages + 1):
         shares = DOP853.A[stage] if stage < DOP853.n_stages else DOP853.B
-        lines += [" for i in range(D):", "  for k in range(WIDTH):"]
-        lines += [f"   z[i, k] = y[i, k] + h[k] * ({_weighted(shares[:stage], 'i, k')})", f" rates(z, c, K[{stage}])"]
+        summed = _weighted(shares[:stage], "i, k")
+        lines += [" for i in range(D):", "  for k in range(WIDTH):", f"   z[i, k] = y[i, k] + h[k] * ({summed})"]
+        lines += [f" {before.format(NODES[stage])}rates(z, {u}c, K[{stage}])"]
     return "\n".join(lines) + "\n\n"
 
 

@@ -85,8 +85,11 @@ def _largest_angle(context: Context, found: Found, ending: Floats) -> Columns:
 
 def _pendulum_energy(context: Context, found: Found, ending: Floats) -> Columns:
     sums: Floats = np.zeros((context.system.n_pendula, len(ending)))
+    accounts = Accounts(context.numbers, context.layout)
+    times = ending_times(context.scene, context.wanted.duration) if context.system.hoisting else ()
     for k in range(ending.shape[1]):
-        energies = Accounts(context.numbers, context.layout).energies(np.ascontiguousarray(ending[:, k].T))
+        rows = np.ascontiguousarray(ending[:, k].T)
+        energies = accounts.energies(rows, time=times[k] if times else 0.0)
         sums += energies.kinetic + energies.potential
     return {f"pendulum_{p}_energy_J": own / ending.shape[1] for p, own in enumerate(sums, 1)}
 
@@ -237,6 +240,8 @@ def section_of(text: str, system: System) -> Section:
 
 def validate_measures(wanted: Asked, scene: Scene) -> None:
     """SceneError where a measure is none of such a scene."""
+    if "order" in wanted.names and scene.is_hoisted:
+        raise SceneError(["order: needs constant lengths, since modes change with them"])
     if "configuration" in wanted.names:
         if not scene.is_driven:
             raise SceneError(["configuration: no drive keeps this scene swinging"])

@@ -35,6 +35,7 @@ Starts = Floats | Sequence[Sequence[float]] | Sequence[State] | Motion
 Vary = Sequence[str] | Sequence[Variation] | Mapping[str, Sequence[float] | Floats]
 STARTING = {"angles_deg": 0, "rates_deg": 1}
 """The numbers of a start that are angles and rates (deg)."""
+RATIO = "damping_ratio"
 NONE_GIVEN = "members: give starts, or what to vary"
 
 
@@ -87,7 +88,8 @@ class Part:
         reasons = self._reasons()
         good = np.array([place for place in range(self.size) if place not in reasons], dtype=np.int64)
         given = {place: own[good] for place, own in self._at.items()}
-        numbers = numbers_of(self.scene, {place: own for place, own in given.items() if "start" not in place})
+        others = {place: own for place, own in given.items() if "start" not in place}
+        numbers = numbers_of(self.scene, others, modal=self._dampers(others, good))
         states = self.states.at(good) if self.states is not None else self._begun(given, len(good))
         y = np.zeros((layout.size, len(good)))
         first, half = int(layout.on_cart), layout.half
@@ -95,6 +97,15 @@ class Part:
         if first:
             y[0], y[half] = states.cart, states.cart_rate
         return Block(good, numbers, y, reasons)
+
+    def _dampers(self, others: Mapping[Place, Floats], good: Ints) -> Floats | None:
+        """D_modal (S, n, n) where it belongs to what differs between these members, else None."""
+        if not others or not (self.scene.has_modal_damping or any(place[0] == RATIO for place in others)):
+            return None
+        own = [system_of(self.scene_of(int(place))).modal_damping for place in good]
+        size = system_of(self.scene).n_links + (self.scene.support.kind == "cart")
+        none = np.zeros((size, size))
+        return np.array([none if D is None else D for D in own]).reshape(len(own), size, size)
 
     def _reasons(self) -> dict[int, str]:
         """Why members cannot be, of those whose numbers differ in more than the start."""

@@ -16,7 +16,8 @@ import numpy as np
 
 from modal.report import Displayed
 from modal.scene import Scene, one_by_one
-from modal.scene.parameters import find_places
+from modal.scene.parameters import Place, find_places
+from nonlinear.dynamics.inputs import Inputs
 from nonlinear.ensembles.found import Wanted
 from nonlinear.ensembles.measures import Asked, ending_times
 from nonlinear.ensembles.members import Members, Part
@@ -135,11 +136,24 @@ def refused(members: Members, duration: float, tolerance: float) -> str:
     scene = members.scene
     if why := one_by_one(scene, *members.varied):
         return why
-    if any(place[-1] == "count" for path in members.paths for place in find_places(scene, path)):
+    places = [place for path in members.paths for place in find_places(scene, path)]
+    if any(place[-1] == "count" for place in places):
         return "members differ in their number of links or pendula"
+    if any(place[:2] == ("support", "motion") for place in places) and not Inputs(system_of(scene)).is_analytic:
+        return "members differ in a motion of the support that is no sine"
+    if any(_of_hoist(scene, place) for place in places):
+        return "members differ in the law of a hoist"
     if choose(scene, duration, tolerance).method == "Radau":
         return "the fastest decay is far faster than the fastest swing"
     return ""
+
+
+def _of_hoist(scene: Scene, place: Place) -> bool:
+    """Whether a number is one of a law of length, which begins at the length of its link."""
+    if place[0] != "pendulum" or place[2] != "links":
+        return False
+    hoist = scene.pendulum[int(place[1])].links[int(place[3])].hoist
+    return hoist is not None and place[4] in {"hoist", "length"}
 
 
 def sample_of(size: int, count: int) -> tuple[int, ...]:

@@ -11,7 +11,7 @@ from collections.abc import Hashable, Iterable, Sequence
 import numpy as np
 
 from modal.errors import MultipendulaError
-from modal.scene import Scene, one_by_one, refusals
+from modal.scene import AnyLink, Moved, Scene, one_by_one, refusals
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.found import Wanted
@@ -33,10 +33,23 @@ def form_of(scene: Scene) -> Hashable:
     if one_by_one(scene) or refusals(scene, "an ensemble"):
         return None
     pendula = tuple(
-        (one.count, one.ways, tuple((link.count, link.drive is not None) for link in one.links))
+        (one.count, one.ways, tuple((link.count, link.drive is not None, _law(link)) for link in one.links))
         for one in scene.pendulum
     )
-    return scene.support.kind, pendula
+    return scene.support.kind, _moved(scene), scene.has_modal_damping, pendula
+
+
+def _law(link: AnyLink) -> Hashable:
+    """What differs between laws of length."""
+    return (link.hoist, link.length) if link.hoist else None
+
+
+def _moved(scene: Scene) -> Hashable:
+    """What differs between motions of a support, the numbers of a sine left out."""
+    if not isinstance(scene.support, Moved):
+        return None
+    motion = scene.support.motion
+    return (motion.direction, "sine") if motion.kind == "sine" else motion
 
 
 def run_together(scenes: Iterable[Scene], duration: float) -> dict[Scene, Trajectory]:

@@ -6,15 +6,17 @@ all scenes of the same form.  What happens within steps is found by heyoka's own
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import ceil, floor, inf, log10, pi
 from typing import Any
 
 import numpy as np
 
-from modal.types import Floats
+from modal.types import Floats, Ints
 from nonlinear.dynamics import Lanes
+from nonlinear.dynamics.inputs import at_time
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.found import Found, Wanted, merged
 from nonlinear.ensembles.lanes import slope_of, stretched, task_of
@@ -130,7 +132,7 @@ def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     lanes = Lanes(numbers)
     task, scale, local = task_of(lanes, numbers, y, wanted)
     events = Events(lanes.layout, y, slope_of(lanes, numbers, y))
-    pace = _pace(numbers, lanes.layout, y)
+    pace = max(_pace(numbers, lanes.layout, y), pi / task.longest)
     places = np.linspace(0.0, wanted.duration, max(1, ceil(SEEN * wanted.duration * pace)) + 1)
     grid = np.unique(np.concatenate((places, wanted.times)))
     seen, kept = np.searchsorted(grid, places), np.searchsorted(grid, wanted.times)
@@ -191,7 +193,7 @@ def _integrator(task: Task, tolerance: float, events: Events | None, wanted: Wan
         if section := wanted.section:
             level = level_of(layout, section.row, section.level)
             seen.append(("sin" if level.turns else "level", level.row, level.value, events.passing(level)))
-    return taylor.batch_integrator(task.lanes.module, task.lanes.size, tolerance, seen)
+    return taylor.batch_integrator(task.lanes.module, task.lanes.size, tolerance, seen, taylor.pieces_of(task.lanes))
 
 
 def _propagated(integrator: Any, task: Task, own: slice, grid: Floats, events: Events | None, found: Found) -> Floats:
@@ -201,7 +203,7 @@ def _propagated(integrator: Any, task: Task, own: slice, grid: Floats, events: E
     rows = np.empty((len(grid), len(task.begun), len(members)))
     given = task.lanes.constants(task.numbers.at(members))
     constants = np.array([np.broadcast_to(one, len(members)) for one in given]).reshape(len(given), len(members))
-    wide = np.repeat(grid[:, None], width, axis=1)
+    stretches, pieces = [*_stretches(grid, task.breaks)], taylor.pieces_of(task.lanes)
     for at in range(0, len(members), width):
         taken = np.minimum(np.arange(at, at + width), len(members) - 1)
         count = min(width, len(members) - at)
@@ -209,12 +211,24 @@ def _propagated(integrator: Any, task: Task, own: slice, grid: Floats, events: E
             events.first, events.count = int(members[at]), count
         integrator.set_time(float(grid[0]))
         integrator.state[:] = task.begun[:, members[taken]]
-        integrator.pars[:] = constants[:, taken]
-        rows[..., at : at + count] = integrator.propagate_grid(wide)[1][..., :count]
+        integrator.pars[: len(given)] = constants[:, taken]
+        for times, inside, kept in stretches:
+            integrator.pars[len(given) :] = np.array(at_time(pieces, (times[0] + times[-1]) / 2))[:, None]
+            found_rows = integrator.propagate_grid(np.repeat(times[:, None], width, axis=1))[1]
+            rows[inside, :, at : at + count] = found_rows[kept, :, :count]
     for lane in np.flatnonzero(~np.isfinite(rows[-1]).all(0)):
         known = int(np.isfinite(rows[..., lane]).all(1).sum())
         found.reasons[int(members[lane])] = f"taylor stopped after {grid[max(known - 1, 0)]:.9g} s: its series overflow"
     return rows
+
+
+def _stretches(grid: Floats, breaks: Floats) -> Iterator[tuple[Floats, Ints, Ints]]:
+    """Between two breaks each: the times of a grid and its ends (s), which of the grid they are, and where they are."""
+    edges = [grid[0], *breaks[(breaks > grid[0]) & (breaks < grid[-1])], grid[-1]]
+    for low, high in pairwise(edges):
+        inside = np.flatnonzero((grid >= low) & (grid <= high))
+        times = np.unique(np.concatenate(([low], grid[inside], [high])))
+        yield times, inside, np.searchsorted(times, grid[inside])
 
 
 class Judge:
@@ -229,14 +243,16 @@ class Judge:
         self.size, self.scale, self.local = 2 * layout.half, scale[: 2 * layout.half], local
         self.spared, self.angles = spared, slice(int(layout.on_cart), layout.half)
         self.constants = lanes.constants(numbers)
-        self.rates = taylor.evaluator(lanes.module, lanes.size)
+        self.pieces, self.timed = taylor.pieces_of(lanes), lanes.inputs.count > 0
+        self.rates = taylor.evaluator(lanes.module, lanes.size, self.pieces)
 
     def see(self, own: slice, grid: Floats, rows: Floats, pace: float, found: Found) -> None:
         """Members with y (K, size, S) at evenly spaced times (s), of a motion of this pace (rad/s)."""
         size, members = self.size, rows.shape[2]
         scale = self.scale if self.scale.shape[1] == 1 else self.scale[:, own]
         given = np.array([np.broadcast_to(one[own] if np.ndim(one) else one, members) for one in self.constants])
-        given = np.ascontiguousarray(given.reshape(len(self.constants), members))
+        varying = np.zeros((len(at_time(self.pieces, 0.0)), members))
+        given = np.concatenate((given.reshape(len(self.constants), members), varying))
         steps = max(1, ceil((grid[1] - grid[0]) * pace / STEP))
         step = (grid[1] - grid[0]) / steps
         both, tried = np.empty((2, 2 * size, members))
@@ -246,8 +262,8 @@ class Judge:
         with np.errstate(all="ignore"):
             for k in range(1, len(grid)):
                 both[:size] = rows[k - 1, :size]
-                for _ in range(steps):
-                    self._go(step, both, tried, slopes, given)
+                for part in range(steps):
+                    self._go(grid[k - 1] + part * step, step, both, tried, slopes, given)
                 v = both[size:]
                 grown = np.sqrt(np.sum((v / scale) ** 2, axis=0))
                 v /= grown
@@ -257,13 +273,19 @@ class Judge:
                 horizon = np.where((error > UNKNOWN) & (horizon == inf), grid[k], horizon)
         found.error[own], found.horizon[own] = error, horizon
 
-    def _go(self, step: float, both: Floats, tried: Floats, slopes: Floats, given: Floats) -> None:
+    def _rates(self, time: float, both: Floats, slope: Floats, given: Floats) -> None:
+        if self.pieces:
+            given[len(self.constants) :] = np.array(at_time(self.pieces, time))[:, None]
+        more = {"time": np.full(both.shape[1], time)} if self.timed else {}
+        self.rates(inputs=both, outputs=slope, pars=given, **more)
+
+    def _go(self, time: float, step: float, both: Floats, tried: Floats, slopes: Floats, given: Floats) -> None:
         """One step of y and v together, in place."""
-        self.rates(inputs=both, outputs=slopes[0], pars=given)
+        self._rates(time, both, slopes[0], given)
         for stage, part in ((1, step / 2), (2, step / 2), (3, step)):
             np.multiply(slopes[stage - 1], part, out=tried)
             tried += both
-            self.rates(inputs=tried, outputs=slopes[stage], pars=given)
+            self._rates(time + part, tried, slopes[stage], given)
         slopes[1] += slopes[2]
         slopes[1] *= 2
         slopes[0] += slopes[1]

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from math import inf
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,6 +18,7 @@ from scipy.integrate import DOP853
 
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.lanes import Lanes, Rates
+from nonlinear.integration.steppers import BESIDE
 from nonlinear.system import Numbers
 
 STAGES, EXTRA, DENSE = DOP853.n_stages, len(DOP853.A_EXTRA), len(DOP853.D)
@@ -37,6 +40,9 @@ ROWS = [_terms(row[:stage]) for stage, row in enumerate(DOP853.A)]
 END, FIFTH, THIRD = _terms(DOP853.B), _terms(DOP853.E5), _terms(DOP853.E3)
 MORE = [_terms(row) for row in DOP853.A_EXTRA]
 POWERS = [_terms(row) for row in DOP853.D]
+NODES = [float(node) for node in (*DOP853.C, 1.0, *DOP853.C_EXTRA)]
+"""The part of a step at each stage."""
+ALL = slice(None)
 
 
 class Watch(Protocol):
@@ -63,6 +69,16 @@ class Step:
     stages: Floats
     rates: Rates
     rates_of: Callable[[Ints], Rates]
+    breaks: bool = False
+
+    def times(self, part: float, columns: Any = ALL) -> Floats:
+        """The times (s) of a part of the step, strictly within it where it may begin or end at a break."""
+        start, length = self.start[columns], self.length[columns]
+        found = start + part * length
+        if not self.breaks:
+            return np.asarray(found)
+        clear = BESIDE * np.spacing(start + length)
+        return np.asarray(np.minimum(np.maximum(found, start + clear), start + length - clear))
 
     def within(self, columns: Ints) -> Inside:
         """The motion inside the step of the lanes in these columns."""
@@ -72,7 +88,7 @@ class Step:
         rates, work, rows = self.rates_of(columns), np.empty_like(before), np.empty_like(before)
         for more, shares in enumerate(MORE, STAGES + 1):
             summed(shares, stages, rows, work)
-            fill(rates(before + length * rows), stages[more])
+            fill(rates(before + length * rows, self.times(NODES[more], columns)), stages[more])
         moved = self.after[:, columns] - before
         first, last = length * stages[0], length * stages[STAGES]
         terms = np.empty((3 + DENSE, *before.shape))
@@ -177,7 +193,8 @@ def fill(rates: Any, found: Floats) -> None:
 class Task:
     """Members to integrate from t = 0: y (size, S) of each, until `end` (s).
 
-    `relative` (S,) and `absolute` (size, S) are tolerances, `first` (S,) steps to try (s).
+    `relative` (S,) and `absolute` (size, S) are tolerances, `first` (S,) steps to try (s).  Steps are no longer than
+    `longest` (s), and end at the `breaks` (s).
     """
 
     lanes: Lanes
@@ -187,6 +204,19 @@ class Task:
     relative: Floats
     absolute: Floats
     first: Floats
+
+    @cached_property
+    def longest(self) -> float:
+        """The time (s) in which a moved support may change."""
+        support = self.lanes.system.support
+        return support.motion.shortest if support else inf
+
+    @cached_property
+    def breaks(self) -> Floats:
+        """Where a support or a length may change suddenly, before the end."""
+        support, hoisting = self.lanes.system.support, self.lanes.system.hoisting
+        found = {*(support.motion.breaks if support else ()), *(hoisting.breaks if hoisting else ())}
+        return np.array(sorted(time for time in found if 0 < time < self.end))
 
 
 @dataclass(eq=False)
@@ -211,10 +241,12 @@ class Front:
         self.task, self.waiting = task, min(width, task.begun.shape[1])
         self.member = np.arange(self.waiting)
         self.y = np.ascontiguousarray(task.begun[:, : self.waiting])
-        self.t, self.h = np.zeros(self.waiting), np.minimum(task.first[: self.waiting], task.end)
+        self.ends = np.append(task.breaks, task.end)
+        self.most = min(task.longest, float(self.ends[0]))
+        self.t, self.h = np.zeros(self.waiting), np.minimum(task.first[: self.waiting], self.most)
         self.refused = np.zeros(self.waiting, dtype=bool)
         self._prepare()
-        fill(self.rates(self.y), self.stages[0])
+        fill(self.rates(self.y, self._now()), self.stages[0])
 
     def _prepare(self) -> None:
         """Numbers and room for the lanes that are there now."""
@@ -229,17 +261,22 @@ class Front:
         """The rates of the lanes in some columns."""
         return self.task.lanes.rates(self.numbers.at(columns))
 
+    def _now(self, columns: Any = ALL) -> Floats:
+        """The times (s) of lanes that begin a step, after a break."""
+        return np.asarray(self.t[columns] + BESIDE * np.spacing(self.t[columns]))
+
     def attempt(self) -> Step:
         """A step of every lane."""
         y, z, work, stages = self.y, self.next, self.work, self.stages
+        step = Step(self.member, self.refused, self.t, self.h, y, z, stages, self.rates, self.rates_of)
+        step.breaks, timed = bool(len(self.task.breaks)), self.task.lanes.inputs.count > 0
         for stage in range(1, STAGES + 1):
             summed(ROWS[stage] if stage < STAGES else END, stages, z, work)
             z *= self.h
             z += y
-            fill(self.rates(z), stages[stage])
+            fill(self.rates(z, step.times(NODES[stage])) if timed else self.rates(z), stages[stage])
         error = self._error()
-        taken = error < 1
-        step = Step(self.member, taken, self.t, self.h, y, z, stages, self.rates, self.rates_of)
+        step.taken = taken = error < 1
         with np.errstate(divide="ignore"):
             factor = np.clip(SAFETY * error ** (-1 / 8), SHRINKS, GROWS)
         factor = np.where(taken, np.where(self.refused, np.minimum(factor, 1.0), factor), np.minimum(factor, 1.0))
@@ -262,14 +299,27 @@ class Front:
             error = self.h * fifth / np.sqrt(both * len(sums))
         return np.asarray(np.where(both == 0, 0.0, error))
 
-    def go_on(self, step: Step, end: float) -> None:
+    def go_on(self, step: Step) -> None:
         """Make the step the present; refused ones are tried again."""
         taken = step.taken
         self.y = np.where(taken, step.after, step.before)
         np.copyto(self.stages[0], self.stages[STAGES], where=taken)
-        self.t = np.where(taken, self.t + self.h, self.t)
+        before, self.t = self.t, np.where(taken, self.t + self.h, self.t)
         self.refused = ~taken
-        self.h = np.minimum(self.tried, end - self.t)
+        if step.breaks:
+            self._land(before)
+        ahead = self.ends[np.searchsorted(self.ends[:-1], self.t, side="right")] if step.breaks else self.ends[0]
+        self.h = np.minimum(np.minimum(self.tried, self.task.longest), ahead - self.t)
+
+    def _land(self, before: Floats) -> None:
+        """Begin anew the lanes that have come to a break."""
+        ahead = np.append(self.ends, inf)[np.searchsorted(self.ends, before, side="right")]
+        came = np.flatnonzero(self.t >= ahead - BESIDE * np.spacing(ahead))
+        if len(came):
+            self.t[came] = ahead[came]
+            rows = np.empty((len(self.y), len(came)))
+            fill(self.rates_of(came)(self.y[:, came], self._now(came)), rows)
+            self.stages[0][:, came] = rows
 
     def change(self, out: Booleans, size: int) -> None:
         """Lanes that are through leave; others come in for them while there are any of `size`."""
@@ -281,7 +331,7 @@ class Front:
             self.member[came] = fresh
             self.waiting += len(came)
             self.y[:, came], self.t[came] = task.begun[:, fresh], 0.0
-            self.h[came], self.refused[came] = np.minimum(task.first[fresh], task.end), False
+            self.h[came], self.refused[came] = np.minimum(task.first[fresh], self.most), False
         stay = ~out
         stay[came] = True
         first = self.stages[0]
@@ -296,7 +346,7 @@ class Front:
         if len(came):
             columns = np.flatnonzero(self.member >= self.waiting - len(came))
             rows = np.empty((len(self.y), len(columns)))
-            fill(self.rates_of(columns)(self.y[:, columns]), rows)
+            fill(self.rates_of(columns)(self.y[:, columns], self._now(columns)), rows)
             self.stages[0][:, columns] = rows
 
 
@@ -314,7 +364,7 @@ def integrate(task: Task, watches: Sequence[Watch] = (), width: int | None = Non
             outcome.steps[front.member] += moving
             for watch in watches:
                 watch.see(step)
-            front.go_on(step, task.end)
+            front.go_on(step)
             out = _through(front, step, task.end, outcome)
             gone = int(np.count_nonzero(out))
             if gone and (gone * LEAVING >= len(out) or gone == len(out)):

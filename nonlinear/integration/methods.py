@@ -9,7 +9,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Scene, refusals
+from modal.scene import CAPABILITIES, Scene, refusals
 from nonlinear.dynamics import (
     Body,
     Dense,
@@ -25,6 +25,7 @@ from nonlinear.dynamics import (
     loses_digits,
     undisturbed,
 )
+from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration.costs import WRITTEN, costs
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.integration.taylor import LONGEST_CHAIN, MOST_LINKS, TIGHTEST
@@ -85,6 +86,10 @@ def choose(
     if method == "taylor":
         problems += refusals(scene, "method taylor", *more)
         problems += [] if form == "minimal" else [f"method taylor: has no series in form {form}: choose minimal"]
+        where = "support.motion" if system.support else "hoist"
+        if Inputs(system).pieces is None:
+            words = CAPABILITIES["method taylor"].unless["moved_support"]
+            problems.append(f"{where}: method taylor {words}: method DOP853 takes it")
     if method in SCIPY and method not in EXPLICIT:
         problems += refusals(scene, "an implicit method", *more)
     if form == "maximal" and method in SCIPY and method not in EXPLICIT:

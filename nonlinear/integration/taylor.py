@@ -16,13 +16,15 @@ from importlib import import_module
 from importlib.util import find_spec
 from math import ceil, exp, inf, log, pi
 from threading import Lock
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats
+from modal.vibration.prescribed import Polynomials
 from nonlinear.dynamics import Generated, Minimal, Module, module_of, undisturbed
+from nonlinear.dynamics.inputs import Inputs, at_time
 from nonlinear.integration.steppers import Pace
 from nonlinear.system import System
 
@@ -57,6 +59,7 @@ class TaylorStepper:
         begun = np.array(y, dtype=float)
         self.start, self.end, self.pace, self.calls = start, end, pace, 0
         self.integrator = integrator_of(_admitted(equations), uneven(tolerance))
+        self.pieces = pieces_of(equations)
         self.integrator.state[:], self.integrator.time = begun, start
         self._coefficients, self._from = begun[None], start
         self._failure: ComputationError | None = None
@@ -119,7 +122,11 @@ class TaylorStepper:
     def _stretch(self) -> tuple[float, float]:
         """The breaks on either side, or the ends of the run."""
         low, high = self.pace.stretch(self.time)
-        return max(low, self.start), min(high, self.end)
+        since, until = max(low, self.start), min(high, self.end)
+        if self.pieces:
+            own = at_time(self.pieces, (since + until) / 2)
+            self.integrator.pars[-len(own) :] = own
+        return since, until
 
     def _judge(self, outcome: Any, time: float) -> None:
         """ComputationError for a failed step."""
@@ -184,33 +191,64 @@ _COMPILED = Originals()
 
 def ready(system: System, tolerance: float) -> bool:
     """Whether a series of this order has been compiled for such a scene in this process."""
-    return bool(_COMPILED) and (_text(module_of(Generated(system).form)), uneven(tolerance)) in _COMPILED
+    if not _COMPILED:
+        return False
+    own = Generated(system)
+    return (_text(module_of(own.form), pieces_of(own)), uneven(tolerance)) in _COMPILED
 
 
-def _text(module: Module) -> str:
-    return module.python("rates")
+class Timed(Protocol):
+    """What has inputs of time."""
+
+    @property
+    def inputs(self) -> Inputs:
+        """Those."""
+        ...
+
+
+def pieces_of(equations: Timed) -> Sequence[Polynomials]:
+    """The polynomials that are inputs; ComputationError where inputs are neither these nor the time alone."""
+    if (found := equations.inputs.pieces) is None:
+        raise ComputationError("Taylor series cannot follow this function of time: choose another method")
+    return found
+
+
+def _text(module: Module, pieces: Sequence[Polynomials]) -> str:
+    """What is compiled: the equations, and the degrees of the polynomials that are their inputs."""
+    return f"{module.python('rates')}\n{[one.coefficients.shape[1] for one in pieces]}"
 
 
 def integrator_of(equations: Generated, tolerance: float) -> Any:
     """Heyoka's integrator for these equations, compiled once per process for all constants of such a scene."""
-    module, size = module_of(equations.form), equations.layout.size
+    module, size, pieces = module_of(equations.form), equations.layout.size, pieces_of(equations)
+    pars = [*equations.constants, *at_time(pieces, 0.0)]
 
     def compiled() -> Any:
         options = {"tol": tolerance, "compact_mode": equations.system.n_links > UNROLLED}
-        return _heyoka().taylor_adaptive(expressions(module, size), np.zeros(size), pars=equations.constants, **options)
+        return _heyoka().taylor_adaptive(expressions(module, size, pieces), np.zeros(size), pars=pars, **options)
 
-    found = _COMPILED.copy_of((_text(module), tolerance), compiled)
-    found.pars[:] = equations.constants
+    found = _COMPILED.copy_of((_text(module, pieces), tolerance), compiled)
+    found.pars[:] = pars
     return found
 
 
-def expressions(module: Module, size: int) -> list[tuple[Any, Any]]:
-    """Pairs of each component of y and its derivative, as heyoka's expressions, with the constants as parameters."""
+def expressions(module: Module, size: int, pieces: Sequence[Polynomials] = ()) -> list[tuple[Any, Any]]:
+    """Pairs of each component of y and its derivative, as heyoka's expressions, with the constants as parameters.
+
+    Inputs are the time, or polynomials in `pieces`, whose origins and coefficients are further parameters (`at_time`).
+    """
     heyoka = _heyoka()
     y = [heyoka.expression(f"y{i:03d}") for i in range(size)]
     functions = {"sin": heyoka.sin, "cos": heyoka.cos, "sqrt": heyoka.sqrt}
     rates = module.recorded("rates", [heyoka.par[k] for k in range(len(module.names))], functions)
-    return [(one, heyoka.expression(0.0) + its) for one, its in zip(y, rates(y), strict=True)]
+    u, at = [] if pieces else [heyoka.time] * module.sizes.get("u", 0), len(module.names)
+    for one in pieces:
+        since, last = heyoka.time - heyoka.par[at], at + one.coefficients.shape[1]
+        found = heyoka.par[last]
+        for k in range(last - 1, at, -1):
+            found = found * since + heyoka.par[k]
+        u, at = [*u, found], last + 1
+    return [(one, heyoka.expression(0.0) + its) for one, its in zip(y, rates(y, u), strict=True)]
 
 
 def _admitted(equations: Minimal) -> Generated:
@@ -242,7 +280,9 @@ EVENTS: dict[str, Callable[[Any, Any, float], Any]] = {
 """Of a component of y: an angle at a level and whole turns from it, anything at a level, anything at zero."""
 
 
-def batch_integrator(module: Module, size: int, tolerance: float, seen: Sequence[Seen]) -> Any:
+def batch_integrator(
+    module: Module, size: int, tolerance: float, seen: Sequence[Seen], pieces: Sequence[Polynomials] = ()
+) -> Any:
     """Heyoka's integrator for as many members at a time as fit into a register, their constants being parameters.
 
     Each is its caller's own; those that see something are compiled anew.
@@ -250,13 +290,13 @@ def batch_integrator(module: Module, size: int, tolerance: float, seen: Sequence
 
     def compiled() -> Any:
         heyoka = _heyoka()
-        width, rates = heyoka.recommended_simd_size(), expressions(module, size)
+        width, rates = heyoka.recommended_simd_size(), expressions(module, size, pieces)
         y = [one for one, _ in rates]
         events = [heyoka.nt_event_batch(EVENTS[kind](heyoka, y[row], level), call) for kind, row, level, call in seen]
         return heyoka.taylor_adaptive_batch(
             rates,
             np.zeros((size, width)),
-            pars=np.zeros((len(module.names), width)),
+            pars=np.zeros((len(module.names) + len(at_time(pieces, 0.0)), width)),
             tol=shortened(tolerance),
             compact_mode=size > 4 * UNROLLED,
             fast_math=True,
@@ -264,16 +304,16 @@ def batch_integrator(module: Module, size: int, tolerance: float, seen: Sequence
         )
 
     if not seen:
-        return _COMPILED.copy_of(("batch", _text(module), size, tolerance), compiled)
+        return _COMPILED.copy_of(("batch", _text(module, pieces), size, tolerance), compiled)
     with undisturbed():
         return compiled()
 
 
-def evaluator(module: Module, size: int) -> Any:
+def evaluator(module: Module, size: int, pieces: Sequence[Polynomials] = ()) -> Any:
     """The y' of many y (size, S) and constants as a compiled function, with vector registers, its caller's own."""
 
     def compiled() -> Any:
-        y, rates = zip(*expressions(module, size), strict=True)
+        y, rates = zip(*expressions(module, size, pieces), strict=True)
         return _heyoka().cfunc(list(rates), vars=list(y), fast_math=True)
 
-    return _COMPILED.copy_of(("rates", _text(module), size), compiled)
+    return _COMPILED.copy_of(("rates", _text(module, pieces), size), compiled)

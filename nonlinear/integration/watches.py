@@ -198,7 +198,7 @@ class Growth:
         v = self._v[:, members] * scale
         shifted = step.after.copy()
         shifted[: 2 * half] += ASIDE * v
-        rates = step.rates(shifted)
+        rates = step.rates(shifted, step.times(1.0))
         for row in range(half):
             v[half + row] += step.length * ((rates[half + row] - step.stages[-1, half + row]) / ASIDE)
         v[:half] += step.length * v[half:]

@@ -17,7 +17,15 @@ from nonlinear.system.events import (
     turning_point,
 )
 from nonlinear.system.initial import has_start, initial_state, state_at_rest, validate_state
-from nonlinear.system.numbers import Numbers, entries_of, numbers_of, numbers_of_all, system_with
+from nonlinear.system.numbers import (
+    Numbers,
+    entries_of,
+    numbers_of,
+    numbers_of_all,
+    prescribed_of,
+    system_with,
+    with_prescribed,
+)
 from nonlinear.system.state import AppliedForces, Equations, Layout, Load, Motion, State, apart
 from nonlinear.system.system import Group, System, system_of
 
@@ -47,6 +55,7 @@ __all__ = [
     "numbers_of",
     "numbers_of_all",
     "of_plane",
+    "prescribed_of",
     "state_at_rest",
     "system_of",
     "system_with",
@@ -54,4 +63,5 @@ __all__ = [
     "unit_vectors",
     "validate_state",
     "velocities",
+    "with_prescribed",
 ]

@@ -1,8 +1,9 @@
 """The numbers of a scene as a list, of which many members may each have their own.
 
 The list is gravity, the cart's mass, damper and spring, then of every link in the order of the file its mass, length,
-centre, inertia, damper, spring, the two constants of its drive, and its drag, field by field.  Where members differ an
-entry is an array (S,), elsewhere one number.
+centre, inertia, damper, spring, the two constants of its drive, and its drag, field by field.  Beside it stand the
+entries of D_modal and the constants of a sine that moves the support.  Where members differ an entry is an array (S,),
+elsewhere one number.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import radians
+from math import radians, tau
 from typing import Any
 
 import numpy as np
@@ -25,16 +26,22 @@ from nonlinear.system.system import Group, System, system_of
 BEFORE = 4  # entries before those of links
 FIELDS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "strength", "curb", "drag", "quadratic_drag")
 DRAG = ("drag", "quadratic_drag")
+SINE = {"amplitude": 1.0, "frequency_hz": tau, "phase_deg": radians(1.0)}
+"""The numbers of a sine that are constants of its motion, in their order, and the units of these."""
 WORKING = ("damping", "strength", *DRAG)
 Values = Mapping[Place, Floats]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Numbers(Displayed):
-    """The numbers of S members with the form of a `system`: `entries` are numbers or arrays (S,)."""
+    """The numbers of S members with the form of a `system`: `entries` are numbers or arrays (S,).
+
+    So are `prescribed`: the entries of D_modal, row by row, where there is one, and the constants of a moved support.
+    """
 
     system: System
     entries: tuple[Any, ...]
+    prescribed: tuple[Any, ...] = ()
 
     @cached_property
     def varied(self) -> tuple[int, ...]:
@@ -44,7 +51,9 @@ class Numbers(Displayed):
     @cached_property
     def works(self) -> bool:
         """Whether energy goes in or out of any member, or could where these entries differ."""
-        return self._any_of(WORKING) or self._is_set(2)
+        system = self.system
+        outside = any(part is not None for part in (system.modal_damping, system.hoisting, system.support))
+        return outside or self._any_of(WORKING) or self._is_set(2)
 
     @cached_property
     def dragged(self) -> bool:
@@ -60,13 +69,17 @@ class Numbers(Displayed):
 
     def at(self, members: Any) -> Numbers:
         """Those of some members: a slice or indices."""
-        taken = (entry[members] if isinstance(entry, np.ndarray) else entry for entry in self.entries)
-        return Numbers(self.system, tuple(taken))
+        taken = (
+            tuple(entry[members] if isinstance(entry, np.ndarray) else entry for entry in own)
+            for own in (self.entries, self.prescribed)
+        )
+        return Numbers(self.system, *taken)
 
     @cached_property
     def arrays(self) -> System:
         """The system with these in its arrays: (n, P, 1), or (n, P, S) where members differ."""
-        return system_with(self.system, [_spread(entry) for entry in self._even], tail=True)
+        found = system_with(self.system, [_spread(entry) for entry in self._even], tail=True)
+        return with_prescribed(found, self.prescribed)
 
     @property
     def _even(self) -> list[Any]:
@@ -84,8 +97,10 @@ def _spread(entry: Any) -> Any:
     return entry if isinstance(entry, np.ndarray) else np.array([entry])
 
 
-def numbers_of(scene: Scene, values: Values | None = None, system: System | None = None) -> Numbers:
-    """The numbers of a scene, with arrays (S,) of `values` at some of its places."""
+def numbers_of(
+    scene: Scene, values: Values | None = None, system: System | None = None, modal: Floats | None = None
+) -> Numbers:
+    """The numbers of a scene, with arrays (S,) of `values` at some of its places and D_modal (S, n, n)."""
     given: Values = values or {}
     support, cart = scene.support, [0.0, 0.0, 0.0]
     if isinstance(support, Cart):
@@ -101,7 +116,33 @@ def numbers_of(scene: Scene, values: Values | None = None, system: System | None
         * pendulum.count
     ]
     fields = [entry for field in zip(*rows, strict=True) for entry in field]
-    return Numbers(system or system_of(scene), (given.get(("gravity",), scene.gravity), *cart, *fields))
+    own = system or system_of(scene)
+    if modal is not None:
+        own = replace(own, modal_damping=modal[0])
+    return Numbers(own, (given.get(("gravity",), scene.gravity), *cart, *fields), _prescribed(own, given, modal))
+
+
+def _prescribed(system: System, given: Values, modal: Floats | None) -> tuple[Any, ...]:
+    D, constants = _modal_of(system), [*_constants_of(system)]
+    if modal is not None:
+        D = [own if np.any(own != own[0]) else float(own[0]) for own in modal.reshape(len(modal), -1).T]
+    for k, (name, unit) in enumerate(SINE.items() if constants else ()):
+        if (place := ("support", "motion", name)) in given:
+            constants[k] = given[place] * unit
+    return (*D, *constants)
+
+
+def prescribed_of(system: System) -> list[float]:
+    """The entries of D_modal and the constants of a moved support of a system's own."""
+    return [*_modal_of(system), *_constants_of(system)]
+
+
+def _modal_of(system: System) -> list[Any]:
+    return [] if system.modal_damping is None else np.ravel(system.modal_damping).tolist()
+
+
+def _constants_of(system: System) -> tuple[Any, ...]:
+    return system.support.motion.constants if system.support else ()
 
 
 def entries_of(system: System) -> list[float]:
@@ -120,9 +161,15 @@ def entries_of(system: System) -> list[float]:
 def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
     """Of scenes that differ in numbers alone."""
     system = system_of(scenes[0])
-    rows = zip(*(numbers_of(scene, system=system).entries for scene in scenes), strict=True)
-    entries = [row[0] if all(own == row[0] for own in row) else np.array(row) for row in rows]
-    return Numbers(system, tuple(entries))
+    each = [numbers_of(scene) for scene in scenes]
+    return Numbers(system, _joined([own.entries for own in each]), _joined([own.prescribed for own in each]))
+
+
+def _joined(rows: Sequence[Sequence[Any]]) -> tuple[Any, ...]:
+    """Column by column one number, or an array where they differ."""
+    return tuple(
+        column[0] if all(own == column[0] for own in column) else np.array(column) for column in zip(*rows, strict=True)
+    )
 
 
 def _row(link: AnyLink, given: Mapping[tuple[Any, ...], Floats]) -> list[Any]:
@@ -153,7 +200,21 @@ def system_with(system: System, entries: Sequence[Any], tail: bool = False) -> S
     return replace(system, gravity=gravity, cart=system.cart and CartNumbers(*cart), groups=groups)
 
 
-def _stacked(own: Sequence[Any], tail: bool) -> Any:
+def with_prescribed(system: System, prescribed: Sequence[Any]) -> System:
+    """The same system with other entries of D_modal, (n, n) or (n, n, S), and other constants of its moved support."""
+    rest, found = [*prescribed], system
+    if system.modal_damping is not None and rest:
+        count = np.size(system.modal_damping)
+        own, rest = rest[:count], rest[count:]
+        D = np.array(np.broadcast_arrays(*own)) if any(isinstance(one, np.ndarray) for one in own) else _stacked(own)
+        found = replace(found, modal_damping=D.reshape(*np.shape(system.modal_damping), *D.shape[1:]))
+    if rest and system.support:
+        moved = replace(system.support, motion=system.support.motion.with_constants(rest))
+        found = replace(found, support=moved)
+    return found
+
+
+def _stacked(own: Sequence[Any], tail: bool = False) -> Any:
     if tail:
         return np.stack(own)
     plain = all(isinstance(entry, float) for entry in own)

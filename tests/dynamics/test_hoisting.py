@@ -15,7 +15,6 @@ from modal.scene import Bob, Body, Cart, Fixed, Hoist, Pendulum, Rod, Scene
 from nonlinear import files
 from nonlinear.chaos import lyapunov_exponent
 from nonlinear.dynamics import Generated, HoistedMaximal, Mechanics
-from nonlinear.ensembles import ensemble
 from nonlinear.orbits.shooting import shooting
 from nonlinear.postprocessing import reaction_forces_of
 from nonlinear.reduction import simulate_truncated, superpose
@@ -264,16 +263,12 @@ def test_the_linear_equations_are_the_slope_of_the_full_ones() -> None:
 def test_what_needs_constant_lengths_says_so() -> None:
     scene = load("hoisting-crane")
     start = State(np.zeros(2), np.zeros(2))
-    for method in ("taylor",):
-        with pytest.raises(SceneError, match="hoist"):
-            simulate(scene, 1.0, method=method)
     for form in ("hamiltonian",):
         with pytest.raises(SceneError, match="hoist"):
             simulate(scene, 1.0, form=form)
     with pytest.raises(SceneError, match="hoist"):
         simulate(scene.replace(space="space"), 1.0)
     for refused in (
-        lambda: ensemble(scene, 1.0, starts=np.zeros((2, 2))),
         lambda: lyapunov_exponent(scene),
         lambda: check(scene),
         lambda: superpose(scene, start, corrected=False),

@@ -62,7 +62,7 @@ def test_equations_of_members_are_those_of_their_scenes() -> None:
         written = np.array(np.broadcast_arrays(*equations.rates(numbers)(y)))
         recursion = lanes.Minimal(
             numbers.arrays,
-            tuple(lanes.Spread(group) for group in numbers.arrays.groups),
+            tuple(lanes.Recursion(group) for group in numbers.arrays.groups),
             counts_work=equations.layout.works,
         )
         np.testing.assert_allclose(written, recursion.derivative(0.0, y), rtol=1e-10, atol=1e-10)

@@ -247,7 +247,7 @@ def test_what_knows_no_modal_damping_says_so() -> None:
             refused(load("chain-spatial").replace(damping_ratio=0.01))
 
 
-def test_members_of_an_ensemble_run_one_by_one() -> None:
+def test_members_of_an_ensemble_are_runs_by_themselves() -> None:
     scene = load("chain-2").replace(damping_ratio=0.05)
     starts = np.array([[0.3, 0.4], [0.1, -0.2]])
     found = ensemble(scene, 0.5, starts=starts)
