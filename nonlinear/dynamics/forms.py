@@ -1,8 +1,8 @@
 """The text of the equations of a form of scene: what all scenes have in common that differ in their numbers alone.
 
-The lines of `nonlinear.dynamics.minimal` are run once with symbols in place of numbers, state and inputs, and what they
-leave on the tape is written (`nonlinear.dynamics.text`).  A number that is 0, and a centre at the end of its link,
-belong to the form: what only they would do is not in the text.
+The lines of `nonlinear.dynamics.minimal`, in space of `nonlinear.dynamics.spatial`, are run once with symbols in place
+of numbers, state and inputs, and what they leave on the tape is written (`nonlinear.dynamics.text`).  A number that is
+0, and a centre at the end of its link, belong to the form: what only they would do is not in the text.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from modal.types import Ints
 from nonlinear.dynamics.dense import Elimination, loses_digits
 from nonlinear.dynamics.hamiltonian import velocities
 from nonlinear.dynamics.minimal import Body, Minimal, Recursion
+from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
 from nonlinear.dynamics.tape import Tape, along, partials
 from nonlinear.dynamics.text import Module
 from nonlinear.system import AppliedForces, Group, System, entries_of, system_with
@@ -35,7 +36,7 @@ class Form:
     solved by elimination; `present` tells which numbers (`nonlinear.system.numbers`) are not 0, `ends` which links have
     their centre at their end, `ratios` which entries of the modal damping are not 0, `laws` the links that follow each
     law of a hoist; `direction` is that of a support that moves, `sines` how many constants of its motion are numbers;
-    `pushed` equations have a load, `works` ones the work.
+    `pushed` equations have a load, `works` ones the work, `spatial` ones three numbers a link.
     """
 
     chains: tuple[tuple[Table, Table, bool], ...]
@@ -48,6 +49,7 @@ class Form:
     sines: int
     pushed: bool
     works: bool
+    spatial: bool
     system: System = field(compare=False, repr=False)
 
     @property
@@ -98,6 +100,7 @@ def form_of(
         len(support.motion.constants) if support else 0,
         pushed,
         system.works or pushed if works is None else works,
+        system.spatial,
         system,
     )
 
@@ -117,7 +120,7 @@ class Symbolic:
         self.tape = Tape()
         self.system = self._with_symbols(form)
         self.bodies: tuple[Body, ...] = tuple(
-            (Elimination if dense else Recursion)(group)
+            (SpatialRecursion if form.spatial else Elimination if dense else Recursion)(group)
             for group, (_, _, dense) in zip(self.system.groups, form.chains, strict=True)
         )
 
@@ -148,10 +151,11 @@ class Equations(Symbolic):
             None if np.isin(group.index, moving).any() else body
             for group, body in zip(self.system.groups, self.bodies, strict=True)
         )
-        minimal = Minimal(self.system, tuple(bodies), _unknown if form.pushed else None, counts_work=form.works)
-        self.y = self.tape.inputs("y", minimal.layout.size)
-        self.u = self.tape.inputs("u", minimal.inputs.count)
-        self.rates = minimal.rates(self.y, minimal.inputs.instant(self.u)).tolist()
+        kind = Spatial if form.spatial else Minimal
+        equations = kind(self.system, tuple(bodies), _unknown if form.pushed else None, counts_work=form.works)
+        self.y = self.tape.inputs("y", equations.layout.size)
+        self.u = self.tape.inputs("u", equations.inputs.count)
+        self.rates = equations.rates(self.y, equations.inputs.instant(self.u)).tolist()
 
 
 def _unknown(time: float, state: Any) -> AppliedForces:

@@ -28,7 +28,7 @@ from nonlinear.dynamics.drag import forces_of
 from nonlinear.dynamics.forms import inverse_of
 from nonlinear.dynamics.hamiltonian import velocities
 from nonlinear.dynamics.mechanics import Mechanics
-from nonlinear.dynamics.minimal import Minimal
+from nonlinear.dynamics.minimal import Arranged
 from nonlinear.system import Layout, Load, Motion, State, System
 
 EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts
@@ -133,7 +133,7 @@ class Frictional:
     friction, others as that of the free equations.
     """
 
-    free: Minimal
+    free: Arranged
     contacts: Contacts
     pushed: Load | None = None
     sign: Floats = field(init=False)

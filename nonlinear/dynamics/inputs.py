@@ -6,7 +6,7 @@ scene has it:
     the time (s) where the support moves in a sine, else its acceleration (m/s²) and, where links have drag, its
     velocity (m/s), in its direction
     of every law of a hoist the length (m), its speed and its acceleration
-    the force on the cart (N), and the moment on every link (N m), of a load
+    the force on the cart (N), and the moment on every link (N m; in space its three components), of a load
 """
 
 from __future__ import annotations
@@ -57,9 +57,13 @@ class Inputs:
 
     @property
     def count(self) -> int:
-        """How many inputs u there are, in the plane."""
-        pushed = self.load is not None
-        return self._moved + 3 * len(self.laws) + pushed * (self.system.n_links + (self.system.cart is not None))
+        """How many inputs u there are."""
+        acting = 0 if self.load is None else self._moments + (self.system.cart is not None)
+        return self._moved + 3 * len(self.laws) + acting
+
+    @property
+    def _moments(self) -> int:
+        return self.system.n_links * (3 if self.system.spatial else 1)
 
     @property
     def _moved(self) -> int:
@@ -76,7 +80,8 @@ class Inputs:
         if self.load is not None:
             push = self.load(time, layout.state(np.asarray(y)))
             found += [float(push.cart)] * (self.system.cart is not None)
-            found += [0.0] * layout.links if push.moments is None else np.asarray(push.moments, dtype=float).tolist()
+            moments = push.moments
+            found += [0.0] * self._moments if moments is None else np.ravel(moments).astype(float).tolist()
         return found
 
     @cached_property

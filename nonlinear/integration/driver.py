@@ -122,7 +122,9 @@ class Drive:
         """Many steps in which nothing but samples is needed."""
         first = record.filled
         with np.errstate(all="ignore"):
-            rows, ends, steps = cast("Sweeper", self.stepper).sweep(self.times[first:], self.report is not silent)
+            stepper = cast("Sweeper", self.stepper)
+            rows, ends, steps = stepper.sweep(self.times[first:], self.report is not silent)
+        record.drift = stepper.drift
         if self.report is silent:
             record.keep(rows)
             record.steps, record.last = record.steps + steps, ends[-1]

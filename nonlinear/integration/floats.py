@@ -107,28 +107,37 @@ class FloatStepper(DOP853Stepper[Generated]):
         """The inputs, seen strictly between the surrounding breaks."""
         return lambda time, y: listed(self.clear_of_breaks(time), y)
 
-    def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Numbers]], int]:
+    def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Numbers | Floats]], int]:
         """Many steps at once, as defined in `Sweeper`."""
         if self._failure:
             raise self._failure
         due, at = times.tolist(), 0
-        ends: list[tuple[float, Numbers]] = []
+        ends: list[tuple[float, Numbers | Floats]] = []
         kept: list[Passed] = []
+        mends = self.equations.system.spatial
         try:
             while at < len(due) and len(ends) < AT_ONCE:
                 self.step()
                 passed = cast("FloatDOP853", self._solver).passed
-                ends.append((passed.end, passed.after))
                 if due[at] <= passed.end:
                     kept.append(passed)
                     at = bisect_right(due, passed.end)
+                ends.append((passed.end, self._mended() if mends else passed.after))
         except ComputationError as error:
             self._failure = error
             if not ends:
                 raise
         self._done += EXTRA * len(kept)
         rows = interpolated(kept, times[:at], self.equations.derivative) if at else np.empty((0, len(self.y)))
-        return rows, ends, len(ends)
+        return self.equations.project(rows)[0] if at else rows, ends, len(ends)
+
+    def _mended(self) -> Floats:
+        """Continue from the nearest y that satisfies every constraint."""
+        mended, drift = self.equations.project(self.y)
+        if drift:
+            self.drift = max(self.drift, drift)
+            self.restart(mended)
+        return mended
 
 
 def interpolated(steps: Sequence[Passed], times: Floats, derivative: Any) -> Floats:
