@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics import Generated, Minimal, Recursion
+from nonlinear.dynamics import Arranged, Generated, Minimal, Recursion
 from nonlinear.integration.costs import WRITTEN
 from nonlinear.system import System
 
@@ -29,7 +29,7 @@ class Tangent:
     system: System
 
     @cached_property
-    def equations(self) -> Minimal:
+    def equations(self) -> Arranged:
         """The equations of motion without the work, which affects nothing and would lengthen y."""
         if self.system.n_links <= WRITTEN:
             return Generated(self.system, counts_work=False)

@@ -25,12 +25,13 @@ from nonlinear.dynamics.lanes import Lanes
 from nonlinear.dynamics.links import link_steps, sine_steps, support_steps
 from nonlinear.dynamics.maximal import Maximal
 from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
-from nonlinear.dynamics.minimal import Body, Minimal, Recursion
+from nonlinear.dynamics.minimal import Arranged, Body, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
 from nonlinear.dynamics.symmetries import Reduced, Symmetry, exactly_symmetric, find_symmetries, symmetrize, synchronous
 from nonlinear.dynamics.text import Module
 
 __all__ = [
+    "Arranged",
     "Banded",
     "Body",
     "Contacts",

@@ -1,8 +1,8 @@
 """The text of the equations of a form of scene: what all scenes have in common that differ in their numbers alone.
 
-The lines of `nonlinear.dynamics.minimal` are run once with symbols in place of numbers, state and inputs, and what they
-leave on the tape is written (`nonlinear.dynamics.text`).  A number that is 0, and a centre at the end of its link,
-belong to the form: what only they would do is not in the text.
+The lines of `nonlinear.dynamics.minimal`, in space of `nonlinear.dynamics.spatial`, are run once with symbols in place
+of numbers, state and inputs, and what they leave on the tape is written (`nonlinear.dynamics.text`).  A number that is
+0, and a centre at the end of its link, belong to the form: what only they would do is not in the text.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from modal.types import Ints
 from nonlinear.dynamics.dense import Elimination, loses_digits
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Body, Minimal, Recursion
+from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
 from nonlinear.dynamics.tape import Tape, along, partials
 from nonlinear.dynamics.text import Module
 from nonlinear.system import (
@@ -44,7 +45,8 @@ class Form:
     their centre at their end, `ratios` which entries of the modal damping are not 0, `laws` the links that follow each
     law of a hoist; `direction` is that of a support that moves, `sines` how many constants of its motion are numbers;
     `pushed` equations have a load, `works` ones the work; `contacts` are the coordinates below and above each contact
-    with dry friction, none where that is left out, and on a rail that `presses` it has a coefficient.
+    with dry friction, none where that is left out, and on a rail that `presses` it has a coefficient; `spatial` ones
+    have three numbers a link.
     """
 
     chains: tuple[tuple[Table, Table, bool], ...]
@@ -59,6 +61,7 @@ class Form:
     works: bool
     contacts: tuple[tuple[int, int], ...]
     presses: bool
+    spatial: bool
     system: System = field(compare=False, repr=False)
 
     @property
@@ -111,6 +114,7 @@ def form_of(
         system.works or pushed if works is None else works,
         (),
         False,
+        system.spatial,
         system,
     )
 
@@ -134,7 +138,7 @@ class Symbolic:
         self.tape = Tape()
         self.system = self._with_symbols(form)
         self.bodies: tuple[Body, ...] = tuple(
-            (Elimination if dense else Recursion)(group)
+            (SpatialRecursion if form.spatial else Elimination if dense else Recursion)(group)
             for group, (_, _, dense) in zip(self.system.groups, form.chains, strict=True)
         )
 
@@ -161,7 +165,8 @@ class Equations(Symbolic):
             for group, body in zip(self.system.groups, self.bodies, strict=True)
         )
         load = _unknown if form.pushed else None
-        self.minimal = Minimal(self.system, tuple(bodies), load, counts_work=form.works)
+        kind = Spatial if form.spatial else Minimal
+        self.minimal = kind(self.system, tuple(bodies), load, counts_work=form.works)
         inputs = Inputs(self.system, load, form.contacts)
         self.y = self.tape.inputs("y", self.minimal.layout.size)
         self.u = self.tape.inputs("u", inputs.count)

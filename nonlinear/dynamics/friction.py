@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from math import inf, nan
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from modal.types import Floats
 from nonlinear.dynamics.contacts import Contacts
 from nonlinear.dynamics.forms import rubbing_of
 from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed, Rate, Written
-from nonlinear.dynamics.minimal import Minimal, Recursion, inverted
+from nonlinear.dynamics.minimal import Arranged, Recursion, inverted
 from nonlinear.system import Layout, Load, Motion, State, System, entries_of, prescribed_of
 
 EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts
@@ -92,7 +92,7 @@ class Frictional:
     friction.  Events decide when the sign changes.
     """
 
-    free: Minimal
+    free: Arranged
     contacts: Contacts
     sign: Floats = field(init=False)
     placed: Floats = field(init=False)
@@ -175,7 +175,8 @@ class Frictional:
 
     def responding(self, time: float, y: Floats) -> Responding:
         """The derivative without friction, and the responses to it."""
-        free, instant = self.free, self.free.inputs.at(time, y, self.layout)
+        free = cast("Minimal", self.free)
+        instant = free.inputs.at(time, y, self.layout)
         links, forces = y[int(self.layout.on_cart) : self.layout.half], self._jacobian.T
         solvers = [(group, Recursion(group, 1)) for group in free.lengthened(instant)]
         columns = inverted(self.system, solvers, np.repeat(links[:, None], forces.shape[1], 1), forces)

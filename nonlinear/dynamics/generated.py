@@ -1,4 +1,4 @@
-"""The equations of `Minimal` in floats, as they are written for scenes of a few links (`nonlinear.dynamics.forms`)."""
+"""The equations of motion in floats, as they are written for scenes of a few links (`nonlinear.dynamics.forms`)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from nonlinear.dynamics.forms import Form, form_of, module_of
-from nonlinear.dynamics.minimal import Minimal
-from nonlinear.system import entries_of, prescribed_of
+from nonlinear.dynamics.minimal import Arranged
+from nonlinear.system import Load, System, entries_of, prescribed_of
 
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """Raised by Python's floats where NumPy's give inf or nan."""
@@ -67,10 +67,12 @@ class Written(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class Generated(Written, Minimal):
-    """The equations of `Minimal` written out, without bodies."""
+class Generated(Written, Arranged):
+    """The equations of `Minimal`, in space of `Spatial`, written out."""
 
-    bodies: tuple[()] = ()
+    system: System
+    load: Load | None = None
+    counts_work: bool = True
 
     @cached_property
     def form(self) -> Form:

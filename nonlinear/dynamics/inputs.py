@@ -6,7 +6,7 @@ scene has it:
     the time (s) where the support moves in a sine, else its acceleration (m/s²) and, where links have drag, its
     velocity (m/s), in its direction
     of every law of a hoist the length (m), its speed and its acceleration
-    the force on the cart (N), and the moment on every link (N m), of a load
+    the force on the cart (N), and the moment on every link (N m; in space its three components), of a load
     of every contact with dry friction the torque or force that it exerts while it slides (N m or N), 0 where it sticks;
     then of every contact 1 where it sticks, 0 where it slides; on a rail with a coefficient μ, first, instead of the
     friction −s μ sign N
@@ -68,10 +68,13 @@ class Inputs:
 
     @property
     def count(self) -> int:
-        """How many inputs u there are, in the plane."""
-        pushed = self.load is not None
-        acting = pushed * (self.system.n_links + (self.system.cart is not None))
+        """How many inputs u there are."""
+        acting = 0 if self.load is None else self._moments + (self.system.cart is not None)
         return self._moved + 3 * len(self.laws) + acting + 2 * len(self.contacts)
+
+    @property
+    def _moments(self) -> int:
+        return self.system.n_links * (3 if self.system.spatial else 1)
 
     @property
     def _moved(self) -> int:
@@ -88,7 +91,8 @@ class Inputs:
         if self.load is not None:
             push = self.load(time, layout.state(np.asarray(y)))
             found += [float(push.cart)] * (self.system.cart is not None)
-            found += [0.0] * layout.links if push.moments is None else np.asarray(push.moments, dtype=float).tolist()
+            moments = push.moments
+            found += [0.0] * self._moments if moments is None else np.ravel(moments).astype(float).tolist()
         return found
 
     @cached_property

@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -38,8 +38,67 @@ class Body(Protocol):
         ...
 
 
+class Arranged(ABC):
+    """Equations of a `system` under a `load`, with `width` numbers a link in y, which may include the work."""
+
+    system: System
+    load: Load | None
+    counts_work: bool
+
+    @property
+    def width(self) -> int:
+        """Numbers a link."""
+        return 3 if self.system.spatial else 1
+
+    @cached_property
+    def layout(self) -> Layout:
+        """The arrangement of y."""
+        works = self.counts_work and (self.system.works or self.load is not None)
+        return Layout(self.system.n_links, self.width, self.system.cart is not None, works)
+
+    @cached_property
+    def inputs(self) -> Inputs:
+        """What time brings."""
+        return Inputs(self.system, self.load)
+
+    @abstractmethod
+    def derivative(self, time: Any, y: Any) -> Any:
+        """The time derivative of y, (size, ...): further axes of y are independent trajectories side by side."""
+
+    def begin(self, state: State) -> Floats:
+        """The vector y of a state."""
+        return self.layout.begin(state)
+
+    def read(self, rows: Floats) -> Motion:
+        """The motion in vectors (T, size)."""
+        return self.layout.read(rows)
+
+    @property
+    def scale(self) -> Floats:
+        """Natural units of y, (size,)."""
+        return self.layout.natural(self.system)
+
+    def project(self, y: Floats) -> tuple[Floats, float]:
+        """No constraints in the plane: y (..., size) is unchanged.
+
+        In space normalized u and w across it, and the largest of ||u| − 1| and |u·w| / (|w| + √(g/l)) removed.
+        """
+        if self.width == 1:
+            return y, 0.0
+        first, half, found = int(self.layout.on_cart), self.layout.half, y.copy()
+        places = slice(first, half), slice(half + first, 2 * half)
+        u, w = (y[..., place].reshape(*y.shape[:-1], -1, 3) for place in places)
+        length = np.sqrt((u * u).sum(-1))
+        u = u / length[..., None]
+        along = (u * w).sum(-1)
+        speed = np.sqrt((w * w).sum(-1)) + np.sqrt(self.system.gravity / self.system.by_link("length"))
+        for place, part in zip(places, (u, w - along[..., None] * u), strict=True):
+            found[..., place] = part.reshape(*y.shape[:-1], -1)
+        return found, float(max(np.max(abs(length - 1)), np.max(abs(along) / speed)))
+
+
 @dataclass(frozen=True, eq=False)
-class Suspended(ABC):
+class Suspended(Arranged):
     """The equations of a scene: `bodies` solve its groups, `load` acts from outside, y may include the work.
 
     A group without a body has ropes that change their length.
@@ -50,23 +109,10 @@ class Suspended(ABC):
     load: Load | None = None
     counts_work: bool = True
 
-    width: ClassVar[int]
-
-    @cached_property
-    def layout(self) -> Layout:
-        """The arrangement of y."""
-        works = self.counts_work and (self.system.works or self.load is not None)
-        return Layout(self.system.n_links, self.width, self.system.cart is not None, works)
-
     @cached_property
     @abstractmethod
     def places(self) -> tuple[Ints, ...]:
         """Positions of every group's numbers among those of all links."""
-
-    @cached_property
-    def inputs(self) -> Inputs:
-        """What time brings."""
-        return Inputs(self.system, self.load)
 
     @abstractmethod
     def acting(self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any) -> tuple[Any, Any]:
@@ -83,7 +129,7 @@ class Suspended(ABC):
         """Every group and its solver at an instant."""
         return [(group, body) for group, body in zip(self.system.groups, self.bodies, strict=True) if body]
 
-    def derivative(self, time: float, y: Any) -> Any:
+    def derivative(self, time: Any, y: Any) -> Any:
         """The time derivative of y, (size, ...): further axes of y are independent trajectories side by side."""
         return self.rates(y, self.inputs.at(time, y, self.layout))
 
@@ -187,23 +233,6 @@ class Suspended(ABC):
             found = found - force[1][0].sum(0)
         return found
 
-    def begin(self, state: State) -> Floats:
-        """The vector y of a state."""
-        return self.layout.begin(state)
-
-    def read(self, rows: Floats) -> Motion:
-        """The motion in vectors (T, size)."""
-        return self.layout.read(rows)
-
-    @property
-    def scale(self) -> Floats:
-        """Natural units of y, (size,)."""
-        return self.layout.natural(self.system)
-
-    def project(self, y: Floats) -> tuple[Floats, float]:
-        """No constraints: y is unchanged."""
-        return y, 0.0
-
 
 def inverted(system: System, solvers: Sequence[tuple[Group, Body]], links: Any, p: Any) -> Any:
     """M⁻¹ p (half, ...), the accelerations by generalized forces p alone, at the angles (L, ...)."""
@@ -251,8 +280,6 @@ class Recursion:
 
 class Minimal(Suspended):
     """The equations of motion of a plane scene, y = (x, θ, x', θ', work)."""
-
-    width = 1
 
     @cached_property
     def places(self) -> tuple[Ints, ...]:

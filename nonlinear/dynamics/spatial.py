@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.types import Floats, Ints
+from modal.types import Ints
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.drag import Resistance, drag
 from nonlinear.dynamics.minimal import Suspended
@@ -45,8 +45,6 @@ class SpatialRecursion:
 class Spatial(Suspended):
     """The equations of motion of a scene in space, y = (x, u, x', w, work)."""
 
-    width = 3
-
     @cached_property
     def places(self) -> tuple[Ints, ...]:
         """Positions of the components (3, n, P) of every group among those of all links."""
@@ -72,15 +70,3 @@ class Spatial(Suspended):
         """The drag of a group, with generalized forces (3, n, P, ...) on u."""
         found = drag(group, rates, cart_rate, support)
         return found._replace(generalized=generalized(cross(links, found.generalized), links))
-
-    def project(self, y: Floats) -> tuple[Floats, float]:
-        """Normalized u and w across it, and the largest of ||u| − 1| and |u·w| / (|w| + √(g/l)) removed."""
-        first, half = int(self.layout.on_cart), self.layout.half
-        found = y.copy()
-        u, w = (part[first:].reshape(-1, 3) for part in (found[:half], found[half : 2 * half]))
-        length = np.linalg.norm(u, axis=1, keepdims=True)
-        u /= length
-        along = np.sum(u * w, axis=1, keepdims=True)
-        speed = np.linalg.norm(w, axis=1) + np.sqrt(self.system.gravity / self.system.by_link("length"))
-        w -= along * u
-        return found, float(max(np.max(abs(length - 1)), np.max(abs(along[:, 0]) / speed)))

@@ -20,7 +20,10 @@ import numpy as np
 
 from modal.types import Floats
 from nonlinear.dynamics.spatial_recursion import DOWN, cross, dot
+from nonlinear.dynamics.tape import where
 from nonlinear.system import Group
+
+STRAIGHT = 1e-300  # z of a joint without a bend, or bent right back
 
 
 def generalized(moments: Any, u: Any) -> Any:
@@ -62,10 +65,9 @@ def _bend(group: Group, u: Any) -> tuple[Any, Any, Any, Any]:
 
 
 def _per_sine(z: Any, rest: Any) -> Any:
-    product = np.sqrt(z) * np.sqrt(rest)
-    straight = product == 0
-    half = np.arctan(np.sqrt(z) / np.sqrt(np.where(straight, 1.0, rest)))
-    return np.where(straight, 1.0, half / np.where(straight, 1.0, product))
+    bent = z * rest
+    root, other = np.sqrt(where(bent, z, STRAIGHT)), np.sqrt(where(bent, rest, 1.0))
+    return np.arctan(root / other) / (root * other)
 
 
 def _relative(values: Any) -> Any:

@@ -33,6 +33,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from nonlinear.dynamics.recursion import Link
+from nonlinear.dynamics.tape import where
 
 NEXT, LAST = [1, 2, 0], [2, 0, 1]
 DOWN = np.array([0.0, 0.0, 1.0])
@@ -70,7 +71,7 @@ def cross(a: Any, b: Any) -> Any:
 
 def facing(u: Any) -> Any:
     """The sign of u_z, chosen so that the reflection is never singular: 1 or −1, never 0."""
-    return np.where(u[2].real >= 0, 1.0, -1.0)
+    return where(u[2], 1.0, -1.0)
 
 
 def upward(links: Sequence[Link], u: Any, w: Any, torque: Any, sign: Any) -> tuple[Answer, list[Turn]]:
@@ -142,4 +143,4 @@ def _mirrored(v: Any, beta: Any, x: Any) -> Any:
 def _mirrored_form(v: Any, beta: Any, M: Any) -> Any:
     y = beta * _times(M, v)
     half = v[:, None] * (y - (beta * dot(v, y) / 2) * v)
-    return M - half - half.swapaxes(0, 1)
+    return M - (half + half.swapaxes(0, 1))

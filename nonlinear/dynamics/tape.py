@@ -25,7 +25,9 @@ class Tape:
         self.sizes: dict[str, int] = {}
 
     def symbol(self, *operation: Any) -> Symbol:
-        """The result of an operation on symbols and floats."""
+        """The result of an operation on symbols and floats; a + b is b + a, and a b is b a."""
+        if operation[0] in {"+", "*"} and (turned := (operation[0], operation[2], operation[1])) in self.known:
+            return self.known[turned]
         if operation not in self.known:
             self.known[operation] = Symbol(self, operation)
         return self.known[operation]
@@ -106,11 +108,30 @@ class Symbol:
         """The square root."""
         return self.tape.symbol("sqrt", self)
 
+    def arctan(self) -> Any:
+        """The inverse tangent."""
+        return self.tape.symbol("arctan", self)
+
+    def where(self, a: Any, b: Any) -> Any:
+        """The a where this is positive, elsewhere b."""
+        if a is b or (not isinstance(a, Symbol) and _is(b, a)):
+            return a
+        return self.tape.symbol("where", self, *(v if isinstance(v, Symbol) else float(v) for v in (a, b)))
+
     __radd__, __rmul__ = __add__, __mul__
 
 
-def _is(value: Any, number: int) -> bool:
+def _is(value: Any, number: float) -> bool:
     return not isinstance(value, Symbol) and bool(value == number)
+
+
+def where(x: Any, a: Any, b: Any) -> Any:
+    """The a where the real part of x is positive, elsewhere b: arrays of numbers or of symbols, or one number."""
+    recorded = isinstance(x, np.ndarray) and x.dtype.hasobject
+    return _of_each(x, a, b) if recorded else np.where(np.real(x) > 0, a, b)
+
+
+_of_each = np.frompyfunc(Symbol.where, 3, 1)
 
 
 def uses(tape: Tape, outputs: Sequence[Any]) -> dict[int, int]:
@@ -161,6 +182,8 @@ RULES: dict[str, Callable[..., Any]] = {
     "sin": lambda f, a, da: a.cos() * da,
     "cos": lambda f, a, da: -(a.sin() * da),
     "sqrt": lambda f, a, da: 0.5 * da / f,
+    "arctan": lambda f, a, da: da / (1.0 + a * a),
+    "where": lambda f, a, b, c, da, db, dc: a.where(db, dc),
 }
 """The derivative of f = operator(a, b) from the changes da and db of a and b."""
 

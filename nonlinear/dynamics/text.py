@@ -17,15 +17,27 @@ from typing import Any
 
 import numpy as np
 
-from nonlinear.dynamics.tape import Symbol, Tape, order, uses
+from nonlinear.dynamics.tape import Symbol, Tape, order, uses, where
 
 DEEPEST = 40  # nesting of parentheses
 KINDS = ("y", "u", "v")
 """The arguments of a function that is written, in this order; those of no use are empty."""
 FUNCTIONS: dict[str, Mapping[str, Any]] = {
-    "floats": {"sin": math.sin, "cos": math.cos, "sqrt": math.sqrt},
-    "arrays": {"sin": np.sin, "cos": np.cos, "sqrt": np.sqrt},
-    "complex": {"sin": cmath.sin, "cos": cmath.cos, "sqrt": cmath.sqrt},
+    "floats": {
+        "sin": math.sin,
+        "cos": math.cos,
+        "sqrt": math.sqrt,
+        "arctan": math.atan,
+        "where": lambda x, a, b: a if x > 0 else b,
+    },
+    "arrays": {"sin": np.sin, "cos": np.cos, "sqrt": np.sqrt, "arctan": np.arctan, "where": where},
+    "complex": {
+        "sin": cmath.sin,
+        "cos": cmath.cos,
+        "sqrt": cmath.sqrt,
+        "arctan": cmath.atan,
+        "where": lambda x, a, b: a if x.real > 0 else b,
+    },
 }
 Function = Callable[..., Any]
 
@@ -158,7 +170,7 @@ class _Lines:
 def joined(operator: str, parts: Sequence[str]) -> str:
     """The text of an operation on what these words name."""
     if operator in FUNCTIONS["floats"]:
-        return f"{operator}({parts[0]})"
+        return f"{operator}({', '.join(parts)})"
     return f"(-{parts[0]})" if operator == "neg" else f"({parts[0]} {operator} {parts[1]})"
 
 

@@ -143,7 +143,9 @@ class Drive:
     def _far(self, record: Record) -> None:
         """Many steps in which nothing but samples is needed."""
         with np.errstate(all="ignore"):
-            swept = cast("Sweeper", self.stepper).sweep(self.times[record.filled :], self.report is not silent)
+            stepper = cast("Sweeper", self.stepper)
+            swept = stepper.sweep(self.times[record.filled :], self.report is not silent)
+        record.drift = stepper.drift
         self._keep(record, *swept)
 
     def _keep(self, record: Record, rows: Floats, ends: Sequence[Any], steps: int) -> None:

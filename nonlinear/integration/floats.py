@@ -21,6 +21,7 @@ from nonlinear.dynamics import Written
 from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
 from nonlinear.dynamics.text import function_in
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
+from nonlinear.system import Equations
 
 STAGES, EXTRA = DOP853.n_stages, len(DOP853.A_EXTRA)
 SAFETY, SHRINKS, GROWS = 0.9, 0.2, 10.0  # factors of the step size, as in SciPy
@@ -136,6 +137,10 @@ class FloatStepper(DOP853Stepper[Written]):
         """The inputs, seen strictly between the surrounding breaks."""
         return lambda time, y: listed(self.clear_of_breaks(time), y)
 
+    @property
+    def _arranged(self) -> Equations:
+        return cast("Equations", self.equations)
+
     def along(self, weights: Floats) -> Callable[[float], float]:
         """The sum of the components of y with these weights, as a function of time (s) within the last step."""
         if self._within is None:
@@ -153,21 +158,37 @@ class FloatStepper(DOP853Stepper[Written]):
 
     def sweep(
         self, times: Floats, every: bool = True, clear: Callable[[Sequence[Numbers]], bool] | None = None
-    ) -> tuple[Floats, list[tuple[float, Numbers]], int]:
+    ) -> tuple[Floats, list[tuple[float, Numbers | Floats]], int]:
         """Many steps at once, as defined in `Sweeper`, up to the first that is not `clear`, judged by y' at its stages.
 
         That step is taken but not among the results.
         """
+        due, reached, mends = times.tolist(), 0, self._arranged.system.spatial
         solver = cast("FloatDOP853", self._on_its_way())
         begun = solver.t
-        steps, wanted, reached = solver.advance(times.tolist(), AT_ONCE, clear)
+        ends: list[tuple[float, Numbers | Floats]] = []
+        wanted: list[Passed] = []
+        while True:
+            steps, some, more = solver.advance(due[reached:], 1 if mends else AT_ONCE, clear)
+            wanted, reached = wanted + some, reached + more
+            ends += [(step.end, self._mended() if mends else step.after) for step in steps]
+            if not (mends and steps and reached < len(due) and len(ends) < AT_ONCE and solver.t < solver.t_bound):
+                break
         if solver.t == begun:
             raise self._stopped(solver.TOO_SMALL_STEP)
         self.before, self.y_before, self._within = solver.t_old, solver.y_old, None
         solver.status = "finished" if solver.t >= solver.t_bound else "running"
         self._done += EXTRA * len(wanted)
         rows = interpolated(wanted, times[:reached], self.equations.derivative) if reached else np.empty((0, solver.n))
-        return rows, [(step.end, step.after) for step in steps], len(steps)
+        return self._arranged.project(rows)[0] if mends and reached else rows, ends, len(ends)
+
+    def _mended(self) -> Floats:
+        """Continue from the nearest y that satisfies every constraint."""
+        mended, drift = self._arranged.project(self.y)
+        if drift:
+            self.drift = max(self.drift, drift)
+            self.restart(mended)
+        return mended
 
 
 def interpolated(steps: Sequence[Passed], times: Floats, derivative: Any) -> Floats:

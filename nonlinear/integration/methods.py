@@ -11,6 +11,7 @@ import numpy as np
 from modal.errors import SceneError
 from modal.scene import CAPABILITIES, Scene, refusals
 from nonlinear.dynamics import (
+    Arranged,
     Body,
     Dense,
     Frictional,
@@ -19,6 +20,8 @@ from nonlinear.dynamics import (
     Recursion,
     Reduced,
     Small,
+    Spatial,
+    SpatialRecursion,
     Symmetry,
     WrittenFrictional,
     contacts_of,
@@ -41,6 +44,7 @@ ROOM = 1e140  # largest moment of inertia, and inverse of the smallest, whose sq
 RUBBED = 8  # contacts with dry friction up to which the equations are written out
 FEWEST = 24  # links of a scene up to which it is one dense matrix
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
+ABREAST, LARGEST = 16, 128  # pendula side by side in space, and links there, up to which equations are written out
 FINEST = 1e-13  # tolerance below which only Taylor series gain accuracy
 
 
@@ -183,10 +187,7 @@ def equations_of(
             return WrittenFrictional(free, contacts)
         return Frictional(free, contacts)
     if choice.form == "spatial":
-        from nonlinear.dynamics import Spatial
-        from nonlinear.dynamics import SpatialRecursion as InSpace
-
-        return Spatial(system, tuple(InSpace(group) for group in system.groups), load)
+        return _in_space(system, load)
     if choice.form == "maximal":
         from nonlinear.dynamics import Maximal
 
@@ -203,7 +204,14 @@ def equations_of(
     return _free(system, load)
 
 
-def _free(system: System, load: Load | None) -> Minimal:
+def _in_space(system: System, load: Load | None) -> Arranged:
+    """The equations in space: NumPy's time grows with the links of the longest pendulum, that in floats with all."""
+    if system.n_links <= min(LARGEST, ABREAST * sum(group.n for group in system.groups)):
+        return Generated(system, load=load)
+    return Spatial(system, tuple(SpatialRecursion(group) for group in system.groups), load)
+
+
+def _free(system: System, load: Load | None) -> Arranged:
     """The equations in minimal coordinates in the plane, without dry friction."""
     if system.n_links <= WRITTEN:
         return Generated(system, load=load)

@@ -13,9 +13,9 @@ from modal.errors import ComputationError
 from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.dynamics import (
+    Arranged,
     Frictional,
     HoistedMaximal,
-    Minimal,
     Reduced,
     Symmetry,
     Written,
@@ -73,7 +73,9 @@ class Prepared:
     def go(self, events: Sequence[Event] = (), report: Callable[[float], object] = silent) -> Trajectory:
         """Run once, to the end or as far as possible; SimulationError where the integrator fails."""
         system, y = self.equations.system, self.stepper.y
-        kicking = escapements(system, cast("Minimal", self.equations).layout, y, self.before) if system.kicked else None
+        kicking = (
+            escapements(system, cast("Arranged", self.equations).layout, y, self.before) if system.kicked else None
+        )
         rubbing = StickSlip(self.equations, self.stepper.time, y) if isinstance(self.equations, Frictional) else None
         record = Drive(self.stepper, self.equations, self.times, events, report, kicking, rubbing).run()
         trajectory = self._trajectory(record)
@@ -220,7 +222,7 @@ def _stepper(
         from nonlinear.integration import taylor
 
         pace = replace(pace, first=taylor.first_step(estimate_timescales(scene).swing))
-        return taylor.TaylorStepper(cast("Minimal", inner), y, first, last, choice.tolerance * size, pace)
+        return taylor.TaylorStepper(cast("Arranged", inner), y, first, last, choice.tolerance * size, pace)
     relative = choice.tolerance * sharpened(slope, equations.scale)
     absolute = NEAR_ZERO * relative * size * equations.scale
     pace = replace(pace, first=first_step(y, slope, absolute + relative * np.abs(y), FIRST / equations.system.rate))

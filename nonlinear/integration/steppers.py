@@ -114,7 +114,12 @@ class Stepper(Protocol):
 
 @runtime_checkable
 class Sweeper(Stepper, Protocol):
-    """An integrator of equations without constraints that takes many steps at once."""
+    """An integrator that takes many steps at once, after each of which it satisfies every constraint.
+
+    `drift` is the largest violation that was removed.
+    """
+
+    drift: float
 
     def sweep(
         self, times: Floats, every: bool = True
@@ -253,6 +258,8 @@ E = TypeVar("E", bound=HasDerivative)
 
 class DOP853Stepper(SciPyStepper, Generic[E]):
     """DOP853 in another implementation, given the `equations` themselves; otherwise as `SciPyStepper`."""
+
+    drift = 0.0
 
     def __init__(
         self,

@@ -23,7 +23,7 @@ import numpy as np
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats
 from modal.vibration.prescribed import Polynomials
-from nonlinear.dynamics import Generated, Minimal, Module, module_of, undisturbed
+from nonlinear.dynamics import Arranged, Generated, Module, module_of, undisturbed
 from nonlinear.dynamics.inputs import Inputs, at_time
 from nonlinear.integration.steppers import Pace
 from nonlinear.system import System
@@ -55,7 +55,9 @@ class TaylorStepper:
     take longer than another method takes to run.
     """
 
-    def __init__(self, equations: Minimal, y: Floats, start: float, end: float, tolerance: float, pace: Pace) -> None:
+    drift = 0.0
+
+    def __init__(self, equations: Arranged, y: Floats, start: float, end: float, tolerance: float, pace: Pace) -> None:
         begun = np.array(y, dtype=float)
         self.start, self.end, self.pace, self.calls = start, end, pace, 0
         self.integrator = integrator_of(_admitted(equations), uneven(tolerance))
@@ -251,7 +253,7 @@ def expressions(module: Module, size: int, pieces: Sequence[Polynomials] = ()) -
     return [(one, heyoka.expression(0.0) + its) for one, its in zip(y, rates(y, u), strict=True)]
 
 
-def _admitted(equations: Minimal) -> Generated:
+def _admitted(equations: Arranged) -> Generated:
     """The same equations written out, if heyoka can integrate them."""
     longest, links = max(group.n for group in equations.system.groups), equations.system.n_links
     if equations.load is not None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,12 +13,36 @@ from scenes import spatial_scene
 from scipy.integrate import solve_ivp
 
 from modal import pair
-from modal.scene import Bob, Body, Cart, InitialCondition, Pendulum, Rod, Scene
-from nonlinear.dynamics import Minimal, Spatial, joints, minimal, spatial
+from modal.scene import (
+    Bob,
+    Body,
+    Cart,
+    InitialCondition,
+    Moved,
+    Pendulum,
+    RandomMotion,
+    Rod,
+    Scene,
+    SineMotion,
+    SupportMotion,
+    SweepMotion,
+)
+from nonlinear.dynamics import Generated, Minimal, Spatial, jacobian_of, joints, minimal, module_of, spatial
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.spatial_recursion import facing
+from nonlinear.integration import methods
 from nonlinear.simulation import simulate
-from nonlinear.system import AppliedForces, Load, State, of_plane, system_of, unit_vectors, velocities
+from nonlinear.system import (
+    AppliedForces,
+    Event,
+    Load,
+    State,
+    entries_of,
+    of_plane,
+    system_of,
+    unit_vectors,
+    velocities,
+)
 from nonlinear.system.directions import angles_of
 
 EZ = np.array([0.0, 0.0, 1.0])
@@ -28,7 +54,7 @@ def spatial_of(scene: Scene, load: Load | None = None, tail: int = 0) -> Spatial
 
 
 def flat_of(scene: Scene, load: Load | None = None) -> Minimal:
-    system = system_of(scene)
+    system = replace(system_of(scene), spatial=False)
     return Minimal(system, tuple(minimal.Recursion(group) for group in system.groups), load)
 
 
@@ -335,6 +361,124 @@ def test_links_that_pass_level_cost_no_accuracy() -> None:
     assert np.ptp(np.sign(found.motion.links[..., 2]), axis=0).max() == 2
     assert np.abs(found.motion.links - expected).max() < 2e-10
     assert found.run.drift < 3e-11
+
+
+# what is written out
+
+
+MOVED: tuple[SupportMotion, ...] = (
+    SineMotion(direction="horizontal", amplitude=0.3, frequency_hz=0.9, phase_deg=20.0),
+    SineMotion(direction="vertical", amplitude=0.2, frequency_hz=1.3),
+    SweepMotion(direction="horizontal", amplitude=0.05, from_hz=0.2, to_hz=3.0, duration=2.5),
+    RandomMotion(direction="vertical", psd=(1.0, 1.0), frequency_hz=(0.1, 5.0), seed=3, duration=20.0),
+)
+
+
+def acted_on(seed: int) -> tuple[Scene, Load | None]:
+    """A random scene with springs and dampers, in turn with drag, on a moved support, under a load."""
+    rng, scene = np.random.default_rng(seed), spatial_scene(seed)
+    if seed % 3 == 1:
+        scene = scene.replace(support=Moved(motion=MOVED[seed % 4]))
+    elif seed % 2:
+        drags: list[dict[str, float]] = [{"drag": 0.3}, {"quadratic_drag": 0.2}, {"drag": 0.1, "quadratic_drag": 0.4}]
+        pendula = [
+            own.replace(links=tuple(link.replace(**drags[rng.integers(3)]) for link in own.links))
+            for own in scene.pendulum
+        ]
+        scene = scene.replace(pendulum=tuple(pendula))
+    return scene, partial(blown, isinstance(scene.support, Cart)) if seed % 4 > 1 else None
+
+
+def blown(on_cart: bool, time: float, state: State) -> AppliedForces:
+    moments = 0.2 * np.cos(time + state.links) + 0.1 * state.link_rates
+    return AppliedForces(0.4 + time if on_cart else 0.0, None if time > 1 else moments)
+
+
+def near(found: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_what_is_written_out_is_the_recursion(seed: int) -> None:
+    scene, push = acted_on(seed)
+    equations, rng = spatial_of(scene, push), np.random.default_rng(seed)
+    written = Generated(equations.system, push)
+    assert written.layout == equations.layout
+    y = equations.begin(any_state(equations, rng))
+    off = 1.01 * y
+    for time in (0.3, 1.7):
+        for each in (y, off):
+            assert near(written.derivative(time, each), equations.derivative(time, each)) < 1e-13
+    many = np.stack((y, off, 0.99 * y), axis=1)
+    found = written.derivative(0.3, many)
+    assert near(found, np.stack([written.derivative(0.3, one) for one in many.T], axis=1)) < 1e-13
+
+
+@pytest.mark.parametrize("seed", range(9))
+def test_derivatives_of_what_is_written_are_complex_steps(seed: int) -> None:
+    """Of all components by all, through square roots, arctangents and choices: on the tape, and in complex numbers."""
+    scene, _ = acted_on(seed)
+    equations = spatial_of(scene)
+    y = equations.begin(any_state(equations, np.random.default_rng(seed)))
+    steps = [equations.derivative(0.3, y + 1e-30j * one).imag / 1e-30 for one in np.eye(y.size)]
+    exact = np.stack(steps, axis=1)
+    written = Generated(equations.system)
+    module, rows, columns = jacobian_of(written.form)
+    numbers = written.form.numbers(entries_of(equations.system), equations.system)
+    u = written.listed(0.3, y.tolist()) if written.listed else ()
+    found = module.function("jacobian", module.constants(numbers))(y.tolist(), u)
+    J = np.zeros_like(exact)
+    J[rows, columns] = found[y.size :]
+    assert near(J, exact) < 1e-11
+    function = module_of(written.form).function("rates", written.constants, "complex")
+    along = np.random.default_rng(seed + 1).normal(size=y.size)
+    slope = np.array([complex(one).imag / 1e-30 for one in function((y + 1e-30j * along).tolist(), u)])
+    assert near(slope, exact @ along) < 1e-12
+    assert near(written.derivative(0.3, (y + 1e-30j * along)[:, None]).imag[:, 0] / 1e-30, exact @ along) < 1e-12
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_what_is_written_has_derivatives_where_a_joint_is_straight(side: float) -> None:
+    """At rest hanging, k and g make the stiffness; bent right back a spring pulls no way."""
+    scene = single(Bob(mass=2.0, length=0.5, stiffness=0.3))
+    written = Generated(system_of(scene))
+    y = [0.0, 0.0, side, 0.0, 0.0, 0.0]
+    assert written.rate(y) == pytest.approx([0.0] * 6)
+    module, rows, columns = jacobian_of(written.form)
+    found = module.function(
+        "jacobian", module.constants(written.form.numbers(entries_of(written.system), written.system))
+    )(y)
+    J = np.zeros((6, 6))
+    J[rows, columns] = found[6:]
+    assert np.isfinite(J).all()
+    if side > 0:
+        expected = -9.81 / 0.5 - 0.3 / (2.0 * 0.25)
+        assert J[3:5, :2] == pytest.approx(expected * np.eye(2), rel=1e-14)
+
+
+@pytest.mark.parametrize("seed", [1, 3, 7, 9])
+def test_a_run_in_floats_is_the_run_in_numpy(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, push = acted_on(seed)
+    state = any_state(spatial_of(scene), np.random.default_rng(seed))
+    start = replace(state, cart=0.0, cart_rate=0.0)
+    how: dict[str, Any] = {"start": start, "load": push, "tolerance": 1e-8, "output": 23}
+    how |= {"breaks": [1.0]} if push else {}
+    written, watched = simulate(scene, 1.1, **how), simulate(scene, 1.1, events=[NEVER], **how)
+    monkeypatch.setattr(methods, "LARGEST", 0)
+    numbers = simulate(scene, 1.1, **how)
+    assert [type(run.equations) for run in (written, watched, numbers)] == [Generated, Generated, Spatial]
+    for run in (written, watched):
+        assert (run.run.steps, run.run.drift) == (numbers.run.steps, pytest.approx(numbers.run.drift, rel=1e-3))
+        for part in ("links", "link_rates", "cart", "work"):
+            one, other = getattr(run.motion, part), getattr(numbers.motion, part)
+            assert np.abs(one - other).max() < 1e-10 * max(1.0, np.abs(other).max())
+        assert np.abs(np.linalg.norm(run.motion.links, axis=-1) - 1).max() < 1e-15
+        assert run.energy_drift() < 1.01 * numbers.energy_drift() + 1e-13
+    assert 0 < written.run.drift < 1e-8
+    assert written.run.calls <= watched.run.calls
+
+
+NEVER = Event("never", lambda state: 1.0)
 
 
 # one pendulum
