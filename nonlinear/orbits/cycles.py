@@ -117,9 +117,7 @@ def near(problem: Shooting, one: RelativeEquilibrium) -> tuple[Floats, float, in
     return np.concatenate((q, v)), 2 * np.pi / one.omega, leader
 
 
-def cycle_of(
-    scene: Scene, one: RelativeEquilibrium, *, tolerance: float = TOLERANCE
-) -> Orbit:
+def cycle_of(scene: Scene, one: RelativeEquilibrium, *, tolerance: float = TOLERANCE) -> Orbit:
     """The limit cycle close to an averaged configuration; ComputationError where there is none."""
     y, period, leader = near(shooting(scene, tolerance=tolerance), one)
     return solved(shooting(scene, leader=leader, tolerance=tolerance), y, period)

@@ -146,7 +146,9 @@ class Flow(Displayed):
     def _smallest(self) -> list[float]:
         return np.asarray(self.tolerance * self.scale).tolist()
 
-    def _attempt(self, time: float, y: Numbers, rate: Numbers, length: float) -> tuple[Numbers, Sequence[Numbers], float]:
+    def _attempt(
+        self, time: float, y: Numbers, rate: Numbers, length: float
+    ) -> tuple[Numbers, Sequence[Numbers], float]:
         """The end of one step, its stages and its error over the tolerance."""
         given = (self.equations.rate, length, y, rate, self.tolerance, self._smallest, time, self._listed)
         try:
@@ -170,7 +172,9 @@ class Flow(Displayed):
         times, lengths = (np.array([getattr(step, name) for step in steps]) for name in ("time", "length"))
         begun, stages = np.array([step.y for step in steps]).T, np.array([step.stages for step in steps])
         many, size = len(steps), len(begun)
-        inner = lengths[:, None] * np.tensordot(DOP853.A[:STAGES, :STAGES], stages[:, :STAGES], (1, 1)).transpose(2, 1, 0)
+        inner = lengths[:, None] * np.tensordot(DOP853.A[:STAGES, :STAGES], stages[:, :STAGES], (1, 1)).transpose(
+            2, 1, 0
+        )
         y, u = (begun[..., None] + inner).reshape(size, -1), np.empty((0, many * STAGES))
         if self._listed:
             at = times[:, None] + lengths[:, None] * DOP853.C[:STAGES]
@@ -239,7 +243,7 @@ class Flow(Displayed):
     def _kicked(
         self, time: float, y: Numbers, rate: Numbers, joint: int, side: Floats
     ) -> tuple[Numbers, Numbers, Floats, Floats]:
-        """y and y' after a kick, the saltation matrix, and the sides of the next kicks."""
+        """Y and y' after a kick, the saltation matrix, and the sides of the next kicks."""
         joints, layout = self.joints, self.equations.layout
         assert joints is not None
         first, impulse, n = int(layout.on_cart), np.zeros(layout.half), np.zeros(layout.size)

@@ -234,7 +234,7 @@ def blowing(time: float, state: State) -> AppliedForces:
 
 
 def complex_step(system: System, y: Floats, v: Floats) -> tuple[Floats, Floats]:
-    """y' and J v, (size, E) each: f(y + i h v), with nothing subtracted (Squire and Trapp, SIAM Review 40, 110, 1998)."""
+    """y' and J v, (size, E) each: f(y + i h v), nothing subtracted (Squire and Trapp, SIAM Review 40, 110, 1998)."""
     passes = Minimal(system, tuple(Recursion(group, tail=1) for group in system.groups), counts_work=False)
     found = passes.derivative(0.0, y + 1e-30j * v)
     return found.real, found.imag / 1e-30
