@@ -8,7 +8,6 @@ plain arithmetic of the equations and of Hamilton's form (`nonlinear.dynamics.ta
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -51,7 +50,7 @@ class Variational(Generated):
         """Length of y."""
         return self.layout.size
 
-    def linearized(self, y: Any, u: Sequence[Any] = ()) -> tuple[Floats, Floats]:
+    def linearized(self, y: Any, u: Any = ()) -> tuple[Floats, Floats]:
         """The derivative y' (d, ...) and its Jacobian by y, (..., d, d), of one y (d,) or many side by side, (d, S).
 
         `u` are the inputs (`nonlinear.dynamics.inputs`), (K,) or (K, S).  ComputationError where the mass matrix of one
@@ -86,7 +85,7 @@ class Variational(Generated):
         constants = module.constants(self.form.numbers(entries_of(self.system), self.system))
         return module.function("rates", constants, "arrays")
 
-    def _by_directions(self, y: Floats, u: Sequence[Any]) -> tuple[Floats, Floats]:
+    def _by_directions(self, y: Floats, u: Any) -> tuple[Floats, Floats]:
         size, inputs = self.size, [np.asarray(one)[..., None] for one in u]
         directions = np.eye(size).reshape(size, *[1] * (y.ndim - 1), size)
         with np.errstate(all="ignore"):

@@ -144,7 +144,7 @@ class Flow(Displayed):
 
     @cached_property
     def _smallest(self) -> list[float]:
-        return np.asarray(self.tolerance * self.scale).tolist()
+        return [float(one) for one in self.tolerance * self.scale]
 
     def _attempt(
         self, time: float, y: Numbers, rate: Numbers, length: float
@@ -184,7 +184,7 @@ class Flow(Displayed):
         flat = K.reshape(STAGES, -1)
         for stage in range(STAGES):
             K[stage] = J[:, stage] @ (own + (SHARES[stage] @ flat[:stage]).reshape(many, size, size))
-        return own + (WEIGHTS @ flat).reshape(many, size, size)
+        return np.asarray(own + (WEIGHTS @ flat).reshape(many, size, size))
 
     # ------------------------------------------------------------------------------------------------------- kicks
 
