@@ -2,7 +2,7 @@
 
     python benchmarks/orbits.py
 
-Plain NumPy and, where numba is installed, compiled (warm); times are processor seconds of one core.  The rival is
+Times are processor seconds of one core.  The rival is
 SciPy's DOP853 with y and the variational equations as one vector, from the same derivatives at the same tolerance.
 """
 
@@ -19,7 +19,6 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from modal import Cart, Pendulum, Rod, Scene
-from modal.eigen.compiling import available
 from modal.types import Floats
 from nonlinear.orbits import Branch, nonlinear_mode
 
@@ -32,9 +31,9 @@ SCENE = Scene(
 ORBITS, STEP = 100, 0.02
 
 
-def branch(number: int, *, fast: bool) -> Branch:
+def branch(number: int) -> Branch:
     """The first orbits of a mode, at most a hundredth of a turn apart."""
-    return nonlinear_mode(SCENE, number, 2.5, most=ORBITS, longest=STEP, fast=fast)
+    return nonlinear_mode(SCENE, number, 2.5, most=ORBITS, longest=STEP)
 
 
 def by_scipy(found: Branch) -> float:
@@ -53,19 +52,16 @@ def by_scipy(found: Branch) -> float:
 
 
 def main() -> None:
-    ways = {"NumPy": False} | ({"numba": True} if available() else {})
-    if available():
-        nonlinear_mode(SCENE, 2, 0.05, fast=True)
-    print(f"{'mode':>4} {'body':>6} {'orbits':>7} {'s':>7} {'orbits/s':>9} {'to (deg)':>9} {'closes to':>10}")
+    nonlinear_mode(SCENE, 2, 0.05)
+    print(f"{'mode':>4} {'orbits':>7} {'s':>7} {'orbits/s':>9} {'to (deg)':>9} {'closes to':>10}")
     for number in (2, 4, 5):
-        for name, fast in ways.items():
-            begun = process_time()
-            found = branch(number, fast=fast)
-            spent, count = process_time() - begun, len(found.orbits)
-            worst = max(orbit.residual for orbit in found.orbits)
-            widest = degrees(found.amplitude[-1])
-            print(f"{number:4} {name:>6} {count:7} {spent:7.2f} {count / spent:9.0f} {widest:9.1f} {worst:10.0e}")
-    found = branch(4, fast=False)
+        begun = process_time()
+        found = branch(number)
+        spent, count = process_time() - begun, len(found.orbits)
+        worst = max(orbit.residual for orbit in found.orbits)
+        widest = degrees(found.amplitude[-1])
+        print(f"{number:4} {count:7} {spent:7.2f} {count / spent:9.0f} {widest:9.1f} {worst:10.0e}")
+    found = branch(4)
     begun = process_time()
     orbit = found.orbits[-1]
     orbit.flow(orbit.y, np.eye(len(orbit.y)), orbit.period / 4)

@@ -143,8 +143,8 @@ AVERAGED = Capability(
 
 PERIODIC = Capability(
     "a periodic orbit",
-    SHAPE | {"dampers"} | DRIVES,
-    refuses={**STILL, **CONSTANT, **PLANE, **STICKS, **NO_DRAG, **NO_RATIO},
+    SHAPE | LOSS | DRIVES,
+    refuses={**STILL, **CONSTANT, **PLANE, **STICKS, "quadratic_drag": "is computed without it"},
     unless=ENDS,
     beside=UNLOADED,
 )
@@ -342,7 +342,13 @@ CAPABILITIES: dict[str, Capability] = {
             beside=UNLOADED,
         ),
         PERIODIC,
-        replace(PERIODIC, name="a limit cycle", needs=EXCITED),
+        replace(
+            PERIODIC,
+            name="a limit cycle",
+            takes=PERIODIC.takes - NO_RATIO.keys(),
+            refuses={**PERIODIC.refuses, **NO_RATIO},
+            needs=EXCITED,
+        ),
         Capability(
             "a Lyapunov exponent",
             SHAPE | LOSS | {"van_der_pol"},

@@ -27,7 +27,7 @@ from modal.types import Floats
 from nonlinear.dynamics.contacts import Contacts
 from nonlinear.dynamics.forms import rubbing_of
 from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed, Rate, Written
-from nonlinear.dynamics.minimal import Arranged, Recursion, inverted
+from nonlinear.dynamics.minimal import Arranged, Minimal, Recursion, inverted
 from nonlinear.system import Layout, Load, Motion, State, System, entries_of, prescribed_of
 
 EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts

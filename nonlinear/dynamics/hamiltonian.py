@@ -47,12 +47,12 @@ def carried(group: Group, angles: Floats, rates: Floats, cart_rate: float) -> Ca
 
 def momenta(system: System, state: State) -> Floats:
     """The momenta ∂T/∂q' (half,): p_x (kg m/s) of a cart, then p_θ (kg m²/s) of every link."""
-    on_links, rail = np.empty(system.n_links), 0.0
+    on_links, rail = np.empty_like(state.links), 0.0
     for group in system.groups:
         rates = state.link_rates[group.index]
         found = carried(group, state.links[group.index], rates, state.cart_rate)
         on_links[group.index] = group.block.inertia * rates + found.across
-        rail += float(found.rail.sum())
+        rail = rail + found.rail.sum()
     return np.concatenate(([rail + system.cart.mass * state.cart_rate], on_links)) if system.cart else on_links
 
 

@@ -150,7 +150,7 @@ class Inputs:
                 velocity = _along(moving.direction, size)
         lengths = self._lengths([(next(given), next(given), next(given)) for _ in self.laws]) if self.laws else None
         first = int(self.system.cart is not None)
-        acting = [next(given) for _ in range(first + self.system.n_links)] if self.load else []
+        acting = [next(given) for _ in range(first + self._moments)] if self.load else []
         if not self.contacts:
             return Instant(support, velocity, lengths, self._push(acting))
         acting = acting or [0.0] * (first + self.system.n_links)

@@ -6,7 +6,7 @@ and Floquet multipliers, and the special points between them.
     φ_T(y) = y,     multipliers: the eigenvalues of ∂φ_T/∂y
 
 Start with `modes` (`held` along a number) for conservative scenes and with `cycles` for driven ones.  `symmetric` and
-`shooting` have the equations of orbits, `flow` integrates them with their variational equations (`compiled` by numba),
+`shooting` have the equations of orbits, `flow` integrates them with their variational equations,
 `continuation` follows their solutions, `floquet` tells stability, `special` where it changes, and `entering` what
 leaves there.
 """

@@ -39,7 +39,6 @@ def periodic_orbit(
     force: Force | None = None,
     tolerance: float = TOLERANCE,
     segments: int = SEGMENTS,
-    fast: bool | None = None,
 ) -> Orbit:
     """The periodic orbit close to a motion from a start, by Newton's method.
 
@@ -47,14 +46,14 @@ def periodic_orbit(
     the `period` (s) is kept; otherwise it is the first guess, and the link that moves furthest turns back at the start.
     Raises ComputationError where the method finds none.
     """
-    probe = shooting(scene, tolerance=tolerance, segments=segments, force=force, fast=fast)
+    probe = shooting(scene, tolerance=tolerance, segments=segments, force=force)
     flow = probe.first
     y = flow.equations.begin(start)
     if force is not None:
-        problem = shooting(scene, tolerance=tolerance, segments=segments, period=period, force=force, fast=fast)
+        problem = shooting(scene, tolerance=tolerance, segments=segments, period=period, force=force)
         return solved(problem, y, period)
     y, leader = turning(probe, y, period)
-    return solved(shooting(scene, leader=leader, tolerance=tolerance, segments=segments, fast=fast), y, period)
+    return solved(shooting(scene, leader=leader, tolerance=tolerance, segments=segments), y, period)
 
 
 def solved(problem: Shooting, y: Floats, period: float, value: float | None = None) -> Orbit:
@@ -118,12 +117,10 @@ def near(problem: Shooting, one: RelativeEquilibrium) -> tuple[Floats, float, in
     return np.concatenate((q, v)), 2 * np.pi / one.omega, leader
 
 
-def cycle_of(
-    scene: Scene, one: RelativeEquilibrium, *, tolerance: float = TOLERANCE, fast: bool | None = None
-) -> Orbit:
+def cycle_of(scene: Scene, one: RelativeEquilibrium, *, tolerance: float = TOLERANCE) -> Orbit:
     """The limit cycle close to an averaged configuration; ComputationError where there is none."""
     y, period, leader = near(shooting(scene, tolerance=tolerance), one)
-    return solved(shooting(scene, leader=leader, tolerance=tolerance, fast=fast), y, period)
+    return solved(shooting(scene, leader=leader, tolerance=tolerance), y, period)
 
 
 def limit_cycles(scene: Scene, *, tolerance: float = TOLERANCE) -> tuple[Orbit, ...]:
@@ -155,9 +152,10 @@ def growth(orbit: Orbit) -> float:
     The drift of a free cart that its damper brings to rest, by which no pendulum moves against another, is left out.
     """
     rates = np.log(np.abs(orbit.floquet.others)) / orbit.period
-    cart = orbit.flow.system.cart
-    if cart and cart.damping and not cart.stiffness and len(rates):
-        drift = -cart.damping / orbit.flow.system.total_mass
+    system = orbit.flow.system
+    free = system.cart is not None and not system.cart.stiffness
+    if free and len(rates) and (resisting := orbit.flow.equations.momentum_slope(orbit.y)[0]):
+        drift = -resisting / system.total_mass
         at = int(np.abs(rates - drift).argmin())
         if abs(rates[at] / drift - 1) < DRIFTING:
             rates = np.delete(rates, at)
@@ -172,7 +170,6 @@ def follow_cycles(
     tolerance: float = TOLERANCE,
     longest: float = 0.1,
     most: int = MOST,
-    fast: bool | None = None,
     report: Report = lambda done: None,
 ) -> tuple[Branch, ...]:
     """The limit cycles of a driven scene along a number, followed through their folds, within its range.
@@ -186,7 +183,7 @@ def follow_cycles(
     found: list[Branch] = []
     ends = (variation.values[0], variation.values[-1])
     for value in ends[: 1 if start else 2]:
-        for problem, u, words in _beginnings(scene, variation, value, start, tolerance, fast):
+        for problem, u, words in _beginnings(scene, variation, value, start, tolerance):
             orbit = problem.orbit(u)
             if any(_known(orbit, branch) for branch in found):
                 continue
@@ -214,11 +211,10 @@ def _beginnings(
     value: float,
     start: tuple[State, float] | None,
     tolerance: float,
-    fast: bool | None,
 ) -> Iterator[tuple[Shooting, Floats, str]]:
     """Limit cycles at one value of the number, with their equations and where they come from."""
     here = vary(scene, {variation.path: value})
-    probe = shooting(here, tolerance=tolerance, fast=fast)
+    probe = shooting(here, tolerance=tolerance)
     guesses: list[tuple[Floats, float, int, str]] = []
     if start:
         y, leader = turning(probe, probe.first.equations.begin(start[0]), start[1])
@@ -227,7 +223,7 @@ def _beginnings(
         for one in relative_equilibria(average(here)):
             guesses.append((*near(probe, one), f"mode {one.number}"))
     for y, period, leader, words in guesses:
-        problem = shooting(scene, leader=leader, tolerance=tolerance, variation=variation, fast=fast)
+        problem = shooting(scene, leader=leader, tolerance=tolerance, variation=variation)
         try:
             u = solution(problem, y, period, value)
             if problem.orbit(u).residual < CLOSED:

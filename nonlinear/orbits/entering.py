@@ -56,7 +56,7 @@ def _at(branch: Branch, special: Special, times: int) -> tuple[Shooting, Floats,
         before = branch.problem
         problem = replace(before, segments=times * before.segments)
     else:
-        probe = shooting(orbit.scene, tolerance=orbit.flow.tolerance, fast=orbit.flow.fast)
+        probe = shooting(orbit.scene, tolerance=orbit.flow.tolerance)
         _, leader = turning(probe, orbit.y, orbit.period)
         problem = replace(probe, leader=leader, segments=times * probe.segments)
 

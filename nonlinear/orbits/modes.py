@@ -36,7 +36,6 @@ def nonlinear_mode(
     tolerance: float = TOLERANCE,
     most: int | None = None,
     locate: bool = True,
-    fast: bool | None = None,
     report: Report = lambda reached: None,
 ) -> Branch:
     """The orbits from mode `number` of the table (from 1) up to a largest angle `to` (rad), which the last one has.
@@ -48,7 +47,7 @@ def nonlinear_mode(
     along the rail, ComputationError where no orbit is found beside the linear mode.
     """
     modes, row = oscillating(scene, number)
-    problem = quarter_of(modes.scene, tolerance, fast)
+    problem = quarter_of(modes.scene, tolerance)
     first = min(first, to / 2)
     steps = follow(problem, beginning(problem, modes, row, first), step=first, longest=longest)
     points, complete = _until(problem, steps, lambda here: _beyond(here.orbit, to, energy), most or MOST, report)

@@ -173,7 +173,7 @@ class Shooting:
             right.append(equations.linearized(y)[0] / scale)
         if self.free:
             left.append(equations.momentum_slope(y) * scale)
-            if flow.system.cart and not flow.system.cart.damping:
+            if not left[-1][0]:
                 right.append(np.eye(len(y))[0])
         if self.conservative:
             left.append(equations.energy_slope(y) * scale)
@@ -199,16 +199,15 @@ def shooting(
     period: float | None = None,
     force: Force | None = None,
     variation: Variation | None = None,
-    fast: bool | None = None,
 ) -> Shooting:
-    """The equations of a scene in the plane; SceneError in space, and with dry friction or drag."""
+    """The equations of a scene in the plane; SceneError in space, and with dry friction or quadratic drag."""
     require(scene, "a periodic orbit")
 
     @lru_cache(maxsize=8)
     def flow_at(value: float | None) -> Flow:
         varied = scene if value is None or variation is None else vary(scene, {variation.path: value})
         require(varied, "a periodic orbit")
-        return Flow(system_of(varied), tolerance, force=force, fast=fast)
+        return Flow(system_of(varied), tolerance, force=force)
 
     return Shooting(scene, flow_at, leader, segments, period, variation)
 

@@ -82,9 +82,9 @@ class Quarter:
         return float(self.flow.equations.energy_slope(self.start(u))[:n] @ (tangent[:n] * self.flow.scale[:n]))
 
 
-def quarter_of(scene: Scene, tolerance: float, fast: bool | None = None) -> Quarter:
+def quarter_of(scene: Scene, tolerance: float) -> Quarter:
     """The equations of a conservative scene in the plane; ComputationError where it has none at the equilibrium."""
     require(scene, "a periodic orbit of a mode")
     if is_singular(matrices(scene).M):
         raise ComputationError(UNMOVED)
-    return Quarter(scene, Flow(system_of(scene), tolerance, fast=fast))
+    return Quarter(scene, Flow(system_of(scene), tolerance))

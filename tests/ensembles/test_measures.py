@@ -6,9 +6,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from support.scenes import complex_step
 
 from modal import load
 from modal.scene import InitialCondition
+from modal.types import Floats
 from nonlinear import Event, State, simulate
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.ensembles import Ensemble, ensemble
@@ -77,11 +79,15 @@ def test_the_exponent_is_that_of_tangent_vectors_of_the_complex_step() -> None:
     y = np.concatenate((ANGLES.T, 0 * ANGLES.T))
     v = np.random.default_rng(0).standard_normal((4, 1)) * tangent.scale
     v = np.broadcast_to(v / tangent.norm(v), y.shape)
-    both = tangent.packed(y, v)
-    stepper = SciPyStepper("DOP853", tangent.derivative, 0.0, both, DURATION, 1e-10, 1e-10 * np.ones(both.size))
+    both = np.concatenate((y, v), axis=None)
+
+    def derivative(time: float, packed: Floats) -> Floats:
+        return np.concatenate(complex_step(tangent.system, *packed.reshape(2, 4, -1)), axis=None)
+
+    stepper = SciPyStepper("DOP853", derivative, 0.0, both, DURATION, 1e-10, 1e-10 * np.ones(both.size))
     while stepper.time < DURATION:
         stepper.step()
-    expected = np.log(tangent.norm(tangent.parts(stepper.y)[1])) / DURATION
+    expected = np.log(tangent.norm(stepper.y.reshape(2, 4, -1)[1])) / DURATION
     np.testing.assert_allclose(found().column("lyapunov_per_s"), expected, atol=1e-6)
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from amounts import usually
 from scenes import plane_scene
+from support.scenes import complex_step
 
 from modal import load
 from modal.errors import SceneError
 from modal.scene import Bob, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene, VanDerPol
 from modal.scene.parameters import vary
 from nonlinear import simulate, system_of
-from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Generated, Lanes, lanes
 from nonlinear.ensembles import ensemble, members_of
 from nonlinear.ensembles.energies import Accounts
@@ -77,11 +77,11 @@ def test_tangent_equations_are_those_of_the_complex_step() -> None:
     for seed in range(20):
         scene = plane_scene(seed) if seed % 2 else driven_scene(seed)
         numbers = numbers_of(scene)
-        equations, other = Lanes(numbers, tangent=True), Tangent(system_of(scene))
+        equations, other = Lanes(numbers, tangent=True), system_of(scene)
         both = np.random.default_rng(seed).standard_normal((equations.size, 4))
         y, v = np.split(both, 2)
         found = np.array(np.broadcast_arrays(*equations.rates(numbers)(both)))
-        np.testing.assert_allclose(found, np.concatenate(other.product(y, v)), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(found, np.concatenate(complex_step(other, y, v)), rtol=1e-9, atol=1e-9)
 
 
 def test_energies_of_members_are_those_of_runs() -> None:

@@ -1,30 +1,38 @@
-"""The flow and its derivative: against complex steps, between the plain and the compiled body, and by identities."""
+"""The flow and its derivative: against complex steps, SciPy, differences, linear modes, and by identities."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from amounts import usually
-from support.scenes import motion_scene, plane_scene, random_state
+from scipy.integrate import solve_ivp
+from support.scenes import complex_step, motion_scene, plane_scene, random_state
 
-from modal import load
-from modal.eigen.compiling import available
-from nonlinear.dynamics import Minimal, Recursion
+from modal import Bob, Cart, Pendulum, Rod, Scene, load
+from modal.assembly import matrices
+from modal.types import Floats
 from nonlinear.dynamics.variational import Variational
-from nonlinear.orbits import Flow
-from nonlinear.system import system_of
+from nonlinear.orbits import Flow, periodic_orbit
+from nonlinear.system import State, system_of
+
+RESISTED = Scene(
+    gravity=9.81,
+    support=Cart(mass=2.0, damping=0.2, stiffness=30.0),
+    damping_ratio=0.02,
+    pendulum=[Pendulum(links=[Rod(mass=1.0, length=0.7, drag=0.3), Bob(mass=0.5, length=0.4, drag=0.1, damping=0.02)])],
+)
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_jacobian_agrees_with_complex_steps_through_the_recursion(seed: int) -> None:
     system = system_of(plane_scene(seed))
     equations = Variational(system)
-    passes = Minimal(system, tuple(Recursion(group, tail=1) for group in system.groups), counts_work=False)
-    y = passes.begin(random_state(system, seed))
+    y = equations.begin(random_state(system, seed))
     rate, slope = equations.linearized(y)
-    stepped = passes.derivative(0.0, y[:, None] + 1e-30j * np.eye(len(y)))
-    assert rate == pytest.approx(stepped[:, 0].real, rel=1e-11, abs=1e-11 * np.abs(rate).max())
-    assert slope == pytest.approx(stepped.imag / 1e-30, rel=1e-10, abs=1e-11 * np.abs(slope).max())
+    size = len(y)
+    plain, stepped = complex_step(system, np.repeat(y[:, None], size, axis=1), np.eye(size))
+    assert rate == pytest.approx(plain[:, 0], rel=1e-11, abs=1e-11 * np.abs(rate).max())
+    assert slope == pytest.approx(stepped, rel=1e-10, abs=1e-11 * np.abs(slope).max())
 
 
 @pytest.mark.slow
@@ -32,7 +40,7 @@ def test_the_jacobian_agrees_with_complex_steps_through_the_recursion(seed: int)
 def test_the_flows_derivative_has_the_determinant_of_the_divergence(seed: int) -> None:
     """d(log det V)/dt = tr J (Liouville), with the integral by Gauss's rule on the steps of the flow."""
     system = system_of(motion_scene(seed, longest=2, most=2))
-    flow = Flow(system, 1e-12, fast=False)
+    flow = Flow(system, 1e-12)
     y = flow.equations.begin(random_state(system, seed))
     x, w = np.polynomial.legendre.leggauss(12)
     passed = flow(y, np.eye(len(y)), 0.25)
@@ -51,7 +59,7 @@ def test_the_flows_derivative_has_the_determinant_of_the_divergence(seed: int) -
 def test_gradients_of_energy_and_momentum_are_carried_by_the_flow(seed: int) -> None:
     """Left vectors of the flow's derivative: ∇E(φ(y)) V = ∇E(y) where nothing drains energy, momentum likewise."""
     system = system_of(motion_scene(seed, damped=False, longest=2, most=2))
-    flow = Flow(system, 1e-12, fast=False)
+    flow = Flow(system, 1e-12)
     y = flow.equations.begin(random_state(system, seed))
     passed = flow(y, np.eye(len(y)), 0.4)
     gradients = [flow.equations.energy_slope]
@@ -62,33 +70,71 @@ def test_gradients_of_energy_and_momentum_are_carried_by_the_flow(seed: int) -> 
         assert gradient(passed.y) @ passed.V == pytest.approx(before, abs=1e-9 * np.abs(before).max())
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(not available(), reason="needs numba")
-@pytest.mark.parametrize("seed", range(8))
-def test_the_compiled_flow_agrees_with_the_plain_one(seed: int) -> None:
-    system = system_of(motion_scene(seed, longest=2))
-    plain, fast = (Flow(system, 1e-12, fast=choice) for choice in (False, True))
-    y = plain.equations.begin(random_state(system, seed))
-    one, other = (flow(y, np.eye(len(y)), 0.5) for flow in (plain, fast))
-    assert len(one.path.times) == len(other.path.times)
-    assert one.y == pytest.approx(other.y, rel=1e-11, abs=1e-11)
-    assert pytest.approx(other.V, rel=1e-10, abs=1e-11 * np.abs(one.V).max()) == one.V
+@pytest.mark.parametrize(
+    "scene", [motion_scene(3, longest=2), plane_scene(8), RESISTED], ids=("damped", "plane", "air")
+)
+def test_the_flow_is_that_of_scipy_with_derivatives_by_complex_steps(scene: Scene) -> None:
+    system = system_of(scene)
+    flow = Flow(system, 1e-12)
+    y = flow.equations.begin(random_state(system, 1))
+    found, size = flow(y, np.eye(len(y)), 0.4), len(y)
+
+    def rate(_: float, both: Floats) -> Floats:
+        z, V = both[:size], both[size:].reshape(size, size)
+        f, change = complex_step(system, np.repeat(z[:, None], size, axis=1), V)
+        return np.concatenate((f[:, 0], change.ravel()))
+
+    end = solve_ivp(rate, (0, 0.4), np.concatenate((y, np.eye(size).ravel())), "DOP853", rtol=1e-12, atol=1e-12).y[
+        :, -1
+    ]
+    assert found.y == pytest.approx(end[:size], rel=1e-9, abs=1e-9)
+    V = end[size:].reshape(size, size)
+    assert pytest.approx(found.V, rel=1e-8, abs=1e-9 * np.abs(V).max()) == V
 
 
-@pytest.mark.skipif(not available(), reason="needs numba")
-def test_compiled_kicks_agree_with_the_plain_ones() -> None:
-    """Clocks that are kicked one after the other, and both at once: then along what keeps them together.
+def test_derivatives_of_kicked_flows_are_those_of_differences() -> None:
+    flow, y = Flow(system_of(load("huygens")), 1e-12), np.array([0.0, 0.11, -0.1, 0.0, 0.0, 0.0])
+    passed, none = flow(y, np.eye(6), 1.3), np.zeros((6, 0))
+    assert np.sum(np.diff(passed.path.times) == 0) >= 2
+    for k, step in enumerate(1e-6 * np.diag(flow.scale)):
+        slope = (flow(y + step, none, 1.3).y - flow(y - step, none, 1.3).y) / (2 * step[k])
+        assert passed.V[:, k] == pytest.approx(slope, rel=1e-6, abs=1e-6 * np.abs(passed.V[:, k]).max())
 
-    Which of two equal kicks at one time comes first is a matter of rounding, and derivatives across depend on it.
-    """
-    together = np.kron(np.eye(2), np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]]))
-    for turned in ((0.11, -0.1), (0.1, 0.1)):
-        system = system_of(load("huygens"))
-        plain, fast = (Flow(system, 1e-12, fast=choice) for choice in (False, True))
-        y = np.array([0.0, *turned, 0.0, 0.0, 0.0])
-        one, other = (flow(y, np.eye(6), 1.3) for flow in (plain, fast))
-        assert one.side.tolist() == other.side.tolist()
-        assert np.sum(np.diff(one.path.times) == 0) >= 2
-        assert one.y == pytest.approx(other.y, abs=1e-11)
-        along = together if turned[0] == turned[1] else np.eye(6)
-        assert pytest.approx(other.V @ along, rel=1e-8, abs=1e-8 * np.abs(one.V).max()) == one.V @ along
+
+def test_both_ways_to_the_jacobian_agree_at_one_state_and_at_many() -> None:
+    system = system_of(RESISTED)
+    sparse, directed = Variational(system), Variational(system)
+    y = np.random.default_rng(2).standard_normal((sparse.size, 3))
+    rates, slopes = sparse.linearized(y)
+    other = directed._by_directions(y, ())
+    assert rates == pytest.approx(other[0], rel=1e-12)
+    assert slopes == pytest.approx(other[1], rel=1e-11, abs=1e-11)
+    for k in range(3):
+        rate, slope = sparse.linearized(y[:, k])
+        assert rate == pytest.approx(rates[:, k], rel=1e-13)
+        assert slope == pytest.approx(slopes[k], rel=1e-12, abs=1e-12)
+
+
+def test_small_orbits_under_drag_and_damping_ratios_lose_what_the_modes_lose() -> None:
+    """Floquet exponents of an orbit under a small force are the eigenvalues of its matrices, whatever the force."""
+    start = State(np.zeros(2), np.zeros(2))
+    orbit = periodic_orbit(
+        RESISTED, start, 2.0, force=lambda time: np.array([0.0, 1e-4 * np.cos(np.pi * time), 0.0]), tolerance=1e-15
+    )
+    one = matrices(RESISTED)
+    M, K, C = one.M, one.K, one.D
+    none, own = np.zeros((3, 3)), np.eye(3)
+    s = np.linalg.eigvals(np.block([[none, own], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]]))
+    assert np.poly(orbit.floquet.others) == pytest.approx(np.poly(np.exp(2.0 * s)).real, abs=1e-8)
+
+
+def test_what_resists_a_free_cart_leaves_an_impulse_that_is_conserved() -> None:
+    """p_x and the impulse of dampers, drag and damping ratios, all linear in the rates, at large angles."""
+    scene = RESISTED.model_copy(update={"support": Cart(mass=2.0, damping=0.2)})
+    system = system_of(scene)
+    flow = Flow(system, 1e-12)
+    y = flow.equations.begin(random_state(system, 4))
+    passed = flow(y, np.eye(len(y)), 0.7)
+    before = flow.equations.momentum_slope(y)
+    assert before[0] > 0.2
+    assert flow.equations.momentum_slope(passed.y) @ passed.V == pytest.approx(before, abs=1e-9)
