@@ -179,9 +179,13 @@ class Inputs:
                     part[place] = number
         return Lengths(*(_filled(part) for part in parts))
 
+    @cached_property
+    def _of_time_alone(self) -> Inputs:
+        return Inputs(self.system)
+
     def at(self, time: Any, y: Any, layout: Layout) -> Instant:
         """The instant at one time (s) and state, or at many times side by side."""
-        found = self.instant(self.of_time(time)) if self.system.support or self.laws else QUIET
+        found = self._of_time_alone.instant(self.of_time(time)) if self.system.support or self.laws else QUIET
         return found._replace(push=self.load(time, layout.state(y))) if self.load else found
 
 

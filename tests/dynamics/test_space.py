@@ -39,6 +39,7 @@ from nonlinear.system import (
     State,
     entries_of,
     of_plane,
+    prescribed_of,
     system_of,
     unit_vectors,
     velocities,
@@ -424,7 +425,7 @@ def test_derivatives_of_what_is_written_are_complex_steps(seed: int) -> None:
     exact = np.stack(steps, axis=1)
     written = Generated(equations.system)
     module, rows, columns = jacobian_of(written.form)
-    numbers = written.form.numbers(entries_of(equations.system), equations.system)
+    numbers = written.form.numbers(entries_of(equations.system), prescribed_of(equations.system))
     u = written.listed(0.3, y.tolist()) if written.listed else ()
     found = module.function("jacobian", module.constants(numbers))(y.tolist(), u)
     J = np.zeros_like(exact)
@@ -446,7 +447,7 @@ def test_what_is_written_has_derivatives_where_a_joint_is_straight(side: float) 
     assert written.rate(y) == pytest.approx([0.0] * 6)
     module, rows, columns = jacobian_of(written.form)
     found = module.function(
-        "jacobian", module.constants(written.form.numbers(entries_of(written.system), written.system))
+        "jacobian", module.constants(written.form.numbers(entries_of(written.system), prescribed_of(written.system)))
     )(y)
     J = np.zeros((6, 6))
     J[rows, columns] = found[6:]
