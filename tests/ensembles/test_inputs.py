@@ -54,6 +54,8 @@ SCENES = {
     "ratio": scene_of(CART, ratio=0.05),
     "drag": scene_of(CART, drag=0.3),
     **{name: scene_of(CART, hoist=hoist) for name, hoist in HOISTS.items()},
+    "smooth and drag": scene_of(CART, hoist=HOISTS["smooth"], drag=0.3),
+    **{f"{name} and drag": scene_of(Moved(motion=motion), drag=0.3) for name, motion in MOTIONS.items()},
 }
 MASSES = {"pendulum[0].links[1].mass": [0.4, 0.6, 1.3]}
 OPTIONS = {"workers": 1, "check": 0, "output": 7, "tolerance": 1e-10}
@@ -165,20 +167,22 @@ def alike(name: str, engine: str, within: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["sine", "record", "random", "ratio", "drag", *HOISTS])
+@pytest.mark.parametrize(
+    "name", ["sine", "record", "random", "ratio", "drag", "sine and drag", "smooth and drag", *HOISTS]
+)
 def test_compiled_members_are_those_of_lanes(name: str) -> None:
     pytest.importorskip("numba")
     alike(name, "numba", 1e-9)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["sine", "sine and ratio", "drag", *HOISTS])
+@pytest.mark.parametrize("name", ["sine", "sine and ratio", "sine and drag", "smooth and drag", "drag", *HOISTS])
 def test_members_by_taylor_series_are_those_of_lanes(name: str) -> None:
     pytest.importorskip("heyoka")
     alike(name, "heyoka", 1e-7)
 
 
-@pytest.mark.parametrize("name", ["sine and ratio", "trapezoidal"])
+@pytest.mark.parametrize("name", ["sine and ratio", "sine and drag", "smooth and drag", "trapezoidal"])
 def test_a_run_by_taylor_series_is_that_of_dop853(name: str) -> None:
     pytest.importorskip("heyoka")
     runs = [simulate(SCENES[name], 2.0, method=own, tolerance=1e-13, output=21) for own in ("taylor", "DOP853")]
