@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property, partial
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -64,6 +64,10 @@ class Arranged(ABC):
     @abstractmethod
     def derivative(self, time: Any, y: Any) -> Any:
         """The time derivative of y, (size, ...): further axes of y are independent trajectories side by side."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what has been derived: functions that are written cannot be pickled."""
+        return {one.name: getattr(self, one.name) for one in fields(cast("Any", self))}
 
     def begin(self, state: State) -> Floats:
         """The vector y of a state."""

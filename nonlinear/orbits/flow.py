@@ -14,7 +14,7 @@ angle, g(y) = 0, and is met by a step that ends there.  It carries y to G(y), an
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from math import isfinite, nan, sqrt
 from typing import Any, NamedTuple
@@ -73,6 +73,10 @@ class Flow(Displayed):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "equations", Variational(self.system, pushed=self.force is not None))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what has been derived: functions that are written cannot be pickled."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
 
     @cached_property
     def scale(self) -> Floats:

@@ -22,7 +22,7 @@ def run(*words: str) -> int:
 
 def test_simulate_says_what_it_did_and_keeps_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     kept = tmp_path / "run.npz"
-    assert run("simulate", "paper-cart-3", "--duration", "5", "-o", str(kept)) == 0
+    assert run("simulate", "paper-cart-3", "--duration", "5", "--method", "DOP853", "-o", str(kept)) == 0
     printed = capsys.readouterr().out
     for words in (
         "Three double pendula on a cart",

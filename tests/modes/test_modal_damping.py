@@ -17,7 +17,6 @@ from modal.statespace.reduction import truncate
 from modal.symbolic.system import of_scene
 from nonlinear.averaging import predict
 from nonlinear.ensembles import ensemble
-from nonlinear.orbits.shooting import shooting
 from nonlinear.reduction import superpose
 from nonlinear.simulation import simulate
 from nonlinear.system import State, system_of
@@ -240,8 +239,6 @@ def test_what_knows_no_modal_damping_says_so() -> None:
         predict(scene)
     with pytest.raises(SceneError, match="damping_ratio"):
         of_scene(scene)
-    with pytest.raises(SceneError, match="damping_ratio"):
-        shooting(scene)
     for refused in (check, lambda scene: simulate(scene, 1.0)):
         with pytest.raises(SceneError, match="damping_ratio"):
             refused(load("chain-spatial").replace(damping_ratio=0.01))
