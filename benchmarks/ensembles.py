@@ -29,7 +29,7 @@ from modes import markdown
 from modal import load
 from modal.scene import Bob, Cart, Pendulum, Rod, Scene
 from nonlinear import State, ensemble, simulate
-from nonlinear.dynamics import lanes as equations
+from nonlinear.dynamics import forms as equations
 
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks" / "ensembles.md"
 DURATION, TOLERANCE, STEP = 10.0, 1e-9, 0.01
