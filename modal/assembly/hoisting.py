@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ Hoists = Mapping[tuple[int, int], Any]
 """Laws by pendulum and link entry of the scene, both from 0: splines with derivatives, or functions as `Law`."""
 
 
+POSITIVE = "hoist: a length must be a positive number of metres, with finite speed, at all times"
 MOST_KNOTS = 1000
 """Knots of a law at which an integrator restarts; of more only the first and the last, since splines are smooth."""
 
@@ -73,7 +75,7 @@ class Hoisting:
             for whole, part in zip(found, law(times), strict=True):
                 whole[..., index] = np.asarray(part, dtype=np.float64)[..., None]
         if not (np.all(found[0] > 0) and all(np.all(np.isfinite(part)) for part in found)):
-            raise SceneError(["hoist: a length must be a positive number of metres, with finite speed, at all times"])
+            raise SceneError([POSITIVE])
         return found
 
 
@@ -99,6 +101,13 @@ class Spline:
     @cached_property
     def _acceleration(self) -> Any:
         return self.given.derivative(2)
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        """The same at one time (s) in plain floats; SceneError as of `Hoisting.at`."""
+        length, speed, acceleration = (float(part) for part in self(time))
+        if not (length > 0 and isfinite(length + speed + acceleration)):
+            raise SceneError([POSITIVE])
+        return length, speed, acceleration
 
     @property
     def breaks(self) -> tuple[float, ...]:

@@ -99,7 +99,7 @@ class Inputs:
     def of_time(self) -> Callable[[float], Sequence[float]]:
         """The inputs of time alone at one time (s), in floats."""
         support = self.system.support
-        parts = [_scalar(law) for _, law in self.laws]
+        parts: list[Callable[[float], Sequence[float]]] = [law.at for _, law in self.laws]
         if support and self.is_analytic:
             parts.insert(0, lambda time: (time,))
         elif support:
@@ -217,12 +217,6 @@ def _derivatives(law: LengthLaw) -> Iterator[Polynomials]:
 def _along(direction: tuple[float, float], size: Any) -> tuple[Any, Any]:
     along, down = direction
     return (along * size if along else 0.0), (down * size if down else 0.0)
-
-
-def _scalar(law: Any) -> Callable[[float], Sequence[float]]:
-    if hasattr(law, "at"):
-        return law.at  # type: ignore[no-any-return]
-    return lambda time: [float(part) for part in law(time)]
 
 
 def _filled(values: Sequence[Any]) -> Any:

@@ -3,7 +3,8 @@
 What depends on the numbers p of a scene alone is written apart and done once (`Module.constants`): for one scene in
 floats, for many at once in arrays.  The rest is straight-line code without arrays, matrices or loops; for few links
 Python's floats are several times faster in it than NumPy, which would spend most of its time on calls.  The same text
-serves floats, arrays of many states, complex numbers and heyoka's expressions; numba's loops over lanes.
+serves floats, arrays of many states, complex numbers and heyoka's expressions; numba gets loops over lanes, the live
+page JavaScript.
 """
 
 from __future__ import annotations

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from scipy.integrate import DOP853
 
+from modal.errors import SceneError
 from modal.types import Floats
 from nonlinear.dynamics import Written
 from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
@@ -114,6 +115,8 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         try:
             given = (self.rate, length, y, f, self.rtol, self.smallest, self.t, self.inputs)
             fifth, third, after, stages = self.attempt(*given)
+        except SceneError:
+            raise
         except UNDEFINED:
             return nan, y, [f]
         both = fifth + 0.01 * third

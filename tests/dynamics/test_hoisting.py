@@ -283,3 +283,13 @@ def test_what_needs_constant_lengths_says_so() -> None:
         simulate(damped, 1.0, start=State(np.ones(1), np.zeros(1)), hoist={(0, 0): lambda t: (1.0, 0.0, 0.0)})
     with pytest.raises(ComputationError, match="need times"):
         _ = Mechanics(system_of(scene), simulate(scene, 0.1, output=2).motion).joints
+
+
+def test_a_law_is_refused_wherever_it_gives_no_length() -> None:
+    """Between the samples of a run as well."""
+
+    def law(time: float) -> tuple[float, float, float]:
+        return (-1.0 if 0.2 < time < 0.8 else 1.0), 0.0, 0.0
+
+    with pytest.raises(SceneError, match="positive number of metres"):
+        simulate(single(1.0), 1.0, start=State(np.array([0.1]), np.zeros(1)), hoist={(0, 0): law}, output=2)
