@@ -20,12 +20,16 @@ Columns V of derivatives by what the motion starts from become at a switch n·y 
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
+from math import nan
 from typing import Any, NamedTuple
 
 TOGETHER = 1e-12  # rad by which a kick, or natural velocity by which a stop, may come early to coincide with another
 BRIEF, OFTEN = 1e-7, 4.0  # phases shorter than this, over √(l/g), of which so many in a row are chatter
 FIRM = 1e-6  # excess over its limit by which a contact breaks loose after chatter
+NAN, NOTHING = nan, (0.0,)
+TEXTS = "sticking", "friction", "responses", "kick", "kicked"
 EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts
 
 
@@ -66,20 +70,18 @@ class Places(NamedTuple):
         return self.told + 4 * self.J
 
 
-def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """The functions `settle` and `change` of one segment, from the texts of its form in floats.
+def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable[..., Any], Callable[..., Any]]:  # noqa: PLR0915
+    """The functions `settle` and `change` of one segment, from the texts (c, y, u, v) of its form.
 
-    settle(t, y, signs, was, state, numbers, u, held, happened) decides which contacts of sign 0 stick;
-    change(t, j, y, f, state, numbers, u, V, happened) is y after switch j, in lists, the state and the columns V (a
-    list of them) being changed in place.  What happens is appended as (time, switch, a, b): impulse and energy of a
+    settle(t, y, signs, was, state, numbers, c, u, held, happened) decides which contacts of sign 0 stick;
+    change(t, j, y, f, state, numbers, c, u, V, happened) is y after switch j, in lists, the state and the columns V (k,
+    size) being changed in place; c are the constants of the texts.  What happens is appended as (time, switch, a, b): impulse and energy of a
     kick; 1 where a contact begins to stick, 0 where it ends.
     """
     size, half, K, J, presses, timed = at.size, at.half, at.K, at.J, at.presses, at.timed
-    kicks, contacts, E, F, told = at.kicks, at.contacts, at.e, at.firm, at.told
-    B, T, P, W = told, told + J, told + 2 * J, told + 3 * J
-    LIMIT, RATE = 3 * K, 3 * K + J
-    sticking, friction = texts["sticking" if J else "rates"], texts.get("friction")
-    responses, kick, kicked = texts.get("responses"), texts.get("kick"), texts.get("kicked")
+    kicks, contacts, E, F, B = at.kicks, at.contacts, at.e, at.firm, at.told
+    T, P, W, LIMIT, RATE = B + J, B + 2 * J, B + 3 * J, 3 * K, 3 * K + J
+    sticking, friction, responses, kick, kicked = (texts.get(name, _none) for name in TEXTS)
 
     def relative(x: Any, first: int, pair: Any) -> Any:
         return x[first + pair[0]] - x[first + pair[1]] if pair[1] >= 0 else x[first + pair[0]]
@@ -171,9 +173,9 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
                     return [s, *begun], e
         return [0.0] * 0, 0.0
 
-    def answers(y: Any, u: Any) -> Any:
+    def answers(y: Any, c: Any, u: Any) -> Any:
         """What a unit of friction does, G (J J,), and accelerations a (J,) at contacts; columns, and N with its own."""
-        found = responses(y, u + [0.0] * (2 * J))
+        found = responses(c, y, u + [0.0] * (2 * J), NOTHING)
         columns = found[size : size + half * J]
         a = [relative(found, half, pair) for pair in contacts]
         G = [0.0] * 0
@@ -182,15 +184,17 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
                 G.append(columns[below * J + k] - (columns[above * J + k] if above >= 0 else 0.0))
         return a, G, columns, found[size + half * J :]
 
-    def settle(t: Any, y: Any, signs: Any, was: Any, state: Any, numbers: Any, u: Any, held: Any, happened: Any) -> Any:
-        a, G, _, normal = answers(y, u)
+    def settle(
+        t: Any, y: Any, signs: Any, was: Any, state: Any, numbers: Any, c: Any, u: Any, held: Any, happened: Any
+    ) -> Any:
+        a, G, _, normal = answers(y, c, u)
         limit = [*numbers[LIMIT : LIMIT + J]]
         if presses:
             begun, state[E] = on_rail(a, G, limit, signs, normal)
         else:
             begun = consistent(a, G, limit, signs, J)[1]
         if len(begun) < J:
-            state[K] = float("nan")
+            state[K] = NAN
             return
         for i in range(J):
             sign, place = 0.0 if held[i] else begun[i], relative(y, 0, contacts[i])
@@ -220,7 +224,7 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
                 y[below] = state[P + i] + (y[above] if above >= 0 else 0.0)
                 y[half + below] = y[half + above] if above >= 0 else 0.0
 
-    def slid(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, u: Any, V: Any, happened: Any) -> Any:
+    def slid(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, happened: Any) -> Any:
         after, was = [*y], [*state[K : K + J]]
         stopping = [False] * J
         for i in range(J):
@@ -228,11 +232,11 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
             stopping[i] = was[i] != 0 and (i == j or (speed <= numbers[RATE] * TOGETHER and slope < 0))
         stops = was[j] != 0
         still = [i for i in range(J) if stopping[i] or was[i] == 0]
-        _, G, columns, _ = answers(y, u)
+        _, G, columns, _ = answers(y, c, u)
         halted(after, still, columns, G)
         begun = [0.0 if stopping[i] else was[i] for i in range(J)]
         if not stops:
-            begun[j] = -1.0 if friction(after, u + inputs(state, numbers))[j] > 0 else 1.0
+            begun[j] = -1.0 if friction(c, after, u + inputs(state, numbers), NOTHING)[j] > 0 else 1.0
         for i in range(J):
             if stopping[i] or (i == j and not stops):
                 brief = (t - state[T + i]) * numbers[RATE] < BRIEF
@@ -240,10 +244,10 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
                 state[F + i] = FIRM * 10.0 ** (state[B + i] - OFTEN) if state[B + i] >= OFTEN else 0.0
                 state[T + i] = t
         held = [(stopping[i] or (i == j and not stops)) and state[F + i] > 0 for i in range(J)]
-        settle(t, after, begun, was, state, numbers, u, held, happened)
+        settle(t, after, begun, was, state, numbers, c, u, held, happened)
         leveled(after, state)
         if len(V) > 0 and stops:
-            fell, f2 = relative(f, half, contacts[j]), sticking(after, u + inputs(state, numbers))
+            fell, f2 = relative(f, half, contacts[j]), sticking(c, after, u + inputs(state, numbers), NOTHING)
             for column in V:
                 dt = -relative(column, half, contacts[j]) / fell
                 for i in range(size):
@@ -254,7 +258,7 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
                         column[half + below] = column[half + above] if above >= 0 else 0.0
         return after
 
-    def struck(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, u: Any, V: Any, happened: Any) -> Any:
+    def struck(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, happened: Any) -> Any:
         pushes, first = [0.0] * K, j
         for i in range(K):
             gamma, speed = relative(y, 0, kicks[i]) - numbers[i], relative(f, 0, kicks[i])
@@ -262,9 +266,9 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
                 far = side * gamma - numbers[K + i] > -TOGETHER and side * speed > 0 and state[i] * side >= 0
                 if far or j == i + (0 if side > 0 else K):
                     pushes[i] += side * numbers[2 * K + i]
-        given = pushes + [*state[K:told]] + [*numbers[:RATE]] + [0.0] * timed
+        given = pushes + [*state[K:B]] + [*numbers[:RATE]] + [0.0] * timed
         every = u + inputs(state, numbers)
-        after = kick(y, every, [0.0] * size + given)
+        after = kick(c, y, every, [0.0] * size + given)
         for i in range(K):
             if pushes[i] != 0:
                 state[i] = -1.0 if pushes[i] > 0 else 1.0
@@ -276,22 +280,48 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
                 moving = relative(after, half, contacts[i])
                 begun[i] = 1.0 if moving > 0 else -1.0 if moving < 0 else 0.0
                 state[B + i], state[F + i] = 0.0, 0.0
-            settle(t, after, begun, was, state, numbers, u, [False] * J, happened)
+            settle(t, after, begun, was, state, numbers, c, u, [False] * J, happened)
         if len(V) > 0:
-            f2, pair = sticking(after, u + inputs(state, numbers)), kicks[first % K]
+            f2, pair = sticking(c, after, u + inputs(state, numbers), NOTHING), kicks[first % K]
             for column in V:
                 dt = -relative(column, 0, pair) / relative(f, 0, pair)
-                moved = kicked(y, every, [column[i] + f[i] * dt for i in range(size)] + given)
+                moved = kicked(c, y, every, [column[i] + f[i] * dt for i in range(size)] + given)
                 for i in range(size):
                     column[i] = moved[size + i] - f2[i] * dt
         return after
 
-    def change(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, u: Any, V: Any, happened: Any) -> Any:
+    def change(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, happened: Any) -> Any:
         if j < 2 * K:
-            return struck(t, j, y, f, state, numbers, u, V, happened)
+            return struck(t, j, y, f, state, numbers, c, u, V, happened)
         if j < 2 * K + J:
-            return slid(t, j - 2 * K, y, f, state, numbers, u, V, happened)
+            return slid(t, j - 2 * K, y, f, state, numbers, c, u, V, happened)
         state[E] = -state[E]
         return [*y]
 
     return settle, change
+
+
+def _none(c: Any, y: Any, u: Any, v: Any) -> Any:
+    return [0.0]
+
+
+def compiled_source(at: Places, texts: dict[str, str]) -> str:
+    """The functions of `changing` as a text for numba, which has the decorator `compiled`; these are sources of texts.
+
+    All arguments but the columns, (k, size), are lists; `happened` is one of tuples of four floats.
+    """
+    lines = inspect.getsource(changing).splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("    def "))
+    body = [line[4:] for line in lines[first : len(lines) - 1]]
+    J, K, B = at.J, at.K, at.told
+    numbers = {"TOGETHER": TOGETHER, "BRIEF": BRIEF, "OFTEN": OFTEN, "FIRM": FIRM, "EXCESS": EXCESS}
+    numbers |= {"size": at.size, "half": at.half, "K": K, "J": J, "presses": at.presses, "timed": at.timed}
+    numbers |= {"kicks": at.kicks or ((0, -1),), "contacts": at.contacts or ((0, -1),), "E": at.e, "F": at.firm}
+    numbers |= {"B": B, "T": B + J, "P": B + 2 * J, "W": B + 3 * J, "LIMIT": 3 * K, "RATE": 3 * K + J}
+    head = ["from math import atan as arctan, cos, nan as NAN, sin, sqrt", "from typing import Any", "NOTHING = (0.0,)"]
+    head += [*(f"{name} = {value!r}" for name, value in numbers.items())]
+    where = "@compiled\ndef where(x, a, b):\n return a if x > 0 else b\n"
+    none = "def {}(c, y, u, v):\n return [0.0]\n"
+    written = [f"@compiled\n{texts.get(name, none.format(name))}" for name in TEXTS]
+    defined = ["@compiled\n" + line if line.startswith("def ") else line for line in body]
+    return "\n".join((*head, where, *written, *defined)) + "\n"

@@ -15,7 +15,8 @@ from modal.types import Floats
 from nonlinear.dynamics.contacts import contacts_of
 from nonlinear.dynamics.forms import Form, form_of
 from nonlinear.dynamics.switching import Pairs, switching_of
-from nonlinear.integration.changes import Places, changing
+from nonlinear.dynamics.text import function_in
+from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
 from nonlinear.system import NO_KICKS, Friction, Kicks, System, entries_of, prescribed_of
 
 JAMMED = "the rail's friction has no consistent value: its coefficient is too large for these links"
@@ -89,7 +90,9 @@ class Switches:
             signs = [float(np.sign(_relative(y[at.half :], pair))) for pair in at.contacts]
             state[at.told + at.J : at.told + 2 * at.J] = [-np.inf] * at.J
             state[at.told + 2 * at.J : at.told + 3 * at.J] = [_relative(y, pair) for pair in at.contacts]
-            self._changing[0](t, y, signs, [1.0] * at.J, state, numbers, [*u], [False] * at.J, self.happened)
+            self._changing[0](
+                t, y, signs, [1.0] * at.J, state, numbers, self.constants, [*u], [False] * at.J, self.happened
+            )
             self._refuse(state)
         return state
 
@@ -131,7 +134,7 @@ class Switches:
         V are k lists (size,).  `u` are the inputs before those of contacts.  ComputationError where friction has none.
         """
         columns = [] if V is None else V
-        after = self._changing[1](t, j, y, f, state, self.numbers, [*u], columns, self.happened)
+        after = self._changing[1](t, j, y, f, state, self.numbers, self.constants, [*u], columns, self.happened)
         self._refuse(state)
         return after if V is None else (after, columns)
 
@@ -147,7 +150,7 @@ class Switches:
         """Whether every coordinate is held for good, as nothing from outside changes."""
         at, system = self.places, self.form.system
         acted_on = self.form.pushed or system.support or system.hoisting
-        return not acted_on and at.J == at.half and not any(state[at.K : at.e])
+        return not acted_on and at.half == at.J and not any(state[at.K : at.e])
 
     def kicked(self) -> Kicks:
         """The kicks so far."""
@@ -192,7 +195,17 @@ class Switches:
 
     @cached_property
     def _changing(self) -> Any:
-        return changing(self.places, {name: self.function(name) for name in self.module.functions})
+        return changing(self.places, {name: function_in(text, name) for name, text in self._scalar.items()})
+
+    @cached_property
+    def _scalar(self) -> dict[str, str]:
+        """The texts of `TEXTS`."""
+        own = {name: name for name in TEXTS if name in self.module.functions}
+        return {name: self.module.scalar(own.get(name, "rates"), name) for name in (*own, "sticking")}
+
+    def source(self) -> str:
+        """The functions settle and change of `changing` as a text for numba, which has the decorator `compiled`."""
+        return compiled_source(self.places, self._scalar)
 
     def _refuse(self, state: Sequence[float]) -> None:
         if self.places.J and state[self.places.K] != state[self.places.K]:
