@@ -15,7 +15,8 @@ Columns V of derivatives by what the motion starts from become at a switch n·y 
 
     V₊ = DG V₋ + (f₊ − DG f₋) (n·V₋)/(n·f₋)
 
-(saltation; Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, §7).
+taken one after the other where several switch at once (saltation; Leine and Nijmeijer, Dynamics and Bifurcations of
+Non-Smooth Mechanical Systems, 2004, §7).
 """
 
 from __future__ import annotations
@@ -75,13 +76,14 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
 
     settle(t, y, signs, was, state, numbers, c, u, held, happened) decides which contacts of sign 0 stick;
     change(t, j, y, f, state, numbers, c, u, V, happened) is y after switch j, in lists, the state and the columns V (k,
-    size) being changed in place; c are the constants of the texts.  What happens is appended as (time, switch, a, b): impulse and energy of a
-    kick; 1 where a contact begins to stick, 0 where it ends.
+    size) being changed in place; c are the constants of the texts.  What happens is appended as (time, switch, a, b):
+    impulse and energy of a kick; 1 where a contact begins to stick, 0 where it ends.
     """
     size, half, K, J, presses, timed = at.size, at.half, at.K, at.J, at.presses, at.timed
     kicks, contacts, E, F, B = at.kicks, at.contacts, at.e, at.firm, at.told
     T, P, W, LIMIT, RATE = B + J, B + 2 * J, B + 3 * J, 3 * K, 3 * K + J
-    sticking, friction, responses, kick, kicked = (texts.get(name, _none) for name in TEXTS)
+    called: list[Callable[..., Any]] = [texts.get(name, _none) for name in TEXTS]
+    sticking, friction, responses, kick, kicked = called
 
     def relative(x: Any, first: int, pair: Any) -> Any:
         return x[first + pair[0]] - x[first + pair[1]] if pair[1] >= 0 else x[first + pair[0]]
@@ -247,15 +249,23 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
         settle(t, after, begun, was, state, numbers, c, u, held, happened)
         leveled(after, state)
         if len(V) > 0 and stops:
-            fell, f2 = relative(f, half, contacts[j]), sticking(c, after, u + inputs(state, numbers), NOTHING)
-            for column in V:
-                dt = -relative(column, half, contacts[j]) / fell
-                for i in range(size):
-                    column[i] += (f[i] - f2[i]) * dt
+            g, passed = [*f], [*state]
+            for i in range(J):
+                passed[K + i] = was[i]
+            order = [j] + [i for i in range(J) if stopping[i] and i != j]
+            for i in order:
+                passed[K + i] = state[K + i]
+                g2 = sticking(c, after, u + inputs(state if i == order[len(order) - 1] else passed, numbers), NOTHING)
+                for n in range(len(V)):
+                    dt = -relative(V[n], half, contacts[i]) / relative(g, half, contacts[i])
+                    for m in range(size):
+                        V[n][m] += (g[m] - g2[m]) * dt
+                g = g2
+            for n in range(len(V)):
                 for i in range(J):
                     if state[K + i] == 0:
                         below, above = contacts[i]
-                        column[half + below] = column[half + above] if above >= 0 else 0.0
+                        V[n][half + below] = V[n][half + above] if above >= 0 else 0.0
         return after
 
     def struck(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, happened: Any) -> Any:
@@ -282,12 +292,17 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
                 state[B + i], state[F + i] = 0.0, 0.0
             settle(t, after, begun, was, state, numbers, c, u, [False] * J, happened)
         if len(V) > 0:
-            f2, pair = sticking(c, after, u + inputs(state, numbers), NOTHING), kicks[first % K]
-            for column in V:
-                dt = -relative(column, 0, pair) / relative(f, 0, pair)
-                moved = kicked(c, y, every, [column[i] + f[i] * dt for i in range(size)] + given)
-                for i in range(size):
-                    column[i] = moved[size + i] - f2[i] * dt
+            now, z, g = u + inputs(state, numbers), [*y], [*f]
+            for i in [first % K] + [i for i in range(K) if pushes[i] != 0 and i != first % K]:
+                alone = [pushes[k] if k == i else 0.0 for k in range(K)] + given[K:]
+                z2 = kick(c, z, every, [0.0] * size + alone)
+                g2 = sticking(c, z2, now, NOTHING)
+                for n in range(len(V)):
+                    dt = -relative(V[n], 0, kicks[i]) / relative(g, 0, kicks[i])
+                    moved = kicked(c, z, every, [V[n][m] + g[m] * dt for m in range(size)] + alone)
+                    for m in range(size):
+                        V[n][m] = moved[size + m] - g2[m] * dt
+                z, g = z2, g2
         return after
 
     def change(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, happened: Any) -> Any:
@@ -314,7 +329,7 @@ def compiled_source(at: Places, texts: dict[str, str]) -> str:
     first = next(k for k, line in enumerate(lines) if line.startswith("    def "))
     body = [line[4:] for line in lines[first : len(lines) - 1]]
     J, K, B = at.J, at.K, at.told
-    numbers = {"TOGETHER": TOGETHER, "BRIEF": BRIEF, "OFTEN": OFTEN, "FIRM": FIRM, "EXCESS": EXCESS}
+    numbers: dict[str, Any] = {"TOGETHER": TOGETHER, "BRIEF": BRIEF, "OFTEN": OFTEN, "FIRM": FIRM, "EXCESS": EXCESS}
     numbers |= {"size": at.size, "half": at.half, "K": K, "J": J, "presses": at.presses, "timed": at.timed}
     numbers |= {"kicks": at.kicks or ((0, -1),), "contacts": at.contacts or ((0, -1),), "E": at.e, "F": at.firm}
     numbers |= {"B": B, "T": B + J, "P": B + 2 * J, "W": B + 3 * J, "LIMIT": 3 * K, "RATE": 3 * K + J}
