@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -14,7 +15,7 @@ from modal.errors import ComputationError
 from modal.scene import Scene, scene_from
 from nonlinear import simulate
 from nonlinear.integration import Trajectory
-from nonlinear.integration.switches import Switches, switches_of
+from nonlinear.integration.switches import Switches, members_of, switches_of
 from nonlinear.system import system_of
 
 ESCAPEMENT = {"kind": "escapement", "impulse": 0.05, "angle_deg": 3.0}
@@ -232,3 +233,27 @@ def test_columns_through_two_switches_at_once_are_those_of_one_after_the_other(k
     motions += [np.array(moved(switches, (y + k * h * direction).tolist(), end)[0]) for k in (1, 2)]
     assert len(switches.happened) == (6 if kicked else 0)
     assert V[0] == pytest.approx((4 * motions[1] - 3 * motions[0] - motions[2]) / (2 * h), rel=1e-4, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_members_side_by_side_switch_like_each(name: str) -> None:
+    own = system_of(SCENES[name])
+    systems = [replace(own, gravity=g) for g in (9.0, 9.81, 10.0)]
+    rng, crowd, each = np.random.default_rng(3), members_of(systems), [switches_of(one) for one in systems]
+    y = rng.normal(size=(each[0].places.size, 3)) * 0.2
+    V = rng.normal(size=(*y.shape, 2))
+    state = crowd.begin(0.0, y)
+    rate = "sticking" if each[0].places.J else "rates"
+    rows = [one.function(rate)(y[:, k].tolist(), one.inputs(state[:, k].tolist()), ()) for k, one in enumerate(each)]
+    values, rises = crowd.at(slice(1, 3)).values(np.zeros(2), y[:, 1:], np.array(rows).T[:, 1:], state[:, 1:])
+    for k, one in enumerate(each):
+        mine = one.begin(0.0, y[:, k])
+        assert mine == state[:, k].tolist()
+        if k:
+            expected = one.values(y[:, k].tolist(), rows[k], one.inputs(mine), mine)
+            assert (values[:, k - 1], rises[:, k - 1]) == (pytest.approx(expected[0]), pytest.approx(expected[1]))
+        columns, changed = V[:, k].T.tolist(), state[:, k].copy()
+        after = crowd.at(k).change(0.5, 0, np.column_stack((y[:, k], V[:, k])), np.array(rows[k])[:, None], changed)
+        expected_y, columns = one.change(0.5, 0, y[:, k].tolist(), rows[k], mine, columns)
+        assert after.T.tolist() == [pytest.approx(expected_y), *map(pytest.approx, columns)]
+        assert (changed.tolist(), crowd.histories[k]) == (pytest.approx(mine), [*map(pytest.approx, one.happened)])
