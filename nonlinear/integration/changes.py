@@ -23,8 +23,10 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from math import nan
-from typing import Any, NamedTuple
+from typing import Any
 
 TOGETHER = 1e-12  # rad by which a kick, or natural velocity by which a stop, may come early to coincide with another
 BRIEF, OFTEN = 1e-7, 4.0  # phases shorter than this, over √(l/g), of which so many in a row are chatter
@@ -34,7 +36,8 @@ TEXTS = "sticking", "friction", "responses", "kick", "kicked"
 EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts
 
 
-class Places(NamedTuple):
+@dataclass(frozen=True)
+class Places:
     """Where numbers stand: the size of y and its half, pairs of coordinates of K kicks and J contacts, and the rest.
 
     `e`, `firm`, `brief`, `since`, `turned` and `work` are places in the state, `told` of its numbers enter texts;
@@ -50,17 +53,17 @@ class Places(NamedTuple):
     presses: bool
     timed: int
 
-    @property
+    @cached_property
     def e(self) -> int:
         """The place of the sign of N."""
         return self.K + self.J
 
-    @property
+    @cached_property
     def firm(self) -> int:
         """The place of the first firmness."""
         return self.e + self.presses
 
-    @property
+    @cached_property
     def told(self) -> int:
         """How many numbers of the state enter texts."""
         return self.firm + self.J

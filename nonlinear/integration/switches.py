@@ -54,11 +54,6 @@ class Switches:
         """The texts."""
         return switching_of(self.form, self.kicks)
 
-    @property
-    def count(self) -> int:
-        """How many switches there are: kicks to the right, to the left, contacts, and N of a rail."""
-        return 2 * len(self.kicks) + len(self.form.contacts) + self.form.presses
-
     def member(self, k: int) -> Switches:
         """Those of one of many members."""
 
@@ -113,12 +108,14 @@ class Switches:
         `f` is y', `u` the inputs with those of contacts, `w` the rates of the inputs before these, by default 0 but
         for a time (1).
         """
-        arrays = isinstance(y, np.ndarray) and y.ndim > 1
-        at = self.places
-        timed = w if len(w) else [1.0 if self._is_timed else 0.0] * at.timed
-        slides = not at.presses and all(np.all(s) for s in state[at.K : at.e])
-        given = [*f[: at.size], *state[: at.told], *self.numbers[: 3 * at.K + at.J], *timed]
-        found = self._valued(arrays)["clear" if slides else "values"](y, u, given)
+        arrays, at = isinstance(y, np.ndarray) and y.ndim > 1, self.places
+        if not len(w):
+            w = self._rates_of_inputs
+        signs = state[at.K : at.K + at.J]
+        slides = not at.presses and (bool(np.all(signs)) if arrays else all(signs))
+        v = [*f[: at.size], *state[: at.told], *self._given, *w]
+        functions = self._of_arrays if arrays else self._of_floats
+        found = functions[slides](y, u, v)
         return found[: self.count], found[self.count :]
 
     def change(
@@ -180,20 +177,26 @@ class Switches:
         return Friction(links[[phase[2] for phase in phases]], begin, end, links, work, rest)
 
     @cached_property
-    def _is_timed(self) -> bool:
+    def _rates_of_inputs(self) -> list[float]:
         support = self.form.system.support
-        return support is not None and bool(support.motion.constants)
-
-    def _valued(self, arrays: bool) -> dict[str, Any]:
-        return self._of_arrays if arrays else self._of_floats
+        return [1.0 if support is not None and support.motion.constants else 0.0] * self.places.timed
 
     @cached_property
-    def _of_floats(self) -> dict[str, Any]:
-        return {name: self.function(name) for name in ("values", "clear")}
+    def _given(self) -> list[Any]:
+        return [*self.numbers[:-1]]
 
     @cached_property
-    def _of_arrays(self) -> dict[str, Any]:
-        return {name: self.function(name, "arrays") for name in ("values", "clear")}
+    def count(self) -> int:
+        """How many switches there are: kicks to the right, to the left, contacts, and N of a rail."""
+        return 2 * len(self.kicks) + len(self.form.contacts) + self.form.presses
+
+    @cached_property
+    def _of_floats(self) -> tuple[Any, Any]:
+        return self.function("values"), self.function("clear")
+
+    @cached_property
+    def _of_arrays(self) -> tuple[Any, Any]:
+        return self.function("values", "arrays"), self.function("clear", "arrays")
 
     @cached_property
     def _changing(self) -> Any:
