@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from math import nan
@@ -21,6 +21,8 @@ from nonlinear.integration.changes import TEXTS, Places, changing, compiled_sour
 from nonlinear.system import NO_KICKS, Friction, Kicks, System, entries_of, prescribed_of
 
 JAMMED = "the rail's friction has no consistent value: its coefficient is too large for these links"
+JAM = 1e4  # friction on the rail over that of all weights and centrifugal forces, beyond which it has no bound
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 SHORT = 1e-5  # of a second and of the time, over which rates of inputs are differences
 Happening = tuple[float, float, float, float]
 
@@ -145,6 +147,40 @@ class Switches:
                 y[below] = state[at.told + 2 * at.J + i] + (y[above] if above >= 0 else 0.0)
                 y[at.half + below] = y[at.half + above] if above >= 0 else 0.0
 
+    def passed(
+        self,
+        inside: Callable[[Floats], Floats],
+        before: float,
+        now: float,
+        state: list[float],
+        u: Callable[[float], Sequence[float]] = lambda time: (),
+    ) -> None:
+        """The work within a step of friction on a rail with a coefficient, by Gauss's quadrature, added to the state.
+
+        `inside` gives y (T, size) at times within the step, u the inputs before those of contacts.  ComputationError
+        where friction has no bound.
+        """
+        at = self.places
+        if not at.presses or not state[at.K] or now <= before:
+            return
+        times = (before + now) / 2 + (now - before) / 2 * NODES
+        rows, added, friction = inside(times).tolist(), self.inputs(state), self.function("friction")
+        forces = [friction(y, [*u(t), *added], ())[0] for t, y in zip(times.tolist(), rows, strict=True)]
+        self._refuse_jam(np.array(rows[-1]), forces[-1])
+        work = sum(w * force * y[at.half] for w, force, y in zip(WEIGHTS.tolist(), forces, rows, strict=True))
+        state[at.told + 3 * at.J] += (now - before) / 2 * work
+
+    def _refuse_jam(self, y: Floats, force: float) -> None:
+        """ComputationError where this friction (N) of the rail is beyond all weights and inertial forces.
+
+        Before it has no value it grows as 1/(1 + s μ e n₀), and no integrator's steps, however short, reach that end.
+        """
+        system, at = self.form.system, self.places
+        rates = y[at.half + 1 : 2 * at.half]
+        thrown = sum(float(group.block.b.ravel() @ rates[group.index].ravel() ** 2) for group in system.groups)
+        if abs(force) > JAM * self.numbers[3 * at.K] * (system.gravity * system.total_mass + thrown):
+            raise ComputationError(JAMMED)
+
     def rests(self, state: Sequence[float]) -> bool:
         """Whether every coordinate is held for good, as nothing from outside changes."""
         at, system = self.places, self.form.system
@@ -158,8 +194,8 @@ class Switches:
         time, _, impulse, fed = np.array(own).reshape(-1, 4).T
         return Kicks(time, which, impulse, fed)
 
-    def rubbed(self, t: float, y: Sequence[float], state: Sequence[float], more: Floats | float = 0.0) -> Friction:
-        """What friction did until this time, with `more` work (J,) of a rail with a coefficient."""
+    def rubbed(self, t: float, y: Sequence[float], state: Sequence[float]) -> Friction:
+        """What friction did until this time."""
         at, contacts = self.places, range(2 * self.places.K, 2 * self.places.K + self.places.J)
         phases, rest = [], nan
         for j in contacts:
@@ -169,7 +205,7 @@ class Switches:
             rest = max(one[0] for one in self.happened if one[1] in contacts)
         links = np.array([below for below, _ in at.contacts], dtype=np.int64) - int(self.form.on_cart)
         phases.sort()
-        work = np.array(state[at.told + 3 * at.J :]) + more
+        work = np.array(state[at.told + 3 * at.J :])
         for i, pair in enumerate(at.contacts):
             if state[at.K + i] and not (at.presses and i == 0):
                 work[i] -= self.numbers[3 * at.K + i] * abs(_relative(y, pair) - state[at.told + 2 * at.J + i])
