@@ -14,7 +14,6 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.contacts import contacts_of
 from nonlinear.dynamics.forms import Form, form_of
-from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.switching import Pairs, switching_of
 from nonlinear.dynamics.text import Module, function_in
 from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
@@ -23,7 +22,6 @@ from nonlinear.system import NO_KICKS, Friction, Kicks, System, entries_of, pres
 JAMMED = "the rail's friction has no consistent value: its coefficient is too large for these links"
 JAM = 1e4  # friction on the rail over that of all weights and centrifugal forces, beyond which it has no bound
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
-SHORT = 1e-5  # of a second and of the time, over which rates of inputs are differences
 Happening = tuple[float, float, float, float]
 
 
@@ -247,72 +245,6 @@ class Switches:
             raise ComputationError(JAMMED)
 
 
-@dataclass(eq=False)
-class Members:
-    """The switches of members side by side, or of one, as `nonlinear.integration.lanes` steps them.
-
-    `own` have arrays where members differ; `histories` are what happened to each.
-    """
-
-    own: Switches
-    histories: list[list[Happening]]
-
-    @property
-    def count(self) -> int:
-        """How many switches there are."""
-        return self.own.count
-
-    @cached_property
-    def _inputs(self) -> Inputs:
-        return Inputs(self.own.form.system)
-
-    def at(self, members: Any) -> Members:
-        """Those of some members, or of one."""
-        if isinstance(members, (int, np.integer)):
-            one = self.own.member(int(members))
-            one.happened = self.histories[int(members)]
-            return Members(one, [one.happened])
-        constants, numbers = (
-            [each[members] if np.ndim(each) else each for each in own] for own in (self.own.constants, self.own.numbers)
-        )
-        found = replace(self.own, constants=constants, numbers=numbers)
-        return Members(found, [self.histories[k] for k in np.arange(len(self.histories))[members]])
-
-    def begin(self, t: float, y: Any) -> Floats:
-        """The state (m, S) of members that begin at y (size, S)."""
-        u = self._of_time(t)
-        states = [self.at(k).own.begin(t, y[:, k].tolist(), u) for k in range(y.shape[1])]
-        return np.array(states).reshape(y.shape[1], -1).T.copy()
-
-    def inputs(self, state: Any) -> list[Any]:
-        """What a state adds to the inputs of the rates, arrays (S,)."""
-        return self.own.inputs(state)
-
-    def values(self, t: Any, y: Any, f: Any, state: Any) -> tuple[Any, Any]:
-        """The values (count, S) and their rates at times t (S,), of y and y' (size, S)."""
-        u: list[Any] = []
-        w: list[Any] = []
-        if timed := self.own.places.timed:
-            u, step = self._inputs.beside(t), SHORT * (1.0 + np.abs(t))
-            sides = (self._inputs.beside(t + side * step) for side in (1.0, -1.0))
-            w = [(after - before) / (2 * step) for after, before in zip(*sides, strict=True)]
-            assert len(u) == timed
-        V, R = self.own.values(y, f, [*u, *self.own.inputs(state)], state, w)
-        return tuple(np.array([np.broadcast_to(one, y.shape[1:]) for one in each]) for each in (V, R))  # type: ignore[return-value]
-
-    def change(self, t: float, j: int, y: Any, f: Any, state: Any) -> Any:
-        """The y (size,) or (size, 1 + k) of one member after value j has passed, with its state changed in place."""
-        own, u = state.tolist(), self._of_time(t)
-        columns = y.reshape(len(y), -1).T.tolist()
-        slope = f.reshape(len(f), -1)[:, 0].tolist()
-        after, V = self.own.change(t, j, columns[0], slope, own, columns[1:], u)
-        state[:] = own
-        return np.array([after, *V]).T.reshape(y.shape)
-
-    def _of_time(self, t: float) -> list[float]:
-        return [*self._inputs.of_time(t)] if self.own.places.timed else []
-
-
 @lru_cache(maxsize=64)
 def _scalars_of(module: Module) -> dict[str, str]:
     """The texts of `TEXTS`."""
@@ -349,29 +281,17 @@ def switched(form: Form) -> Form:
     return replace(form, contacts=own.pairs, presses=own.coefficient > 0)
 
 
-def switches_of(system: System, *, pushed: bool = False, works: bool | None = None) -> Switches:
-    """The switches of a system, `pushed` by a load, with the work counted or not."""
-    form, contacts = switched(form_of(system, pushed=pushed, works=works)), contacts_of(system)
-    kicks, numbers = kicks_of(system)
+def numbers_of(system: System) -> list[float]:
+    """The numbers of the switches of a system."""
+    contacts, (_, numbers) = contacts_of(system), kicks_of(system)
     limits = contacts.limit.tolist()
     if contacts.coefficient:
         limits[0] = contacts.coefficient
+    return [*numbers, *limits, float(system.rate)]
+
+
+def switches_of(system: System, *, pushed: bool = False, works: bool | None = None) -> Switches:
+    """The switches of a system, `pushed` by a load, with the work counted or not."""
+    form, (kicks, _) = switched(form_of(system, pushed=pushed, works=works)), kicks_of(system)
     constants = switching_of(form, kicks).constants(form.numbers(entries_of(system), prescribed_of(system)))
-    return Switches(form, kicks, constants, [*numbers, *limits, float(system.rate)])
-
-
-def members_of(systems: Sequence[System], *, works: bool | None = None) -> Members:
-    """The switches of systems with one form, side by side."""
-    rows = [(entries_of(one), prescribed_of(one)) for one in systems]
-    entries, prescribed = ([_joined(column) for column in zip(*part, strict=True)] for part in zip(*rows, strict=True))
-    form = switched(form_of(systems[0], entries, prescribed, works=works))
-    own = [switches_of(one, works=works) for one in systems]
-    kicks = own[0].kicks
-    constants = switching_of(form, kicks).constants(form.numbers(entries, prescribed))
-    numbers = [np.array(column) for column in zip(*(one.numbers for one in own), strict=True)]
-    return Members(Switches(form, kicks, constants, numbers), [[] for _ in systems])
-
-
-def _joined(column: Sequence[float]) -> Any:
-    """One number, or an array where they differ."""
-    return column[0] if all(one == column[0] for one in column) else np.array(column)
+    return Switches(form, kicks, constants, numbers_of(system))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise, product
 from typing import Any
 
@@ -14,8 +13,9 @@ from scipy.integrate import solve_ivp
 from modal.errors import ComputationError
 from modal.scene import Scene, scene_from
 from nonlinear import simulate
+from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import Trajectory
-from nonlinear.integration.switches import Switches, members_of, switches_of
+from nonlinear.integration.switches import Switches, switches_of
 from nonlinear.system import system_of
 
 ESCAPEMENT = {"kind": "escapement", "impulse": 0.05, "angle_deg": 3.0}
@@ -32,12 +32,14 @@ def scene_of(
     return scene_from({"gravity": 9.81, "pendulum": pendula, **more})
 
 
+SHAKEN = {"kind": "moved", "motion": {"kind": "sine", "amplitude": 0.1, "frequency_hz": 1.0}}
 SCENES = {
     "clock": scene_of({"damping": 0.05, "drive": ESCAPEMENT}, {"length": 0.7, "damping": 0.02}, angles=(10.0, -5.0)),
     "two clocks": scene_of({"damping": 0.05, "drive": ESCAPEMENT}, angles=(9.0,), copies=2, support=CART),
     "rubbing": scene_of({"friction": 0.5}, {"length": 0.7, "friction": 0.4}, angles=(60.0, -50.0)),
     "rubbing clock": scene_of({"friction": 0.1, "drive": ESCAPEMENT}, {"friction": 0.02}, angles=(10.0, -5.0)),
     "rail": scene_of({"friction": 0.1}, {}, angles=(80.0, -50.0), support={**CART, "friction": 2.0}),
+    "shaken": scene_of({"friction": 1.5, "drive": ESCAPEMENT}, {"friction": 0.2}, angles=(20.0, 10.0), support=SHAKEN),
     "coefficient": scene_of({"friction": 0.1}, {}, angles=(80.0, -50.0), support={**CART, "friction_coefficient": 0.2}),
 }
 
@@ -55,10 +57,11 @@ def moved(
 ) -> tuple[list[float], list[float]]:
     """The y and the state at the end by SciPy's DOP853 with the switches as its events, and columns V along with it."""
     rate = switches.function("sticking" if switches.places.J else "rates")
-    state, t, size = switches.begin(0.0, y), 0.0, len(y)
+    timed, t, size = Inputs(switches.form.system).of_time, 0.0, len(y)
+    state = switches.begin(0.0, y, timed(0.0))
 
     def derivative(t: float, both: Any) -> Any:
-        u = switches.inputs(state)
+        u = [*timed(t), *switches.inputs(state)]
         own = rate([*both[:size]], u, ())
         columns = [
             _sloped(lambda one: rate([*one], u, ()), both[:size], v) for v in np.reshape(both[size:], (-1, size))
@@ -67,7 +70,7 @@ def moved(
 
     def passing(j: int) -> Callable[[float, Any], float]:
         def value(t: float, both: Any) -> float:
-            y, u = [*both[:size]], switches.inputs(state)
+            y, u = [*both[:size]], [*timed(t), *switches.inputs(state)]
             return float(switches.values(y, rate(y, u, ()), u, state)[0][j])
 
         value.terminal, value.direction = True, 1  # type: ignore[attr-defined]
@@ -88,7 +91,7 @@ def moved(
             dense_output=True,
         )
         for before, now in pairwise(found.t.tolist()):
-            switches.passed(lambda times, inside=found.sol: inside(times).T[:, :size], before, now, state)  # type: ignore[misc]
+            switches.passed(lambda times, inside=found.sol: inside(times).T[:, :size], before, now, state, timed)  # type: ignore[misc]
         t, y, columns = found.t[-1], found.y[:size, -1].tolist(), found.y[size:, -1]
         passed = [j for j, times in enumerate(found.t_events) if len(times)]
         if V is not None:
@@ -96,11 +99,7 @@ def moved(
         if not passed:
             return y, state
         f = derivative(t, y)[:size].tolist()
-        y = (
-            switches.change(t, passed[0], y, f, state)
-            if V is None
-            else switches.change(t, passed[0], y, f, state, V)[0]
-        )
+        y = switches.change(t, passed[0], y, f, state, V or [], timed(t))[0]
         columns = np.array([] if V is None else V).ravel()
 
 
@@ -184,20 +183,23 @@ def test_values_and_their_rates_of_many_are_those_of_each(name: str) -> None:
     rng, switches = np.random.default_rng(1), switches_of(system_of(SCENES[name]))
     at = switches.places
     rows = rng.normal(size=(5, at.size)) * 0.2
-    states = [switches.begin(0.0, row) for row in rows]
+    timed = Inputs(switches.form.system).of_time
+    states = [switches.begin(0.3, row, timed(0.3)) for row in rows]
     for state in states:
         if at.J:
             state[at.K] = 0.0
     rate, each = switches.function("sticking" if at.J else "rates"), []
     for row, state in zip(rows.tolist(), states, strict=True):
-        u = switches.inputs(state)
+        u = [*timed(0.3), *switches.inputs(state)]
         f = rate(row, u, ())
         each.append((f, switches.values(row, f, u, state)))
-        ahead, behind = (np.add(row, np.multiply(s, f)).tolist() for s in (1e-6, -1e-6))
-        sides = [switches.values(y, rate(y, u, ()), u, state)[0] for y in (ahead, behind)]
+        sides = []
+        for s in (1e-6, -1e-6):
+            y, w = np.add(row, np.multiply(s, f)).tolist(), [*timed(0.3 + s), *switches.inputs(state)]
+            sides.append(switches.values(y, rate(y, w, ()), w, state)[0])
         assert np.subtract(*sides) / 2e-6 == pytest.approx(each[-1][1][1], rel=1e-6, abs=1e-6)
     side = np.array(states).T
-    V, R = switches.values(rows.T, np.array([f for f, _ in each]).T, switches.inputs(side), side)
+    V, R = switches.values(rows.T, np.array([f for f, _ in each]).T, [*timed(0.3), *switches.inputs(side)], side)
     for k, (_, own) in enumerate(each):
         assert [np.broadcast_to(one, 5)[k] for one in V] == pytest.approx(own[0], rel=1e-13)
         assert [np.broadcast_to(one, 5)[k] for one in R] == pytest.approx(own[1], rel=1e-12, abs=1e-12)
@@ -237,25 +239,18 @@ def test_columns_through_two_switches_at_once_are_those_of_one_after_the_other(k
     assert V[0] == pytest.approx((4 * motions[1] - 3 * motions[0] - motions[2]) / (2 * h), rel=1e-4, abs=1e-4)
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_members_side_by_side_switch_like_each(name: str) -> None:
-    own = system_of(SCENES[name])
-    systems = [replace(own, gravity=g) for g in (9.0, 9.81, 10.0)]
-    rng, crowd, each = np.random.default_rng(3), members_of(systems), [switches_of(one) for one in systems]
-    y = rng.normal(size=(each[0].places.size, 3)) * 0.2
-    V = rng.normal(size=(*y.shape, 2))
-    state = crowd.begin(0.0, y)
-    rate = "sticking" if each[0].places.J else "rates"
-    rows = [one.function(rate)(y[:, k].tolist(), one.inputs(state[:, k].tolist()), ()) for k, one in enumerate(each)]
-    values, rises = crowd.at(slice(1, 3)).values(np.zeros(2), y[:, 1:], np.array(rows).T[:, 1:], state[:, 1:])
-    for k, one in enumerate(each):
-        mine = one.begin(0.0, y[:, k])
-        assert mine == state[:, k].tolist()
-        if k:
-            expected = one.values(y[:, k].tolist(), rows[k], one.inputs(mine), mine)
-            assert (values[:, k - 1], rises[:, k - 1]) == (pytest.approx(expected[0]), pytest.approx(expected[1]))
-        columns, changed = V[:, k].T.tolist(), state[:, k].copy()
-        after = crowd.at(k).change(0.5, 0, np.column_stack((y[:, k], V[:, k])), np.array(rows[k])[:, None], changed)
-        expected_y, columns = one.change(0.5, 0, y[:, k].tolist(), rows[k], mine, columns)
-        assert after.T.tolist() == [pytest.approx(expected_y), *map(pytest.approx, columns)]
-        assert (changed.tolist(), crowd.histories[k]) == (pytest.approx(mine), [*map(pytest.approx, one.happened)])
+@pytest.mark.parametrize("name", ["two clocks", "coefficient"])
+def test_the_source_for_numba_does_the_same(name: str) -> None:
+    switches = switches_of(system_of(SCENES[name]))
+    at, rng = switches.places, np.random.default_rng(4)
+    y, V, space = (0.2 * rng.normal(size=at.size)).tolist(), rng.normal(size=(2, at.size)), {"compiled": lambda f: f}
+    exec(compile(switches.source(), "<switches>", "exec"), space)
+    state = switches.begin(0.0, y)
+    f = switches.function("sticking" if at.J else "rates")(y, switches.inputs(state), ())
+    for j in range(switches.count):
+        states, columns, happened = ([*state], [*state]), V.copy(), []
+        own, W = switches.change(0.5, j, y, f, states[0], V.tolist())
+        rest = (states[1], [*switches.numbers], switches.constants, [], columns, happened)
+        assert space["change"](0.5, j, y, f, *rest) == own  # type: ignore[operator]
+        assert (states[1], columns.tolist()) == (states[0], W)
+        assert happened == switches.happened[len(switches.happened) - len(happened) :]
