@@ -211,22 +211,29 @@ def rubbing_of(form: Form) -> Module:
     which end with N and ∂N/∂τ (J,).
     """
     own = Equations(form)
-    minimal, half, gripping = own.minimal, own.minimal.layout.half, own.instant.gripping
-    assert gripping is not None
-    rates, rubbed = minimal.rubbed(own.y, own.instant)
+    rates, rubbed = own.minimal.rubbed(own.y, own.instant)
     push = [] if rubbed.normal is None else [rubbed.normal]
-    free = minimal.rates(own.y, own.instant._replace(gripping=None))
-    columns = minimal.responses(own.y[form.on_cart : half], own.instant)
-    responding = [*free.tolist(), *columns.ravel().tolist()]
-    if push:
-        normal = partial(minimal.reaction, own.y, own.instant)
-        responding += [normal(free[half : 2 * half]), *(normal(column, False) for column in columns.T)]
     return Module(
         own.tape,
         {
             "rates": own.rates,
             "sticking": [*rates.tolist(), *push],
             "friction": [*rubbed.tau, *push],
-            "responses": responding,
+            "responses": responding(own, form),
         },
     )
+
+
+def responding(own: Equations, form: Form) -> list[Any]:
+    """The y' of a form with `contacts` without friction, then M⁻¹Jᵀ (half, J) row by row.
+
+    Where the rail has a coefficient N and ∂N/∂τ (J,) follow.
+    """
+    minimal, half = own.minimal, own.minimal.layout.half
+    free = minimal.rates(own.y, own.instant._replace(gripping=None))
+    columns = minimal.responses(own.y[form.on_cart : half], own.instant)
+    found = [*free.tolist(), *columns.ravel().tolist()]
+    if not form.presses:
+        return found
+    normal = partial(minimal.reaction, own.y, own.instant)
+    return [*found, normal(free[half : 2 * half]), *(normal(column, False) for column in columns.T)]

@@ -14,11 +14,11 @@ An impulse P at a kicked joint acts on the link below and −P on the one above:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 from nonlinear.dynamics.contacts import Gripping
-from nonlinear.dynamics.forms import Equations, Form
+from nonlinear.dynamics.forms import Equations, Form, responding
 from nonlinear.dynamics.tape import along
 from nonlinear.dynamics.text import Module
 
@@ -68,7 +68,7 @@ def switching_of(form: Form, kicks: Pairs = ()) -> Module:
         ]
         rates, rubbed = minimal.rubbed(y, own.instant)
         force = [*rubbed.tau, *([] if rubbed.normal is None else [rubbed.normal])]
-        texts |= {"sticking": rates.tolist(), "friction": force, "responses": _responses(own, form)}
+        texts |= {"sticking": rates.tolist(), "friction": force, "responses": responding(own, form)}
         slope = along(tape, force, *moved)
         texts["clear"] = [*V, *sliding, *R, *slowing]
         for j, s in enumerate(signs):
@@ -107,21 +107,6 @@ def _of_kicks(kicks: Pairs, rows: tuple[Any, Any], sides: Any, numbers: Any) -> 
     left = [s.where(-FAR, -g - a) for s, g, a in zip(sides, gamma, angle, strict=True)]
     rates = [(-s).where(0.0, r) for s, r in zip(sides, speed, strict=True)]
     return right + left, rates + [s.where(0.0, -r) for s, r in zip(sides, speed, strict=True)]
-
-
-def _responses(own: Equations, form: Form) -> list[Any]:
-    minimal, half = own.minimal, own.minimal.layout.half
-    free = minimal.rates(own.y, own.instant._replace(gripping=None))
-    columns = minimal.responses(own.y[form.on_cart : half], own.instant)
-    if not form.presses:
-        return [*free.tolist(), *columns.ravel().tolist()]
-    normal = partial(minimal.reaction, own.y, own.instant)
-    return [
-        *free.tolist(),
-        *columns.ravel().tolist(),
-        normal(free[half : 2 * half]),
-        *(normal(column, False) for column in columns.T),
-    ]
 
 
 def _after(own: Equations, kicks: Pairs, impulses: Sequence[Any]) -> list[Any]:
