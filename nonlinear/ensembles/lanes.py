@@ -10,8 +10,9 @@ from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.integration import pacing
-from nonlinear.integration.lanes import Task, Watch, fill, integrate
+from nonlinear.integration.lanes import Task, Watch, integrate
 from nonlinear.integration.watches import Crossings, FirstTurns, Growth, Largest, Samples, Stretching
+from nonlinear.integration.within import fill
 from nonlinear.system import Layout, Numbers
 
 SEED = 0  # of the direction of tangent vectors
