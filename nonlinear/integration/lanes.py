@@ -203,11 +203,11 @@ class Front:
             self.value[:, columns], self.rise[:, columns] = switches.values(self.t[columns], *own)
 
     def _motion(self, y: Floats) -> Floats:
-        return y if y.ndim < 3 else y[:, :, 0].real
+        return y if self.y.ndim < 3 else y[..., 0].real
 
     def _judged(self, y: Floats) -> Floats:
         """What tells the error."""
-        return y if y.ndim < 3 else (y if self.task.whole else y[..., :1]).real
+        return y if self.y.ndim < 3 else (y if self.task.whole else y[..., :1]).real
 
     def attempt(self) -> Step:
         """A step of every lane."""
