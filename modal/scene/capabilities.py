@@ -151,8 +151,8 @@ PERIODIC = Capability(
 
 SIDE_BY_SIDE = Capability(
     "engine numpy",
-    SHAPE | DRAG | LOSS | {"van_der_pol", "moved_support", "hoist"},
-    refuses=ALONE,
+    SHAPE | DRAG | LOSS | FRICTION | DRIVES | {"moved_support", "hoist"},
+    refuses={"space": ALONE["space"]},
     unless=STOPS,
     beside=UNLOADED,
 )
@@ -280,17 +280,18 @@ CAPABILITIES: dict[str, Capability] = {
         replace(
             SIDE_BY_SIDE,
             name="engine numba",
-            takes=SIDE_BY_SIDE.takes - {"moved_support"},
+            takes=SIDE_BY_SIDE.takes - FRICTION - {"moved_support", "escapement"},
+            refuses=ALONE,
             unless={**STOPS, "moved_support": "takes no sweep"},
         ),
         replace(
             SIDE_BY_SIDE,
             name="engine heyoka",
-            takes=SIDE_BY_SIDE.takes - {"quadratic_drag", "moved_support", "hoist"},
+            takes=SIDE_BY_SIDE.takes - FRICTION - {"quadratic_drag", "moved_support", "hoist", "escapement"},
             refuses={**ALONE, **KINK},
             unless={**STOPS, "moved_support": NO_SERIES, "hoist": NO_SERIES},
         ),
-        replace(SIDE_BY_SIDE, name="an ensemble", refuses=NONE, singly=ALONE),
+        replace(SIDE_BY_SIDE, name="an ensemble", refuses=NONE, singly={"space": ALONE["space"]}),
         Capability(
             "motion in a few modes",
             SHAPE | LOSS | {"quadratic_drag"},

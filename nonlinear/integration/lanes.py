@@ -167,7 +167,7 @@ class Front:
         """Numbers and room for the lanes that are there now."""
         task, members = self.task, self.member
         self.numbers, self.until = task.numbers.at(members), task.ends[members]
-        self.rates = self._held(task.lanes.rates(self.numbers), self.state)
+        self.rates = self._held(task.lanes.rates(self.numbers), ALL)
         self.relative, self.absolute = task.relative[members], task.absolute[:, members]
         self.stages = np.empty((STAGES + 1, *self.y.shape), self.y.dtype)
         self.next, self.work = np.empty_like(self.y), np.empty_like(self.y)
@@ -178,13 +178,14 @@ class Front:
 
     def rates_of(self, columns: Ints) -> Rates:
         """The rates of the lanes in some columns."""
-        return self._held(self.task.lanes.rates(self.numbers.at(columns)), self.state[:, columns])
+        return self._held(self.task.lanes.rates(self.numbers.at(columns)), columns)
 
-    def _held(self, rates: Rates, state: Floats) -> Rates:
+    def _held(self, rates: Rates, columns: Any) -> Rates:
         """The rates with what the state of switches adds to their inputs."""
         if self.task.switches is None:
             return rates
-        held = [beside(one, self.y) for one in self.task.switches.inputs(state)]
+        switches = self.task.switches.at(self.member[columns])
+        held = [beside(one, self.y) for one in switches.inputs(self.state[:, columns])]
         return lambda y, times=0.0: rates(y, times, held)
 
     def _now(self, columns: Any = ALL) -> Floats:
@@ -302,7 +303,7 @@ class Front:
             due = (value > 0) & (rise > 0)
             which = np.argmax(np.where(due, value, -inf), axis=0)
             columns, which = columns[due.any(0)], which[due.any(0)]
-        self.rates = self._held(self.task.lanes.rates(self.numbers), self.state)
+        self.rates = self._held(self.task.lanes.rates(self.numbers), ALL)
 
     def _land(self, before: Floats) -> None:
         """Begin anew the lanes that have come to a break."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import nan
 from typing import Any
 
@@ -195,7 +195,7 @@ class Switches:
 
     @cached_property
     def _changing(self) -> Any:
-        return changing(self.places, {name: function_in(text, name) for name, text in self._scalar.items()})
+        return _changes_of(self.form, self.kicks)
 
     @cached_property
     def _scalar(self) -> dict[str, str]:
@@ -210,6 +210,13 @@ class Switches:
     def _refuse(self, state: Sequence[float]) -> None:
         if self.places.J and state[self.places.K] != state[self.places.K]:
             raise ComputationError(JAMMED)
+
+
+@lru_cache(maxsize=64)
+def _changes_of(form: Form, kicks: Pairs) -> Any:
+    """The functions of `changing`, which take numbers and constants of a member as arguments."""
+    own = Switches(form, kicks, (), ())
+    return changing(own.places, {name: function_in(text, name) for name, text in own._scalar.items()})
 
 
 def _relative(values: Sequence[float], pair: tuple[int, int]) -> float:
@@ -236,12 +243,17 @@ def switched(form: Form) -> Form:
     return replace(form, contacts=own.pairs, presses=own.coefficient > 0)
 
 
-def switches_of(system: System, *, pushed: bool = False, works: bool | None = None) -> Switches:
-    """The switches of a system, `pushed` by a load, with the work counted or not."""
-    form, contacts = switched(form_of(system, pushed=pushed, works=works)), contacts_of(system)
-    kicks, numbers = kicks_of(system)
+def numbers_of(system: System) -> list[float]:
+    """The numbers of the switches of a system."""
+    contacts, (_, numbers) = contacts_of(system), kicks_of(system)
     limits = contacts.limit.tolist()
     if contacts.coefficient:
         limits[0] = contacts.coefficient
+    return [*numbers, *limits, float(system.rate)]
+
+
+def switches_of(system: System, *, pushed: bool = False, works: bool | None = None) -> Switches:
+    """The switches of a system, `pushed` by a load, with the work counted or not."""
+    form, (kicks, _) = switched(form_of(system, pushed=pushed, works=works)), kicks_of(system)
     constants = switching_of(form, kicks).constants(form.numbers(entries_of(system), prescribed_of(system)))
-    return Switches(form, kicks, constants, [*numbers, *limits, float(system.rate)])
+    return Switches(form, kicks, constants, numbers_of(system))
