@@ -97,9 +97,9 @@ class Accounts:
         return np.asarray(-2 * system.gravity * standing)
 
     def drift(self, before: Floats, after: Floats, end: float, rubbed: Floats | float = 0.0) -> Floats:
-        """(E after − E before − work)/range of the energies, (S,), from t = 0 to the `end` (s); `rubbed` is the work of dry friction.
+        """(E after − E before − work)/range of the energies, (S,), from t = 0 to the `end` (s).
 
-        The range is the largest of what is known of it.
+        `rubbed` is the work of dry friction.  The range is the largest of what is known of it.
 
         That is the energy above that of links that hang still, kinetic energy at either end, what potential energy has
         changed by, and the work.
