@@ -61,13 +61,9 @@ class Watch(Protocol):
 
 
 class Switches(Protocol):
-    """What ends steps where a value passes from below to above 0, and changes y and the state (m, S) there."""
+    """What `Task.switches.at(members)` gives: steps end where a value passes from below to above 0, which changes y."""
 
     count: int
-
-    def at(self, members: Any) -> Any:
-        """Those of some members, or of one."""
-        ...
 
     def inputs(self, state: Any) -> Any:
         """What a state adds to the inputs of the rates, arrays (S,)."""
@@ -98,7 +94,7 @@ class Task:
     relative: Floats
     absolute: Floats
     first: Floats
-    switches: Switches | None = None
+    switches: Any = None
     state: Floats | None = None
     whole: bool = False
 
@@ -293,7 +289,7 @@ class Front:
             if not len(columns):
                 return
             for column, j in zip(columns.tolist(), which.tolist(), strict=True):
-                one = self.task.switches.at(self.member[column])  # type: ignore[union-attr]
+                one = self.task.switches.at(self.member[column])
                 own, state = (self.y[:, column], self.stages[0][:, column]), self.state[:, column].copy()
                 self.y[:, column] = one.change(float(self.t[column]), j, *own, state)
                 self.state[:, column] = state
