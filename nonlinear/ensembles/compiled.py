@@ -17,7 +17,9 @@ from nonlinear.dynamics.lanes import Rates
 from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.ensembles.kernels import ROWS, WIDTH, module_of, source
 from nonlinear.ensembles.lanes import Watches, stretched, task_of, watches_of
-from nonlinear.integration.lanes import NOT_FINITE, STAGES, TOO_SHORT, Step, Task, Watch
+from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, Task, Watch
+from nonlinear.integration.method import STAGES
+from nonlinear.integration.within import Step
 from nonlinear.system import Numbers
 
 BUFFER = 2048  # steps that are looked at in NumPy together

@@ -24,7 +24,7 @@ from scipy.integrate import DOP853
 
 from modal.scene import whole_file
 from nonlinear.dynamics import Lanes, undisturbed
-from nonlinear.integration.lanes import NODES
+from nonlinear.integration.method import NODES
 from nonlinear.integration.steppers import BESIDE
 from nonlinear.integration.watches import ASIDE, ROUNDING, UNKNOWN
 
