@@ -23,9 +23,8 @@ from modal.scene import Scene, require
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
 from nonlinear.orbits.floquet import Floquet, whole
-from nonlinear.orbits.flow import Flow, Force
+from nonlinear.orbits.flow import Flow, Force, Passed, Path
 from nonlinear.orbits.orbit import Orbit
-from nonlinear.orbits.steps import Passed, Path
 from nonlinear.system import system_of
 
 SEGMENTS = 2

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from amounts import usually
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from support.scenes import complex_step, motion_scene, plane_scene, random_state
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, load
 from modal.assembly import matrices
+from modal.scene.motion import Moved, SineMotion
 from modal.types import Floats
 from nonlinear.dynamics.variational import Variational
 from nonlinear.orbits import Flow, periodic_orbit
@@ -138,3 +140,36 @@ def test_what_resists_a_free_cart_leaves_an_impulse_that_is_conserved() -> None:
     before = flow.equations.momentum_slope(y)
     assert before[0] > 0.2
     assert flow.equations.momentum_slope(passed.y) @ passed.V == pytest.approx(before, abs=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.0, np.pi], ids=("hanging", "upright"))
+def test_the_derivative_is_exact_where_the_motion_stands_still(angle: float) -> None:
+    """At an equilibrium V = exp(J T), and y, which does not move, allows steps of any length."""
+    scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=0.5), Bob(mass=0.4, length=0.3)])])
+    flow = Flow(system_of(scene), 1e-12)
+    y = np.array([angle, angle, 0.0, 0.0])
+    passed = flow(y, np.eye(4), 1.5)
+    known = expm(1.5 * flow.equations.linearized(y)[1])
+    assert pytest.approx(passed.V, rel=1e-8, abs=1e-9 * np.abs(known).max()) == known
+    assert len(passed.path.times) < 10
+
+
+@pytest.mark.parametrize("rate", [25.0, 12.0], ids=("held up", "falling"))
+def test_multipliers_of_an_upright_pendulum_on_a_shaken_support_are_those_of_hill(rate: float) -> None:
+    """θ'' = (g + z'')/l θ about the upright position, by SciPy; θ stands still, so its own error allows any step."""
+    support = Moved(motion=SineMotion(direction="vertical", amplitude=0.1, frequency_hz=rate / (2 * np.pi)))
+    scene = Scene(gravity=9.81, support=support, pendulum=[Pendulum(links=[Bob(mass=1.0, length=0.5)])])
+    system = system_of(scene)
+    assert system.support
+    flow, moved = Flow(system, 1e-12), system.support.motion
+    period = 2 * np.pi / rate
+    M = flow(np.array([np.pi, 0.0]), np.eye(2), period).V
+
+    def hill(time: float, z: Floats) -> Floats:
+        pull = (9.81 + moved.acceleration_at(time)) / 0.5
+        return np.array([z[2], z[3], pull * z[0], pull * z[1]])
+
+    end = solve_ivp(hill, (0, period), [1.0, 0.0, 0.0, 1.0], "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+    assert pytest.approx(M, abs=1e-9) == end.reshape(2, 2)
+    assert np.linalg.det(M) == pytest.approx(1, abs=1e-9)
+    assert (abs(np.trace(M)) < 2) == (rate > np.sqrt(2 * 9.81 * 0.5) / 0.1)
