@@ -20,6 +20,7 @@ from math import ceil, inf, isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 from modal.errors import ComputationError
@@ -99,11 +100,15 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Flow(Displayed):
-    """The flow of a system with this tolerance; `force` (n,) of the time acts from outside, in every coordinate."""
+    """The flow of a system with this tolerance; `force` (n,) of the time acts from outside, in every coordinate.
+
+    With a `change` δp of the numbers of its equations, (P,), V has a last column, the change of y with them.
+    """
 
     system: System
     tolerance: float = 1e-12
     force: Force | None = None
+    change: Floats | None = None
     equations: Variational = field(init=False)
 
     def __post_init__(self) -> None:
@@ -205,9 +210,11 @@ class Flow(Displayed):
         steps, size = [part for part in parts if isinstance(part, Step)], len(V)
         few = max(1, AT_ONCE // (STAGES * size**2))
         maps = (one for k in range(0, len(steps), few) for one in self._mapped(steps[k : k + few]))
+        if self.change is not None:
+            V = block_diag(V, 1.0)
         for part in parts:
             V = (next(maps) if isinstance(part, Step) else part) @ V
-        return V
+        return V[:size]
 
     def _mapped(self, steps: Sequence[Step]) -> Floats:
         """What each of these steps does to V, (N, d, d).
@@ -251,7 +258,12 @@ class Flow(Displayed):
         if self._listed:
             at = times[:, None] + lengths[:, None] * np.array(NODES[:STAGES])
             u = np.array([self._listed(time, ()) for time in at.ravel().tolist()]).T
-        J = self.equations.linearized(y, u)[1].reshape(many, STAGES, size, size) * lengths[:, None, None, None]
+        J = self.equations.linearized(y, u)[1]
+        if self.change is not None:
+            size += 1
+            J = np.pad(J, ((0, 0), (0, 1), (0, 1)))
+            J[:, :-1, -1] = self.equations.moved_by(self.change, y, u).T
+        J = J.reshape(many, STAGES, size, size) * lengths[:, None, None, None]
         K, own = np.empty((STAGES, many, size, size)), np.eye(size)
         flat = K.reshape(STAGES, -1)
         for stage in range(STAGES):
@@ -263,7 +275,9 @@ class Flow(Displayed):
 
     def _missed(self, K: Floats) -> Floats:
         """The errors (N,) over the tolerance, in natural units, of steps with these changes at the stages."""
-        stages, many, size, _ = K.shape
+        size = len(self.scale)
+        K = K[..., :size, :size]
+        stages, many = K.shape[:2]
         errors = (ERRORS @ K.reshape(stages, -1)).reshape(2, many, size, size) * (self.scale / self.scale[:, None])
         fifth, third = (errors**2).sum((2, 3)) / (size * self.tolerance**2)
         return steered(fifth, third, np.ones(many), size, False)[0]

@@ -11,10 +11,12 @@ from support.scenes import complex_step, motion_scene, plane_scene, random_state
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, load
 from modal.assembly import matrices
-from modal.scene.motion import Moved, SineMotion
+from modal.scene import Moved, SineMotion
+from modal.scene.parameters import parse_variations
 from modal.types import Floats
 from nonlinear.dynamics.variational import Variational
 from nonlinear.orbits import Flow, periodic_orbit
+from nonlinear.orbits.shooting import shooting
 from nonlinear.system import State, system_of
 
 RESISTED = Scene(
@@ -173,3 +175,18 @@ def test_multipliers_of_an_upright_pendulum_on_a_shaken_support_are_those_of_hil
     assert pytest.approx(M, abs=1e-9) == end.reshape(2, 2)
     assert np.linalg.det(M) == pytest.approx(1, abs=1e-9)
     assert (abs(np.trace(M)) < 2) == (rate > np.sqrt(2 * 9.81 * 0.5) / 0.1)
+
+
+@pytest.mark.parametrize("path", ["gravity", "pendulum[0].links[0].length", "support.mass", "pendulum[0].links[1].drag"])
+def test_derivatives_by_a_number_of_the_scene_are_those_of_differences(path: str) -> None:
+    (variation,) = parse_variations([f"{path}=0.2:2:3"])
+    value, none = 0.8, np.zeros((6, 0))
+    problem = shooting(RESISTED, variation=variation)
+    flow, y = problem.flow_at(value), np.array([0.1, 0.9, -0.5, 0.2, 0.4, 1.0])
+    assert flow.change is not None
+    found = flow(y, np.eye(6), 1.1).V
+    one, other = (problem.flow_at(value + step)(y, none, 1.1).y for step in (-1e-5, 1e-5))
+    slope = (other - one) / 2e-5
+    assert found[:, -1] == pytest.approx(slope, rel=1e-7, abs=1e-8 * np.abs(slope).max())
+    plain = Flow(flow.system, flow.tolerance)(y, np.eye(6), 1.1).V
+    assert found[:, :-1] == pytest.approx(plain, rel=1e-12, abs=1e-12)
