@@ -177,7 +177,10 @@ def test_multipliers_of_an_upright_pendulum_on_a_shaken_support_are_those_of_hil
     assert (abs(np.trace(M)) < 2) == (rate > np.sqrt(2 * 9.81 * 0.5) / 0.1)
 
 
-@pytest.mark.parametrize("path", ["gravity", "pendulum[0].links[0].length", "support.mass", "pendulum[0].links[1].drag"])
+NUMBERS = ("gravity", "pendulum[0].links[0].length", "support.mass", "pendulum[0].links[1].drag")
+
+
+@pytest.mark.parametrize("path", NUMBERS)
 def test_derivatives_by_a_number_of_the_scene_are_those_of_differences(path: str) -> None:
     (variation,) = parse_variations([f"{path}=0.2:2:3"])
     value, none = 0.8, np.zeros((6, 0))
@@ -190,3 +193,13 @@ def test_derivatives_by_a_number_of_the_scene_are_those_of_differences(path: str
     assert found[:, -1] == pytest.approx(slope, rel=1e-7, abs=1e-8 * np.abs(slope).max())
     plain = Flow(flow.system, flow.tolerance)(y, np.eye(6), 1.1).V
     assert found[:, :-1] == pytest.approx(plain, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("spacing", ["", "log"])
+def test_the_equations_of_orbits_know_their_slope_by_the_place_of_a_number(spacing: str) -> None:
+    (variation,) = parse_variations([f"pendulum[0].links[0].length=0.2:2:3{spacing}"])
+    problem = shooting(RESISTED, variation=variation, segments=1)
+    u = problem.unknown(np.array([[0.1, 0.9, -0.5, 0.2, 0.4, 1.0]]), 1.1, 0.8)
+    step = np.append(np.zeros(len(u) - 1), 1e-5)
+    slope = (problem.equations(u + step)[0] - problem.equations(u - step)[0]) / 2e-5
+    assert problem.equations(u)[1][:, -1] == pytest.approx(slope, rel=1e-7, abs=1e-8 * np.abs(slope).max())
