@@ -143,7 +143,8 @@ class Symbolic:
         )
 
     def _with_symbols(self, form: Form) -> System:
-        p = iter(self.tape.inputs("p", form.count))
+        self.numbers = self.tape.inputs("p", form.count)
+        p = iter(self.numbers)
         entries = [next(p) if has else 0.0 for has in form.present]
         links = form.system.n_links
         at = {name: BEFORE + links * FIELDS.index(name) for name in ("length", "centre")}
@@ -200,6 +201,14 @@ def jacobian_of(form: Form) -> tuple[Module, Ints, Ints]:
     places = np.array([(row, column) for row, each in enumerate(slopes) for column in each]).reshape(-1, 2)
     entries = [slope for each in slopes for slope in each.values()]
     return Module(own.tape, {"jacobian": [*own.rates, *entries]}), places[:, 0], places[:, 1]
+
+
+@lru_cache(maxsize=64)
+def sensitivity_of(form: Form) -> Module:
+    """The function "sensitivity" of a form: ∂y'/∂p δp, from (y, δp) as one vector, for a change δp of its numbers."""
+    own = Equations(form)
+    change = own.tape.inputs("y", form.count)
+    return Module(own.tape, {"sensitivity": along(own.tape, own.rates, own.numbers, change)})
 
 
 @lru_cache(maxsize=64)
