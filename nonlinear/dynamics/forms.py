@@ -211,28 +211,6 @@ def sensitivity_of(form: Form) -> Module:
     return Module(own.tape, {"sensitivity": along(own.tape, own.rates, own.numbers, change)})
 
 
-@lru_cache(maxsize=64)
-def rubbing_of(form: Form) -> Module:
-    """The functions of a form with `contacts`, of which each ends with N where the rail has a coefficient.
-
-    y' where all contacts slide ("rates"), and where some stick ("sticking"); τ (J,) of those that stick, or slide on
-    such a rail ("friction"); y' without the friction of such a rail, then M⁻¹Jᵀ (half, J) row by row ("responses"),
-    which end with N and ∂N/∂τ (J,).
-    """
-    own = Equations(form)
-    rates, rubbed = own.minimal.rubbed(own.y, own.instant)
-    push = [] if rubbed.normal is None else [rubbed.normal]
-    return Module(
-        own.tape,
-        {
-            "rates": own.rates,
-            "sticking": [*rates.tolist(), *push],
-            "friction": [*rubbed.tau, *push],
-            "responses": responding(own, form),
-        },
-    )
-
-
 def responding(own: Equations, form: Form) -> list[Any]:
     """The y' of a form with `contacts` without friction, then M⁻¹Jᵀ (half, J) row by row.
 

@@ -126,7 +126,8 @@ def _see(
     """Show steps to watches."""
 
     def rates_of(columns: Any) -> Rates:
-        return task.lanes.rates(task.numbers.at(which[columns]))
+        rates: Rates = task.lanes.rates(task.numbers.at(which[columns]))
+        return rates
 
     taken = np.ones(len(which), dtype=bool)
     step = Step(which, taken, marks[0], marks[1], before, after, stages, rates_of(slice(None)), rates_of)

@@ -254,7 +254,7 @@ class Front:
         self.met = np.zeros(len(self.t), dtype=bool)
         for i in np.flatnonzero((suspect | seeking) & step.taken):
             own = V[:, :, i].tolist(), R[:, :, i].tolist(), LOOKS
-            answer = meet(i, self.t, self.h, *own, self.which, self.low, self.high, self.tried, self.usual)
+            answer = meet(int(i), self.t, self.h, *own, self.which, self.low, self.high, self.tried, self.usual)
             step.taken[i], self.met[i] = answer != AGAIN, answer == MET
         self.value, self.rise = (np.where(step.taken, own[-1], own[0]) for own in (V, R))
         met = np.flatnonzero(self.met)

@@ -93,7 +93,18 @@ class Switches:
             self._refuse(state)
         return state
 
-    def inputs(self, state: Sequence[Any]) -> list[Any]:
+    def due(self, y: Sequence[float], f: Sequence[float], state: Sequence[float]) -> int | None:
+        """The kick due at once where a motion begins at y with y' = f, at its angle on the way out; None without."""
+        half, K = self.places.half, len(self.kicks)
+        for j in range(2 * K):
+            i, side = j % K, 1.0 if j < K else -1.0
+            gamma = side * (_relative(y, self.kicks[i]) - self.numbers[i]) - self.numbers[K + i]
+            ways = [side * _relative(own[half:], self.kicks[i]) for own in (y, f)]
+            if gamma == 0 and state[i] * side >= 0 and (ways[0] > 0 or (ways[0] == 0 and ways[1] > 0)):
+                return j
+        return None
+
+    def inputs(self, state: Any) -> list[Any]:
         """The inputs u of contacts, after those of time and load: floats, or arrays where the state has them."""
         at = self.places
         signs, limits = state[at.K : at.K + at.J], self.numbers[3 * at.K : 3 * at.K + at.J]

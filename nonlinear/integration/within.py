@@ -78,7 +78,7 @@ class Inside:
 
     def at(self, part: Floats, rows: Any = ALL) -> Floats:
         """The y (size, A), or of one component (A,), at these parts of the step, from 0 to 1."""
-        return np.asarray(self.before[rows] + interpolated(beside(part, self.before), self.terms[:, rows]))
+        return np.asarray(self.before[rows] + interpolated(beside(part, self.before), [*self.terms[:, rows]]))
 
     def take(self, lanes: Any) -> Inside:
         """Of some of these lanes."""

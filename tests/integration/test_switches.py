@@ -14,7 +14,8 @@ from modal.errors import ComputationError
 from modal.scene import Scene, scene_from
 from nonlinear import simulate
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.integration import Trajectory
+from nonlinear.integration import Trajectory, methods
+from nonlinear.integration.switched import Switched
 from nonlinear.integration.switches import Switches, switches_of
 from nonlinear.system import system_of
 
@@ -127,6 +128,24 @@ def test_a_motion_with_switches_is_that_of_simulate(name: str) -> None:
         assert friction.begin == pytest.approx(run.friction.begin, abs=1e-7)
         assert friction.end == pytest.approx(run.friction.end, abs=1e-7)
         assert friction.work == pytest.approx(run.friction.work, abs=1e-7)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_floats_end_steps_where_numpy_finds_changes_on_interpolants(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    written = simulate(SCENES[name], 4.0, tolerance=1e-11, output=41)
+    monkeypatch.setattr(methods, "RUBBED", -1)
+    apart = simulate(SCENES[name], 4.0, tolerance=1e-11, output=41)
+    assert isinstance(written.equations, Switched)
+    assert not isinstance(apart.equations, Switched)
+    assert written.motion.links == pytest.approx(apart.motion.links, abs=2e-8)
+    assert written.kicks.time == pytest.approx(apart.kicks.time, abs=2e-8)
+    assert written.kicks.energy == pytest.approx(apart.kicks.energy, abs=1e-8)
+    assert written.friction.link.tolist() == apart.friction.link.tolist()
+    assert written.friction.begin == pytest.approx(apart.friction.begin, abs=1e-7)
+    assert written.friction.end == pytest.approx(apart.friction.end, abs=1e-7)
+    assert written.friction.work == pytest.approx(apart.friction.work, abs=1e-7)
+    assert written.friction.rest == pytest.approx(apart.friction.rest, abs=1e-7, nan_ok=True)
+    assert written.energy_drift() < 1e-9
 
 
 def test_two_joints_kicked_at_once_get_the_energy_of_both() -> None:
