@@ -72,10 +72,9 @@ class Switched(Written):
         self, time: float, y: Sequence[float], f: Sequence[float], inputs: Listed | None, length: float
     ) -> tuple[Any, Any]:
         """The values of all switches and their rates at y, where y' = f, within a step of this length (s)."""
-        if inputs is None or self.is_clocked:
-            return self.switches.values(y, f, () if inputs is None else inputs(time, y), self.state)
-        u, w = inputs(time, y), list[float]()
-        if self.free.listed is not None and not self.free.is_clocked:
+        u: Any = () if inputs is None else inputs(time, y)
+        w: list[float] = []
+        if inputs and self._sampled:
             aside, count = ASIDE * length, self.switches.places.timed
             ends = [inputs(time + side * aside, y)[:count] for side in (-1.0, 1.0)]
             w = [(late - early) / (2 * aside) for early, late in zip(*ends, strict=True)]
@@ -146,6 +145,11 @@ class Switched(Written):
     def is_clocked(self) -> bool:
         """Whether the only input is the time."""
         return self.free.is_clocked and not self.switches.places.J
+
+    @cached_property
+    def _sampled(self) -> bool:
+        """Whether inputs change with time in a way that texts do not know."""
+        return self.free.listed is not None and not self.free.is_clocked
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """The same y: nothing moves where contacts stick."""

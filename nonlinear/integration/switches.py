@@ -122,12 +122,12 @@ class Switches:
         arrays, at = isinstance(y, np.ndarray) and y.ndim > 1, self.places
         if not len(w):
             w = self._rates_of_inputs
-        signs = state[at.K : at.K + at.J]
+        signs = state[at.K : at.e]
         slides = not at.presses and (bool(np.all(signs)) if arrays else all(signs))
         v = [*f[: at.size], *state[: at.told], *self._given, *w]
-        functions = self._of_arrays if arrays else self._of_floats
+        functions, count = self._of_arrays if arrays else self._of_floats, self.count
         found = functions[slides](y, u, v)
-        return found[: self.count], found[self.count :]
+        return found[:count], found[count:]
 
     def change(
         self,
