@@ -287,7 +287,7 @@ class Front:
         self.which[columns], self.low[columns], self.high[columns] = -1, 0.0, inf
         for _ in range(AT_ONCE):
             if not len(columns):
-                return
+                break
             for column, j in zip(columns.tolist(), which.tolist(), strict=True):
                 one = self.task.switches.at(self.member[column])
                 own, state = (self.y[:, column], self.stages[0][:, column]), self.state[:, column].copy()
