@@ -100,7 +100,8 @@ NO_SMOOTH: Sentences = {"escapement": "needs smooth motion, without kicks"}
 NO_SERIES = "has a series of a sine or of few polynomials only"
 KINK: Sentences = {"quadratic_drag": "has no series across the kink of |v| v at rest"}
 ALONE = _each(FRICTION | _of("space escapement"), "has no place for it, and engine simulate has")
-BESIDE_NONE = {name: words for name, words in ALONE.items() if name != "escapement"}
+TOGETHER = {"escapement", "joint_friction", "rail_friction"}
+BESIDE_NONE = {name: words for name, words in ALONE.items() if name not in TOGETHER}
 HOISTING = {
     ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
     ("hoist", "moved_support"): "a hoist hangs from a cart or a fixed support",
@@ -152,7 +153,7 @@ PERIODIC = Capability(
 
 SIDE_BY_SIDE = Capability(
     "engine numpy",
-    SHAPE | DRAG | LOSS | DRIVES | {"moved_support", "hoist"},
+    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | {"moved_support", "hoist"},
     refuses=BESIDE_NONE,
     unless=STOPS,
     beside=UNLOADED,
@@ -281,14 +282,14 @@ CAPABILITIES: dict[str, Capability] = {
         replace(
             SIDE_BY_SIDE,
             name="engine numba",
-            takes=SIDE_BY_SIDE.takes - {"moved_support", "escapement"},
+            takes=SIDE_BY_SIDE.takes - TOGETHER - {"moved_support"},
             refuses=ALONE,
             unless={**STOPS, "moved_support": "takes no sweep"},
         ),
         replace(
             SIDE_BY_SIDE,
             name="engine heyoka",
-            takes=SIDE_BY_SIDE.takes - {"quadratic_drag", "moved_support", "hoist", "escapement"},
+            takes=SIDE_BY_SIDE.takes - TOGETHER - {"quadratic_drag", "moved_support", "hoist"},
             refuses={**ALONE, **KINK},
             unless={**STOPS, "moved_support": NO_SERIES, "hoist": NO_SERIES},
         ),

@@ -92,8 +92,9 @@ def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
         outcome = integrate(task, [growth, *watches.all])
         return watches.found(Found(outcome.y, growth.error, growth.horizon, outcome.reasons))
     crowd, none = Crowd(lanes), np.full(y.shape[1], np.nan)
-    outcome = integrate(replace(task, lanes=crowd, switches=crowd, state=crowd.begin(y)), watches.all)
-    rubbed = crowd.work(wanted.duration, outcome.y, outcome.state)
+    begun, state = crowd.begin(y)
+    outcome = integrate(replace(task, lanes=crowd, begun=begun, switches=crowd, state=state), watches.all)
+    rubbed = 0.0 if layout.works else crowd.work(wanted.duration, outcome.y, outcome.state)
     return watches.found(Found(outcome.y, none, none.copy(), outcome.reasons, rubbed=rubbed))
 
 

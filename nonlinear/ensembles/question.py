@@ -162,8 +162,6 @@ def _switching(scene: Scene, members: Members, places: list[Place]) -> str:
         for place in find_places(scene, path)
     ):
         return "some members have no such kicks or friction"
-    if {"moved_support", "hoist"} & scene.features:
-        return "what moves from outside meets kicks or dry friction"
     return ""
 
 

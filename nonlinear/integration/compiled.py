@@ -1,7 +1,8 @@
 """DOP853 compiled by numba (extra `fast`): steps, error control and samples in one kernel, for any plane scene.
 
-Its coefficients and its control of steps are those of `method`, so that it takes the steps of SciPy's.  Scenes are passed as arrays: one kernel serves all, and is cached on disk.  numba's cache depends on the date of this file alone:
-whoever changes `nonlinear.dynamics.compiled` or `joint_law` must touch this file as well.
+Its coefficients and its control of steps are those of `method`, so that it takes the steps of SciPy's.  Scenes are
+passed as arrays: one kernel serves all, and is cached on disk.  numba's cache depends on the date of this file alone:
+whoever changes `nonlinear.dynamics.compiled`, `controlled` or `joint_law` must touch this file as well.
 """
 
 from __future__ import annotations

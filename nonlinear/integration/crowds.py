@@ -13,6 +13,7 @@ from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Lanes, Rates
 from nonlinear.dynamics.switching import switching_of
 from nonlinear.integration.switches import Switches, kicks_of, switched
+from nonlinear.integration.within import fill
 from nonlinear.system import Numbers, System
 
 
@@ -51,9 +52,16 @@ class Crowd:
             self.members[member] = self.switches.member(member)
         return self.members[member]
 
-    def begin(self, y: Floats) -> Floats:
-        """The state (m, S) of members from y (size, S) on."""
-        return np.array([self.of(k).begin(0.0, own) for k, own in enumerate(y.T.tolist())]).T
+    def begin(self, y: Floats) -> tuple[Floats, Floats]:
+        """The y (size, S) and the state (m, S) of members from y on, after the kicks that are due at once."""
+        u, y = self.inputs.of_time(0.0), y.copy()
+        state = np.array([self.of(k).begin(0.0, own, u) for k, own in enumerate(y.T.tolist())]).T
+        slope = np.empty_like(y)
+        fill(self.rates(self.lanes.numbers)(y, 0.0, self.at(slice(None)).inputs(state)), slope)
+        for k, (own, f, told) in enumerate(zip(y.T.tolist(), slope.T.tolist(), state.T.tolist(), strict=True)):
+            if (j := self.of(k).due(own, f, told)) is not None:
+                y[:, k], state[:, k] = self.of(k).change(0.0, j, own, f, told, u=u), told
+        return y, state
 
     def rates(self, numbers: Numbers) -> Rates:
         """The rates of so many members as these numbers are of, with the inputs of contacts as a third argument."""
@@ -111,6 +119,8 @@ class Some:
     def change(self, t: float, j: int, y: Floats, f: Floats, state: Floats) -> Any:
         """The y of one member after switch j, with its state changed in place."""
         told = state.tolist()
-        after = self.crowd.of(int(self.members)).change(t, j, y.tolist(), f.tolist(), told)
+        after = self.crowd.of(int(self.members)).change(
+            t, j, y.tolist(), f.tolist(), told, u=self.crowd.inputs.of_time(t)
+        )
         state[:] = told
         return after

@@ -233,7 +233,9 @@ def test_a_run_is_the_run_in_numpy(name: str, tolerance: float, engine: str, mon
     assert len(ours.kicks.time) == len(theirs.kicks.time)
     for part in ("links", "link_rates", "cart", "work"):
         one, other = getattr(ours.motion, part), getattr(theirs.motion, part)
-        assert np.max(np.abs(one - other)) < (10 * tolerance if switched else 1e-11) * max(1.0, float(np.max(np.abs(other))))
+        assert np.max(np.abs(one - other)) < (10 * tolerance if switched else 1e-11) * max(
+            1.0, float(np.max(np.abs(other)))
+        )
     assert ours.energy_drift() <= (2.0 if switched else 1.001) * theirs.energy_drift() + 1e-13
 
 
