@@ -132,6 +132,7 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
             error, factor, after, stages, looks = self._attempted(length, y, f, refused)
             if not error < 1:
                 length, refused = length * factor, True
+                self._seek_none()
                 continue
             answer = self._met(length, y, after, stages, looks, length * factor) if switched else STANDS
             if answer == AGAIN and length > least:
@@ -176,8 +177,11 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         if abs(left) > 2 * NEAR * (self._usual[0] + end - self.t):
             left = 0.0
         self.h_abs, switched.met = self._usual[0], j
-        self._which[0], self._low[0], self._high[0] = -1, 0.0, np.inf
+        self._seek_none()
         return [own + left * rate for own, rate in zip(after, f, strict=True)], end + left
+
+    def _seek_none(self) -> None:
+        self._which[0], self._low[0], self._high[0] = -1, 0.0, np.inf
 
     def _step_impl(self) -> tuple[bool, str | None]:
         steps, _, _ = self.advance((), 1)

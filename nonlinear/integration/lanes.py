@@ -249,6 +249,7 @@ class Front:
         some = ((V[:-1] < 0) | ((V[:-1] == 0) & (R[:-1] < 0))) & (V[1:] >= 0)
         some |= (R[:-1] > 0) & (R[1:] < 0) & (np.maximum(V[:-1], V[1:]) + 0.25 * width * (R[:-1] - R[1:]) > 0)
         some |= (V[0] > 0) & (R[0] > 0)
+        self._seek_none(np.flatnonzero(~step.taken))
         suspect, seeking = some.any((0, 1)), self.which >= 0
         np.copyto(self.usual, self.tried, where=step.taken & ~suspect & ~seeking)
         self.met = np.zeros(len(self.t), dtype=bool)
@@ -284,7 +285,7 @@ class Front:
         """Change y and the state of lanes that met a switch, and of what passed within rounding of it."""
         columns = np.flatnonzero(self.met)
         which = self.which[columns]
-        self.which[columns], self.low[columns], self.high[columns] = -1, 0.0, inf
+        self._seek_none(columns)
         for _ in range(AT_ONCE):
             if not len(columns):
                 break
@@ -300,6 +301,9 @@ class Front:
             which = np.argmax(np.where(due, value, -inf), axis=0)
             columns, which = columns[due.any(0)], which[due.any(0)]
         self.rates = self._held(self.task.lanes.rates(self.numbers), ALL)
+
+    def _seek_none(self, columns: Any) -> None:
+        self.which[columns], self.low[columns], self.high[columns] = -1, 0.0, inf
 
     def _land(self, before: Floats) -> None:
         """Begin anew the lanes that have come to a break."""

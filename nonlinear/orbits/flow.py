@@ -198,7 +198,7 @@ class Flow(Displayed):
         """The end of one step, its stages, its error over the tolerance, and the next length over this one."""
         given = (self.equations.rate, length, y, rate, self.tolerance, self._smallest, time, self._listed)
         try:
-            fifth, third, new, stages = self._attempted(*given)
+            fifth, third, new, stages, _ = self._attempted(*given)
         except UNDEFINED:
             fifth, third, new, stages = inf, inf, y, ()
         if not isfinite(fifth + third):
