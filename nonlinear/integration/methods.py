@@ -108,7 +108,7 @@ def choose(
         )
     else:
         why = ASKED
-    written = method != "DOP853" and system.n_links <= WRITTEN
+    written = system.n_links <= WRITTEN and (method != "DOP853" or system.kicked)
     compiled = method in SCIPY and not written and bool(seconds) and seconds["compiled"] < seconds["DOP853"]
     finest = SMALLEST if method in SCIPY else TIGHTEST / size
     return Choice(form, method, compiled, why + (", compiled" if compiled else ""), max(tolerance, finest))
