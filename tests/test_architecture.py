@@ -248,3 +248,25 @@ def test_a_twin_by_hand_would_be_found() -> None:
     assert turns_first_moments("force[0] += (group.block.b * np.cos(q)) @ turned")
     assert turns_first_moments("x = m * mc * c * w * w")
     assert not turns_first_moments("x = group.block.length * np.cos(q)")
+
+
+TABLEAU = {"A", "B", "C", "D", "E3", "E5", "A_EXTRA", "C_EXTRA", "n_stages"}
+
+
+def test_the_tableau_of_dop853_stands_in_one_module() -> None:
+    """Neither read from SciPy's method anywhere else, nor written down."""
+    from nonlinear.integration import method
+
+    rows = [*method.ROWS, *method.MORE, *method.POWERS, method.FIFTH, method.THIRD, [*enumerate(method.NODES)]]
+    told = {abs(share) for row in rows for _, share in row if len(repr(share)) > 12}
+    assert len(told) > 100
+    for name, path in sources().items():
+        if name == "nonlinear.integration.method":
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, float):
+                assert abs(node.value) not in told, f"{name}: {node.value} belongs to the tableau"
+            if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "DOP853":
+                assert node.attr not in TABLEAU, f"{name}: reads DOP853.{node.attr}"
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                assert "dop853_coefficients" not in ast.unparse(node), name

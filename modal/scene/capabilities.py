@@ -100,6 +100,8 @@ NO_SMOOTH: Sentences = {"escapement": "needs smooth motion, without kicks"}
 NO_SERIES = "has a series of a sine or of few polynomials only"
 KINK: Sentences = {"quadratic_drag": "has no series across the kink of |v| v at rest"}
 ALONE = _each(FRICTION | _of("space escapement"), "has no place for it, and engine simulate has")
+TOGETHER = {"escapement", "joint_friction", "rail_friction"}
+BESIDE_NONE = {name: words for name, words in ALONE.items() if name not in TOGETHER}
 HOISTING = {
     ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
     ("hoist", "moved_support"): "a hoist hangs from a cart or a fixed support",
@@ -151,8 +153,8 @@ PERIODIC = Capability(
 
 SIDE_BY_SIDE = Capability(
     "engine numpy",
-    SHAPE | DRAG | LOSS | {"van_der_pol", "moved_support", "hoist"},
-    refuses=ALONE,
+    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | {"moved_support", "hoist"},
+    refuses=BESIDE_NONE,
     unless=STOPS,
     beside=UNLOADED,
 )
@@ -280,17 +282,18 @@ CAPABILITIES: dict[str, Capability] = {
         replace(
             SIDE_BY_SIDE,
             name="engine numba",
-            takes=SIDE_BY_SIDE.takes - {"moved_support"},
+            takes=SIDE_BY_SIDE.takes - TOGETHER - {"moved_support"},
+            refuses=ALONE,
             unless={**STOPS, "moved_support": "takes no sweep"},
         ),
         replace(
             SIDE_BY_SIDE,
             name="engine heyoka",
-            takes=SIDE_BY_SIDE.takes - {"quadratic_drag", "moved_support", "hoist"},
+            takes=SIDE_BY_SIDE.takes - TOGETHER - {"quadratic_drag", "moved_support", "hoist"},
             refuses={**ALONE, **KINK},
             unless={**STOPS, "moved_support": NO_SERIES, "hoist": NO_SERIES},
         ),
-        replace(SIDE_BY_SIDE, name="an ensemble", refuses=NONE, singly=ALONE),
+        replace(SIDE_BY_SIDE, name="an ensemble", refuses=NONE, singly=BESIDE_NONE),
         Capability(
             "motion in a few modes",
             SHAPE | LOSS | {"quadratic_drag"},

@@ -14,7 +14,7 @@ from nonlinear.dynamics.contacts import Contacts, contacts_of, links_of_contacts
 from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
 from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
-from nonlinear.dynamics.friction import Frictional, WrittenFrictional
+from nonlinear.dynamics.friction import Frictional
 from nonlinear.dynamics.generated import Generated, Written
 from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.hoisted_maximal import HoistedMaximal
@@ -57,7 +57,6 @@ __all__ = [
     "SpatialRecursion",
     "Symmetry",
     "Written",
-    "WrittenFrictional",
     "acting",
     "children_without_interrupts",
     "contacts_of",

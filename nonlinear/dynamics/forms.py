@@ -143,7 +143,8 @@ class Symbolic:
         )
 
     def _with_symbols(self, form: Form) -> System:
-        p = iter(self.tape.inputs("p", form.count))
+        self.numbers = self.tape.inputs("p", form.count)
+        p = iter(self.numbers)
         entries = [next(p) if has else 0.0 for has in form.present]
         links = form.system.n_links
         at = {name: BEFORE + links * FIELDS.index(name) for name in ("length", "centre")}
@@ -203,30 +204,23 @@ def jacobian_of(form: Form) -> tuple[Module, Ints, Ints]:
 
 
 @lru_cache(maxsize=64)
-def rubbing_of(form: Form) -> Module:
-    """The functions of a form with `contacts`, of which each ends with N where the rail has a coefficient.
-
-    y' where all contacts slide ("rates"), and where some stick ("sticking"); τ (J,) of those that stick, or slide on
-    such a rail ("friction"); y' without the friction of such a rail, then M⁻¹Jᵀ (half, J) row by row ("responses"),
-    which end with N and ∂N/∂τ (J,).
-    """
+def sensitivity_of(form: Form) -> Module:
+    """The function "sensitivity" of a form: ∂y'/∂p δp, from (y, δp) as one vector, for a change δp of its numbers."""
     own = Equations(form)
-    minimal, half, gripping = own.minimal, own.minimal.layout.half, own.instant.gripping
-    assert gripping is not None
-    rates, rubbed = minimal.rubbed(own.y, own.instant)
-    push = [] if rubbed.normal is None else [rubbed.normal]
+    change = own.tape.inputs("y", form.count)
+    return Module(own.tape, {"sensitivity": along(own.tape, own.rates, own.numbers, change)})
+
+
+def responding(own: Equations, form: Form) -> list[Any]:
+    """The y' of a form with `contacts` without friction, then M⁻¹Jᵀ (half, J) row by row.
+
+    Where the rail has a coefficient N and ∂N/∂τ (J,) follow.
+    """
+    minimal, half = own.minimal, own.minimal.layout.half
     free = minimal.rates(own.y, own.instant._replace(gripping=None))
     columns = minimal.responses(own.y[form.on_cart : half], own.instant)
-    responding = [*free.tolist(), *columns.ravel().tolist()]
-    if push:
-        normal = partial(minimal.reaction, own.y, own.instant)
-        responding += [normal(free[half : 2 * half]), *(normal(column, False) for column in columns.T)]
-    return Module(
-        own.tape,
-        {
-            "rates": own.rates,
-            "sticking": [*rates.tolist(), *push],
-            "friction": [*rubbed.tau, *push],
-            "responses": responding,
-        },
-    )
+    found = [*free.tolist(), *columns.ravel().tolist()]
+    if not form.presses:
+        return found
+    normal = partial(minimal.reaction, own.y, own.instant)
+    return [*found, normal(free[half : 2 * half]), *(normal(column, False) for column in columns.T)]

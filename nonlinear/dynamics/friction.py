@@ -14,9 +14,8 @@ On the rail the limit may be μ|N|, N = N₀ + nᵀτ being the reaction of the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from dataclasses import dataclass, field
+from functools import cached_property
 from math import inf, nan
 from typing import Any, NamedTuple, cast
 
@@ -25,10 +24,8 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.contacts import Contacts
-from nonlinear.dynamics.forms import rubbing_of
-from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed, Rate, Written
 from nonlinear.dynamics.minimal import Arranged, Minimal, Recursion, inverted
-from nonlinear.system import Layout, Load, Motion, State, System, entries_of, prescribed_of
+from nonlinear.system import Layout, Load, Motion, State, System
 
 EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts
 JAM = 1e4  # friction on the rail over that of all weights and centrifugal forces, beyond which it has no bound
@@ -232,96 +229,6 @@ class Frictional:
         if not self.contacts.coefficient:
             return _consistent(a, G, self.contacts.limit, sign, deciding)
         return _on_rail(a, G, self.contacts, sign, (found.push, found.slopes), deciding)
-
-
-@dataclass(eq=False)
-class WrittenFrictional(Written, Frictional):
-    """`Frictional` written out, for few contacts of few links."""
-
-    free: Generated
-
-    def __post_init__(self) -> None:
-        presses = self.contacts.coefficient > 0
-        form = replace(self.free.form, contacts=self.contacts.pairs, presses=presses)
-        self._module = rubbing_of(form)
-        self._constants = self._module.constants(form.numbers(entries_of(self.system), prescribed_of(self.system)))
-        self._functions: dict[tuple[str, str], Rate] = {}
-        super().__post_init__()
-
-    def function(self, name: str, target: str = "floats") -> Rate:
-        """A function of `rubbing_of`."""
-        if (name, target) not in self._functions:
-            self._functions[name, target] = self._module.function(name, self._constants, target)
-        return self._functions[name, target]
-
-    def set_sign(self, sign: Floats) -> None:
-        """Let the contacts slide or stick like this from now on."""
-        super().set_sign(sign)
-        limit = self.contacts.limit.copy()
-        if self.contacts.coefficient:
-            limit[0] = self.contacts.coefficient
-        self._phase = [*(-sign * limit).tolist(), *(sign == 0).astype(float).tolist()]
-
-    @property
-    def rate(self) -> Rate:
-        """The time derivative of one y in floats, a list, from y and the inputs u."""
-        found = self.function("rates" if self.sign.all() else "sticking")
-        return partial(self._on_rail, found) if self.contacts.coefficient else found
-
-    @property
-    def rate_of_arrays(self) -> Callable[..., Any]:
-        """The same of many y side by side."""
-        if self.contacts.coefficient:
-            rate = self.rate
-            return lambda y, u: np.array([rate(*own) for own in zip(y.T.tolist(), u.T.tolist(), strict=True)]).T
-        return self.function("rates" if self.sign.all() else "sticking", "arrays")
-
-    def _on_rail(self, function: Rate, y: Sequence[float], u: Sequence[float]) -> list[float]:
-        """What a function that ends with N gives, N pressing down on the rail or, if not, up."""
-        *found, push = function(y, u)
-        if push >= 0 or not self.sign[0]:
-            return found
-        own, at = [*u], len(u) - len(self._phase)
-        own[at] = -own[at]
-        *found, push = function(y, own)
-        if push > 0:
-            self.refused = JAMMED
-            raise ValueError(JAMMED)
-        return found
-
-    @property
-    def listed(self) -> Listed:
-        """The inputs u at a time (s) and a state y."""
-        return self._with(self._phase)
-
-    def _with(self, phase: list[float]) -> Listed:
-        own = self.free.listed
-        return (lambda time, y: [*own(time, y), *phase]) if own else (lambda time, y: phase)
-
-    def responding(self, time: float, y: Floats) -> Responding:
-        """The derivative without friction, and the responses to it."""
-        own, half, count = y.tolist(), self.layout.half, len(self.sign)
-        found = np.array(self.function("responses")(own, self._with([0.0] * (2 * count))(time, own)))
-        rates, columns, rest = np.split(found, (len(y), len(y) + half * count))
-        return Responding(rates, columns.reshape(half, count), *([rest[0], rest[1:]] if len(rest) else []))
-
-    def rubbing(self, time: float, y: Floats, sign: Floats | None = None) -> Rubbing:
-        """Friction at one y."""
-        if sign is not None:
-            return super().rubbing(time, y, sign)
-        own, limit, coefficient = y.tolist(), self.contacts.limit.copy(), self.contacts.coefficient
-        function, u, at = self.function("friction"), self.listed(time, own), slice(len(self.sign))
-        if coefficient and self._slides[0]:
-            try:
-                tau = np.array(self._on_rail(function, own, u))
-            except UNDEFINED:
-                raise ComputationError(JAMMED) from None
-            limit[0] = abs(tau[0])
-        else:
-            tau = np.array(function(own, u))
-            if coefficient:
-                limit[0] = coefficient * abs(tau[-1])
-        return Rubbing(np.where(self._slides, -self.sign * limit, tau[at]), limit, self.sign)
 
 
 def _consistent(a: Floats, G: Floats, limit: Floats, sign: Floats, deciding: bool) -> Rubbing:

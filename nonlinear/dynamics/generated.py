@@ -48,7 +48,7 @@ class Written(ABC):
         """The time derivative of one y, (size,), or of many side by side, (size, S), real or complex."""
         found = np.empty_like(y)
         if y.ndim > 1:
-            for row, rate in zip(found, self.rate_of_arrays(y, self._beside(time, y)), strict=True):
+            for row, rate in zip(found, self.rate_of_arrays(y, self.inputs_beside(time, y)), strict=True):
                 row[...] = rate
             return found
         own = y.tolist()
@@ -58,7 +58,7 @@ class Written(ABC):
             found[...] = np.nan
         return found
 
-    def _beside(self, times: Any, y: Any) -> Any:
+    def inputs_beside(self, times: Any, y: Any) -> Any:
         """The inputs (K, S) of states side by side at one time or a time each."""
         if self.listed is None:
             return ()
@@ -110,8 +110,8 @@ class Generated(Written, Arranged):
             return lambda time, y: of_time(time)
         return lambda time, y: self.inputs.listed(time, y, self.layout)
 
-    def _beside(self, times: Any, y: Any) -> Any:
+    def inputs_beside(self, times: Any, y: Any) -> Any:
         """The inputs (K, S) of states side by side."""
         if self.load is not None:
-            return super()._beside(times, y)
+            return super().inputs_beside(times, y)
         return [np.broadcast_to(own, y.shape[1:]) for own in self.inputs.beside(times)]

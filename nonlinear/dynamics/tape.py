@@ -173,6 +173,9 @@ def along(tape: Tape, outputs: Sequence[Any], by: Sequence[Symbol], v: Sequence[
     return [slopes[id(one)].get(0, 0.0) if isinstance(one, Symbol) else 0.0 for one in outputs]
 
 
+LEAST = 1e-300
+"""Added to a divisor that is 0 where what it divides is: the speed of a body at rest."""
+
 RULES: dict[str, Callable[..., Any]] = {
     "+": lambda f, a, b, da, db: da + db,
     "-": lambda f, a, b, da, db: da - db,
@@ -181,7 +184,7 @@ RULES: dict[str, Callable[..., Any]] = {
     "neg": lambda f, a, da: -da,
     "sin": lambda f, a, da: a.cos() * da,
     "cos": lambda f, a, da: -(a.sin() * da),
-    "sqrt": lambda f, a, da: 0.5 * da / f,
+    "sqrt": lambda f, a, da: 0.5 * da / (f + LEAST),
     "arctan": lambda f, a, da: da / (1.0 + a * a),
     "where": lambda f, a, b, c, da, db, dc: a.where(db, dc),
 }

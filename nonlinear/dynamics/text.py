@@ -120,6 +120,16 @@ class Module:
         arguments = ", ".join((*self._kinds(name), "c", "o"))
         return "\n".join((f"def {name}({arguments}):", " for k in range(WIDTH):", *lines)) + "\n"
 
+    def scalar(self, name: str, called: str = "") -> str:
+        """The source of a function (c, y, u, v) of lists, by default `called` as it is here, for Python and numba."""
+        found = self.components(name)
+        text = "\n".join((*self._lines[name].lines, *found))
+        reads = [one for one in self.names if re.search(rf"\b{one}\b", text)]
+        reads += [f"{kind}{k}" for kind, k in (one.operation[1:] for one in self._lines[name].given)]
+        lines = [*(f"{one} = {one[0]}[{one[1:]}]" for one in reads), *self._lines[name].lines]
+        returned = f"return [{', '.join(found)}]"
+        return "\n".join((f"def {called or name}(c, y, u, v):", *(f" {line}" for line in [*lines, returned]))) + "\n"
+
     def javascript(self) -> str:
         """The source of an object of functions for JavaScript, where sin, cos and sqrt are those of Math.
 

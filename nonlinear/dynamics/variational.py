@@ -18,7 +18,7 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.dense import SINGULAR
 from nonlinear.dynamics.drag import plane_drag
-from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of
+from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of, sensitivity_of
 from nonlinear.dynamics.generated import UNDEFINED, Generated
 from nonlinear.dynamics.hamiltonian import momenta, potential
 from nonlinear.dynamics.joints import cart_force, modal_drag
@@ -80,14 +80,14 @@ class Variational(Generated):
     @cached_property
     def _derivatives(self) -> dict[str, Any]:
         module, _, _ = jacobian_of(self.form)
-        constants = module.constants(self.form.numbers(entries_of(self.system), prescribed_of(self.system)))
+        constants = module.constants(self.numbers)
         return {target: module.function("jacobian", constants, target) for target in ("floats", "arrays")}
 
     @cached_property
     def tangent(self) -> Any:
         """The function (y', J v) of arrays, from (y, v) as one sequence and the inputs u."""
         module = module_of(self.form, tangent=True)
-        constants = module.constants(self.form.numbers(entries_of(self.system), prescribed_of(self.system)))
+        constants = module.constants(self.numbers)
         return module.function("rates", constants, "arrays")
 
     def _by_directions(self, y: Floats, u: Any) -> tuple[Floats, Floats]:
@@ -100,6 +100,22 @@ class Variational(Generated):
             rate[k] = np.asarray(found[k])[..., 0] if np.ndim(found[k]) else found[k]
             J[..., k, :] = found[size + k]
         return rate, J
+
+    @property
+    def numbers(self) -> list[float]:
+        """The numbers p of the form, (P,)."""
+        return self.form.numbers(entries_of(self.system), prescribed_of(self.system))
+
+    def moved_by(self, change: Floats, y: Floats, u: Any = ()) -> Floats:
+        """The derivative ∂y'/∂p δp by the numbers, (d, S), for a `change` δp (P,) at many y side by side, (d, S)."""
+        with np.errstate(all="ignore"):
+            found = self._sensitivity([*y, *change.tolist()], u)
+        return np.array([np.broadcast_to(one, y.shape[1:]) for one in found])
+
+    @cached_property
+    def _sensitivity(self) -> Any:
+        module = sensitivity_of(self.form)
+        return module.function("sensitivity", module.constants(self.numbers), "arrays")
 
     def energy_slope(self, y: Floats) -> Floats:
         """The derivative of the energy (J) by y, (d,)."""

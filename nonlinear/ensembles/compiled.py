@@ -15,9 +15,11 @@ from nonlinear.dynamics import Lanes, undisturbed
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Rates
 from nonlinear.ensembles.found import Found, Wanted
-from nonlinear.ensembles.kernels import ROWS, WIDTH, module_of, source
+from nonlinear.ensembles.kernels import BESIDE_LINKS, WIDTH, module_of, source
 from nonlinear.ensembles.lanes import Watches, stretched, task_of, watches_of
-from nonlinear.integration.lanes import NOT_FINITE, STAGES, TOO_SHORT, Step, Task, Watch
+from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, Task, Watch
+from nonlinear.integration.method import STAGES
+from nonlinear.integration.within import Step
 from nonlinear.system import Numbers
 
 BUFFER = 2048  # steps that are looked at in NumPy together
@@ -64,7 +66,7 @@ def integrate(task: Task, scale: Floats, local: Floats, watches: Watches | None,
     section = watches.section if watches else None
     flags = (bool(len(times)), bool(watches and watches.turns), bool(watches and watches.largest), bool(section))
     wants = np.array([*flags, section.row if section else 0, grows, task.lanes.tangent])
-    front = np.zeros((ROWS + task.lanes.system.n_links, WIDTH))
+    front = np.zeros((BESIDE_LINKS + task.lanes.system.n_links, WIDTH))
     lanes = [np.zeros((size, WIDTH)) for _ in range(2)]
     constants = np.zeros((max(len(given), 1), WIDTH))
     ran = Ran(np.full((size, count), np.nan), np.zeros(count), np.zeros(count), np.zeros(count), {})
@@ -124,7 +126,8 @@ def _see(
     """Show steps to watches."""
 
     def rates_of(columns: Any) -> Rates:
-        return task.lanes.rates(task.numbers.at(which[columns]))
+        rates: Rates = task.lanes.rates(task.numbers.at(which[columns]))
+        return rates
 
     taken = np.ones(len(which), dtype=bool)
     step = Step(which, taken, marks[0], marks[1], before, after, stages, rates_of(slice(None)), rates_of)

@@ -60,7 +60,7 @@ def compute(question: Question, part: Part) -> Chunk:
     block = part.block(layout)
     found = engine_of(question.engine)(block.numbers, block.y, question.wanted)
     context = Context(question.scene, question.system, block.numbers, layout, block.y, question.wanted)
-    drift = Accounts(block.numbers, layout).drift(block.y, found.y, question.duration)
+    drift = Accounts(block.numbers, layout).drift(block.y, found.y, question.duration, found.rubbed)
     return _chunk(question, part, block, context, found, drift)
 
 

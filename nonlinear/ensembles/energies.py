@@ -96,17 +96,17 @@ class Accounts:
         standing = sum(np.where(group.block.sigma < 0, group.block.b, 0.0).sum((0, 1)) for group in system.groups)
         return np.asarray(-2 * system.gravity * standing)
 
-    def drift(self, before: Floats, after: Floats, end: float) -> Floats:
+    def drift(self, before: Floats, after: Floats, end: float, rubbed: Floats | float = 0.0) -> Floats:
         """(E after − E before − work)/range of the energies, (S,), from t = 0 to the `end` (s).
 
-        The range is the largest of what is known of it.
+        `rubbed` is the work of dry friction.  The range is the largest of what is known of it.
 
         That is the energy above that of links that hang still, kinetic energy at either end, what potential energy has
         changed by, and the work.
         """
         coasting = self.coasting(before)
         one, two = self.energies(before, coasting), self.energies(after, coasting, end)
-        work = after[-1] if self.layout.works else 0.0 * one.total
+        work = (after[-1] if self.layout.works else 0.0 * one.total) + rubbed
         above = one.total - self.lowest
         ranges = [above, one.moving, two.moving, abs(two.stored - one.stored), abs(work), NOISE * abs(one.stored)]
         scale = np.max(np.broadcast_arrays(*ranges), axis=0)

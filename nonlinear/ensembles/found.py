@@ -42,7 +42,7 @@ class Found:
     """Of S members: y (size, S) at the end, estimated errors (rad) and horizons (s), (S,), why some failed, by member.
 
     `rows` (S, K, size) at the times asked for, `first_turns` (L, S) in s, `largest` (S,) in rad, `stretching` (S,) of
-    ln |v|, and the crossings, where they are wanted.
+    ln |v|, and the crossings, where they are wanted; `rubbed` is the work (J) of dry friction on each.
     """
 
     y: Floats
@@ -54,6 +54,7 @@ class Found:
     largest: Floats | None = None
     stretching: Floats | None = None
     crossed: Crossed | None = None
+    rubbed: Floats | float = 0.0
 
 
 AXES = {"y": 1, "error": 0, "horizon": 0, "rows": 0, "first_turns": 1, "largest": 0, "stretching": 0}

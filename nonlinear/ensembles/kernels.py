@@ -18,19 +18,16 @@ from pathlib import Path
 from tempfile import mkdtemp
 from threading import Lock
 from types import ModuleType
-from typing import Any
-
-from scipy.integrate import DOP853
 
 from modal.scene import whole_file
 from nonlinear.dynamics import Lanes, undisturbed
-from nonlinear.integration.lanes import NODES
+from nonlinear.integration.method import FIFTH, NODES, ROWS, STAGES, THIRD, weighted
 from nonlinear.integration.steppers import BESIDE
 from nonlinear.integration.watches import ASIDE, ROUNDING, UNKNOWN
 
 COMPILING = "Compiling the equations of this form, which takes some ten seconds; the result is saved for later runs."
 MAKING = Lock()
-WIDTH, ROWS = 16, 8  # lanes; numbers of each beside those of its links
+WIDTH, BESIDE_LINKS = 16, 8  # lanes; numbers of each beside those of its links
 HEAD = '''"""Written by multipendula, which writes it again if it is changed."""
 from math import floor, log, sqrt
 from numpy import isfinite, spacing
@@ -303,7 +300,7 @@ def source(lanes: Lanes) -> str:
         unknown=UNKNOWN,
         clear=float(BESIDE),
     )
-    fifth, third = (_weighted(shares, "i, k") for shares in (DOP853.E5, DOP853.E3))
+    fifth, third = (weighted(shares, "K[{}, i, k]") for shares in (FIFTH, THIRD))
     looped = lanes.module.looped("rates")
     timed = looped.startswith("def rates(y, u,")
     before, u = "inputs({}, h, front, tables, u); " if timed else "", "u, " if timed else ""
@@ -315,16 +312,11 @@ def source(lanes: Lanes) -> str:
 
 def _attempt(before: str, u: str) -> str:
     lines = ["", "@vectorized", "def attempt(y, h, c, K, z, front, tables, u):"]
-    for stage in range(1, DOP853.n_stages + 1):
-        shares = DOP853.A[stage] if stage < DOP853.n_stages else DOP853.B
-        summed = _weighted(shares[:stage], "i, k")
+    for stage in range(1, STAGES + 1):
+        summed = weighted(ROWS[stage], "K[{}, i, k]")
         lines += [" for i in range(D):", "  for k in range(WIDTH):", f"   z[i, k] = y[i, k] + h[k] * ({summed})"]
         lines += [f" {before.format(NODES[stage])}rates(z, {u}c, K[{stage}])"]
     return "\n".join(lines) + "\n\n"
-
-
-def _weighted(shares: Any, place: str) -> str:
-    return " + ".join(f"{float(share)!r} * K[{stage}, {place}]" for stage, share in enumerate(shares) if share)
 
 
 def folder() -> Path:

@@ -10,8 +10,10 @@ from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.integration import pacing
-from nonlinear.integration.lanes import Task, Watch, fill, integrate
+from nonlinear.integration.crowds import Crowd
+from nonlinear.integration.lanes import Task, Watch, integrate
 from nonlinear.integration.watches import Crossings, FirstTurns, Growth, Largest, Samples, Stretching
+from nonlinear.integration.within import fill
 from nonlinear.system import Layout, Numbers
 
 SEED = 0  # of the direction of tangent vectors
@@ -86,8 +88,14 @@ def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     layout = lanes.layout
     task, scale, local = task_of(lanes, numbers, y, wanted)
     growth, watches = Growth(layout, scale, local), watches_of(lanes, numbers, y, wanted)
-    outcome = integrate(task, [growth, *watches.all])
-    return watches.found(Found(outcome.y, growth.error, growth.horizon, outcome.reasons))
+    if not numbers.switching:
+        outcome = integrate(task, [growth, *watches.all])
+        return watches.found(Found(outcome.y, growth.error, growth.horizon, outcome.reasons))
+    crowd, none = Crowd(lanes), np.full(y.shape[1], np.nan)
+    begun, state = crowd.begin(y)
+    outcome = integrate(replace(task, lanes=crowd, begun=begun, switches=crowd, state=state), watches.all)
+    rubbed = 0.0 if layout.works else crowd.work(wanted.duration, outcome.y, outcome.state)
+    return watches.found(Found(outcome.y, none, none.copy(), outcome.reasons, rubbed=rubbed))
 
 
 def stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:

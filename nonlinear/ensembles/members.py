@@ -7,7 +7,7 @@ them that follow each other.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
 from math import prod
@@ -29,6 +29,7 @@ from modal.scene.parameters import (
 )
 from modal.types import Floats, Ints
 from nonlinear.integration import validate
+from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.system import Layout, Motion, Numbers, State, initial_state, numbers_of, system_of, validate_state
 
 Starts = Floats | Sequence[Sequence[float]] | Sequence[State] | Motion
@@ -47,6 +48,11 @@ class Block:
     numbers: Numbers
     y: Floats
     reasons: dict[int, str]
+
+
+def is_of_switch(place: Place) -> bool:
+    """Whether a number is one of an escapement or of dry friction."""
+    return place[-1] in {"impulse", "angle_deg", "friction", "friction_coefficient"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +95,12 @@ class Part:
         good = np.array([place for place in range(self.size) if place not in reasons], dtype=np.int64)
         given = {place: own[good] for place, own in self._at.items()}
         others = {place: own for place, own in given.items() if "start" not in place}
-        numbers = numbers_of(self.scene, others, modal=self._dampers(others, good))
+        entries = {place: own for place, own in others.items() if not is_of_switch(place)}
+        numbers = numbers_of(self.scene, entries, modal=self._dampers(entries, good))
+        if (system := numbers.system).kicked or system.rubs:
+            every = [self.scene_of(int(place)) for place in good] if others else [self.scene]
+            own = np.array([switching_of(system_of(scene)) for scene in every]).T
+            numbers = replace(numbers, switching=tuple(own if others else own[:, 0]))
         states = self.states.at(good) if self.states is not None else self._begun(given, len(good))
         y = np.zeros((layout.size, len(good)))
         first, half = int(layout.on_cart), layout.half

@@ -16,11 +16,12 @@ import numpy as np
 
 from modal.report import Displayed
 from modal.scene import Scene, one_by_one
+from modal.scene.features import FRICTION
 from modal.scene.parameters import Place, find_places
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.ensembles.found import Wanted
 from nonlinear.ensembles.measures import Asked, ending_times
-from nonlinear.ensembles.members import Members, Part
+from nonlinear.ensembles.members import Members, Part, is_of_switch
 from nonlinear.integration import choose, estimate_timescales
 from nonlinear.integration.costs import PER_PERIOD
 from nonlinear.system import System, system_of
@@ -137,6 +138,8 @@ def refused(members: Members, duration: float, tolerance: float) -> str:
     if why := one_by_one(scene, *members.varied):
         return why
     places = [place for path in members.paths for place in find_places(scene, path)]
+    if why := _switching(scene, members, places):
+        return why
     if any(place[-1] == "count" for place in places):
         return "members differ in their number of links or pendula"
     if any(place[:2] == ("support", "motion") for place in places) and not Inputs(system_of(scene)).is_analytic:
@@ -145,6 +148,20 @@ def refused(members: Members, duration: float, tolerance: float) -> str:
         return "members differ in the law of a hoist"
     if choose(scene, duration, tolerance).method == "Radau":
         return "the fastest decay is far faster than the fastest swing"
+    return ""
+
+
+def _switching(scene: Scene, members: Members, places: list[Place]) -> str:
+    """Why members with escapements or dry friction go one by one."""
+    switching = (FRICTION | {"escapement"}) & (scene.features | set(members.varied))
+    if not switching:
+        return ""
+    if switching - scene.features or any(
+        is_of_switch(place) and np.any(own == 0)
+        for path, own in members.values.items()
+        for place in find_places(scene, path)
+    ):
+        return "some members have no such kicks or friction"
     return ""
 
 

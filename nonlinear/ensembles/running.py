@@ -273,9 +273,9 @@ def _question(
     duration, tolerance = float(duration), float(tolerance)
     why_not = refused(members, duration, tolerance)
     chosen, reason = choose_engine(engine, why_not, members, duration, tolerance, wanted.names)
-    if chosen == PLAIN:
+    if chosen == PLAIN or system.kicked or system.rubs:
         validate_plain(wanted.names, scene)
-    else:
+    if chosen != PLAIN:
         engine_of(chosen)
     validate_measures(wanted, scene)
     keeps_end = output == END if isinstance(output, str) else output is None and not measures

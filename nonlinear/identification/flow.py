@@ -21,7 +21,7 @@ from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics import Lanes
 from nonlinear.identification.sticking import Joint, Rates, Responses
-from nonlinear.integration.lanes import END, EXTRA, FIFTH, MORE, POWERS, ROWS, STAGES, THIRD, summed
+from nonlinear.integration.method import END, EXTRA, FIFTH, MORE, POWERS, ROWS, STAGES, THIRD, summed
 from nonlinear.system import Numbers
 
 SAFETY, SHRINKS, GROWS = 0.9, 0.2, 5.0

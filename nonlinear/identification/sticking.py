@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from nonlinear.dynamics import Lanes
-from nonlinear.integration.lanes import fill
+from nonlinear.integration.within import fill
 from nonlinear.system import Numbers
 
 

@@ -1,8 +1,8 @@
 """DOP853 compiled by numba (extra `fast`): steps, error control and samples in one kernel, for any plane scene.
 
-The lines are those of SciPy's method, whose coefficients are read from it, so both take the same steps.  Scenes are
+Its coefficients and its control of steps are those of `method`, so that it takes the steps of SciPy's.  Scenes are
 passed as arrays: one kernel serves all, and is cached on disk.  numba's cache depends on the date of this file alone:
-whoever changes `nonlinear.dynamics.compiled` or `joint_law` must touch this file as well.
+whoever changes `nonlinear.dynamics.compiled`, `controlled` or `joint_law` must touch this file as well.
 """
 
 from __future__ import annotations
@@ -20,30 +20,28 @@ from modal.types import Floats, Ints
 from nonlinear.dynamics import undisturbed
 from nonlinear.dynamics.compiled import LOOSE, Compiled, rate
 from nonlinear.integration.costs import kept
+from nonlinear.integration.method import FIFTH, MORE, POWERS, ROWS, STAGES, THIRD, controlled
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
 
-STAGES, SMALL_STEP = DOP853.n_stages, DOP853.TOO_SMALL_STEP
+SMALL_STEP = DOP853.TOO_SMALL_STEP
 COMPILING = "Compiling the integrator, which takes some ten seconds; the result is saved for later runs."
 NOTHING_DUE = np.empty(0)
 MOST, NUMBERS = 256, 200_000  # steps in one call of the kernel, and numbers of y that it returns
 
 
-def _sparse(rows: Any) -> tuple[Ints, Ints, Floats]:
-    """Sparse rows: where each begins among the non-zero entries, their columns and their values."""
-    filled = [np.flatnonzero(row) for row in rows]
-    begins = np.cumsum([0, *map(len, filled)])
-    return begins, np.concatenate(filled), np.concatenate([row[at] for row, at in zip(rows, filled, strict=True)])
-
-
-def _table() -> tuple[Any, ...]:
-    width = len(DOP853.D.T)
-    stages = [*DOP853.A, DOP853.B, *DOP853.A_EXTRA, *DOP853.D, DOP853.E5, DOP853.E3]
-    return _sparse([np.pad(row, (0, width - len(row))) for row in stages])
+def _table() -> tuple[Ints, Ints, Floats]:
+    """Sparse rows: where each begins among all shares, the stages that these are of, and the shares."""
+    rows = [*ROWS, *MORE, *POWERS, FIFTH, THIRD]
+    columns, shares = zip(*(own for row in rows for own in row), strict=True)
+    return np.cumsum([0, *map(len, rows)]), np.array(columns), np.array(shares)
 
 
 TABLE = _table()
 WEIGHTS, EXTRA, DENSE, ERRORS = STAGES, STAGES + 1, STAGES + 4, STAGES + 8  # rows of it
 """Rows of the table: end of a step, three more stages and four terms for samples, both error estimates."""
+
+
+_controlled = compiled(controlled)
 
 
 @compiled
@@ -67,8 +65,8 @@ def _stage(table, row, into, y, length, stages, z, scene, turns):  # type: ignor
 
 
 @compiled
-def _error(table, y, z, length, stages, relative, absolute, work):  # type: ignore[no-untyped-def]
-    """The error of a step over its tolerance."""
+def _error(table, y, z, stages, relative, absolute, work):  # type: ignore[no-untyped-def]
+    """The sums of squares of both errors of a step over their tolerances."""
     fifth = third = 0.0
     for row in range(ERRORS, ERRORS + 2):
         work[:] = 0.0
@@ -81,8 +79,7 @@ def _error(table, y, z, length, stages, relative, absolute, work):  # type: igno
             fifth = total
         else:
             third = total
-    both = fifth + 0.01 * third
-    return length * fifth / np.sqrt(both * y.size) if both != 0.0 else 0.0
+    return fifth, third
 
 
 @compiled
@@ -135,13 +132,12 @@ def _steps(table, scene, clock, relative, absolute, y, stages, due, rows, ends, 
             for row in range(1, STAGES + 1):
                 _stage(table, row, row, begun, length, stages, z, scene, turns)
             calls += STAGES
-            error = _error(table, begun, z, length, stages, relative, absolute, work)
+            fifth, third = _error(table, begun, z, stages, relative, absolute, work)
+            error, factor = _controlled(fifth, third, length, y.size, rejected)
             if error < 1:
-                grown = min(10.0, 0.9 * error ** (-1 / 8)) if error != 0.0 else 10.0
-                tried = length * (min(1.0, grown) if rejected else grown)
-                accepted = True
+                tried, accepted = length * factor, True
                 break
-            length, rejected = length * (0.2 if np.isnan(error) else max(0.2, 0.9 * error ** (-1 / 8))), True
+            length, rejected = length * factor, True
         if not accepted:
             break
         y[:] = z

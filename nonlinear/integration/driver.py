@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
@@ -14,10 +15,11 @@ from scipy.optimize import brentq, minimize_scalar
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.integration.escapements import Escapements
+from nonlinear.integration.escapements import Due, Escapements
 from nonlinear.integration.floats import FloatStepper
-from nonlinear.integration.friction import StickSlip
+from nonlinear.integration.friction import Change, StickSlip
 from nonlinear.integration.steppers import Stepper, Sweeper
+from nonlinear.integration.switched import Switched
 from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecord, Friction, Kicks, State
 
 BESIDE = 1e-6
@@ -87,11 +89,10 @@ class Drive:
         """Advance to the last sampled time, or as far as possible."""
         record = Record(self.times, np.empty((len(self.times), len(self.stepper.y))))
         record.keep(self.stepper.y[None])
-        free = isinstance(self.stepper, Sweeper) and not (self.events or self.escapements or self.friction)
-        advance = self._far if free else self._gliding if self._glides else self._on
+        advance = self._far if self._sweeps else self._on
         try:
             while record.filled < len(self.times) and not record.stopped:
-                if self.friction and self.friction.rest == self.friction.rest:
+                if self._rests:
                     self._rest(record)
                 else:
                     advance(record)
@@ -100,12 +101,24 @@ class Drive:
         except ComputationError as error:
             refused = self.friction.equations.refused if self.friction else ""
             record.stopped, record.failed = refused or str(error), True
-        if self.friction:
-            record.friction = self._rubbed(record)
+        record.friction = self._rubbed(record)
         record.close()
         if self.escapements:
             record.kicks = self.escapements.kicks
+        if isinstance(self.equations, Switched):
+            record.kicks = self.equations.switches.kicked()
         return record
+
+    @property
+    def _rests(self) -> bool:
+        """Whether nothing moves any more."""
+        if isinstance(self.equations, Switched):
+            return self.equations.rests and not self._sweeps
+        return bool(self.friction and self.friction.rest == self.friction.rest)
+
+    @property
+    def _sweeps(self) -> bool:
+        return isinstance(self.stepper, Sweeper) and not (self.events or self.escapements or self.friction)
 
     def _rest(self, record: Record) -> None:
         """Everything is at rest for good: the samples that are left are all the same."""
@@ -117,32 +130,14 @@ class Drive:
     def _rubbed(self, record: Record) -> Friction:
         """What friction did as far as the run came."""
         time, row = record.last or (float(self.times[0]), self.stepper.y)
-        return cast("StickSlip", self.friction).record(time, np.asarray(row))
-
-    @property
-    def _glides(self) -> bool:
-        """Whether many steps at once can be taken while all contacts slide."""
-        friction, alone = self.friction, not (self.events or self.escapements)
-        known = bool(friction and not friction.equations.contacts.coefficient)
-        return known and alone and isinstance(self.stepper, FloatStepper)
-
-    def _gliding(self, record: Record) -> None:
-        """Many steps in which all contacts slide, and the one in which that may change."""
-        friction, stepper = cast("StickSlip", self.friction), cast("FloatStepper", self.stepper)
-        if not friction.equations.sign.all():
-            return self._on(record)
-        every = self.report is not silent
-        with np.errstate(all="ignore"):
-            swept = stepper.sweep(self.times[record.filled :], every, friction.clear)
-        if swept[2]:
-            self._keep(record, *swept)
-        if stepper.time > record.reached and record.filled < len(self.times):
-            self._within(record, stepper.before)
-        return None
+        if isinstance(self.equations, Switched):
+            return self.equations.record(time, np.asarray(row).tolist())
+        return self.friction.record(time, np.asarray(row)) if self.friction else NO_FRICTION
 
     def _far(self, record: Record) -> None:
         """Many steps in which nothing but samples is needed."""
-        with np.errstate(all="ignore"):
+        own = self.equations.whole() if isinstance(self.equations, Switched) else nullcontext()
+        with np.errstate(all="ignore"), own:
             stepper = cast("Sweeper", self.stepper)
             swept = stepper.sweep(self.times[record.filled :], self.report is not silent)
         record.drift = stepper.drift
@@ -154,11 +149,15 @@ class Drive:
             record.keep(rows)
             record.steps, record.last = record.steps + steps, ends[-1]
             return
+        switched = isinstance(self.equations, Switched)
         passed = np.searchsorted(self.times, [time for time, _ in ends], side="right") - first
         for end, count in zip(ends, passed.tolist(), strict=True):
             record.keep(rows[record.filled - first : count])
             record.steps, record.last = record.steps + 1, end
-            self.report(end[0] - self.times[0])
+            if not switched:
+                self.report(end[0] - self.times[0])
+        if switched:
+            self.report(record.reached - self.times[0])
 
     def _on(self, record: Record) -> None:
         """One step and everything that happens within it."""
@@ -186,6 +185,15 @@ class Drive:
         record.last = now, self.equations.project(y)[0]
         if self.friction:
             self.friction.passed(self.stepper, before, now)
+        if isinstance(self.equations, Switched):
+            self._switch(record, before, y)
+        else:
+            self._change(record, before, (kick, change), y)
+        self.report(now - self.times[0])
+
+    def _change(self, record: Record, before: float, due: tuple[Due | None, Change | None], y: Floats) -> None:
+        """Go on from y, after a kick or a change of friction that is due."""
+        (kick, change), now = due, record.reached
         if self.friction and change:
             if not record.stopped:
                 changed = self.friction.changed(change, y)
@@ -206,7 +214,16 @@ class Drive:
             record.drift = max(record.drift, drift)
             if drift:
                 self.stepper.restart(mended)
-        self.report(now - self.times[0])
+
+    def _switch(self, record: Record, before: float, y: Floats) -> None:
+        """What happens at y where the last step ended at a switch of its own."""
+        stepper, now = cast("FloatStepper", self.stepper), self.stepper.time
+        stepper.worked(before, record.reached)
+        switched = None if record.stopped else stepper.switch()
+        if switched is not None:
+            known = {one.name for one in record.happenings if one.time > now - BESIDE * (now - before)}
+            _first_stop(record, (one for one in self._jumps(now, y, switched) if one[0].name not in known))
+            record.last = now, switched
 
     def _sample(self, record: Record, now: float) -> None:
         """The sampled times up to now; where the step ends on one, the step's own result is used."""

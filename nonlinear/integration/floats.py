@@ -1,8 +1,7 @@
-"""DOP853 in Python's floats, for generated equations (`nonlinear.dynamics.generated`).
+"""DOP853 in Python's floats, for generated equations (`nonlinear.dynamics.generated`), which end steps at switches.
 
-Twelve stages, both error estimates and the step size control are those of SciPy's method, whose coefficients are read
-from it, so both take the same steps.  The sums over stages are written out component by component, once for each
-length of y; samples are interpolated for many steps at once, in NumPy.
+The sums over stages are written out component by component, once for each length of y; samples are interpolated for
+many steps at once, in NumPy.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from math import nan, nextafter, sqrt
+from math import nan, nextafter
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -21,30 +20,50 @@ from modal.types import Floats
 from nonlinear.dynamics import Written
 from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
 from nonlinear.dynamics.text import function_in
+from nonlinear.integration.meeting import AGAIN, NEAR, STANDS, meet, seen
+from nonlinear.integration.method import (
+    EXTRA,
+    FIFTH,
+    LOOKS,
+    MORE,
+    NODES,
+    ROWS,
+    SEEN,
+    SHRINKS,
+    STAGES,
+    THIRD,
+    controlled,
+    terms_of,
+    weighted,
+)
+from nonlinear.integration.method import interpolated as gained
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
+from nonlinear.integration.switched import Switched
 from nonlinear.system import Equations
 
-STAGES, EXTRA = DOP853.n_stages, len(DOP853.A_EXTRA)
-SAFETY, SHRINKS, GROWS = 0.9, 0.2, 10.0  # factors of the step size, as in SciPy
-AT_ONCE = 256  # steps
+AT_ONCE, SHOWN = 256, 8  # steps, and those of motions with switches whose progress is reported
 
 Numbers = Sequence[float]
 
 
 class Passed(NamedTuple):
-    """A step: its beginning and end (s), y there, and the derivative at every stage, the last at the end."""
+    """A step: its beginning and end (s), y there, the derivative at every stage, the last at the end, and inputs.
+
+    The inputs are those that dry friction `held` throughout.
+    """
 
     start: float
     end: float
     before: Numbers
     after: Numbers
     stages: Sequence[Numbers]
+    held: Numbers = ()
 
 
 class FloatDOP853(DOP853):  # type: ignore[misc]
     """SciPy's method for a `rate` of y and the `inputs` at a time and y, all lists of floats.
 
-    They are None where there are none, and the time itself where `clocked`.
+    They are None where there are none, and the time itself where `clocked`.  Steps end at the switches of `switched`.
     """
 
     t: float
@@ -53,6 +72,7 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
     t_old: float
     y_old: Floats
     h_abs: float
+    switched: Switched | None = None
 
     def __init__(self, rate: Rate, inputs: Listed | None, clocked: bool, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -60,67 +80,126 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         self.rate, self.inputs, self.attempt = rate, inputs, attempt_of(self.n, beside)
         self.passed = Passed(self.t, self.t, self.y.tolist(), self.y.tolist(), [self.f.tolist()])
         self.smallest = np.broadcast_to(self.atol, self.y.shape).tolist()
+        self._which, self._low, self._high, self._tried, self._usual = [-1], [0.0], [np.inf], [0.0], [0.0]
 
-    def advance(
-        self, due: Numbers, most: int, clear: Callable[[Sequence[Numbers]], bool] | None = None
-    ) -> tuple[list[Passed], list[Passed], int]:
+    def advance(self, due: Numbers, most: int) -> tuple[list[Passed], list[Passed], int]:
         """Up to this many steps, none if the first fails, until the last time that is `due` (all that, if none is).
 
-        Returns the steps, those in which times are due, and how many of these times have been reached; the first step
-        that is not `clear` is taken but not among them.
+        Returns the steps, those in which times are due, and how many of these times have been reached.
         """
+        self.switch()
         y, f, at = self.y.tolist(), self.f.tolist(), 0
         steps: list[Passed] = []
         wanted: list[Passed] = []
-        begun = self.t
+        switched = self.switched
         while len(steps) < most and self.t < self.t_bound and (at < len(due) or not due):
-            step = self._passed(y, f)
+            if switched and switched.met is not None:
+                y, f = self._changed(y, f)
+            step = None if switched and switched.rests else self._passed(y, f)
             if step is None:
                 break
+            steps.append(step)
             self.passed = step
             y, f, self.t = step.after, step.stages[-1], step.end
-            if clear and not clear(step.stages):
-                break
-            steps.append(step)
             if at < len(due) and due[at] <= self.t:
                 wanted.append(step)
                 at = bisect_right(due, self.t)
-        if self.t > begun:
+        if steps:
             self.t_old, self.y_old = self.passed.start, np.array(self.passed.before)
-            self.y, self.f = np.array(y), np.array(f)
+        self.y, self.f = np.array(y), np.array(f)
         return steps, wanted, at
+
+    def switch(self) -> None:
+        """Go on as things are after the switch at which the last step ended, if it did."""
+        if self.switched and self.switched.met is not None:
+            self.y, self.f = map(np.array, self._changed(self.y.tolist(), self.f.tolist()))
+
+    def _changed(self, y: Numbers, f: Numbers) -> tuple[Numbers, Numbers]:
+        """The y after the switch that was met, and its derivative."""
+        switched = cast("Switched", self.switched)
+        after = switched.change(self.t, y, f)
+        self.rate = switched.rate
+        return after, self.rate(after, self.inputs(self.t, after)) if self.inputs else self.rate(after)
 
     def _passed(self, y: Numbers, f: Numbers) -> Passed | None:
         """The next step, None where it would be too short."""
-        t = self.t
+        t, switched = self.t, self.switched
         least = 10 * abs(nextafter(t, self.t_bound) - t)
-        length, rejected = min(max(float(self.h_abs), least), self.max_step), False
+        length, refused = min(max(float(self.h_abs), least), self.max_step), False
         while length >= least:
             end = min(t + length, self.t_bound)
             length = end - t
-            error, after, stages = self._attempted(length, y, f)
-            if error < 1:
-                grown = min(GROWS, SAFETY * error ** (-1 / 8)) if error else GROWS
-                self.h_abs, self.h_previous = length * (min(1.0, grown) if rejected else grown), length
+            error, factor, after, stages, looks = self._attempted(length, y, f, refused)
+            if not error < 1:
+                length, refused = length * factor, True
+                self._seek_none()
+                continue
+            answer = self._met(length, y, after, stages, looks, length * factor) if switched else STANDS
+            if answer == AGAIN and length > least:
+                length, refused = max(self._tried[0], least), False
+                continue
+            if switched is None:
+                self.h_abs, self.h_previous = length * factor, length
                 return Passed(t, end, y, after, stages)
-            length, rejected = length * max(SHRINKS, SAFETY * error ** (-1 / 8)), True
+            if answer == STANDS:
+                self.h_abs = self._tried[0]
+            else:
+                after, end = self._ended(switched, after, stages[-1], end)
+            switched.level(after)
+            self.h_previous = end - t
+            return Passed(t, end, y, after, stages, switched.held)
         return None
+
+    def _met(
+        self, length: float, y: Numbers, after: Numbers, stages: Sequence[Numbers], looks: Any, following: float
+    ) -> int:
+        """What becomes of this good step, as `meet` says."""
+        t, switched = self.t, cast("Switched", self.switched)
+        values, inputs = switched.values, self.inputs
+        found = [switched.look or values(t, y, stages[0], inputs, length)]
+        for stage, z in zip(SEEN, looks, strict=True):
+            found.append(values(t + NODES[stage] * length, z, stages[stage], inputs, length))
+        found.append(values(t + length, after, stages[-1], inputs, length))
+        V, R = zip(*found, strict=True)
+        self._tried[0] = following
+        if self._which[0] >= 0 or seen(length, V, R, LOOKS):
+            places = self._which, self._low, self._high, self._tried, self._usual
+            answer = meet(0, (t,), (length,), V, R, LOOKS, *places)
+        else:
+            self._usual[0], answer = following, STANDS
+        switched.look, self._last = found[-1] if answer == STANDS else found[0], found[-1]
+        return answer
+
+    def _ended(self, switched: Switched, after: Numbers, f: Numbers, end: float) -> tuple[list[float], float]:
+        """The y and the time (s) of the switch that was met, near the end of this step."""
+        j, (V, R) = self._which[0], self._last
+        left = -V[j] / R[j] if R[j] > 0 else 0.0
+        if abs(left) > 2 * NEAR * (self._usual[0] + end - self.t):
+            left = 0.0
+        self.h_abs, switched.met = self._usual[0], j
+        self._seek_none()
+        return [own + left * rate for own, rate in zip(after, f, strict=True)], end + left
+
+    def _seek_none(self) -> None:
+        self._which[0], self._low[0], self._high[0] = -1, 0.0, np.inf
 
     def _step_impl(self) -> tuple[bool, str | None]:
         steps, _, _ = self.advance((), 1)
         return (True, None) if steps else (False, self.TOO_SMALL_STEP)
 
-    def _attempted(self, length: float, y: Numbers, f: Numbers) -> tuple[float, Numbers, Sequence[Numbers]]:
+    def _attempted(
+        self, length: float, y: Numbers, f: Numbers, refused: bool
+    ) -> tuple[float, float, list[float], Sequence[Numbers], Any]:
+        """The error over the tolerance, the next length over this, y at the end, all stages, and y at `SEEN`."""
         self.nfev += STAGES
         try:
             given = (self.rate, length, y, f, self.rtol, self.smallest, self.t, self.inputs)
-            fifth, third, after, stages = self.attempt(*given)
+            fifth, third, after, stages, looks = self.attempt(*given)
         except SceneError:
             raise
         except UNDEFINED:
-            return nan, y, [f]
-        both = fifth + 0.01 * third
-        return (length * fifth / sqrt(both * self.n) if both else 0.0), after, stages
+            return nan, SHRINKS, [*y], [f], ()
+        return *controlled(fifth, third, length, self.n, refused), after, stages, looks
 
     def _dense_output_impl(self) -> Any:
         self.K[:] = self.passed.stages
@@ -140,50 +219,68 @@ class FloatStepper(DOP853Stepper[Written]):
         """The inputs, seen strictly between the surrounding breaks."""
         return lambda time, y: listed(self.clear_of_breaks(time), y)
 
+    def _begun(self, time: float, y: Floats, first: float | None) -> FloatDOP853:
+        solver = cast("FloatDOP853", super()._begun(time, y, first))
+        if isinstance(self.equations, Switched):
+            solver.switched, self.equations.look = self.equations, None
+        return solver
+
     @property
     def _arranged(self) -> Equations:
         return cast("Equations", self.equations)
 
-    def along(self, weights: Floats) -> Callable[[float], float]:
-        """The sum of the components of y with these weights, as a function of time (s) within the last step."""
-        if self._within is None:
-            self._within = self._solver.dense_output()
-        start, length = self._within.t_old, self._within.h
-        first, terms = float(self._within.y_old @ weights), (self._within.F @ weights).tolist()[::-1]
+    @property
+    def rests(self) -> bool:
+        """Whether nothing moves any more."""
+        return isinstance(self.equations, Switched) and self.equations.rests
 
-        def value(time: float) -> float:
-            x, found = (time - start) / length, 0.0
-            for number, term in enumerate(terms):
-                found = (found + term) * (1 - x if number % 2 else x)
-            return first + found
+    def switch(self) -> Floats | None:
+        """The y after the switch at which the last step ended, from which it goes on; None where it did not."""
+        solver = cast("FloatDOP853", self._solver)
+        if solver.switched is None or solver.switched.met is None:
+            return None
+        solver.switch()
+        return np.asarray(solver.y)
 
-        return value
+    def worked(self, before: float, now: float) -> None:
+        """Count the work of friction that varies between these times (s) of the last step."""
+        if isinstance(self.equations, Switched):
+            self.equations.passed(self.inside, before, now)
 
-    def sweep(
-        self, times: Floats, every: bool = True, clear: Callable[[Sequence[Numbers]], bool] | None = None
-    ) -> tuple[Floats, list[tuple[float, Numbers | Floats]], int]:
-        """Many steps at once, as defined in `Sweeper`, up to the first that is not `clear`, judged by y' at its stages.
-
-        That step is taken but not among the results.
-        """
+    def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Numbers | Floats]], int]:
+        """Many steps at once, as defined in `Sweeper`."""
         due, reached, mends = times.tolist(), 0, self._arranged.system.spatial
+        switched = self.equations if isinstance(self.equations, Switched) else None
+        alone = mends or (switched is not None and switched.presses)
         solver = cast("FloatDOP853", self._on_its_way())
         begun = solver.t
         ends: list[tuple[float, Numbers | Floats]] = []
         wanted: list[Passed] = []
         while True:
-            steps, some, more = solver.advance(due[reached:], 1 if mends else AT_ONCE, clear)
+            steps, some, more = solver.advance(due[reached:], 1 if alone else SHOWN if every and switched else AT_ONCE)
             wanted, reached = wanted + some, reached + more
+            if alone and steps:
+                self._within = None
+                self.worked(steps[0].start, steps[0].end)
             ends += [(step.end, self._mended() if mends else step.after) for step in steps]
             if not (mends and steps and reached < len(due) and len(ends) < AT_ONCE and solver.t < solver.t_bound):
                 break
-        if solver.t == begun:
+        if solver.t == begun and not self.rests:
             raise self._stopped(solver.TOO_SMALL_STEP)
         self.before, self.y_before, self._within = solver.t_old, solver.y_old, None
         solver.status = "finished" if solver.t >= solver.t_bound else "running"
         self._done += EXTRA * len(wanted)
-        rows = interpolated(wanted, times[:reached], self.equations.derivative) if reached else np.empty((0, solver.n))
-        return self._arranged.project(rows)[0] if mends and reached else rows, ends, len(ends)
+        rows = interpolated(wanted, times[:reached], self._rates_in(wanted)) if wanted else np.empty((0, solver.n))
+        rows, taken = self._arranged.project(rows)[0] if mends and reached else rows, len(ends)
+        if self.rests and reached < len(due):
+            rows, ends = np.vstack((rows, np.tile(solver.y, (len(due) - reached, 1)))), [*ends, (due[-1], solver.y)]
+        return rows, ends, taken
+
+    def _rates_in(self, steps: Sequence[Passed]) -> Derivative:
+        """The derivative in these steps side by side."""
+        if isinstance(self.equations, Switched):
+            return self.equations.rates_in([step.held for step in steps])
+        return self.equations.derivative
 
     def _mended(self) -> Floats:
         """Continue from the nearest y that satisfies every constraint."""
@@ -198,52 +295,45 @@ def interpolated(steps: Sequence[Passed], times: Floats, derivative: Any) -> Flo
     """The y (T, size) at ascending times within these steps, by the method's own interpolation."""
     start, end = np.array([(step.start, step.end) for step in steps]).T
     before, after = (np.array([getattr(step, name) for step in steps]).T for name in ("before", "after"))
-    rates = np.empty((len(DOP853.D.T), *before.shape))
-    rates[: STAGES + 1] = np.array([step.stages for step in steps]).transpose(1, 2, 0)
+    stages = [*np.array([step.stages for step in steps]).transpose(1, 2, 0)]
     length = end - start
-    for stage, share in enumerate(DOP853.A_EXTRA, STAGES + 1):
-        at = start + length * DOP853.C_EXTRA[stage - STAGES - 1]
-        rates[stage] = derivative(at, before + length * np.tensordot(share[:stage], rates[:stage], 1))
-    moved, first, last = after - before, length * rates[0], length * rates[STAGES]
-    terms = [moved, first - moved, 2 * moved - last - first, *(length * np.tensordot(DOP853.D, rates, 1))]
+    for stage, shares in enumerate(MORE, STAGES + 1):
+        moved = sum(share * stages[own] for own, share in shares)
+        stages.append(derivative(start + length * NODES[stage], before + length * moved))
+    terms = terms_of(length, after - before, stages)
     at = np.searchsorted(end, times)
-    x = (times - start[at]) / length[at]
-    found = np.zeros((len(before), len(times)))
-    for number, term in enumerate(reversed(terms)):
-        found = (found + term[:, at]) * (1 - x if number % 2 else x)
-    return np.where(times == end[at], after[:, at], before[:, at] + found).T
+    part = (times - start[at]) / length[at]
+    found = before[:, at] + gained(part, [term[:, at] for term in terms])
+    return np.where(times == end[at], after[:, at], found).T
 
 
 # ------------------------------------------------------------------------------------------------- one attempted step
 
 
 @lru_cache(maxsize=32)
-def attempt_of(size: int, beside: str = "") -> Callable[..., tuple[float, float, Numbers, Sequence[Numbers]]]:
+def attempt_of(size: int, beside: str = "") -> Callable[..., Any]:
     """One attempted step for y of this size.
 
     It is a function of rate, length, y, y', relative and absolute tolerances, and of time and inputs for what stands
     `beside` y at a part {} of the step.  It returns the sums of squares of the fifth- and third-order errors over their
-    tolerances, y at the end, and all stages.
+    tolerances, y at the end, all stages, and y at those of `SEEN`.
     """
     lines = ["def attempt(rate, h, y, k0, relative, absolute, t, inputs):", f"  {_all('y{i}', size)}, = y"]
-    nodes = [*DOP853.C, 1.0]
-    for stage, shares in enumerate([*DOP853.A[1:], DOP853.B], 1):
+    for stage, shares in enumerate(ROWS[1:], 1):
         lines += [f"  {_all(f'k{stage - 1}_{{i}}', size)}, = k{stage - 1}"]
-        sums = ", ".join(f"y{i} + h * ({_sum(shares, i)})" for i in range(size))
-        lines += [f"  z = [{sums}]", f"  k{stage} = rate(z{beside.format(float(nodes[stage]))})"]
+        sums = ", ".join(f"y{i} + h * ({weighted(shares, f'k{{}}_{i}')})" for i in range(size))
+        lines += [f"  z = [{sums}]", f"  k{stage} = rate(z{beside.format(NODES[stage])})"]
+        lines += [f"  z{stage}_ = z"] if stage in SEEN else []
     lines += [f"  {_all(f'k{STAGES}_{{i}}', size)}, = k{STAGES}"]
     lines += [f"  {_all('z{i}', size)}, = z", f"  {_all('a{i}', size)}, = absolute", "  fifth = third = 0.0"]
     for i in range(size):
         lines += [f"  allowed = a{i} + relative * max(abs(y{i}), abs(z{i}))"]
-        lines += [f"  share = ({_sum(DOP853.E5, i)}) / allowed", "  fifth += share * share"]
-        lines += [f"  share = ({_sum(DOP853.E3, i)}) / allowed", "  third += share * share"]
-    lines += [f"  return fifth, third, z, [{', '.join(f'k{stage}' for stage in range(STAGES + 1))}]"]
+        lines += [f"  share = ({weighted(FIFTH, f'k{{}}_{i}')}) / allowed", "  fifth += share * share"]
+        lines += [f"  share = ({weighted(THIRD, f'k{{}}_{i}')}) / allowed", "  third += share * share"]
+    stages, looks = (", ".join(own) for own in ([f"k{s}" for s in range(STAGES + 1)], [f"z{s}_" for s in SEEN]))
+    lines += [f"  return fifth, third, z, [{stages}], ({looks})"]
     return function_in("\n".join(lines), "attempt")
 
 
 def _all(name: str, size: int) -> str:
     return ", ".join(name.format(i=i) for i in range(size))
-
-
-def _sum(shares: Floats, i: int) -> str:
-    return " + ".join(f"{share!r} * k{stage}_{i}" for stage, share in enumerate(shares.tolist()) if share)

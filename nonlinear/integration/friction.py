@@ -9,7 +9,7 @@ and which way the others slide, and the integrator restarts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from math import nan
@@ -20,7 +20,6 @@ from scipy.optimize import brentq, minimize_scalar
 
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import Frictional, links_of_contacts
-from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.steppers import Stepper
 from nonlinear.system import Friction
 
@@ -83,18 +82,6 @@ class StickSlip:
                 return self._first(stepper, *peak)
         return None
 
-    def clear(self, stages: Sequence[Sequence[float]]) -> bool:
-        """Whether in a step with these y' at its stages, of which the first half are velocities, nothing can change.
-
-        All contacts slide, each with a velocity that stays above CLEAR times its change within the step.
-        """
-        for (below, above), s in zip(self._pairs, self.equations.sign.tolist(), strict=True):
-            speeds = [s * (v[below] - v[above]) if above >= 0 else s * v[below] for v in stages]
-            least = min(speeds)
-            if least <= CLEAR * (max(speeds) - least):
-                return False
-        return True
-
     def _values(self, time: float, row: Floats) -> Floats:
         """The value of every contact, negative while its state lasts, (J,)."""
         equations, sign = self.equations, self.equations.sign
@@ -105,21 +92,13 @@ class StickSlip:
             found[stuck] = (np.abs(rubbing.tau) - rubbing.limit * (1 + self._firm))[stuck]
         return found
 
-    def _of_time(self, stepper: Stepper, j: int) -> Callable[[float], float]:
-        """The value of a contact as a function of time (s) within the last step."""
-        if self.equations.sign[j] and isinstance(stepper, FloatStepper):
-            weights, half = np.zeros_like(self.y), self.equations.layout.half
-            weights[half : 2 * half] = -self.equations.sign[j] * self.equations.contacts.jacobian(half)[j]
-            return stepper.along(weights)
-        return partial(self._value, stepper, j)
-
     def _value(self, stepper: Stepper, j: int, time: float) -> float:
         return float(self._values(time, stepper.inside(np.array([time]))[0])[j])
 
     def _peak(self, stepper: Stepper, looks: Floats, near: Booleans, k: int) -> tuple[float, float, Booleans] | None:
         """The look before a positive maximum near look k, its time, and which of those `near` has it; None without."""
         for j in np.flatnonzero(near).tolist():
-            value = self._of_time(stepper, j)
+            value = partial(self._value, stepper, j)
             found = minimize_scalar(
                 lambda time, value=value: -value(time),
                 bounds=(looks[k - 1], looks[k + 1]),
@@ -134,7 +113,7 @@ class StickSlip:
         """The first of these contacts to pass zero; one whose value is zero at the start may be negative at first."""
         times = np.full(len(among), np.inf)
         for j in np.flatnonzero(among).tolist():
-            value = self._of_time(stepper, j)
+            value = partial(self._value, stepper, j)
             early = start + (end - start) * np.append(0.0, NEARER)
             low = next((time for time in early.tolist() if value(time) < 0), None)
             times[j] = start if low is None else _root(value, low, end)

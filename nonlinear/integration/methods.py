@@ -23,7 +23,6 @@ from nonlinear.dynamics import (
     Spatial,
     SpatialRecursion,
     Symmetry,
-    WrittenFrictional,
     contacts_of,
     loses_digits,
     undisturbed,
@@ -31,6 +30,7 @@ from nonlinear.dynamics import (
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration.costs import WRITTEN, costs
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
+from nonlinear.integration.switched import Switched
 from nonlinear.integration.taylor import LONGEST_CHAIN, MOST_LINKS, TIGHTEST
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.system import Equations, Group, Load, System, system_of
@@ -108,7 +108,7 @@ def choose(
         )
     else:
         why = ASKED
-    written = method != "DOP853" and system.n_links <= WRITTEN
+    written = system.n_links <= WRITTEN and (method != "DOP853" or system.kicked)
     compiled = method in SCIPY and not written and bool(seconds) and seconds["compiled"] < seconds["DOP853"]
     finest = SMALLEST if method in SCIPY else TIGHTEST / size
     return Choice(form, method, compiled, why + (", compiled" if compiled else ""), max(tolerance, finest))
@@ -181,11 +181,12 @@ def equations_of(
 
         if choice.form == "maximal":
             return HoistedMaximal(system, load)
-    if system.rubs:
+    if system.rubs or (system.kicked and choice.form == "minimal" and not choice.compiled):
         contacts, free = contacts_of(system), _free(system, load)
-        if isinstance(free, Generated) and len(contacts.pairs) <= RUBBED:
-            return WrittenFrictional(free, contacts)
-        return Frictional(free, contacts)
+        if choice.method == "DOP853" and isinstance(free, Generated) and len(contacts.pairs) <= RUBBED:
+            return Switched(free)
+        if system.rubs:
+            return Frictional(_numeric(system, load), contacts)
     if choice.form == "spatial":
         return _in_space(system, load)
     if choice.form == "maximal":
@@ -213,8 +214,11 @@ def _in_space(system: System, load: Load | None) -> Arranged:
 
 def _free(system: System, load: Load | None) -> Arranged:
     """The equations in minimal coordinates in the plane, without dry friction."""
-    if system.n_links <= WRITTEN:
-        return Generated(system, load=load)
+    return Generated(system, load=load) if system.n_links <= WRITTEN else _numeric(system, load)
+
+
+def _numeric(system: System, load: Load | None) -> Arranged:
+    """The same by matrices or recursions."""
     if system.hoisting is not None:
         return Minimal(system, (None,) * len(system.groups), load)
     if system.n_links <= FEWEST and not any(loses_digits(group, system) for group in system.groups):

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.types import Booleans, Floats, Ints
-from nonlinear.integration.lanes import Step
+from nonlinear.integration.within import Step
 from nonlinear.system import Layout
 
 TURN = 2 * pi
@@ -122,7 +122,7 @@ def leaving(found: Passages, starts: Starts) -> Booleans:
 
 def reach(step: Step, row: int) -> tuple[Floats, Floats]:
     """The lowest and the highest that a component of y, by its row, can be within a step, (W,)."""
-    one, two, rates = step.before[row], step.after[row], step.stages[:, row]
+    one, two, rates = (step.motion(own) for own in (step.before[row], step.after[row], step.stages[:, row]))
     turns = (rates.min(0) < 0) & (rates.max(0) > 0)
     beyond = np.where(turns, step.length * np.abs(rates).max(0) / 2, 0.0)
     return np.minimum(one, two) - beyond, np.maximum(one, two) + beyond
@@ -136,7 +136,7 @@ def passages(step: Step, level: Level, among: Booleans | None = None) -> Passage
     if not len(columns):
         return None
     inside = step.within(columns)
-    parts, values = inside.pieces(level.row, step.after[level.row, columns])
+    parts, values = inside.pieces(level.row, step.motion(step.after[level.row])[columns])
     cells = level.cell(values)
     change = np.diff(cells, axis=0).astype(np.int64)
     piece, lane = np.nonzero(change)
@@ -151,4 +151,4 @@ def passages(step: Step, level: Level, among: Booleans | None = None) -> Passage
     part = some.root(level.row, level.at(number), parts[piece, lane], parts[piece + 1, lane])
     at = columns[lane]
     time = step.start[at] + part * step.length[at]
-    return Passages(step.member[at], time, some.at(part).T, number, way.astype(float))
+    return Passages(step.member[at], time, np.moveaxis(some.at(part), 1, 0), number, way.astype(float))

@@ -28,6 +28,7 @@ from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.friction import StickSlip
 from nonlinear.integration.methods import Choice, choose, equations_of, validate_room
 from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step, sharpened
+from nonlinear.integration.switched import Switched
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.integration.trajectory import SolverInfo, Trajectory
 from nonlinear.system import NO_KICKS, Equations, Event, Kicks, Load, State, System
@@ -73,9 +74,8 @@ class Prepared:
     def go(self, events: Sequence[Event] = (), report: Callable[[float], object] = silent) -> Trajectory:
         """Run once, to the end or as far as possible; SimulationError where the integrator fails."""
         system, y = self.equations.system, self.stepper.y
-        kicking = (
-            escapements(system, cast("Arranged", self.equations).layout, y, self.before) if system.kicked else None
-        )
+        kicks = system.kicked and not isinstance(self.equations, Switched)
+        kicking = escapements(system, cast("Arranged", self.equations).layout, y, self.before) if kicks else None
         rubbing = StickSlip(self.equations, self.stepper.time, y) if isinstance(self.equations, Frictional) else None
         record = Drive(self.stepper, self.equations, self.times, events, report, kicking, rubbing).run()
         trajectory = self._trajectory(record)
@@ -132,6 +132,8 @@ def prepare(
     y = cast("HoistedMaximal", equations).begin_at(start, float(times[0])) if hoisted else equations.begin(start)
     if isinstance(equations, Frictional):
         equations.release(float(times[0]), y)
+    if isinstance(equations, Switched):
+        equations.release(float(times[0]), y, before)
     slope = _slope(equations, float(times[0]), y)
     return Prepared(
         scene, choice, equations, _stepper(scene, equations, choice, y, slope, times, size, pace), times, before

@@ -13,7 +13,6 @@ from math import inf, pi
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.integration.lanes import Inside, Step, squared
 from nonlinear.integration.passages import (
     Level,
     Passages,
@@ -25,6 +24,7 @@ from nonlinear.integration.passages import (
     reach,
     starts_of,
 )
+from nonlinear.integration.within import Inside, Step, beside, squared
 from nonlinear.system import Layout
 
 ASIDE = 1e-7  # of natural units, by which a neighbour is put aside to see how a difference grows
@@ -50,9 +50,9 @@ def _instants(step: Step, due: Ints, until: Ints) -> Iterator[tuple[Ints, Ints, 
 
 @dataclass(eq=False)
 class Samples:
-    """The y of S members at their `times` (S, K), or (K,) for all; `rows` (S, K, size), NaN where none came.
+    """The y of S members at their `times` (S, K), or (K,) for all; `rows` (S, K, size) or (S, K, size, 1 + k).
 
-    Steps may come in any order, and several of one member at a time.
+    NaN stands where no sample came.  Steps may come in any order, and several of one member at a time.
     """
 
     times: Floats
@@ -60,10 +60,10 @@ class Samples:
     rows: Floats = field(init=False)
 
     def __post_init__(self) -> None:
-        size, members = self.begun.shape
-        self.rows = np.full((members, self.times.shape[-1], size), np.nan)
-        at_start = np.broadcast_to(self.times[..., 0] == 0, members)
-        self.rows[at_start, 0] = self.begun.T[at_start]
+        begun = np.moveaxis(self.begun, 1, 0)
+        self.rows = np.full((len(begun), self.times.shape[-1], *begun.shape[1:]), np.nan, begun.dtype)
+        at_start = np.broadcast_to(self.times[..., 0] == 0, len(begun))
+        self.rows[at_start, 0] = begun[at_start]
 
     def see(self, step: Step) -> None:
         """Samples that fall into the step."""
@@ -73,8 +73,8 @@ class Samples:
             members = step.member[own]
             time = self.times[members, sample] if self.times.ndim > 1 else self.times[sample]
             part = (time - step.start[own]) / step.length[own]
-            y = np.where(time == end[own], step.after[:, own], inside.at(part))
-            self.rows[members, sample] = y.T
+            y = np.where(beside(time == end[own], step.after), step.after[:, own], inside.at(part))
+            self.rows[members, sample] = np.moveaxis(y, 1, 0)
 
     def _passed(self, members: Ints, time: Floats) -> Ints:
         """How many samples of each member come until a time."""

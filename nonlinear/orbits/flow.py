@@ -16,11 +16,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from math import isfinite, nan, sqrt
+from math import ceil, inf, isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853
+from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 from modal.errors import ComputationError
@@ -31,26 +31,62 @@ from nonlinear.dynamics.generated import UNDEFINED, Listed
 from nonlinear.dynamics.variational import Variational
 from nonlinear.integration import Escaping, escaping
 from nonlinear.integration.floats import Numbers, attempt_of
-from nonlinear.orbits.steps import (
-    FIRST,
-    GROWS,
-    LEAST,
-    MOST,
+from nonlinear.integration.method import (
+    FIFTH,
+    NODES,
+    POWER,
+    ROWS,
     SAFETY,
-    SHARES,
-    SHARP,
     SHRINKS,
     STAGES,
-    TOGETHER,
-    WEIGHTS,
-    Passed,
-    Path,
+    THIRD,
+    Shares,
+    controlled,
+    steered,
 )
 from nonlinear.system import System
 
+FIRST = 1 / 24  # the first step over the whole time
+LEAST = 1e-12  # shortest step over the whole time
+MOST = 20_000  # steps
+SHARP = 1e-12  # last step to the time of a kick over the whole one
+TOGETHER = 1e-11  # rad by which a kick may come early to coincide with another
+STILL = 1e-3  # way of y in natural units, in a step in which it hardly moves
+LOOSE = 100  # tolerances by which such a step may err in V
 NEWTON = 8  # steps to the time of a kick
 AT_ONCE = 1_000_000  # entries of J at the stages of steps that are taken together
 Force = Callable[[float], Floats]
+
+
+class Path(NamedTuple):
+    """The ends of K steps: times (s), y and y' there, (K,) and (K, d); after a kick the same time once more."""
+
+    times: Floats
+    states: Floats
+    rates: Floats
+
+
+class Passed(NamedTuple):
+    """The end of a flow: y (d,), V (d, m), the side of every escapement's next kick, and the path."""
+
+    y: Floats
+    V: Floats
+    side: Floats
+    path: Path
+
+
+def _dense(rows: Sequence[Shares]) -> Floats:
+    """Shares of the rates at the stages, row by row, (rows, STAGES)."""
+    found = np.zeros((len(rows), STAGES))
+    for own, row in zip(found, rows, strict=True):
+        for stage, share in row:
+            if stage < STAGES:
+                own[stage] = share
+    return found
+
+
+SHARES = _dense(ROWS)
+ERRORS = _dense((FIFTH, THIRD))
 
 
 class Step(NamedTuple):
@@ -64,11 +100,15 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Flow(Displayed):
-    """The flow of a system with this tolerance; `force` (n,) of the time acts from outside, in every coordinate."""
+    """The flow of a system with this tolerance; `force` (n,) of the time acts from outside, in every coordinate.
+
+    With a `change` δp of the numbers of its equations, (P,), V has a last column, the change of y with them.
+    """
 
     system: System
     tolerance: float = 1e-12
     force: Force | None = None
+    change: Floats | None = None
     equations: Variational = field(init=False)
 
     def __post_init__(self) -> None:
@@ -105,18 +145,18 @@ class Flow(Displayed):
                 times, states, rates = map(np.array, zip(*kept, strict=True))
                 ended = self._carried(V, carried) if V.shape[1] else V
                 return Passed(states[-1], ended, side if side is not None else np.empty(0), Path(times, states, rates))
-            new, stages, error = self._attempt(start + time, here, rate, length)
+            new, stages, error, factor = self._attempt(start + time, here, rate, length)
             if not error < 1:
-                length *= max(SHRINKS, SAFETY * error ** (-1 / 8)) if isfinite(error) else SHRINKS
+                length *= factor
                 if length <= LEAST * whole:
                     break
                 continue
-            grown = length * (min(GROWS, SAFETY * error ** (-1 / 8)) if error else GROWS)
+            grown = length * factor
             met = None if side is None else self._met(start + time, here, rate, length, new, side)
             if met:
                 length, joint = met
                 if length:
-                    new, stages, _ = self._attempt(start + time, here, rate, length)
+                    new, stages, _, _ = self._attempt(start + time, here, rate, length)
                     carried.append(Step(start + time, length, here, stages))
                     time, here, rate = time + length, new, stages[-1]
                 kept.append((time, here, rate))
@@ -139,12 +179,14 @@ class Flow(Displayed):
     @cached_property
     def _listed(self) -> Listed | None:
         """The inputs u at a time (s)."""
-        force = self.force
-        return None if force is None else lambda time, y: np.asarray(force(time), dtype=float).tolist()
+        force, moved = self.force, self.equations.listed
+        if force is None:
+            return moved
+        return lambda time, y: [*(moved(time, y) if moved else ()), *np.asarray(force(time), dtype=float).tolist()]
 
     @cached_property
     def _attempted(self) -> Callable[..., Any]:
-        return attempt_of(self.equations.size, ", inputs(t + {} * h, z)" if self.force else "")
+        return attempt_of(self.equations.size, ", inputs(t + {} * h, z)" if self._listed else "")
 
     @cached_property
     def _smallest(self) -> list[float]:
@@ -152,43 +194,93 @@ class Flow(Displayed):
 
     def _attempt(
         self, time: float, y: Numbers, rate: Numbers, length: float
-    ) -> tuple[Numbers, Sequence[Numbers], float]:
-        """The end of one step, its stages and its error over the tolerance."""
+    ) -> tuple[Numbers, Sequence[Numbers], float, float]:
+        """The end of one step, its stages, its error over the tolerance, and the next length over this one."""
         given = (self.equations.rate, length, y, rate, self.tolerance, self._smallest, time, self._listed)
         try:
-            fifth, third, new, stages = self._attempted(*given)
+            fifth, third, new, stages, _ = self._attempted(*given)
         except UNDEFINED:
-            return y, (), nan
-        both = fifth + 0.01 * third
-        return new, stages, length * fifth / sqrt(both * len(y)) if both else 0.0
+            fifth, third, new, stages = inf, inf, y, ()
+        if not isfinite(fifth + third):
+            return y, (), inf, SHRINKS
+        return new, stages, *controlled(fifth, third, length, len(y), False)
 
     def _carried(self, V: Floats, parts: Sequence[Step | Floats]) -> Floats:
         """V at the end of these steps and of the saltation matrices between them."""
         steps, size = [part for part in parts if isinstance(part, Step)], len(V)
         few = max(1, AT_ONCE // (STAGES * size**2))
-        maps = (one for k in range(0, len(steps), few) for one in self._maps(steps[k : k + few]))
+        maps = (one for k in range(0, len(steps), few) for one in self._mapped(steps[k : k + few]))
+        if self.change is not None:
+            V = block_diag(V, 1.0)
         for part in parts:
             V = (next(maps) if isinstance(part, Step) else part) @ V
-        return V
+        return V[:size]
 
-    def _maps(self, steps: Sequence[Step]) -> Floats:
-        """What each of these steps does to V, (N, d, d): with y of every stage known, J of all of them at once."""
+    def _mapped(self, steps: Sequence[Step]) -> Floats:
+        """What each of these steps does to V, (N, d, d).
+
+        Where y hardly moves, as at an unstable equilibrium, its error says nothing of V: a step that errs in V is
+        divided.
+        """
+        maps, errors = self._maps(steps)
+        for k, error in errors.items():
+            if error <= LOOSE:
+                continue
+            parts = ceil(min(error / LOOSE, 1e8) ** -POWER / SAFETY) + 1
+            whole = np.eye(maps.shape[-1])
+            for one in self._mapped(self._divided(steps[k], parts)):
+                whole = one @ whole
+            maps[k] = whole
+        return maps
+
+    def _divided(self, step: Step, parts: int) -> list[Step]:
+        """The same step in equal parts."""
+        found, y, length = list[Step](), step.y, step.length / parts
+        if step.time + length == step.time:
+            raise ComputationError("the derivatives of the motion cannot be followed over a period")
+        for k in range(parts):
+            time = step.time + k * length
+            end, stages, _, _ = self._attempt(time, y, self._rate(time, y), length)
+            found.append(Step(time, length, y, stages))
+            y = end
+        return found
+
+    def _maps(self, steps: Sequence[Step]) -> tuple[Floats, dict[int, float]]:
+        """What each of these steps does to V, (N, d, d), and the errors over the tolerance of those where y is still.
+
+        With y of every stage known, J of all of them is computed at once.
+        """
         times, lengths = (np.array([getattr(step, name) for step in steps]) for name in ("time", "length"))
         begun, stages = np.array([step.y for step in steps]).T, np.array([step.stages for step in steps])
         many, size = len(steps), len(begun)
-        inner = lengths[:, None] * np.tensordot(DOP853.A[:STAGES, :STAGES], stages[:, :STAGES], (1, 1)).transpose(
-            2, 1, 0
-        )
+        inner = lengths[:, None] * np.tensordot(SHARES[:STAGES], stages[:, :STAGES], (1, 1)).transpose(2, 1, 0)
         y, u = (begun[..., None] + inner).reshape(size, -1), np.empty((0, many * STAGES))
         if self._listed:
-            at = times[:, None] + lengths[:, None] * DOP853.C[:STAGES]
+            at = times[:, None] + lengths[:, None] * np.array(NODES[:STAGES])
             u = np.array([self._listed(time, ()) for time in at.ravel().tolist()]).T
-        J = self.equations.linearized(y, u)[1].reshape(many, STAGES, size, size) * lengths[:, None, None, None]
+        J = self.equations.linearized(y, u)[1]
+        if self.change is not None:
+            size += 1
+            J = np.pad(J, ((0, 0), (0, 1), (0, 1)))
+            J[:, :-1, -1] = self.equations.moved_by(self.change, y, u).T
+        J = J.reshape(many, STAGES, size, size) * lengths[:, None, None, None]
         K, own = np.empty((STAGES, many, size, size)), np.eye(size)
         flat = K.reshape(STAGES, -1)
         for stage in range(STAGES):
-            K[stage] = J[:, stage] @ (own + (SHARES[stage] @ flat[:stage]).reshape(many, size, size))
-        return np.asarray(own + (WEIGHTS @ flat).reshape(many, size, size))
+            K[stage] = J[:, stage] @ (own + (SHARES[stage, :stage] @ flat[:stage]).reshape(many, size, size))
+        ends = own + (SHARES[STAGES] @ flat).reshape(many, size, size)
+        ways = lengths * (np.abs(stages).max(1) / self.scale).max(1)
+        still = np.flatnonzero(ways < STILL)
+        return np.asarray(ends), dict(zip(still.tolist(), self._missed(K[:, still]).tolist(), strict=True))
+
+    def _missed(self, K: Floats) -> Floats:
+        """The errors (N,) over the tolerance, in natural units, of steps with these changes at the stages."""
+        size = len(self.scale)
+        K = K[..., :size, :size]
+        stages, many = K.shape[:2]
+        errors = (ERRORS @ K.reshape(stages, -1)).reshape(2, many, size, size) * (self.scale / self.scale[:, None])
+        fifth, third = (errors**2).sum((2, 3)) / (size * self.tolerance**2)
+        return steered(fifth, third, np.ones(many), size, False)[0]
 
     # ------------------------------------------------------------------------------------------------------- kicks
 

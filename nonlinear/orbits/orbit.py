@@ -12,8 +12,7 @@ from modal.scene import Scene, name_of
 from modal.types import Floats
 from nonlinear.dynamics import Mechanics
 from nonlinear.orbits.floquet import Floquet
-from nonlinear.orbits.flow import Flow
-from nonlinear.orbits.steps import Path
+from nonlinear.orbits.flow import Flow, Path
 from nonlinear.system import Motion, State
 
 LOOKS = 8  # points in every step among which the largest angle is searched

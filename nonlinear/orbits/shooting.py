@@ -13,23 +13,23 @@ from each other in part, and solutions form families.  A number of the scene may
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
 
-from modal.errors import ComputationError
+from modal.errors import ComputationError, SceneError
 from modal.scene import Scene, require
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
 from nonlinear.orbits.floquet import Floquet, whole
-from nonlinear.orbits.flow import Flow, Force
+from nonlinear.orbits.flow import Flow, Force, Passed, Path
 from nonlinear.orbits.orbit import Orbit
-from nonlinear.orbits.steps import Passed, Path
 from nonlinear.system import system_of
 
 SEGMENTS = 2
-NUDGE = 1e-7  # of the range of a number, for derivatives by it
+NUDGE = 1e-7  # of the range of a number, for derivatives of kicked motions by it
+BESIDE = 1e-4  # of a number of a scene, for derivatives of those of the equations by it
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +106,12 @@ class Shooting:
         low, high = self.variation.values[0], self.variation.values[-1]
         return float(low * (high / low) ** place if self.variation.log else low + (high - low) * place)
 
+    def _stretch(self, place: float) -> float:
+        """The derivative of the value by its place in the range."""
+        assert self.variation
+        low, high = self.variation.values[0], self.variation.values[-1]
+        return float(self.value_at(place) * np.log(high / low)) if self.variation.log else high - low
+
     # -------------------------------------------------------------------------------------------------- equations
 
     def equations(self, u: Floats) -> tuple[Floats, Floats]:
@@ -117,12 +123,12 @@ class Shooting:
         for k, end in enumerate(ends):
             rows, after = slice(k * d, (k + 1) * d), (k + 1) % m
             r[rows] = (end.y - states[after]) / scale
-            J[rows, k * d : (k + 1) * d] += end.V / scale[:, None]
+            J[rows, k * d : (k + 1) * d] += end.V[:, :d] / scale[:, None]
             J[rows, after * d : (after + 1) * d] -= np.eye(d)
             if self.period is None:
                 J[rows, m * d] = end.path.rates[-1] / scale / m / self.first.system.rate
         if self.variation:
-            J[:, -1] = self._by_value(u, ends)
+            J[:, -1] = self._by_value(u, flow, ends)
         conditions = self._conditions(len(u))
         offset = np.zeros(len(conditions))
         return np.concatenate((r, conditions @ u + offset)), np.vstack((J, conditions))
@@ -132,8 +138,10 @@ class Shooting:
         part, V = period / self.segments, np.diag(self.first.scale)
         return [flow(y, V, part, start=k * part) for k, y in enumerate(states)]
 
-    def _by_value(self, u: Floats, ends: list[Passed]) -> Floats:
+    def _by_value(self, u: Floats, flow: Flow, ends: list[Passed]) -> Floats:
         """The derivative of the ends by the place of the number, (m d,)."""
+        if flow.change is not None:
+            return np.concatenate([end.V[:, -1] / self.first.scale for end in ends]) * self._stretch(u[-1])
         nudge = NUDGE if u[-1] < 0.5 else -NUDGE
         flow, none = self.flow_at(self.value_at(float(u[-1]) + nudge)), np.zeros((self.size, 0))
         part = self.whole(u) / self.segments
@@ -159,7 +167,7 @@ class Shooting:
         ends = self._passed(flow, states, period)
         scale, M = self.first.scale, np.eye(self.size)
         for end in ends:
-            M = (end.V / scale[:, None]) @ M
+            M = (end.V[:, : self.size] / scale[:, None]) @ M
         missed = [np.abs((end.y - states[(k + 1) % self.segments]) / scale).max() for k, end in enumerate(ends)]
         floquet = self.multipliers(flow, states[0], M)
         path = _joined([end.path for end in ends], period / self.segments)
@@ -207,9 +215,30 @@ def shooting(
     def flow_at(value: float | None) -> Flow:
         varied = scene if value is None or variation is None else vary(scene, {variation.path: value})
         require(varied, "a periodic orbit")
-        return Flow(system_of(varied), tolerance, force=force)
+        flow = Flow(system_of(varied), tolerance, force=force)
+        if value is None or variation is None or flow.system.kicked:
+            return flow
+        return replace(flow, change=_change(scene, variation, value, flow))
 
     return Shooting(scene, flow_at, leader, segments, period, variation)
+
+
+def _change(scene: Scene, variation: Variation, value: float, flow: Flow) -> Floats | None:
+    """The derivative of the numbers of the equations by a number of the scene, (P,), by central differences.
+
+    None where a scene beside has another form, as a number is 0 there.
+    """
+    beside, aside = [], BESIDE * abs(value)
+    for moved in (value - aside, value + aside):
+        try:
+            system = system_of(vary(scene, {variation.path: moved}))
+        except SceneError:
+            return None
+        equations = replace(flow.equations, system=system)
+        if equations.form != flow.equations.form:
+            return None
+        beside.append(np.array(equations.numbers))
+    return np.asarray((beside[1] - beside[0]) / (2 * aside)) if aside else None
 
 
 def spread(problem: Shooting, flow: Flow, y: Floats, period: float) -> Floats:

@@ -36,12 +36,14 @@ Values = Mapping[Place, Floats]
 class Numbers(Displayed):
     """The numbers of S members with the form of a `system`: `entries` are numbers or arrays (S,).
 
-    So are `prescribed`: the entries of D_modal, row by row, where there is one, and the constants of a moved support.
+    So are `prescribed`: the entries of D_modal, row by row, where there is one, and the constants of a moved support;
+    and `switching`, those of escapements and dry friction (`nonlinear.integration.switches`), empty without them.
     """
 
     system: System
     entries: tuple[Any, ...]
     prescribed: tuple[Any, ...] = ()
+    switching: tuple[Any, ...] = ()
 
     @cached_property
     def varied(self) -> tuple[int, ...]:
@@ -53,7 +55,7 @@ class Numbers(Displayed):
         """Whether energy goes in or out of any member, or could where these entries differ."""
         system = self.system
         outside = any(part is not None for part in (system.modal_damping, system.hoisting, system.support))
-        return outside or self._any_of(WORKING) or self._is_set(2)
+        return outside or system.kicked or self._any_of(WORKING) or self._is_set(2)
 
     @cached_property
     def dragged(self) -> bool:
@@ -71,7 +73,7 @@ class Numbers(Displayed):
         """Those of some members: a slice or indices."""
         taken = (
             tuple(entry[members] if isinstance(entry, np.ndarray) else entry for entry in own)
-            for own in (self.entries, self.prescribed)
+            for own in (self.entries, self.prescribed, self.switching)
         )
         return Numbers(self.system, *taken)
 

@@ -234,9 +234,9 @@ def test_members_without_a_start_begin_in_a_mode() -> None:
     assert "none of these: at rest, still on the way" in basins_table(short, "text")
 
 
-def test_the_usual_grid_is_coarse_where_members_go_one_by_one() -> None:
+def test_the_usual_grid_is_fine_where_members_go_side_by_side() -> None:
     assert [len(axis.values) for axis in grid_of(load("metronomes"))] == [64, 64]
-    assert [len(axis.values) for axis in grid_of(load("huygens"))] == [12, 12]
+    assert [len(axis.values) for axis in grid_of(load("huygens"))] == [64, 64]
 
 
 def test_the_usual_energy_of_a_section_is_that_of_the_usual_start() -> None:

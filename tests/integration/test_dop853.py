@@ -227,13 +227,16 @@ def test_a_run_is_the_run_in_numpy(name: str, tolerance: float, engine: str, mon
     ours, theirs = found
     inner: list[Any] = [each.equations for each in found]
     kinds = [type(each.inner if isinstance(each, Reduced) else each).__name__ for each in inner]
-    assert kinds == [{"floats": "Generated", "compiled": "Compiled"}[engine], "Small"]
-    assert (ours.run.steps, ours.run.calls) == (theirs.run.steps, theirs.run.calls)
+    switched = name == "huygens" and engine == "floats"
+    assert kinds == ["Switched" if switched else {"floats": "Generated", "compiled": "Compiled"}[engine], "Small"]
+    assert switched or (ours.run.steps, ours.run.calls) == (theirs.run.steps, theirs.run.calls)
     assert len(ours.kicks.time) == len(theirs.kicks.time)
     for part in ("links", "link_rates", "cart", "work"):
         one, other = getattr(ours.motion, part), getattr(theirs.motion, part)
-        assert np.max(np.abs(one - other)) < 1e-11 * max(1.0, float(np.max(np.abs(other))))
-    assert ours.energy_drift() <= 1.001 * theirs.energy_drift() + 1e-13
+        assert np.max(np.abs(one - other)) < (10 * tolerance if switched else 1e-11) * max(
+            1.0, float(np.max(np.abs(other)))
+        )
+    assert ours.energy_drift() <= (2.0 if switched else 1.001) * theirs.energy_drift() + 1e-13
 
 
 def test_coefficients_are_those_of_scipy() -> None:

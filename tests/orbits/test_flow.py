@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 from amounts import usually
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from support.scenes import complex_step, motion_scene, plane_scene, random_state
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, load
 from modal.assembly import matrices
+from modal.scene import Moved, SineMotion
+from modal.scene.parameters import parse_variations
 from modal.types import Floats
 from nonlinear.dynamics.variational import Variational
 from nonlinear.orbits import Flow, periodic_orbit
+from nonlinear.orbits.shooting import shooting
 from nonlinear.system import State, system_of
 
 RESISTED = Scene(
@@ -138,3 +142,64 @@ def test_what_resists_a_free_cart_leaves_an_impulse_that_is_conserved() -> None:
     before = flow.equations.momentum_slope(y)
     assert before[0] > 0.2
     assert flow.equations.momentum_slope(passed.y) @ passed.V == pytest.approx(before, abs=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.0, np.pi], ids=("hanging", "upright"))
+def test_the_derivative_is_exact_where_the_motion_stands_still(angle: float) -> None:
+    """At an equilibrium V = exp(J T), and y, which does not move, allows steps of any length."""
+    scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=0.5), Bob(mass=0.4, length=0.3)])])
+    flow = Flow(system_of(scene), 1e-12)
+    y = np.array([angle, angle, 0.0, 0.0])
+    passed = flow(y, np.eye(4), 1.5)
+    known = expm(1.5 * flow.equations.linearized(y)[1])
+    assert pytest.approx(passed.V, rel=1e-8, abs=1e-9 * np.abs(known).max()) == known
+    assert len(passed.path.times) < 10
+
+
+@pytest.mark.parametrize("rate", [25.0, 12.0], ids=("held up", "falling"))
+def test_multipliers_of_an_upright_pendulum_on_a_shaken_support_are_those_of_hill(rate: float) -> None:
+    """θ'' = (g + z'')/l θ about the upright position, by SciPy; θ stands still, so its own error allows any step."""
+    support = Moved(motion=SineMotion(direction="vertical", amplitude=0.1, frequency_hz=rate / (2 * np.pi)))
+    scene = Scene(gravity=9.81, support=support, pendulum=[Pendulum(links=[Bob(mass=1.0, length=0.5)])])
+    system = system_of(scene)
+    assert system.support
+    flow, moved = Flow(system, 1e-12), system.support.motion
+    period = 2 * np.pi / rate
+    M = flow(np.array([np.pi, 0.0]), np.eye(2), period).V
+
+    def hill(time: float, z: Floats) -> Floats:
+        pull = (9.81 + moved.acceleration_at(time)) / 0.5
+        return np.array([z[2], z[3], pull * z[0], pull * z[1]])
+
+    end = solve_ivp(hill, (0, period), [1.0, 0.0, 0.0, 1.0], "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+    assert pytest.approx(M, abs=1e-9) == end.reshape(2, 2)
+    assert np.linalg.det(M) == pytest.approx(1, abs=1e-9)
+    assert (abs(np.trace(M)) < 2) == (rate > np.sqrt(2 * 9.81 * 0.5) / 0.1)
+
+
+NUMBERS = ("gravity", "pendulum[0].links[0].length", "support.mass", "pendulum[0].links[1].drag")
+
+
+@pytest.mark.parametrize("path", NUMBERS)
+def test_derivatives_by_a_number_of_the_scene_are_those_of_differences(path: str) -> None:
+    (variation,) = parse_variations([f"{path}=0.2:2:3"])
+    value, none = 0.8, np.zeros((6, 0))
+    problem = shooting(RESISTED, variation=variation)
+    flow, y = problem.flow_at(value), np.array([0.1, 0.9, -0.5, 0.2, 0.4, 1.0])
+    assert flow.change is not None
+    found = flow(y, np.eye(6), 1.1).V
+    one, other = (problem.flow_at(value + step)(y, none, 1.1).y for step in (-1e-5, 1e-5))
+    slope = (other - one) / 2e-5
+    assert found[:, -1] == pytest.approx(slope, rel=1e-7, abs=1e-8 * np.abs(slope).max())
+    plain = Flow(flow.system, flow.tolerance)(y, np.eye(6), 1.1).V
+    assert found[:, :-1] == pytest.approx(plain, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("spacing", ["", "log"])
+def test_the_equations_of_orbits_know_their_slope_by_the_place_of_a_number(spacing: str) -> None:
+    (variation,) = parse_variations([f"pendulum[0].links[0].length=0.2:2:3{spacing}"])
+    problem = shooting(RESISTED, variation=variation, segments=1)
+    u = problem.unknown(np.array([[0.1, 0.9, -0.5, 0.2, 0.4, 1.0]]), 1.1, 0.8)
+    step = np.append(np.zeros(len(u) - 1), 1e-5)
+    slope = (problem.equations(u + step)[0] - problem.equations(u - step)[0]) / 2e-5
+    assert problem.equations(u)[1][:, -1] == pytest.approx(slope, rel=1e-7, abs=1e-8 * np.abs(slope).max())

@@ -1,0 +1,345 @@
+"""What happens at a switch, in scalars: kicks, contacts that stop, stick and break loose, and what columns make of it.
+
+A segment's state are floats: the side of each joint's next kick (K), 0 where either is possible; the sign of every
+contact's sliding (J), 0 where it sticks; on a rail with a coefficient the sign e of N; then of every contact its
+firmness, its brief phases in a row, the time (s) of its last change, its place (rad or m) then, and the work (J) of
+friction until then.
+
+A contact that stops loses the remainder of its velocity by an impulse of friction, so that those already sticking stay
+at rest.  Of contacts at rest γ'' = a + Gτ, |τ| ≤ M: γ'' = 0 inside the limit, else γ'' is against τ; the first that
+violates this changes its state until none does: finite for a positive definite G (Murty, Linear Algebra Appl. 7, 65
+(1974); with bounds Júdice and Pires, Computers Ops Res. 21, 587 (1994)).  On a rail with a coefficient every state of
+the rail is tried with either sign of N.
+
+Columns V of derivatives by what the motion starts from become at a switch n·y = 0 that maps y to G(y)
+
+    V₊ = DG V₋ + (f₊ − DG f₋) (n·V₋)/(n·f₋)
+
+taken one after the other where several switch at once (saltation; Leine and Nijmeijer, Dynamics and Bifurcations of
+Non-Smooth Mechanical Systems, 2004, §7).
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from math import nan
+from typing import Any
+
+TOGETHER = 1e-12  # rad by which a kick, or natural velocity by which a stop, may come early to coincide with another
+BRIEF, OFTEN = 1e-7, 4.0  # phases shorter than this, over √(l/g), of which so many in a row are chatter
+FIRM = 1e-6  # excess over its limit by which a contact breaks loose after chatter
+NAN, NOTHING = nan, (0.0,)
+TEXTS = "sticking", "friction", "responses", "kick", "kicked"
+EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where numbers stand: the size of y and its half, pairs of coordinates of K kicks and J contacts, and the rest.
+
+    `e`, `firm`, `brief`, `since`, `turned` and `work` are places in the state, `told` of its numbers enter texts;
+    `limit` is a place among the numbers of a member, which end with √(g/l) (rad/s) after the `given` ones.
+    """
+
+    size: int
+    half: int
+    K: int
+    J: int
+    kicks: tuple[tuple[int, int], ...]
+    contacts: tuple[tuple[int, int], ...]
+    presses: bool
+    timed: int
+
+    @cached_property
+    def e(self) -> int:
+        """The place of the sign of N."""
+        return self.K + self.J
+
+    @cached_property
+    def firm(self) -> int:
+        """The place of the first firmness."""
+        return self.e + self.presses
+
+    @cached_property
+    def told(self) -> int:
+        """How many numbers of the state enter texts."""
+        return self.firm + self.J
+
+    @property
+    def length(self) -> int:
+        """How many numbers a state has."""
+        return self.told + 4 * self.J
+
+
+def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable[..., Any], Callable[..., Any]]:  # noqa: PLR0915
+    """The functions `settle` and `change` of one segment, from the texts (c, y, u, v) of its form.
+
+    settle(t, y, signs, was, state, numbers, c, u, held, happened) decides which contacts of sign 0 stick;
+    change(t, j, y, f, state, numbers, c, u, V, happened) is y after switch j, in lists, the state and the columns V (k,
+    size) being changed in place; c are the constants of the texts.  What happens is appended as (time, switch, a, b):
+    impulse and energy of a kick; 1 where a contact begins to stick, 0 where it ends.
+    """
+    size, half, K, J, presses, timed = at.size, at.half, at.K, at.J, at.presses, at.timed
+    kicks, contacts, E, F, B = at.kicks, at.contacts, at.e, at.firm, at.told
+    T, P, W, LIMIT, RATE = B + J, B + 2 * J, B + 3 * J, 3 * K, 3 * K + J
+    called: list[Callable[..., Any]] = [texts.get(name, _none) for name in TEXTS]
+    sticking, friction, responses, kick, kicked = called
+
+    def relative(x: Any, first: int, pair: Any) -> Any:
+        return x[first + pair[0]] - x[first + pair[1]] if pair[1] >= 0 else x[first + pair[0]]
+
+    def inputs(state: Any, numbers: Any) -> Any:
+        u = [-state[K + i] * numbers[LIMIT + i] for i in range(J)]
+        if presses:
+            u[0] = u[0] * state[E]
+        return u + [1.0 - state[K + i] * state[K + i] for i in range(J)]
+
+    def solved(G: Any, b: Any, n: int) -> Any:
+        """The solution of a symmetric positive definite system, G (n n,) row by row."""
+        A, x = [*G], [*b]
+        for k in range(n):
+            for i in range(k + 1, n):
+                share = A[i * n + k] / A[k * n + k]
+                for j in range(k, n):
+                    A[i * n + j] -= share * A[k * n + j]
+                x[i] -= share * x[k]
+        for k in range(n - 1, -1, -1):
+            for i in range(k + 1, n):
+                x[k] -= A[k * n + i] * x[i]
+            x[k] /= A[k * n + k]
+        return x
+
+    def rubbing(a: Any, G: Any, limit: Any, sign: Any, n: int) -> Any:
+        """The friction τ (n,) where contacts with a sign slide and all others stick."""
+        tau = [-sign[i] * limit[i] if sign[i] != 0 else 0.0 for i in range(n)]
+        stuck = [i for i in range(n) if sign[i] == 0]
+        right = []
+        for i in stuck:
+            right.append(-a[i] - sum([G[i * n + k] * tau[k] for k in range(n)]))
+        found = solved([G[i * n + k] for i in stuck for k in stuck], right, len(stuck))
+        for k in range(len(stuck)):
+            tau[stuck[k]] = found[k]
+        return tau
+
+    def consistent(a: Any, G: Any, limit: Any, sign: Any, n: int) -> Any:
+        """The friction τ (n,) and the signs (n,) that contacts of sign 0 begin with, empty where none are found."""
+        rest, begun = [s == 0 for s in sign], [*sign]
+        scale = []
+        for i in range(n):
+            free, bound = a[i], 0.0
+            for k in range(n):
+                if not rest[k]:
+                    free -= G[i * n + k] * sign[k] * limit[k]
+                elif limit[k] < 1e300:
+                    bound += abs(G[i * n + k]) * limit[k]
+            scale.append(abs(free) + bound)
+        for _ in range(64 * (1 + n) + 3 ** min(n, 12)):
+            tau, wrong = rubbing(a, G, limit, begun, n), -1
+            for i in range(n):
+                if wrong < 0 and rest[i]:
+                    if begun[i] == 0:
+                        if abs(tau[i]) > limit[i] * (1 + EXCESS):
+                            wrong = i
+                    else:
+                        turned = a[i] + sum([G[i * n + k] * tau[k] for k in range(n)])
+                        if turned * begun[i] < -EXCESS * scale[i]:
+                            wrong = i
+            if wrong < 0:
+                return tau, begun
+            begun[wrong] = 0.0 if begun[wrong] != 0 else -1.0 if tau[wrong] > 0 else 1.0
+        return [0.0] * 0, begun
+
+    def on_rail(a: Any, G: Any, limit: Any, sign: Any, normal: Any) -> Any:
+        """The signs (J,) and e where the limit of contact 0 is μ|N|, N = normal₀ + Σ normal_j τ_j; else none."""
+        mu, n = limit[0], normal[1:]
+        if sign[0] == 0:
+            tau, begun = consistent(a, G, [1e301, *limit[1:]], sign, J)
+            N = normal[0] + sum([n[k] * tau[k] for k in range(len(tau))])
+            if len(tau) > 0 and abs(tau[0]) <= mu * abs(N) * (1 + EXCESS):
+                return begun, 1.0 if N >= 0 else -1.0
+        for s in [sign[0]] if sign[0] != 0 else [1.0, -1.0]:
+            for e in [1.0, -1.0]:
+                share = -s * e * mu / (1 + s * e * mu * n[0])
+                rest, G1 = [a[i] + G[i * J] * share * normal[0] for i in range(1, J)], [0.0] * 0
+                for i in range(1, J):
+                    for k in range(1, J):
+                        G1.append(G[i * J + k] + G[i * J] * share * n[k])
+                tau, begun = consistent(rest, G1, limit[1:], sign[1:], J - 1)
+                if len(tau) < J - 1:
+                    continue
+                rail = share * (normal[0] + sum([n[k + 1] * tau[k] for k in range(J - 1)]))
+                every = [rail, *tau]
+                N = normal[0] + sum([n[k] * every[k] for k in range(J)])
+                starts = a[0] + sum([G[k] * every[k] for k in range(J)])
+                if N * e >= 0 and (sign[0] != 0 or starts * s >= 0):
+                    return [s, *begun], e
+        return [0.0] * 0, 0.0
+
+    def answers(y: Any, c: Any, u: Any) -> Any:
+        """What a unit of friction does, G (J J,), and accelerations a (J,) at contacts; columns, and N with its own."""
+        found = responses(c, y, u + [0.0] * (2 * J), NOTHING)
+        columns = found[size : size + half * J]
+        a = [relative(found, half, pair) for pair in contacts]
+        G = [0.0] * 0
+        for below, above in contacts:
+            for k in range(J):
+                G.append(columns[below * J + k] - (columns[above * J + k] if above >= 0 else 0.0))
+        return a, G, columns, found[size + half * J :]
+
+    def settle(
+        t: Any, y: Any, signs: Any, was: Any, state: Any, numbers: Any, c: Any, u: Any, held: Any, happened: Any
+    ) -> Any:
+        a, G, _, normal = answers(y, c, u)
+        limit = [*numbers[LIMIT : LIMIT + J]]
+        if presses:
+            begun, state[E] = on_rail(a, G, limit, signs, normal)
+        else:
+            begun = consistent(a, G, limit, signs, J)[1]
+        if len(begun) < J:
+            state[K] = NAN
+            return
+        for i in range(J):
+            sign, place = 0.0 if held[i] else begun[i], relative(y, 0, contacts[i])
+            if was[i] != 0:
+                if not (presses and i == 0):
+                    state[W + i] -= limit[i] * abs(place - state[P + i])
+                state[P + i] = place
+            if (was[i] == 0) != (sign == 0):
+                happened.append((t, float(2 * K + i), 1.0 if sign == 0 else 0.0, 0.0))
+            if sign != was[i]:
+                state[T + i] = t
+            state[K + i] = sign
+
+    def halted(y: Any, still: Any, columns: Any, G: Any) -> None:
+        """Take all velocity from these contacts by an impulse of friction."""
+        speed = [relative(y, half, contacts[i]) for i in still]
+        push = solved([G[i * J + k] for i in still for k in still], speed, len(still))
+        for i in range(half):
+            for k in range(len(still)):
+                y[half + i] -= columns[i * J + still[k]] * push[k]
+
+    def leveled(y: Any, state: Any) -> None:
+        """No relative velocity at contacts that stick, each where it came to rest."""
+        for i in range(J):
+            if state[K + i] == 0:
+                below, above = contacts[i]
+                y[below] = state[P + i] + (y[above] if above >= 0 else 0.0)
+                y[half + below] = y[half + above] if above >= 0 else 0.0
+
+    def slid(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, happened: Any) -> Any:
+        after, was = [*y], [*state[K : K + J]]
+        stopping = [False] * J
+        for i in range(J):
+            speed, slope = relative(y, half, contacts[i]) * was[i], relative(f, half, contacts[i]) * was[i]
+            stopping[i] = was[i] != 0 and (i == j or (speed <= numbers[RATE] * TOGETHER and slope < 0))
+        stops = was[j] != 0
+        still = [i for i in range(J) if stopping[i] or was[i] == 0]
+        _, G, columns, _ = answers(y, c, u)
+        halted(after, still, columns, G)
+        begun = [0.0 if stopping[i] else was[i] for i in range(J)]
+        if not stops:
+            begun[j] = -1.0 if friction(c, after, u + inputs(state, numbers), NOTHING)[j] > 0 else 1.0
+        for i in range(J):
+            if stopping[i] or (i == j and not stops):
+                brief = (t - state[T + i]) * numbers[RATE] < BRIEF
+                state[B + i] = state[B + i] + 1 if brief else 0.0
+                state[F + i] = FIRM * 10.0 ** (state[B + i] - OFTEN) if state[B + i] >= OFTEN else 0.0
+                state[T + i] = t
+        held = [(stopping[i] or (i == j and not stops)) and state[F + i] > 0 for i in range(J)]
+        settle(t, after, begun, was, state, numbers, c, u, held, happened)
+        leveled(after, state)
+        if len(V) > 0 and stops:
+            g, passed = [*f], [*state]
+            for i in range(J):
+                passed[K + i] = was[i]
+            order = [j] + [i for i in range(J) if stopping[i] and i != j]
+            for i in order:
+                passed[K + i] = state[K + i]
+                g2 = sticking(c, after, u + inputs(state if i == order[len(order) - 1] else passed, numbers), NOTHING)
+                for n in range(len(V)):
+                    dt = -relative(V[n], half, contacts[i]) / relative(g, half, contacts[i])
+                    for m in range(size):
+                        V[n][m] += (g[m] - g2[m]) * dt
+                g = g2
+            for n in range(len(V)):
+                for i in range(J):
+                    if state[K + i] == 0:
+                        below, above = contacts[i]
+                        V[n][half + below] = V[n][half + above] if above >= 0 else 0.0
+        return after
+
+    def struck(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, happened: Any) -> Any:
+        pushes, first = [0.0] * K, j
+        for i in range(K):
+            gamma, speed = relative(y, 0, kicks[i]) - numbers[i], relative(f, 0, kicks[i])
+            for side in [1.0, -1.0]:
+                far = side * gamma - numbers[K + i] > -TOGETHER and side * speed > 0 and state[i] * side >= 0
+                if far or j == i + (0 if side > 0 else K):
+                    pushes[i] += side * numbers[2 * K + i]
+        given = pushes + [*state[K:B]] + [*numbers[:RATE]] + [0.0] * timed
+        every = u + inputs(state, numbers)
+        after = kick(c, y, every, [0.0] * size + given)
+        for i in range(K):
+            if pushes[i] != 0:
+                state[i] = -1.0 if pushes[i] > 0 else 1.0
+                fed = pushes[i] * (relative(y, half, kicks[i]) + relative(after, half, kicks[i])) / 2
+                happened.append((t, float(i), pushes[i], fed))
+        if J > 0:
+            was, begun = [*state[K : K + J]], [0.0] * J
+            for i in range(J):
+                moving = relative(after, half, contacts[i])
+                begun[i] = 1.0 if moving > 0 else -1.0 if moving < 0 else 0.0
+                state[B + i], state[F + i] = 0.0, 0.0
+            settle(t, after, begun, was, state, numbers, c, u, [False] * J, happened)
+        if len(V) > 0:
+            now, z, g = u + inputs(state, numbers), [*y], [*f]
+            for i in [first % K] + [i for i in range(K) if pushes[i] != 0 and i != first % K]:
+                alone = [pushes[k] if k == i else 0.0 for k in range(K)] + given[K:]
+                z2 = kick(c, z, every, [0.0] * size + alone)
+                g2 = sticking(c, z2, now, NOTHING)
+                for n in range(len(V)):
+                    dt = -relative(V[n], 0, kicks[i]) / relative(g, 0, kicks[i])
+                    moved = kicked(c, z, every, [V[n][m] + g[m] * dt for m in range(size)] + alone)
+                    for m in range(size):
+                        V[n][m] = moved[size + m] - g2[m] * dt
+                z, g = z2, g2
+        return after
+
+    def change(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, happened: Any) -> Any:
+        if j < 2 * K:
+            return struck(t, j, y, f, state, numbers, c, u, V, happened)
+        if j < 2 * K + J:
+            return slid(t, j - 2 * K, y, f, state, numbers, c, u, V, happened)
+        state[E] = -state[E]
+        return [*y]
+
+    return settle, change
+
+
+def _none(c: Any, y: Any, u: Any, v: Any) -> Any:
+    return [0.0]
+
+
+def compiled_source(at: Places, texts: dict[str, str]) -> str:
+    """The functions of `changing` as a text for numba, which has the decorator `compiled`; these are sources of texts.
+
+    All arguments but the columns, (k, size), are lists; `happened` is one of tuples of four floats.
+    """
+    lines = inspect.getsource(changing).splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("    def "))
+    body = [line[4:] for line in lines[first : len(lines) - 1]]
+    J, K, B = at.J, at.K, at.told
+    numbers: dict[str, Any] = {"TOGETHER": TOGETHER, "BRIEF": BRIEF, "OFTEN": OFTEN, "FIRM": FIRM, "EXCESS": EXCESS}
+    numbers |= {"size": at.size, "half": at.half, "K": K, "J": J, "presses": at.presses, "timed": at.timed}
+    numbers |= {"kicks": at.kicks or ((0, -1),), "contacts": at.contacts or ((0, -1),), "E": at.e, "F": at.firm}
+    numbers |= {"B": B, "T": B + J, "P": B + 2 * J, "W": B + 3 * J, "LIMIT": 3 * K, "RATE": 3 * K + J}
+    head = ["from math import atan as arctan, cos, nan as NAN, sin, sqrt", "from typing import Any", "NOTHING = (0.0,)"]
+    head += [*(f"{name} = {value!r}" for name, value in numbers.items())]
+    where = "@compiled\ndef where(x, a, b):\n return a if x > 0 else b\n"
+    none = "def {}(c, y, u, v):\n return [0.0]\n"
+    written = [f"@compiled\n{texts.get(name, none.format(name))}" for name in TEXTS]
+    defined = ["@compiled\n" + line if line.startswith("def ") else line for line in body]
+    return "\n".join((*head, where, *written, *defined)) + "\n"

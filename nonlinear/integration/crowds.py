@@ -1,0 +1,126 @@
+"""Many members with escapements or dry friction side by side: their equations, and the switches of each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.dynamics.inputs import Inputs
+from nonlinear.dynamics.lanes import Lanes, Rates
+from nonlinear.dynamics.switching import switching_of
+from nonlinear.integration.switches import Switches, kicks_of, switched
+from nonlinear.integration.within import fill
+from nonlinear.system import Numbers, System
+
+
+@dataclass(frozen=True, eq=False)
+class Crowd:
+    """The flow of members with these numbers, whose `switching` entries are those of `Switches`."""
+
+    lanes: Lanes
+
+    @property
+    def system(self) -> System:
+        """The form of all members."""
+        return self.lanes.system
+
+    @property
+    def inputs(self) -> Inputs:
+        """What time brings."""
+        return self.lanes.inputs
+
+    @cached_property
+    def switches(self) -> Switches:
+        """Those of all members."""
+        form, numbers = switched(self.lanes.form), self.lanes.numbers
+        pairs, _ = kicks_of(self.system)
+        constants = switching_of(form, pairs).constants(form.numbers(numbers.entries, numbers.prescribed))
+        return Switches(form, pairs, constants, numbers.switching)
+
+    @cached_property
+    def members(self) -> dict[int, Switches]:
+        """Those of every member, by its number, with what happened to it."""
+        return {}
+
+    def of(self, member: int) -> Switches:
+        """Those of one member."""
+        if member not in self.members:
+            self.members[member] = self.switches.member(member)
+        return self.members[member]
+
+    def begin(self, y: Floats) -> tuple[Floats, Floats]:
+        """The y (size, S) and the state (m, S) of members from y on, after the kicks that are due at once."""
+        u, y = self.inputs.of_time(0.0), y.copy()
+        state = np.array([self.of(k).begin(0.0, own, u) for k, own in enumerate(y.T.tolist())]).T
+        slope = np.empty_like(y)
+        fill(self.rates(self.lanes.numbers)(y, 0.0, self.at(slice(None)).inputs(state)), slope)
+        for k, (own, f, told) in enumerate(zip(y.T.tolist(), slope.T.tolist(), state.T.tolist(), strict=True)):
+            if (j := self.of(k).due(own, f, told)) is not None:
+                y[:, k], state[:, k] = self.of(k).change(0.0, j, own, f, told, u=u), told
+        return y, state
+
+    def rates(self, numbers: Numbers) -> Rates:
+        """The rates of so many members as these numbers are of, with the inputs of contacts as a third argument."""
+        form, module = self.switches.form, self.switches.module
+        constants = module.constants(form.numbers(numbers.entries, numbers.prescribed))
+        rates = module.function("sticking" if form.contacts else "rates", constants, "arrays")
+        return lambda y, times=0.0, held=(): rates(y, (*self.inputs.beside(times), *held))
+
+    @property
+    def count(self) -> int:
+        """How many switches there are."""
+        return self.switches.count
+
+    def at(self, members: Any) -> Some:
+        """Those of some members."""
+        return Some(self, members)
+
+    def work(self, time: float, y: Floats, state: Floats) -> Floats:
+        """The work (J) of friction on every member until this time, (S,)."""
+        return np.array(
+            [self.of(k).rubbed(time, own, state[:, k].tolist()).work.sum() for k, own in enumerate(y.T.tolist())]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Some:
+    """The switches of some members of a crowd."""
+
+    crowd: Crowd
+    members: Any
+
+    @cached_property
+    def _own(self) -> Switches:
+        whole, members = self.crowd.switches, self.members
+
+        def taken(values: Any) -> list[Any]:
+            return [one[members] if np.ndim(one) else one for one in values]
+
+        return Switches(whole.form, whole.kicks, taken(whole.constants), taken(whole.numbers))
+
+    def inputs(self, state: Floats) -> list[Any]:
+        """The inputs of contacts, arrays (S,)."""
+        return self._own.inputs(state)
+
+    def values(self, t: Any, y: Floats, f: Floats, state: Floats) -> tuple[Floats, Floats]:
+        """The values (count, S) of all switches and their rates."""
+        own = self._own
+        found = np.empty((2, own.count, y.shape[1]))
+        u = (*self.crowd.inputs.beside(t), *own.inputs(state))
+        for rows, values in zip(found, own.values(y, f, u, state), strict=True):
+            for row, value in zip(rows, values, strict=True):
+                row[...] = value
+        return found[0], found[1]
+
+    def change(self, t: float, j: int, y: Floats, f: Floats, state: Floats) -> Any:
+        """The y of one member after switch j, with its state changed in place."""
+        told = state.tolist()
+        after = self.crowd.of(int(self.members)).change(
+            t, j, y.tolist(), f.tolist(), told, u=self.crowd.inputs.of_time(t)
+        )
+        state[:] = told
+        return after

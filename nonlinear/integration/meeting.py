@@ -1,0 +1,130 @@
+"""Where a step ends at a switch, whose value passes there from below to above 0: run by Python, compiled by numba.
+
+V and R (looks, J) are the values and their rates at the parts `looks` of one step.  A passing that was seen within a
+step is met by another, shorter one, whose length Newton's method finds, kept within a bracket.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+STANDS, AGAIN, MET = 0, 1, 2
+"""Of a step: it goes on as it is; it is tried with another length; it ends at a switch."""
+NEAR = 1e-9
+"""Of a step: what is left of the time of a passing is made up for to first order, with an error of its square."""
+DIGIT = 1e-15
+NONE = 2.0
+"""The part of a step at which nothing passes."""
+
+
+def rises(a: float, da: float, b: float) -> bool:
+    """Whether a value a of rate da, then b, passes from below to above 0."""
+    return (a < 0 or (a == 0 and da < 0)) and b >= 0
+
+
+def swells(a: float, da: float, b: float, db: float, width: float) -> bool:
+    """Whether a value that is below 0 at both ends, so far apart, may be above in between."""
+    return a < 0 and b < 0 and da > 0 and db < 0 and max(a, b) + 0.25 * width * (da - db) > 0
+
+
+def seen(h: float, V: Any, R: Any, looks: Any) -> bool:
+    """Whether any value may pass within a step of length h."""
+    for j in range(len(V[0])):
+        if V[0][j] > 0 and R[0][j] > 0:
+            return True
+        for k in range(len(looks) - 1):
+            a, b, da, db = V[k][j], V[k + 1][j], R[k][j], R[k + 1][j]
+            if rises(a, da, b) or swells(a, da, b, db, (looks[k + 1] - looks[k]) * h):
+                return True
+    return False
+
+
+def bent(x: float, a: float, b: float, da: float, db: float) -> float:
+    """At a part x of an interval the cubic through two values and slopes."""
+    return a + x * (da + x * ((3 * (b - a) - 2 * da - db) + x * (da + db - 2 * (b - a))))
+
+
+def cubic(a: float, b: float, da: float, db: float) -> float:
+    """Where the cubic through a value below 0 and one above, with their slopes, passes 0, as a part of the interval."""
+    x = a / (a - b) if a < 0 and a != b else 0.5
+    low, high = 0.0, 1.0
+    for _ in range(30):
+        value = bent(x, a, b, da, db)
+        if value < 0:
+            low = x
+        else:
+            high = x
+        slope = da + x * (2 * (3 * (b - a) - 2 * da - db) + 3 * x * (da + db - 2 * (b - a)))
+        new = x - value / slope if slope != 0 else (low + high) / 2
+        if not low < new < high:
+            new = (low + high) / 2
+        if abs(new - x) < 1e-9:
+            return new
+        x = new
+    return x
+
+
+def passing(j: int, h: float, V: Any, R: Any, looks: Any) -> float:
+    """The part of the step at which value j first passes, `NONE` where it does not."""
+    if V[0][j] > 0 and R[0][j] > 0:  # passed within rounding of the switch before
+        return 0.0
+    for k in range(len(looks) - 1):
+        width = looks[k + 1] - looks[k]
+        a, b, da, db = V[k][j], V[k + 1][j], R[k][j] * width * h, R[k + 1][j] * width * h
+        if rises(a, da, b):
+            return float(looks[k] + width * cubic(a, b, da, db))
+        if swells(a, da, b, db, 1.0):
+            top, at = a, 0.0
+            for n in range(1, 8):
+                value = bent(n / 8, a, b, da, db)
+                if value > top:
+                    top, at = value, n / 8
+            if top > 0:
+                return float(looks[k] + width * at * cubic(a, top, da * at, 0.0))
+            if top > -0.02 * max(-a, -b):
+                return float(looks[k] + width * at)
+    return NONE
+
+
+def meet(
+    i: int, t: Any, h: Any, V: Any, R: Any, looks: Any, which: Any, low: Any, high: Any, tried: Any, usual: Any
+) -> int:
+    """What becomes of a good step of segment i, of length h from time t (s), whose next length would be `tried`.
+
+    `which` value it seeks to meet, -1 for none, lies between `low` and `high` (s); `usual` is the length to go on with
+    afterwards.  All of these are lists or arrays by segment, and changed in place.
+    """
+    first, j = NONE, -1
+    for n in range(len(V[0])):
+        x = passing(n, h[i], V, R, looks)
+        if x < first:
+            first, j = x, n
+    aim = which[i]
+    if aim < 0:
+        usual[i] = tried[i]
+        if j < 0:
+            return STANDS
+        which[i], low[i], high[i] = j, 0.0, h[i]
+        tried[i] = max(first, NEAR) * h[i]
+        return AGAIN
+    value, rate = V[len(V) - 1][aim], R[len(R) - 1][aim]
+    left = -value / rate if rate > 0 else 1e300
+    earlier = j >= 0 and j != aim and first < 1 - 1e-6
+    if not earlier and abs(left) <= NEAR * max(h[i], 1e-3 * usual[i]):
+        return MET
+    if j >= 0:
+        high[i] = h[i]
+        new = h[i] + left if j == aim and low[i] < h[i] + left < h[i] else first * h[i]
+        if not low[i] < new < h[i]:
+            new = (low[i] + h[i]) / 2
+        if h[i] - low[i] <= DIGIT * (t[i] + h[i]) or new <= 0.1 * DIGIT * t[i]:
+            return MET
+        which[i], tried[i] = j, new
+        return AGAIN
+    if value < 0 and h[i] + left < high[i]:
+        low[i], tried[i] = h[i], h[i] + left
+        return AGAIN
+    if value >= 0:
+        return MET
+    which[i], low[i], high[i], tried[i] = -1, 0.0, 1e300, usual[i]
+    return STANDS

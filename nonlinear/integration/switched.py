@@ -1,0 +1,188 @@
+"""The equations of one motion in the phase that its escapements and its dry friction are in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.dynamics.generated import Generated, Listed, Rate, Written
+from nonlinear.integration.switches import Switches, switches_of
+from nonlinear.system import NO_KICKS, Friction, Kicks, Layout, Load, Motion, State, System
+
+ASIDE = 1e-3
+"""Of a step: within which the rates of inputs are seen."""
+
+
+@dataclass(eq=False)
+class Switched(Written):
+    """The equations `free` with switches: a phase lasts until `change`, `held` being the inputs of contacts in it.
+
+    `met` is the switch at which the last step ended, until its change; `look` are the values of all at the present y.
+    """
+
+    free: Generated
+    state: list[float] = field(init=False, default_factory=list)
+    held: list[float] = field(init=False, default_factory=list)
+    met: int | None = field(init=False, default=None)
+    look: Any = field(init=False, default=None)
+    rests: bool = field(init=False, default=False)
+
+    @cached_property
+    def switches(self) -> Switches:
+        """The switches."""
+        return switches_of(self.system, pushed=self.load is not None, works=self.free.form.works)
+
+    def release(self, time: float, y: Floats, before: Kicks = NO_KICKS) -> None:
+        """Begin at this y, after the kicks `before`."""
+        own = y.tolist()
+        self.state = self.switches.begin(time, own, self._timed(time, own), before)
+        self._hold()
+        rates = self.rate(own, self.listed(time, own)) if self.listed else self.rate(own)
+        self.met = self.switches.due(own, rates, self.state)
+
+    def _hold(self) -> None:
+        self.held = self.switches.inputs(self.state)
+        self.rests = self.switches.rests(self.state)
+        self.met = self.look = None
+
+    @contextmanager
+    def whole(self) -> Iterator[None]:
+        """Go back to where things are now if what is done within is interrupted."""
+        state, count = [*self.state], len(self.switches.happened)
+        try:
+            yield
+        except KeyboardInterrupt:
+            self.state = state
+            del self.switches.happened[count:]
+            raise
+
+    def change(self, time: float, y: Sequence[float], f: Sequence[float]) -> list[float]:
+        """The y after the switch that was met at y, where y' = f."""
+        after: list[float] = self.switches.change(time, self.met or 0, y, f, self.state, u=self._timed(time, y))
+        self._hold()
+        return after
+
+    def values(
+        self, time: float, y: Sequence[float], f: Sequence[float], inputs: Listed | None, length: float
+    ) -> tuple[Any, Any]:
+        """The values of all switches and their rates at y, where y' = f, within a step of this length (s)."""
+        u: Any = () if inputs is None else inputs(time, y)
+        w: list[float] = []
+        if inputs and self._sampled:
+            aside, count = ASIDE * length, self.switches.places.timed
+            ends = [inputs(time + side * aside, y)[:count] for side in (-1.0, 1.0)]
+            w = [(late - early) / (2 * aside) for early, late in zip(*ends, strict=True)]
+        return self.switches.values(y, f, u, self.state, w)
+
+    def passed(self, inside: Callable[[Floats], Floats], before: float, now: float) -> None:
+        """Count the work of friction on a rail with a coefficient between these times (s)."""
+        if self.presses:
+            self.switches.passed(inside, before, now, self.state, lambda time: self._timed(time, ()))
+
+    @property
+    def presses(self) -> bool:
+        """Whether the friction of the rail has a coefficient."""
+        return self.switches.places.presses
+
+    def record(self, time: float, y: Sequence[float]) -> Friction:
+        """What friction did until this time."""
+        return self.switches.rubbed(time, y, self.state)
+
+    def _timed(self, time: float, y: Sequence[float]) -> Sequence[float]:
+        return self.free.listed(time, y) if self.free.listed else ()
+
+    # ------------------------------------------------------------------------------------------------- the equations
+
+    @property
+    def rate(self) -> Rate:
+        """The time derivative of one y in floats, a list, from y and the inputs u."""
+        at = self.switches.places
+        if not at.J:
+            return self.free.rate
+        return self._sticking if at.presses or not all(self.state[at.K : at.e]) else self._sliding
+
+    @cached_property
+    def _sliding(self) -> Rate:
+        return partial(self.switches.function("rates"), v=())
+
+    @cached_property
+    def _sticking(self) -> Rate:
+        return partial(self.switches.function("sticking"), v=())
+
+    @cached_property
+    def rate_of_arrays(self) -> Callable[..., Any]:
+        """The same of many y side by side, whether contacts slide or stick."""
+        contacts = self.switches.places.J
+        return partial(self.switches.function("sticking", "arrays"), v=()) if contacts else self.free.rate_of_arrays
+
+    @cached_property
+    def listed(self) -> Listed | None:
+        """The inputs u at a time (s) and a state y; None where there are none."""
+        own = self.free.listed
+        if not self.switches.places.J:
+            return own
+        return (lambda time, y: [*own(time, y), *self.held]) if own else (lambda time, y: self.held)
+
+    def rates_in(self, held: Sequence[Sequence[float]]) -> Callable[[Any, Any], Any]:
+        """The derivative (size, S) of states side by side in phases with these inputs of contacts, (S, 2 J)."""
+        own, columns = self.free, np.array(held).T
+
+        def derivative(times: Any, y: Any) -> Any:
+            found = np.empty_like(y)
+            for row, rate in zip(found, self.rate_of_arrays(y, (*own.inputs_beside(times, y), *columns)), strict=True):
+                row[...] = rate
+            return found
+
+        return derivative if len(columns) else own.derivative
+
+    @property
+    def is_clocked(self) -> bool:
+        """Whether the only input is the time."""
+        return self.free.is_clocked and not self.switches.places.J
+
+    @cached_property
+    def _sampled(self) -> bool:
+        """Whether inputs change with time in a way that texts do not know."""
+        return self.free.listed is not None and not self.free.is_clocked
+
+    def project(self, y: Floats) -> tuple[Floats, float]:
+        """The same y: nothing moves where contacts stick."""
+        return y, 0.0
+
+    def level(self, y: list[float]) -> None:
+        """Take the rounding by which sticking contacts move from y, in place."""
+        self.switches.project(y, self.state)
+
+    @property
+    def system(self) -> System:
+        """The scene as arrays."""
+        return self.free.system
+
+    @property
+    def load(self) -> Load | None:
+        """The external load."""
+        return self.free.load
+
+    @property
+    def layout(self) -> Layout:
+        """The arrangement of y."""
+        return self.free.layout
+
+    @property
+    def scale(self) -> Floats:
+        """Natural units of y, (size,)."""
+        return self.free.scale
+
+    def begin(self, state: State) -> Floats:
+        """The vector y of a state."""
+        return self.free.begin(state)
+
+    def read(self, rows: Floats) -> Motion:
+        """The motion in vectors (T, size)."""
+        return self.free.read(rows)

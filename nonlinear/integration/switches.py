@@ -1,0 +1,308 @@
+"""Switches: escapements and dry friction, of one motion or of many members side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.types import Floats
+from nonlinear.dynamics.contacts import contacts_of
+from nonlinear.dynamics.forms import Form, form_of
+from nonlinear.dynamics.switching import Pairs, switching_of
+from nonlinear.dynamics.text import Module, function_in
+from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
+from nonlinear.system import NO_KICKS, Friction, Kicks, System, entries_of, prescribed_of
+
+JAMMED = "the rail's friction has no consistent value: its coefficient is too large for these links"
+JAM = 1e4  # friction on the rail over that of all weights and centrifugal forces, beyond which it has no bound
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
+Happening = tuple[float, float, float, float]
+
+
+@dataclass(eq=False)
+class Switches:
+    """The switches of motions with a form: `constants` of its texts and `numbers` of a member, or arrays of these.
+
+    `numbers` are bent, angle (rad) and impulse (N m s) of each kicked joint, the limit of each contact (of a rail with
+    a coefficient the coefficient), then √(g/l) (rad/s); those of members side by side are arrays (g, S).
+    """
+
+    form: Form
+    kicks: Pairs
+    constants: Sequence[Any]
+    numbers: Sequence[Any]
+    happened: list[Happening] = field(default_factory=list)
+
+    @cached_property
+    def places(self) -> Places:
+        """Where numbers stand."""
+        form, width = self.form, 3 if self.form.spatial else 1
+        half = form.on_cart + width * form.system.n_links
+        contacts = 2 * len(form.contacts)
+        timed = self.module.sizes.get("u", 0) - contacts
+        size = 2 * half + form.works
+        return Places(size, half, len(self.kicks), contacts // 2, self.kicks, form.contacts, form.presses, timed)
+
+    @cached_property
+    def module(self) -> Module:
+        """The texts."""
+        return switching_of(self.form, self.kicks)
+
+    def member(self, k: int) -> Switches:
+        """Those of one of many members."""
+
+        def of(values: Sequence[Any]) -> list[float]:
+            return [float(own[k]) if np.ndim(own) else float(own) for own in values]
+
+        return replace(self, constants=of(self.constants), numbers=of(self.numbers), happened=[])
+
+    def function(self, name: str, target: str = "floats") -> Any:
+        """A function (y, u, v) of `switching_of`."""
+        return self.module.function(name, self.constants, target)
+
+    # ------------------------------------------------------------------------------------------------- of one motion
+
+    def begin(self, t: float, y: Sequence[float], u: Sequence[float] = (), before: Kicks = NO_KICKS) -> list[float]:
+        """The state of a segment that begins at y, after the kicks `before`; u are the inputs without contacts'.
+
+        A joint that starts beyond its angle, or that was kicked before, has already had the kick on that side.
+        """
+        at, numbers, y = self.places, [*self.numbers], [*map(float, y)]
+        state = [0.0] * at.length
+        first = int(self.form.on_cart)
+        last = dict(zip(before.link.tolist(), before.impulse.tolist(), strict=True))
+        for i, pair in enumerate(self.kicks):
+            gamma = _relative(y, pair) - numbers[i]
+            aside = gamma if abs(gamma) > numbers[at.K + i] else last.get(pair[0] - first, 0.0)
+            state[i] = float(-np.sign(aside))
+        if at.presses:
+            state[at.e] = 1.0
+        if at.J:
+            signs = [float(np.sign(_relative(y[at.half :], pair))) for pair in at.contacts]
+            state[at.told + at.J : at.told + 2 * at.J] = [-np.inf] * at.J
+            state[at.told + 2 * at.J : at.told + 3 * at.J] = [_relative(y, pair) for pair in at.contacts]
+            self._changing[0](
+                t, y, signs, [1.0] * at.J, state, numbers, self.constants, [*u], [False] * at.J, self.happened
+            )
+            self._refuse(state)
+        return state
+
+    def due(self, y: Sequence[float], f: Sequence[float], state: Sequence[float]) -> int | None:
+        """The kick due at once where a motion begins at y with y' = f, at its angle on the way out; None without."""
+        half, K = self.places.half, len(self.kicks)
+        for j in range(2 * K):
+            i, side = j % K, 1.0 if j < K else -1.0
+            gamma = side * (_relative(y, self.kicks[i]) - self.numbers[i]) - self.numbers[K + i]
+            ways = [side * _relative(own[half:], self.kicks[i]) for own in (y, f)]
+            if gamma == 0 and state[i] * side >= 0 and (ways[0] > 0 or (ways[0] == 0 and ways[1] > 0)):
+                return j
+        return None
+
+    def inputs(self, state: Any) -> list[Any]:
+        """The inputs u of contacts, after those of time and load: floats, or arrays where the state has them."""
+        at = self.places
+        signs, limits = state[at.K : at.K + at.J], self.numbers[3 * at.K : 3 * at.K + at.J]
+        found = [-s * M for s, M in zip(signs, limits, strict=True)]
+        if at.presses:
+            found[0] = found[0] * state[at.e]
+        return found + [1.0 - s * s for s in signs]
+
+    def values(self, y: Any, f: Any, u: Any, state: Any, w: Sequence[Any] = ()) -> tuple[Any, Any]:
+        """The values V of all switches and their rates R: lists of floats, or of arrays.
+
+        `f` is y', `u` the inputs with those of contacts, `w` the rates of the inputs before these, by default 0 but
+        for a time (1).
+        """
+        arrays, at = isinstance(y, np.ndarray) and y.ndim > 1, self.places
+        if not len(w):
+            w = self._rates_of_inputs
+        signs = state[at.K : at.e]
+        slides = not at.presses and (bool(np.all(signs)) if arrays else all(signs))
+        v = [*f[: at.size], *state[: at.told], *self._given, *w]
+        functions, count = self._of_arrays if arrays else self._of_floats, self.count
+        found = functions[slides](y, u, v)
+        return found[:count], found[count:]
+
+    def change(
+        self,
+        t: float,
+        j: int,
+        y: Sequence[float],
+        f: Sequence[float],
+        state: Any,
+        V: list[list[float]] | None = None,
+        u: Sequence[float] = (),
+    ) -> Any:
+        """The y after switch j at y with y' = f, the state being changed in place; with columns V, (y, V).
+
+        V are k lists (size,).  `u` are the inputs before those of contacts.  ComputationError where friction has none.
+        """
+        columns = [] if V is None else V
+        after = self._changing[1](t, j, y, f, state, self.numbers, self.constants, [*u], columns, self.happened)
+        self._refuse(state)
+        return after if V is None else (after, columns)
+
+    def project(self, y: list[float], state: Sequence[float]) -> None:
+        """Take the rounding by which sticking contacts move from y, in place."""
+        at = self.places
+        for i, (below, above) in enumerate(at.contacts):
+            if state[at.K + i] == 0:
+                y[below] = state[at.told + 2 * at.J + i] + (y[above] if above >= 0 else 0.0)
+                y[at.half + below] = y[at.half + above] if above >= 0 else 0.0
+
+    def passed(
+        self,
+        inside: Callable[[Floats], Floats],
+        before: float,
+        now: float,
+        state: list[float],
+        u: Callable[[float], Sequence[float]] = lambda time: (),
+    ) -> None:
+        """The work within a step of friction on a rail with a coefficient, by Gauss's quadrature, added to the state.
+
+        `inside` gives y (T, size) at times within the step, u the inputs before those of contacts.  ComputationError
+        where friction has no bound.
+        """
+        at = self.places
+        if not at.presses or not state[at.K] or now <= before:
+            return
+        times = (before + now) / 2 + (now - before) / 2 * NODES
+        rows, added, friction = inside(times).tolist(), self.inputs(state), self.function("friction")
+        forces = [friction(y, [*u(t), *added], ())[0] for t, y in zip(times.tolist(), rows, strict=True)]
+        self._refuse_jam(np.array(rows[-1]), forces[-1])
+        work = sum(w * force * y[at.half] for w, force, y in zip(WEIGHTS.tolist(), forces, rows, strict=True))
+        state[at.told + 3 * at.J] += (now - before) / 2 * work
+
+    def _refuse_jam(self, y: Floats, force: float) -> None:
+        """ComputationError where this friction (N) of the rail is beyond all weights and inertial forces.
+
+        Before it has no value it grows as 1/(1 + s μ e n₀), and no integrator's steps, however short, reach that end.
+        """
+        system, at = self.form.system, self.places
+        rates = y[at.half + 1 : 2 * at.half]
+        thrown = sum(float(group.block.b.ravel() @ rates[group.index].ravel() ** 2) for group in system.groups)
+        if abs(force) > JAM * self.numbers[3 * at.K] * (system.gravity * system.total_mass + thrown):
+            raise ComputationError(JAMMED)
+
+    def rests(self, state: Sequence[float]) -> bool:
+        """Whether every coordinate is held for good, as nothing from outside changes."""
+        at, system = self.places, self.form.system
+        acted_on = self.form.pushed or system.support or system.hoisting
+        return not acted_on and at.half == at.J and not any(state[at.K : at.e])
+
+    def kicked(self) -> Kicks:
+        """The kicks so far."""
+        own = [one for one in self.happened if one[1] < len(self.kicks)]
+        which = np.array([self.kicks[int(one[1])][0] for one in own], dtype=np.int64) - int(self.form.on_cart)
+        time, _, impulse, fed = np.array(own).reshape(-1, 4).T
+        return Kicks(time, which, impulse, fed)
+
+    def rubbed(self, t: float, y: Sequence[float], state: Sequence[float]) -> Friction:
+        """What friction did until this time."""
+        at, contacts = self.places, range(2 * self.places.K, 2 * self.places.K + self.places.J)
+        phases, rest = [], nan
+        for j in contacts:
+            times = [one[0] for one in self.happened if one[1] == j] + [t]
+            phases += [(begin, end, j - contacts[0]) for begin, end in zip(times[::2], times[1::2], strict=False)]
+        if self.rests(state):
+            rest = max(one[0] for one in self.happened if one[1] in contacts)
+        links = np.array([below for below, _ in at.contacts], dtype=np.int64) - int(self.form.on_cart)
+        phases.sort()
+        work = np.array(state[at.told + 3 * at.J :])
+        for i, pair in enumerate(at.contacts):
+            if state[at.K + i] and not (at.presses and i == 0):
+                work[i] -= self.numbers[3 * at.K + i] * abs(_relative(y, pair) - state[at.told + 2 * at.J + i])
+        begin, end = (np.array([phase[k] for phase in phases], dtype=float) for k in (0, 1))
+        return Friction(links[[phase[2] for phase in phases]], begin, end, links, work, rest)
+
+    @cached_property
+    def _rates_of_inputs(self) -> list[float]:
+        support = self.form.system.support
+        return [1.0 if support is not None and support.motion.constants else 0.0] * self.places.timed
+
+    @cached_property
+    def _given(self) -> list[Any]:
+        return [*self.numbers[:-1]]
+
+    @cached_property
+    def count(self) -> int:
+        """How many switches there are: kicks to the right, to the left, contacts, and N of a rail."""
+        return 2 * len(self.kicks) + len(self.form.contacts) + self.form.presses
+
+    @cached_property
+    def _of_floats(self) -> tuple[Any, Any]:
+        return self.function("values"), self.function("clear")
+
+    @cached_property
+    def _of_arrays(self) -> tuple[Any, Any]:
+        return self.function("values", "arrays"), self.function("clear", "arrays")
+
+    @cached_property
+    def _changing(self) -> Any:
+        return _changing_of(self.module, self.places)
+
+    def source(self) -> str:
+        """The functions settle and change of `changing` as a text for numba, which has the decorator `compiled`."""
+        return compiled_source(self.places, _scalars_of(self.module))
+
+    def _refuse(self, state: Sequence[float]) -> None:
+        if self.places.J and state[self.places.K] != state[self.places.K]:
+            raise ComputationError(JAMMED)
+
+
+@lru_cache(maxsize=64)
+def _scalars_of(module: Module) -> dict[str, str]:
+    """The texts of `TEXTS`."""
+    own = {name: name for name in TEXTS if name in module.functions}
+    return {name: module.scalar(own.get(name, "rates"), name) for name in (*own, "sticking")}
+
+
+@lru_cache(maxsize=64)
+def _changing_of(module: Module, places: Places) -> Any:
+    return changing(places, {name: function_in(text, name) for name, text in _scalars_of(module).items()})
+
+
+def _relative(values: Sequence[float], pair: tuple[int, int]) -> float:
+    below, above = pair
+    return values[below] - values[above] if above >= 0 else values[below]
+
+
+def kicks_of(system: System) -> tuple[Pairs, list[float]]:
+    """The joints with escapements as pairs of coordinates, and their bent, angle and impulse (3 K)."""
+    first, pairs, rows = int(system.cart is not None), [], []
+    for group in system.groups:
+        if group.kicked and group.excitation:
+            above = np.vstack((np.full_like(group.index[:1], -1 - first), group.index[:-1])) + first
+            drive = group.excitation
+            has = drive.impulse > 0
+            pairs += list(zip((group.index[has] + first).tolist(), above[has].tolist(), strict=True))
+            rows += np.stack([part[has] for part in (group.bent, drive.angle, drive.impulse)], axis=1).tolist()
+    return tuple(pairs), np.array(rows).reshape(-1, 3).T.ravel().tolist()
+
+
+def switched(form: Form) -> Form:
+    """The same form with the contacts of its system."""
+    own = contacts_of(form.system)
+    return replace(form, contacts=own.pairs, presses=own.coefficient > 0)
+
+
+def numbers_of(system: System) -> list[float]:
+    """The numbers of the switches of a system."""
+    contacts, (_, numbers) = contacts_of(system), kicks_of(system)
+    limits = contacts.limit.tolist()
+    if contacts.coefficient:
+        limits[0] = contacts.coefficient
+    return [*numbers, *limits, float(system.rate)]
+
+
+def switches_of(system: System, *, pushed: bool = False, works: bool | None = None) -> Switches:
+    """The switches of a system, `pushed` by a load, with the work counted or not."""
+    form, (kicks, _) = switched(form_of(system, pushed=pushed, works=works)), kicks_of(system)
+    constants = switching_of(form, kicks).constants(form.numbers(entries_of(system), prescribed_of(system)))
+    return Switches(form, kicks, constants, numbers_of(system))

@@ -1,0 +1,152 @@
+"""One step of lanes, and the motion within it by the method's own interpolation: what watches read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from modal.types import Booleans, Floats, Ints
+from nonlinear.dynamics.lanes import Rates
+from nonlinear.integration.method import EXTRA, MORE, NODES, STAGES, interpolated, summed, terms_of
+from nonlinear.integration.steppers import BESIDE
+
+PIECES = 16  # parts of a step, within each of which a component turns back once at most
+ROUNDS = 14  # of the secant method with its ends kept apart (Illinois), to the last digits of a step
+ALL = slice(None)
+
+
+@dataclass(eq=False)
+class Step:
+    """One step of W lanes: `member` in each, whether it was `taken`, from when (s), how long, y before and after.
+
+    `stages` (13, size, W) are the rates on the way; the first and the last those at the ends.  All of these have the
+    columns of segments as a last axis where they have any.
+    """
+
+    member: Ints
+    taken: Booleans
+    start: Floats
+    length: Floats
+    before: Floats
+    after: Floats
+    stages: Floats
+    rates: Rates
+    rates_of: Callable[[Ints], Rates]
+    breaks: bool = False
+
+    def times(self, part: float, columns: Any = ALL) -> Floats:
+        """The times (s) of a part of the step, strictly within it where it may begin or end at a break."""
+        start, length = self.start[columns], self.length[columns]
+        found = start + part * length
+        if not self.breaks:
+            return np.asarray(found)
+        clear = BESIDE * np.spacing(start + length)
+        return np.asarray(np.minimum(np.maximum(found, start + clear), start + length - clear))
+
+    def motion(self, y: Floats) -> Floats:
+        """The motion alone in an array with the columns of segments."""
+        return y if self.before.ndim < 3 else y[..., 0].real
+
+    def within(self, columns: Ints) -> Inside:
+        """The motion inside the step of the lanes in these columns."""
+        before, length = self.before[:, columns], self.length[columns]
+        stages = np.empty((STAGES + 1 + EXTRA, *before.shape), before.dtype)
+        np.take(self.stages, columns, axis=2, out=stages[: STAGES + 1])
+        rates, work, rows = self.rates_of(columns), np.empty_like(before), np.empty_like(before)
+        along = beside(length, before)
+        for more, shares in enumerate(MORE, STAGES + 1):
+            summed(shares, stages, rows, work)
+            fill(rates(before + along * rows, beside(self.times(NODES[more], columns), before)), stages[more])
+        return Inside(before, np.array(terms_of(along, self.after[:, columns] - before, stages)))
+
+
+@dataclass(frozen=True, eq=False)
+class Inside:
+    """The motion within one step of each of some lanes, from its interpolation."""
+
+    before: Floats
+    terms: Floats
+
+    @cached_property
+    def motion(self) -> Inside:
+        """Without columns beside it."""
+        return self if self.before.ndim < 3 else Inside(self.before[..., 0].real, self.terms[..., 0].real)
+
+    def at(self, part: Floats, rows: Any = ALL) -> Floats:
+        """The y (size, A), or of one component (A,), at these parts of the step, from 0 to 1."""
+        return np.asarray(self.before[rows] + interpolated(beside(part, self.before), [*self.terms[:, rows]]))
+
+    def take(self, lanes: Any) -> Inside:
+        """Of some of these lanes."""
+        return Inside(self.before[:, lanes], self.terms[:, :, lanes])
+
+    def slope(self, part: Floats, row: int) -> Floats:
+        """The derivative of one component with respect to the part of the step."""
+        found, slope = np.zeros(1), np.zeros(1)
+        for number, term in enumerate(self.motion.terms[::-1]):
+            factor, own = (1 - part, -1.0) if number % 2 else (part, 1.0)
+            found, slope = (found + term[row]) * factor, slope * factor + own * (found + term[row])
+        return slope
+
+    def pieces(self, row: int, after: Floats) -> tuple[Floats, Floats]:
+        """Parts of the step (K, A) between which one component rises or falls throughout, and the component there.
+
+        It is `after` (A,) at the end.
+        """
+        grid = np.linspace(0.0, 1.0, PIECES + 1)[:, None]
+        slope = self.slope(grid, row)
+        low, high = (np.broadcast_to(own, slope[1:].shape) for own in (grid[:-1], grid[1:]))
+        piece, lane = np.nonzero(np.signbit(slope[:-1]) != np.signbit(slope[1:]))
+        turning = low.copy()
+        if len(piece):
+            some = self.take(lane)
+            turning[piece, lane] = crossing(lambda part: some.slope(part, row), low[piece, lane], high[piece, lane])
+        parts = np.empty((2 * PIECES + 1, after.size))
+        parts[::2], parts[1::2] = grid, turning
+        values = self.motion.at(parts, row)
+        values[0], values[-1] = self.motion.before[row], after
+        return parts, values
+
+    def root(self, row: int, level: Floats, low: Floats | None = None, high: Floats | None = None) -> Floats:
+        """Where one component passes a level (A,) between two parts of the step on either side of it, or its ends."""
+        low, high = np.zeros(level.shape) if low is None else low, np.ones(level.shape) if high is None else high
+        return crossing(lambda part: self.motion.at(part, row) - level, low, high)
+
+
+def crossing(function: Callable[[Floats], Floats], low: Floats, high: Floats) -> Floats:
+    """Where a function of many (A,) is zero between ends on either side of that, by the secant method (Illinois)."""
+    at_low, at_high = function(low), function(high)
+    side, middle = np.zeros(low.shape), low
+    for _ in range(ROUNDS):
+        across = at_high - at_low
+        middle = np.where(across != 0, (low * at_high - high * at_low) / np.where(across != 0, across, 1.0), low)
+        value = function(middle)
+        upper = np.signbit(value) == np.signbit(at_high)
+        low, high = np.where(upper, low, middle), np.where(upper, middle, high)
+        at_low = np.where(upper, np.where(side > 0, at_low / 2, at_low), value)
+        at_high = np.where(upper, value, np.where(side < 0, at_high / 2, at_high))
+        side = np.where(upper, 1.0, -1.0)
+    return np.asarray(middle)
+
+
+def beside(values: Any, y: Floats) -> Any:
+    """Values of lanes (..., S), ready to be combined with y (size, S) or (size, S, 1 + k)."""
+    return values if y.ndim < 3 else np.asarray(values)[..., None]
+
+
+def squared(rows: Floats) -> Floats:
+    """The sum of the squares of each column, row by row: the same for a column whatever stands beside it."""
+    found = rows[0] * rows[0]
+    for row in rows[1:]:
+        found += row * row
+    return np.asarray(found)
+
+
+def fill(rates: Any, found: Floats) -> None:
+    """Rows, each an array or one number, into an array."""
+    for row, rate in zip(found, rates, strict=True):
+        row[...] = rate

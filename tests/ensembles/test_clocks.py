@@ -1,0 +1,71 @@
+"""Members with escapements and dry friction side by side, against runs by themselves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from modal import load
+from modal.scene import Scene, scene_from
+from modal.scene.parameters import vary
+from nonlinear import ensemble, simulate
+from nonlinear.integration import methods
+
+CLOCKS = {
+    "pendulum[0].start.angles_deg[0]": (4.0, 12.0),
+    "pendulum[0].links[0].drive.impulse": (2e-5, 4e-5),
+    "pendulum[1].links[0].drive.angle_deg": (2.0, 3.5),
+}
+STARTS = {"pendulum[0].start.angles_deg[0]": (-80.0, 80.0), "pendulum[0].start.angles_deg[1]": (-60.0, 60.0)}
+LIMIT = {"pendulum[0].links[0].friction": (0.01, 0.6)}
+RUBBING = [{"kind": "bob", "mass": m, "length": 1.0, "friction": f} for m, f in ((1.0, 0.3), (0.7, 0.2))]
+ESCAPEMENT = {"kind": "escapement", "impulse": 0.2, "angle_deg": 3.0}
+CART = {"kind": "cart", "mass": 1.0}
+SHAKEN = {"kind": "moved", "motion": {"kind": "sine", "amplitude": 0.2, "frequency_hz": 1.0}}
+
+
+def hung(*links: dict[str, Any], **more: Any) -> Scene:
+    start = {"angles_deg": [10.0] * len(links)}
+    return scene_from({"gravity": 9.81, "pendulum": [{"links": list(links), "start": start}], **more})
+
+
+SCENES: dict[str, tuple[Scene, dict[str, tuple[float, float]]]] = {
+    "clocks": (load("huygens"), CLOCKS),
+    "joints": (hung(*RUBBING), STARTS | LIMIT),
+    "rail": (hung(*RUBBING, support={**CART, "friction": 0.5}), STARTS | {"support.friction": (0.05, 3.0)}),
+    "clock that rubs": (hung({**RUBBING[0], "drive": ESCAPEMENT}, RUBBING[1]), STARTS | LIMIT),
+    "drag": (hung({**RUBBING[0], "drag": 0.1, "quadratic_drag": 0.1}, RUBBING[1]), STARTS | LIMIT),
+    "shaken": (hung({**RUBBING[0], "drive": ESCAPEMENT}, RUBBING[1], support=SHAKEN), STARTS | LIMIT),
+    "hoist": (hung({**RUBBING[0], "hoist": {"to": 0.5, "duration": 3.0}}, RUBBING[1], support=CART), STARTS),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_members_side_by_side_are_the_runs_of_their_scenes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each by itself in floats, the last two in NumPy, where changes are sought on the interpolants of steps."""
+    scene, ranges = SCENES[name]
+    rng, size, seconds = np.random.default_rng(8), 12, 6.0
+    values = {path: rng.uniform(*between, size) for path, between in ranges.items()}
+    found = ensemble(scene, seconds, vary=values, engine="numpy", workers=1, check=0, tolerance=1e-11)
+    assert not found.failures
+    assert found.energy_drift.max() < 1e-9
+    for k in range(size):
+        if k == size - 2:
+            monkeypatch.setattr(methods, "RUBBED", -1)
+        own = vary(scene, {path: float(each[k]) for path, each in values.items()})
+        run = simulate(own, seconds, tolerance=1e-11, output=2)
+        assert np.abs(run.motion.links[-1] - found.final.links[k]).max() < 1e-8, k
+
+
+def test_a_clock_at_its_angle_on_the_way_out_is_kicked_at_once() -> None:
+    link = {"kind": "bob", "mass": 1.0, "length": 1.0, "drive": ESCAPEMENT}
+    scene = scene_from(
+        {"gravity": 9.81, "pendulum": [{"links": [link], "start": {"angles_deg": [3.0], "rates_deg": [10.0]}}]}
+    )
+    found = ensemble(scene, 2.0, vary={"pendulum[0].start.rates_deg[0]": [10.0, 20.0]}, engine="numpy", workers=1)
+    run = simulate(scene, 2.0, output=2)
+    assert run.kicks.time[0] == 0.0
+    assert found.final.links[0] == pytest.approx(run.motion.links[-1], abs=1e-8)
+    assert found.largest_difference < 1e-8
