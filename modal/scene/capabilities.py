@@ -354,8 +354,8 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a Lyapunov exponent",
-            SHAPE | LOSS | {"van_der_pol"},
-            refuses={**STILL, **CONSTANT, **PLANE, **STICKS, "quadratic_drag": "is computed without it", **NO_SMOOTH},
+            SHAPE | LOSS | DRIVES,
+            refuses={**STILL, **CONSTANT, **PLANE, **STICKS, "quadratic_drag": "is computed without it"},
             unless=STOPS,
             beside=UNLOADED,
         ),

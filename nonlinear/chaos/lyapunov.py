@@ -3,7 +3,8 @@
     λ = lim ln(|v(t)| / |v(0)|) / t
 
 v obeys the tangent equations and is rescaled to length 1 again and again, its gains being added up
-(Benettin, Galgani, Giorgilli and Strelcyn, Meccanica 15, 9 and 21, 1980).  A run of finite length cannot distinguish
+(Benettin, Galgani, Giorgilli and Strelcyn, Meccanica 15, 9 and 21, 1980); a kick of an escapement changes it by
+saltation (`nonlinear.integration.changes`).  A run of finite length cannot distinguish
 every λ from zero: in regular motion |v| grows like t, in natural units from 1 to about sqrt(g/l) t, which over T
 seconds looks like λ = ln(sqrt(g/l) t)/T.
 """
@@ -25,8 +26,10 @@ from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics
 from nonlinear.integration import validate, validate_numbers, validate_whole
+from nonlinear.integration.crowds import Crowd, switching
 from nonlinear.integration.lanes import Task, integrate
 from nonlinear.integration.pacing import longest_first, units_of
+from nonlinear.integration.switches import numbers_of as switching_numbers
 from nonlinear.integration.watches import Gains
 from nonlinear.system import State, initial_state, numbers_of, system_of, validate_state
 
@@ -269,6 +272,8 @@ def _grown(
     Every start goes with its own steps; after Ctrl-C the times are those that all of them have reached.
     """
     numbers = numbers_of(scene, system=tangent.system)
+    if tangent.system.kicked:
+        numbers = replace(numbers, switching=tuple(switching_numbers(tangent.system)))
     count, members = THIRDS * ceil(end * float(tangent.scale[-1, 0]) / THIRDS), y.shape[1]
     times = np.linspace(0.0, end, count + 1)
     v = rng.standard_normal(y.shape) * tangent.scale
@@ -277,6 +282,7 @@ def _grown(
     absolute = tolerance * np.concatenate((units, units))
     first = longest_first(units_of(numbers).rate, members)
     task = Task(Lanes(numbers, tangent=True), numbers, both, end, np.full(members, tolerance), absolute, first)
+    task = switching(task, Crowd(task.lanes)) if numbers.switching else task
     gains = Gains(tangent.scale, times[1:], y, report)
     try:
         if reasons := integrate(task, [gains]).reasons:

@@ -10,7 +10,7 @@ from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.integration import pacing
-from nonlinear.integration.crowds import Crowd
+from nonlinear.integration.crowds import Crowd, switching
 from nonlinear.integration.lanes import Task, Watch, integrate
 from nonlinear.integration.watches import Crossings, FirstTurns, Growth, Largest, Samples, Stretching
 from nonlinear.integration.within import fill
@@ -92,8 +92,7 @@ def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
         outcome = integrate(task, [growth, *watches.all])
         return watches.found(Found(outcome.y, growth.error, growth.horizon, outcome.reasons))
     crowd, none = Crowd(lanes), np.full(y.shape[1], np.nan)
-    begun, state = crowd.begin(y)
-    outcome = integrate(replace(task, lanes=crowd, begun=begun, switches=crowd, state=state), watches.all)
+    outcome = integrate(switching(task, crowd), watches.all)
     rubbed = 0.0 if layout.works else crowd.work(wanted.duration, outcome.y, outcome.state)
     return watches.found(Found(outcome.y, none, none.copy(), outcome.reasons, rubbed=rubbed))
 
@@ -101,6 +100,7 @@ def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
 def stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
     """What ln |v| gains of a tangent vector in a direction drawn at random, the same for all, (S,)."""
     task, scale = stretched(numbers, y, wanted)
+    task = switching(task, Crowd(task.lanes)) if numbers.switching else task
     watch = Stretching(scale, y.shape[1])
     outcome = integrate(task, [watch])
     watch.growth[[*outcome.reasons]] = np.nan

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,7 @@ from modal.types import Floats
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Lanes, Rates
 from nonlinear.dynamics.switching import switching_of
+from nonlinear.integration.lanes import Task
 from nonlinear.integration.switches import Switches, kicks_of, switched
 from nonlinear.integration.within import fill
 from nonlinear.system import Numbers, System
@@ -19,7 +20,10 @@ from nonlinear.system import Numbers, System
 
 @dataclass(frozen=True, eq=False)
 class Crowd:
-    """The flow of members with these numbers, whose `switching` entries are those of `Switches`."""
+    """The flow of members with these numbers, whose `switching` entries are those of `Switches`.
+
+    What `tangent` lanes have after y is a column of derivatives, which kicks change by saltation.
+    """
 
     lanes: Lanes
 
@@ -54,17 +58,20 @@ class Crowd:
 
     def begin(self, y: Floats) -> tuple[Floats, Floats]:
         """The y (size, S) and the state (m, S) of members from y on, after the kicks that are due at once."""
-        u, y = self.inputs.of_time(0.0), y.copy()
-        state = np.array([self.of(k).begin(0.0, own, u) for k, own in enumerate(y.T.tolist())]).T
+        u, y, size = self.inputs.of_time(0.0), y.copy(), self.lanes.layout.size
+        state = np.array([self.of(k).begin(0.0, own[:size], u) for k, own in enumerate(y.T.tolist())]).T
         slope = np.empty_like(y)
         fill(self.rates(self.lanes.numbers)(y, 0.0, self.at(slice(None)).inputs(state)), slope)
-        for k, (own, f, told) in enumerate(zip(y.T.tolist(), slope.T.tolist(), state.T.tolist(), strict=True)):
-            if (j := self.of(k).due(own, f, told)) is not None:
-                y[:, k], state[:, k] = self.of(k).change(0.0, j, own, f, told, u=u), told
+        for k, (own, f, told) in enumerate(zip(y.T, slope.T, state.T, strict=True)):
+            if (j := self.of(k).due(own[:size].tolist(), f[:size].tolist(), told.tolist())) is not None:
+                y[:, k] = self.at(k).change(0.0, j, own, f, told)
         return y, state
 
     def rates(self, numbers: Numbers) -> Rates:
         """The rates of so many members as these numbers are of, with the inputs of contacts as a third argument."""
+        if self.lanes.tangent:
+            both = self.lanes.rates(numbers)
+            return lambda y, times=0.0, held=(): both(y, times)
         form, module = self.switches.form, self.switches.module
         constants = module.constants(form.numbers(numbers.entries, numbers.prescribed))
         rates = module.function("sticking" if form.contacts else "rates", constants, "arrays")
@@ -84,6 +91,12 @@ class Crowd:
         return np.array(
             [self.of(k).rubbed(time, own, state[:, k].tolist()).work.sum() for k, own in enumerate(y.T.tolist())]
         )
+
+
+def switching(task: Task, crowd: Crowd) -> Task:
+    """The same task with the switches of its members."""
+    begun, state = crowd.begin(task.begun)
+    return replace(task, lanes=crowd, begun=begun, switches=crowd, state=state)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,16 +124,16 @@ class Some:
         own = self._own
         found = np.empty((2, own.count, y.shape[1]))
         u = (*self.crowd.inputs.beside(t), *own.inputs(state))
-        for rows, values in zip(found, own.values(y, f, u, state), strict=True):
+        for rows, values in zip(found, own.values(y[: self.crowd.lanes.layout.size], f, u, state), strict=True):
             for row, value in zip(rows, values, strict=True):
                 row[...] = value
         return found[0], found[1]
 
     def change(self, t: float, j: int, y: Floats, f: Floats, state: Floats) -> Any:
         """The y of one member after switch j, with its state changed in place."""
-        told = state.tolist()
-        after = self.crowd.of(int(self.members)).change(
-            t, j, y.tolist(), f.tolist(), told, u=self.crowd.inputs.of_time(t)
-        )
+        told, one, u = state.tolist(), self.crowd.of(int(self.members)), self.crowd.inputs.of_time(t)
+        size = self.crowd.lanes.layout.size
+        columns = [y[size:].tolist()] if len(y) > size else []
+        after, columns = one.change(t, j, y[:size].tolist(), f[:size].tolist(), told, columns, u)
         state[:] = told
-        return after
+        return [*after, *(value for column in columns for value in column)]

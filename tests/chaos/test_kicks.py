@@ -1,0 +1,63 @@
+"""Perturbations of motions that are kicked, against the flow of orbits, which meets kicks by its own loop."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from modal.scene import Scene, scene_from
+from nonlinear import ensemble
+from nonlinear.chaos import lyapunov_exponent
+from nonlinear.ensembles.found import Wanted
+from nonlinear.ensembles.lanes import stretched, stretching
+from nonlinear.integration.switches import numbers_of as switching_numbers
+from nonlinear.orbits.flow import Flow
+from nonlinear.system import initial_state, numbers_of, system_of
+
+CLOCK = {"kind": "escapement", "impulse": 0.2, "angle_deg": 3.0}
+BOB = {"kind": "bob", "mass": 1.0, "length": 1.0, "damping": 0.02}
+SECONDS = 6.0
+
+
+def hung(*links: dict[str, Any], **more: Any) -> Scene:
+    start = {"angles_deg": [20.0, 25.0][: len(links)]}
+    return scene_from({"gravity": 9.81, "pendulum": [{"links": list(links), "start": start}], **more})
+
+
+SUPPORTS: list[dict[str, Any]] = [
+    {"kind": "fixed"},
+    {"kind": "cart", "mass": 2.0, "stiffness": 3.0},
+    {"kind": "moved", "motion": {"kind": "sine", "amplitude": 0.1, "frequency_hz": 0.7}},
+]
+
+
+@pytest.mark.parametrize("support", SUPPORTS, ids=lambda one: one["kind"])
+def test_a_perturbation_goes_through_kicks_as_in_the_flow_of_orbits(support: dict[str, Any]) -> None:
+    scene = hung({**BOB, "drive": CLOCK}, BOB, support=support)
+    flow, wanted = Flow(system_of(scene)), Wanted(SECONDS, 1e-12, stretching=True)
+    numbers = replace(numbers_of(scene), switching=tuple(switching_numbers(flow.system)))
+    y = flow.equations.begin(initial_state(scene))
+    task, scale = stretched(numbers, y[:, None], wanted)
+    v = task.begun[len(y) :]
+    end = flow(y, v, SECONDS)
+    assert np.count_nonzero(np.diff(end.path.times) == 0) >= 4
+
+    def gain(V: Any) -> float:
+        return float(np.log(np.linalg.norm(V / scale)))
+
+    assert stretching(numbers, y[:, None], wanted)[0] == pytest.approx(gain(end.V), abs=1e-7)
+    without = Flow(system_of(hung(BOB, BOB, support=support)))
+    assert abs(gain(without(y, v, SECONDS).V) - gain(end.V)) > 1e-2
+    many = {"gravity": [9.81, 9.7]}
+    found = ensemble(scene, SECONDS, vary=many, measures=["lyapunov"], engine="numpy", workers=1, tolerance=1e-12)
+    assert found.column("lyapunov_per_s")[0] * SECONDS == pytest.approx(gain(end.V), abs=1e-7)
+
+
+def test_a_clock_that_ticks_regularly_is_not_chaotic() -> None:
+    """Along its motion a perturbation lasts, across it none does."""
+    found = lyapunov_exponent(hung({**BOB, "damping": 0.3, "drive": CLOCK}), 60.0, ensemble=4)
+    assert not found.is_positive
+    assert abs(found.value) < 0.02
