@@ -354,8 +354,8 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a Lyapunov exponent",
-            SHAPE | LOSS | DRIVES,
-            refuses={**STILL, **CONSTANT, **PLANE, **STICKS, "quadratic_drag": "is computed without it"},
+            SHAPE | LOSS | DRAG | DRIVES,
+            refuses={**STILL, **CONSTANT, **PLANE, **STICKS},
             unless=STOPS,
             beside=UNLOADED,
         ),

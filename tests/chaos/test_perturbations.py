@@ -1,4 +1,4 @@
-"""Perturbations of motions that are kicked, against the flow of orbits, which meets kicks by its own loop."""
+"""Perturbations through kicks and drag, against the flow of orbits, whose loop is its own, and neighbouring runs."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from modal.scene import Scene, scene_from
-from nonlinear import ensemble
+from nonlinear import ensemble, simulate
 from nonlinear.chaos import lyapunov_exponent
 from nonlinear.ensembles.found import Wanted
 from nonlinear.ensembles.lanes import stretched, stretching
 from nonlinear.integration.switches import numbers_of as switching_numbers
 from nonlinear.orbits.flow import Flow
-from nonlinear.system import initial_state, numbers_of, system_of
+from nonlinear.system import State, initial_state, numbers_of, system_of
 
 CLOCK = {"kind": "escapement", "impulse": 0.2, "angle_deg": 3.0}
 BOB = {"kind": "bob", "mass": 1.0, "length": 1.0, "damping": 0.02}
@@ -54,6 +54,24 @@ def test_a_perturbation_goes_through_kicks_as_in_the_flow_of_orbits(support: dic
     many = {"gravity": [9.81, 9.7]}
     found = ensemble(scene, SECONDS, vary=many, measures=["lyapunov"], engine="numpy", workers=1, tolerance=1e-12)
     assert found.column("lyapunov_per_s")[0] * SECONDS == pytest.approx(gain(end.V), abs=1e-7)
+
+
+def test_a_perturbation_feels_quadratic_drag_as_neighbours_do() -> None:
+    scene = hung({**BOB, "quadratic_drag": 0.3}, {**BOB, "quadratic_drag": 0.3}, support={"kind": "cart", "mass": 2.0})
+    numbers, wanted, system = numbers_of(scene), Wanted(SECONDS, 1e-11, stretching=True), system_of(scene)
+    y = Flow(system).equations.begin(initial_state(scene))
+    task, scale = stretched(numbers, y[:, None], wanted)
+    v = task.begun[len(y) :, 0]
+
+    def ended(aside: float) -> Any:
+        x, a, b, dx, da, db = y + aside * v
+        start = State(np.array([a, b]), np.array([da, db]), x, dx)
+        run = simulate(scene, SECONDS, start=start, tolerance=1e-12, output=2).motion
+        return np.array([run.cart[-1], *run.links[-1], run.cart_rate[-1], *run.link_rates[-1]])
+
+    beside = (ended(1e-4) - ended(-1e-4)) / 2e-4
+    gain = np.log(np.linalg.norm(beside / scale[:, 0]))
+    assert stretching(numbers, y[:, None], wanted)[0] == pytest.approx(gain, abs=1e-6)
 
 
 def test_a_clock_that_ticks_regularly_is_not_chaotic() -> None:
