@@ -226,7 +226,8 @@ def _beginnings(
         problem = shooting(scene, leader=leader, tolerance=tolerance, variation=variation)
         try:
             u = solution(problem, y, period, value)
-            if problem.orbit(u).residual < CLOSED:
+            orbit = problem.orbit(u)
+            if orbit.residual < CLOSED < orbit.amplitude:
                 yield problem, u, words
         except ComputationError:
             continue

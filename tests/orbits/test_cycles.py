@@ -12,7 +12,8 @@ import pytest
 
 from modal import Bob, Cart, Pendulum, Scene, load
 from modal.errors import ComputationError, SceneError
-from modal.scene.parameters import parse_variations, vary
+from modal.scene import scene_from
+from modal.scene.parameters import Variation, parse_variations, vary
 from nonlinear.averaging import average, relative_equilibria
 from nonlinear.orbits import Branch, Orbit, cycle_of, entered, follow_cycles, limit_cycles, periodic_orbit
 from nonlinear.simulation import simulate
@@ -174,3 +175,12 @@ def test_what_has_no_limit_cycles_is_refused() -> None:
     still = Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=DRIVEN.pendulum)
     with pytest.raises(ComputationError, match="no periodic orbit"):
         periodic_orbit(still, State(np.array([1.2]), np.zeros(1)), 1.7)
+
+
+def test_rest_is_no_limit_cycle() -> None:
+    bob = {"kind": "bob", "mass": 1.0, "length": 1.0, "damping": 0.02}
+    drive = {"kind": "van-der-pol", "strength": 0.1, "angle_deg": 8.0}
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**bob, "drive": drive}]}]})
+    still = State(np.array([1e-12]), np.zeros(1))
+    with pytest.raises(ComputationError, match="no limit cycle was found"):
+        follow_cycles(scene, Variation("gravity", (9.0, 10.0)), start=(still, 2.0))

@@ -223,7 +223,7 @@ BEYOND = {
     ("count_100", "derive"): "at most",
     **dict.fromkeys((("hoist", "export"), ("hoist_and_drag", "export")), "holds a constant model"),
     ("count_100", "section"): "no motion of this energy",
-    ("escapement", "orbits vary"): "no limit cycle was found",
+    **dict.fromkeys((("escapement", "orbits vary"), ("van_der_Pol", "orbits vary")), "no limit cycle was found"),
 }
 """Pairs that are refused for their numbers, not for a feature, with words of the message."""
 MINUTES = {("count_100", "chaos"), ("count_100", "orbits mode"), ("count_100", "ensemble numba")}
