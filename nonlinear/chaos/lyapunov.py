@@ -26,7 +26,7 @@ from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics
 from nonlinear.integration import validate, validate_numbers, validate_whole
-from nonlinear.integration.crowds import Crowd, switching
+from nonlinear.integration.crowds import switching
 from nonlinear.integration.lanes import Task, integrate
 from nonlinear.integration.pacing import longest_first, units_of
 from nonlinear.integration.switches import numbers_of as switching_numbers
@@ -282,10 +282,9 @@ def _grown(
     absolute = tolerance * np.concatenate((units, units))
     first = longest_first(units_of(numbers).rate, members)
     task = Task(Lanes(numbers, tangent=True), numbers, both, end, np.full(members, tolerance), absolute, first)
-    task = switching(task, Crowd(task.lanes)) if numbers.switching else task
     gains = Gains(tangent.scale, times[1:], y, report)
     try:
-        if reasons := integrate(task, [gains]).reasons:
+        if reasons := integrate(switching(task), [gains]).reasons:
             raise ComputationError(f"a start {next(iter(reasons.values()))}")
     except KeyboardInterrupt:
         if not np.isfinite(gains.rows[times[1:] >= least]).all(1).any():

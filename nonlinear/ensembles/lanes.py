@@ -10,7 +10,7 @@ from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.integration import pacing
-from nonlinear.integration.crowds import Crowd, switching
+from nonlinear.integration.crowds import switching
 from nonlinear.integration.lanes import Task, Watch, integrate
 from nonlinear.integration.watches import Crossings, FirstTurns, Growth, Largest, Samples, Stretching
 from nonlinear.integration.within import fill
@@ -91,18 +91,17 @@ def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     if not numbers.switching:
         outcome = integrate(task, [growth, *watches.all])
         return watches.found(Found(outcome.y, growth.error, growth.horizon, outcome.reasons))
-    crowd, none = Crowd(lanes), np.full(y.shape[1], np.nan)
-    outcome = integrate(switching(task, crowd), watches.all)
-    rubbed = 0.0 if layout.works else crowd.work(wanted.duration, outcome.y, outcome.state)
+    task, none = switching(task), np.full(y.shape[1], np.nan)
+    outcome = integrate(task, watches.all)
+    rubbed = 0.0 if layout.works else task.lanes.work(wanted.duration, outcome.y, outcome.state)
     return watches.found(Found(outcome.y, none, none.copy(), outcome.reasons, rubbed=rubbed))
 
 
 def stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
     """What ln |v| gains of a tangent vector in a direction drawn at random, the same for all, (S,)."""
     task, scale = stretched(numbers, y, wanted)
-    task = switching(task, Crowd(task.lanes)) if numbers.switching else task
     watch = Stretching(scale, y.shape[1])
-    outcome = integrate(task, [watch])
+    outcome = integrate(switching(task), [watch])
     watch.growth[[*outcome.reasons]] = np.nan
     return watch.growth
 

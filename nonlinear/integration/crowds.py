@@ -93,8 +93,11 @@ class Crowd:
         )
 
 
-def switching(task: Task, crowd: Crowd) -> Task:
-    """The same task with the switches of its members."""
+def switching(task: Task) -> Task:
+    """The same task with the switches of its members, where they have any: its flow then is a `Crowd`."""
+    if not task.numbers.switching:
+        return task
+    crowd = Crowd(task.lanes)
     begun, state = crowd.begin(task.begun)
     return replace(task, lanes=crowd, begun=begun, switches=crowd, state=state)
 
