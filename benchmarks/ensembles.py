@@ -41,7 +41,19 @@ SCENES = {
         pendulum=[Pendulum(links=[Rod(mass=1.0, length=1.0, count=2)], count=2)],
     ),
 }
-NAMES = {"bobs": "double pendulum of bobs", "cart": "cart with two doubles"}
+SWITCHING = {
+    "clocks": load("huygens"),
+    "rubbing": Scene(
+        gravity=9.81,
+        pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, friction=0.3), Bob(mass=0.7, length=1.0, friction=0.2)])],
+    ),
+}
+NAMES = {
+    "clocks": "two clocks on a beam, escapements",
+    "rubbing": "double pendulum, dry friction at both joints",
+    "bobs": "double pendulum of bobs",
+    "cart": "cart with two doubles",
+}
 Route = Callable[[np.ndarray], np.ndarray]
 
 
@@ -157,6 +169,22 @@ def table(rows: list[Row]) -> str:
     return markdown(heads, lines)
 
 
+def switching(name: str, quick: bool) -> str:
+    """Members with switches, each of which ends a step."""
+    scene, size = SWITCHING[name], 64 if quick else 1024
+    starts = np.random.default_rng(1).uniform(-1, 1, (size, scene.n_links)) * (0.2 if name == "clocks" else 1.0)
+    reference = ours(scene, "numpy", 1e-13)(starts)
+    routes = {"`simulate` in a loop": (one_by_one(scene), 8 if quick else 64), "NumPy": (ours(scene, "numpy"), size)}
+    if find_spec("numba"):
+        routes["numba"] = ours(scene, "numba"), size
+    rows = [measured(kind, route, starts[:count], reference, 3) for kind, (route, count) in routes.items()]
+    lines = [
+        (row.name, f"{row.rate:,.0f}", f"{row.median:.0e}", f"{row.most:.0e}", _ratio(row, rows, "`simulate`"))
+        for row in rows
+    ]
+    return markdown(("route", "members/s", "error, median (rad)", "error, 95 % (rad)", "of the loop"), lines)
+
+
 def _ratio(row: Row, rows: list[Row], name: str) -> str:
     known = [other.rate for other in rows if other.name.startswith(name)]
     return f"{row.rate / known[0]:.2g}" if known else "-"
@@ -223,6 +251,8 @@ def main() -> None:
     parts = [HEAD.format(versions=versions(), duration=DURATION, tolerance=TOLERANCE)]
     for name in SCENES:
         parts += [f"## {NAMES[name].capitalize()}", table(rows_of(name, options.quick))]
+    for name in SWITCHING:
+        parts += [f"## {NAMES[name].capitalize()}", switching(name, options.quick)]
     if options.map:
         parts += ["## Many", turns(512, 20.0), memory(1_000_000)]
     page = "\n\n".join(part.strip() for part in parts) + "\n"

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
 from importlib.util import find_spec
+from textwrap import dedent
 from typing import Any
 
 
@@ -28,3 +31,11 @@ def vectorized(function: Any) -> Any:
     from numba import njit
 
     return njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc"})(function)
+
+
+def inner(function: Callable[..., Any], decorator: str) -> str:
+    """The source of the functions that a function defines and returns, as functions of a module, each decorated."""
+    lines = inspect.getsource(function).splitlines()
+    first = next(k for k, line in enumerate(lines) if line.startswith("    def "))
+    body = dedent("\n".join(lines[first : len(lines) - 1])).splitlines()
+    return "\n".join(f"@{decorator}\n{line}" if line.startswith("def ") else line for line in body)

@@ -282,8 +282,7 @@ CAPABILITIES: dict[str, Capability] = {
         replace(
             SIDE_BY_SIDE,
             name="engine numba",
-            takes=SIDE_BY_SIDE.takes - TOGETHER - {"moved_support"},
-            refuses=ALONE,
+            takes=SIDE_BY_SIDE.takes - {"moved_support"},
             unless={**STOPS, "moved_support": "takes no sweep"},
         ),
         replace(

@@ -105,20 +105,19 @@ class Module:
         exec(compile(self.python(name), f"<{name}>", "exec"), space)
         return space["made"](*constants)  # type: ignore[no-any-return]
 
-    def looped(self, name: str) -> str:
-        """The source of a loop over lanes for numba, which has WIDTH and `sincos`.
+    def looped(self, name: str, called: str = "") -> str:
+        """The source of a loop over lanes (y, u, v, c, o), by default `called` as it is here, for numba.
 
-        It is a function of its arguments, the constants c (C, WIDTH) and the results o; sine and cosine of one angle
+        It has WIDTH, `sincos` and `where`, the constants c (C, WIDTH) and the results o; sine and cosine of one angle
         are computed together.
         """
         pairs: dict[str, tuple[str, str]] = {}
-        lines = [f"  {kind}{k} = {kind}[{k}, k]" for kind in self._kinds(name) for k in range(self.sizes[kind])]
-        lines = [f"  c{k} = c[{k}, k]" for k in range(len(self.kept))] + lines
+        reads = [("c", k) for k in range(len(self.kept))] + [one.operation[1:] for one in self._lines[name].given]
+        lines = [f"  {kind}{k} = {kind}[{k}, k]" for kind, k in reads]
         written = [*self._lines[name].lines, *(f"o[{k}, k] = {one}" for k, one in enumerate(self.components(name)))]
         for line in written:
             lines += [f"  {one}" for one in _paired(line, pairs)]
-        arguments = ", ".join((*self._kinds(name), "c", "o"))
-        return "\n".join((f"def {name}({arguments}):", " for k in range(WIDTH):", *lines)) + "\n"
+        return "\n".join((f"def {called or name}(y, u, v, c, o):", " for k in range(WIDTH):", *lines)) + "\n"
 
     def scalar(self, name: str, called: str = "") -> str:
         """The source of a function (c, y, u, v) of lists, by default `called` as it is here, for Python and numba."""

@@ -1,9 +1,9 @@
-"""The engine compiled by numba (extra `fast`): `nonlinear.ensembles.kernels`, and what is measured beside it."""
+"""The engine compiled by numba (extra `fast`): `nonlinear.integration.kernels`, and what is measured beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,26 +15,34 @@ from nonlinear.dynamics import Lanes, undisturbed
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Rates
 from nonlinear.ensembles.found import Found, Wanted
-from nonlinear.ensembles.kernels import BESIDE_LINKS, WIDTH, module_of, source
 from nonlinear.ensembles.lanes import Watches, stretched, task_of, watches_of
+from nonlinear.integration.crowds import Crowd
+from nonlinear.integration.kernels import module_of, source
 from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, Task, Watch
-from nonlinear.integration.method import STAGES
+from nonlinear.integration.loops import BESIDE_LINKS, INFINITE, JAMMED, SHORT, WIDTH
+from nonlinear.integration.method import LOOKS, STAGES
+from nonlinear.integration.switches import JAMMED as STUCK
+from nonlinear.integration.switches import Switches
 from nonlinear.integration.within import Step
 from nonlinear.system import Numbers
 
 BUFFER = 2048  # steps that are looked at in NumPy together
-REASONS = {1: TOO_SHORT, 2: NOT_FINITE}
+REASONS = {SHORT: TOO_SHORT, INFINITE: NOT_FINITE, JAMMED: STUCK}
 
 
 @dataclass(eq=False)
 class Ran:
-    """Of S members: y (size, S) at the end, errors, horizons and ln |v| (S,), why some failed."""
+    """Of S members: y (size, S) at the end, errors, horizons and ln |v| (S,), why some failed.
+
+    With switches also their state (m, S).
+    """
 
     y: Floats
     error: Floats
     horizon: Floats
     gain: Floats
-    reasons: dict[int, str]
+    state: Floats
+    reasons: dict[int, str] = field(default_factory=dict)
 
 
 def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
@@ -42,8 +50,9 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     lanes = Lanes(numbers)
     task, scale, local = task_of(lanes, numbers, y, wanted)
     watches = watches_of(lanes, numbers, y, wanted)
-    ran = integrate(task, scale, local, watches, grows=True)
-    found = watches.found(Found(ran.y, ran.error, ran.horizon, ran.reasons))
+    ran = integrate(task, scale, local, watches, grows=not numbers.switching)
+    rubbed = Crowd(lanes).work(ran.y, ran.state) if numbers.switching and not lanes.layout.works else 0.0
+    found = watches.found(Found(ran.y, ran.error, ran.horizon, ran.reasons, rubbed=rubbed))
     if wanted.stretching:
         task, scale = stretched(numbers, y[: 2 * lanes.layout.half], wanted)
         gain = integrate(task, np.concatenate((scale, scale)), np.zeros(y.shape[1]), None, grows=False)
@@ -56,10 +65,12 @@ def integrate(task: Task, scale: Floats, local: Floats, watches: Watches | None,
     """All members of a task to the end."""
     if not available():
         raise MissingExtraError("numba", "fast")
-    module = module_of(source(task.lanes))
+    crowd = Crowd(task.lanes) if task.numbers.switching else None
+    switches = crowd.switches if crowd else None
+    module = module_of(source(task.lanes, switches))
     size, count = task.begun.shape
-    given = _given(task, count)
-    members = np.full(WIDTH, -1)
+    constants = switches.constants if switches and not task.lanes.tangent else task.lanes.constants(task.numbers)
+    given, members = _given(constants, count), np.full(WIDTH, -1)
     times = np.array(watches.samples.times if watches and watches.samples else ())
     if len(times) and times[0] == 0:
         times = times[1:]
@@ -68,36 +79,53 @@ def integrate(task: Task, scale: Floats, local: Floats, watches: Watches | None,
     wants = np.array([*flags, section.row if section else 0, grows, task.lanes.tangent])
     front = np.zeros((BESIDE_LINKS + task.lanes.system.n_links, WIDTH))
     lanes = [np.zeros((size, WIDTH)) for _ in range(2)]
-    constants = np.zeros((max(len(given), 1), WIDTH))
-    ran = Ran(np.full((size, count), np.nan), np.zeros(count), np.zeros(count), np.zeros(count), {})
+    held = 2 * switches.places.J if switches else 0
+    final = np.zeros((switches.places.length if switches else 0, count))
+    ran = Ran(np.full((size, count), np.nan), np.zeros(count), np.zeros(count), np.zeros(count), final)
     status = np.zeros(count, dtype=np.int64)
     which, marks = np.zeros(BUFFER, dtype=np.int64), np.zeros((2, BUFFER))
     before, after, stages = np.zeros((size, BUFFER)), np.zeros((size, BUFFER)), np.zeros((STAGES + 1, size, BUFFER))
+    acting = np.zeros((held, BUFFER))
     spread = np.ascontiguousarray(np.broadcast_to(scale, (size, scale.shape[1])))
     ends, tables = np.append(task.breaks, task.end), _tables(task.lanes.inputs)
-    inputs = np.zeros((max(task.lanes.inputs.count, 1), WIDTH))
     arguments = (
         (task.begun, given, task.relative, task.absolute, task.first, ends, task.longest, spread, local, tables),
         *(times, wants, section.level if section else 0.0, members, np.zeros(1, dtype=np.int64), front, *lanes),
-        *(np.zeros((STAGES + 1, size, WIDTH)), constants, np.zeros(WIDTH)),
+        *(np.zeros((STAGES + 1, size, WIDTH)), np.zeros((max(len(given), 1), WIDTH)), np.zeros(WIDTH)),
         *(np.ones((size, WIDTH)), np.ones((size, WIDTH)), np.zeros(WIDTH)),
         *(np.zeros((size, WIDTH)) for _ in range(3)),
         *(np.zeros(WIDTH) for _ in range(3)),
-        *(ran.y, ran.error, ran.horizon, ran.gain, status, which, marks, before, after, stages, inputs),
+        *(ran.y, ran.error, ran.horizon, ran.gain, status, which, marks, before, after, stages, acting),
+        *(np.zeros((max(task.lanes.inputs.count + held, 1), WIDTH)), _switching(switches, final)),
     )
+    rates = crowd.rates if crowd else task.lanes.rates
     filled = 0
     while filled >= 0:
         with undisturbed():
             filled = module.run(*arguments)
         kept = filled if filled >= 0 else -1 - filled
         if watches and kept:
-            _see(
-                task, watches.all, which[:kept], marks[:, :kept], before[:, :kept], after[:, :kept], stages[..., :kept]
-            )
+            seen = (own[..., :kept] for own in (marks, before, after, stages, acting))
+            _see(task, watches.all, rates, which[:kept], *seen)
     for member in np.flatnonzero(status):
         ran.reasons[int(member)] = f"stopped at {ran.horizon[member]:.9g} s: {REASONS[int(status[member])]}"
         ran.horizon[member] = np.nan
+    if switches:
+        ran.error[:], ran.horizon[:] = np.nan, np.nan
     return ran
+
+
+def _switching(switches: Switches | None, final: Floats) -> tuple[Any, ...]:
+    """What of a module's arguments belongs to switches, whose states at the end go into `final`."""
+    count = final.shape[1]
+    own = (switches.constants, switches.numbers) if switches else ((), ())
+    given, numbers = (_given(each, count) for each in own)
+    rows = switches.module.sizes["v"] if switches else 1
+    lanes = [np.zeros((len(each), WIDTH)) for each in (given, numbers, final)]
+    values = np.zeros((len(LOOKS), 2 * switches.count if switches else 0, WIDTH))
+    sought = [np.full(WIDTH, -1) for _ in range(2)]
+    lengths = [np.zeros(WIDTH) for _ in range(4)]
+    return (given, numbers, *lanes, np.zeros((rows, WIDTH)), values, *sought, *lengths, final)
 
 
 def _tables(inputs: Inputs) -> tuple[Ints, Floats, Floats, Floats, Floats]:
@@ -113,21 +141,28 @@ def _tables(inputs: Inputs) -> tuple[Ints, Floats, Floats, Floats, Floats]:
     return first, knots, origins, coefficients, np.array([one.period for one in own])
 
 
-def _given(task: Task, count: int) -> Floats:
-    """The constants of the equations (C, S), or (C, 1) where members do not differ."""
-    constants = task.lanes.constants(task.numbers)
-    width = count if any(isinstance(own, np.ndarray) for own in constants) else 1
-    return np.array([np.broadcast_to(own, width) for own in constants]).reshape(len(constants), width)
+def _given(values: Sequence[Any], count: int) -> Floats:
+    """Numbers of members (C, S), or (C, 1) where members do not differ."""
+    width = count if any(np.ndim(own) for own in values) else 1
+    return np.array([np.broadcast_to(own, width) for own in values]).reshape(len(values), width)
 
 
 def _see(
-    task: Task, watches: Sequence[Watch], which: Ints, marks: Floats, before: Floats, after: Floats, stages: Floats
+    task: Task,
+    watches: Sequence[Watch],
+    rates: Callable[[Numbers], Rates],
+    which: Ints,
+    marks: Floats,
+    before: Floats,
+    after: Floats,
+    stages: Floats,
+    acting: Floats,
 ) -> None:
     """Show steps to watches."""
 
     def rates_of(columns: Any) -> Rates:
-        rates: Rates = task.lanes.rates(task.numbers.at(which[columns]))
-        return rates
+        own = rates(task.numbers.at(which[columns]))
+        return own if not len(acting) else lambda y, times=0.0: own(y, times, acting[:, columns])
 
     taken = np.ones(len(which), dtype=bool)
     step = Step(which, taken, marks[0], marks[1], before, after, stages, rates_of(slice(None)), rates_of)

@@ -10,7 +10,16 @@ from modal.errors import SceneError
 from modal.scene import CAPABILITIES, Scene, refusals
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.ensembles.members import Members
-from nonlinear.ensembles.question import COMPILED, LANES, ONE_BY_ONE, PLAIN, SERIES, Question, seconds_each
+from nonlinear.ensembles.question import (
+    COMPILED,
+    LANES,
+    ONE_BY_ONE,
+    PLAIN,
+    SERIES,
+    Question,
+    seconds_each,
+    switching_features,
+)
 from nonlinear.integration import taylor_takes
 from nonlinear.system import system_of
 
@@ -21,6 +30,8 @@ SOONER_WITHIN = {LANES: 1.0, COMPILED: 7.0, SERIES: 4.0}
 WITHIN = {"largest_angle", "section"}
 BEFORE = {LANES: 0.05, COMPILED: 7.0, SERIES: 3.0}
 """Seconds to load and compile."""
+CHANGING = 20.0
+"""And to compile what happens at switches."""
 RECORDED = {name: CAPABILITIES[f"engine {name}"].unless["moved_support"] for name in (COMPILED, SERIES)}
 """What of the functions of time an engine takes."""
 NEEDS = {LANES: "numpy", COMPILED: "numba", SERIES: "heyoka"}
@@ -66,7 +77,8 @@ def _seconds(name: str, members: Members, duration: float, tolerance: float, soo
         return inf
     if absent or refusals(members.scene, f"engine {name}", *members.varied):
         return inf
-    return BEFORE[name] + members.size * seconds_each(members.scene, duration, tolerance) / sooner
+    before = BEFORE[name] + (CHANGING if name == COMPILED and switching_features(members) else 0.0)
+    return before + members.size * seconds_each(members.scene, duration, tolerance) / sooner
 
 
 def seconds_of(question: Question, chunks: int) -> float:

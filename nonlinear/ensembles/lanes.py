@@ -93,7 +93,7 @@ def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
         return watches.found(Found(outcome.y, growth.error, growth.horizon, outcome.reasons))
     task, none = switching(task), np.full(y.shape[1], np.nan)
     outcome = integrate(task, watches.all)
-    rubbed = 0.0 if layout.works else task.lanes.work(wanted.duration, outcome.y, outcome.state)
+    rubbed = 0.0 if layout.works else task.lanes.work(outcome.y, outcome.state)
     return watches.found(Found(outcome.y, none, none.copy(), outcome.reasons, rubbed=rubbed))
 
 

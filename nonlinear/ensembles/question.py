@@ -151,9 +151,14 @@ def refused(members: Members, duration: float, tolerance: float) -> str:
     return ""
 
 
+def switching_features(members: Members) -> frozenset[str]:
+    """Which kinds of switches members have."""
+    return (FRICTION | {"escapement"}) & (members.scene.features | set(members.varied))
+
+
 def _switching(scene: Scene, members: Members, places: list[Place]) -> str:
     """Why members with escapements or dry friction go one by one."""
-    switching = (FRICTION | {"escapement"}) & (scene.features | set(members.varied))
+    switching = switching_features(members)
     if not switching:
         return ""
     if switching - scene.features or any(

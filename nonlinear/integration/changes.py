@@ -21,17 +21,18 @@ Non-Smooth Mechanical Systems, 2004, §7).
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from math import nan
+from math import inf, nan
 from typing import Any
+
+from modal.eigen.compiling import inner
 
 TOGETHER = 1e-12  # rad by which a kick, or natural velocity by which a stop, may come early to coincide with another
 BRIEF, OFTEN = 1e-7, 4.0  # phases shorter than this, over √(l/g), of which so many in a row are chatter
 FIRM = 1e-6  # excess over its limit by which a contact breaks loose after chatter
-NAN, NOTHING = nan, (0.0,)
+NAN, INF, NOTHING = nan, inf, (0.0,)
 TEXTS = "sticking", "friction", "responses", "kick", "kicked"
 EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts
 
@@ -74,10 +75,11 @@ class Places:
         return self.told + 4 * self.J
 
 
-def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable[..., Any], Callable[..., Any]]:  # noqa: PLR0915
-    """The functions `settle` and `change` of one segment, from the texts (c, y, u, v) of its form.
+def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable[..., Any], ...]:  # noqa: PLR0915
+    """The functions `begin`, `due` and `change` of one segment, from the texts (c, y, u, v) of its form.
 
-    settle(t, y, signs, was, state, numbers, c, u, held, happened) decides which contacts of sign 0 stick;
+    begin(t, y, last, state, numbers, c, u, happened) fills the state of a segment that begins at y after the impulses
+    `last` (K,); due(y, f, state, numbers) is the kick that is due there at once, at its angle on the way out, else −1;
     change(t, j, y, f, state, numbers, c, u, V, happened) is y after switch j, in lists, the state and the columns V (k,
     size) being changed in place; c are the constants of the texts.  What happens is appended as (time, switch, a, b):
     impulse and energy of a kick; 1 where a contact begins to stick, 0 where it ends.
@@ -309,14 +311,38 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
         return after
 
     def change(t: Any, j: Any, y: Any, f: Any, state: Any, numbers: Any, c: Any, u: Any, V: Any, happened: Any) -> Any:
-        if j < 2 * K:
+        if K > 0 and j < 2 * K:
             return struck(t, j, y, f, state, numbers, c, u, V, happened)
-        if j < 2 * K + J:
+        if J > 0 and j < 2 * K + J:
             return slid(t, j - 2 * K, y, f, state, numbers, c, u, V, happened)
         state[E] = -state[E]
         return [*y]
 
-    return settle, change
+    def begin(t: Any, y: Any, last: Any, state: Any, numbers: Any, c: Any, u: Any, happened: Any) -> Any:
+        for i in range(K):
+            gamma = relative(y, 0, kicks[i]) - numbers[i]
+            aside = gamma if abs(gamma) > numbers[K + i] else last[i]
+            state[i] = -1.0 if aside > 0 else 1.0 if aside < 0 else 0.0
+        if presses:
+            state[E] = 1.0
+        if J > 0:
+            signs, slides = [0.0] * J, [1.0] * J
+            for i in range(J):
+                speed = relative(y, half, contacts[i])
+                signs[i] = 1.0 if speed > 0 else -1.0 if speed < 0 else 0.0
+                state[T + i], state[P + i] = -INF, relative(y, 0, contacts[i])
+            settle(t, y, signs, slides, state, numbers, c, u, [False] * J, happened)
+
+    def due(y: Any, f: Any, state: Any, numbers: Any) -> Any:
+        for i in range(K):
+            for side in [1.0, -1.0]:
+                gamma = side * (relative(y, 0, kicks[i]) - numbers[i]) - numbers[K + i]
+                speed, slope = side * relative(y, half, kicks[i]), side * relative(f, half, kicks[i])
+                if gamma == 0 and state[i] * side >= 0 and (speed > 0 or (speed == 0 and slope > 0)):
+                    return i if side > 0 else K + i
+        return -1
+
+    return begin, due, change
 
 
 def _none(c: Any, y: Any, u: Any, v: Any) -> Any:
@@ -328,18 +354,18 @@ def compiled_source(at: Places, texts: dict[str, str]) -> str:
 
     All arguments but the columns, (k, size), are lists; `happened` is one of tuples of four floats.
     """
-    lines = inspect.getsource(changing).splitlines()
-    first = next(k for k, line in enumerate(lines) if line.startswith("    def "))
-    body = [line[4:] for line in lines[first : len(lines) - 1]]
     J, K, B = at.J, at.K, at.told
     numbers: dict[str, Any] = {"TOGETHER": TOGETHER, "BRIEF": BRIEF, "OFTEN": OFTEN, "FIRM": FIRM, "EXCESS": EXCESS}
     numbers |= {"size": at.size, "half": at.half, "K": K, "J": J, "presses": at.presses, "timed": at.timed}
     numbers |= {"kicks": at.kicks or ((0, -1),), "contacts": at.contacts or ((0, -1),), "E": at.e, "F": at.firm}
     numbers |= {"B": B, "T": B + J, "P": B + 2 * J, "W": B + 3 * J, "LIMIT": 3 * K, "RATE": 3 * K + J}
-    head = ["from math import atan as arctan, cos, nan as NAN, sin, sqrt", "from typing import Any", "NOTHING = (0.0,)"]
+    head = [
+        "from math import atan as arctan, cos, inf as INF, nan as NAN, sin, sqrt",
+        "from typing import Any",
+        "NOTHING = (0.0,)",
+    ]
     head += [*(f"{name} = {value!r}" for name, value in numbers.items())]
     where = "@compiled\ndef where(x, a, b):\n return a if x > 0 else b\n"
     none = "def {}(c, y, u, v):\n return [0.0]\n"
     written = [f"@compiled\n{texts.get(name, none.format(name))}" for name in TEXTS]
-    defined = ["@compiled\n" + line if line.startswith("def ") else line for line in body]
-    return "\n".join((*head, where, *written, *defined)) + "\n"
+    return "\n".join((*head, where, *written, inner(changing, "compiled"))) + "\n"

@@ -86,11 +86,9 @@ class Crowd:
         """Those of some members."""
         return Some(self, members)
 
-    def work(self, time: float, y: Floats, state: Floats) -> Floats:
-        """The work (J) of friction on every member until this time, (S,)."""
-        return np.array(
-            [self.of(k).rubbed(time, own, state[:, k].tolist()).work.sum() for k, own in enumerate(y.T.tolist())]
-        )
+    def work(self, y: Floats, state: Floats) -> Floats:
+        """The work (J) of friction on every member until y (size, S) in this state (m, S), (S,)."""
+        return np.asarray(sum(self.switches.work(y, state), np.zeros(y.shape[1])))
 
 
 def switching(task: Task) -> Task:

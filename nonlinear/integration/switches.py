@@ -73,36 +73,17 @@ class Switches:
 
         A joint that starts beyond its angle, or that was kicked before, has already had the kick on that side.
         """
-        at, numbers, y = self.places, [*self.numbers], [*map(float, y)]
-        state = [0.0] * at.length
-        first = int(self.form.on_cart)
-        last = dict(zip(before.link.tolist(), before.impulse.tolist(), strict=True))
-        for i, pair in enumerate(self.kicks):
-            gamma = _relative(y, pair) - numbers[i]
-            aside = gamma if abs(gamma) > numbers[at.K + i] else last.get(pair[0] - first, 0.0)
-            state[i] = float(-np.sign(aside))
-        if at.presses:
-            state[at.e] = 1.0
-        if at.J:
-            signs = [float(np.sign(_relative(y[at.half :], pair))) for pair in at.contacts]
-            state[at.told + at.J : at.told + 2 * at.J] = [-np.inf] * at.J
-            state[at.told + 2 * at.J : at.told + 3 * at.J] = [_relative(y, pair) for pair in at.contacts]
-            self._changing[0](
-                t, y, signs, [1.0] * at.J, state, numbers, self.constants, [*u], [False] * at.J, self.happened
-            )
-            self._refuse(state)
+        at, first = self.places, int(self.form.on_cart)
+        state, given = [0.0] * at.length, dict(zip(before.link.tolist(), before.impulse.tolist(), strict=True))
+        last = [float(given.get(pair[0] - first, 0.0)) for pair in self.kicks]
+        self._changing[0](t, [*map(float, y)], last, state, [*self.numbers], self.constants, [*u], self.happened)
+        self._refuse(state)
         return state
 
     def due(self, y: Sequence[float], f: Sequence[float], state: Sequence[float]) -> int | None:
         """The kick due at once where a motion begins at y with y' = f, at its angle on the way out; None without."""
-        half, K = self.places.half, len(self.kicks)
-        for j in range(2 * K):
-            i, side = j % K, 1.0 if j < K else -1.0
-            gamma = side * (_relative(y, self.kicks[i]) - self.numbers[i]) - self.numbers[K + i]
-            ways = [side * _relative(own[half:], self.kicks[i]) for own in (y, f)]
-            if gamma == 0 and state[i] * side >= 0 and (ways[0] > 0 or (ways[0] == 0 and ways[1] > 0)):
-                return j
-        return None
+        found = self._changing[1](y, f, state, self.numbers)
+        return None if found < 0 else int(found)
 
     def inputs(self, state: Any) -> list[Any]:
         """The inputs u of contacts, after those of time and load: floats, or arrays where the state has them."""
@@ -144,7 +125,7 @@ class Switches:
         V are k lists (size,).  `u` are the inputs before those of contacts.  ComputationError where friction has none.
         """
         columns = [] if V is None else V
-        after = self._changing[1](t, j, y, f, state, self.numbers, self.constants, [*u], columns, self.happened)
+        after = self._changing[2](t, j, y, f, state, self.numbers, self.constants, [*u], columns, self.happened)
         self._refuse(state)
         return after if V is None else (after, columns)
 
@@ -214,12 +195,17 @@ class Switches:
             rest = max(one[0] for one in self.happened if one[1] in contacts)
         links = np.array([below for below, _ in at.contacts], dtype=np.int64) - int(self.form.on_cart)
         phases.sort()
-        work = np.array(state[at.told + 3 * at.J :])
-        for i, pair in enumerate(at.contacts):
-            if state[at.K + i] and not (at.presses and i == 0):
-                work[i] -= self.numbers[3 * at.K + i] * abs(_relative(y, pair) - state[at.told + 2 * at.J + i])
         begin, end = (np.array([phase[k] for phase in phases], dtype=float) for k in (0, 1))
-        return Friction(links[[phase[2] for phase in phases]], begin, end, links, work, rest)
+        return Friction(links[[phase[2] for phase in phases]], begin, end, links, np.array(self.work(y, state)), rest)
+
+    def work(self, y: Any, state: Any) -> list[Any]:
+        """The work (J) of friction at every contact until y: floats, or arrays of members side by side."""
+        at, found = self.places, [*state[self.places.told + 3 * self.places.J :]]
+        for i, pair in enumerate(at.contacts):
+            if not (at.presses and i == 0):
+                way = abs(_relative(y, pair) - state[at.told + 2 * at.J + i]) * abs(state[at.K + i])
+                found[i] = found[i] - self.numbers[3 * at.K + i] * way
+        return found
 
     @cached_property
     def _rates_of_inputs(self) -> list[float]:
@@ -248,7 +234,7 @@ class Switches:
         return _changing_of(self.module, self.places)
 
     def source(self) -> str:
-        """The functions settle and change of `changing` as a text for numba, which has the decorator `compiled`."""
+        """The functions of `changing` as a text for numba, which has the decorator `compiled`."""
         return compiled_source(self.places, _scalars_of(self.module))
 
     def _refuse(self, state: Sequence[float]) -> None:

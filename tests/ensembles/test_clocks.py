@@ -6,8 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.amounts import usually
+from support.loops import interpreted
 
 from modal import load
+from modal.eigen.compiling import available
 from modal.scene import Scene, scene_from
 from modal.scene.parameters import vary
 from nonlinear import ensemble, simulate
@@ -69,3 +72,30 @@ def test_a_clock_at_its_angle_on_the_way_out_is_kicked_at_once() -> None:
     assert run.kicks.time[0] == 0.0
     assert found.final.links[0] == pytest.approx(run.motion.links[-1], abs=1e-8)
     assert found.largest_difference < 1e-8
+
+
+def assert_same(name: str, seconds: float, size: int) -> None:
+    """Engine numba against engine numpy: samples, what is measured within steps, exponents, ends, work."""
+    scene, ranges = SCENES[name]
+    measures = ("largest_angle", "first_turn", *(("lyapunov",) if name == "clocks" else ()))
+    rng = np.random.default_rng(3)
+    values = {path: rng.uniform(*between, size) for path, between in ranges.items()}
+    options: dict[str, Any] = {"vary": values, "workers": 1, "check": 0, "tolerance": 1e-9, "measures": measures}
+    times = [0.4 * seconds, seconds]
+    own, others = (ensemble(scene, seconds, output=times, engine=engine, **options) for engine in ("numba", "numpy"))
+    assert not own.failures
+    assert own.columns == others.columns
+    for column in own.columns:
+        np.testing.assert_allclose(own.column(column), others.column(column), atol=1e-9, rtol=1e-9, err_msg=column)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_loop_that_numba_compiles_takes_the_steps_of_lanes(name: str) -> None:
+    with interpreted():
+        assert_same(name, 1.5, 3)
+
+
+@pytest.mark.skipif(not available(), reason="numba is not installed")
+@pytest.mark.parametrize("name", usually(["clock that rubs"], [*SCENES]))
+def test_compiled_members_are_those_of_lanes(name: str) -> None:
+    assert_same(name, 6.0, 40)

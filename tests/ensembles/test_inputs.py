@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from amounts import usually
+from support.loops import interpreted
 
 from modal.errors import SceneError
 from modal.scene import (
@@ -169,10 +170,17 @@ def alike(name: str, engine: str, within: float) -> None:
     assert np.all((ratio > 1e-3) & (ratio < 1e3))
 
 
+COMPILED = ["sine", "record", "random", "ratio", "drag", "sine and drag", "smooth and drag", *HOISTS]
+
+
+@pytest.mark.parametrize("name", COMPILED)
+def test_the_loop_that_numba_compiles_takes_the_steps_of_lanes(name: str) -> None:
+    with interpreted():
+        alike(name, "numba", 1e-9)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["sine", "record", "random", "ratio", "drag", "sine and drag", "smooth and drag", *HOISTS]
-)
+@pytest.mark.parametrize("name", usually(["smooth and drag"], COMPILED))
 def test_compiled_members_are_those_of_lanes(name: str) -> None:
     pytest.importorskip("numba")
     alike(name, "numba", 1e-9)

@@ -1,0 +1,146 @@
+"""DOP853 over lanes as a module of its own for every form of scene, written out for numba (extra `fast`).
+
+The equations and switches are the texts of `nonlinear.dynamics`, the method is `nonlinear.integration.method`, and what
+is done with them stands in `nonlinear.integration` as Python: `loops`, `meeting`, `changes`.  The module depends on the
+form alone, not on its numbers: it is kept on disk, where numba keeps what it compiles beside it.
+"""
+
+from __future__ import annotations
+
+import inspect
+import os
+import sys
+from functools import lru_cache
+from hashlib import sha256
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from tempfile import mkdtemp
+from threading import Lock
+from types import ModuleType
+
+from modal.eigen.compiling import inner
+from modal.scene import whole_file
+from nonlinear.dynamics import Lanes, undisturbed
+from nonlinear.dynamics.text import Module
+from nonlinear.integration import loops, meeting
+from nonlinear.integration.loops import CLOCK, SIZES, TABLES, looping, sincos
+from nonlinear.integration.method import FIFTH, NODES, ROWS, SEEN, STAGES, THIRD, weighted
+from nonlinear.integration.switches import Switches
+
+COMPILING = "Compiling the equations of this form, which takes some ten seconds; the result is saved for later runs."
+MAKING = Lock()
+HEAD = '"""Written by multipendula, which writes it again if it is changed."""'
+IMPORTED = """from math import floor, inf, log, sqrt
+from typing import Any
+from numpy import isfinite, spacing, zeros
+from modal.eigen.compiling import compiled, vectorized"""
+ERRORS = """
+@vectorized
+def errors(y, z, K, rel, ab, h, err):
+ for k in range(WIDTH):
+  e5 = 0.0
+  e3 = 0.0
+  for i in range(D):
+   scale = 1.0 / (ab[i, k] + rel[k] * max(abs(y[i, k]), abs(z[i, k])))
+   a = ({fifth}) * scale
+   b = ({third}) * scale
+   e5 += a * a
+   e3 += b * b
+  both = e5 + 0.01 * e3
+  err[k] = h[k] * e5 / sqrt(both * D) if both != 0.0 else 0.0
+"""
+
+
+def source(lanes: Lanes, switches: Switches | None = None) -> str:
+    """The text of the module for this form of scene and its switches."""
+    sizes, layout = dict.fromkeys(SIZES, 0), lanes.layout
+    sizes |= {"D": lanes.size, "SIZE": layout.size, "HALF": layout.half, "FIRST": int(layout.on_cart)}
+    sizes |= {"CONSTANTS": len(rates_of(lanes, switches)[0].names), "TIMED": lanes.inputs.count}
+    if lanes.inputs.count:
+        sizes["DRIVEN"] = CLOCK if lanes.inputs.is_analytic else TABLES
+    texts = [_vectorized(inspect.getsource(sincos))]
+    if switches:
+        at = switches.places
+        sizes |= {"N": switches.count, "M": at.length, "TOLD": at.told, "HELD": 2 * at.J, "KICKS": at.K}
+        own = [each for name, each in vars(meeting).items() if inspect.isfunction(each)]
+        texts += [*(f"@compiled\n{inspect.getsource(each)}" for each in own), switches.source()]
+        texts += [_vectorized(switches.module.looped("values"))]
+    module, name = rates_of(lanes, switches)
+    texts += [_vectorized(module.looped(name, "rates")), _attempt(sizes["DRIVEN"] > 0, switches is not None)]
+    texts += [
+        ERRORS.format(**{name: weighted(own, "K[{}, i, k]") for name, own in (("fifth", FIFTH), ("third", THIRD))})
+    ]
+    named = {name: own for name, own in (vars(meeting) | vars(loops) | sizes).items() if name.isupper()}
+    numbers = [f"{name} = {own!r}" for name, own in named.items() if isinstance(own, int | float | tuple)]
+    return "\n".join((HEAD, IMPORTED, *numbers, *texts, inner(looping, "vectorized"))) + "\n"
+
+
+def rates_of(lanes: Lanes, switches: Switches | None) -> tuple[Module, str]:
+    """The texts in which y' stands, and what it is called there."""
+    if switches is None or lanes.tangent:
+        return lanes.module, "rates"
+    return switches.module, "sticking" if switches.places.J else "rates"
+
+
+def _vectorized(text: str) -> str:
+    return f"@vectorized\n{text}"
+
+
+def _attempt(driven: bool, switches: bool) -> str:
+    lines, looks = ["", "@vectorized", "def attempt(y, h, c, K, z, front, tables, u, s, d, V, rel, ab, err):"], 0
+    for stage in range(1, STAGES + 1):
+        summed = weighted(ROWS[stage], "K[{}, i, k]")
+        lines += [" for i in range(D):", "  for k in range(WIDTH):", f"   z[i, k] = y[i, k] + h[k] * ({summed})"]
+        lines += [f" driven({NODES[stage]!r}, h, front, tables, u)"] * driven + [f" rates(z, u, s, c, K[{stage}])"]
+        if switches and stage in (*SEEN, STAGES):
+            looks += 1
+            lines += [f" look(z, K[{stage}], u, s, d, V[{looks}])"]
+    return "\n".join((*lines, " errors(y, z, K, rel, ab, h, err)")) + "\n"
+
+
+def folder() -> Path:
+    """Where the modules are kept."""
+    home = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(home) / "multipendula"
+
+
+def path_of(text: str) -> Path:
+    """The file of a module."""
+    return folder() / f"lanes_{sha256(text.encode()).hexdigest()[:20]}.py"
+
+
+def compiled_at(path: Path) -> bool:
+    """Whether the module of this name has been compiled on this machine."""
+    return path.exists() and any(path.parent.parent.rglob(f"{path.stem}.run-*.nbi"))
+
+
+def module_of(text: str) -> ModuleType:
+    """The module with this text, on disk where there is a place for it; one thread makes it, others wait."""
+    with MAKING:
+        return _module_of(text)
+
+
+@lru_cache(maxsize=32)
+def _module_of(text: str) -> ModuleType:
+    path = path_of(text)
+    if not compiled_at(path) and sys.stderr.isatty():
+        print(COMPILING, file=sys.stderr)
+    try:
+        path = _written(path, text)
+    except OSError:
+        path = _written(Path(mkdtemp(prefix="multipendula-")) / path.name, text)
+    spec = spec_from_file_location(path.stem, path)
+    assert spec
+    assert spec.loader
+    module = sys.modules[path.stem] = module_from_spec(spec)
+    with undisturbed():
+        spec.loader.exec_module(module)
+    return module
+
+
+def _written(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        with whole_file(path) as stream:
+            stream.write(text.encode())
+    return path

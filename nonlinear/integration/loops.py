@@ -1,0 +1,437 @@
+"""The loop over steps of a module for numba: members take turns in WIDTH lanes, without a branch where vectors go.
+
+What stands here is the same for every form of scene: `nonlinear.integration.kernels` writes it into a module after the
+sizes and the texts of a form.  A lane takes the steps that it would take alone, and ends them where a switch passes, as
+in `nonlinear.integration.lanes`.  Steps in which something happens that is measured go into a buffer, to be looked at
+in NumPy.
+
+Of a lane `front` holds the TIME and the STEP to try (s), whether the last one was REFUSED, whether it is FRESH,
+with rates yet to be found, the sample DUE, the LARGEST angle (rad), ERROR (rad) and HORIZON (s), and how often each
+link has TURNED.  What belongs to switches are constants d of their texts, numbers a, a `state`, what beside y their
+values s take, values and rates V of these (5, 2 N, WIDTH) at the looks of a step, the one that is sought, `aim`, and
+the one that is due, `next`, −1 for none; the bracket low, high, and lengths (s) tried and usual.
+"""
+
+from __future__ import annotations
+
+from math import floor, inf, log, sqrt
+from typing import Any
+
+from numpy import isfinite, spacing, zeros
+
+from nonlinear.integration.lanes import AT_ONCE, MET_TINY, ROUNDED, TINY
+from nonlinear.integration.meeting import AGAIN, MET, STANDS
+from nonlinear.integration.method import GROWS, LOOKS, SAFETY, SHRINKS, STAGES
+from nonlinear.integration.steppers import BESIDE
+from nonlinear.integration.watches import ASIDE, ROUNDING, UNKNOWN
+
+WIDTH, BESIDE_LINKS = 16, 8
+"""Lanes; numbers of each beside those of its links."""
+FRONT = ["TIME", "STEP", "REFUSED", "FRESH", "DUE", "LARGEST", "ERROR", "HORIZON", "TURNED"]
+TIME, STEP, REFUSED, FRESH, DUE, LARGEST, ERROR, HORIZON, TURNED = range(len(FRONT))
+BEGINS = 2.0  # of a lane that is fresh: its member has just come
+SHORT, INFINITE, JAMMED = 1, 2, 3  # why a member failed
+CLOCK, TABLES = 1, 2  # of what drives a scene: the time, or polynomials of it
+TOP, TURN = 3.141592653589793, 6.283185307179586
+CLEAR = float(BESIDE)
+SIZES = ["D", "SIZE", "HALF", "FIRST", "CONSTANTS", "N", "M", "TOLD", "HELD", "TIMED", "DRIVEN", "KICKS"]
+"""Numbers of a form: lengths of y in all, of a motion, of its half and before its links; of c; switches, their state,
+and what of it enters texts; inputs of contacts, and those before these; what drives it; kicked joints."""
+
+
+def sincos(x: Any) -> Any:
+    """Sine and cosine of one angle (rad), reduced by Cody and Waite in three parts, then by Cephes's polynomials."""
+    q = floor(x * 0.6366197723675814 + 0.5)
+    r = ((x - q * 1.5707963267341256) - q * 6.077100506303966e-11) - q * 2.0222662487959506e-21
+    z = r * r
+    a = -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
+    a = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 + z * a))
+    s = r + r * z * (-1.66666666666666324348e-01 + z * a)
+    b = 2.08757232129817482790e-09 - z * 1.13596475577881948265e-11
+    b = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * (-2.75573143513906633035e-07 + z * b))
+    c = 1.0 - (0.5 * z - z * z * (4.16666666666666019037e-02 + z * b))
+    m = q - 4.0 * floor(q * 0.25)
+    high = floor(m * 0.5)
+    odd, sign = m - 2.0 * high, 1.0 - 2.0 * high
+    even = 1.0 - odd
+    return sign * (even * s + odd * c), sign * (even * c - odd * s)
+
+
+def looping(
+    attempt: Any,
+    rates: Any,
+    values: Any,
+    begin: Any,
+    due: Any,
+    change: Any,
+    inputs: Any,
+    seen: Any,
+    meet: Any,
+    **of: int,
+) -> Any:
+    """The function `run` with the texts of a form, and its SIZES; called by nobody, but written into modules."""
+    D, SIZE, HALF, FIRST, CONSTANTS, N, M, TOLD, HELD, TIMED, DRIVEN, KICKS = (of[name] for name in SIZES)
+
+    def driven(part: Any, h: Any, front: Any, tables: Any, u: Any) -> None:
+        if DRIVEN == CLOCK:
+            for k in range(WIDTH):
+                u[0, k] = front[TIME, k] + part * h[k]
+        if DRIVEN == TABLES:
+            first, knots, origins, coefficients, periods = tables
+            for k in range(WIDTH):
+                clear = CLEAR * spacing(front[TIME, k] + h[k])
+                time = max(min(front[TIME, k] + part * h[k], front[TIME, k] + h[k] - clear), front[TIME, k] + clear)
+                for j in range(len(periods)):
+                    t = time - floor(time / periods[j]) * periods[j] if isfinite(periods[j]) else time
+                    low, high = first[j], first[j + 1] - 1
+                    while low < high:
+                        middle = (low + high) // 2
+                        if knots[middle] <= t:
+                            low = middle + 1
+                        else:
+                            high = middle
+                    s, found = t - origins[low], 0.0
+                    for power in range(coefficients.shape[1]):
+                        found = found * s + coefficients[low, power]
+                    u[j, k] = found
+
+    def look(y: Any, f: Any, u: Any, s: Any, d: Any, V: Any) -> None:
+        for i in range(SIZE):
+            for k in range(WIDTH):
+                s[i, k] = f[i, k]
+        values(y, u, s, d, V)
+
+    def load(
+        k: Any, member: Any, task: Any, front: Any, y: Any, c: Any, rel: Any, ab: Any, sc: Any, loc: Any, v: Any
+    ) -> None:
+        begun, given, relative, absolute, first, ends, longest, scale, local, _ = task
+        for i in range(D):
+            y[i, k] = begun[i, member]
+            ab[i, k] = absolute[i, member]
+            sc[i, k] = scale[i, member % scale.shape[1]]
+        for i in range(CONSTANTS):
+            c[i, k] = given[i, member % given.shape[1]]
+        rel[k], loc[k] = relative[member], local[member]
+        for i in range(len(front)):
+            front[i, k] = 0.0
+        front[STEP, k], front[FRESH, k], front[HORIZON, k] = min(first[member], longest, ends[0]), BEGINS, inf
+        for i in range(2 * HALF):
+            v[i, k] = 1.0 / sqrt(2.0 * HALF)
+        for i in range(FIRST, HALF):
+            front[LARGEST, k] = max(front[LARGEST, k], abs(y[i, k]))
+
+    def reach(k: Any, i: Any, y: Any, z: Any, K: Any, h: Any) -> Any:
+        low, high = min(y[i, k], z[i, k]), max(y[i, k], z[i, k])
+        slow, fast = K[0, i, k], K[0, i, k]
+        for j in range(1, STAGES + 1):
+            slow, fast = min(slow, K[j, i, k]), max(fast, K[j, i, k])
+        if slow < 0.0 and fast > 0.0:
+            beyond = 0.5 * h * max(-slow, fast)
+            return low - beyond, high + beyond
+        return low, high
+
+    def happens(k: Any, y: Any, z: Any, K: Any, h: Any, front: Any, times: Any, wants: Any, level: Any) -> Any:
+        waiting = int(front[DUE, k])
+        if wants[0] and waiting < len(times) and times[waiting] <= front[TIME, k] + h:
+            return True
+        for i in range(FIRST, HALF):
+            turns = wants[1] and front[TURNED + i - FIRST, k] < 2.0
+            if turns or wants[2]:
+                low, high = reach(k, i, y, z, K, h)
+                if turns and floor((low - TOP) / TURN) != floor((high - TOP) / TURN):
+                    return True
+                if wants[2] and max(-low, high) > max(front[LARGEST, k], abs(z[i, k])):
+                    return True
+        if wants[3]:
+            low, high = reach(k, wants[4], y, z, K, h)
+            if wants[4] < FIRST:
+                return (low >= level) != (high >= level)
+            return floor((low - level) / TURN) != floor((high - level) / TURN)
+        return False
+
+    def grown(z: Any, h: Any, g: Any, K: Any, sc: Any, v: Any, w: Any) -> None:
+        for i in range(HALF):
+            for k in range(WIDTH):
+                faster = v[HALF + i, k] * sc[HALF + i, k] + h[k] * ((g[HALF + i, k] - K[STAGES, HALF + i, k]) / ASIDE)
+                w[HALF + i, k] = faster / sc[HALF + i, k]
+                w[i, k] = v[i, k] + h[k] * faster / sc[i, k]
+        for k in range(WIDTH):
+            total = 0.0
+            for i in range(2 * HALF):
+                total += w[i, k] * w[i, k]
+            g[0, k] = sqrt(total)
+
+    def switched(k: Any, member: Any, front: Any, y: Any, f: Any, u: Any, switching: Any) -> Any:
+        given, numbers, d, a, state, s, _, aim, following, low, high, _, usual, _ = switching
+        begins = front[FRESH, k] == BEGINS
+        if begins:
+            for i in range(len(d)):
+                d[i, k] = given[i, member % given.shape[1]]
+            for i in range(len(a)):
+                a[i, k] = numbers[i, member % numbers.shape[1]]
+            for i in range(len(a) - 1):
+                s[SIZE + TOLD + i, k] = a[i, k]
+            for i in range(TIMED):
+                s[len(s) - TIMED + i, k] = 1.0 if DRIVEN == CLOCK else 0.0
+            aim[k], following[k], low[k], high[k], usual[k] = -1, -1, 0.0, inf, front[STEP, k]
+        own, constants, held = (
+            [a[i, k] for i in range(len(a))],
+            [d[i, k] for i in range(len(d))],
+            [u[i, k] for i in range(TIMED)],
+        )
+        now, slope = [y[i, k] for i in range(SIZE)], [f[i, k] for i in range(SIZE)]
+        told, happened = [state[i, k] for i in range(M)], [(0.0, 0.0, 0.0, 0.0)]
+        if begins:
+            begin(front[TIME, k], now, [0.0] * len(own), told, own, constants, held, happened)
+        else:
+            columns = zeros((D // SIZE - 1, SIZE))
+            for n in range(len(columns)):
+                for i in range(SIZE):
+                    columns[n, i] = y[(n + 1) * SIZE + i, k]
+            now = change(front[TIME, k], following[k], now, slope, told, own, constants, held, columns, happened)
+            for i in range(SIZE):
+                y[i, k] = now[i]
+            for n in range(len(columns)):
+                for i in range(SIZE):
+                    y[(n + 1) * SIZE + i, k] = columns[n, i]
+        for i in range(M):
+            state[i, k] = told[i]
+        for i in range(TOLD):
+            s[SIZE + i, k] = told[i]
+        acting = inputs(told, own)
+        for i in range(HELD):
+            u[TIMED + i, k] = acting[i]
+        return HELD == 0 or told[KICKS] == told[KICKS]
+
+    def passes(k: Any, front: Any, y: Any, f: Any, switching: Any) -> Any:
+        _, _, _, a, state, _, V, _, _, _, _, _, _, _ = switching
+        if front[FRESH, k] == BEGINS:
+            now, slope = [y[i, k] for i in range(SIZE)], [f[i, k] for i in range(SIZE)]
+            return due(now, slope, [state[i, k] for i in range(M)], [a[i, k] for i in range(len(a))])
+        found, most = -1, 0.0
+        for j in range(N):
+            if V[0, j, k] > most and V[0, N + j, k] > 0:
+                found, most = j, V[0, j, k]
+        return found
+
+    def renew(
+        members: Any,
+        front: Any,
+        h: Any,
+        tables: Any,
+        y: Any,
+        u: Any,
+        c: Any,
+        K: Any,
+        g: Any,
+        out: Any,
+        horizon: Any,
+        status: Any,
+        switching: Any,
+    ) -> None:
+        _, _, d, _, _, s, V, _, following, _, _, _, _, _ = switching
+        for _ in range(AT_ONCE):
+            fresh = False
+            for k in range(WIDTH):
+                fresh = fresh or front[FRESH, k] > 0.0
+            if not fresh:
+                return
+            driven(0.0, h, front, tables, u)
+            if N > 0:
+                for k in range(WIDTH):
+                    changes = front[FRESH, k] == BEGINS or following[k] >= 0
+                    if changes and not switched(k, members[k], front, y, K[0], u, switching):
+                        fail(k, JAMMED, members, front, y, out, horizon, status)
+            rates(y, u, s, c, g)
+            for k in range(WIDTH):
+                if front[FRESH, k] > 0.0:
+                    for i in range(D):
+                        K[0, i, k] = g[i, k]
+            if N > 0:
+                look(y, K[0], u, s, d, V[0])
+            for k in range(WIDTH):
+                if front[FRESH, k] > 0.0:
+                    if N > 0:
+                        following[k] = passes(k, front, y, K[0], switching)
+                    front[FRESH, k] = 1.0 if N > 0 and following[k] >= 0 else 0.0
+        for k in range(WIDTH):
+            front[FRESH, k] = 0.0
+            if N > 0:
+                following[k] = -1
+
+    def fail(k: Any, why: Any, members: Any, front: Any, y: Any, out: Any, horizon: Any, status: Any) -> None:
+        member = members[k]
+        status[member], horizon[member] = why, front[TIME, k]
+        for i in range(D):
+            out[i, member] = y[i, k]
+        members[k], front[STEP, k], front[FRESH, k] = -1, 0.0, 0.0
+
+    def run(
+        task: Any,
+        times: Any,
+        wants: Any,
+        level: Any,
+        members: Any,
+        counts: Any,
+        front: Any,
+        y: Any,
+        z: Any,
+        K: Any,
+        c: Any,
+        rel: Any,
+        ab: Any,
+        sc: Any,
+        loc: Any,
+        v: Any,
+        w: Any,
+        g: Any,
+        h: Any,
+        err: Any,
+        ok: Any,
+        out: Any,
+        error: Any,
+        horizon: Any,
+        gain: Any,
+        status: Any,
+        which: Any,
+        marks: Any,
+        before: Any,
+        after: Any,
+        stages: Any,
+        held: Any,
+        u: Any,
+        switching: Any,
+    ) -> Any:
+        ends, longest, tables, size = task[5], task[6], task[9], task[0].shape[1]
+        _, _, d, _, state, s, V, aim, following, low, high, tried, usual, final = switching
+        end = ends[len(ends) - 1]
+        filled, room = 0, len(which) - WIDTH
+        while filled <= room:
+            renew(members, front, h, tables, y, u, c, K, g, out, horizon, status, switching)
+            came, busy = False, False
+            for k in range(WIDTH):
+                if members[k] >= 0 and front[TIME, k] >= end * (1.0 - 4e-16):
+                    member = members[k]
+                    error[member], horizon[member] = front[ERROR, k], front[HORIZON, k]
+                    for i in range(D):
+                        out[i, member] = y[i, k]
+                    for i in range(M):
+                        final[i, member] = state[i, k]
+                    members[k], front[STEP, k] = -1, 0.0
+                if members[k] < 0 and counts[0] < size:
+                    members[k], came = counts[0], True
+                    load(k, counts[0], task, front, y, c, rel, ab, sc, loc, v)
+                    counts[0] += 1
+                busy = busy or members[k] >= 0
+                h[k] = front[STEP, k]
+            if came:
+                continue
+            if not busy:
+                return -1 - filled
+            attempt(y, h, c, K, z, front, tables, u, s, d, V, rel, ab, err)
+            if wants[5]:
+                for i in range(D):
+                    for k in range(WIDTH):
+                        w[i, k] = z[i, k]
+                for i in range(2 * HALF):
+                    for k in range(WIDTH):
+                        w[i, k] += ASIDE * v[i, k] * sc[i, k]
+                driven(1.0, h, front, tables, u)
+                rates(w, u, s, c, g)
+                grown(z, h, g, K, sc, v, w)
+            for k in range(WIDTH):
+                ok[k] = 0.0
+                if members[k] < 0:
+                    continue
+                member, e, answer = members[k], err[k], STANDS
+                taken = e < 1.0
+                factor = SAFETY * sqrt(sqrt(sqrt(1.0 / e))) if e > 0.0 else GROWS
+                factor = min(GROWS, max(SHRINKS, factor)) if isfinite(e) else SHRINKS
+                if not taken or front[REFUSED, k] == 1.0:
+                    factor = min(factor, 1.0)
+                front[REFUSED, k] = 0.0 if taken else 1.0
+                tried[k], least = h[k] * factor, TINY * spacing(front[TIME, k])
+                if N > 0:
+                    if not taken:
+                        aim[k], low[k], high[k] = -1, 0.0, inf
+                    elif aim[k] >= 0 or seen(h[k], V[:, :N, k], V[:, N:, k], LOOKS):
+                        answer = meet(k, front[TIME], h, V[:, :N, k], V[:, N:, k], LOOKS, aim, low, high, tried, usual)
+                    else:
+                        usual[k] = tried[k]
+                    if aim[k] >= 0:
+                        least = MET_TINY * front[TIME, k]
+                if not taken or answer == AGAIN:
+                    front[STEP, k] = tried[k]
+                    if not front[STEP, k] >= least:
+                        finite = True
+                        for i in range(D):
+                            finite = finite and isfinite(K[0, i, k])
+                        error[member], gain[member] = front[ERROR, k], front[TIME, k]
+                        fail(k, SHORT if finite else INFINITE, members, front, y, out, horizon, status)
+                    continue
+                ok[k] = 1.0
+                if N > 0 and answer == MET:
+                    j = aim[k]
+                    left = -V[len(V) - 1, j, k] / V[len(V) - 1, N + j, k]
+                    if not abs(left) <= ROUNDED * (usual[k] + h[k]):
+                        left = 0.0
+                    h[k] += left
+                    for i in range(D):
+                        z[i, k] += left * K[STAGES, i, k]
+                    following[k], front[FRESH, k], tried[k] = j, 1.0, usual[k]
+                    aim[k], low[k], high[k] = -1, 0.0, inf
+                if happens(k, y, z, K, h[k], front, times, wants, level):
+                    which[filled], marks[0, filled], marks[1, filled] = member, front[TIME, k], h[k]
+                    for i in range(D):
+                        before[i, filled], after[i, filled] = y[i, k], z[i, k]
+                        for j in range(STAGES + 1):
+                            stages[j, i, filled] = K[j, i, k]
+                    for i in range(HELD):
+                        held[i, filled] = u[TIMED + i, k]
+                    filled += 1
+                    waiting = int(front[DUE, k])
+                    while wants[0] and waiting < len(times) and times[waiting] <= front[TIME, k] + h[k]:
+                        waiting += 1
+                    front[DUE, k] = waiting
+                    for i in range(FIRST, HALF):
+                        if floor((y[i, k] - TOP) / TURN) != floor((z[i, k] - TOP) / TURN):
+                            front[TURNED + i - FIRST, k] += 1.0
+                if wants[2]:
+                    for i in range(FIRST, HALF):
+                        front[LARGEST, k] = max(front[LARGEST, k], abs(z[i, k]))
+                ahead = 0
+                while ahead < len(ends) - 1 and ends[ahead] <= front[TIME, k]:
+                    ahead += 1
+                front[TIME, k] += h[k]
+                if ahead < len(ends) - 1 and front[TIME, k] >= ends[ahead] - CLEAR * spacing(ends[ahead]):
+                    front[TIME, k], front[FRESH, k] = ends[ahead], 1.0
+                    ahead += 1
+                front[STEP, k] = min(tried[k], longest, ends[ahead] - front[TIME, k])
+                if wants[5] and isfinite(g[0, k]) and g[0, k] > 0.0:
+                    far = 0.0
+                    for i in range(FIRST, HALF):
+                        far = max(far, abs(z[i, k]))
+                    front[ERROR, k] = front[ERROR, k] * g[0, k] + max(loc[k], ROUNDING * far)
+                    for i in range(2 * HALF):
+                        v[i, k] = w[i, k] / g[0, k]
+                    if front[ERROR, k] > UNKNOWN and front[HORIZON, k] == inf:
+                        front[HORIZON, k] = front[TIME, k]
+                if wants[6]:
+                    total = 0.0
+                    for i in range(D // 2, D):
+                        total += (z[i, k] / sc[i, k]) ** 2
+                    length = sqrt(total)
+                    gain[member] += log(length)
+                    for i in range(D // 2, D):
+                        z[i, k] /= length
+                        K[STAGES, i, k] /= length
+            for i in range(D):
+                for k in range(WIDTH):
+                    y[i, k] = z[i, k] if ok[k] > 0.0 else y[i, k]
+                    K[0, i, k] = K[STAGES, i, k] if ok[k] > 0.0 else K[0, i, k]
+            for j in range(2 * N):
+                for k in range(WIDTH):
+                    V[0, j, k] = V[len(V) - 1, j, k] if ok[k] > 0.0 else V[0, j, k]
+        return filled
+
+    return run

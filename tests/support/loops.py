@@ -1,0 +1,31 @@
+"""The loop that numba compiles, run by Python as it stands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from nonlinear.ensembles import compiled
+
+PLAIN = "def compiled(function):\n return function\n\nvectorized = compiled"
+
+
+def module_of(text: str) -> ModuleType:
+    """A module for numba, of plain functions."""
+    module = ModuleType("loop")
+    text = text.replace("from math import floor, inf, log, sqrt", "from numpy import floor, inf, log, sqrt")
+    exec(text.replace("from modal.eigen.compiling import compiled, vectorized", PLAIN), vars(module))
+    return module
+
+
+@contextmanager
+def interpreted() -> Iterator[None]:
+    """Engine numba without numba."""
+    with pytest.MonkeyPatch.context() as patch, np.errstate(all="ignore"):
+        patch.setattr(compiled, "module_of", module_of)
+        patch.setattr(compiled, "available", lambda: True)
+        yield
