@@ -88,6 +88,7 @@ CONSTANT: Sentences = {"hoist": "needs constant lengths"}
 STILL: Sentences = {"moved_support": "needs a support at rest, and simulate follows a moved one"}
 PLANE: Sentences = {"space": "is computed in the plane"}
 NO_RATIO: Sentences = {"damping_ratio": "has no place for dampers that belong to modes"}
+COEFFICIENT = {"rail_coefficient": "does not follow what sticks and slips with a coefficient"}
 STICKS = _each(FRICTION, "does not follow what sticks and slips")
 NO_DRAG = _each(DRAG, "is computed without drag")
 LOSSES = _each(LOSS, "needs a scene without losses")
@@ -145,8 +146,8 @@ AVERAGED = Capability(
 
 PERIODIC = Capability(
     "a periodic orbit",
-    SHAPE | LOSS | DRIVES,
-    refuses={**STILL, **CONSTANT, **PLANE, **STICKS, "quadratic_drag": "is computed without it"},
+    SHAPE | LOSS | DRIVES | {"joint_friction", "rail_friction"},
+    refuses={**STILL, **CONSTANT, **PLANE, **COEFFICIENT, "quadratic_drag": "is computed without it"},
     unless=ENDS,
     beside=UNLOADED,
 )

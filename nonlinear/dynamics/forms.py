@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -178,6 +178,11 @@ class Equations(Symbolic):
         rates, rubbed = self.minimal.rubbed(self.y, sliding)
         self.rates = [*rates.tolist(), *([] if rubbed.normal is None else [rubbed.normal])]
 
+    @cached_property
+    def held(self) -> list[Any]:
+        """The rates y' where contacts may stick, as their inputs say."""
+        return self.minimal.rubbed(self.y, self.instant)[0].tolist() if self.instant.gripping else self.rates
+
 
 def _unknown(time: float, state: Any) -> AppliedForces:
     raise NotImplementedError("applied forces are inputs of what is written")
@@ -197,10 +202,10 @@ def module_of(form: Form, *, tangent: bool = False) -> Module:
 def jacobian_of(form: Form) -> tuple[Module, Ints, Ints]:
     """The function "jacobian" of a form: y', then the entries of ∂y'/∂y that are not always 0, at these places."""
     own = Equations(form)
-    slopes = partials(own.tape, own.rates, own.y)
+    slopes = partials(own.tape, own.held, own.y)
     places = np.array([(row, column) for row, each in enumerate(slopes) for column in each]).reshape(-1, 2)
     entries = [slope for each in slopes for slope in each.values()]
-    return Module(own.tape, {"jacobian": [*own.rates, *entries]}), places[:, 0], places[:, 1]
+    return Module(own.tape, {"jacobian": [*own.held, *entries]}), places[:, 0], places[:, 1]
 
 
 @lru_cache(maxsize=64)
@@ -208,7 +213,7 @@ def sensitivity_of(form: Form) -> Module:
     """The function "sensitivity" of a form: ∂y'/∂p δp, from (y, δp) as one vector, for a change δp of its numbers."""
     own = Equations(form)
     change = own.tape.inputs("y", form.count)
-    return Module(own.tape, {"sensitivity": along(own.tape, own.rates, own.numbers, change)})
+    return Module(own.tape, {"sensitivity": along(own.tape, own.held, own.numbers, change)})
 
 
 def responding(own: Equations, form: Form) -> list[Any]:

@@ -14,10 +14,11 @@ An impulse P at a kicked joint acts on the link below and −P on the one above:
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-from nonlinear.dynamics.contacts import Gripping
+from nonlinear.dynamics.contacts import Gripping, contacts_of
 from nonlinear.dynamics.forms import Equations, Form, responding
 from nonlinear.dynamics.tape import along
 from nonlinear.dynamics.text import Module
@@ -25,6 +26,12 @@ from nonlinear.dynamics.text import Module
 FAR = 1000.0
 """How far below 0 (rad, N or N m) a value is that cannot pass."""
 Pairs = tuple[tuple[int, int], ...]
+
+
+def switched(form: Form) -> Form:
+    """The same form with the contacts of its system."""
+    own = contacts_of(form.system)
+    return replace(form, contacts=own.pairs, presses=own.coefficient > 0)
 
 
 def told(form: Form, kicks: Pairs) -> int:

@@ -2,12 +2,13 @@
 
     y' = f(y, u),   V' = J V,   J = ∂f/∂y
 
-So are those of what a motion conserves and of the change of velocities M⁻¹ P by an impulse P: all are recorded from the
-plain arithmetic of the equations and of Hamilton's form (`nonlinear.dynamics.tape`).
+So are those of what a motion conserves: all are recorded from the plain arithmetic of the equations and of Hamilton's
+form (`nonlinear.dynamics.tape`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -19,14 +20,15 @@ from modal.types import Floats
 from nonlinear.dynamics.dense import SINGULAR
 from nonlinear.dynamics.drag import plane_drag
 from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of, sensitivity_of
-from nonlinear.dynamics.generated import UNDEFINED, Generated
+from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed
 from nonlinear.dynamics.hamiltonian import momenta, potential
 from nonlinear.dynamics.joints import cart_force, modal_drag
-from nonlinear.dynamics.minimal import inverted
+from nonlinear.dynamics.switching import switched
 from nonlinear.dynamics.tape import partials
 from nonlinear.dynamics.text import Module
 from nonlinear.system import State, entries_of, prescribed_of
 
+Force = Callable[[float], Floats]
 SPARSE = 8
 """Links up to which the entries of J are written one by one; longer scenes have J v written, and take all directions.
 
@@ -39,16 +41,30 @@ written.
 class Variational(Generated):
     """The equations of `Generated` without work, y = (x, θ, x', θ'), with their derivatives.
 
-    Where they are `pushed`, the inputs u end with a force in every coordinate, (half,).
+    A `force` (half,) of the time acts from outside, in every coordinate (N, N m).  Inputs u are those of time, then it,
+    then those of contacts with dry friction.
     """
 
     counts_work: bool = False
-    pushed: bool = False
+    force: Force | None = None
 
     @cached_property
     def form(self) -> Form:
         """What the text depends on."""
-        return form_of(self.system, pushed=self.pushed, works=False)
+        return switched(form_of(self.system, pushed=self.force is not None, works=False))
+
+    @cached_property
+    def listed(self) -> Listed | None:
+        """The inputs u at a time (s) before those of contacts; None where there are none."""
+        force, moved = self.force, super().listed
+        if force is None:
+            return moved
+        return lambda time, y: [*(moved(time, y) if moved else ()), *np.asarray(force(time), dtype=float).tolist()]
+
+    @property
+    def is_clocked(self) -> bool:
+        """Whether the only input is the time."""
+        return self.force is None and super().is_clocked
 
     @property
     def size(self) -> int:
@@ -139,18 +155,6 @@ class Variational(Generated):
         """The form of the same system, without applied forces."""
         return form_of(self.system, works=False)
 
-    def struck(self, y: Floats, impulse: Floats) -> tuple[Floats, Floats]:
-        """The change of y by a generalized impulse (n,), (d,), and its Jacobian by y (d, d)."""
-        half, first = self.layout.half, int(self.layout.on_cart)
-        module, form = _struck(self._still), self._still
-        made = module.function(
-            "struck", module.constants(form.numbers(entries_of(self.system), prescribed_of(self.system)))
-        )
-        found = np.array(made(y[first:half].tolist(), impulse.tolist()))
-        slope = np.zeros((2 * half, 2 * half))
-        slope[half:, first:half] = found[half:].reshape(half, -1)
-        return np.concatenate((np.zeros(half), found[:half])), slope
-
 
 @lru_cache(maxsize=64)
 def _gradients(form: Form) -> Module:
@@ -171,14 +175,3 @@ def _gradients(form: Form) -> Module:
     slopes, conserved, lost = partials(own.tape, [energy, p[0], outside], list(y))
     momentum = [conserved.get(k, 0.0) - (lost.get(half + k, 0.0) if k < half else 0.0) for k in range(2 * half)]
     return Module(own.tape, {"energy": [slopes.get(k, 0.0) for k in range(2 * half)], "momentum": momentum})
-
-
-@lru_cache(maxsize=64)
-def _struck(form: Form) -> Module:
-    """The function "struck" of a form: M⁻¹ P (half,) and its derivatives by the angles, (half, L), row by row."""
-    own = Symbolic(form)
-    links, solvers = own.system.n_links, [*zip(own.system.groups, own.bodies, strict=True)]
-    angles, impulse = own.tape.inputs("y", links), own.tape.inputs("u", links + form.on_cart)
-    found = inverted(own.system, solvers, angles, impulse).tolist()
-    slopes = partials(own.tape, found, list(angles))
-    return Module(own.tape, {"struck": [*found, *(each.get(k, 0.0) for each in slopes for k in range(links))]})

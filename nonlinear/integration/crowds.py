@@ -11,9 +11,9 @@ import numpy as np
 from modal.types import Floats
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Lanes, Rates
-from nonlinear.dynamics.switching import switching_of
+from nonlinear.dynamics.switching import switched, switching_of
 from nonlinear.integration.lanes import Task
-from nonlinear.integration.switches import Switches, kicks_of, switched
+from nonlinear.integration.switches import Switches, kicks_of
 from nonlinear.integration.within import fill
 from nonlinear.system import Numbers, System
 

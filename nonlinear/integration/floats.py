@@ -109,15 +109,15 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         self.y, self.f = np.array(y), np.array(f)
         return steps, wanted, at
 
-    def switch(self) -> None:
-        """Go on as things are after the switch at which the last step ended, if it did."""
+    def switch(self, V: list[list[float]] | None = None) -> None:
+        """Go on as things are after the switch at which the last step ended, if it did; so do columns V (k, size)."""
         if self.switched and self.switched.met is not None:
-            self.y, self.f = map(np.array, self._changed(self.y.tolist(), self.f.tolist()))
+            self.y, self.f = map(np.array, self._changed(self.y.tolist(), self.f.tolist(), V))
 
-    def _changed(self, y: Numbers, f: Numbers) -> tuple[Numbers, Numbers]:
+    def _changed(self, y: Numbers, f: Numbers, V: list[list[float]] | None = None) -> tuple[Numbers, Numbers]:
         """The y after the switch that was met, and its derivative."""
         switched = cast("Switched", self.switched)
-        after = switched.change(self.t, y, f)
+        after = switched.change(self.t, y, f, V)
         self.rate = switched.rate
         return after, self.rate(after, self.inputs(self.t, after)) if self.inputs else self.rate(after)
 

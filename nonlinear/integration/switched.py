@@ -36,15 +36,19 @@ class Switched(Written):
     @cached_property
     def switches(self) -> Switches:
         """The switches."""
-        return switches_of(self.system, pushed=self.load is not None, works=self.free.form.works)
+        return switches_of(self.system, pushed=self.free.form.pushed, works=self.free.form.works)
 
     def release(self, time: float, y: Floats, before: Kicks = NO_KICKS) -> None:
         """Begin at this y, after the kicks `before`."""
         own = y.tolist()
-        self.state = self.switches.begin(time, own, self._timed(time, own), before)
-        self._hold()
+        self.resume(self.switches.begin(time, own, self._timed(time, own), before))
         rates = self.rate(own, self.listed(time, own)) if self.listed else self.rate(own)
         self.met = self.switches.due(own, rates, self.state)
+
+    def resume(self, state: list[float]) -> None:
+        """Go on in this state, of a motion that has come to no switch."""
+        self.state = state
+        self._hold()
 
     def _hold(self) -> None:
         self.held = self.switches.inputs(self.state)
@@ -62,11 +66,14 @@ class Switched(Written):
             del self.switches.happened[count:]
             raise
 
-    def change(self, time: float, y: Sequence[float], f: Sequence[float]) -> list[float]:
-        """The y after the switch that was met at y, where y' = f."""
-        after: list[float] = self.switches.change(time, self.met or 0, y, f, self.state, u=self._timed(time, y))
+    def change(
+        self, time: float, y: Sequence[float], f: Sequence[float], V: list[list[float]] | None = None
+    ) -> list[float]:
+        """The y after the switch that was met at y, where y' = f; columns V (k, size) are changed in place."""
+        columns = [] if V is None else V
+        after, _ = self.switches.change(time, self.met or 0, y, f, self.state, columns, self._timed(time, y))
         self._hold()
-        return after
+        return after  # type: ignore[no-any-return]
 
     def values(
         self, time: float, y: Sequence[float], f: Sequence[float], inputs: Listed | None, length: float

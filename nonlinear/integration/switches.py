@@ -14,7 +14,7 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.contacts import contacts_of
 from nonlinear.dynamics.forms import Form, form_of
-from nonlinear.dynamics.switching import Pairs, switching_of
+from nonlinear.dynamics.switching import Pairs, switched, switching_of
 from nonlinear.dynamics.text import Module, function_in
 from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
 from nonlinear.system import NO_KICKS, Friction, Kicks, System, entries_of, prescribed_of
@@ -270,12 +270,6 @@ def kicks_of(system: System) -> tuple[Pairs, list[float]]:
             pairs += list(zip((group.index[has] + first).tolist(), above[has].tolist(), strict=True))
             rows += np.stack([part[has] for part in (group.bent, drive.angle, drive.impulse)], axis=1).tolist()
     return tuple(pairs), np.array(rows).reshape(-1, 3).T.ravel().tolist()
-
-
-def switched(form: Form) -> Form:
-    """The same form with the contacts of its system."""
-    own = contacts_of(form.system)
-    return replace(form, contacts=own.pairs, presses=own.coefficient > 0)
 
 
 def numbers_of(system: System) -> list[float]:

@@ -12,10 +12,10 @@ from modal.scene import Scene, require
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
+from nonlinear.dynamics.variational import Force
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import Point, corrected, follow, located, tangent_of
-from nonlinear.orbits.flow import Force
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import SEGMENTS, Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles
@@ -73,15 +73,27 @@ def solution(problem: Shooting, y: Floats, period: float, value: float | None = 
 
 
 def turning(problem: Shooting, y: Floats, period: float) -> tuple[Floats, int]:
-    """Where on the motion from y the link that moves furthest turns back, and that link (from 0)."""
+    """Where on the motion from y the link that moves furthest begins an orbit, and that link (from 0).
+
+    There it turns back; with dry friction it passes its angle at rest to the right.
+    """
     flow = problem.first
     layout, path = flow.equations.layout, flow(y, np.zeros((len(y), 0)), period).path
     first = int(layout.on_cart)
     angles = path.states[:, first : layout.half] - flow.system.rest
     leader = int(np.abs(angles).max(axis=0).argmax())
-    at = int(np.abs(angles[:, leader]).argmax())
+    if problem.passes:
+        risen = np.flatnonzero((angles[:-1, leader] <= 0) & (angles[1:, leader] > 0))
+        if not len(risen):
+            raise ComputationError("the motion does not swing through the angle at rest")
+        at = int(risen[-1]) + int(abs(angles[risen[-1] + 1, leader]) < abs(angles[risen[-1], leader]))
+    else:
+        at = int(np.abs(angles[:, leader]).argmax())
     found = path.states[at].copy()
-    found[layout.half + first + leader] = 0.0
+    if problem.passes:
+        found[first + leader] = flow.rest[first + leader]
+    else:
+        found[layout.half + first + leader] = 0.0
     if problem.free:
         found[0] = 0.0
     return found, leader
@@ -103,17 +115,20 @@ def last_swing(times: Floats, motion: Motion) -> float:
 
 
 def near(problem: Shooting, one: RelativeEquilibrium) -> tuple[Floats, float, int]:
-    """The start of an averaged configuration where its first link to turn is the widest: y, period (s), that link."""
+    """The start of an averaged configuration: y, period (s), and the link that is the widest, which turns or passes."""
     system = one.averaged.system
     place = one.averaged.shapes @ one.z
     first = int(system.cart is not None)
     leader = int(np.abs(place[first:]).argmax())
-    turn = np.exp(-1j * np.angle(place[first + leader]))
+    turn = np.exp(-1j * np.angle(place[first + leader])) * (-1j if problem.passes else 1)
     q, v = (place * turn).real, (1j * one.omega * place * turn).real
     if problem.free:
         q[0] = 0.0
     q[first:] += system.rest
-    v[first + leader] = 0.0
+    if problem.passes:
+        q[first + leader] = system.rest[leader]
+    else:
+        v[first + leader] = 0.0
     return np.concatenate((q, v)), 2 * np.pi / one.omega, leader
 
 

@@ -88,11 +88,12 @@ class Orbit(Displayed):
 
     def sampled(self, times: Floats) -> Floats:
         """The vectors y (T, d) at ascending times (s), none of them negative."""
-        found, y, side, now = [], self.y, None, 0.0
+        found, y, now = [], self.y, 0.0
+        state: list[float] | None = None
         for time in times.tolist():
             if time > now:
-                y, _, side, _ = self.flow(y, np.zeros((len(y), 0)), time - now, side, now)
-                side, now = side if side.size else None, time
+                y, _, state, _ = self.flow(y, np.zeros((len(y), 0)), time - now, state, now)
+                now = time
             found.append(y)
         return np.array(found)
 

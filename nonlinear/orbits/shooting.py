@@ -6,7 +6,8 @@ The period T is divided into equal segments that begin at y_0, y_1, …:
 
 with T unknown unless a periodic force sets it (Keller, Numerical Solution of Two Point Boundary Value Problems, 1976;
 Seydel, Practical Bifurcation and Stability Analysis, 2010, ch. 7).  The phase of a free oscillation is chosen so that
-one link turns back at the start; a cart that nothing holds starts at 0.  In a conservative scene these equations follow
+one link turns back at the start, or with dry friction, which stops there, passes its angle at rest to the right; a cart
+that nothing holds starts at 0.  In a conservative scene these equations follow
 from each other in part, and solutions form families.  A number of the scene may be a further unknown.
 """
 
@@ -22,8 +23,9 @@ from modal.errors import ComputationError, SceneError
 from modal.scene import Scene, require
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
+from nonlinear.dynamics.variational import Force
 from nonlinear.orbits.floquet import Floquet, whole
-from nonlinear.orbits.flow import Flow, Force, Passed, Path
+from nonlinear.orbits.flow import Flow, Passed, Path
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.system import system_of
 
@@ -37,7 +39,7 @@ class Shooting:
     """The equations of periodic orbits: u = (y_0, …, y_{m−1} in natural units, T sqrt(g/l), place in the range).
 
     `flow_at` gives the flow for a value of the `variation` (None: of the scene itself); the `leader` (from 0) turns
-    back at the start.  With a `period` (s) given, T is no unknown and there is no leader.
+    back at the start, or passes rest there (`passes`).  With a `period` (s) given, T is no unknown and there is no leader.
     """
 
     scene: Scene
@@ -60,7 +62,7 @@ class Shooting:
     @cached_property
     def conservative(self) -> bool:
         """Whether energy is conserved."""
-        return not (self.first.system.works or self.first.force)
+        return not (self.first.system.works or self.first.force or self.first.switched)
 
     @cached_property
     def free(self) -> bool:
@@ -129,9 +131,8 @@ class Shooting:
                 J[rows, m * d] = end.path.rates[-1] / scale / m / self.first.system.rate
         if self.variation:
             J[:, -1] = self._by_value(u, flow, ends)
-        conditions = self._conditions(len(u))
-        offset = np.zeros(len(conditions))
-        return np.concatenate((r, conditions @ u + offset)), np.vstack((J, conditions))
+        conditions, offset = self._conditions(len(u))
+        return np.concatenate((r, conditions @ u - offset)), np.vstack((J, conditions))
 
     def _passed(self, flow: Flow, states: Floats, period: float) -> list[Passed]:
         """The ends of all segments, with derivatives by their beginnings in natural units."""
@@ -149,14 +150,21 @@ class Shooting:
         found = [(other - end.y) / self.first.scale / nudge for other, end in zip(moved, ends, strict=True)]
         return np.concatenate(found)
 
-    def _conditions(self, length: int) -> Floats:
-        """Rows that fix the phase and the place of the cart, all to 0."""
-        layout, rows = self.first.equations.layout, []
+    @cached_property
+    def passes(self) -> bool:
+        """Whether the leader passes its angle at rest at the start."""
+        return bool(self.first.equations.form.contacts)
+
+    def _conditions(self, length: int) -> tuple[Floats, Floats]:
+        """Rows that fix the phase and the place of the cart, and what they give."""
+        layout, rows, given = self.first.equations.layout, [], np.zeros(length)
+        place = int(layout.on_cart) + self.leader
         if self.period is None:
-            rows.append(layout.half + int(layout.on_cart) + self.leader)
+            rows.append(place if self.passes else layout.half + place)
+            given[place] = self.first.rest[place] / self.first.scale[place] if self.passes else 0.0
         if self.free:
             rows.append(0)
-        return np.eye(length)[rows]
+        return np.eye(length)[rows], given[rows]
 
     # -------------------------------------------------------------------------------------------------- solutions
 
@@ -169,16 +177,16 @@ class Shooting:
         for end in ends:
             M = (end.V[:, : self.size] / scale[:, None]) @ M
         missed = [np.abs((end.y - states[(k + 1) % self.segments]) / scale).max() for k, end in enumerate(ends)]
-        floquet = self.multipliers(flow, states[0], M)
+        floquet = self._multipliers(flow, states[0], ends[0].path.rates[0], M)
         path = _joined([end.path for end in ends], period / self.segments)
         scene = vary(self.scene, {self.variation.path: value}) if self.variation and value is not None else self.scene
         return Orbit(scene, flow, states[0], period, floquet, float(max(missed)), path, symmetric=False, value=value)
 
-    def multipliers(self, flow: Flow, y: Floats, M: Floats) -> Floquet:
-        """The multipliers from the monodromy matrix in natural units."""
+    def _multipliers(self, flow: Flow, y: Floats, rates: Floats, M: Floats) -> Floquet:
+        """The multipliers from the monodromy matrix in natural units, and y' at the start."""
         equations, scale, right, left = flow.equations, self.first.scale, [], []
         if self.period is None:
-            right.append(equations.linearized(y)[0] / scale)
+            right.append(rates / scale)
         if self.free:
             left.append(equations.momentum_slope(y) * scale)
             if not left[-1][0]:
@@ -216,7 +224,7 @@ def shooting(
         varied = scene if value is None or variation is None else vary(scene, {variation.path: value})
         require(varied, "a periodic orbit")
         flow = Flow(system_of(varied), tolerance, force=force)
-        if value is None or variation is None or flow.system.kicked:
+        if value is None or variation is None or flow.switched:
             return flow
         return replace(flow, change=_change(scene, variation, value, flow))
 
