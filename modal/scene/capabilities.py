@@ -354,8 +354,8 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a Lyapunov exponent",
-            SHAPE | LOSS | DRAG | DRIVES,
-            refuses={**STILL, **CONSTANT, **PLANE, **STICKS},
+            SHAPE | LOSS | DRAG | DRIVES | {"joint_friction", "rail_friction"},
+            refuses={**STILL, **CONSTANT, **PLANE, **COEFFICIENT},
             unless=STOPS,
             beside=UNLOADED,
         ),

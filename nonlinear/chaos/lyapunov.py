@@ -272,8 +272,7 @@ def _grown(
     Every start goes with its own steps; after Ctrl-C the times are those that all of them have reached.
     """
     numbers = numbers_of(scene, system=tangent.system)
-    if tangent.system.kicked:
-        numbers = replace(numbers, switching=tuple(switching_numbers(tangent.system)))
+    numbers = replace(numbers, switching=switching_numbers(tangent.system))
     count, members = THIRDS * ceil(end * float(tangent.scale[-1, 0]) / THIRDS), y.shape[1]
     times = np.linspace(0.0, end, count + 1)
     v = rng.standard_normal(y.shape) * tangent.scale

@@ -195,7 +195,7 @@ def module_of(form: Form, *, tangent: bool = False) -> Module:
     if not tangent:
         return Module(own.tape, {"rates": own.rates})
     v = own.tape.inputs("y", len(own.y))
-    return Module(own.tape, {"rates": [*own.rates, *along(own.tape, own.rates, own.y, v)]})
+    return Module(own.tape, {"rates": [*own.held, *along(own.tape, own.held, own.y, v)]})
 
 
 @lru_cache(maxsize=64)

@@ -67,9 +67,9 @@ def integrate(task: Task, scale: Floats, local: Floats, watches: Watches | None,
         raise MissingExtraError("numba", "fast")
     crowd = Crowd(task.lanes) if task.numbers.switching else None
     switches = crowd.switches if crowd else None
-    module = module_of(source(task.lanes, switches))
+    module = module_of(source(task.lanes, crowd))
     size, count = task.begun.shape
-    constants = switches.constants if switches and not task.lanes.tangent else task.lanes.constants(task.numbers)
+    constants = crowd.constants() if crowd else task.lanes.constants(task.numbers)
     given, members = _given(constants, count), np.full(WIDTH, -1)
     times = np.array(watches.samples.times if watches and watches.samples else ())
     if len(times) and times[0] == 0:

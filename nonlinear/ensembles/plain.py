@@ -32,10 +32,8 @@ IN_SPACE = ("largest_angle", "pendulum_energy")
 
 
 def validate_plain(measures: tuple[str, ...], scene: Scene) -> None:
-    """SceneError for measures that runs one by one, or with dry friction, cannot have."""
-    problems = (
-        ["lyapunov: needs members side by side in the plane, without dry friction"] if "lyapunov" in measures else []
-    )
+    """SceneError for measures that runs one by one cannot have."""
+    problems = ["lyapunov: needs members side by side in the plane"] if "lyapunov" in measures else []
     if scene.space == "space":
         problems += [
             f"{name}: only for motion in the plane" for name in measures if name not in (*IN_SPACE, "lyapunov")

@@ -273,7 +273,7 @@ def _question(
     duration, tolerance = float(duration), float(tolerance)
     why_not = refused(members, duration, tolerance)
     chosen, reason = choose_engine(engine, why_not, members, duration, tolerance, wanted.names)
-    if chosen == PLAIN or system.rubs:
+    if chosen == PLAIN:
         validate_plain(wanted.names, scene)
     if chosen != PLAIN:
         engine_of(chosen)

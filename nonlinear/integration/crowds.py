@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from modal.types import Floats
+from nonlinear.dynamics.forms import module_of
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Lanes, Rates
 from nonlinear.dynamics.switching import switched, switching_of
+from nonlinear.dynamics.text import Module
 from nonlinear.integration.lanes import Task
 from nonlinear.integration.switches import Switches, kicks_of
 from nonlinear.integration.within import fill
@@ -69,13 +71,23 @@ class Crowd:
 
     def rates(self, numbers: Numbers) -> Rates:
         """The rates of so many members as these numbers are of, with the inputs of contacts as a third argument."""
-        if self.lanes.tangent:
-            both = self.lanes.rates(numbers)
-            return lambda y, times=0.0, held=(): both(y, times)
-        form, module = self.switches.form, self.switches.module
-        constants = module.constants(form.numbers(numbers.entries, numbers.prescribed))
-        rates = module.function("sticking" if form.contacts else "rates", constants, "arrays")
+        module, name = self.equations
+        constants = module.constants(self.switches.form.numbers(numbers.entries, numbers.prescribed))
+        rates = module.function(name, constants, "arrays")
         return lambda y, times=0.0, held=(): rates(y, (*self.inputs.beside(times), *held))
+
+    @cached_property
+    def equations(self) -> tuple[Module, str]:
+        """The texts in which the rates stand, and what they are called there."""
+        form = self.switches.form
+        if self.lanes.tangent:
+            return module_of(form, tangent=True), "rates"
+        return self.switches.module, "sticking" if form.contacts else "rates"
+
+    def constants(self) -> list[Any]:
+        """What stands in the text of the rates for these members: numbers and arrays (S,)."""
+        numbers = self.lanes.numbers
+        return self.equations[0].constants(self.switches.form.numbers(numbers.entries, numbers.prescribed))
 
     @property
     def count(self) -> int:

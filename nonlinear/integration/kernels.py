@@ -21,11 +21,10 @@ from types import ModuleType
 from modal.eigen.compiling import inner
 from modal.scene import whole_file
 from nonlinear.dynamics import Lanes, undisturbed
-from nonlinear.dynamics.text import Module
 from nonlinear.integration import loops, meeting
+from nonlinear.integration.crowds import Crowd
 from nonlinear.integration.loops import CLOCK, SIZES, TABLES, looping, sincos
 from nonlinear.integration.method import FIFTH, NODES, ROWS, SEEN, STAGES, THIRD, weighted
-from nonlinear.integration.switches import Switches
 
 COMPILING = "Compiling the equations of this form, which takes some ten seconds; the result is saved for later runs."
 MAKING = Lock()
@@ -51,11 +50,12 @@ def errors(y, z, K, rel, ab, h, err):
 """
 
 
-def source(lanes: Lanes, switches: Switches | None = None) -> str:
+def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
     """The text of the module for this form of scene and its switches."""
     sizes, layout = dict.fromkeys(SIZES, 0), lanes.layout
+    switches, (module, name) = (crowd.switches, crowd.equations) if crowd else (None, (lanes.module, "rates"))
     sizes |= {"D": lanes.size, "SIZE": layout.size, "HALF": layout.half, "FIRST": int(layout.on_cart)}
-    sizes |= {"CONSTANTS": len(rates_of(lanes, switches)[0].names), "TIMED": lanes.inputs.count}
+    sizes |= {"CONSTANTS": len(module.names), "TIMED": lanes.inputs.count}
     if lanes.inputs.count:
         sizes["DRIVEN"] = CLOCK if lanes.inputs.is_analytic else TABLES
     texts = [_vectorized(inspect.getsource(sincos))]
@@ -65,7 +65,6 @@ def source(lanes: Lanes, switches: Switches | None = None) -> str:
         own = [each for name, each in vars(meeting).items() if inspect.isfunction(each)]
         texts += [*(f"@compiled\n{inspect.getsource(each)}" for each in own), switches.source()]
         texts += [_vectorized(switches.module.looped("values"))]
-    module, name = rates_of(lanes, switches)
     texts += [_vectorized(module.looped(name, "rates")), _attempt(sizes["DRIVEN"] > 0, switches is not None)]
     texts += [
         ERRORS.format(**{name: weighted(own, "K[{}, i, k]") for name, own in (("fifth", FIFTH), ("third", THIRD))})
@@ -73,13 +72,6 @@ def source(lanes: Lanes, switches: Switches | None = None) -> str:
     named = {name: own for name, own in (vars(meeting) | vars(loops) | sizes).items() if name.isupper()}
     numbers = [f"{name} = {own!r}" for name, own in named.items() if isinstance(own, int | float | tuple)]
     return "\n".join((HEAD, IMPORTED, *numbers, *texts, inner(looping, "vectorized"))) + "\n"
-
-
-def rates_of(lanes: Lanes, switches: Switches | None) -> tuple[Module, str]:
-    """The texts in which y' stands, and what it is called there."""
-    if switches is None or lanes.tangent:
-        return lanes.module, "rates"
-    return switches.module, "sticking" if switches.places.J else "rates"
 
 
 def _vectorized(text: str) -> str:

@@ -272,13 +272,14 @@ def kicks_of(system: System) -> tuple[Pairs, list[float]]:
     return tuple(pairs), np.array(rows).reshape(-1, 3).T.ravel().tolist()
 
 
-def numbers_of(system: System) -> list[float]:
-    """The numbers of the switches of a system."""
+def numbers_of(system: System) -> tuple[float, ...]:
+    """The numbers of the switches of a system, none without any."""
     contacts, (_, numbers) = contacts_of(system), kicks_of(system)
     limits = contacts.limit.tolist()
     if contacts.coefficient:
         limits[0] = contacts.coefficient
-    return [*numbers, *limits, float(system.rate)]
+    own = (*numbers, *limits)
+    return (*own, float(system.rate)) if own else ()
 
 
 def switches_of(system: System, *, pushed: bool = False, works: bool | None = None) -> Switches:

@@ -39,7 +39,8 @@ class Shooting:
     """The equations of periodic orbits: u = (y_0, …, y_{m−1} in natural units, T sqrt(g/l), place in the range).
 
     `flow_at` gives the flow for a value of the `variation` (None: of the scene itself); the `leader` (from 0) turns
-    back at the start, or passes rest there (`passes`).  With a `period` (s) given, T is no unknown and there is no leader.
+    back at the start, or passes rest there (`passes`).  With a `period` (s) given, T is no unknown and there is no
+    leader.
     """
 
     scene: Scene

@@ -1,4 +1,4 @@
-"""Perturbations through kicks and drag, against the flow of orbits, whose loop is its own, and neighbouring runs."""
+"""Perturbations through kicks, dry friction and drag, against the flow of orbits, whose loop is its own, and runs."""
 
 from __future__ import annotations
 
@@ -34,11 +34,16 @@ SUPPORTS: list[dict[str, Any]] = [
 ]
 
 
+SWITCHING = {"kicks": {"drive": CLOCK}, "friction": {"friction": 0.3}, "both": {"drive": CLOCK, "friction": 0.1}}
+
+
+@pytest.mark.parametrize("switching", SWITCHING)
 @pytest.mark.parametrize("support", SUPPORTS, ids=lambda one: one["kind"])
-def test_a_perturbation_goes_through_kicks_as_in_the_flow_of_orbits(support: dict[str, Any]) -> None:
-    scene = hung({**BOB, "drive": CLOCK}, BOB, support=support)
+def test_a_perturbation_goes_through_switches_as_in_the_flow_of_orbits(support: dict[str, Any], switching: str) -> None:
+    rail = {"friction": 1.0} if support["kind"] == "cart" and switching != "kicks" else {}
+    scene = hung({**BOB, **SWITCHING[switching]}, BOB, support=support | rail)
     flow, wanted = Flow(system_of(scene)), Wanted(SECONDS, 1e-12, stretching=True)
-    numbers = replace(numbers_of(scene), switching=tuple(switching_numbers(flow.system)))
+    numbers = replace(numbers_of(scene), switching=switching_numbers(flow.system))
     y = flow.equations.begin(initial_state(scene))
     task, scale = stretched(numbers, y[:, None], wanted)
     v = task.begun[len(y) :]
@@ -79,3 +84,15 @@ def test_a_clock_that_ticks_regularly_is_not_chaotic() -> None:
     found = lyapunov_exponent(hung({**BOB, "damping": 0.3, "drive": CLOCK}), 60.0, ensemble=4)
     assert not found.is_positive
     assert abs(found.value) < 0.02
+
+
+def test_what_comes_to_rest_forgets_how_fast_it_was() -> None:
+    """Where every joint sticks a perturbation of angles stays as it is, one of rates is gone."""
+    scene, y = hung({**BOB, "friction": 2.0}), np.array([0.15, 0.3])
+    end = Flow(system_of(scene))(y, np.eye(2), 4.0)
+    assert end.y[1] == 0.0
+    assert end.V[1] == pytest.approx(np.zeros(2), abs=1e-15)
+    numbers = replace(numbers_of(scene), switching=switching_numbers(system_of(scene)))
+    task, scale = stretched(numbers, y[:, None], Wanted(4.0, 1e-12, stretching=True))
+    gain = np.log(np.linalg.norm(end.V @ task.begun[2:] / scale))
+    assert stretching(numbers, y[:, None], Wanted(4.0, 1e-12, stretching=True))[0] == pytest.approx(gain, abs=1e-7)

@@ -77,7 +77,7 @@ def test_a_clock_at_its_angle_on_the_way_out_is_kicked_at_once() -> None:
 def assert_same(name: str, seconds: float, size: int) -> None:
     """Engine numba against engine numpy: samples, what is measured within steps, exponents, ends, work."""
     scene, ranges = SCENES[name]
-    measures = ("largest_angle", "first_turn", *(("lyapunov",) if name == "clocks" else ()))
+    measures = ("largest_angle", "first_turn", *(("lyapunov",) if name in {"clocks", "rail"} else ()))
     rng = np.random.default_rng(3)
     values = {path: rng.uniform(*between, size) for path, between in ranges.items()}
     options: dict[str, Any] = {"vary": values, "workers": 1, "check": 0, "tolerance": 1e-9, "measures": measures}
