@@ -88,7 +88,6 @@ CONSTANT: Sentences = {"hoist": "needs constant lengths"}
 STILL: Sentences = {"moved_support": "needs a support at rest, and simulate follows a moved one"}
 PLANE: Sentences = {"space": "is computed in the plane"}
 NO_RATIO: Sentences = {"damping_ratio": "has no place for dampers that belong to modes"}
-COEFFICIENT = {"rail_coefficient": "does not follow what sticks and slips with a coefficient"}
 STICKS = _each(FRICTION, "does not follow what sticks and slips")
 NO_DRAG = _each(DRAG, "is computed without drag")
 LOSSES = _each(LOSS, "needs a scene without losses")
@@ -101,7 +100,7 @@ NO_SMOOTH: Sentences = {"escapement": "needs smooth motion, without kicks"}
 NO_SERIES = "has a series of a sine or of few polynomials only"
 KINK: Sentences = {"quadratic_drag": "has no series across the kink of |v| v at rest"}
 ALONE = _each(FRICTION | _of("space escapement"), "has no place for it, and engine simulate has")
-TOGETHER = {"escapement", "joint_friction", "rail_friction"}
+TOGETHER = {"escapement", "joint_friction", "rail_friction", "rail_coefficient"}
 BESIDE_NONE = {name: words for name, words in ALONE.items() if name not in TOGETHER}
 HOISTING = {
     ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
@@ -146,8 +145,8 @@ AVERAGED = Capability(
 
 PERIODIC = Capability(
     "a periodic orbit",
-    SHAPE | LOSS | DRIVES | {"joint_friction", "rail_friction"},
-    refuses={**STILL, **CONSTANT, **PLANE, **COEFFICIENT, "quadratic_drag": "is computed without it"},
+    SHAPE | LOSS | DRIVES | FRICTION,
+    refuses={**STILL, **CONSTANT, **PLANE, "quadratic_drag": "is computed without it"},
     unless=ENDS,
     beside=UNLOADED,
 )
@@ -354,8 +353,8 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a Lyapunov exponent",
-            SHAPE | LOSS | DRAG | DRIVES | {"joint_friction", "rail_friction"},
-            refuses={**STILL, **CONSTANT, **PLANE, **COEFFICIENT},
+            SHAPE | LOSS | DRAG | FRICTION | DRIVES,
+            refuses={**STILL, **CONSTANT, **PLANE},
             unless=STOPS,
             beside=UNLOADED,
         ),

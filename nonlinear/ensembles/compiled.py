@@ -16,7 +16,7 @@ from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Rates
 from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.ensembles.lanes import Watches, stretched, task_of, watches_of
-from nonlinear.integration.crowds import Crowd
+from nonlinear.integration.crowds import Crowd, Rubbing
 from nonlinear.integration.kernels import module_of, source
 from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, Task, Watch
 from nonlinear.integration.loops import BESIDE_LINKS, INFINITE, JAMMED, SHORT, WIDTH
@@ -50,8 +50,11 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     lanes = Lanes(numbers)
     task, scale, local = task_of(lanes, numbers, y, wanted)
     watches = watches_of(lanes, numbers, y, wanted)
-    ran = integrate(task, scale, local, watches, grows=not numbers.switching)
-    rubbed = Crowd(lanes).work(ran.y, ran.state) if numbers.switching and not lanes.layout.works else 0.0
+    crowd = Crowd(lanes)
+    rubbing = [Rubbing(crowd, y.shape[1])] if numbers.switching and crowd.presses else []
+    ran = integrate(task, scale, local, watches, grows=not numbers.switching, beside=rubbing)
+    rubs = numbers.switching and not lanes.layout.works
+    rubbed = crowd.work(ran.y, ran.state) + sum(own.work for own in rubbing) if rubs else 0.0
     found = watches.found(Found(ran.y, ran.error, ran.horizon, ran.reasons, rubbed=rubbed))
     if wanted.stretching:
         task, scale = stretched(numbers, y[: 2 * lanes.layout.half], wanted)
@@ -61,7 +64,9 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     return found
 
 
-def integrate(task: Task, scale: Floats, local: Floats, watches: Watches | None, *, grows: bool) -> Ran:
+def integrate(
+    task: Task, scale: Floats, local: Floats, watches: Watches | None, *, grows: bool, beside: Sequence[Watch] = ()
+) -> Ran:
     """All members of a task to the end."""
     if not available():
         raise MissingExtraError("numba", "fast")
@@ -106,7 +111,7 @@ def integrate(task: Task, scale: Floats, local: Floats, watches: Watches | None,
         kept = filled if filled >= 0 else -1 - filled
         if watches and kept:
             seen = (own[..., :kept] for own in (marks, before, after, stages, acting))
-            _see(task, watches.all, rates, which[:kept], *seen)
+            _see(task, [*beside, *watches.all], rates, which[:kept], *seen)
     for member in np.flatnonzero(status):
         ran.reasons[int(member)] = f"stopped at {ran.horizon[member]:.9g} s: {REASONS[int(status[member])]}"
         ran.horizon[member] = np.nan
@@ -166,6 +171,6 @@ def _see(
 
     taken = np.ones(len(which), dtype=bool)
     step = Step(which, taken, marks[0], marks[1], before, after, stages, rates_of(slice(None)), rates_of)
-    step.breaks = bool(len(task.breaks))
+    step.breaks, step.held = bool(len(task.breaks)), acting
     for watch in watches:
         watch.see(step)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,9 @@ from nonlinear.dynamics.lanes import Lanes, Rates
 from nonlinear.dynamics.switching import switched, switching_of
 from nonlinear.dynamics.text import Module
 from nonlinear.integration.lanes import Task
-from nonlinear.integration.switches import Switches, kicks_of
-from nonlinear.integration.within import fill
+from nonlinear.integration.switches import NODES as GAUSS
+from nonlinear.integration.switches import WEIGHTS, Switches, kicks_of
+from nonlinear.integration.within import Step, fill
 from nonlinear.system import Numbers, System
 
 
@@ -90,6 +91,11 @@ class Crowd:
         return self.equations[0].constants(self.switches.form.numbers(numbers.entries, numbers.prescribed))
 
     @property
+    def presses(self) -> bool:
+        """Whether the friction of the rail has a coefficient."""
+        return self.switches.places.presses
+
+    @property
     def count(self) -> int:
         """How many switches there are."""
         return self.switches.count
@@ -99,7 +105,7 @@ class Crowd:
         return Some(self, members)
 
     def work(self, y: Floats, state: Floats) -> Floats:
-        """The work (J) of friction on every member until y (size, S) in this state (m, S), (S,)."""
+        """The work (J) of friction of given size on every member until y (size, S) in this state (m, S), (S,)."""
         return np.asarray(sum(self.switches.work(y, state), np.zeros(y.shape[1])))
 
 
@@ -132,6 +138,11 @@ class Some:
         """The inputs of contacts, arrays (S,)."""
         return self._own.inputs(state)
 
+    @cached_property
+    def friction(self) -> Rates:
+        """The friction τ at every contact, as inputs say."""
+        return partial(self._own.function("friction", "arrays"), v=())
+
     def values(self, t: Any, y: Floats, f: Floats, state: Floats) -> tuple[Floats, Floats]:
         """The values (count, S) of all switches and their rates."""
         own = self._own
@@ -150,3 +161,25 @@ class Some:
         after, columns = one.change(t, j, y[:size].tolist(), f[:size].tolist(), told, columns, u)
         state[:] = told
         return [*after, *(value for column in columns for value in column)]
+
+
+class Rubbing:
+    """A watch: the `work` (J) of friction on a rail with a coefficient, by Gauss's quadrature within steps, (S,)."""
+
+    def __init__(self, crowd: Crowd, members: int) -> None:
+        self.crowd, self.work = crowd, np.zeros(members)
+
+    def see(self, step: Step) -> None:
+        """A step of all lanes."""
+        at = self.crowd.switches.places
+        sliding = np.flatnonzero(step.taken & (step.length > 0) & (np.asarray(step.held[at.J]) == 0))
+        if not len(sliding):
+            return
+        inside, members, length = step.within(sliding), step.member[sliding], step.length[sliding]
+        friction = self.crowd.at(members).friction
+        held = [np.broadcast_to(own, step.length.shape)[sliding] for own in step.held]
+        for node, weight in zip(GAUSS, WEIGHTS, strict=True):
+            part = np.full(len(sliding), (1 + node) / 2)
+            y = inside.motion.at(part)
+            force = friction(y, (*self.crowd.inputs.beside(step.start[sliding] + part * length), *held))[0]
+            np.add.at(self.work, members, length / 2 * weight * force * y[at.half])

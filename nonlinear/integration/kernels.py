@@ -61,7 +61,14 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
     texts = [_vectorized(inspect.getsource(sincos))]
     if switches:
         at = switches.places
-        sizes |= {"N": switches.count, "M": at.length, "TOLD": at.told, "HELD": 2 * at.J, "KICKS": at.K}
+        sizes |= {
+            "N": switches.count,
+            "M": at.length,
+            "TOLD": at.told,
+            "HELD": 2 * at.J,
+            "KICKS": at.K,
+            "PRESSES": int(at.presses),
+        }
         own = [each for name, each in vars(meeting).items() if inspect.isfunction(each)]
         texts += [*(f"@compiled\n{inspect.getsource(each)}" for each in own), switches.source()]
         texts += [_vectorized(switches.module.looped("values"))]

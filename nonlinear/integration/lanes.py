@@ -24,6 +24,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.lanes import Rates
 from nonlinear.integration.meeting import AGAIN, MET, meet
@@ -210,6 +211,7 @@ class Front:
         """A step of every lane."""
         y, z, work, stages = self.y, self.next, self.work, self.stages
         step = Step(self.member, self.refused, self.t, self.h, y, z, stages, self.rates, self.rates_of)
+        step.held = self.switches.inputs(self.state) if self.task.switches else ()
         step.breaks, timed = bool(len(self.task.breaks)), self.task.lanes.inputs.count > 0
         length, looks = beside(self.h, y), []
         for stage in range(1, STAGES + 1):
@@ -281,7 +283,7 @@ class Front:
             ahead = np.minimum(np.append(breaks, inf)[np.searchsorted(breaks, self.t, side="right")], ahead)
         self.h = np.minimum(np.minimum(self.tried, self.task.longest), ahead - self.t)
 
-    def switch(self, events: Ints) -> None:
+    def switch(self, outcome: Outcome) -> None:
         """Change y and the state of lanes that met a switch, and of what passed within rounding of it."""
         columns = np.flatnonzero(self.met)
         which = self.which[columns]
@@ -292,9 +294,13 @@ class Front:
             for column, j in zip(columns.tolist(), which.tolist(), strict=True):
                 one = self.task.switches.at(self.member[column])
                 own, state = (self.y[:, column], self.stages[0][:, column]), self.state[:, column].copy()
-                self.y[:, column] = one.change(float(self.t[column]), j, *own, state)
+                try:
+                    self.y[:, column] = one.change(float(self.t[column]), j, *own, state)
+                except ComputationError as error:
+                    outcome.reasons[int(self.member[column])] = f"stopped at {self.t[column]:.9g} s: {error}"
+                    continue
                 self.state[:, column] = state
-            events[self.member[columns]] += 1
+            outcome.events[self.member[columns]] += 1
             self._renew(columns)
             value, rise = self.value[:, columns], self.rise[:, columns]
             due = (value > 0) & (rise > 0)
@@ -360,7 +366,7 @@ def integrate(task: Task, watches: Sequence[Watch] = (), width: int | None = Non
                 watch.see(step)
             front.go_on(step)
             if front.met.any():
-                front.switch(events)
+                front.switch(outcome)
             out = _through(front, step, outcome)
             gone = int(np.count_nonzero(out))
             if gone and (gone * LEAVING >= len(out) or gone == len(out)):

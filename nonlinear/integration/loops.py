@@ -34,9 +34,11 @@ SHORT, INFINITE, JAMMED = 1, 2, 3  # why a member failed
 CLOCK, TABLES = 1, 2  # of what drives a scene: the time, or polynomials of it
 TOP, TURN = 3.141592653589793, 6.283185307179586
 CLEAR = float(BESIDE)
-SIZES = ["D", "SIZE", "HALF", "FIRST", "CONSTANTS", "N", "M", "TOLD", "HELD", "TIMED", "DRIVEN", "KICKS"]
+SIZES = ["D", "SIZE", "HALF", "FIRST", "CONSTANTS", "N", "M", "TOLD", "HELD", "TIMED", "DRIVEN"]
+SIZES += ["KICKS", "PRESSES"]
 """Numbers of a form: lengths of y in all, of a motion, of its half and before its links; of c; switches, their state,
-and what of it enters texts; inputs of contacts, and those before these; what drives it; kicked joints."""
+and what of it enters texts; inputs of contacts, and those before these; what drives it; kicked joints; whether the
+friction of the rail has a coefficient."""
 
 
 def sincos(x: Any) -> Any:
@@ -70,7 +72,7 @@ def looping(
     **of: int,
 ) -> Any:
     """The function `run` with the texts of a form, and its SIZES; called by nobody, but written into modules."""
-    D, SIZE, HALF, FIRST, CONSTANTS, N, M, TOLD, HELD, TIMED, DRIVEN, KICKS = (of[name] for name in SIZES)
+    D, SIZE, HALF, FIRST, CONSTANTS, N, M, TOLD, HELD, TIMED, DRIVEN, KICKS, PRESSES = (of[name] for name in SIZES)
 
     def driven(part: Any, h: Any, front: Any, tables: Any, u: Any) -> None:
         if DRIVEN == CLOCK:
@@ -380,7 +382,8 @@ def looping(
                         z[i, k] += left * K[STAGES, i, k]
                     following[k], front[FRESH, k], tried[k] = j, 1.0, usual[k]
                     aim[k], low[k], high[k] = -1, 0.0, inf
-                if happens(k, y, z, K, h[k], front, times, wants, level):
+                rubs = PRESSES > 0 and u[TIMED + HELD // 2, k] == 0.0
+                if rubs or happens(k, y, z, K, h[k], front, times, wants, level):
                     which[filled], marks[0, filled], marks[1, filled] = member, front[TIME, k], h[k]
                     for i in range(D):
                         before[i, filled], after[i, filled] = y[i, k], z[i, k]

@@ -6,6 +6,7 @@ step is met by another, shorter one, whose length Newton's method finds, kept wi
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import Any
 
 STANDS, AGAIN, MET = 0, 1, 2
@@ -13,6 +14,8 @@ STANDS, AGAIN, MET = 0, 1, 2
 NEAR = 1e-9
 """Of a step: what is left of the time of a passing is made up for to first order, with an error of its square."""
 DIGIT = 1e-15
+SURE = 1e-2
+"""Of an interval: a cubic that is highest so close to one of its ends says for sure whether it passes."""
 NONE = 2.0
 """The part of a step at which nothing passes."""
 
@@ -42,6 +45,12 @@ def seen(h: float, V: Any, R: Any, looks: Any) -> bool:
 def bent(x: float, a: float, b: float, da: float, db: float) -> float:
     """At a part x of an interval the cubic through two values and slopes."""
     return a + x * (da + x * ((3 * (b - a) - 2 * da - db) + x * (da + db - 2 * (b - a))))
+
+
+def highest(a: float, b: float, da: float, db: float) -> float:
+    """Where the cubic through two values is highest, as a part of the interval, if it rises first and falls at last."""
+    bend, twist = 3 * (b - a) - 2 * da - db, da + db - 2 * (b - a)
+    return da / (sqrt(max(bend * bend - 3 * twist * da, 0.0)) - bend)
 
 
 def cubic(a: float, b: float, da: float, db: float) -> float:
@@ -74,14 +83,11 @@ def passing(j: int, h: float, V: Any, R: Any, looks: Any) -> float:
         if rises(a, da, b):
             return float(looks[k] + width * cubic(a, b, da, db))
         if swells(a, da, b, db, 1.0):
-            top, at = a, 0.0
-            for n in range(1, 8):
-                value = bent(n / 8, a, b, da, db)
-                if value > top:
-                    top, at = value, n / 8
+            at = highest(a, b, da, db)
+            top = bent(at, a, b, da, db)
             if top > 0:
                 return float(looks[k] + width * at * cubic(a, top, da * at, 0.0))
-            if top > -0.02 * max(-a, -b):
+            if top > -0.02 * max(-a, -b) and SURE < at < 1 - SURE:
                 return float(looks[k] + width * at)
     return NONE
 

@@ -24,7 +24,7 @@ class Step:
     """One step of W lanes: `member` in each, whether it was `taken`, from when (s), how long, y before and after.
 
     `stages` (13, size, W) are the rates on the way; the first and the last those at the ends.  All of these have the
-    columns of segments as a last axis where they have any.
+    columns of segments as a last axis where they have any.  `held` (2 J, W) are the inputs of contacts.
     """
 
     member: Ints
@@ -37,6 +37,7 @@ class Step:
     rates: Rates
     rates_of: Callable[[Ints], Rates]
     breaks: bool = False
+    held: Any = ()
 
     def times(self, part: float, columns: Any = ALL) -> Floats:
         """The times (s) of a part of the step, strictly within it where it may begin or end at a break."""

@@ -35,12 +35,15 @@ SUPPORTS: list[dict[str, Any]] = [
 
 
 SWITCHING = {"kicks": {"drive": CLOCK}, "friction": {"friction": 0.3}, "both": {"drive": CLOCK, "friction": 0.1}}
+RAIL = {"kind": "cart", "mass": 1.0, "friction_coefficient": 0.1}
 
 
-@pytest.mark.parametrize("switching", SWITCHING)
-@pytest.mark.parametrize("support", SUPPORTS, ids=lambda one: one["kind"])
+CASES = [*((support, name) for support in SUPPORTS for name in SWITCHING), (RAIL, "friction")]
+
+
+@pytest.mark.parametrize(("support", "switching"), CASES)
 def test_a_perturbation_goes_through_switches_as_in_the_flow_of_orbits(support: dict[str, Any], switching: str) -> None:
-    rail = {"friction": 1.0} if support["kind"] == "cart" and switching != "kicks" else {}
+    rail = {"friction": 1.0} if support in SUPPORTS[1:2] and switching != "kicks" else {}
     scene = hung({**BOB, **SWITCHING[switching]}, BOB, support=support | rail)
     flow, wanted = Flow(system_of(scene)), Wanted(SECONDS, 1e-12, stretching=True)
     numbers = replace(numbers_of(scene), switching=switching_numbers(flow.system))
@@ -54,7 +57,8 @@ def test_a_perturbation_goes_through_switches_as_in_the_flow_of_orbits(support: 
         return float(np.log(np.linalg.norm(V / scale)))
 
     assert stretching(numbers, y[:, None], wanted)[0] == pytest.approx(gain(end.V), abs=1e-7)
-    without = Flow(system_of(hung(BOB, BOB, support=support)))
+    bare = {name: own for name, own in support.items() if name != "friction_coefficient"}
+    without = Flow(system_of(hung(BOB, BOB, support=bare)))
     assert abs(gain(without(y, v, SECONDS).V) - gain(end.V)) > 1e-2
     many = {"gravity": [9.81, 9.7]}
     found = ensemble(scene, SECONDS, vary=many, measures=["lyapunov"], engine="numpy", workers=1, tolerance=1e-12)

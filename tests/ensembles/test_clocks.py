@@ -15,6 +15,7 @@ from modal.scene import Scene, scene_from
 from modal.scene.parameters import vary
 from nonlinear import ensemble, simulate
 from nonlinear.integration import methods
+from nonlinear.integration.run import SimulationError
 
 CLOCKS = {
     "pendulum[0].start.angles_deg[0]": (4.0, 12.0),
@@ -38,6 +39,10 @@ SCENES: dict[str, tuple[Scene, dict[str, tuple[float, float]]]] = {
     "clocks": (load("huygens"), CLOCKS),
     "joints": (hung(*RUBBING), STARTS | LIMIT),
     "rail": (hung(*RUBBING, support={**CART, "friction": 0.5}), STARTS | {"support.friction": (0.05, 3.0)}),
+    "coefficient": (
+        hung(*RUBBING, support={**CART, "friction_coefficient": 0.1}),
+        STARTS | {"support.friction_coefficient": (0.02, 0.2)},
+    ),
     "clock that rubs": (hung({**RUBBING[0], "drive": ESCAPEMENT}, RUBBING[1]), STARTS | LIMIT),
     "drag": (hung({**RUBBING[0], "drag": 0.1, "quadratic_drag": 0.1}, RUBBING[1]), STARTS | LIMIT),
     "shaken": (hung({**RUBBING[0], "drive": ESCAPEMENT}, RUBBING[1], support=SHAKEN), STARTS | LIMIT),
@@ -77,7 +82,7 @@ def test_a_clock_at_its_angle_on_the_way_out_is_kicked_at_once() -> None:
 def assert_same(name: str, seconds: float, size: int) -> None:
     """Engine numba against engine numpy: samples, what is measured within steps, exponents, ends, work."""
     scene, ranges = SCENES[name]
-    measures = ("largest_angle", "first_turn", *(("lyapunov",) if name in {"clocks", "rail"} else ()))
+    measures = ("largest_angle", "first_turn", *(("lyapunov",) if name in {"clocks", "rail", "coefficient"} else ()))
     rng = np.random.default_rng(3)
     values = {path: rng.uniform(*between, size) for path, between in ranges.items()}
     options: dict[str, Any] = {"vary": values, "workers": 1, "check": 0, "tolerance": 1e-9, "measures": measures}
@@ -99,3 +104,19 @@ def test_the_loop_that_numba_compiles_takes_the_steps_of_lanes(name: str) -> Non
 @pytest.mark.parametrize("name", usually(["clock that rubs"], [*SCENES]))
 def test_compiled_members_are_those_of_lanes(name: str) -> None:
     assert_same(name, 6.0, 40)
+
+
+@pytest.mark.parametrize("engine", ["numpy", "numba"])
+def test_a_member_whose_friction_has_no_value_fails_alone(engine: str) -> None:
+    """Links above one another that turn fast press the cart into its rail the harder, the more the rail rubs."""
+    links = [{"kind": "bob", "mass": 1.0, "length": 0.761}, {"kind": "rod", "mass": 1.0, "length": 0.753}]
+    start = {"angles_deg": [30.0, 30.0], "rates_deg": [1292.0, 1292.0]}
+    support = {"kind": "cart", "mass": 0.032, "friction_coefficient": 0.752}
+    scene = scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": links, "start": start}]})
+    values = {"support.friction_coefficient": [0.1, 0.752]}
+    with interpreted():
+        found = ensemble(scene, 1.0, vary=values, engine=engine, workers=1, check=0)
+    assert list(found.failures) == [1]
+    assert "stopped at" in found.failures[1]
+    with pytest.raises(SimulationError):
+        simulate(scene, 1.0)

