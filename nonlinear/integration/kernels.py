@@ -78,7 +78,7 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
     ]
     named = {name: own for name, own in (vars(meeting) | vars(loops) | sizes).items() if name.isupper()}
     numbers = [f"{name} = {own!r}" for name, own in named.items() if isinstance(own, int | float | tuple)]
-    return "\n".join((HEAD, IMPORTED, *numbers, *texts, inner(looping, "vectorized"))) + "\n"
+    return "\n".join((HEAD, IMPORTED, *numbers, *texts, inner(looping, "compiled"))) + "\n"
 
 
 def _vectorized(text: str) -> str:

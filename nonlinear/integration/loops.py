@@ -1,7 +1,8 @@
 """The loop over steps of a module for numba: members take turns in WIDTH lanes, without a branch where vectors go.
 
 What stands here is the same for every form of scene: `nonlinear.integration.kernels` writes it into a module after the
-sizes and the texts of a form.  A lane takes the steps that it would take alone, and ends them where a switch passes, as
+sizes and the texts of a form, of which these alone are compiled with sums in any order: what decides keeps to the
+arithmetic that Python has.  A lane takes the steps that it would take alone, and ends them where a switch passes, as
 in `nonlinear.integration.lanes`.  Steps in which something happens that is measured go into a buffer, to be looked at
 in NumPy.
 
