@@ -18,6 +18,7 @@ import pytest
 
 from modal import load
 from modal.errors import ComputationError, SceneError
+from modal.scene import scene_from
 from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.ensembles.executors import WorkerPool
 from nonlinear.integration.methods import choose
@@ -28,7 +29,8 @@ MEASURES = ["first_turn", "largest_angle", "section:theta[1,1]=0"]
 
 def run(folder: Path | None, **more: object) -> Ensemble:
     options = {"starts": STARTS, "measures": MEASURES, "output": "end", "chunk": 7, "engine": "numpy", "workers": 1}
-    return ensemble(load("chain-2"), 1.0, folder=folder, **options | more)
+    scene = more.pop("scene", load("chain-2"))
+    return ensemble(scene, 1.0, folder=folder, **options | more)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -82,6 +84,26 @@ def test_the_bytes_do_not_depend_on_workers(tmp_path: Path, alone: dict[str, byt
 def test_the_bytes_are_those_of_processes(tmp_path: Path, alone: dict[str, bytes]) -> None:
     run(tmp_path / "processes", workers=2)
     assert contents(tmp_path / "processes") == alone
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["numpy", "numba"])
+def test_the_bytes_of_members_with_switches_do_not_depend_on_who_computes_them(tmp_path: Path, engine: str) -> None:
+    if engine == "numba":
+        pytest.importorskip("numba")
+    drive = {"kind": "escapement", "impulse": 0.1, "angle_deg": 3.0}
+    links = [{"kind": "bob", "mass": 1.0, "length": 1.0, "friction": f} for f in (0.3, 0.2)]
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**links[0], "drive": drive}, links[1]]}]})
+    options = {"scene": scene, "engine": engine}
+    run(tmp_path / "alone", **options)
+    alone = contents(tmp_path / "alone")
+    run(tmp_path / "shuffled", crew=WorkerPool(Shuffled(), 3), **options)
+    run(tmp_path / "processes", workers=2, **options)
+    with pytest.raises(ComputationError, match="died"):
+        run(tmp_path / "died", crew=WorkerPool(Dying(), 1), **options)
+    run(tmp_path / "died", **options)
+    for folder in ("shuffled", "processes", "died"):
+        assert contents(tmp_path / folder) == alone
 
 
 @pytest.mark.slow
