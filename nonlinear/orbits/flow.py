@@ -141,6 +141,7 @@ class Flow(Displayed):
         """What takes steps from y."""
         equations = self.switched or self.equations
         if self.switched:
+            self.switched.switches.happened.clear()
             if state:
                 self.switched.resume([*state])
             else:
