@@ -127,16 +127,18 @@ def test_a_beat_has_frequencies_of_its_own_and_lasts() -> None:
     assert not replace(one, energy=one.energy * [1.0, 0.01]).beating
 
 
-def test_friction_is_predicted_without_certificates() -> None:
-    """The amplitude by the energy of a swing, (e − d) a/2 − e a³/8 γ² = 2 M/πω; no orbit is looked for."""
+def test_friction_is_predicted_as_energy_and_the_exact_orbit_say() -> None:
+    """The amplitude by the energy of a swing, (e − d) a/2 − e a³/8 γ² = 2 M/πω."""
     scene = rubbing(friction=0.001)
     (one,) = relative_equilibria(average(scene))
     a, omega = average(scene).largest(one.z), one.omega
     fed = (0.03 - 0.005) * a / 2 - 0.03 / np.deg2rad(5.0) ** 2 * a**3 / 8
     assert fed == pytest.approx(2 * 0.001 / (pi * omega), rel=0.02)
-    assert certified(scene, one) is None
-    assert uncertified(scene)
-    assert not uncertified(rubbing())
+    orbit = certified(scene, one)
+    assert orbit
+    assert orbit.amplitude == pytest.approx(a, rel=0.01)
+    assert orbit.is_stable
+    assert not uncertified(scene)
 
 
 def test_slow_drives_with_friction_are_slow() -> None:
@@ -152,8 +154,8 @@ def test_a_study_takes_every_force(force: dict[str, float]) -> None:
     assert (found.theory is None) == ("quadratic_drag" in force)
     assert bool(found.silent) == (found.theory is None)
     if found.theory:
-        assert (found.theory.orbits == (None,)) == ("friction" in force)
-        assert bool(found.theory.uncertified) == ("friction" in force)
+        assert None not in found.theory.orbits
+        assert not found.theory.uncertified
     assert sync_record(found)["simulation"]["duration_s"] == 3.0
 
 
@@ -169,9 +171,11 @@ def test_a_swing_that_friction_stops_dies_out() -> None:
 
 
 @pytest.mark.slow
-def test_branches_with_friction_have_no_exact_values() -> None:
-    """The swing dies out where the drive is too weak for the friction, and no orbit tells where."""
+def test_branches_with_friction_have_exact_values() -> None:
+    """The swing dies out where the drive is too weak for the friction: at a fold, where its orbit meets another."""
     variation = parse_variations(["pendulum[0].links[0].drive.strength=0.008:0.02:3"])[0]
     found = follow_branches(rubbing(friction=0.001), variation)
     assert found.changes
-    assert set(found.located) == {None}
+    for change, exact in zip(found.changes, found.located, strict=True):
+        assert exact
+        assert exact.orbit.value == pytest.approx(change.value, rel=0.02)
