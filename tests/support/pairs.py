@@ -1,7 +1,7 @@
 """Every kind of scene by every capability, tried as a user would: by the command where there is one.
 
 A pair works, is refused with one of the project's messages, breaks with any other exception, or gives no answer within
-PATIENCE seconds of processor time.
+so many seconds of processor time.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from nonlinear.simulation import simulate
 from nonlinear.system import AppliedForces, State
 
 SCENES = Path(__file__).parents[1] / "combinations" / "scenes"
-PATIENCE = 20.0
+PATIENCE, COMPILING = 20.0, 90.0
+"""Seconds of processor time that an answer may take, and one that is compiled."""
 EXTRA = "multipendula["  # how messages name what is not installed
 GRAVITY = "--vary gravity=9.8:9.9:2"
 FIRST, SECOND = "pendulum[0].start.angles_deg[0]", "pendulum[0].start.angles_deg[1]"
@@ -306,11 +307,11 @@ def pairs() -> list[tuple[str, str]]:
     ]
 
 
-def attempt(kind: str | Path, capability: str, folder: Path, patience: float = PATIENCE) -> Outcome:
+def attempt(kind: str | Path, capability: str, folder: Path, patience: float | None = None) -> Outcome:
     """Try a pair, of a kind of scene or of a file; files go into the folder."""
     path = kinds()[kind] if isinstance(kind, str) else kind
     try:
-        with _patiently(patience):
+        with _patiently(patience or (COMPILING if capability == "ensemble numba" else PATIENCE)):
             return Outcome("works", ATTEMPTS[capability](path, load(path), folder))
     except MultipendulaError as refusal:
         words = str(refusal)
