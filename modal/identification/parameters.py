@@ -22,7 +22,9 @@ from modal.scene.parameters import Place, Variable, Variation, find_places, numb
 from modal.types import Floats, Ints
 
 POSITIVE = ("mass", "length", "centre", "inertia", "gravity", "angle_deg")
-CAN_VANISH = ("damping", "stiffness", "friction", "drag", "quadratic_drag", "strength")
+CAN_VANISH = (
+    *("damping", "stiffness", "friction", "friction_coefficient", "drag", "quadratic_drag", "strength", "impulse"),
+)
 FURTHEST = 12.0  # |z| of a positive number
 NONE = "none"
 PRIOR = re.compile(r"\s*([^±]+?)\s*(?:±|\+/?-)\s*([^±]+?)\s*", re.ASCII)
@@ -164,6 +166,8 @@ def natural_unit(scene: Scene, place: Place) -> float:
         "strength": mass * rate * joint**2,
         "stiffness": mass * scene.gravity / length * joint**2,
         "friction": mass * scene.gravity * joint,
+        "friction_coefficient": 1.0,
+        "impulse": mass * rate * joint**2,
         "drag": mass * rate,
         "quadratic_drag": mass / length,
     }

@@ -382,15 +382,8 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a fit of motions",
-            SHAPE | {"dampers", "linear_drag", "quadratic_drag", "joint_friction", "rail_friction", "van_der_pol"},
-            refuses={
-                **STILL,
-                **CONSTANT,
-                **PLANE,
-                **NO_RATIO,
-                **NO_SMOOTH,
-                "rail_coefficient": "fits a friction of the rail in N",
-            },
+            SHAPE | {"dampers", "moved_support", "hoist"} | DRAG | FRICTION | DRIVES,
+            refuses={**PLANE, **NO_RATIO},
             unless=ENDS,
             beside=UNLOADED,
         ),

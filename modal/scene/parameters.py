@@ -76,6 +76,11 @@ def with_numbers(place: Place) -> str:
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place).removeprefix(".")
 
 
+def is_of_switch(place: Place) -> bool:
+    """Whether a number is one of an escapement or of dry friction."""
+    return place[-1] in {"impulse", "angle_deg", "friction", "friction_coefficient"}
+
+
 def vary(scene: Scene, values: Mapping[str, float]) -> Scene:
     """The scene with other numbers at these paths, checked again; SceneError names every mistake.
 

@@ -15,10 +15,10 @@ import numpy as np
 
 from nonlinear.dynamics.dense import FRAIL, LIGHT
 from nonlinear.dynamics.forms import Form, form_of, module_of
-from nonlinear.dynamics.inputs import QUIET, Inputs
+from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.minimal import Minimal, Recursion
 from nonlinear.dynamics.text import Module
-from nonlinear.system import AppliedForces, Group, Layout, Numbers, System
+from nonlinear.system import Group, Layout, Numbers, System
 
 WRITTEN = 32  # links of a scene whose equations are written out
 Rates = Callable[..., Sequence[Any]]
@@ -29,13 +29,14 @@ Rates = Callable[..., Sequence[Any]]
 class Lanes:
     """The equations of members with these `numbers`; `tangent` ones have v after y, and no work.
 
-    Where they are `pushed`, which leaves no work to count, the numbers end with a force on the cart (N) and a moment on
-    every link (N m).
+    Otherwise work is counted where there can be any, and `counts_work` says so.  The `target` of their texts is
+    "arrays", or "columns" where y (size, S, 1 + k) has columns with infinitesimal imaginary parts.
     """
 
     numbers: Numbers
     tangent: bool = False
-    pushed: bool = False
+    counts_work: bool = True
+    target: str = "arrays"
 
     @cached_property
     def system(self) -> System:
@@ -45,7 +46,7 @@ class Lanes:
     @cached_property
     def layout(self) -> Layout:
         """The parts of y."""
-        works = self.numbers.works and not self.tangent and not self.pushed
+        works = self.numbers.works and not self.tangent and self.counts_work
         return Layout(self.system.n_links, 1, self.system.cart is not None, works)
 
     @property
@@ -66,9 +67,9 @@ class Lanes:
     @cached_property
     def form(self) -> Form:
         """What the text depends on."""
-        own = self._parted(self.numbers)[0], self.numbers.prescribed
+        own = self.numbers.entries, self.numbers.prescribed
         frail = [_frail(self.numbers, group) for group in self.system.groups]
-        return form_of(self.system, *own, pushed=self.pushed, works=self.layout.works, frail=frail)
+        return form_of(self.system, *own, works=self.layout.works, frail=frail)
 
     @cached_property
     def module(self) -> Module:
@@ -77,38 +78,28 @@ class Lanes:
 
     def constants(self, numbers: Numbers) -> list[Any]:
         """What stands in the text for these members: numbers and arrays (S,)."""
-        return self.module.constants(self.form.numbers(self._parted(numbers)[0], numbers.prescribed))
+        return self.module.constants(self.form.numbers(numbers.entries, numbers.prescribed))
 
     def rates(self, numbers: Numbers) -> Rates:
         """The rates of so many members as these numbers are of."""
-        push = self._parted(numbers)[1]
         if self.is_written:
-            rates = self.module.function("rates", self.constants(numbers), "arrays")
+            rates = self.module.function("rates", self.constants(numbers), self.target)
             if not self.inputs.count:
-                return lambda y, times=0.0: rates(y, push)
-            return lambda y, times=0.0: rates(y, (*self.inputs.beside(times), *push))
+                return lambda y, times=0.0: rates(y)
+            return lambda y, times=0.0: rates(y, self.inputs.beside(times))
         system = numbers.arrays
         bodies = (None if self._winds(group) else Recursion(group) for group in system.groups)
         equations = Minimal(system, tuple(bodies), counts_work=self.layout.works)
-        moments = AppliedForces(push[0], np.array(np.broadcast_arrays(*push[1:]))) if push else QUIET.push
 
         def by_recursion(y: Any, times: Any = 0.0) -> Any:
             instant = equations.inputs.instant(self.inputs.beside(np.broadcast_to(times, y.shape[1:])))
-            return equations.rates(y, instant._replace(push=moments))
+            return equations.rates(y, instant)
 
         return by_recursion
 
     def _winds(self, group: Group) -> bool:
         hoisting = self.system.hoisting
         return hoisting is not None and bool(hoisting.moving[group.index].any())
-
-    def _parted(self, numbers: Numbers) -> tuple[Sequence[Any], Sequence[Any]]:
-        """The numbers of the scene, and the forces."""
-        if not self.pushed:
-            return numbers.entries, ()
-        links, on_cart = self.system.n_links, self.system.cart is not None
-        own, push = numbers.entries[: -1 - links], numbers.entries[-1 - links :]
-        return own, push if on_cart else push[1:]
 
 
 def _frail(numbers: Numbers, group: Group) -> bool:

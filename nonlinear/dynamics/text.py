@@ -18,8 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from nonlinear.dynamics.tape import Symbol, Tape, order, uses, where
+from nonlinear.dynamics.tape import LEAST, Symbol, Tape, order, uses, where
 
+FEW = 200  # complex numbers
 DEEPEST = 40  # nesting of parentheses
 KINDS = ("y", "u", "v")
 """The arguments of a function that is written, in this order; those of no use are empty."""
@@ -41,6 +42,38 @@ FUNCTIONS: dict[str, Mapping[str, Any]] = {
     },
 }
 Function = Callable[..., Any]
+
+
+def _first_order(function: Callable[[Any], Any], slope: Callable[[Any, Any], Any]) -> Callable[[Any], Any]:
+    """A function of complex arrays (..., k) whose columns differ in imaginary parts, the squares of which are nothing.
+
+    `slope` is its derivative, from x and the function there; of few the function itself is as fast.
+    """
+
+    def found(z: Any) -> Any:
+        if not isinstance(z, np.ndarray) or z.dtype.kind != "c" or z.size < FEW:
+            return function(z)
+        x = z.real[..., :1]
+        value, result = function(x), np.empty(z.shape, dtype=complex)
+        result.real = value
+        np.multiply(slope(x, value), z.imag, out=result.imag)
+        return result
+
+    return found
+
+
+def _root(x: Any) -> Any:
+    """The square root, also of a square of nothing but an infinitesimal."""
+    return np.sqrt(x if x.dtype.kind == "c" else np.maximum(x, 0.0))
+
+
+FUNCTIONS["columns"] = {
+    "sin": _first_order(np.sin, lambda x, value: np.cos(x)),
+    "cos": _first_order(np.cos, lambda x, value: -np.sin(x)),
+    "sqrt": _first_order(_root, lambda x, value: 0.5 / (value + LEAST)),
+    "arctan": _first_order(np.arctan, lambda x, value: 1 / (1 + x * x)),
+    "where": where,
+}
 
 
 class Module:
@@ -96,7 +129,7 @@ class Module:
         )
 
     def function(self, name: str, constants: Sequence[Any], target: str = "floats") -> Function:
-        """A function with these constants, for floats, arrays, complex numbers (FUNCTIONS)."""
+        """A function with these constants, for floats, arrays, complex numbers, columns (FUNCTIONS)."""
         return function_in(self.python(name), "made", target)(*constants)  # type: ignore[no-any-return]
 
     def recorded(self, name: str, constants: Sequence[Any], functions: Mapping[str, Any]) -> Function:

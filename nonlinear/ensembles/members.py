@@ -24,6 +24,7 @@ from modal.scene.parameters import (
     Variable,
     Variation,
     find_places,
+    is_of_switch,
     parse_variations,
     validate_variations,
 )
@@ -48,11 +49,6 @@ class Block:
     numbers: Numbers
     y: Floats
     reasons: dict[int, str]
-
-
-def is_of_switch(place: Place) -> bool:
-    """Whether a number is one of an escapement or of dry friction."""
-    return place[-1] in {"impulse", "angle_deg", "friction", "friction_coefficient"}
 
 
 @dataclass(frozen=True, eq=False)

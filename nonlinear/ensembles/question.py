@@ -17,11 +17,11 @@ import numpy as np
 from modal.report import Displayed
 from modal.scene import Scene, one_by_one
 from modal.scene.features import FRICTION
-from modal.scene.parameters import Place, find_places
+from modal.scene.parameters import Place, find_places, is_of_switch
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.ensembles.found import Wanted
 from nonlinear.ensembles.measures import Asked, ending_times
-from nonlinear.ensembles.members import Members, Part, is_of_switch
+from nonlinear.ensembles.members import Members, Part
 from nonlinear.integration import choose, estimate_timescales
 from nonlinear.integration.costs import PER_PERIOD
 from nonlinear.system import System, system_of

@@ -95,6 +95,7 @@ def fit(
     if loss not in LOSSES:
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
     parameters = find_parameters(scene, free, priors)
+    require_fittable(scene, parameters)
     require_seconds(scene, recording)
     whole, recording = recording, recording if window is None else recording.windows(window)
     problem = Problem(scene, parameters, recording, coarse_noise(recording), scaled)

@@ -6,7 +6,8 @@ first, and the initial state of every segment.  A reading is scale · (value at 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,16 +18,16 @@ from modal.identification import Parameter, scene_with
 from modal.identification.parameters import numbers_at
 from modal.report import Displayed
 from modal.scene import Cart, Scene, refusals
+from modal.scene.parameters import Place, is_of_switch, number_at
 from modal.types import Booleans, Floats
-from nonlinear.dynamics import Lanes
-from nonlinear.identification.flow import MOST_STEPS, Channel, Result, Task, integrate
+from nonlinear.dynamics.inputs import Inputs
+from nonlinear.identification.flow import MOST_STEPS, Channel, Readings, Segments, integrated
 from nonlinear.identification.records import Recording, Sensor
-from nonlinear.identification.sticking import Joint
+from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.system import Numbers, System, numbers_of, system_of
 
-EPSILON = 1e-20  # imaginary part of a lane: its square vanishes beside any number
+EPSILON = 1e-20  # imaginary part of a column: its square vanishes beside any number
 TOLERANCE = 1e-8  # of the motion: well below what sensors resolve
-FIRST = 0.02  # of sqrt(l/g): the first step
 TIGHT = 0.1  # of the sensors' noise: a gap between a motion and its continuation
 LATEST = 0.1  # of sqrt(l/g): the longest delay of a sensor
 MOST_LINKS = 32
@@ -67,11 +68,14 @@ class Layout:
         return self.numbers + 3 * self.sensors + self.segments * self.width
 
 
-def require_fittable(scene: Scene) -> None:
-    """SceneError for a scene whose motions cannot be fitted, with every reason."""
+def require_fittable(scene: Scene, free: Sequence[Parameter] = ()) -> None:
+    """SceneError for a scene whose motions cannot be fitted, or not by these numbers, with every reason."""
     found = refusals(scene, "a fit of motions")
     if scene.n_links > MOST_LINKS:
         found.append(f"the scene has {scene.n_links} links: motions of at most {MOST_LINKS} are fitted")
+    for one in free:
+        if one.place[-1] == "length" and scene.pendulum[int(one.place[1])].links[int(one.place[3])].hoist:
+            found.append(f"{one.path}: follows its hoist, whose course a fit does not change")
     if found:
         raise SceneError(found)
 
@@ -95,8 +99,8 @@ class Problem(Displayed):
 
     @cached_property
     def system(self) -> System:
-        """The scene as arrays."""
-        return system_of(self.scene)
+        """The scene as arrays, with every switch that it may have."""
+        return system_of(self._rubbing)
 
     @cached_property
     def layout(self) -> Layout:
@@ -186,7 +190,7 @@ class Problem(Displayed):
         """What the sensors would read, (K, C) for each segment; ComputationError where a motion cannot be followed."""
         return self._readings(u, self._flow(u, 0))
 
-    def _readings(self, u: Floats, flow: Result) -> list[Floats]:
+    def _readings(self, u: Floats, flow: Readings) -> list[Floats]:
         layout, found = self.layout, []
         for s, segment in enumerate(self.recording.segments):
             own = flow.values[: len(u[layout.offsets]), s, : len(segment.times), 0].real.T
@@ -215,14 +219,14 @@ class Problem(Displayed):
         """The standard deviation of a gap between a motion and its continuation, for every component of a state."""
         return np.asarray(self.tightness * float(self.noise.min()) * self.scale)
 
-    def _gaps(self, u: Floats, flow: Result) -> list[Floats]:
+    def _gaps(self, u: Floats, flow: Readings) -> list[Floats]:
         """How far each continuation begins from where the motion before it has come, in units of `_tightness`."""
         first = len(self.recording.sensors)
         return [
             (flow.values[first:, s, 0, 0].real - u[self.layout.state(s + 1)]) / self._tightness for s in self._joined
         ]
 
-    def _gap_slopes(self, flow: Result) -> list[Floats]:
+    def _gap_slopes(self, flow: Readings) -> list[Floats]:
         """The derivatives of the gaps."""
         layout, first, found = self.layout, len(self.recording.sensors), []
         for s in self._joined:
@@ -254,7 +258,7 @@ class Problem(Displayed):
             scale = (1 + u[layout.scales])[:, None]
             block[..., : layout.numbers] = scale * values[..., : layout.numbers].imag / EPSILON
             block[..., layout.state(s)] = scale * values[..., layout.numbers :].imag / EPSILON
-            rates = np.moveaxis(flow.rates[:C, s, :K, 0].real, 0, 1)
+            rates = flow.rates[:C, s, :K].T
             for c in range(C):
                 block[:, c, layout.offsets.start + c] = 1.0
                 block[:, c, layout.scales.start + c] = values[:, c, 0].real
@@ -288,96 +292,88 @@ class Problem(Displayed):
             at += count
         return np.concatenate([*found, rows[at:]])
 
-    def _continuations(self, most: int) -> list[Channel]:
+    def _continuations(self, most: int, starts: Floats) -> list[Channel]:
         """Channels for every component of a state where the next segment begins."""
         if not self._joined:
             return []
         segments = self.recording.segments
         times = np.full((len(segments), most), np.inf)
         for s in self._joined:
-            times[s, 0] = segments[s + 1].times[0] - segments[s].times[0]
+            times[s, 0] = segments[s + 1].times[0] - segments[s].times[0] + starts[s]
         half = self.coordinates
         return [Channel(((row, 1.0),), times) for row in range(2 * half)]
 
     @cached_property
-    def _last(self) -> dict[bytes, Result]:
+    def _last(self) -> dict[bytes, Readings]:
         return {}
 
-    def _flow_with_derivatives(self, u: Floats) -> Result:
+    def _flow_with_derivatives(self, u: Floats) -> Readings:
         key = u.tobytes()
         if key not in self._last:
             self._last.clear()
             self._last[key] = self._flow(u, self.layout.numbers + self.layout.width)
         return self._last[key]
 
-    def _flow(self, u: Floats, lanes: int) -> Result:
-        """The motions of all segments; with `lanes` the derivatives by numbers and states in so many lanes."""
+    def _flow(self, u: Floats, columns: int) -> Readings:
+        """The motions of all segments; with `columns` the derivatives by numbers and states in so many of them."""
         layout, segments = self.layout, self.recording.segments
-        P, S = max(lanes, 1), len(segments)
-        W = S * P
-        values: dict[Any, Any] = {}
+        P, S = max(columns, 1), len(segments)
+        real, steps = {}, {}
         for k, one in enumerate(self.parameters):
-            values[one.place] = np.full(W, complex(one.at(float(u[k]))))
-            if lanes:
-                values[one.place][k::P] += 1j * EPSILON * one.slope(float(u[k]))
-        y0 = np.empty((layout.width, W), dtype=complex)
+            real[one.place] = one.at(float(u[k]))
+            steps[one.place] = np.zeros((S, P), dtype=complex)
+            if columns:
+                steps[one.place][:, k] = 1j * EPSILON * one.slope(float(u[k]))
+        y = np.empty((layout.width, S, P), dtype=complex)
         for s in range(S):
-            y0[:, s * P : (s + 1) * P] = u[layout.state(s)][:, None]
-            if lanes:
-                for j in range(layout.width):
-                    y0[j, s * P + layout.numbers + j] += 1j * EPSILON
+            y[:, s] = u[layout.state(s), None]
+        if columns:
+            y[:, :, layout.numbers :] += 1j * EPSILON * np.eye(layout.width)[:, None]
+        begun = np.array([own.times[0] - self.late for own in segments])
+        starts = begun if Inputs(self.system).count else np.zeros(S)
         most = max(len(segment.times) for segment in segments)
         channels = []
         for c, sensor in enumerate(self.recording.sensors):
             times = np.full((S, most), np.inf)
             for s, segment in enumerate(segments):
-                times[s, : len(segment.times)] = segment.times - segment.times[0] + self.late - u[layout.delays][c]
+                times[s, : len(segment.times)] = segment.times - begun[s] - u[layout.delays][c] + starts[s]
             channels.append(Channel(self.parts(sensor), times))
-        channels += self._continuations(most)
+        channels += self._continuations(most, starts)
         every = np.array([channel.times for channel in channels])
-        ends = np.where(np.isfinite(every), every, 0.0).max(axis=(0, 2))
-        numbers = numbers_of(self.scene, values, self.system)
-        return integrate(
-            Task(
-                self._lanes(numbers),
-                numbers,
-                y0,
-                ends,
-                channels,
-                joints_of(self.scene, self.system, values, W),
-                self.scale,
-                self.tolerance,
-                FIRST / self.system.rate,
-                self.steps,
-            )
+        ends = np.where(np.isfinite(every), every, -np.inf).max(axis=(0, 2))
+        own = Segments(
+            self._numbers({place: np.full(S, value) for place, value in real.items()}),
+            self._numbers({place: value + steps[place] for place, value in real.items()}),
+            y,
+            starts,
+            ends,
+            self.scale,
+            self.system.rate,
         )
+        return integrated(own, channels, self.tolerance, self.steps)
 
-    def _lanes(self, numbers: Numbers) -> Lanes:
-        """The equations, with a place for the torques of friction."""
-        real = (own.real.copy() if isinstance(own, np.ndarray) else own for own in numbers.entries)
-        return Lanes(Numbers(numbers.system, (*real, *[np.zeros(1)] * (1 + self.system.n_links))), pushed=True)
+    def _numbers(self, values: dict[Place, Any]) -> Numbers:
+        """The numbers of all segments, with arrays at some places."""
+        found = numbers_of(self.scene, values, self.system)
+        switching: list[Any] = [*switching_of(self.system)]
+        for place, shares in self._shares.items():
+            for k, share in shares:
+                switching[k] = share * values[place]
+        return replace(found, switching=tuple(switching))
 
+    @cached_property
+    def _shares(self) -> dict[Place, list[tuple[int, float]]]:
+        """Which numbers of switches are how many times a free one, by its place: all are proportional to theirs."""
+        found, own = {}, np.array(switching_of(self.system))
+        for one in self.parameters:
+            if is_of_switch(one.place) and len(own):
+                now = number_at(self._rubbing, one.place)
+                twice = switching_of(system_of(scene_with(self._rubbing, {one.path: 2 * now})))
+                found[one.place] = [(int(k), own[k] / now) for k in np.flatnonzero(np.array(twice) != own)]
+        return found
 
-def joints_of(scene: Scene, system: System, values: dict[Any, Any], width: int) -> list[Joint]:
-    """The joints of a scene with dry friction, where `values` (W,) replace its numbers at some places."""
-    on_cart, found = int(system.cart is not None), []
-
-    def limit_at(part: Any, *place: Any) -> Any:
-        given = values.get((*place, "friction"), getattr(part, "friction", 0.0))
-        return np.broadcast_to(np.asarray(given, dtype=complex), width)
-
-    if np.any(limit := limit_at(scene.support, "support")):
-        found.append(Joint(0, None, limit, ((0, 1.0),)))
-    at = 0
-    for p, pendulum in enumerate(scene.pendulum):
-        for _ in range(pendulum.count):
-            top = at
-            for i, link in enumerate(pendulum.links):
-                limit = limit_at(link, "pendulum", p, "links", i)
-                for _ in range(link.count):
-                    if np.any(limit):
-                        above = None if at == top else at - 1
-                        acts = ((1 + at, 1.0), *(() if above is None else ((1 + above, -1.0),)))
-                        found.append(Joint(on_cart + at, None if above is None else on_cart + above, limit, acts))
-                    at += 1
-    return found
+    @cached_property
+    def _rubbing(self) -> Scene:
+        """The scene with some friction or impulse wherever these are free: a joint without any has no switch."""
+        none = {one.path: one.unit for one in self.parameters if is_of_switch(one.place) and not one.value}
+        return scene_with(self.scene, none)

@@ -17,7 +17,7 @@ from nonlinear.dynamics.text import Module
 from nonlinear.integration.lanes import Task
 from nonlinear.integration.switches import NODES as GAUSS
 from nonlinear.integration.switches import WEIGHTS, Switches, kicks_of
-from nonlinear.integration.within import Step, fill
+from nonlinear.integration.within import Step, beside, fill
 from nonlinear.system import Numbers, System
 
 
@@ -59,22 +59,27 @@ class Crowd:
             self.members[member] = self.switches.member(member)
         return self.members[member]
 
-    def begin(self, y: Floats) -> tuple[Floats, Floats]:
-        """The y (size, S) and the state (m, S) of members from y on, after the kicks that are due at once."""
-        u, y, size = self.inputs.of_time(0.0), y.copy(), self.lanes.layout.size
-        state = np.array([self.of(k).begin(0.0, own[:size], u) for k, own in enumerate(y.T.tolist())]).T
-        slope = np.empty_like(y)
-        fill(self.rates(self.lanes.numbers)(y, 0.0, self.at(slice(None)).inputs(state)), slope)
-        for k, (own, f, told) in enumerate(zip(y.T, slope.T, state.T, strict=True)):
-            if (j := self.of(k).due(own[:size].tolist(), f[:size].tolist(), told.tolist())) is not None:
-                y[:, k] = self.at(k).change(0.0, j, own, f, told)
-        return y, state
+    def begin(self, task: Task) -> Task:
+        """The same task with the state of its members, after the kicks that are due at once."""
+        y, size, starts = task.begun.copy(), self.lanes.layout.size, task.starts
+        motion = y if y.ndim < 3 else y[..., 0].real
+        each = zip(starts.tolist(), motion[:size].T.tolist(), strict=True)
+        state = np.array([self.of(k).begin(t, own, self.inputs.of_time(t)) for k, (t, own) in enumerate(each)]).T
+        slope, held = np.empty_like(y), self.at(slice(None)).inputs(state)
+        held = [one if np.ndim(one) > 1 else beside(one, y) for one in held]
+        fill(self.rates(task.numbers)(y, beside(starts, y), held), slope)
+        along = slope if y.ndim < 3 else slope[..., 0].real
+        for k, t in enumerate(starts.tolist()):
+            due = self.of(k).due(motion[:size, k].tolist(), along[:size, k].tolist(), state[:, k].tolist())
+            if due is not None:
+                y[:, k] = self.at(k).change(t, due, y[:, k], slope[:, k], state[:, k])
+        return replace(task, lanes=self, begun=y, switches=self, state=state)
 
     def rates(self, numbers: Numbers) -> Rates:
         """The rates of so many members as these numbers are of, with the inputs of contacts as a third argument."""
         module, name = self.equations
         constants = module.constants(self.switches.form.numbers(numbers.entries, numbers.prescribed))
-        rates = module.function(name, constants, "arrays")
+        rates = module.function(name, constants, self.lanes.target)
         return lambda y, times=0.0, held=(): rates(y, (*self.inputs.beside(times), *held))
 
     @cached_property
@@ -113,9 +118,7 @@ def switching(task: Task) -> Task:
     """The same task with the switches of its members, where they have any: its flow then is a `Crowd`."""
     if not task.numbers.switching:
         return task
-    crowd = Crowd(task.lanes)
-    begun, state = crowd.begin(task.begun)
-    return replace(task, lanes=crowd, begun=begun, switches=crowd, state=state)
+    return Crowd(task.lanes).begin(task)
 
 
 @dataclass(frozen=True, eq=False)

@@ -81,7 +81,7 @@ class Switches(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Segments to integrate from t = 0: y (size, S) or (size, S, 1 + k) of each, until `end` (s), one or each its own.
+    """Segments to integrate: y (size, S) or (size, S, 1 + k) of each, from `start` to `end` (s), one or each its own.
 
     `relative` (S,) and `absolute` (size, S) are tolerances, `first` (S,) steps to try (s).  Steps are no longer than
     `longest` (s), and end at the `breaks` (s) and where `switches` pass, from their `state` (m, S).  `lanes` is the
@@ -98,6 +98,7 @@ class Task:
     switches: Any = None
     state: Floats | None = None
     whole: bool = False
+    start: Any = 0.0
 
     @cached_property
     def longest(self) -> float:
@@ -111,11 +112,20 @@ class Task:
         return np.broadcast_to(np.asarray(self.end, dtype=float), self.begun.shape[1])
 
     @cached_property
+    def starts(self) -> Floats:
+        """When each segment begins (s), (S,)."""
+        return np.broadcast_to(np.asarray(self.start, dtype=float), self.begun.shape[1])
+
+    @cached_property
     def breaks(self) -> Floats:
         """Where a support or a length may change suddenly, before the end."""
         support, hoisting = self.lanes.system.support, self.lanes.system.hoisting
         found = {*(support.motion.breaks if support else ()), *(hoisting.breaks if hoisting else ())}
-        return np.array(sorted(time for time in found if 0 < time < self.ends.max()))
+        return np.array(sorted(time for time in found if self.starts.min() < time < self.ends.max()))
+
+    def ahead(self, times: Floats) -> Floats:
+        """The next break after each of some times (s), infinite after the last."""
+        return np.append(self.breaks, inf)[np.searchsorted(self.breaks, times, side="right")]
 
 
 @dataclass(eq=False)
@@ -149,7 +159,7 @@ class Front:
         self.member = np.arange(W)
         self.y = np.ascontiguousarray(task.begun[:, :W])
         self.state = np.zeros((0, W)) if task.state is None else task.state[:, :W].copy()
-        self.t, self.h = np.zeros(W), self._first(self.member)
+        self.t, self.h = task.starts[:W].copy(), self._first(self.member)
         self.refused, self.met = np.zeros((2, W), dtype=bool)
         self.which, self.low, self.high, self.usual = np.full(W, -1), np.zeros(W), np.full(W, inf), self.h.copy()
         self._prepare()
@@ -157,7 +167,8 @@ class Front:
 
     def _first(self, members: Any) -> Any:
         task = self.task
-        most = np.minimum(task.ends[members], min([task.longest, *task.breaks[:1]]))
+        start = task.starts[members]
+        most = np.minimum(np.minimum(task.ends[members], task.ahead(start)) - start, task.longest)
         return np.minimum(task.first[members], most)
 
     def _prepare(self) -> None:
@@ -182,7 +193,7 @@ class Front:
         if self.task.switches is None:
             return rates
         switches = self.task.switches.at(self.member[columns])
-        held = [beside(one, self.y) for one in switches.inputs(self.state[:, columns])]
+        held = [one if np.ndim(one) > 1 else beside(one, self.y) for one in switches.inputs(self.state[:, columns])]
         return lambda y, times=0.0: rates(y, times, held)
 
     def _now(self, columns: Any = ALL) -> Floats:
@@ -279,8 +290,7 @@ class Front:
             self._land(before)
         ahead = self.until
         if step.breaks:
-            breaks = self.task.breaks
-            ahead = np.minimum(np.append(breaks, inf)[np.searchsorted(breaks, self.t, side="right")], ahead)
+            ahead = np.minimum(self.task.ahead(self.t), ahead)
         self.h = np.minimum(np.minimum(self.tried, self.task.longest), ahead - self.t)
 
     def switch(self, outcome: Outcome) -> None:
@@ -313,8 +323,7 @@ class Front:
 
     def _land(self, before: Floats) -> None:
         """Begin anew the lanes that have come to a break."""
-        breaks = self.task.breaks
-        ahead = np.append(breaks, inf)[np.searchsorted(breaks, before, side="right")]
+        ahead = self.task.ahead(before)
         came = np.flatnonzero(self.t >= ahead - BESIDE * np.spacing(ahead))
         if len(came):
             self.t[came] = ahead[came]
@@ -329,7 +338,7 @@ class Front:
             self.member = self.member.copy()
             self.member[came] = fresh
             self.waiting += len(came)
-            self.y[:, came], self.t[came] = task.begun[:, fresh], 0.0
+            self.y[:, came], self.t[came] = task.begun[:, fresh], task.starts[fresh]
             self.h[came], self.refused[came] = self._first(fresh), False
             self.which[came], self.low[came], self.high[came], self.usual[came] = -1, 0.0, inf, self.h[came]
             if task.state is not None:
@@ -378,8 +387,8 @@ def integrate(task: Task, watches: Sequence[Watch] = (), width: int | None = Non
 
 def _through(front: Front, step: Step, outcome: Outcome) -> Booleans:
     """Which lanes are at the end, or can go no further; these are told why."""
-    done = front.t >= front.until * (1 - 4e-16)
-    least = np.where(front.which >= 0, MET_TINY * front.t, TINY * np.spacing(front.t))
+    done = front.t >= front.until - 4e-16 * np.abs(front.until)
+    least = np.where(front.which >= 0, MET_TINY, TINY * np.spacing(1.0)) * np.abs(front.t)
     broken = ~step.taken & ~done & ~(front.h >= least)
     for column in np.flatnonzero(broken):
         member = int(front.member[column])

@@ -81,9 +81,9 @@ class Inside:
         """The y (size, A), or of one component (A,), at these parts of the step, from 0 to 1."""
         return np.asarray(self.before[rows] + interpolated(beside(part, self.before), [*self.terms[:, rows]]))
 
-    def take(self, lanes: Any) -> Inside:
-        """Of some of these lanes."""
-        return Inside(self.before[:, lanes], self.terms[:, :, lanes])
+    def take(self, lanes: Any, rows: Any = ALL) -> Inside:
+        """Of some of these lanes, and of some components."""
+        return Inside(self.before[rows][:, lanes], self.terms[:, rows][:, :, lanes])
 
     def slope(self, part: Floats, row: int) -> Floats:
         """The derivative of one component with respect to the part of the step."""

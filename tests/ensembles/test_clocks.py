@@ -115,7 +115,7 @@ def test_a_member_whose_friction_has_no_value_fails_alone(engine: str) -> None:
     scene = scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": links, "start": start}]})
     values = {"support.friction_coefficient": [0.1, 0.752]}
     with interpreted():
-        found = ensemble(scene, 1.0, vary=values, engine=engine, workers=1, check=0)
+        found = ensemble(scene, 1.0, vary=values, engine=engine, workers=1, check=0, tolerance=1e-6)
     assert list(found.failures) == [1]
     assert "stopped at" in found.failures[1]
     with pytest.raises(SimulationError):

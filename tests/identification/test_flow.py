@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 
 from modal import Scene
 from modal.identification import find_parameters, numbers_at, scene_with
-from modal.scene import scene_from
+from modal.scene import load, scene_from
 from modal.types import Floats
 from nonlinear import State, simulate
 from nonlinear.identification.problem import Problem
@@ -43,7 +45,31 @@ SCENES = {
         "pendulum": [{"links": TWO[:1]}, {"links": [{**TWO[1], "friction": 0.02}]}],
     },
 }
+SCENES |= {
+    name: load(Path(__file__).parents[1] / "combinations" / "scenes" / f"{name}.toml").model_dump()
+    for name in ("escapement", "rail_coefficient", "moved_vertical_and_drag", "moved_horizontal", "hoist_and_drag")
+}
+SCENES["struck"] = {
+    "gravity": 9.81,
+    "support": {**CART, "friction": 0.3},
+    "pendulum": [
+        {"links": [{**own, "friction": 0.02, "drive": {"kind": "escapement", "impulse": 0.04, "angle_deg": angle}}]}
+        for own, angle in zip(TWO, (6.0, 3.0), strict=True)
+    ],
+}
 FREE = {
+    "escapement": ["pendulum[0].links[0].drive.impulse", "pendulum[0].links[*].mass", "pendulum[0].links[1].damping"],
+    "rail_coefficient": ["support.friction_coefficient", "pendulum[0].links[0].mass"],
+    "moved_vertical_and_drag": ["pendulum[0].links[*].drag", "pendulum[0].links[0].length"],
+    "moved_horizontal": ["gravity", "pendulum[0].links[1].mass"],
+    "hoist_and_drag": ["pendulum[0].links[0].drag", "gravity"],
+    "struck": [
+        "pendulum[0].links[0].drive.angle_deg",
+        "pendulum[1].links[0].drive.impulse",
+        "pendulum[1].links[0].friction",
+        "support.friction",
+        "support.mass",
+    ],
     "cart": [
         "pendulum[0].links[*].length",
         "pendulum[0].links[0].damping",
@@ -60,12 +86,15 @@ FREE = {
 
 
 def problem_of(scene: Scene, free: list[str], tolerance: float = 1e-11) -> Problem:
-    sensors = tuple(Sensor(p + 1, i + 1) for p, own in enumerate(scene.pendulum) for i in range(own.n_links))
+    pendula = [own for own in scene.pendulum for _ in range(own.count)]
+    sensors = tuple(Sensor(p + 1, i + 1) for p, own in enumerate(pendula) for i in range(own.n_links))
     if scene.support.kind == "cart":
         sensors = (Sensor(), *sensors)
     blank = Segment("", "", TIMES, np.zeros((len(TIMES), len(sensors))))
-    recording = Recording(sensors, (blank,))
-    return Problem(scene, find_parameters(scene, free), recording, np.ones(len(sensors)), tolerance=tolerance)
+    parameters = find_parameters(scene, free)
+    found = Problem(scene, parameters, Recording(sensors, (blank,)), np.ones(len(sensors)), tolerance=tolerance)
+    later = replace(blank, times=TIMES + found.late)  # so that its motion begins at 0 s
+    return replace(found, recording=Recording(sensors, (later,)))
 
 
 def unknowns_of(problem: Problem) -> Floats:

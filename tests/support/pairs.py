@@ -223,6 +223,7 @@ BEYOND = {
     ("count_100", "play"): "at most",
     ("count_100", "derive"): "at most",
     **dict.fromkeys((("hoist", "export"), ("hoist_and_drag", "export")), "holds a constant model"),
+    **dict.fromkeys((("hoist", "fit"), ("hoist_and_drag", "fit")), "follows its hoist"),
     ("count_100", "section"): "no motion of this energy",
     **dict.fromkeys((("escapement", "orbits vary"), ("van_der_Pol", "orbits vary")), "no limit cycle was found"),
 }

@@ -1,0 +1,85 @@
+"""Columns that are the same motion with imaginary parts: derivatives by numbers and starts, through switches too.
+
+The equations are analytic, so that the imaginary part ε of a number makes ε times the derivative by it in the imaginary
+part of the motion, to the last digit (Squire and Trapp, SIAM Review 40, 110 (1998)).  The real part takes the steps and
+meets the switches; where a column would meet one earlier or later by δt = −Im(value)/value', it goes on in the flow
+before until then and in the flow after from then on: y₊ = G(y₋ + i f₋ δt) − i f₊ δt, which is the saltation matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.integration.crowds import Crowd, Some
+from nonlinear.integration.switches import Switches
+from nonlinear.system import Numbers
+
+
+@dataclass(frozen=True, eq=False)
+class Analytic(Crowd):
+    """A crowd in which the `columns` of every member have numbers of their own, (S, 1 + k), with imaginary parts."""
+
+    columns: Numbers
+
+    def at(self, members: Any) -> Some:
+        """Those of some members."""
+        return _Columns(self, members, self.columns.at(members))
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns(Some):
+    """The switches of some members, of which a change is one of all their columns."""
+
+    columns: Numbers
+
+    def inputs(self, state: Floats) -> list[Any]:
+        """The inputs of contacts, arrays (S, 1 + k)."""
+        own = Switches(self._own.form, self._own.kicks, (), self.columns.switching)
+        return own.inputs(np.asarray(state)[..., None])
+
+    def change(self, t: float, j: int, y: Any, f: Any, state: Floats) -> Any:
+        """The y (size, 1 + k) of one member after switch j, with its state changed in place."""
+        one, told = self.crowd.of(int(self.members)), state.tolist()
+        u, seen = self.crowd.inputs.of_time(t), len(one.happened)
+        begun, slope = y[:, 0].real.tolist(), f[:, 0].real.tolist()
+        kicks = j < 2 * one.places.K
+        after, V = one.change(t, j, begun, slope, told, [] if kicks else y.imag.T.tolist(), u)
+        impulses = {int(own[1]): own[2] for own in one.happened[seen:] if own[1] < one.places.K}
+        moved = self._kicked(one, j, y, slope, impulses, [*u, *one.inputs(state.tolist())], told, u) if kicks else V
+        state[:] = told
+        return np.array(after)[:, None] + 1j * np.reshape(moved, y.T.shape).T
+
+    def _kicked(
+        self,
+        one: Switches,
+        j: int,
+        y: Any,
+        slope: Sequence[float],
+        impulses: dict[int, float],
+        before: Sequence[float],
+        state: Sequence[float],
+        u: Sequence[float],
+    ) -> Any:
+        """The imaginary parts (1 + k, size) after these impulses, one joint after the other."""
+        at, form = one.places, one.form
+        constants = one.module.constants(form.numbers(self.columns.entries, self.columns.prescribed))
+        kick = one.module.function("kick", constants, "arrays")
+        rate = one.function("sticking" if form.contacts else "rates")
+        numbers, z, g, first = self.columns.switching, y, np.array(slope), j % at.K
+        for i in [first, *(own for own in impulses if own != first)]:
+            side, (below, above) = np.sign(impulses[i]), at.kicks[i]
+            gamma = z[below] - (z[above] if above >= 0 else 0.0) - numbers[i]
+            rise = g[below] - (g[above] if above >= 0 else 0.0)
+            late = -np.imag(side * gamma - numbers[at.K + i]) / (side * rise)
+            pushes = [side * numbers[2 * at.K + i] if k == i else 0.0 for k in range(at.K)]
+            given = [*pushes, *state[at.K : at.told], *numbers[:-1], *[0.0] * at.timed]
+            z = z + 1j * g[:, None] * late
+            z = np.array(np.broadcast_arrays(*kick(z, before, [*[0.0] * at.size, *given]), z[0])[:-1])
+            g = np.array(rate(z[:, 0].real.tolist(), [*u, *one.inputs(state)], ()))
+            z = z - 1j * g[:, None] * late
+        return z.imag.T
