@@ -270,3 +270,6 @@ def test_the_tableau_of_dop853_stands_in_one_module() -> None:
                 assert node.attr not in TABLEAU, f"{name}: reads DOP853.{node.attr}"
             if isinstance(node, ast.Import | ast.ImportFrom):
                 assert "dop853_coefficients" not in ast.unparse(node), name
+    for path in (ROOT / "multipendula" / "page" / "modules").glob("*.js"):
+        written = {abs(float(word)) for word in re.findall(r"\d+\.\d+", path.read_text(encoding="utf-8"))}
+        assert not written & told, f"{path.name}: has numbers of the tableau"

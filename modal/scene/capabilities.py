@@ -309,8 +309,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a comparison of methods",
-            SHAPE | LOSS - {"linear_drag"} | {"space"},
-            refuses={**STILL, **CONSTANT, **STICKS, **NO_DRAG, **_each(DRIVES, "has no drives")},
+            (ACTING | FRICTION | DRIVES | {"space", "hoist"}),
             unless=ENDS,
             beside=UNLOADED,
         ),

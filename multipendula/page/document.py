@@ -21,8 +21,8 @@ from modal.scene import scene_from, title_of
 
 HERE = Path(__file__).parent
 MODAL = ("steps", "system", "matrices", "amplitude", "modes")
-PHYSICS = (*MODAL, "dop853", "equations", "kicks", "motion", "scene_file", "recording")
-"""The modules that touch no document; `steps` is written."""
+PHYSICS = (*MODAL, "tableau", "dop853", "equations", "kicks", "motion", "scene_file", "recording")
+"""The modules that touch no document; `steps` and `tableau` are written."""
 MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "main")
 LARGEST = 300_000
 """Bytes of a page, at most."""
@@ -32,7 +32,10 @@ EXPORT = re.compile(r"^export (?=(?:const|function|class) (\w+))", re.MULTILINE)
 
 def joined(names: Sequence[str] = MODULES) -> str:
     """The modules of these names as one script."""
-    return "\n".join(_scoped(name, steps() if name == "steps" else _file(f"modules/{name}.js")) for name in names)
+    written = {"steps": steps, "tableau": tableau}
+    return "\n".join(
+        _scoped(name, written[name]() if name in written else _file(f"modules/{name}.js")) for name in names
+    )
 
 
 @cache
@@ -47,6 +50,31 @@ def steps() -> str:
     parts = {**kinds, "sine": sine_steps().javascript()}
     lines = [f"export const {name} = {text};" for name, text in parts.items()]
     return "\n".join(("// Written by `nonlinear.dynamics.text`.", "const { sin, cos, sqrt } = Math;", *lines))
+
+
+@cache
+def tableau() -> str:
+    """The module of the coefficients of DOP853 and the limits of its steps, from `nonlinear.integration.method`."""
+    from nonlinear.integration import method
+
+    def row(shares: Sequence[tuple[int, float]], length: int) -> list[float]:
+        found = [0.0] * length
+        for stage, share in shares:
+            found[stage] = share
+        return found
+
+    count = method.STAGES
+    coefficients = {
+        "A": [row(shares, stage) for stage, shares in enumerate(method.ROWS[:count])],
+        "B": row(method.END, count),
+        "C": method.NODES[:count],
+        "E3": row(method.THIRD, count + 1)[:count],
+        "E5": row(method.FIFTH, count + 1)[:count],
+    }
+    limits = {name: getattr(method, name.upper()) for name in ("safety", "shrinks", "grows", "power")}
+    parts = {"DOP853": coefficients, "LIMITS": limits}
+    lines = [f"export const {name} = {json.dumps(value)};" for name, value in parts.items()]
+    return "\n".join(("// Written from `nonlinear.integration.method`.", *lines))
 
 
 def _scoped(name: str, text: str) -> str:

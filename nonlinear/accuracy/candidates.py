@@ -12,7 +12,7 @@ motion.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from math import inf, nan
 from time import perf_counter
@@ -21,9 +21,9 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.report import Displayed
-from modal.scene import Scene
+from modal.scene import Scene, require
 from modal.types import Floats
-from nonlinear.integration import CLOSED, Choice, Request, SolverInfo, Trajectory, taylor
+from nonlinear.integration import CLOSED, Choice, Request, SolverInfo, Trajectory, choose, taylor
 from nonlinear.reduction import CORRECTED, LINEAR, superpose
 from nonlinear.system import State, system_of
 
@@ -47,6 +47,11 @@ class Question(Displayed):
     start: State
     times: Floats
     patience: float = inf
+
+    @property
+    def request(self) -> Request:
+        """The motion as it is asked of the integrators."""
+        return Request(self.scene, system_of(self.scene), self.start, self.times)
 
 
 @dataclass(frozen=True)
@@ -98,7 +103,11 @@ class Candidate:
         return task
 
     def _integrated(self, question: Question) -> Task:
-        request = Request(question.scene, system_of(question.scene), question.start, question.times, form=self.kind)
+        request = question.request
+        choose(question.scene, request.duration, self.tolerance, self.method, self.kind)
+        if self.compiled:
+            require(question.scene, "compiled equations")
+        request = replace(request, form=self.kind)
         choice = Choice(self.kind, self.method, self.compiled, "one level of fidelity of several", self.tolerance)
         ready = request.prepared(choice)
 

@@ -1,7 +1,7 @@
 """The reference solutions for the candidates, and the horizon up to which they are reliable.
 
 The reference is the finest run available, checked against a second one with another implementation or form of the
-equations and another integrator; in space, where there is one form, with another tolerance.  With d(t) the largest
+equations or another integrator; in space, where there is one form, with another tolerance.  With d(t) the largest
 difference of angles so far, an error e can be measured where d < e/100.  A run with a start perturbed by 1e-9
 (`nonlinear.integration.twins`) also gives the factor G(t) by which an error grows: a reference of relative accuracy ε
 has an error of ε G(t), which for G = exp λt becomes intolerable at ln(tolerable/ε)/λ.  So both
@@ -24,10 +24,11 @@ import numpy as np
 from modal._compatibility import former
 from modal.errors import ComputationError
 from modal.report import Displayed
-from modal.scene import Scene
+from modal.scene import Scene, refusals
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, Question
-from nonlinear.integration import SMALLEST, Trajectory, aside, extent, slightly, taylor
+from nonlinear.dynamics.inputs import Inputs
+from nonlinear.integration import SMALLEST, Trajectory, aside, slightly, taylor
 from nonlinear.system import apart, system_of
 
 SHARE = 1e-2  # largest difference of the references over an error that they can measure
@@ -66,7 +67,8 @@ class Reference(Displayed):
     @property
     def floor(self) -> float:
         """The smallest error (rad) that can be measured up to the horizon."""
-        size = extent(self.trajectory.motion[0], self.trajectory.system)
+        own = self.trajectory
+        size = Question(own.scene, own.motion[0], own.times).request.size
         return float(max(self.difference[-1], self.candidate.tolerance * self.growth[-1] * size) / SHARE)
 
     @property
@@ -79,7 +81,7 @@ def reference_of(question: Question) -> Reference:
     """The finest motion and its horizon; ComputationError where two references disagree from the beginning."""
     scene, duration = question.scene, float(question.times[-1])
     finest, check = choose_references(scene)
-    size = extent(question.start, system_of(scene))
+    size = question.request.size
     tolerable = SHARE * JUDGED * size
     growth = _growth(question)
     question = _cut(question, finest.tolerance * growth * size < tolerable)
@@ -96,10 +98,13 @@ def choose_references(scene: Scene) -> tuple[Candidate, Candidate]:
     """The finest candidate for a scene and another one to check it."""
     if scene.space == "space":
         return Candidate("spatial", "DOP853", SMALLEST), Candidate("spatial", "DOP853", 1e-13)
-    longest = max(pendulum.n_links for pendulum in scene.pendulum)
-    if taylor.available() and longest <= taylor.LONGEST_CHAIN and scene.n_links <= taylor.MOST_LINKS:
-        return Candidate("minimal", "taylor", taylor.TIGHTEST), Candidate("minimal", "DOP853", SMALLEST)
-    return Candidate("minimal", "DOP853", SMALLEST), Candidate("hamiltonian", "DOP853", 1e-13)
+    longest, finest = max(pendulum.n_links for pendulum in scene.pendulum), Candidate("minimal", "DOP853", SMALLEST)
+    plain = not refusals(scene, "method taylor") and Inputs(system_of(scene)).pieces is not None
+    if plain and taylor.available() and longest <= taylor.LONGEST_CHAIN and scene.n_links <= taylor.MOST_LINKS:
+        return Candidate("minimal", "taylor", taylor.TIGHTEST), finest
+    if not refusals(scene, "form hamiltonian"):
+        return finest, Candidate("hamiltonian", "DOP853", 1e-13)
+    return finest, Candidate("minimal", "LSODA", 1e-13)
 
 
 def _growth(question: Question) -> Floats:

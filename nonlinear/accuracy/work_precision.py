@@ -158,6 +158,8 @@ def _climbed(
             if candidate.family not in skipped:
                 rows.append(measure(candidate, question, reference))
             report(done + 2)
+        except SceneError as error:
+            skipped[candidate.family] = str(error)
         except ComputationError as error:
             skipped[candidate.family] = str(error) if candidate.modal else f"from {candidate.tolerance:g} on: {error}"
         except KeyboardInterrupt:

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count
 from math import nan, pi, radians
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -47,6 +48,9 @@ TRANSLATING = Scene(
     pendulum=(Pendulum(links=(Rod(mass=1.0, length=0.8, damping=0.05), Bob(mass=0.5, length=0.3))),),
 )
 SPATIAL = load("chain-spatial")
+
+
+KINDS = Path(__file__).parents[1] / "combinations" / "scenes"
 
 
 def in_mode(number: int, degrees: float) -> State:
@@ -389,3 +393,29 @@ def test_the_picture(short: WorkPrecision) -> None:
     assert b"<svg" in stream.getvalue()
     with pytest.raises(ComputationError, match="nothing to draw"):
         draw_tradeoff(replace(short, rows=short.rows[:1]), stream)
+
+
+@pytest.mark.parametrize(
+    ("kind", "refused"),
+    [
+        ("joint_friction", {LINEAR, "maximal DOP853", "minimal taylor"}),
+        ("rail_coefficient", {LINEAR, "maximal DOP853", "minimal taylor"}),
+        ("escapement", {"maximal DOP853"}),
+        ("hoist_and_drag", {LINEAR, "minimal taylor"}),
+        ("moved_vertical_and_drag", {LINEAR, "minimal taylor"}),
+    ],
+)
+def test_methods_are_compared_on_every_kind_of_scene(kind: str, refused: set[str]) -> None:
+    """By references of two kinds; what does not take the scene is left out with the reason."""
+    tight = [Candidate("minimal", method, 1e-9) for method in ("DOP853", "RK45")]
+    asked = [Candidate(LINEAR), *tight, Candidate("maximal", "DOP853", 1e-9), Candidate("minimal", "taylor", 1e-9)]
+    found = measure_work_precision(load(KINDS / f"{kind}.toml"), 0.5, candidates=asked, patience=60.0)
+    assert found.reference.whole
+    assert found.reference.floor < 1e-7
+    left = {family for family, _ in found.skipped} - {"minimal taylor"} | {"minimal taylor"} & refused
+    assert left == refused
+    rows = [row for row in found.rows if row.candidate in tight]
+    assert [row.candidate for row in rows] == tight
+    for row in rows:
+        assert found.judged(row) < 1e-7
+        assert abs(row.drift) < 1e-7

@@ -34,7 +34,6 @@ from modal.scene import (
 from modal.scene.links import Drive
 from modal.types import Floats
 from nonlinear import files as recordings
-from nonlinear.accuracy import measure_work_precision
 from nonlinear.dynamics import Banded, Dense, Mechanics, Minimal, Recursion, Small
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.dynamics.compiled import available as numba_here
@@ -591,7 +590,6 @@ def test_each_refusal_of_a_drive_names_the_place_or_the_argument() -> None:
             simulate(scene, 1.0, form=form)
     refusals = {
         "drive: motion in a few modes": lambda: simulate_truncated(scene, 1.0, 2),
-        "drive: a comparison of methods": lambda: measure_work_precision(scene, 1.0),
     }
     for words, action in refusals.items():
         with pytest.raises(SceneError, match=words) as refused:

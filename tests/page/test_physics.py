@@ -355,7 +355,7 @@ def test_the_state_in_a_scene_file_is_the_start_of_a_simulation(browser: Chromiu
 
 
 def test_the_coefficients_are_scipys(browser: Chromium) -> None:
-    mine = json.loads(browser.run("JSON.stringify($dop853.DOP853)"))
+    mine = json.loads(browser.run("JSON.stringify($tableau.DOP853)"))
     assert [*map(len, mine["A"])] == list(range(12))
     for row, values in enumerate(mine["A"]):
         assert values == coefficients.A[row, :row].tolist()

@@ -108,7 +108,8 @@ def _fit(path: Path, scene: Scene, folder: Path) -> str:
     names = [label.replace("[", "_").replace(",", "_").rstrip("]") for label in run.system.labels if label != "x"]
     header = ",".join(["time_s", *(f"{name}_rad" for name in names[: links.shape[1]])])
     np.savetxt(folder / "data.csv", data, delimiter=",", header=header, comments="")
-    return _command(f"fit @ {folder / 'data.csv'} --free pendulum[0].links[0].length", path, folder)
+    free = "damping" if scene.is_hoisted else "length"
+    return _command(f"fit @ {folder / 'data.csv'} --free pendulum[0].links[0].{free}", path, folder)
 
 
 def _vibration(path: Path, scene: Scene, folder: Path) -> str:
@@ -223,7 +224,6 @@ BEYOND = {
     ("count_100", "play"): "at most",
     ("count_100", "derive"): "at most",
     **dict.fromkeys((("hoist", "export"), ("hoist_and_drag", "export")), "holds a constant model"),
-    **dict.fromkeys((("hoist", "fit"), ("hoist_and_drag", "fit")), "follows its hoist"),
     ("count_100", "section"): "no motion of this energy",
     **dict.fromkeys((("escapement", "orbits vary"), ("van_der_Pol", "orbits vary")), "no limit cycle was found"),
 }
