@@ -208,14 +208,6 @@ def jacobian_of(form: Form) -> tuple[Module, Ints, Ints]:
     return Module(own.tape, {"jacobian": [*own.held, *entries]}), places[:, 0], places[:, 1]
 
 
-@lru_cache(maxsize=64)
-def sensitivity_of(form: Form) -> Module:
-    """The function "sensitivity" of a form: ∂y'/∂p δp, from (y, δp) as one vector, for a change δp of its numbers."""
-    own = Equations(form)
-    change = own.tape.inputs("y", form.count)
-    return Module(own.tape, {"sensitivity": along(own.tape, own.held, own.numbers, change)})
-
-
 def responding(own: Equations, form: Form) -> list[Any]:
     """The y' of a form with `contacts` without friction, then M⁻¹Jᵀ (half, J) row by row.
 

@@ -19,16 +19,17 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.dense import SINGULAR
 from nonlinear.dynamics.drag import plane_drag
-from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of, sensitivity_of
+from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of
 from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed
 from nonlinear.dynamics.hamiltonian import momenta, potential
 from nonlinear.dynamics.joints import cart_force, modal_drag
-from nonlinear.dynamics.switching import switched
+from nonlinear.dynamics.switching import switched, switching_of
 from nonlinear.dynamics.tape import partials
 from nonlinear.dynamics.text import Module
 from nonlinear.system import State, entries_of, prescribed_of
 
 Force = Callable[[float], Floats]
+TINY = 1e-20  # imaginary part of a number: its square vanishes beside any
 SPARSE = 8
 """Links up to which the entries of J are written one by one; longer scenes have J v written, and take all directions.
 
@@ -122,16 +123,18 @@ class Variational(Generated):
         """The numbers p of the form, (P,)."""
         return self.form.numbers(entries_of(self.system), prescribed_of(self.system))
 
-    def moved_by(self, change: Floats, y: Floats, u: Any = ()) -> Floats:
-        """The derivative ∂y'/∂p δp by the numbers, (d, S), for a `change` δp (P,) at many y side by side, (d, S)."""
-        with np.errstate(all="ignore"):
-            found = self._sensitivity([*y, *change.tolist()], u)
-        return np.array([np.broadcast_to(one, y.shape[1:]) for one in found])
+    def moved_by(self, change: Floats, y: Floats, u: Any = (), moved: Any = ()) -> Floats:
+        """The derivative (d, S) of y' at many y side by side (d, S) along a change δp (P,) of the numbers.
 
-    @cached_property
-    def _sensitivity(self) -> Any:
-        module = sensitivity_of(self.form)
-        return module.function("sensitivity", module.constants(self.numbers), "arrays")
+        The inputs u (K, S) change by `moved` (K, S), by default not at all.
+        """
+        name = "sticking" if self.form.contacts else "rates"
+        module = switching_of(self.form) if self.form.contacts else module_of(self.form)
+        p = [np.array([one + 1j * TINY * step]) for one, step in zip(self.numbers, change.tolist(), strict=True)]
+        inputs = np.asarray(u) + 1j * TINY * np.asarray(moved) if len(moved) else u
+        with np.errstate(all="ignore"):
+            found = module.function(name, module.constants(p), "arrays")([*y.astype(complex)], inputs)
+        return np.array([np.broadcast_to(np.imag(one), y.shape[1:]) for one in found[: self.size]]) / TINY
 
     def energy_slope(self, y: Floats) -> Floats:
         """The derivative of the energy (J) by y, (d,)."""

@@ -47,39 +47,50 @@ class _Columns(Some):
         one, told = self.crowd.of(int(self.members)), state.tolist()
         u, seen = self.crowd.inputs.of_time(t), len(one.happened)
         begun, slope = y[:, 0].real.tolist(), f[:, 0].real.tolist()
-        kicks = j < 2 * one.places.K
-        after, V = one.change(t, j, begun, slope, told, [] if kicks else y.imag.T.tolist(), u)
-        impulses = {int(own[1]): own[2] for own in one.happened[seen:] if own[1] < one.places.K}
-        moved = self._kicked(one, j, y, slope, impulses, [*u, *one.inputs(state.tolist())], told, u) if kicks else V
+        kicks, before = j < 2 * one.places.K, one.inputs(state.tolist())
+        after, moved = one.change(t, j, begun, slope, told, [] if kicks else y.imag.T.tolist(), u)
+        if kicks:
+            own = self.columns
+            numbers = one.form.numbers(own.entries, own.prescribed), own.switching
+            moved = kicked(one, numbers, j, y, slope, impulses_since(one, seen), [*u, *before], told, u).T
         state[:] = told
         return np.array(after)[:, None] + 1j * np.reshape(moved, y.T.shape).T
 
-    def _kicked(
-        self,
-        one: Switches,
-        j: int,
-        y: Any,
-        slope: Sequence[float],
-        impulses: dict[int, float],
-        before: Sequence[float],
-        state: Sequence[float],
-        u: Sequence[float],
-    ) -> Any:
-        """The imaginary parts (1 + k, size) after these impulses, one joint after the other."""
-        at, form = one.places, one.form
-        constants = one.module.constants(form.numbers(self.columns.entries, self.columns.prescribed))
-        kick = one.module.function("kick", constants, "arrays")
-        rate = one.function("sticking" if form.contacts else "rates")
-        numbers, z, g, first = self.columns.switching, y, np.array(slope), j % at.K
-        for i in [first, *(own for own in impulses if own != first)]:
-            side, (below, above) = np.sign(impulses[i]), at.kicks[i]
-            gamma = z[below] - (z[above] if above >= 0 else 0.0) - numbers[i]
-            rise = g[below] - (g[above] if above >= 0 else 0.0)
-            late = -np.imag(side * gamma - numbers[at.K + i]) / (side * rise)
-            pushes = [side * numbers[2 * at.K + i] if k == i else 0.0 for k in range(at.K)]
-            given = [*pushes, *state[at.K : at.told], *numbers[:-1], *[0.0] * at.timed]
-            z = z + 1j * g[:, None] * late
-            z = np.array(np.broadcast_arrays(*kick(z, before, [*[0.0] * at.size, *given]), z[0])[:-1])
-            g = np.array(rate(z[:, 0].real.tolist(), [*u, *one.inputs(state)], ()))
-            z = z - 1j * g[:, None] * late
-        return z.imag.T
+
+def impulses_since(one: Switches, count: int) -> dict[int, float]:
+    """The impulses of every joint that was kicked after so many happenings."""
+    return {int(own[1]): own[2] for own in one.happened[count:] if own[1] < one.places.K}
+
+
+def kicked(
+    one: Switches,
+    numbers: tuple[Sequence[Any], Sequence[Any]],
+    j: int,
+    y: Any,
+    slope: Sequence[float],
+    impulses: dict[int, float],
+    before: Sequence[float],
+    state: Sequence[float],
+    u: Sequence[float],
+) -> Floats:
+    """The imaginary parts (size, 1 + k) of y after these impulses, of which that of switch j is the first.
+
+    `numbers` are those of the form and of the switches, with imaginary parts; `slope` is y' before, `before` are all
+    inputs then, `state` is that after, u are the inputs without those of contacts.
+    """
+    at, form, (own, given) = one.places, one.form, numbers
+    kick = one.module.function("kick", one.module.constants(own), "arrays")
+    rate = one.function("sticking" if form.contacts else "rates")
+    z, g, first = y, np.array(slope), j % at.K
+    for i in [first, *(k for k in impulses if k != first)]:
+        side, (below, above) = np.sign(impulses[i]), at.kicks[i]
+        gamma = z[below] - (z[above] if above >= 0 else 0.0) - given[i]
+        rise = g[below] - (g[above] if above >= 0 else 0.0)
+        late = -np.imag(side * gamma - given[at.K + i]) / (side * rise)
+        pushes = [side * given[2 * at.K + i] if k == i else 0.0 for k in range(at.K)]
+        v = [*[0.0] * at.size, *pushes, *state[at.K : at.told], *given[:-1], *[0.0] * at.timed]
+        z = z + 1j * g[:, None] * late
+        z = np.array(np.broadcast_arrays(*kick(z, before, v), z[0])[:-1])
+        g = np.array(rate(z[:, 0].real.tolist(), [*u, *one.inputs(state)], ()))
+        z = z - 1j * g[:, None] * late
+    return np.asarray(z.imag)

@@ -23,7 +23,8 @@ from modal.report import Displayed
 from modal.types import Floats
 from nonlinear.dynamics.dense import SINGULAR
 from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
-from nonlinear.dynamics.variational import Force, Variational
+from nonlinear.dynamics.variational import TINY, Force, Variational
+from nonlinear.integration.analytic import impulses_since, kicked
 from nonlinear.integration.floats import FloatDOP853, Numbers, attempt_of
 from nonlinear.integration.method import FIFTH, NODES, POWER, ROWS, SAFETY, STAGES, THIRD, Shares, steered
 from nonlinear.integration.switched import Switched
@@ -42,6 +43,13 @@ class Path(NamedTuple):
     times: Floats
     states: Floats
     rates: Floats
+
+
+class Change(NamedTuple):
+    """A change of the numbers of equations, (P,), and of those of their switches, (g,)."""
+
+    numbers: Floats
+    switching: Floats
 
 
 class Passed(NamedTuple):
@@ -81,13 +89,13 @@ class Step(NamedTuple):
 class Flow(Displayed):
     """The flow of a system with this tolerance; `force` (n,) of the time acts from outside, in every coordinate.
 
-    With a `change` δp of the numbers of its equations, (P,), V has a last column, the change of y with them.
+    With a `change` of its numbers V has a last column, the change of y with them.
     """
 
     system: System
     tolerance: float = 1e-12
     force: Force | None = None
-    change: Floats | None = None
+    change: Change | None = None
     equations: Variational = field(init=False)
 
     def __post_init__(self) -> None:
@@ -121,9 +129,7 @@ class Flow(Displayed):
         kept, carried = [(0.0, y, solver.f)], list[Step | Floats]()
         while True:
             if switched and switched.met is not None:
-                S = np.eye(len(y)).tolist()
-                solver.switch(S)
-                carried.append(np.array(S).T)
+                carried.append(self._through(solver, switched))
                 kept.append((solver.t - start, solver.y, solver.f))
             if solver.t >= solver.t_bound or (switched and switched.rests):
                 break
@@ -136,6 +142,26 @@ class Flow(Displayed):
         times, states, rates = map(np.array, zip(*kept, strict=True))
         ended = self._carried(V, carried) if V.shape[1] else V
         return Passed(states[-1], ended, switched.state if switched else [], Path(times, states, rates))
+
+    def _through(self, solver: FloatDOP853, switched: Switched) -> Floats:
+        """What the switch that was met does to V, by whose state and numbers it goes on."""
+        one, S, j, u = switched.switches, np.eye(len(solver.y)).tolist(), switched.met or 0, self._timed(solver.t)
+        y, f, before, seen = solver.y, solver.f.tolist(), [*u, *switched.held], len(one.happened)
+        solver.switch(S)
+        if self.change is None:
+            return np.array(S).T
+        found: Floats = block_diag(np.array(S).T, 1.0)
+        if j < 2 * one.places.K:
+            parts = zip((self.equations.numbers, one.numbers), self.change, strict=True)
+            numbers = [[np.array([a + 1j * TINY * b]) for a, b in zip(*pair, strict=True)] for pair in parts]
+            impulses = impulses_since(one, seen)
+            moved = kicked(one, (numbers[0], numbers[1]), j, y[:, None] + 0j, f, impulses, before, switched.state, u)
+            found[:-1, -1] = moved[:, 0] / TINY
+        return found
+
+    def _timed(self, time: float) -> list[float]:
+        """The inputs before those of contacts."""
+        return [*self.equations.listed(time, ())] if self.equations.listed else []
 
     def _solver(self, y: Floats, whole: float, state: list[float] | None, start: float) -> FloatDOP853:
         """What takes steps from y."""
@@ -234,7 +260,7 @@ class Flow(Displayed):
         if self.change is not None:
             size += 1
             J = np.pad(J, ((0, 0), (0, 1), (0, 1)))
-            J[:, :-1, -1] = self.equations.moved_by(self.change, y, u).T
+            J[:, :-1, -1] = self.equations.moved_by(self.change.numbers, y, u, self._moved(u)).T
         J = J.reshape(many, STAGES, size, size) * lengths[:, None, None, None]
         K, own = np.empty((STAGES, many, size, size)), np.eye(size)
         flat = K.reshape(STAGES, -1)
@@ -244,6 +270,16 @@ class Flow(Displayed):
         ways = lengths * (np.abs(stages).max(1) / self.scale).max(1)
         still = np.flatnonzero(ways < STILL)
         return np.asarray(ends), dict(zip(still.tolist(), self._missed(K[:, still]).tolist(), strict=True))
+
+    def _moved(self, u: Floats) -> Floats:
+        """The change of the inputs u (K, S) with the numbers: those of contacts are their limits, but for a sign."""
+        found, contacts = np.zeros_like(u), len(self.equations.form.contacts)
+        if contacts and self.change is not None and self.switched:
+            at, one = self.switched.switches.places, self.switched.switches
+            limits = slice(3 * at.K, 3 * at.K + contacts)
+            part = self.change.switching[limits] / np.array(one.numbers[limits])
+            found[-2 * contacts : -contacts] = u[-2 * contacts : -contacts] * part[:, None]
+        return found
 
     def _missed(self, K: Floats) -> Floats:
         """The errors (N,) over the tolerance, in natural units, of steps with these changes at the stages."""

@@ -24,13 +24,14 @@ from modal.scene import Scene, require
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
 from nonlinear.dynamics.variational import Force
+from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.orbits.floquet import Floquet, whole
-from nonlinear.orbits.flow import Flow, Passed, Path
+from nonlinear.orbits.flow import Change, Flow, Passed, Path
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.system import system_of
 
 SEGMENTS = 2
-NUDGE = 1e-7  # of the range of a number, for derivatives of kicked motions by it
+NUDGE = 1e-7  # of the range of a number, for derivatives by one where the form of the equations changes
 BESIDE = 1e-4  # of a number of a scene, for derivatives of those of the equations by it
 
 
@@ -225,29 +226,31 @@ def shooting(
         varied = scene if value is None or variation is None else vary(scene, {variation.path: value})
         require(varied, "a periodic orbit")
         flow = Flow(system_of(varied), tolerance, force=force)
-        if value is None or variation is None or flow.switched:
+        if value is None or variation is None:
             return flow
         return replace(flow, change=_change(scene, variation, value, flow))
 
     return Shooting(scene, flow_at, leader, segments, period, variation)
 
 
-def _change(scene: Scene, variation: Variation, value: float, flow: Flow) -> Floats | None:
-    """The derivative of the numbers of the equations by a number of the scene, (P,), by central differences.
+def _change(scene: Scene, variation: Variation, value: float, flow: Flow) -> Change | None:
+    """The derivative of the numbers of the equations by a number of the scene, by central differences.
 
     None where a scene beside has another form, as a number is 0 there.
     """
     beside, aside = [], BESIDE * abs(value)
+    here = switching_of(flow.system)
     for moved in (value - aside, value + aside):
         try:
             system = system_of(vary(scene, {variation.path: moved}))
         except SceneError:
             return None
         equations = replace(flow.equations, system=system)
-        if equations.form != flow.equations.form:
+        switching = switching_of(system)
+        if equations.form != flow.equations.form or len(switching) != len(here):
             return None
-        beside.append(np.array(equations.numbers))
-    return np.asarray((beside[1] - beside[0]) / (2 * aside)) if aside else None
+        beside.append((np.array(equations.numbers), np.array(switching)))
+    return Change(*((after - before) / (2 * aside) for before, after in zip(*beside, strict=True))) if aside else None
 
 
 def spread(problem: Shooting, flow: Flow, y: Floats, period: float) -> Floats:

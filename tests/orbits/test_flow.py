@@ -11,7 +11,7 @@ from support.scenes import complex_step, motion_scene, plane_scene, random_state
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, load
 from modal.assembly import matrices
-from modal.scene import Moved, SineMotion
+from modal.scene import Moved, SineMotion, scene_from
 from modal.scene.parameters import parse_variations
 from modal.types import Floats
 from nonlinear.dynamics.variational import Variational
@@ -193,6 +193,49 @@ def test_derivatives_by_a_number_of_the_scene_are_those_of_differences(path: str
     assert found[:, -1] == pytest.approx(slope, rel=1e-7, abs=1e-8 * np.abs(slope).max())
     plain = Flow(flow.system, flow.tolerance)(y, np.eye(6), 1.1).V
     assert found[:, :-1] == pytest.approx(plain, rel=1e-12, abs=1e-12)
+
+
+KICKED = {
+    "gravity": 9.81,
+    "support": {"kind": "cart", "mass": 2.0, "damping": 0.3, "stiffness": 9.0, "friction": 1.2},
+    "pendulum": [
+        {
+            "links": [
+                {
+                    **{"kind": "rod", "mass": mass, "length": length, "damping": 0.02, "friction": 0.03},
+                    "drive": {"kind": "escapement", "impulse": 0.05, "angle_deg": angle},
+                }
+            ]
+        }
+        for mass, length, angle in ((1.0, 0.5, 6.0), (0.6, 0.7, 4.0))
+    ],
+}
+SWITCHING = {
+    "pendulum[0].links[0].drive.impulse": 0.05,
+    "pendulum[0].links[0].drive.angle_deg": 6.0,
+    "pendulum[1].links[0].friction": 0.03,
+    "support.friction": 1.2,
+    "support.mass": 2.0,
+    "pendulum[1].links[0].length": 0.7,
+}
+
+
+@pytest.mark.parametrize("path", SWITCHING)
+def test_derivatives_by_a_number_go_through_kicks_and_contacts(path: str) -> None:
+    value, none = SWITCHING[path], np.zeros((6, 0))
+    (variation,) = parse_variations([f"{path}={value / 2}:{2 * value}:3"])
+    problem = shooting(scene_from(KICKED), variation=variation, tolerance=1e-13)
+    flow, y = problem.flow_at(value), np.array([0.05, 0.3, -0.25, 0.1, -0.4, 0.5])
+    assert flow.change is not None
+    found = flow(y, np.eye(6), 2.5)
+    assert flow.switched is not None
+    kinds = {int(one[1]) for one in flow.switched.switches.happened}
+    assert kinds & {0, 1}
+    assert kinds - {0, 1}
+    step = 1e-5 * value
+    ends = {k: problem.flow_at(value + k * step)(y, none, 2.5).y for k in (-2, -1, 1, 2)}
+    slope = (8 * (ends[1] - ends[-1]) - (ends[2] - ends[-2])) / (12 * step)
+    assert found.V[:, -1] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(slope).max())
 
 
 @pytest.mark.parametrize("spacing", ["", "log"])
