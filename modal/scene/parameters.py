@@ -40,6 +40,7 @@ UNITS = {
     "friction": "N m",
     "drag": "N s/m",
     "quadratic_drag": "N s²/m²",
+    "impulse": "N m s",
     "angles_deg": "°",
     "azimuths_deg": "°",
     "rates_deg": "°/s",
