@@ -4,7 +4,8 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`, whose pendula are chains of `links`; `motion` moves a support and `records` reads its records,
+Start with `model`, whose pendula are chains of `links`; `motion` moves a support and acts on `points`, `records` reads
+records,
 `hoist` changes a length; `files` reads and writes scenes, `sealed` detects damaged files, `validation` checks every
 part and words the messages, `parameters` finds and varies numbers by path, `titles` says what hangs in a scene without
 a title, `summary` what a scene shows of itself.
@@ -28,8 +29,22 @@ from modal.scene.model import (
     scene_from,
     validate_scene,
 )
-from modal.scene.motion import Moved, RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
+from modal.scene.motion import (
+    ConstantForce,
+    Force,
+    Moved,
+    RandomForce,
+    RandomMotion,
+    RecordForce,
+    RecordMotion,
+    SineForce,
+    SineMotion,
+    SupportMotion,
+    SweepForce,
+    SweepMotion,
+)
 from modal.scene.parameters import parse_variations
+from modal.scene.points import places_of
 from modal.scene.records import Spectrum
 from modal.scene.titles import name_of, title_of, what_hangs
 
@@ -41,20 +56,26 @@ __all__ = [
     "Bob",
     "Body",
     "Cart",
+    "ConstantForce",
     "Escapement",
     "Fixed",
+    "Force",
     "Hoist",
     "InitialCondition",
     "LengthLaw",
     "Moved",
     "Pendulum",
+    "RandomForce",
     "RandomMotion",
+    "RecordForce",
     "RecordMotion",
     "Rod",
     "Scene",
+    "SineForce",
     "SineMotion",
     "Spectrum",
     "SupportMotion",
+    "SweepForce",
     "SweepMotion",
     "VanDerPol",
     "describe",
@@ -68,6 +89,7 @@ __all__ = [
     "one_by_one",
     "parse",
     "parse_variations",
+    "places_of",
     "refusals",
     "require",
     "scene_from",

@@ -93,6 +93,14 @@ def _ratio(given: float | tuple[float, ...]) -> bool:
     return any(given) if isinstance(given, tuple) else given > 0
 
 
+def _changes(forces: Sequence[Any]) -> bool:
+    return any(force.kind != "constant" for force in forces)
+
+
+def _is_constant(forces: Sequence[Any]) -> bool:
+    return any(force.kind == "constant" and force.amplitude for force in forces)
+
+
 FEATURES: dict[str, Feature] = {
     "cart": Feature("a cart", 'give the support another kind than "cart"', "cart".__eq__, support="kind"),
     "massless_cart": Feature(
@@ -121,6 +129,8 @@ FEATURES: dict[str, Feature] = {
     "van_der_pol": Feature(
         "van der Pol drives", "remove the drives", lambda drive: isinstance(drive, VanDerPol), link="drive"
     ),
+    "force": Feature("a force that changes in time", "remove the force", _changes, scene="force"),
+    "constant_force": Feature("a constant force", "remove the force", _is_constant, scene="force"),
     "load": Feature("applied forces", "leave out the load"),
 }
 """All features by name; a load comes with a call, not with a scene."""

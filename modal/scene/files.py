@@ -86,7 +86,7 @@ def parse(text: bytes, folder: Path = Path()) -> Scene:
         raise SceneError([f"broken TOML: {error}"]) from None
     except RecursionError:
         raise SceneError(["broken TOML: nested too deeply"]) from None
-    if "motion" in document:
+    if "motion" in document or "force" in document:
         from modal.scene.records import with_files_read
 
         return scene_from(with_files_read(data, folder))
@@ -132,8 +132,9 @@ def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
 def schema() -> dict[str, Any]:
     """The JSON Schema of a scene file, for editors."""
     found = Scene.model_json_schema()
-    random = found["$defs"]["RandomMotion"]["properties"]
-    random["psd"] = {"anyOf": [random["psd"], {"type": "string"}], "title": "Psd"}
+    for name in ("RandomMotion", "RandomForce"):
+        random = found["$defs"][name]["properties"]
+        random["psd"] = {"anyOf": [random["psd"], {"type": "string"}], "title": "Psd"}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
 
 

@@ -17,7 +17,8 @@ from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
 from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features
 from modal.scene.links import AnyLink, Bob, Body, Rod
-from modal.scene.motion import Moved
+from modal.scene.motion import FORCE, ConstantForce, Force, Moved
+from modal.scene.points import point_problems
 from modal.scene.validation import (
     COUNT,
     NON_NEGATIVE,
@@ -33,6 +34,7 @@ from modal.scene.validation import (
     one_or_list,
     optional,
     parts,
+    parts_or_none,
 )
 
 MAX_CHAIN = 20_000
@@ -168,6 +170,7 @@ class Scene(Displayed, Part):
     support: Fixed | Cart | Moved = field(any_kind(Fixed, Cart, Moved), default=Fixed())
     damping_ratio: float | tuple[float, ...] = field(one_or_list(RATIO), default=0.0)
     pendulum: tuple[Pendulum, ...] = field(parts(Pendulum.schema()))
+    force: tuple[Force, ...] = field(parts_or_none(FORCE), default=())
 
     @property
     def features(self) -> frozenset[str]:
@@ -261,6 +264,17 @@ class Scene(Displayed, Part):
         return self.replace(support=Fixed()) if self.is_moved else self
 
     @property
+    def is_forced(self) -> bool:
+        """Whether the support moves, or forces act that change in time."""
+        return not self.features.isdisjoint({"moved_support", "force"})
+
+    @property
+    def unforced(self) -> Scene:
+        """The same scene without forces that change in time."""
+        constant = tuple(one for one in self.force if isinstance(one, ConstantForce))
+        return self.replace(force=constant) if "force" in self.features else self
+
+    @property
     def undriven(self) -> Scene:
         """The same scene without drives."""
         return self._with(drive=None) if self.is_driven else self
@@ -313,6 +327,10 @@ class Scene(Displayed, Part):
                 if link.friction:
                     yield f'.pendulum[{index}].links[{at}].friction = {link.friction!r}: needs space = "plane"'
         yield from self._rail_problems()
+        for at, force in enumerate(self.force):
+            yield from (f'.force[{at}].on = "{force.on}": {words}' for words in point_problems(self, force.on))
+            if self.space == "space":
+                yield f'.force[{at}]: needs space = "plane"'
 
     def _rail_problems(self) -> Iterator[str]:
         if not isinstance(self.support, Cart) or not self.support.has_friction:

@@ -1,8 +1,9 @@
-"""How a support moves: a sine, a sweep, a record, or one realization of a random process.
+"""What is prescribed in time: how a support moves, and the forces that act on a scene.
 
-Displacements are in metres, positive along the rail (`direction = "horizontal"`) or upwards (`"vertical"`).  A file
-named by a record or by a PSD is read with the scene file that names it (`modal.scene.records`); the scene holds its
-numbers.
+Both are a sine, a sweep, a record, or one realization of a random process; a force may also be constant.  Displacements
+are in metres, forces in newtons, positive along the rail (`direction = "horizontal"`) or upwards (`"vertical"`);
+torques in newton metres are positive as angles are.  A file named by a record or by a PSD is read with the scene file
+that names it (`modal.scene.records`); the scene holds its numbers.
 """
 
 from __future__ import annotations
@@ -11,21 +12,25 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Literal
 
+from modal.scene.points import parse_point
 from modal.scene.validation import (
     NON_NEGATIVE,
     POSITIVE,
     REAL,
     Part,
+    after,
     any_kind,
     before,
     field,
     list_of,
     number,
     one_of,
+    one_or_list,
     optional,
 )
 
 Direction = Literal["horizontal", "vertical"]
+Acting = Literal["horizontal", "vertical", "torque"]
 Quantity = Literal["acceleration", "velocity", "displacement"]
 FEWEST = 4  # samples of a record
 LARGEST_SEED = 2**63 - 1
@@ -35,7 +40,9 @@ RECORDED: dict[str, Quantity] = {
     "velocity_m_per_s": "velocity",
     "acceleration_m_per_s2": "acceleration",
 }
-"""What a record holds, by its key."""
+"""What a record of a motion holds, by its key."""
+FORCES = ("force_n", "moment_nm")
+"""The keys of a record of a force, and of a torque."""
 UNREAD = "is read with the scene file that names it: load that file, or give the numbers themselves"
 
 
@@ -45,14 +52,8 @@ def _numbers(value: object) -> object:
     return value
 
 
-class Movement(Part):
-    """A motion in one direction."""
-
-    direction: Direction = field(one_of("horizontal", "vertical"), default="horizontal")
-
-
-class SineMotion(Movement):
-    """The displacement A sin(2π f t + φ), at all times t of the run."""
+class Sine(Part):
+    """The value A sin(2π f t + φ), at all times t of the run."""
 
     kind: Literal["sine"] = field(one_of("sine"), default="sine")
     amplitude: float = field(NON_NEGATIVE)
@@ -60,8 +61,8 @@ class SineMotion(Movement):
     phase_deg: float = field(REAL, default=0.0)
 
 
-class SweepMotion(Movement):
-    """The displacement A sin(phase) with a frequency that rises or falls evenly over `duration` (s) from t = 0.
+class Sweep(Part):
+    """The value A sin(phase) with a frequency that rises or falls evenly over `duration` (s) from t = 0.
 
     Before and afterwards the frequency is constant.
     """
@@ -73,34 +74,21 @@ class SweepMotion(Movement):
     duration: float = field(POSITIVE)
 
 
-class RecordMotion(Movement):
-    """Samples at `time_s` of the displacement, of the velocity or of the acceleration, joined by a spline.
-
-    Before the first sample and after the last one the support moves on at a constant velocity.  `baseline` "velocity"
-    takes out the constant acceleration by which the velocity at the end differs from that at the beginning.
-    """
+class Record(Part):
+    """Samples at `time_s`, joined by a spline."""
 
     kind: Literal["record"] = field(one_of("record"), default="record")
     file: str | None = field(optional({"type": "str", "max_length": 4096}), default=None)
     time_s: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
-    displacement_m: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
-    velocity_m_per_s: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
-    acceleration_m_per_s2: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
-    baseline: Literal["keep", "velocity"] = field(one_of("keep", "velocity"), default="keep")
 
-    @property
-    def samples(self) -> tuple[Quantity, tuple[float, ...]]:
-        """What is recorded, and its values in SI units."""
-        return next((own, value) for name, own in RECORDED.items() if (value := getattr(self, name)) is not None)
-
-    def problems(self) -> Iterator[str]:
-        """A file that is not read, missing or several quantities, and times that do not ascend."""
+    def recorded_problems(self, keys: tuple[str, ...]) -> Iterator[str]:
+        """A file that is not read, missing or several quantities of these keys, and times that do not ascend."""
         if self.file is not None:
             yield f".file: {UNREAD}"
             return
-        given = [name for name in RECORDED if getattr(self, name) is not None]
+        given = [name for name in keys if getattr(self, name) is not None]
         if len(given) != 1 or self.time_s is None:
-            yield f": needs a file, or time_s and one of {', '.join(RECORDED)}"
+            yield f": needs a file, or time_s and {'one of ' if len(keys) > 1 else ''}{', '.join(keys)}"
             return
         times, values = self.time_s, getattr(self, given[0])
         if len(times) != len(values):
@@ -111,34 +99,86 @@ class RecordMotion(Movement):
             yield ".time_s: must be strictly ascending"
 
 
-class RandomMotion(Movement):
+class Random(Part):
     """One realization of a stationary random process with the one-sided power spectral density (PSD) `psd`.
 
-    `psd` is that of the acceleration, in (m/s²)²/Hz, or of the quantity named by `of`; it is interpolated by straight
-    lines over logarithmic axes and is zero outside `frequency_hz`.  The realization repeats after `duration` (s).
+    The PSD is interpolated by straight lines over logarithmic axes and is zero outside `frequency_hz`.  The realization
+    repeats after `duration` (s).
     """
 
     kind: Literal["random"] = field(one_of("random"), default="random")
     psd: tuple[float, ...] = field(before(_numbers, list_of(NON_NEGATIVE)))
     frequency_hz: tuple[float, ...] | None = field(optional(list_of(number(ge=0, le=1e100))), default=None)
-    of: Quantity = field(one_of("acceleration", "velocity", "displacement"), default="acceleration")
     seed: int = field({"type": "int", "strict": True, "ge": 0, "le": LARGEST_SEED})
     duration: float = field(POSITIVE)
 
     def problems(self) -> Iterator[str]:
         """Frequencies that do not fit or do not ascend, a duration too short or too long for them."""
+        yield from super().problems()
         if self.frequency_hz is None:
             yield ".frequency_hz: is required beside a list of psd"
             return
-        found = list(spectrum_problems(self.frequency_hz, self.psd))
-        yield from found
-        if found:
+        problems = list(spectrum_problems(self.frequency_hz, self.psd))
+        yield from problems
+        if problems:
             return
         sines = int(self.frequency_hz[-1] * self.duration)
         if sines < max(1.0, self.frequency_hz[0] * self.duration):
             yield f".duration = {self.duration!r}: holds no whole period of a frequency between those of the PSD"
         elif sines - self.frequency_hz[0] * self.duration > MOST_SINES:
             yield f".duration = {self.duration!r}: takes about {sines} sines: at most {MOST_SINES} are summed"
+
+
+# --------------------------------------------------------------------------------------------- motion of a support
+
+
+class Movement(Part):
+    """A motion in one direction."""
+
+    direction: Direction = field(one_of("horizontal", "vertical"), default="horizontal")
+
+
+class SineMotion(Sine, Movement):
+    """The displacement A sin(2π f t + φ), at all times t of the run."""
+
+
+class SweepMotion(Sweep, Movement):
+    """The displacement A sin(phase) with a frequency that rises or falls evenly over `duration` (s) from t = 0.
+
+    Before and afterwards the frequency is constant.
+    """
+
+
+class RecordMotion(Record, Movement):
+    """Samples at `time_s` of the displacement, of the velocity or of the acceleration, joined by a spline.
+
+    Before the first sample and after the last one the support moves on at a constant velocity.  `baseline` "velocity"
+    takes out the constant acceleration by which the velocity at the end differs from that at the beginning.
+    """
+
+    displacement_m: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    velocity_m_per_s: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    acceleration_m_per_s2: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    baseline: Literal["keep", "velocity"] = field(one_of("keep", "velocity"), default="keep")
+
+    @property
+    def samples(self) -> tuple[Quantity, tuple[float, ...]]:
+        """What is recorded, and its values in SI units."""
+        return next((of, values) for name, of in RECORDED.items() if (values := getattr(self, name)) is not None)
+
+    def problems(self) -> Iterator[str]:
+        """Those of records."""
+        return self.recorded_problems(tuple(RECORDED))
+
+
+class RandomMotion(Random, Movement):
+    """One realization of a stationary random process with the one-sided power spectral density (PSD) `psd`.
+
+    `psd` is that of the acceleration, in (m/s²)²/Hz, or of the quantity named by `of`; it is interpolated by straight
+    lines over logarithmic axes and is zero outside `frequency_hz`.  The realization repeats after `duration` (s).
+    """
+
+    of: Quantity = field(one_of("acceleration", "velocity", "displacement"), default="acceleration")
 
 
 def spectrum_problems(frequencies: tuple[float, ...], psd: tuple[float, ...]) -> Iterator[str]:
@@ -152,10 +192,95 @@ def spectrum_problems(frequencies: tuple[float, ...], psd: tuple[float, ...]) ->
 
 
 SupportMotion = SineMotion | SweepMotion | RecordMotion | RandomMotion
+MOTION = any_kind(SineMotion, SweepMotion, RecordMotion, RandomMotion)
 
 
 class Moved(Part):
-    """A support that moves as prescribed."""
+    """A support that moves as prescribed, by one motion or by a horizontal and a vertical one at once."""
 
     kind: Literal["moved"] = field(one_of("moved"), default="moved")
-    motion: SupportMotion = field(any_kind(SineMotion, SweepMotion, RecordMotion, RandomMotion))
+    motion: SupportMotion | tuple[SupportMotion, ...] = field(one_or_list(MOTION))
+
+    @property
+    def motions(self) -> tuple[SupportMotion, ...]:
+        """Its motions, also where there is one."""
+        return self.motion if isinstance(self.motion, tuple) else (self.motion,)
+
+    def problems(self) -> Iterator[str]:
+        """Several motions in one direction."""
+        for direction in ("horizontal", "vertical"):
+            count = sum(one.direction == direction for one in self.motions)
+            if count > 1:
+                yield f'.motion: has {count} motions with direction = "{direction}": one of each direction is possible'
+
+
+# ---------------------------------------------------------------------------------------------------------- forces
+
+
+def _point(text: str) -> str:
+    parse_point(text)
+    return text
+
+
+class AppliedForce(Part):
+    """What acts `on` a point of a scene (`modal.scene.points`): a force, or with `direction` "torque" a torque.
+
+    A torque on a link acts on its upper joint: on the link and, reversed, on the one above; one on a point of it
+    (`…@0.5`) acts on the link alone.
+    """
+
+    on: str = field(after(_point, {"type": "str", "max_length": 200}))
+    direction: Acting = field(one_of("horizontal", "vertical", "torque"), default="horizontal")
+
+    def problems(self) -> Iterator[str]:
+        """Directions that a cart on a horizontal rail has no place for."""
+        if self.on == "cart" and self.direction != "horizontal":
+            yield f'.direction = "{self.direction}": a force on the cart is horizontal'
+
+
+class SineForce(Sine, AppliedForce):
+    """The force A sin(2π f t + φ) in N, or a torque in N m.
+
+    >>> from modal import SineForce
+    >>> SineForce(on="pendulum[0].links[0]", direction="torque", amplitude=0.3, frequency_hz=1.0).on
+    'pendulum[0].links[0]'
+    """
+
+
+class SweepForce(Sweep, AppliedForce):
+    """The force A sin(phase) in N, or a torque in N m, with a frequency that changes evenly over `duration` (s)."""
+
+
+class RecordForce(Record, AppliedForce):
+    """Samples at `time_s` of a force (`force_n`) or a torque (`moment_nm`), joined by a spline; zero outside them."""
+
+    force_n: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    moment_nm: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+
+    @property
+    def samples(self) -> tuple[float, ...]:
+        """The values in N or N m."""
+        return next(values for name in FORCES if (values := getattr(self, name)) is not None)
+
+    def problems(self) -> Iterator[str]:
+        """Those of records, and a force recorded for a torque."""
+        yield from super().problems()
+        wanted, other = FORCES[:: -1 if self.direction == "torque" else 1]
+        if getattr(self, other) is not None:
+            yield f'.{other}: with direction = "{self.direction}" a record holds {wanted}'
+        yield from self.recorded_problems((wanted,)) if getattr(self, other) is None else ()
+
+
+class RandomForce(Random, AppliedForce):
+    """One realization of a random force with a PSD in N²/Hz, or of a torque in (N m)²/Hz; it repeats."""
+
+
+class ConstantForce(AppliedForce):
+    """The same force (N) or torque (N m) at all times: the scene is linearized about the equilibrium under it."""
+
+    kind: Literal["constant"] = field(one_of("constant"), default="constant")
+    amplitude: float = field(REAL)
+
+
+Force = SineForce | SweepForce | RecordForce | RandomForce | ConstantForce
+FORCE = any_kind(SineForce, SweepForce, RecordForce, RandomForce, ConstantForce)

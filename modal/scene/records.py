@@ -1,7 +1,9 @@
-"""Records of a support's motion and power spectral densities (PSDs) in CSV files, by the names of their columns.
+"""Records of motions and forces, and power spectral densities (PSDs), in CSV files by the names of their columns.
 
     time_s, and one of displacement_m, velocity_m_per_s, acceleration_m_per_s2    (also displacement, velocity, …)
+    time_s, and one of force_n, moment_nm    of a force
     frequency_hz, and one of psd (of the acceleration), acceleration_psd, velocity_psd, displacement_psd
+    frequency_hz, and one of psd, force_psd, moment_psd    of a force
 
 Any unit after the name of a PSD is taken as SI per hertz.  Lines that begin with # and further columns are passed over.
 """
@@ -16,12 +18,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from modal.errors import SceneError, meant
-from modal.scene.motion import RECORDED, Quantity, spectrum_problems
+from modal.scene.motion import FORCES, RECORDED, Quantity, spectrum_problems
 
 LARGEST_FILE = 256_000_000
 MOST_ROWS = 2_000_000
 TIMES = ("time_s", "time", "t_s")
 QUANTITIES: tuple[Quantity, ...] = ("displacement", "velocity", "acceleration")
+MOTION_PSDS = ("psd", *(f"{of}_psd" for of in reversed(QUANTITIES)))
+FORCE_PSDS = ("psd", "force_psd", "moment_psd")
 
 
 class Spectrum(NamedTuple):
@@ -32,24 +36,28 @@ class Spectrum(NamedTuple):
     of: Quantity
 
 
-def read_record(path: str | PathLike[str]) -> dict[str, Any]:
-    """The fields `time_s` and one quantity of a `RecordMotion`; SceneError, with its name, for any other file."""
+def read_record(path: str | PathLike[str], acts: bool = False) -> dict[str, Any]:
+    """The fields `time_s` and one quantity of a `RecordMotion`, of a `RecordForce` where it `acts`.
+
+    SceneError, with its name, for any other file.
+    """
     columns = _columns(path)
     time = next((name for name in TIMES if name in columns), None)
-    found = {key: name for key, word in RECORDED.items() for name in (key, word) if name in columns}
-    if time is None or len(found) != 1:
-        asked = "time_s and one of " + ", ".join(RECORDED)
+    words = {key: (key,) for key in FORCES} if acts else {key: (key, word) for key, word in RECORDED.items()}
+    quantities = {key: name for key, names in words.items() for name in names if name in columns}
+    if time is None or len(quantities) != 1:
+        asked = "time_s and one of " + ", ".join(words)
         raise SceneError([f"{fspath(path)}: needs the columns {asked}; it has {_listed(columns)}"])
-    key, name = next(iter(found.items()))
+    key, name = next(iter(quantities.items()))
     return {"time_s": columns[time], key: columns[name]}
 
 
-def read_spectrum(path: str | PathLike[str]) -> Spectrum:
-    """The PSD in a file; SceneError, with the file's name, where it has none or an impossible one."""
+def read_spectrum(path: str | PathLike[str], acts: bool = False) -> Spectrum:
+    """The PSD in a file, of a force where it `acts`; SceneError, with the file's name, where it has no possible one."""
     columns = _columns(path)
-    found = [(name, of) for name in columns if (of := _quantity(name))]
+    found = [(name, of) for name in columns if (of := _of_force(name) if acts else _quantity(name))]
     if "frequency_hz" not in columns or len(found) != 1:
-        asked = "frequency_hz and one of psd, acceleration_psd, velocity_psd, displacement_psd"
+        asked = f"frequency_hz and one of {', '.join(FORCE_PSDS if acts else (*MOTION_PSDS,))}"
         hint = "" if "frequency_hz" in columns else meant("frequency_hz", columns)
         raise SceneError([f"{fspath(path)}: needs the columns {asked}; it has {_listed(columns)}{hint}"])
     name, of = found[0]
@@ -60,6 +68,10 @@ def read_spectrum(path: str | PathLike[str]) -> Spectrum:
     if problems:
         raise SceneError([f"{fspath(path)}: {problem.removeprefix('.')}" for problem in problems])
     return Spectrum(frequencies, psd, of)
+
+
+def _of_force(name: str) -> Quantity | None:
+    return "acceleration" if any(name == psd or name.startswith(f"{psd}_") for psd in FORCE_PSDS) else None
 
 
 def _quantity(name: str) -> Quantity | None:
@@ -97,8 +109,8 @@ def _columns(path: str | PathLike[str]) -> dict[str, tuple[float, ...]]:
     if not rows:
         raise SceneError([f"{name}: is empty"])
     heads = [head.strip() for head in rows[0]]
-    wanted = [at for at, head in enumerate(heads) if head in {*TIMES, *RECORDED, *QUANTITIES, "frequency_hz"}]
-    wanted += [at for at, head in enumerate(heads) if _quantity(head) and at not in wanted]
+    wanted = [at for at, head in enumerate(heads) if head in {*TIMES, *RECORDED, *QUANTITIES, *FORCES, "frequency_hz"}]
+    wanted += [at for at, head in enumerate(heads) if (_quantity(head) or _of_force(head)) and at not in wanted]
     if len({heads[at] for at in wanted}) < len(wanted):
         raise SceneError([f"{name}: has a column twice"])
     if not wanted:
@@ -123,23 +135,41 @@ def _row(name: str, row: Sequence[str], line: int, heads: Sequence[str], wanted:
 
 
 def with_files_read(data: object, folder: Path) -> object:
-    """A scene's nested mappings with the numbers of the files that its support's motion names, relative to `folder`."""
-    support = data.get("support") if isinstance(data, dict) else None
-    motion = support.get("motion") if isinstance(support, dict) else None
-    if not isinstance(data, dict) or not isinstance(support, dict) or not isinstance(motion, dict):
+    """A scene's nested mappings with the numbers of the files that its motions and forces name, relative to `folder`."""
+    if not isinstance(data, dict):
         return data
-    name = {"record": "file", "random": "psd"}.get(str(motion.get("kind")), "")
-    path = motion.get(name)
+    support, forces = data.get("support"), data.get("force")
+    read = dict(data)
+    if isinstance(support, dict) and (motion := support.get("motion")):
+        several = isinstance(motion, list)
+        places = [f"[{k}]" for k in range(len(motion))] if several else [""]
+        motions = [
+            _with_file_read(one, folder, f"support.motion{place}", False)
+            for one, place in zip(motion if several else [motion], places, strict=True)
+        ]
+        read["support"] = support | {"motion": motions if several else motions[0]}
+    if isinstance(forces, list):
+        read["force"] = [_with_file_read(one, folder, f"force[{k}]", True) for k, one in enumerate(forces)]
+    return read
+
+
+def _with_file_read(given: Any, folder: Path, place: str, acts: bool) -> Any:
+    """One motion, or a force that `acts`, with the numbers of its file."""
+    if not isinstance(given, dict):
+        return given
+    name = {"record": "file", "random": "psd"}.get(str(given.get("kind")), "")
+    path = given.get(name)
     if not isinstance(path, str):
-        return data
-    others = [key for key in ("time_s", "frequency_hz", "of", *RECORDED) if key in motion]
-    place = f'support.motion.{name} = "{path}"'
-    if others:
+        return given
+    keys = ("time_s", "frequency_hz", *(FORCES if acts else ("of", *RECORDED)))
+    place = f'{place}.{name} = "{path}"'
+    if others := [key for key in keys if key in given]:
         raise SceneError([f"{place}: leaves no place for {', '.join(others)}"])
     try:
-        read = read_record(folder / path) if name == "file" else read_spectrum(folder / path)._asdict()
+        read = read_record(folder / path, acts) if name == "file" else read_spectrum(folder / path, acts)._asdict()
     except SceneError as error:
         shown = f"{folder / path}: "
         raise SceneError([f"{place}: {problem.removeprefix(shown)}" for problem in error.problems]) from None
-    kept = {key: value for key, value in motion.items() if key != name}
-    return data | {"support": support | {"motion": kept | read}}
+    if acts:
+        read.pop("of", None)
+    return {key: value for key, value in given.items() if key != name} | read

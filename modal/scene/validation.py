@@ -43,7 +43,7 @@ WORDS = {
     "too_short": "must not be empty",
     "string_too_long": "is too long",
 }
-LISTS_OF_TABLES = {"pendulum": "[[pendulum]]", "links": "links = [{ … }, …]"}
+LISTS_OF_TABLES = {"pendulum": "[[pendulum]]", "force": "[[force]]", "links": "links = [{ … }, …]"}
 ONE, LIST = "(one)", "(list)"
 """Steps that the validator adds to the place of a value that may be one or a list."""
 Schema = dict[str, Any]
@@ -123,6 +123,11 @@ def parts(schema: Schema) -> Schema:
     return before(_several, list_of(schema) | {"min_length": 1})
 
 
+def parts_or_none(schema: Schema) -> Schema:
+    """Any number of parts in a list."""
+    return before(_several, list_of(schema))
+
+
 def any_kind(*kinds: type[Part]) -> Schema:
     """A part of one of these kinds."""
     choices = {kind: part.schema() for part in kinds for kind in part.fields["kind"].schema["expected"]}
@@ -170,7 +175,8 @@ class Part:
         own = {name: value for name, value in vars(cls).items() if isinstance(value, Field)}
         for name in own:
             delattr(cls, name)
-        cls.fields = cls.fields | own
+        inherited = (vars(base).get("fields", {}) for base in reversed(cls.__mro__[1:]))
+        cls.fields = {name: one for fields in inherited for name, one in fields.items()} | own
         KEYS.update(cls.fields)
         TAGS.update(_kinds_of(cls))
         kinds = {key: list(_kinds(one.schema)) for key, one in cls.fields.items() if key != "kind"}
@@ -352,7 +358,7 @@ def _place(location: tuple[int | str, ...], is_key: bool) -> str:
     for position, part in enumerate(location):
         before = location[max(0, position - 2) : position]
         behind = before[-1:] in {("support",), ("drive",), ("motion",)} or (
-            before[:1] == ("links",) and isinstance(before[-1], int)
+            before[:1] in {("links",), ("force",), ("motion",)} and isinstance(before[-1], int)
         )
         added = part in TAGS and behind and not (is_key and position == len(location) - 1)
         if not added:
