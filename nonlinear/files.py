@@ -26,7 +26,18 @@ from modal.types import Floats
 from nonlinear.dynamics import links_of_contacts
 from nonlinear.integration import FORMS, TRUNCATED, SolverInfo, Trajectory, choose
 from nonlinear.reduction import CORRECTED, LINEAR
-from nonlinear.system import NO_FRICTION, NO_KICKS, EventRecord, Friction, Kicks, Motion, State, System, system_of
+from nonlinear.system import (
+    NO_FRICTION,
+    NO_KICKS,
+    UP,
+    EventRecord,
+    Friction,
+    Kicks,
+    Motion,
+    State,
+    System,
+    system_of,
+)
 
 KINDS = ("npz", "csv")
 HEADER = "header"
@@ -36,7 +47,11 @@ PARTS = ("links", "link_rates", "cart", "cart_rate", "work")
 TIMES = "times_s"
 AXES = ("x", "y", "z")
 SUPPORT = ("support_m", "support_dot_m_per_s", "support_ddot_m_per_s2")
-"""Columns of a moved support, in its direction: along the rail, or upwards; computed when the file is written."""
+"""Columns of a support that moves in one direction, along the rail or upwards; computed when the file is written."""
+BOTH_WAYS = tuple(
+    name.replace("support", f"support_{way}", 1) for way in ("horizontal", "vertical") for name in SUPPORT
+)
+"""Of one that moves in both."""
 REDUCED = (TRUNCATED, LINEAR, CORRECTED)
 
 
@@ -227,17 +242,21 @@ def columns(system: System) -> list[str]:
     else:
         links = [f"theta_{place}_rad" for place in places]
         rates = [f"theta_dot_{place}_rad_per_s" for place in places]
-    support = SUPPORT if system.support else ()
-    return ["time_s", *links, *rates, "x_m", "x_dot_m_per_s", "work_J", *support]
+    return ["time_s", *links, *rates, "x_m", "x_dot_m_per_s", "work_J", *_of_support(system)]
+
+
+def _of_support(system: System) -> tuple[str, ...]:
+    moving = len(system.support.motions) if system.support else 0
+    return ((), SUPPORT, BOTH_WAYS)[moving]
 
 
 def rows_of(trajectory: Trajectory) -> Floats:
     """The numbers of the motion, a column for each of `columns`, (T, C)."""
     motion, size = trajectory.motion, len(trajectory.times)
     blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in PARTS]
-    if trajectory.system.support:
-        moved = trajectory.system.support.motion
-        blocks += [own(trajectory.times)[:, None] for own in (moved.displacement, moved.velocity, moved.acceleration)]
+    if support := trajectory.system.support:
+        moved = [motion for _, motion in sorted(support.motions, key=lambda each: each[0] == UP)]
+        blocks += [motion.derivative(trajectory.times, order)[:, None] for motion in moved for order in range(3)]
     return np.hstack([trajectory.times[:, None], *blocks])
 
 
@@ -258,7 +277,7 @@ def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
     system = system_of(scene_from(header["scene"]))
     if names.split(",") != columns(system):
         raise ValueError
-    rows = rows[:, : len(rows[0]) - len(SUPPORT)] if system.support else rows
+    rows = rows[:, : len(rows[0]) - len(_of_support(system))]
     size, width = len(rows), 3 if system.spatial else 1
     count = system.n_links * width
     shape = (size, system.n_links, 3) if system.spatial else (size, system.n_links)

@@ -158,12 +158,11 @@ def _request(
 
 def _with_support(system: System, told: dict[str, Any]) -> dict[str, Any]:
     """The breaks and the longest step, with those of a moved support."""
-    if system.support is None:
+    if not system.prescribed:
         return told
-    motion = system.support.motion
-    breaks = motion.breaks if told["breaks"] is None else [*np.ravel(told["breaks"]), *motion.breaks]
+    breaks = system.breaks if told["breaks"] is None else [*np.ravel(told["breaks"]), *system.breaks]
     longest = told["max_step"]
-    return {"breaks": breaks, "max_step": _shorter(longest, motion.shortest)}
+    return {"breaks": breaks, "max_step": _shorter(longest, system.shortest)}
 
 
 def _shorter(longest: Any, shortest: float) -> Any:

@@ -63,7 +63,8 @@ def _of(words: str) -> frozenset[str]:
 
 SHAPE = _of("cart copies inverted joint_springs")
 LINEAR = SHAPE | LOSS | {"massless_cart", "space"}
-ACTING = SHAPE | LOSS | DRAG | {"moved_support", "load"}
+FORCED = _of("force constant_force")
+ACTING = SHAPE | LOSS | DRAG | FORCED | {"moved_support", "load"}
 
 # ------------------------------------------------------------------------------------------------------- sentences
 
@@ -76,6 +77,7 @@ GRIPPED = (
 ABOUT: Sentences = {
     **_each(DRIVES, UNDRIVEN),
     "moved_support": "The support's motion is left out: the modes are those about a support at rest.",
+    "force": "Forces that change in time are left out: the modes are those about the equilibrium without them.",
     "joint_friction": RUBBING,
     **_each(FRICTION - {"joint_friction"}, GRIPPED),
     "quadratic_drag": "Quadratic drag is left out: it dies out with the square of the speed.",
@@ -85,7 +87,11 @@ OMITTED: Sentences = {"hoist": HOISTED, **ABOUT}
 """What the linear model of a scene leaves out; `ABOUT` where lengths are constant."""
 
 CONSTANT: Sentences = {"hoist": "needs constant lengths"}
-STILL: Sentences = {"moved_support": "needs a support at rest, and simulate follows a moved one"}
+SHIFTED: Sentences = {"constant_force": "is computed about links that hang or stand straight, from which it moves them"}
+STILL: Sentences = {
+    "moved_support": "needs a support at rest, and simulate follows a moved one",
+    **_each(FORCED, "needs a scene without forces, and simulate takes them"),
+}
 PLANE: Sentences = {"space": "is computed in the plane"}
 NO_RATIO: Sentences = {"damping_ratio": "has no place for dampers that belong to modes"}
 STICKS = _each(FRICTION, "does not follow what sticks and slips")
@@ -116,7 +122,7 @@ CONSTANT_MODEL = Capability(
     "a constant linear model",
     LINEAR - {"massless_cart"},
     leaves=ABOUT,
-    refuses=AT_ONE_TIME,
+    refuses={**AT_ONE_TIME, **SHIFTED},
     unless={"massless_cart": "the mass matrix is singular"},
     beside=UNLOADED,
 )
@@ -153,7 +159,7 @@ PERIODIC = Capability(
 
 SIDE_BY_SIDE = Capability(
     "engine numpy",
-    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | {"moved_support", "hoist"},
+    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | {"moved_support", "hoist"},
     refuses=BESIDE_NONE,
     unless=STOPS,
     beside=UNLOADED,
@@ -162,12 +168,12 @@ SIDE_BY_SIDE = Capability(
 CAPABILITIES: dict[str, Capability] = {
     one.name: one
     for one in (
-        Capability("the table of modes", LINEAR, leaves=OMITTED, beside=UNLOADED),
+        Capability("the table of modes", LINEAR, leaves=OMITTED, refuses=SHIFTED, beside=UNLOADED),
         Capability(
             "the explanation of the coupling",
             LINEAR - {"inverted"},
             leaves=ABOUT,
-            refuses={**CONSTANT, "inverted": "has no frequency for a link that stands"},
+            refuses={**CONSTANT, **SHIFTED, "inverted": "has no frequency for a link that stands"},
             beside=UNLOADED,
         ),
         CONSTANT_MODEL,
@@ -177,6 +183,7 @@ CAPABILITIES: dict[str, Capability] = {
             "a shaper",
             LINEAR - {"inverted"},
             leaves=OMITTED,
+            refuses=SHIFTED,
             unless={"inverted": "is unstable"},
             beside=UNLOADED,
             needs={_of("cart"): 'support.kind: a shaper needs kind = "cart"'},
@@ -185,7 +192,7 @@ CAPABILITIES: dict[str, Capability] = {
             "a derivative of modes",
             LINEAR - NO_RATIO.keys(),
             leaves=ABOUT,
-            refuses={**CONSTANT, **NO_RATIO},
+            refuses={**CONSTANT, **NO_RATIO, **SHIFTED},
             beside=UNLOADED,
         ),
         Capability(
@@ -195,7 +202,13 @@ CAPABILITIES: dict[str, Capability] = {
             refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG, "has no symbols for it")},
             beside=UNLOADED,
         ),
-        Capability("a polynomial in ω²", LINEAR - LOSS, leaves=ABOUT, refuses={**CONSTANT, **LOSSES}, beside=UNLOADED),
+        Capability(
+            "a polynomial in ω²",
+            LINEAR - LOSS,
+            leaves=ABOUT,
+            refuses={**CONSTANT, **LOSSES, **SHIFTED},
+            beside=UNLOADED,
+        ),
         Capability(
             "an enclosure",
             LINEAR - LOSS - {"inverted", "joint_springs"},
@@ -203,6 +216,7 @@ CAPABILITIES: dict[str, Capability] = {
             refuses={
                 **CONSTANT,
                 **LOSSES,
+                **SHIFTED,
                 "inverted": "counts modes of hanging links",
                 "joint_springs": "counts modes of free joints",
             },
@@ -212,7 +226,7 @@ CAPABILITIES: dict[str, Capability] = {
             "the live page",
             SHAPE | {"dampers", "moved_support"} | DRAG | DRIVES,
             refuses={
-                **_each(FRICTION | _of("hoist space damping_ratio"), "cannot show it"),
+                **_each(FRICTION | FORCED | _of("hoist space damping_ratio"), "cannot show it"),
                 "massless_cart": "cannot show it",
             },
             beside=UNLOADED,
@@ -255,20 +269,22 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "method taylor",
-            SHAPE | LOSS | DRIVES,
+            SHAPE | LOSS | DRIVES | {"constant_force"},
             refuses={
                 **PLANE,
                 **STICKS,
                 **KINK,
                 "load": "has no series of forces from Python",
             },
-            unless={**ENDS, "moved_support": NO_SERIES, "hoist": NO_SERIES},
+            unless={**ENDS, **_each(_of("moved_support force hoist"), NO_SERIES)},
             instead=("form minimal", "method DOP853 takes it"),
         ),
         Capability(
             "compiled equations",
             SHAPE | DRIVES | {"dampers"},
-            refuses=_each(FRICTION | DRAG | _of("space hoist moved_support damping_ratio load"), "are without it"),
+            refuses=_each(
+                FRICTION | DRAG | FORCED | _of("space hoist moved_support damping_ratio load"), "are without it"
+            ),
             unless=ENDS,
             instead=("form minimal", "method DOP853 takes it"),
         ),
@@ -282,15 +298,15 @@ CAPABILITIES: dict[str, Capability] = {
         replace(
             SIDE_BY_SIDE,
             name="engine numba",
-            takes=SIDE_BY_SIDE.takes - {"moved_support"},
-            unless={**STOPS, "moved_support": "takes no sweep"},
+            takes=SIDE_BY_SIDE.takes - {"moved_support", "force"},
+            unless={**STOPS, **_each(_of("moved_support force"), "takes no sweep, and no sine beside a record")},
         ),
         replace(
             SIDE_BY_SIDE,
             name="engine heyoka",
-            takes=SIDE_BY_SIDE.takes - TOGETHER - {"quadratic_drag", "moved_support", "hoist"},
+            takes=SIDE_BY_SIDE.takes - TOGETHER - {"quadratic_drag", "moved_support", "force", "hoist"},
             refuses={**ALONE, **KINK},
-            unless={**STOPS, "moved_support": NO_SERIES, "hoist": NO_SERIES},
+            unless={**STOPS, **_each(_of("moved_support force hoist"), NO_SERIES)},
         ),
         replace(SIDE_BY_SIDE, name="an ensemble", refuses=NONE, singly=BESIDE_NONE),
         Capability(
@@ -316,7 +332,7 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "a check of modes",
             LINEAR,
-            leaves={name: words for name, words in ABOUT.items() if name != "moved_support"},
+            leaves={name: words for name, words in ABOUT.items() if name not in STILL},
             refuses={**STILL, **CONSTANT},
             beside=UNLOADED,
             apart={("space", "damping_ratio"): "motion in space has no damping ratios"},
@@ -381,7 +397,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a fit of motions",
-            SHAPE | {"dampers", "moved_support", "hoist"} | DRAG | FRICTION | DRIVES,
+            SHAPE | {"dampers", "moved_support", "hoist"} | DRAG | FRICTION | DRIVES | FORCED,
             refuses={**PLANE, **NO_RATIO},
             unless=ENDS,
             beside=UNLOADED,

@@ -135,7 +135,7 @@ def _row(name: str, row: Sequence[str], line: int, heads: Sequence[str], wanted:
 
 
 def with_files_read(data: object, folder: Path) -> object:
-    """A scene's nested mappings with the numbers of the files that its motions and forces name, relative to `folder`."""
+    """A scene's nested mappings with the numbers of the files of its motions and forces, relative to `folder`."""
     if not isinstance(data, dict):
         return data
     support, forces = data.get("support"), data.get("force")

@@ -34,7 +34,9 @@ def _support(scene: Scene) -> Iterator[tuple[str, str]]:
         values = ((name, getattr(support, name), unit) for name, unit in CART)
         yield "cart", ", ".join(f"{name} {value:g} {unit}".rstrip() for name, value, unit in values if value)
     elif isinstance(support, Moved):
-        yield "motion", support.motion.kind
+        yield "motion", " and ".join(motion.kind for motion in support.motions)
+    if scene.force:
+        yield "forces", ", ".join(f"{force.kind} on {force.on}" for force in scene.force[:MOST_RUNS])
 
 
 def _rows(pendula: Sequence[Pendulum]) -> Iterator[tuple[str, ...]]:

@@ -10,13 +10,14 @@ Start with `prescribed`; `random`, `shock` and `parametric` each answer one ques
 from modal.vibration.combination import correlation, cqc, srss
 from modal.vibration.oscillators import response_spectrum
 from modal.vibration.parametric import MOST_LINKS, ParametricStability, parametric_stability
-from modal.vibration.prescribed import PrescribedMotion, Record, prescribed_motion
+from modal.vibration.prescribed import Course, PrescribedMotion, Record, prescribed_motion
 from modal.vibration.random import RandomResponse, random_response
 from modal.vibration.report import random_report, shock_report
 from modal.vibration.shock import ShockResponse, shock_response
 
 __all__ = [
     "MOST_LINKS",
+    "Course",
     "ParametricStability",
     "PrescribedMotion",
     "RandomResponse",

@@ -62,15 +62,14 @@ class ParametricStability(Displayed):
 def parametric_stability(scene: Scene) -> ParametricStability:
     """Of a scene whose support moves up and down as a sine; SceneError for any other and for over MOST_LINKS links."""
     support = scene.support
-    if not (
-        isinstance(support, Moved) and isinstance(support.motion, SineMotion) and support.motion.direction == "vertical"
-    ):
+    sine = support.motion if isinstance(support, Moved) else None
+    if not (isinstance(sine, SineMotion) and sine.direction == "vertical"):
         raise SceneError(["support.motion: parametric stability needs a vertical sine"])
     if scene.n_links > MOST_LINKS:
         raise SceneError(
             [f"the scene has {scene.n_links} links: Floquet multipliers are computed for at most {MOST_LINKS}"]
         )
-    found, geometry, motion = matrices(scene), geometry_of(scene), prescribed_motion(support.motion)
+    found, geometry, motion = matrices(scene), geometry_of(scene), prescribed_motion(sine)
     n = len(found.M)
     solved = np.linalg.solve(found.M, np.hstack([found.K, found.D, geometry.centres.T]))
     K, D, forced = np.split(solved, [n, 2 * n], axis=1)
@@ -86,7 +85,7 @@ def parametric_stability(scene: Scene) -> ParametricStability:
 
     scale = max(float(np.sqrt(np.abs(K).max())), 1e-300)
     size = np.diag(np.concatenate((np.ones(n), np.full(n, scale))))
-    period = 1 / support.motion.frequency_hz
+    period = 1 / sine.frequency_hz
     run = solve_ivp(
         rate,
         (0.0, period),

@@ -12,10 +12,11 @@ multiples f_k of Δf = 1/duration within the PSD, with independent uniform phase
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from functools import cached_property, lru_cache
 from math import ceil, cos, factorial, inf, pi, radians, sin, tau
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +24,19 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly, make_interp_spline
 from scipy.optimize import brentq
 
-from modal.scene import RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
+from modal.scene import (
+    ConstantForce,
+    Force,
+    RandomForce,
+    RandomMotion,
+    RecordForce,
+    RecordMotion,
+    SineForce,
+    SineMotion,
+    SupportMotion,
+    SweepForce,
+    SweepMotion,
+)
 from modal.types import Floats
 from modal.vibration.spectra import psd_at
 
@@ -63,6 +76,10 @@ class PrescribedMotion(ABC):
     shortest: float = inf
     words: str = ""
     """What the user should know of it."""
+    units: Mapping[str, float] = {}
+    """The keys of a scene that its constants come from, and the units of these there."""
+    force: int = 2
+    """The derivative that is the force, where a force is prescribed: a record's ends with it."""
 
     @property
     def constants(self) -> tuple[Any, ...]:
@@ -107,10 +124,39 @@ class PrescribedMotion(ABC):
         return float(self.derivative(time, 1))
 
 
+class Course(NamedTuple):
+    """What is prescribed in time: a derivative of a function."""
+
+    motion: PrescribedMotion
+    order: int
+
+    def of(self, time: Any) -> Any:
+        """Its value at a time (s) of any type that takes plain arithmetic."""
+        return self.motion.derivative(time, self.order)
+
+    def at(self, time: float) -> float:
+        """At one time (s), as fast as it can be had."""
+        if self.order == 2:
+            return self.motion.acceleration_at(time)
+        return self.motion.velocity_at(time) if self.order == 1 else float(self.motion.derivative(time, 0))
+
+    def beside(self, times: Any) -> Floats:
+        """At many times (s)."""
+        return self.motion.beside(times, self.order)
+
+    @property
+    def polynomials(self) -> Polynomials | None:
+        """The value piece by piece; None where it is no polynomial."""
+        return self.motion.polynomials if self.order == 2 else None
+
+
 class Sine(PrescribedMotion):
     """A sin(ω t + φ)."""
 
-    def __init__(self, motion: SineMotion) -> None:
+    units = MappingProxyType({"amplitude": 1.0, "frequency_hz": tau, "phase_deg": radians(1.0)})
+    force = 0
+
+    def __init__(self, motion: SineMotion | SineForce) -> None:
         self.amplitude, self.omega, self.phase = motion.amplitude, tau * motion.frequency_hz, radians(motion.phase_deg)
         self.shortest = 0.5 / motion.frequency_hz
 
@@ -139,10 +185,41 @@ class Sine(PrescribedMotion):
         return self.amplitude * self.omega * cos(self.omega * time + self.phase)
 
 
+class Constant(PrescribedMotion):
+    """The same value at all times."""
+
+    units = MappingProxyType({"amplitude": 1.0})
+    force = 0
+
+    def __init__(self, motion: ConstantForce) -> None:
+        self.amplitude: Any = motion.amplitude
+
+    @property
+    def constants(self) -> tuple[Any]:
+        """The value."""
+        return (self.amplitude,)
+
+    def with_constants(self, constants: Sequence[Any]) -> Constant:
+        """Another value."""
+        other = copy(self)
+        (other.amplitude,) = constants
+        return other
+
+    def derivative(self, time: Any, order: int) -> Any:
+        """The value, and nothing."""
+        return self.amplitude + 0.0 * time if order == 0 else 0.0 * time
+
+    def acceleration_at(self, time: float) -> float:
+        """Nothing."""
+        return 0.0
+
+
 class Sweep(PrescribedMotion):
     """A sin(ψ) with ψ'' constant within the duration, zero outside."""
 
-    def __init__(self, motion: SweepMotion) -> None:
+    force = 0
+
+    def __init__(self, motion: SweepMotion | SweepForce) -> None:
         self.amplitude, self.first, self.last = motion.amplitude, tau * motion.from_hz, tau * motion.to_hz
         self.duration = motion.duration
         self.breaks = (0.0, motion.duration)
@@ -165,8 +242,8 @@ class Sweep(PrescribedMotion):
 class Record(PrescribedMotion):
     """A record joined by a spline."""
 
-    def __init__(self, motion: RecordMotion) -> None:
-        of, values = motion.samples
+    def __init__(self, motion: RecordMotion | RecordForce) -> None:
+        of, values = motion.samples if isinstance(motion, RecordMotion) else ("acceleration", motion.samples)
         times = np.array(motion.time_s)
         self.first, self.last, self.of = float(times[0]), float(times[-1]), ORDERS[of]
         self.degree = DEGREE if len(times) > DEGREE else 3
@@ -178,15 +255,20 @@ class Record(PrescribedMotion):
             splines[order] = splines[order + 1].antiderivative()
         self._splines = [splines[order] for order in range(3)]
         begun, ended = (float(splines[1](at)) for at in (self.first, self.last))
-        self.steady = (ended - begun) / (self.last - self.first) if motion.baseline == "velocity" else 0.0
+        drifts = isinstance(motion, RecordMotion) and motion.baseline == "velocity"
+        self.steady = (ended - begun) / (self.last - self.first) if drifts else 0.0
         spacing = float(np.diff(times).max())
         self.breaks, self.shortest = (self.first, self.last), 4 * spacing
         self.band_hz = band(self.degree, 2 - self.of) / spacing
         self.left = float(self.derivative(self.last, 1))
-        self.words = self._words(times)
+        self.words = self._words(times) if isinstance(motion, RecordMotion) else self._band_words
+
+    @property
+    def _band_words(self) -> str:
+        return f"the spline through the record is within {WITHIN:.0%} of a sine up to {self.band_hz:.4g} Hz"
 
     def _words(self, times: Floats) -> str:
-        band_words = f"the spline through the record is within {WITHIN:.0%} of a sine up to {self.band_hz:.4g} Hz"
+        band_words = self._band_words
         if abs(self.left) <= DRIFTING * float(np.abs(self.velocity(times)).max()):
             return band_words
         drift = f"the record ends at {self.left:.4g} m/s, and the support moves on at that velocity"
@@ -227,15 +309,16 @@ class Record(PrescribedMotion):
 class RandomProcess(PrescribedMotion):
     """One realization of a random process, a sum of sines."""
 
-    def __init__(self, motion: RandomMotion) -> None:
+    def __init__(self, motion: RandomMotion | RandomForce) -> None:
+        order = ORDERS[motion.of] if isinstance(motion, RandomMotion) else self.force
         grid = np.array(motion.frequency_hz)
         first, last = np.ceil(grid[0] * motion.duration), np.floor(grid[-1] * motion.duration)
         f = np.arange(max(first, 1.0), last + 1) / motion.duration
         psd = psd_at(grid, np.array(motion.psd), f)
         phases = np.random.default_rng(motion.seed).uniform(0.0, tau, len(f))
         self.omega = tau * f
-        size = np.sqrt(2 * psd / motion.duration) / self.omega ** ORDERS[motion.of]
-        self.lines = size * np.exp(1j * (phases + {0: 0.0, 1: -pi / 2, 2: pi}[ORDERS[motion.of]]))
+        size = np.sqrt(2 * psd / motion.duration) / self.omega**order
+        self.lines = size * np.exp(1j * (phases + {0: 0.0, 1: -pi / 2, 2: pi}[order]))
         self.shortest, self.duration = 0.5 / float(f[-1]), motion.duration
         self.words = (
             f"a sum of {len(f)} sines from {f[0]:.4g} to {f[-1]:.4g} Hz that repeats after {motion.duration:g} s"
@@ -315,16 +398,19 @@ class RandomProcess(PrescribedMotion):
         return np.asarray(np.cos(turned) @ lines.real - np.sin(turned) @ lines.imag)
 
 
-@lru_cache(maxsize=8)
-def prescribed_motion(motion: SupportMotion) -> PrescribedMotion:
-    """A support's motion as functions of time."""
-    kinds: dict[type, Callable[[Any], PrescribedMotion]] = {
-        SineMotion: Sine,
-        SweepMotion: Sweep,
-        RecordMotion: Record,
-        RandomMotion: RandomProcess,
-    }
-    return kinds[type(motion)](motion)
+KINDS: dict[type, Callable[[Any], PrescribedMotion]] = {
+    **dict.fromkeys((SineMotion, SineForce), Sine),
+    **dict.fromkeys((SweepMotion, SweepForce), Sweep),
+    **dict.fromkeys((RecordMotion, RecordForce), Record),
+    **dict.fromkeys((RandomMotion, RandomForce), RandomProcess),
+    ConstantForce: Constant,
+}
+
+
+@lru_cache(maxsize=32)
+def prescribed_motion(motion: SupportMotion | Force) -> PrescribedMotion:
+    """A support's motion as functions of time; of a force the function whose derivative of the order `force` it is."""
+    return KINDS[type(motion)](motion)
 
 
 def band(degree: int, derivatives: int) -> float:

@@ -42,8 +42,11 @@ def _problems(scene: Scene) -> Iterator[str]:
     yield from refusals(scene, "the live page")
     if scene.n_links > MOST_LINKS:
         yield f"the scene has {scene.n_links} links in all: the live page shows at most {MOST_LINKS}"
-    if isinstance(scene.support, Moved) and scene.support.motion.kind != "sine":
-        yield f'support.motion.kind = "{scene.support.motion.kind}": the live page moves a support in a sine'
+    motions = scene.support.motions if isinstance(scene.support, Moved) else ()
+    if len(motions) > 1:
+        yield "support.motion: the live page moves a support in one direction"
+    elif motions and motions[0].kind != "sine":
+        yield f'support.motion.kind = "{motions[0].kind}": the live page moves a support in a sine'
     if isinstance(scene.support, Cart) and scene.support.mass == 0 and "massless_cart" not in scene.features:
         yield "support.mass = 0.0: the live page needs a cart with mass"
 

@@ -111,7 +111,7 @@ class Goal(Displayed):
         asked = self.request
         system = asked.system
         acted_on = asked.load or asked.events or system.excites or system.rubs or system.dragged
-        prescribed = system.hoisting or system.support
+        prescribed = system.hoisting or system.prescribed
         return asked.method == asked.form == "auto" and not (acted_on or prescribed)
 
 

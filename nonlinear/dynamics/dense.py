@@ -23,6 +23,7 @@ import numpy as np
 from modal import pair
 from modal.errors import ComputationError
 from modal.types import Floats
+from nonlinear.dynamics.applied import sizes_at
 from nonlinear.dynamics.inputs import NOTHING
 from nonlinear.dynamics.joints import acting, frame_of
 from nonlinear.dynamics.minimal import Minimal
@@ -64,7 +65,7 @@ class Small(Minimal):
         """Whether any force acts besides gravity."""
         cart, groups = self.system.cart, self.system.groups
         held = cart is not None and (cart.stiffness or cart.damping)
-        acted_on = self.load or self.system.support or self.system.modal_damping is not None
+        acted_on = self.load or self.system.prescribed or self.system.modal_damping is not None
         return bool(held or acted_on or any(group.hinged or group.dragged for group in groups))
 
     @cached_property
@@ -97,7 +98,9 @@ class Small(Minimal):
         """Add the forces of springs, dampers and loads."""
         first, state = int(self.layout.on_cart), self.layout.state(y)
         push = self.load(time, state) if self.load else NOTHING
-        on_cart, on_links, power = acting(self.system, state, push, frame_of(self.system, time))
+        on_cart, on_links, power = acting(
+            self.system, state, push, frame_of(self.system, time), sizes_at(self.system, time)
+        )
         force[first:] += on_links
         if first:
             force[0] += on_cart

@@ -23,8 +23,8 @@ from modal.types import Floats
 from nonlinear.system import Group, System
 
 
-class Resistance(NamedTuple):
-    """Generalized forces on u (d, n, P, ...) or torques on angles (n, P, ...), and what belongs to them.
+class External(NamedTuple):
+    """External forces on a group: generalized ones on u (d, n, P, ...) or torques on angles (n, P, ...), and the rest.
 
     The force (N) on the cart and the power (W) are (...), the force (N) on every centre is (d, n, P, ...).
     """
@@ -33,6 +33,10 @@ class Resistance(NamedTuple):
     on_cart: Any
     power: Any
     forces: Any
+
+    def plus(self, other: External) -> External:
+        """Both together."""
+        return External(*(mine + its for mine, its in zip(self, other, strict=True)))
 
 
 def drag_law(velocity: Any, drag: Any, quadratic: Any = None) -> Any:
@@ -47,7 +51,7 @@ def drag_forces(group: Group, velocities: Any) -> Any:
     return drag_law(velocities, _spread(group.block.drag, velocities), quadratic)
 
 
-def drag(group: Group, along: Any, cart_rate: Any, support: Any = None, winding: Any = None) -> Resistance:
+def drag(group: Group, along: Any, cart_rate: Any, support: Any = None, winding: Any = None) -> External:
     """The drag of a group of links.
 
     `along` (d, n, P, ...) are the rates u'; the first component is along the rail.  The air stands still while a
@@ -67,12 +71,12 @@ def drag(group: Group, along: Any, cart_rate: Any, support: Any = None, winding:
     forces = drag_forces(group, wind)
     through = np.cumsum(forces[:, ::-1], axis=1)[:, ::-1]
     pushed = length * (through - forces) + centre * forces
-    return Resistance(pushed, through[0, 0].sum(0), (forces * velocities).sum((0, 1, 2)), forces)
+    return External(pushed, through[0, 0].sum(0), (forces * velocities).sum((0, 1, 2)), forces)
 
 
 def plane_drag(
     group: Group, angles: Any, rates: Any, cart_rate: Any, support: Any = None, speed: Any = None
-) -> Resistance:
+) -> External:
     """The drag of a group in the plane; `speed` (n, P, ...) is that at which ropes become longer."""
     sin, cos = np.sin(angles), np.cos(angles)
     winding = None if speed is None else np.stack((speed * sin, speed * cos))

@@ -43,10 +43,11 @@ class Form:
     `chains` are the places of links and their directions at equilibrium group by group, and whether their equations are
     solved by elimination; `present` tells which numbers (`nonlinear.system.numbers`) are not 0, `ends` which links have
     their centre at their end, `ratios` which entries of the modal damping are not 0, `laws` the links that follow each
-    law of a hoist; `direction` is that of a support that moves, `sines` how many constants of its motion are numbers;
-    `pushed` equations have a load, `works` ones the work; `contacts` are the coordinates below and above each contact
-    with dry friction, none where that is left out, and on a rail that `presses` it has a coefficient; `spatial` ones
-    have three numbers a link.
+    law of a hoist; `directions` are those in which a support moves, `forces` where forces act and in which direction,
+    `timed` how many constants of what is prescribed are numbers, None where it is no arithmetic of the time; `pushed`
+    equations have a load, `works` ones the work; `contacts` are the coordinates below and above each contact with dry
+    friction, none where that is left out, and on a rail that `presses` it has a coefficient; `spatial` ones have three
+    numbers a link.
     """
 
     chains: tuple[tuple[Table, Table, bool], ...]
@@ -55,8 +56,9 @@ class Form:
     ends: tuple[bool, ...]
     ratios: tuple[bool, ...]
     laws: Table
-    direction: tuple[float, float] | None
-    sines: int
+    directions: Table
+    forces: Table
+    timed: int | None
     pushed: bool
     works: bool
     contacts: tuple[tuple[int, int], ...]
@@ -67,11 +69,11 @@ class Form:
     @property
     def count(self) -> int:
         """How many numbers p there are."""
-        return sum(self.present) + sum(self.ratios) + self.sines
+        return sum(self.present) + sum(self.ratios) + (self.timed or 0)
 
     def numbers(self, entries: Sequence[Any], prescribed: Sequence[Any]) -> list[Any]:
         """The numbers p of a scene of this form, or of many (`nonlinear.system.Numbers`)."""
-        every, has = (*entries, *prescribed), (*self.present, *self.ratios, *[True] * self.sines)
+        every, has = (*entries, *prescribed), (*self.present, *self.ratios, *[True] * (self.timed or 0))
         return [own for own, there in zip(every, has, strict=True) if there]
 
 
@@ -108,8 +110,9 @@ def form_of(
         tuple(l is c or bool(np.array_equal(l, c)) for l, c in zip(length, centre, strict=True)),
         _present(D),
         tuple(tuple(places.tolist()) for places, _ in hoisting.laws) if hoisting else (),
-        support.direction if support else None,
-        len(support.motion.constants) if support else 0,
+        support.directions if support else (),
+        tuple((force.places, force.direction) for force in system.forces),
+        len(beside) - np.size(D) if system.is_analytic else None,
         pushed,
         system.works or pushed if works is None else works,
         (),

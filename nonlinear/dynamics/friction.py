@@ -146,7 +146,7 @@ class Frictional:
     @property
     def rests(self) -> bool:
         """Whether every coordinate is held for good, as nothing from outside changes."""
-        acted_on = self.load or self.system.support or self.system.hoisting
+        acted_on = self.load or self.system.prescribed or self.system.hoisting
         return not acted_on and len(self.sign) == self.layout.half and not self.sign.any()
 
     def derivative(self, time: float, y: Any) -> Any:

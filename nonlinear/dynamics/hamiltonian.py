@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.types import Floats
+from nonlinear.dynamics.applied import sizes_at
 from nonlinear.dynamics.joints import acting, frame_of, spring_energy
 from nonlinear.dynamics.minimal import Recursion, inverted
 from nonlinear.system import AppliedForces, Group, Layout, Load, Motion, State, System
@@ -95,7 +96,9 @@ class Hamiltonian:
         state = self.read(y[None])[0]
         push = self.load(time, state) if self.load else AppliedForces()
         rates = self.layout.begin(state)[self.layout.half : 2 * self.layout.half]
-        on_cart, on_links, power = acting(self.system, state, push, frame_of(self.system, time))
+        on_cart, on_links, power = acting(
+            self.system, state, push, frame_of(self.system, time), sizes_at(self.system, time)
+        )
         for group in self.system.groups:
             angles, turning = state.links[group.index], state.link_rates[group.index]
             thrown = turning * carried(group, angles, turning, state.cart_rate).along

@@ -53,10 +53,8 @@ class HoistedMaximal(Maximal):
         support += on_cart, system.gravity * system.cart.mass if system.cart else 0.0
         links[:, 1] = system.gravity * system.mass
         links[:, 2] = on_links
-        velocities = pivots.parts(pivots.placed(state)[1] + self._winding(state.links, speed))[1][:, :2]
-        felt = self._felt(time, velocities)
-        links[:, :2] += felt
-        power += float(np.sum(felt * velocities))
+        cart, moving = pivots.parts(pivots.placed(state)[1] + self._winding(state.links, speed))
+        power += replace(self, system=system)._outside(time, state, moving, cart, support, links)
         u, n = directions(state.links)
         gamma = pivots.gamma(state.links, state.link_rates)
         gamma[-2 * system.n_links :] -= (acceleration * u + 2 * speed * state.link_rates * n).T.ravel()

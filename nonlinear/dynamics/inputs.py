@@ -3,8 +3,9 @@
 At one instant these are an `Instant`; as inputs u of what is written they are a list, in this order, each only where a
 scene has it:
 
-    the time (s) where the support moves in a sine, else its acceleration (m/s²) and, where links have drag, its
-    velocity (m/s), in its direction
+    the time (s) where the support moves in sines and forces are sines or constant, and no length changes; else of every
+    motion of the support its acceleration (m/s²) and, where links have drag, its velocity (m/s), in its direction, then
+    the size of every force (N or N m)
     of every law of a hoist the length (m), its speed and its acceleration
     the force on the cart (N), and the moment on every link (N m; in space its three components), of a load
     of every contact with dry friction the torque or force that it exerts while it slides (N m or N), 0 where it sticks;
@@ -38,9 +39,10 @@ class Lengths(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """Accelerations (m/s²) and velocities (m/s) of a moved support along the rail and down, lengths, applied forces.
+    """Accelerations (m/s²) and velocities (m/s) of a moved support along the rail and down, lengths, loads.
 
-    The friction of contacts that slide is applied; `gripping` tells which stick.
+    `forces` are the sizes (N or N m) of those of the scene.  The friction of contacts that slide is applied; `gripping`
+    tells which stick.
     """
 
     support: tuple[Any, Any] = (0.0, 0.0)
@@ -48,6 +50,7 @@ class Instant(NamedTuple):
     lengths: Lengths | None = None
     push: AppliedForces = NOTHING
     gripping: Gripping | None = None
+    forces: tuple[Any, ...] = ()
 
 
 QUIET = Instant()
@@ -78,12 +81,12 @@ class Inputs:
 
     @property
     def _moved(self) -> int:
-        return 0 if self.system.support is None else 1 if self.is_analytic else 1 + self.system.dragged
+        return 1 if self.is_analytic else len(self.system.courses)
 
     @property
     def is_analytic(self) -> bool:
-        """Whether the support's motion is written out, of its constants and the time."""
-        return self.system.support is not None and bool(self.system.support.motion.constants)
+        """Whether all that is prescribed is written out, of its constants and the time."""
+        return self.system.is_analytic
 
     def listed(self, time: float, y: Sequence[float], layout: Layout) -> list[Any]:
         """The inputs u at one time (s), where the load sees the state y."""
@@ -98,35 +101,28 @@ class Inputs:
     @cached_property
     def of_time(self) -> Callable[[float], Sequence[float]]:
         """The inputs of time alone at one time (s), in floats."""
-        support = self.system.support
         parts: list[Callable[[float], Sequence[float]]] = [law.at for _, law in self.laws]
-        if support and self.is_analytic:
+        if self.is_analytic:
             parts.insert(0, lambda time: (time,))
-        elif support:
-            motion, dragged = support.motion, self.system.dragged
-            pair = (motion.acceleration_at, motion.velocity_at) if dragged else (motion.acceleration_at,)
-            parts.insert(0, lambda time: [each(time) for each in pair])
+        elif courses := [course.at for course in self.system.courses]:
+            parts.insert(0, lambda time: [each(time) for each in courses])
         if len(parts) == 1:
             return parts[0]
         return lambda time: [number for part in parts for number in part(time)]
 
     def beside(self, times: Any) -> list[Any]:
         """The inputs of time alone at times of any shape (s), each of that shape."""
-        support, laws = self.system.support, [law(times) for _, law in self.laws]
         if self.is_analytic:
             return [times]
-        motion, orders = [support.motion] if support else [], (2, 1)[: self._moved]
-        return [moving.beside(times, order) for order in orders for moving in motion] + [
-            part for law in laws for part in law
-        ]
+        prescribed = [course.beside(times) for course in self.system.courses]
+        return prescribed + [part for _, law in self.laws for part in law(times)]
 
     @cached_property
     def polynomials(self) -> list[Polynomials] | None:
         """Every input of time alone piece by piece; none where the time is the only one; None where any has none."""
         if self.is_analytic:
             return []
-        support = self.system.support
-        moved = [own for own in [support.motion.polynomials] if own] if support else []
+        moved = [own for course in self.system.courses if (own := course.polynomials)]
         if len(moved) < self._moved or not all(isinstance(law, LengthLaw) for _, law in self.laws):
             return None
         return [*moved, *(own for _, law in self.laws for own in _derivatives(law))]
@@ -142,17 +138,19 @@ class Inputs:
         """The instant of these inputs."""
         given = iter(u)
         support = velocity = (0.0, 0.0)
+        time = next(given) if self.is_analytic else None
+        sizes = [course.of(time) if self.is_analytic else next(given) for course in self.system.courses]
         if moving := self.system.support:
-            first, motion = next(given), moving.motion
-            support = _along(moving.direction, motion.derivative(first, 2) if self.is_analytic else first)
+            count = len(moving.motions)
+            support = moving.combined(sizes[:count])
             if self.system.dragged:
-                size = motion.derivative(first, 1) if self.is_analytic else next(given)
-                velocity = _along(moving.direction, size)
+                velocity = moving.combined(sizes[count : 2 * count])
+        forces = tuple(sizes[len(sizes) - len(self.system.forces) :])
         lengths = self._lengths([(next(given), next(given), next(given)) for _ in self.laws]) if self.laws else None
         first = int(self.system.cart is not None)
         acting = [next(given) for _ in range(first + self._moments)] if self.load else []
         if not self.contacts:
-            return Instant(support, velocity, lengths, self._push(acting))
+            return Instant(support, velocity, lengths, self._push(acting), None, forces)
         acting = acting or [0.0] * (first + self.system.n_links)
         pressed = next(given) if self.system.rail and self.system.rail.coefficient else None
         for below, above in self.contacts[pressed is not None :]:
@@ -160,7 +158,8 @@ class Inputs:
             acting[below] = acting[below] + tau
             if above >= 0:
                 acting[above] = acting[above] - tau
-        return Instant(support, velocity, lengths, self._push(acting), Gripping(self.contacts, [*given], pressed))
+        gripping = Gripping(self.contacts, [*given], pressed)
+        return Instant(support, velocity, lengths, self._push(acting), gripping, forces)
 
     def _push(self, acting: Sequence[Any]) -> AppliedForces:
         first = int(self.system.cart is not None)
@@ -185,7 +184,7 @@ class Inputs:
 
     def at(self, time: Any, y: Any, layout: Layout) -> Instant:
         """The instant at one time (s) and state, or at many times side by side."""
-        found = self._of_time_alone.instant(self.of_time(time)) if self.system.support or self.laws else QUIET
+        found = self._of_time_alone.instant(self.of_time(time)) if self.system.prescribed or self.laws else QUIET
         return found._replace(push=self.load(time, layout.state(y))) if self.load else found
 
 
@@ -212,11 +211,6 @@ def _derivatives(law: LengthLaw) -> Iterator[Polynomials]:
         first[0, 0], last[0, 0] = ends if order == 0 else (0.0, 0.0)
         yield Polynomials(law.knots, origins, np.concatenate((first, own, last)))
         own = np.append(own[:, 1:] * np.arange(1, own.shape[1]), np.zeros((len(own), 1)), axis=1)
-
-
-def _along(direction: tuple[float, float], size: Any) -> tuple[Any, Any]:
-    along, down = direction
-    return (along * size if along else 0.0), (down * size if down else 0.0)
 
 
 def _filled(values: Sequence[Any]) -> Any:

@@ -12,11 +12,13 @@ x and of the angles θ, however large these are.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from modal.types import Floats
+from nonlinear.dynamics.applied import applied, on_cart
 from nonlinear.dynamics.drag import plane_drag
 from nonlinear.system import AppliedForces, Group, State, System
 
@@ -98,12 +100,12 @@ def frame_of(system: System, time: float) -> Frame:
 
 
 def acting(
-    system: System, state: State, push: AppliedForces, frame: Frame | None = AT_REST
+    system: System, state: State, push: AppliedForces, frame: Frame | None = AT_REST, sizes: Sequence[float] = ()
 ) -> tuple[float, Floats, float]:
     """Force (N) along the rail, generalized forces (N m) on the absolute angles, (L,), and non-conservative power (W).
 
     Pivot forces are excluded.  Drag and inertial forces are those in a `frame` that moves; without one the caller adds
-    them.  Conservative forces do not count in the power.
+    them.  `sizes` (N or N m) are those of the scene's forces.  Conservative forces do not count in the power.
     """
     torques, power, dragged = state.links * 0.0, 0.0, 0.0
     for group in system.groups:
@@ -116,6 +118,10 @@ def acting(
             found = plane_drag(group, angles, rates, state.cart_rate, frame[1])
             torques[own] += found.generalized
             dragged, power = dragged + float(found.on_cart), power + float(found.power)
+        if sizes:
+            pushed = applied(group, system.forces, sizes, angles, rates, state.cart_rate)
+            torques[own] += pushed.generalized
+            dragged, power = dragged + float(pushed.on_cart), power + float(pushed.power)
         if frame is not None and any(frame[0]):
             inertial = inertial_torques(group, angles, frame[0])
             torques[own] += inertial
@@ -123,7 +129,7 @@ def acting(
     if push.moments is not None:
         torques, power = torques + push.moments, power + float(push.moments @ state.link_rates)
     kept, working = cart_force(system, state.cart, state.cart_rate)
-    outside = push.cart + working if system.cart else 0.0
+    outside = push.cart + working + on_cart(system, sizes) if system.cart else 0.0
     if system.modal_damping is not None:
         rates = np.append(state.cart_rate, state.link_rates) if system.cart else state.link_rates
         drag = modal_drag(system, rates)

@@ -35,6 +35,7 @@ from scipy.sparse.linalg import splu
 
 from modal.errors import ComputationError
 from modal.types import Floats, Ints
+from nonlinear.dynamics.applied import resultants
 from nonlinear.dynamics.drag import forces_of
 from nonlinear.dynamics.joints import acting, frame_of
 from nonlinear.dynamics.mechanics import Reactions
@@ -97,12 +98,25 @@ class Maximal:
         support += on_cart, system.gravity * system.cart.mass if system.cart else 0.0
         links[:, 1] = system.gravity * system.mass
         links[:, 2] = on_links
-        velocities = self.pivots.parts(self.pivots.placed(state)[1])[1][:, :2]
-        felt = self._felt(time, velocities)
-        links[:, :2] += felt
-        power += float(np.sum(felt * velocities))
+        cart, moving = self.pivots.parts(self.pivots.placed(state)[1])
+        power += self._outside(time, state, moving, cart, support, links)
         unknowns = self.saddle.solve(state.links, forces, self.pivots.gamma(state.links, state.link_rates))
         return unknowns, power
+
+    def _outside(
+        self, time: float, state: State, moving: Floats, cart: Floats, on_cart: Floats, on_links: Floats
+    ) -> float:
+        """Add inertial forces, drag and the scene's forces; their power (W) at the velocities of links and cart."""
+        felt = self._felt(time, moving[:, :2])
+        on_links[:, :2] += felt
+        power = float(np.sum(felt * moving[:, :2]))
+        if self.system.forces:
+            forces, moments, pushed = resultants(self.system, state.links, time)
+            on_links[:, :2] += forces
+            on_links[:, 2] += moments
+            on_cart[0] += pushed
+            power += float(np.sum(forces * moving[:, :2]) + moments @ moving[:, 2] + pushed * cart[0])
+        return power
 
     def _push(self, time: float, state: State) -> AppliedForces:
         return self.load(time, state) if self.load else AppliedForces()

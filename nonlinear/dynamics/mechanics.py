@@ -20,6 +20,7 @@ from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
+from nonlinear.dynamics.applied import resultants
 from nonlinear.dynamics.drag import forces_of
 from nonlinear.dynamics.joints import spring_energy
 from nonlinear.system import Group, Motion, System
@@ -225,6 +226,11 @@ class Mechanics(Displayed):
         needed = self.system.mass[:, None] * bodily
         if self.system.dragged:
             needed -= forces_of(self.system, self.speeds if support is None else self.speeds + support[1][:, None])
+        if self.system.forces:
+            assert self.times is not None
+            needed -= [
+                resultants(self.system, angles, t)[0] for angles, t in zip(self.motion.links, self.times, strict=True)
+            ]
         for group in self.system.groups:
             own = needed[:, group.index]
             needed[:, group.index] = np.cumsum(own[:, ::-1], axis=1)[:, ::-1]

@@ -18,8 +18,9 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from modal.types import Floats, Ints
+from nonlinear.dynamics.applied import applied, on_cart
 from nonlinear.dynamics.contacts import Rubbed
-from nonlinear.dynamics.drag import Resistance, plane_drag
+from nonlinear.dynamics.drag import External, plane_drag
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
 from nonlinear.dynamics.joints import cart_force, inertial_torques, joint_torques, modal_drag
 from nonlinear.dynamics.recursion import Bias, downward, links_of, upward
@@ -126,7 +127,7 @@ class Suspended(Arranged):
         """
 
     @abstractmethod
-    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> Resistance:
+    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> External:
         """The drag of a group's links."""
 
     def hung(self, instant: Instant) -> list[tuple[Group, Body]]:
@@ -167,20 +168,19 @@ class Suspended(Arranged):
             if drag is not None:
                 resisting = drag[first:][place]
                 forces, work = forces + resisting, work + np.sum(resisting * speed, axis=(0, 1))
-            resistance = None
-            if group.dragged:
-                velocity = instant.velocity if system.support else None
-                winding = None if instant.lengths is None else instant.lengths.speed[group.index]
-                resistance = self.dragged(group, own, speed, rate, velocity, winding)
-                forces, force = forces + resistance.generalized, force - resistance.on_cart
-                work = work + resistance.power
+            external = self.external(group, own, speed, rate, instant)
+            if external is not None:
+                forces, force = forces + external.generalized, force - external.on_cart
+                work = work + external.power
             one_mass, one_force, memory = body.pull(own, speed, forces, gravity)
             mass, force, power = mass + one_mass, force + one_force, power + work
-            solved.append((place, group, body, memory, resistance))
+            solved.append((place, group, body, memory, external))
         x2 = along
         if cart:
             kept, working = cart_force(system, q[0], v[0])
             outside = push.cart + working + (0.0 if drag is None else drag[0])
+            if instant.forces:
+                outside = outside + on_cart(system, instant.forces)
             x2 = found[half] = (outside + kept - force) / (cart.mass + mass)
             power = power + v[0] * outside
         accelerations = found[half : 2 * half]
@@ -196,15 +196,27 @@ class Suspended(Arranged):
             if rubbed.normal is not None:
                 power = power + v[0] * instant.gripping.pressed * rubbed.normal
         if instant.lengths is not None:
-            for place, group, _, _, resistance in solved:
+            for place, group, _, _, external in solved:
                 winding = [part[group.index] for part in instant.lengths[1:]]
                 moved = links[place], rates[place], turned[place]
-                force = transmitted(group, winding, *moved, (x2, -gravity), resistance)
+                force = transmitted(group, winding, *moved, (x2, -gravity), external)
                 rope = np.stack((np.sin(links[place]), np.cos(links[place])))
                 power = power + (winding[0] * (rope * force).sum(0)).sum((0, 1))
         if layout.works:
             found[-1] = power
         return found, rubbed
+
+    def external(self, group: Group, links: Any, rates: Any, cart_rate: Any, instant: Instant) -> External | None:
+        """Drag and applied forces on a group; None without any."""
+        winding = None if instant.lengths is None else instant.lengths.speed[group.index]
+        drag = None
+        if group.dragged:
+            velocity = instant.velocity if self.system.support else None
+            drag = self.dragged(group, links, rates, cart_rate, velocity, winding)
+        if not instant.forces:
+            return drag
+        push = applied(group, self.system.forces, instant.forces, links, rates, cart_rate, winding)
+        return push if drag is None else drag.plus(push)
 
     def responses(self, links: Any, instant: Instant) -> Any:
         """M⁻¹Jᵀ, the accelerations (half, J) by a unit of friction at every contact, at the lengths of an instant."""
@@ -226,14 +238,13 @@ class Suspended(Arranged):
             gravity = system.gravity - instant.support[1]
             found = system.cart.mass * gravity
         for place, group in zip(self.places, self.lengthened(instant), strict=True):
-            speed, winding, drag = rates[place] if whole else 0 * rates[place], [0.0, 0.0], None
+            speed, winding, external = rates[place] if whole else 0 * rates[place], [0.0, 0.0], None
             if whole and instant.lengths is not None:
                 winding = [part[group.index] for part in instant.lengths[1:]]
-            if whole and group.dragged:
-                reeled = None if instant.lengths is None else winding[0]
-                drag = self.dragged(group, links[place], speed, y[half], None, reeled)
+            if whole:
+                external = self.external(group, links[place], speed, y[half], instant)
             start = accelerations[0], -gravity
-            force = transmitted(group, winding, links[place], speed, turned[place], start, drag)
+            force = transmitted(group, winding, links[place], speed, turned[place], start, external)
             found = found - force[1][0].sum(0)
         return found
 
@@ -313,16 +324,16 @@ class Minimal(Suspended):
             power = power + drained
         return np.zeros_like(links) if torques is None else torques, power
 
-    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> Resistance:
+    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> External:
         """Torques (n, P, ...) on the absolute angles, the force on the cart, and the power."""
         return plane_drag(group, links, rates, cart_rate, support, speed)
 
 
-def transmitted(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, start: Any, drag: Any) -> Any:
+def transmitted(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, start: Any, external: Any) -> Any:
     """The force f (2, n, P) on every link from above, along the rail and down: f = Σ m (a − g) − F of all below it.
 
     `winding` are the speeds and accelerations of the lengths, `start` is the acceleration of the first joint less
-    gravity, F the `drag`.
+    gravity, F the `external` forces.
     """
     speed, acceleration = winding
     sin, cos = np.sin(angles), np.cos(angles)
@@ -332,6 +343,6 @@ def transmitted(group: Group, winding: Any, angles: Any, rates: Any, turns: Any,
     ends[0], ends[1] = ends[0] + start[0], ends[1] + start[1]
     rest = group.block.length - group.block.centre
     needed = group.block.mass * (ends - rest * (turns * n - rates * rates * u))
-    if drag is not None:
-        needed = needed - drag.forces
+    if external is not None:
+        needed = needed - external.forces
     return np.cumsum(needed[:, ::-1], axis=1)[:, ::-1]

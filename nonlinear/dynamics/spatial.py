@@ -9,7 +9,7 @@ import numpy as np
 
 from modal.types import Ints
 from nonlinear.dynamics import spatial_joints as ball_joints
-from nonlinear.dynamics.drag import Resistance, drag
+from nonlinear.dynamics.drag import External, drag
 from nonlinear.dynamics.minimal import Suspended
 from nonlinear.dynamics.recursion import links_of
 from nonlinear.dynamics.spatial_joints import generalized
@@ -66,7 +66,7 @@ class Spatial(Suspended):
             power = power + ball_joints.damper_power(group, links, rates)
         return np.zeros_like(links) if moments is None else generalized(moments, links), power
 
-    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> Resistance:
+    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> External:
         """The drag of a group, with generalized forces (3, n, P, ...) on u."""
         found = drag(group, rates, cart_rate, support)
         return found._replace(generalized=generalized(cross(links, found.generalized), links))

@@ -52,7 +52,7 @@ def choose_engine(
             raise SceneError([f"engine {asked}: {why_not}; simulate takes its members one by one"])
         return PLAIN, f"one by one, for {why_not}"
     if not _recorded(asked, members.scene):
-        where = "hoist" if members.scene.is_hoisted else "support.motion"
+        where = "hoist" if members.scene.is_hoisted else "support.motion" if members.scene.is_moved else "force"
         raise SceneError([f"{where}: engine {asked} {RECORDED[asked]}: take engine numpy"])
     if asked == SERIES and find_spec("heyoka") and not taylor_takes(members.scene):
         raise SceneError([f"engine {asked}: takes shorter chains and fewer links"])

@@ -18,7 +18,6 @@ from modal.report import Displayed
 from modal.scene import Scene, one_by_one
 from modal.scene.features import FRICTION
 from modal.scene.parameters import Place, find_places, is_of_switch
-from nonlinear.dynamics.inputs import Inputs
 from nonlinear.ensembles.found import Wanted
 from nonlinear.ensembles.measures import Asked, ending_times
 from nonlinear.ensembles.members import Members, Part
@@ -142,8 +141,9 @@ def refused(members: Members, duration: float, tolerance: float) -> str:
         return why
     if any(place[-1] == "count" for place in places):
         return "members differ in their number of links or pendula"
-    if any(place[:2] == ("support", "motion") for place in places) and not Inputs(system_of(scene)).is_analytic:
-        return "members differ in a motion of the support that is no sine"
+    prescribed = any(place[:2] == ("support", "motion") or place[0] == "force" for place in places)
+    if prescribed and not system_of(scene).is_analytic:
+        return "members differ in motions of the support or forces, of which not all are sines or constant"
     if any(_of_hoist(scene, place) for place in places):
         return "members differ in the law of a hoist"
     if choose(scene, duration, tolerance).method == "Radau":

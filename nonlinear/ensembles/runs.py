@@ -23,6 +23,9 @@ from nonlinear.integration.watches import Samples
 from nonlinear.reduction import usual_start
 from nonlinear.system import numbers_of_all, system_of
 
+TIMED = ("sine", "constant")
+"""Kinds of forces whose numbers may differ between members that go together."""
+
 TOLERANCE = 1e-9
 FEWEST = 4  # scenes for which the equations are written out
 REASON = "side by side with others of its form"
@@ -45,11 +48,11 @@ def _law(link: AnyLink) -> Hashable:
 
 
 def _moved(scene: Scene) -> Hashable:
-    """What differs between motions of a support, the numbers of a sine left out."""
-    if not isinstance(scene.support, Moved):
-        return None
-    motion = scene.support.motion
-    return (motion.direction, "sine") if motion.kind == "sine" else motion
+    """What differs between motions of a support and forces, the numbers of sines and of constant forces left out."""
+    motions = scene.support.motions if isinstance(scene.support, Moved) else ()
+    moved = tuple((one.direction, "sine") if one.kind == "sine" else one for one in motions)
+    acting = tuple((one.on, one.direction, one.kind) if one.kind in TIMED else one for one in scene.force)
+    return moved, acting
 
 
 def run_together(scenes: Iterable[Scene], duration: float) -> dict[Scene, Trajectory]:

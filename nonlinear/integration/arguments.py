@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Moved, Scene
+from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.integration.steppers import Pace
 from nonlinear.integration.timescales import estimate_timescales, sample_count
-from nonlinear.system import AppliedForces, Load, State, System
+from nonlinear.system import AppliedForces, Load, State, System, system_of
 
 LOOSEST, TIGHTEST = 1e-2, 1e-15  # tolerances
 COARSEST, FINEST = 0.3, 1e-14  # accuracies (rad)
@@ -97,12 +97,8 @@ def sample_times(
 
 
 def _shaking(scene: Scene) -> float:
-    """The fastest oscillation (rad/s) of a moved support, 0 for any other."""
-    if not isinstance(scene.support, Moved):
-        return 0.0
-    from modal.vibration import prescribed_motion
-
-    return pi / prescribed_motion(scene.support.motion).shortest
+    """The fastest oscillation (rad/s) of a moved support and of forces, 0 without any."""
+    return pi / system_of(scene).shortest if scene.is_forced else 0.0
 
 
 def paced(breaks: Sequence[float] | Floats | None, max_step: float | None) -> Pace:
@@ -163,13 +159,24 @@ def validate_forces(load: Load | None, system: System, start: State, time: float
 
 
 def shaken(state: State, system: System, times: Floats) -> float:
-    """The size of a motion on a moved support: of its start, or the largest acceleration over gravity, at most 1."""
-    assert system.support is not None
-    looked = np.linspace(times[0], times[-1], LOOKS)
-    push = float(np.abs(system.support.motion.acceleration(looked)).max()) / system.gravity
+    """The size of a motion that time drives: of its start, or of its `drive_of`, at most 1."""
+    push = float(drive_of(system, np.linspace(times[0], times[-1], LOOKS)))
     started = extent(state, system)
     at_rest = started == 1.0 and push < 1 and _rests(state, system)
     return min(1.0, push if at_rest else max(push, started)) or 1.0
+
+
+def drive_of(system: System, times: Floats) -> Any:
+    """How strongly time drives a system, of times (T, ...): accelerations over gravity, forces over weights, (...)."""
+    gravity = np.atleast_1d(system.gravity) if times.ndim > 1 else system.gravity
+    drive = system.support.largest(times) / gravity if system.support else 0.0
+    lightest = np.min([group.block.mass.min((0, 1)) for group in system.groups], axis=0)
+    reach = np.max([group.block.length.max((0, 1)) for group in system.groups], axis=0)
+    weight = gravity * lightest
+    for force in system.forces:
+        size = np.abs(force.course.beside(times)).max(0)
+        drive = drive + size / (weight * (reach if force.direction is None else 1.0))
+    return drive
 
 
 def _rests(state: State, system: System) -> bool:

@@ -90,7 +90,7 @@ def choose(
     if method == "taylor":
         problems += refusals(scene, "method taylor", *more)
         problems += [] if form == "minimal" else [f"method taylor: has no series in form {form}: choose minimal"]
-        where = "support.motion" if system.support else "hoist"
+        where = "support.motion" if system.support else "force" if system.forces else "hoist"
         if Inputs(system).pieces is None:
             words = CAPABILITIES["method taylor"].unless["moved_support"]
             problems.append(f"{where}: method taylor {words}: method DOP853 takes it")

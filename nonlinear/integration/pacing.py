@@ -11,7 +11,7 @@ from math import pi
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.integration.arguments import LOOKS
+from nonlinear.integration.arguments import LOOKS, drive_of
 from nonlinear.integration.run import FIRST, NEAR_ZERO
 from nonlinear.integration.steppers import FEW
 from nonlinear.system import Layout, Numbers
@@ -62,11 +62,9 @@ def extents(numbers: Numbers, layout: Layout, y: Floats, units: Units) -> Floats
 
 
 def shaken(numbers: Numbers, layout: Layout, y: Floats, started: Floats, end: float) -> Floats:
-    """The sizes of motions on a moved support, (S,), as in `nonlinear.integration.arguments.shaken`."""
+    """The sizes of motions that time drives, (S,), as in `nonlinear.integration.arguments.shaken`."""
     system, first, half = numbers.arrays, int(layout.on_cart), layout.half
-    assert system.support is not None
-    looked = np.linspace(0.0, end, LOOKS)[:, None]
-    push = np.abs(system.support.motion.acceleration(looked)).max(0) / np.atleast_1d(system.gravity)
+    push = drive_of(system, np.linspace(0.0, end, LOOKS)[:, None])
     rests = (y[first:half] == numbers.system.rest[:, None]).all(0) & ~y[half + first : 2 * half].any(0)
     found = np.minimum(1.0, np.where(rests & (push < 1), push, np.maximum(push, started)))
     return np.asarray(np.where(found == 0, 1.0, found))

@@ -166,7 +166,7 @@ class Request:
         """The symmetry reductions that apply."""
         flat = self.form not in {"spatial", "maximal", "hamiltonian"}
         system = self.system
-        acted_on = self.load or system.kicked or system.support or system.rubs or system.dragged
+        acted_on = self.load or system.kicked or system.prescribed or system.rubs or system.dragged
         return () if acted_on else find_symmetries(self.system, self.start, planar=flat)
 
     @property
@@ -177,7 +177,7 @@ class Request:
     @cached_property
     def size(self) -> float:
         """The size of the motion, at most 1; 1 where a load drives it, on a moved support at least its push over g."""
-        if self.system.support and not self.load:
+        if self.system.prescribed and not self.load:
             return shaken(self.start, self.system, self.times)
         return 1.0 if self.load else extent(self.start, self.system)
 
@@ -205,7 +205,7 @@ class Request:
         equations, pace = equations_of(self.system, choice, self.load, self.smaller), self.pace
         if self.system.hoisting is not None:
             pace = replace(pace, breaks=tuple(sorted({*pace.breaks, *self.system.hoisting.breaks})))
-        if (self.load or self.system.support) and self.system.rubs:
+        if (self.load or self.system.prescribed) and self.system.rubs:
             pace = replace(pace, longest=min(pace.longest, LOOKED / estimate_timescales(self.scene).swing))
         return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, pace)
 

@@ -174,7 +174,7 @@ class Switches:
     def rests(self, state: Sequence[float]) -> bool:
         """Whether every coordinate is held for good, as nothing from outside changes."""
         at, system = self.places, self.form.system
-        acted_on = self.form.pushed or system.support or system.hoisting
+        acted_on = self.form.pushed or system.prescribed or system.hoisting
         return not acted_on and at.half == at.J and not any(state[at.K : at.e])
 
     def kicked(self) -> Kicks:
@@ -209,8 +209,7 @@ class Switches:
 
     @cached_property
     def _rates_of_inputs(self) -> list[float]:
-        support = self.form.system.support
-        return [1.0 if support is not None and support.motion.constants else 0.0] * self.places.timed
+        return [float(self.form.system.is_analytic)] * self.places.timed
 
     @cached_property
     def _given(self) -> list[Any]:

@@ -108,10 +108,14 @@ def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     where = " from the vertical" if trajectory.system.spatial else ""
     yield "angles", f"{degrees(angles.low):.6g} to {degrees(angles.high):.6g} deg{where}{_at(angles)}"
     if support := trajectory.system.support:
-        moved, way = support.motion.displacement(trajectory.times), "upwards" if support.vertical else "along the rail"
-        yield "support", f"{moved.min():.6g} to {moved.max():.6g} m {way}; angles and energies are in its frame"
-        if support.motion.words:
-            yield "", support.motion.words
+        moved = [motion.displacement(trajectory.times) for _, motion in support.motions]
+        ways = zip(moved, support.ways, strict=True)
+        told = " and ".join(f"{places.min():.6g} to {places.max():.6g} m {way}" for places, way in ways)
+        yield "support", f"{told}; angles and energies are in its frame"
+    for motion in trajectory.system.prescribed:
+        if motion.words:
+            yield "", motion.words
+    if trajectory.system.support:
         yield from _parametric(trajectory)
     if trajectory.system.cart:
         places = extent_of(trajectory, places_of)

@@ -16,6 +16,7 @@ from nonlinear.system.events import (
     level_crossing,
     turning_point,
 )
+from nonlinear.system.forces import UP, ActingForce
 from nonlinear.system.initial import has_start, initial_state, state_at_rest, validate_state
 from nonlinear.system.numbers import (
     Numbers,
@@ -32,6 +33,8 @@ from nonlinear.system.system import Group, System, system_of
 __all__ = [
     "NO_FRICTION",
     "NO_KICKS",
+    "UP",
+    "ActingForce",
     "AppliedForces",
     "Equations",
     "Event",

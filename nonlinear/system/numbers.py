@@ -2,8 +2,8 @@
 
 The list is gravity, the cart's mass, damper and spring, then of every link in the order of the file its mass, length,
 centre, inertia, damper, spring, the two constants of its drive, and its drag, field by field.  Beside it stand the
-entries of D_modal and the constants of a sine that moves the support.  Where members differ an entry is an array (S,),
-elsewhere one number.
+entries of D_modal and the constants of sines that move the support, and of sines and constants that act as forces.
+Where members differ an entry is an array (S,), elsewhere one number.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import radians, tau
+from math import radians
 from typing import Any
 
 import numpy as np
 
 from modal.assembly import CartNumbers
 from modal.report import Displayed
-from modal.scene import AnyLink, Body, Cart, Escapement, Scene
+from modal.scene import AnyLink, Body, Cart, Escapement, Moved, Scene
 from modal.scene.parameters import Place
 from modal.types import Floats
 from nonlinear.system.system import Group, System, system_of
@@ -26,8 +26,6 @@ from nonlinear.system.system import Group, System, system_of
 BEFORE = 4  # entries before those of links
 FIELDS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "strength", "curb", "drag", "quadratic_drag")
 DRAG = ("drag", "quadratic_drag")
-SINE = {"amplitude": 1.0, "frequency_hz": tau, "phase_deg": radians(1.0)}
-"""The numbers of a sine that are constants of its motion, in their order, and the units of these."""
 WORKING = ("damping", "strength", *DRAG)
 Values = Mapping[Place, Floats]
 
@@ -36,8 +34,8 @@ Values = Mapping[Place, Floats]
 class Numbers(Displayed):
     """The numbers of S members with the form of a `system`: `entries` are numbers or arrays (S,).
 
-    So are `prescribed`: the entries of D_modal, row by row, where there is one, and the constants of a moved support;
-    and `switching`, those of escapements and dry friction (`nonlinear.integration.switches`), empty without them.
+    So are `prescribed`: the entries of D_modal, row by row, where there is one, and constants of motions and forces; and
+    `switching`, those of escapements and dry friction (`nonlinear.integration.switches`), empty without them.
     """
 
     system: System
@@ -54,8 +52,8 @@ class Numbers(Displayed):
     def works(self) -> bool:
         """Whether energy goes in or out of any member, or could where these entries differ."""
         system = self.system
-        outside = any(part is not None for part in (system.modal_damping, system.hoisting, system.support))
-        return outside or system.kicked or self._any_of(WORKING) or self._is_set(2)
+        outside = any(part is not None for part in (system.modal_damping, system.hoisting))
+        return outside or bool(system.prescribed) or system.kicked or self._any_of(WORKING) or self._is_set(2)
 
     @cached_property
     def dragged(self) -> bool:
@@ -121,21 +119,36 @@ def numbers_of(
     own = system or system_of(scene)
     if modal is not None:
         own = replace(own, modal_damping=modal[0])
-    return Numbers(own, (given.get(("gravity",), scene.gravity), *cart, *fields), _prescribed(own, given, modal))
+    prescribed = _prescribed(own, _places_of_prescribed(scene), given, modal)
+    return Numbers(own, (given.get(("gravity",), scene.gravity), *cart, *fields), prescribed)
 
 
-def _prescribed(system: System, given: Values, modal: Floats | None) -> tuple[Any, ...]:
-    D, constants = _modal_of(system), [*_constants_of(system)]
+def _places_of_prescribed(scene: Scene) -> list[Place]:
+    """Where a scene has its motions and forces, in the order of `System.prescribed`."""
+    motions: list[Place] = []
+    if isinstance(scene.support, Moved):
+        single = not isinstance(scene.support.motion, tuple)
+        places: list[Place] = [(k,) for k in range(len(scene.support.motions))]
+        motions = [("support", "motion", *(() if single else place)) for place in places]
+    return [*motions, *(("force", k) for k in range(len(scene.force)))]
+
+
+def _prescribed(system: System, places: Sequence[Place], given: Values, modal: Floats | None) -> tuple[Any, ...]:
+    D = _modal_of(system)
     if modal is not None:
         D = [own if np.any(own != own[0]) else float(own[0]) for own in modal.reshape(len(modal), -1).T]
-    for k, (name, unit) in enumerate(SINE.items() if constants else ()):
-        if (place := ("support", "motion", name)) in given:
-            constants[k] = given[place] * unit
+    if not system.is_analytic:
+        return (*D,)
+    constants = [
+        given[(*place, name)] * unit if (*place, name) in given else constant
+        for place, motion in zip(places, system.prescribed, strict=True)
+        for (name, unit), constant in zip(motion.units.items(), motion.constants, strict=True)
+    ]
     return (*D, *constants)
 
 
 def prescribed_of(system: System) -> list[float]:
-    """The entries of D_modal and the constants of a moved support of a system's own."""
+    """The entries of D_modal and the constants of what is prescribed, of a system's own."""
     return [*_modal_of(system), *_constants_of(system)]
 
 
@@ -143,8 +156,8 @@ def _modal_of(system: System) -> list[Any]:
     return [] if system.modal_damping is None else np.ravel(system.modal_damping).tolist()
 
 
-def _constants_of(system: System) -> tuple[Any, ...]:
-    return system.support.motion.constants if system.support else ()
+def _constants_of(system: System) -> list[Any]:
+    return [constant for motion in system.prescribed for constant in motion.constants] if system.is_analytic else []
 
 
 def entries_of(system: System) -> list[float]:
@@ -203,17 +216,23 @@ def system_with(system: System, entries: Sequence[Any], tail: bool = False) -> S
 
 
 def with_prescribed(system: System, prescribed: Sequence[Any]) -> System:
-    """The same system with other entries of D_modal, (n, n) or (n, n, S), and other constants of its moved support."""
+    """The same system with other entries of D_modal, (n, n) or (n, n, S), and other constants of what is prescribed."""
     rest, found = [*prescribed], system
     if system.modal_damping is not None and rest:
         count = np.size(system.modal_damping)
         own, rest = rest[:count], rest[count:]
         D = np.array(np.broadcast_arrays(*own)) if any(isinstance(one, np.ndarray) for one in own) else _stacked(own)
         found = replace(found, modal_damping=D.reshape(*np.shape(system.modal_damping), *D.shape[1:]))
-    if rest and system.support:
-        moved = replace(system.support, motion=system.support.motion.with_constants(rest))
-        found = replace(found, support=moved)
-    return found
+    if not rest:
+        return found
+    constants = iter(rest)
+    motions = [one.with_constants([next(constants) for _ in one.constants]) for one in system.prescribed]
+    support, forces = system.support, system.forces
+    if support:
+        moved = zip(support.directions, motions[: len(motions) - len(forces)], strict=True)
+        support = replace(support, motions=tuple(moved))
+    acting = zip(forces, motions[len(motions) - len(forces) :], strict=True)
+    return replace(found, support=support, forces=tuple(replace(one, motion=motion) for one, motion in acting))
 
 
 def _stacked(own: Sequence[Any], tail: bool = False) -> Any:

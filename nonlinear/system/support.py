@@ -7,55 +7,72 @@ plus the support's displacement.  Vectors have the components (along the rail, d
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from modal.scene import Moved
 from modal.types import Floats
 from modal.vibration import PrescribedMotion, prescribed_motion
+from nonlinear.system.forces import DIRECTIONS, Direction
 
 
 @dataclass(frozen=True)
 class MovingSupport:
-    """The support's motion in one direction: along the rail, or (`vertical`) upwards."""
+    """The support's motions, each with its direction: along the rail, or upwards."""
 
-    vertical: bool
-    motion: PrescribedMotion
+    motions: tuple[tuple[Direction, PrescribedMotion], ...]
 
-    @cached_property
-    def direction(self) -> tuple[float, float]:
-        """Its components along the rail and down."""
-        return (0.0, -1.0) if self.vertical else (1.0, 0.0)
+    @property
+    def ways(self) -> list[str]:
+        """The directions in words."""
+        return ["along the rail" if along else "upwards" for along, _ in self.directions]
+
+    @property
+    def directions(self) -> tuple[Direction, ...]:
+        """Those of all motions."""
+        return tuple(direction for direction, _ in self.motions)
+
+    def combined(self, sizes: Any) -> tuple[Any, Any]:
+        """The components along the rail and down of one number for each motion; 0.0 where none has any."""
+        along, down = 0.0, 0.0
+        for (x, z), size in zip(self.directions, sizes, strict=True):
+            along = along + x * size if x else along
+            down = down + z * size if z else down
+        return along, down
 
     def acceleration(self, time: float) -> tuple[float, float]:
         """Its acceleration (m/s²) along the rail and down, at one time (s)."""
-        size, (along, down) = self.motion.acceleration_at(time), self.direction
-        return along * size, down * size
+        return self.combined([motion.acceleration_at(time) for _, motion in self.motions])
 
     def velocity(self, time: float) -> tuple[float, float]:
         """Its velocity (m/s) along the rail and down, at one time (s)."""
-        size, (along, down) = self.motion.velocity_at(time), self.direction
-        return along * size, down * size
+        return self.combined([motion.velocity_at(time) for _, motion in self.motions])
 
     def displacements(self, times: Floats, dimensions: int) -> Floats:
         """Its place in the laboratory (m), (T, d)."""
-        return self._vectors(self.motion.displacement(times), dimensions)
+        return self._vectors(times, 0, dimensions)
 
     def accelerations(self, times: Floats, dimensions: int) -> Floats:
         """Its acceleration (m/s²), (T, d)."""
-        return self._vectors(self.motion.acceleration(times), dimensions)
+        return self._vectors(times, 2, dimensions)
 
     def velocities(self, times: Floats, dimensions: int) -> Floats:
         """Its velocity (m/s), (T, d)."""
-        return self._vectors(self.motion.velocity(times), dimensions)
+        return self._vectors(times, 1, dimensions)
 
-    def _vectors(self, sizes: Floats, dimensions: int) -> Floats:
-        found = np.zeros((len(sizes), dimensions))
-        found[:, 0], found[:, -1] = self.direction[0] * sizes, self.direction[1] * sizes
-        return found
+    def _vectors(self, times: Floats, order: int, dimensions: int) -> Floats:
+        vectors = np.zeros((len(times), dimensions))
+        sizes = [np.asarray(motion.derivative(times, order)) for _, motion in self.motions]
+        vectors[:, 0], vectors[:, -1] = self.combined(sizes)
+        return vectors
+
+    def largest(self, times: Floats) -> Any:
+        """The largest acceleration (m/s²) at times (T, ...), (...)."""
+        sizes = [motion.acceleration(times) for _, motion in self.motions]
+        return np.sqrt(sum(size * size for size in sizes)).max(0)
 
 
 def moving_support(support: Moved) -> MovingSupport:
     """The motion of a moved support as functions of time."""
-    return MovingSupport(support.motion.direction == "vertical", prescribed_motion(support.motion))
+    return MovingSupport(tuple((DIRECTIONS[one.direction], prescribed_motion(one)) for one in support.motions))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from math import radians
+from math import inf, radians
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -27,8 +27,10 @@ from modal.assembly import (
 from modal.report import Displayed, Summary, counted
 from modal.scene import Cart, Escapement, Moved, Pendulum, Scene, VanDerPol
 from modal.types import Floats, Ints
+from nonlinear.system.forces import ActingForce, acting_forces
 
 if TYPE_CHECKING:
+    from modal.vibration import Course, PrescribedMotion
     from nonlinear.system.support import MovingSupport
 
 NONE = (0.0, 0.0, 0.0, 0.0)
@@ -178,7 +180,8 @@ class System(Displayed):
 
     `modal_damping` (n, n) is the D_modal of a plane scene's damping ratios in the coordinates (x, links), or None;
     `hoisting` the lengths that change in time, of which the groups hold the first; `support` the motion of a support
-    that moves as prescribed, in whose frame the scene is then described; `rail` the dry friction on the rail.
+    that moves as prescribed, in whose frame the scene is then described; `rail` the dry friction on the rail; `forces`
+    act on points of links and on the cart.
 
     >>> from modal import load
     >>> from nonlinear import system_of
@@ -196,6 +199,7 @@ class System(Displayed):
     hoisting: Hoisting | None = None
     support: MovingSupport | None = None
     rail: Rail | None = None
+    forces: tuple[ActingForce, ...] = ()
 
     def _summary(self) -> Summary:
         where = "on a cart" if self.cart else "on a support that moves" if self.support else "on a fixed support"
@@ -288,7 +292,41 @@ class System(Displayed):
     @property
     def works(self) -> bool:
         """Whether energy enters or leaves the system."""
-        return self.dissipates or self.excites or self.hoisting is not None or self.support is not None
+        return self.dissipates or self.excites or self.hoisting is not None or bool(self.prescribed)
+
+    @cached_property
+    def prescribed(self) -> tuple[PrescribedMotion, ...]:
+        """The functions of time that move the support and act as forces, in the order of the scene."""
+        motions = [motion for _, motion in self.support.motions] if self.support else []
+        return (*motions, *(force.motion for force in self.forces))
+
+    @cached_property
+    def courses(self) -> tuple[Course, ...]:
+        """What these bring: the support's accelerations, where links have drag its velocities; sizes of forces."""
+        if not self.prescribed:
+            return ()
+        from modal.vibration import Course
+
+        moved = self.prescribed[: len(self.prescribed) - len(self.forces)]
+        orders = ((2, 1) if self.dragged else (2,)) if moved else ()
+        accelerations = [Course(motion, order) for order in orders for motion in moved]
+        return (*accelerations, *(force.course for force in self.forces))
+
+    @cached_property
+    def is_analytic(self) -> bool:
+        """Whether all that time brings is plain arithmetic of constants and of the time."""
+        return bool(self.prescribed) and not self.hoisting and all(motion.constants for motion in self.prescribed)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """The times (s) at which a support, a force or a length may change suddenly."""
+        laws = self.hoisting.breaks if self.hoisting else ()
+        return tuple(sorted({*laws, *(time for motion in self.prescribed for time in motion.breaks)}))
+
+    @property
+    def shortest(self) -> float:
+        """The time (s) in which a support or a force may change substantially."""
+        return min((motion.shortest for motion in self.prescribed), default=inf)
 
     def by_link(self, name: str) -> Floats:
         """An array of the blocks in the order of the file, (L,)."""
@@ -330,7 +368,7 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
         groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation, friction, drag))
     modal = _modal_dampers(scene) if scene.has_modal_damping and not rig.spatial else None
     labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
-    prescribed = modal, hoisting, _support(scene), _rail(scene)
+    prescribed = modal, hoisting, _support(scene), _rail(scene), acting_forces(scene)
     return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, *prescribed)
 
 
