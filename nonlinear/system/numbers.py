@@ -34,8 +34,8 @@ Values = Mapping[Place, Floats]
 class Numbers(Displayed):
     """The numbers of S members with the form of a `system`: `entries` are numbers or arrays (S,).
 
-    So are `prescribed`: the entries of D_modal, row by row, where there is one, and constants of motions and forces; and
-    `switching`, those of escapements and dry friction (`nonlinear.integration.switches`), empty without them.
+    So are `prescribed`, the entries of D_modal, row by row, where there is one, and constants of motions and forces;
+    and `switching`, those of escapements and dry friction (`nonlinear.integration.switches`), empty without them.
     """
 
     system: System

@@ -273,6 +273,9 @@ OFF: dict[str, tuple[str, Callable[[Scene], Scene]]] = {
     "quadratic_drag": ("quadratic_drag", _links_without(quadratic_drag=0.0)),
     "moved_horizontal": ("moved_support", lambda scene: scene.still),
     "moved_vertical": ("moved_support", lambda scene: scene.still),
+    "moved_both_ways": ("moved_support", lambda scene: scene.still),
+    "force": ("force", lambda scene: scene.replace(force=())),
+    "constant_force": ("constant_force", lambda scene: scene.replace(force=())),
 }
 """The feature of a kind, and how to switch it off."""
 TIMED = {"tradeoff", "advise"}
