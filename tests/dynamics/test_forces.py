@@ -79,6 +79,7 @@ SHAKEN = [
     {"kind": "sine", "amplitude": 0.05, "frequency_hz": 1.0},
     {"kind": "sine", "direction": "vertical", "amplitude": 0.03, "frequency_hz": 1.7},
 ]
+DISPLACED = {"kind": "record", "time_s": [0, 1, 2, 3], "displacement_m": [0, 0.1, 0.1, 0]}
 PUSH_LOWER = [
     {"on": "pendulum[0].links[1]", "kind": "sine", "amplitude": 2.0, "frequency_hz": 0.7},
     PUSHES[1],
@@ -97,7 +98,7 @@ REEL = [BOB | {"hoist": {"to": 1.5, "duration": 2.0}}, BOB | {"mass": 0.3}]
         ({"kind": "moved", "motion": SHAKEN}, AIRY, []),
         ({"kind": "moved", "motion": SHAKEN}, AIRY, PUSH_LOWER),
         (
-            {"kind": "moved", "motion": [{"kind": "record", "time_s": [0, 1, 2, 3], "displacement_m": [0, 0.1, 0.1, 0]}, SHAKEN[1]]},
+            {"kind": "moved", "motion": [DISPLACED, SHAKEN[1]]},
             AIRY,
             PUSH_LOWER,
         ),
@@ -114,7 +115,7 @@ def test_two_bobs_are_those_of_newtons_law_by_hand() -> None:
     """Lagrange's equations with virtual work F·∂r/∂θ, written out for two bobs of 1 kg and 1 m."""
     forces = [
         {"on": "pendulum[0].links[1]@0.5", "kind": "sine", "amplitude": 2.0, "frequency_hz": 0.7},
-        {"on": "pendulum[0].links[0]@0.25", "direction": "vertical", "kind": "sine", "amplitude": 3.0, "frequency_hz": 0.2},
+        PUSHES[1] | {"on": "pendulum[0].links[0]@0.25", "kind": "sine", "frequency_hz": 0.2},
         {"on": "pendulum[0].links[1]", "direction": "torque", "kind": "constant", "amplitude": 0.4},
     ]  # fmt: skip
 
