@@ -4,11 +4,10 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`, whose pendula are chains of `links`; `motion` moves a support and acts on `points`, `records` reads
-records,
-`hoist` changes a length; `files` reads and writes scenes, `sealed` detects damaged files, `validation` checks every
-part and words the messages, `parameters` finds and varies numbers by path, `titles` says what hangs in a scene without
-a title, `summary` what a scene shows of itself.
+Start with `model`, whose pendula are chains of `links`; `motion` moves a support and acts on `points`, `periods` tells
+when that repeats, `records` reads its records, `hoist` changes a length; `files` reads and writes scenes, `sealed`
+detects damaged files, `validation` checks every part and words the messages, `parameters` finds and varies numbers by
+path, `titles` says what hangs in a scene without a title, `summary` what a scene shows of itself.
 """
 
 from typing import TYPE_CHECKING
@@ -44,6 +43,7 @@ from modal.scene.motion import (
     SweepMotion,
 )
 from modal.scene.parameters import parse_variations
+from modal.scene.periods import DrivePeriod, drive_period, frequencies_of
 from modal.scene.points import places_of
 from modal.scene.records import Spectrum
 from modal.scene.titles import name_of, title_of, what_hangs
@@ -57,6 +57,7 @@ __all__ = [
     "Body",
     "Cart",
     "ConstantForce",
+    "DrivePeriod",
     "Escapement",
     "Fixed",
     "Force",
@@ -79,9 +80,11 @@ __all__ = [
     "SweepMotion",
     "VanDerPol",
     "describe",
+    "drive_period",
     "dump",
     "dumps",
     "example_names",
+    "frequencies_of",
     "kind_of",
     "left_out",
     "load",

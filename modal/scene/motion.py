@@ -241,7 +241,7 @@ class AppliedForce(Part):
 class SineForce(Sine, AppliedForce):
     """The force A sin(2π f t + φ) in N, or a torque in N m.
 
-    >>> from modal import SineForce
+    >>> from modal.scene import SineForce
     >>> SineForce(on="pendulum[0].links[0]", direction="torque", amplitude=0.3, frequency_hz=1.0).on
     'pendulum[0].links[0]'
     """

@@ -12,10 +12,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from modal.scene.model import Scene
+from modal.scene.features import Described
 
 CART = "cart"
 WRITTEN = re.compile(
@@ -65,7 +64,7 @@ def parse_point(text: str) -> Point | None:
     return Point(*where, None if copy is None else int(copy), None if below is None else float(below))
 
 
-def point_problems(scene: Scene, text: str) -> Iterator[str]:
+def point_problems(scene: Described, text: str) -> Iterator[str]:
     """Why a scene has no such point."""
     point = parse_point(text)
     if point is None:
@@ -89,7 +88,7 @@ def point_problems(scene: Scene, text: str) -> Iterator[str]:
         yield f"the link reaches {reach:g} m below its upper joint"
 
 
-def places_of(scene: Scene, text: str) -> list[Place]:
+def places_of(scene: Described, text: str) -> list[Place]:
     """Every link at which a point is; none for the cart."""
     point = parse_point(text)
     if point is None:

@@ -51,18 +51,18 @@ def by_hand(scene: Scene, times: np.ndarray) -> np.ndarray:
     """
     support = system_of(scene).support
     assert support is not None
+    ((direction, moving),) = support.motions
 
     def rate(t: float, y: np.ndarray) -> list[float]:
         a, b, p, q = y
-        size = support.motion.acceleration_at(t)
-        along, down = (0.0, -size) if support.vertical else (size, 0.0)
+        along, down = (part * moving.acceleration_at(t) for part in direction)
         left = np.array([[(M1 + M2) * L1, M2 * L2 * cos(a - b)], [L1 * cos(a - b), L2]])
         first = -M2 * L2 * q * q * sin(a - b) - (M1 + M2) * (along * cos(a) + (G - down) * sin(a))
         second = L1 * p * p * sin(a - b) - along * cos(b) - (G - down) * sin(b)
         return [p, q, *np.linalg.solve(left, [first, second])]
 
     state = initial_state(scene)
-    breaks = [t for t in support.motion.breaks if 0 < t < times[-1]]
+    breaks = [t for t in moving.breaks if 0 < t < times[-1]]
     edges, y, rows = [0.0, *breaks, float(times[-1])], np.concatenate((state.links, state.link_rates)), []
     for low, high in pairwise(edges):
         own = times[(times >= low) & ((times < high) | (high == times[-1]))]

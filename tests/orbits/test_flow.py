@@ -163,7 +163,7 @@ def test_multipliers_of_an_upright_pendulum_on_a_shaken_support_are_those_of_hil
     scene = Scene(gravity=9.81, support=support, pendulum=[Pendulum(links=[Bob(mass=1.0, length=0.5)])])
     system = system_of(scene)
     assert system.support
-    flow, moved = Flow(system, 1e-12), system.support.motion
+    flow, moved = Flow(system, 1e-12), system.support.motions[0][1]
     period = 2 * np.pi / rate
     M = flow(np.array([np.pi, 0.0]), np.eye(2), period).V
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from modal import SceneError, load
-from modal.scene import ConstantForce, SineForce, dumps, parse, places_of, scene_from
+from modal.scene import ConstantForce, SineForce, drive_period, dumps, parse, places_of, scene_from
 from modal.scene.parameters import vary
 from modal.scene.points import Point, parse_point
 
@@ -141,3 +141,22 @@ def test_a_support_may_move_both_ways_but_not_twice_one_way() -> None:
     assert vary(scene, {"support.motion[1].amplitude": 0.2}).support.motions[1].amplitude == 0.2
     with pytest.raises(SceneError, match='motion: has 2 motions with direction = "horizontal"'):
         scene_with(support={"kind": "moved", "motion": [motion, motion]})
+
+
+def test_drives_have_the_common_period_of_their_frequencies() -> None:
+    on = {"on": "pendulum[0].links[0]"}
+    motion = {"kind": "sine", "amplitude": 0.1, "frequency_hz": 0.6}
+    scene = scene_with(SINE | on | {"frequency_hz": 0.9}, support={"kind": "moved", "motion": motion})
+    period = drive_period(scene)
+    assert period.seconds == pytest.approx(1 / 0.3)
+    assert (period.places, period.cycles) == (("support.motion.frequency_hz", "force[0].frequency_hz"), (2, 3))
+    with pytest.raises(
+        SceneError, match=r"force\[1\].frequency_hz = 0.7071: is no ratio p/q of force\[0\].frequency_hz = 0.5"
+    ):
+        drive_period(scene_with(SINE | on, SINE | on | {"frequency_hz": 0.7071}))
+    with pytest.raises(SceneError, match="nothing drives this scene"):
+        drive_period(scene_with(on | {"kind": "constant", "amplitude": 1.0}))
+    with pytest.raises(SceneError, match=r'force\[0\].kind = "sweep": is not periodic'):
+        drive_period(
+            scene_with(on | {"kind": "sweep", "amplitude": 1.0, "from_hz": 0.1, "to_hz": 1.0, "duration": 5.0})
+        )

@@ -1,0 +1,70 @@
+"""The common period of all that is prescribed in time: sines that move the support or act as forces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import lcm
+
+from modal.errors import SceneError
+from modal.scene.model import Scene
+from modal.scene.motion import Force, Moved, SineForce, SineMotion, SupportMotion
+
+SINES = (SineMotion, SineForce)
+MOST, SAME = 64, 1e-12
+"""The largest denominator of a ratio of two frequencies, and how far from it that ratio may be, relative."""
+
+
+@dataclass(frozen=True)
+class DrivePeriod:
+    """The common period (s) of sines; `places` are their frequencies' in the scene, `cycles` those in one period."""
+
+    seconds: float
+    places: tuple[str, ...]
+    cycles: tuple[int, ...]
+
+
+def frequencies_of(scene: Scene) -> dict[str, float]:
+    """The frequency (Hz) of every sine by its place; SceneError where time brings anything that does not repeat so.
+
+    >>> from modal import load
+    >>> frequencies_of(load("chain-2"))
+    {}
+    """
+    support = scene.support
+    single = isinstance(support, Moved) and not isinstance(support.motion, tuple)
+    motions: tuple[SupportMotion | Force, ...] = support.motions if isinstance(support, Moved) else ()
+    drives = {f"support.motion{'' if single else f'[{k}]'}": motion for k, motion in enumerate(motions)}
+    drives |= {f"force[{k}]": force for k, force in enumerate(scene.force) if force.kind != "constant"}
+    sines = {f"{at}.frequency_hz": one.frequency_hz for at, one in drives.items() if isinstance(one, SINES)}
+    if len(sines) < len(drives):
+        other = (at for at, one in drives.items() if not isinstance(one, SINES))
+        raise SceneError([f'{at}.kind = "{drives[at].kind}": is not periodic: a sine is' for at in other])
+    return sines
+
+
+def drive_period(scene: Scene) -> DrivePeriod:
+    """The common period of a scene's drives; SceneError where there is none.
+
+    The ratios of their frequencies are fractions p/q with q ≤ 64, to 1e-12.
+
+    >>> from modal import Bob, Pendulum, Scene
+    >>> from modal.scene import SineForce
+    >>> push = SineForce(on="pendulum[0].links[0]", amplitude=1.0, frequency_hz=0.5)
+    >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])], force=[push])
+    >>> drive_period(scene).seconds
+    2.0
+    """
+    frequencies = frequencies_of(scene)
+    if not frequencies:
+        raise SceneError(['nothing drives this scene: give it a [[force]], or a support of kind = "moved"'])
+    first, *_ = frequencies.values()
+    ratios = {place: Fraction(hz / first).limit_denominator(MOST) for place, hz in frequencies.items()}
+    apart = [place for place, hz in frequencies.items() if abs(float(ratios[place]) * first - hz) > SAME * hz]
+    if apart:
+        words = f"is no ratio p/q of {next(iter(frequencies))} = {first!r} with q of at most {MOST}"
+        raise SceneError(
+            [f"{place} = {frequencies[place]!r}: {words}: these drives have no common period" for place in apart]
+        )
+    whole = lcm(*(ratio.denominator for ratio in ratios.values()))
+    return DrivePeriod(whole / first, tuple(ratios), tuple(int(ratio * whole) for ratio in ratios.values()))
