@@ -19,17 +19,15 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from modal.types import Booleans, Floats
-from nonlinear.dynamics import Frictional, links_of_contacts
+from nonlinear.dynamics import Frictional, links_of_contacts, refuse_jam
+from nonlinear.integration.changes import BRIEF, FIRM, OFTEN, TOGETHER
 from nonlinear.integration.steppers import Stepper
+from nonlinear.integration.switches import NODES, WEIGHTS
 from nonlinear.system import Friction
 
 LOOKS = 8  # intervals of every step that are searched
 CLEAR = 0.5  # least velocity of a contact over the change of it in a step that needs no search
-TOGETHER = 1e-12  # velocity, in natural units, below which contacts that slow down stop together
-BRIEF, OFTEN = 1e-7, 4  # phases shorter than this, over √(l/g), of which so many in a row are chatter
-FIRM = 1e-6  # excess over its limit by which a contact breaks loose after chatter
 NEARER = 0.5 ** np.arange(1, 21, 3)  # of an interval, where a phase that has just begun is sought
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
 class Change(NamedTuple):
@@ -196,7 +194,8 @@ class StickSlip:
         rows = stepper.inside(times)
         speeds = self.equations.sliding(rows)[:, 0]
         forces = [self.equations.rubbing(time, row).tau[0] for time, row in zip(times.tolist(), rows, strict=True)]
-        self.equations.refuse_jam(rows[-1], forces[-1])
+        layout = self.equations.layout
+        refuse_jam(self.equations.system, rows[-1, layout.half + layout.on_cart : 2 * layout.half], forces[-1])
         self._work[0] += (now - before) / 2 * float(WEIGHTS @ (np.array(forces) * speeds))
 
     def record(self, time: float, y: Floats) -> Friction:

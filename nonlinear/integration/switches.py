@@ -14,13 +14,13 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.contacts import contacts_of
 from nonlinear.dynamics.forms import Form, form_of
+from nonlinear.dynamics.friction import JAMMED, refuse_jam
 from nonlinear.dynamics.switching import Pairs, switched, switching_of
 from nonlinear.dynamics.text import Module, function_in
 from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
+from nonlinear.integration.escapements import escaping
 from nonlinear.system import NO_KICKS, Friction, Kicks, System, entries_of, prescribed_of
 
-JAMMED = "the rail's friction has no consistent value: its coefficient is too large for these links"
-JAM = 1e4  # friction on the rail over that of all weights and centrifugal forces, beyond which it has no bound
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 Happening = tuple[float, float, float, float]
 
@@ -156,20 +156,10 @@ class Switches:
         times = (before + now) / 2 + (now - before) / 2 * NODES
         rows, added, friction = inside(times).tolist(), self.inputs(state), self.function("friction")
         forces = [friction(y, [*u(t), *added], ())[0] for t, y in zip(times.tolist(), rows, strict=True)]
-        self._refuse_jam(np.array(rows[-1]), forces[-1])
+        links = slice(at.half + int(self.form.on_cart), 2 * at.half)
+        refuse_jam(self.form.system, np.array(rows[-1][links]), forces[-1])
         work = sum(w * force * y[at.half] for w, force, y in zip(WEIGHTS.tolist(), forces, rows, strict=True))
         state[at.told + 3 * at.J] += (now - before) / 2 * work
-
-    def _refuse_jam(self, y: Floats, force: float) -> None:
-        """ComputationError where this friction (N) of the rail is beyond all weights and inertial forces.
-
-        Before it has no value it grows as 1/(1 + s μ e n₀), and no integrator's steps, however short, reach that end.
-        """
-        system, at = self.form.system, self.places
-        rates = y[at.half + 1 : 2 * at.half]
-        thrown = sum(float(group.block.b.ravel() @ rates[group.index].ravel() ** 2) for group in system.groups)
-        if abs(force) > JAM * self.numbers[3 * at.K] * (system.gravity * system.total_mass + thrown):
-            raise ComputationError(JAMMED)
 
     def rests(self, state: Sequence[float]) -> bool:
         """Whether every coordinate is held for good, as nothing from outside changes."""
@@ -261,15 +251,8 @@ def _relative(values: Sequence[float], pair: tuple[int, int]) -> float:
 
 def kicks_of(system: System) -> tuple[Pairs, list[float]]:
     """The joints with escapements as pairs of coordinates, and their bent, angle and impulse (3 K)."""
-    first, pairs, rows = int(system.cart is not None), [], []
-    for group in system.groups:
-        if group.kicked and group.excitation:
-            above = np.vstack((np.full_like(group.index[:1], -1 - first), group.index[:-1])) + first
-            drive = group.excitation
-            has = drive.impulse > 0
-            pairs += list(zip((group.index[has] + first).tolist(), above[has].tolist(), strict=True))
-            rows += np.stack([part[has] for part in (group.bent, drive.angle, drive.impulse)], axis=1).tolist()
-    return tuple(pairs), np.array(rows).reshape(-1, 3).T.ravel().tolist()
+    joints = escaping(system)
+    return joints.pairs, np.concatenate((joints.bent, joints.angle, joints.impulse)).tolist()
 
 
 def numbers_of(system: System) -> tuple[float, ...]:
