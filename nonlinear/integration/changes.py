@@ -41,7 +41,7 @@ class Places:
     """Where numbers stand: the size of y and its half, pairs of coordinates of K kicks and J contacts, and the rest.
 
     `e`, `firm`, `brief`, `since`, `turned` and `work` are places in the state, `told` of its numbers enter texts;
-    `limit` is a place among the numbers of a member, which end with √(g/l) (rad/s) after the `given` ones.
+    `limit` is a place among the numbers of a member, which end with √(g/l) (rad/s) after those.
     """
 
     size: int
@@ -100,14 +100,14 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
 
     def answers(y: Any, c: Any, u: Any) -> Any:
         """What a unit of friction does, G (J J,), and accelerations a (J,) at contacts; columns, and N with its own."""
-        found = responses(c, y, u + [0.0] * (2 * J), NOTHING)
-        columns = found[size : size + half * J]
-        a = [relative(found, half, pair) for pair in contacts]
+        answer = responses(c, y, u + [0.0] * (2 * J), NOTHING)
+        columns = answer[size : size + half * J]
+        a = [relative(answer, half, pair) for pair in contacts]
         G = [0.0] * 0
         for below, above in contacts:
             for k in range(J):
                 G.append(columns[below * J + k] - (columns[above * J + k] if above >= 0 else 0.0))
-        return a, G, columns, found[size + half * J :]
+        return a, G, columns, answer[size + half * J :]
 
     def settle(
         t: Any, y: Any, signs: Any, was: Any, state: Any, numbers: Any, c: Any, u: Any, held: Any, happened: Any
@@ -199,9 +199,9 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
                 far = side * gamma - numbers[K + i] > -TOGETHER and side * speed > 0 and state[i] * side >= 0
                 if far or j == i + (0 if side > 0 else K):
                     pushes[i] += side * numbers[2 * K + i]
-        given = pushes + [*state[K:B]] + [*numbers[:RATE]] + [0.0] * timed
+        acting = pushes + [*state[K:B]] + [*numbers[:RATE]] + [0.0] * timed
         every = u + inputs(state, numbers)
-        after = kick(c, y, every, [0.0] * size + given)
+        after = kick(c, y, every, [0.0] * size + acting)
         for i in range(K):
             if pushes[i] != 0:
                 state[i] = -1.0 if pushes[i] > 0 else 1.0
@@ -217,7 +217,7 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
         if len(V) > 0:
             now, z, g = u + inputs(state, numbers), [*y], [*f]
             for i in [first % K] + [i for i in range(K) if pushes[i] != 0 and i != first % K]:
-                alone = [pushes[k] if k == i else 0.0 for k in range(K)] + given[K:]
+                alone = [pushes[k] if k == i else 0.0 for k in range(K)] + acting[K:]
                 z2 = kick(c, z, every, [0.0] * size + alone)
                 g2 = sticking(c, z2, now, NOTHING)
                 for n in range(len(V)):

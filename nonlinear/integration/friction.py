@@ -30,7 +30,7 @@ CLEAR = 0.5  # least velocity of a contact over the change of it in a step that 
 NEARER = 0.5 ** np.arange(1, 21, 3)  # of an interval, where a phase that has just begun is sought
 
 
-class Change(NamedTuple):
+class Transition(NamedTuple):
     """The next change: its time (s), and which contacts stop sliding or break loose, (J,)."""
 
     time: float
@@ -58,7 +58,7 @@ class StickSlip:
 
     # -------------------------------------------------------------------------------------------------- the search
 
-    def next(self, stepper: Stepper, before: float) -> Change | None:
+    def next(self, stepper: Stepper, before: float) -> Transition | None:
         """The first change within the last step, None where there is none."""
         self.equations.refused = ""
         if self.equations.rests:
@@ -107,7 +107,7 @@ class StickSlip:
                 return float(looks[k - 1]), float(found.x), np.arange(len(near)) == j
         return None
 
-    def _first(self, stepper: Stepper, start: float, end: float, among: Booleans) -> Change:
+    def _first(self, stepper: Stepper, start: float, end: float, among: Booleans) -> Transition:
         """The first of these contacts to pass zero; one whose value is zero at the start may be negative at first."""
         times = np.full(len(among), np.inf)
         for j in np.flatnonzero(among).tolist():
@@ -116,11 +116,11 @@ class StickSlip:
             low = next((time for time in early.tolist() if value(time) < 0), None)
             times[j] = start if low is None else _root(value, low, end)
         first = float(times.min())
-        return Change(first, times <= first)
+        return Transition(first, times <= first)
 
     # -------------------------------------------------------------------------------------------------- the change
 
-    def changed(self, change: Change, y: Floats) -> Floats:
+    def changed(self, change: Transition, y: Floats) -> Floats:
         """The y after a change, from which the contacts go on in their new states."""
         equations, sign = self.equations, self.equations.sign
         sliding, unit = equations.sliding(y), equations.system.rate * TOGETHER

@@ -61,7 +61,7 @@ class Watch(Protocol):
         ...
 
 
-class Switches(Protocol):
+class LaneSwitches(Protocol):
     """What `Task.switches.at(members)` gives: steps end where a value passes from below to above 0, which changes y."""
 
     count: int
