@@ -197,7 +197,7 @@ class Frictional:
         else:
             tau, begun = consistent(a, G, bound, sign.tolist(), count)
         if len(tau) < count:
-            raise ComputationError(JAMMED)
+            raise ComputationError(JAMMED if mu else "dry friction: no consistent set of sticking joints was found")
         return Rubbing(np.array(tau), limit, np.array(begun))
 
 

@@ -1,4 +1,7 @@
-"""Escapements: when the next kick comes, and its effect.
+"""Escapements: the joints that have them, when the next kick comes, and its effect.
+
+`Escapements` is for integrators that know of no switches: all but DOP853, and scenes whose equations are not written
+out.  Others end their steps at the switches of `switches`.
 
 A kick P at a joint applies an impulse +P to the link below and −P to the one above.  No finite force acts in an
 instant, so with the generalized impulse J of all simultaneous kicks
@@ -154,7 +157,7 @@ class Escapements:
     def _peaks(self, stepper: Stepper, start: float, end: float, back: Booleans) -> Iterator[float]:
         """Times at which joints that turn back beyond their angle do so, each once between start and end."""
         for s, j in zip(*np.nonzero(back), strict=True):
-            time = _root(lambda time, s=s, j=j: float(self._at(stepper, time)[1][s, j]), start, end)  # type: ignore[misc]
+            time = root(lambda time, s=s, j=j: float(self._at(stepper, time)[1][s, j]), start, end)  # type: ignore[misc]
             if self._at(stepper, time)[0][s, j] >= 0:
                 yield time
 
@@ -164,7 +167,7 @@ class Escapements:
         def over(time: float) -> Floats:
             return np.where(among, self._at(stepper, time)[0], -np.inf)
 
-        time = _root(lambda time: float(over(time).max()), start, end)
+        time = root(lambda time: float(over(time).max()), start, end)
         return Due(time, _largest(over(time)))
 
 
@@ -181,7 +184,8 @@ def escapements(system: System, layout: Layout, y: Floats, before: Kicks = NO_KI
     return Escapements(joints, layout, -np.sign(aside))
 
 
-def _root(value: Callable[[float], float], start: float, end: float) -> float:
+def root(value: Callable[[float], float], start: float, end: float) -> float:
+    """Where a value between two times of either sign is zero, to the last digits."""
     return float(brentq(value, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
 
 

@@ -1,5 +1,8 @@
 """Stick and slip as events: when a contact stops sliding or breaks loose, and what follows.
 
+For integrators that know of no switches: all but DOP853, and scenes whose equations are not written out.  Others end
+their steps at the switches of `switches`.
+
 Every contact has a value that stays negative while its state lasts: −s γ' while it slides in the direction s, |τ| − M
 while it sticks.  Within each step the first value to pass zero is sought on the integrator's interpolant.  A contact
 that stops sliding loses the remainder of its velocity by an impulse of friction, so that those already sticking stay
@@ -9,18 +12,18 @@ and which way the others slide, and the integrator restarts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from math import nan
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import Frictional, links_of_contacts, refuse_jam
 from nonlinear.integration.changes import BRIEF, FIRM, OFTEN, TOGETHER
+from nonlinear.integration.escapements import root
 from nonlinear.integration.steppers import Stepper
 from nonlinear.integration.switches import NODES, WEIGHTS
 from nonlinear.system import Friction
@@ -114,7 +117,7 @@ class StickSlip:
             value = partial(self._value, stepper, j)
             early = start + (end - start) * np.append(0.0, NEARER)
             low = next((time for time in early.tolist() if value(time) < 0), None)
-            times[j] = start if low is None else _root(value, low, end)
+            times[j] = start if low is None else root(value, low, end)
         first = float(times.min())
         return Transition(first, times <= first)
 
@@ -216,7 +219,3 @@ def _near(values: Floats) -> Booleans:
     with np.errstate(all="ignore"):
         top = middle - (right - left) ** 2 / (8 * bend)
     return np.asarray((middle < 0) & (middle >= left) & (middle >= right) & (bend < 0) & (top > middle / 2))
-
-
-def _root(value: Callable[[float], float], start: float, end: float) -> float:
-    return float(brentq(value, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
