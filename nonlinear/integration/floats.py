@@ -33,10 +33,10 @@ from nonlinear.integration.method import (
     STAGES,
     THIRD,
     controlled,
+    gained,
     terms_of,
     weighted,
 )
-from nonlinear.integration.method import interpolated as gained
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
 from nonlinear.integration.switched import Switched
 from nonlinear.system import Equations
@@ -46,7 +46,7 @@ AT_ONCE, SHOWN = 256, 8  # steps, and those of motions with switches whose progr
 Numbers = Sequence[float]
 
 
-class Passed(NamedTuple):
+class FloatStep(NamedTuple):
     """A step: its beginning and end (s), y there, the derivative at every stage, the last at the end, and inputs.
 
     The inputs are those that dry friction `held` throughout.
@@ -78,19 +78,19 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         super().__init__(*arguments, **options)
         beside = "" if inputs is None else ", (t + {} * h,)" if clocked else ", inputs(t + {} * h, z)"
         self.rate, self.inputs, self.attempt = rate, inputs, attempt_of(self.n, beside)
-        self.passed = Passed(self.t, self.t, self.y.tolist(), self.y.tolist(), [self.f.tolist()])
+        self.passed = FloatStep(self.t, self.t, self.y.tolist(), self.y.tolist(), [self.f.tolist()])
         self.smallest = np.broadcast_to(self.atol, self.y.shape).tolist()
         self._which, self._low, self._high, self._tried, self._usual = [-1], [0.0], [np.inf], [0.0], [0.0]
 
-    def advance(self, due: Numbers, most: int) -> tuple[list[Passed], list[Passed], int]:
+    def advance(self, due: Numbers, most: int) -> tuple[list[FloatStep], list[FloatStep], int]:
         """Up to this many steps, none if the first fails, until the last time that is `due` (all that, if none is).
 
         Returns the steps, those in which times are due, and how many of these times have been reached.
         """
         self.switch()
         y, f, at = self.y.tolist(), self.f.tolist(), 0
-        steps: list[Passed] = []
-        wanted: list[Passed] = []
+        steps: list[FloatStep] = []
+        wanted: list[FloatStep] = []
         switched = self.switched
         while len(steps) < most and self.t < self.t_bound and (at < len(due) or not due):
             if switched and switched.met is not None:
@@ -121,7 +121,7 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         self.rate = switched.rate
         return after, self.rate(after, self.inputs(self.t, after)) if self.inputs else self.rate(after)
 
-    def _passed(self, y: Numbers, f: Numbers) -> Passed | None:
+    def _passed(self, y: Numbers, f: Numbers) -> FloatStep | None:
         """The next step, None where it would be too short."""
         t, switched = self.t, self.switched
         least = 10 * abs(nextafter(t, self.t_bound) - t)
@@ -140,14 +140,14 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
                 continue
             if switched is None:
                 self.h_abs, self.h_previous = length * factor, length
-                return Passed(t, end, y, after, stages)
+                return FloatStep(t, end, y, after, stages)
             if answer == STANDS:
                 self.h_abs = self._tried[0]
             else:
                 after, end = self._ended(switched, after, stages[-1], end)
             switched.level(after)
             self.h_previous = end - t
-            return Passed(t, end, y, after, stages, switched.held)
+            return FloatStep(t, end, y, after, stages, switched.held)
         return None
 
     def _met(
@@ -156,18 +156,18 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         """What becomes of this good step, as `meet` says."""
         t, switched = self.t, cast("Switched", self.switched)
         values, inputs = switched.values, self.inputs
-        found = [switched.look or values(t, y, stages[0], inputs, length)]
+        looked = [switched.look or values(t, y, stages[0], inputs, length)]
         for stage, z in zip(SEEN, looks, strict=True):
-            found.append(values(t + NODES[stage] * length, z, stages[stage], inputs, length))
-        found.append(values(t + length, after, stages[-1], inputs, length))
-        V, R = zip(*found, strict=True)
+            looked.append(values(t + NODES[stage] * length, z, stages[stage], inputs, length))
+        looked.append(values(t + length, after, stages[-1], inputs, length))
+        V, R = zip(*looked, strict=True)
         self._tried[0] = following
         if self._which[0] >= 0 or seen(length, V, R, LOOKS):
             places = self._which, self._low, self._high, self._tried, self._usual
             answer = meet(0, (t,), (length,), V, R, LOOKS, *places)
         else:
             self._usual[0], answer = following, STANDS
-        switched.look, self._last = found[-1] if answer == STANDS else found[0], found[-1]
+        switched.look, self._last = looked[-1 if answer == STANDS else 0], looked[-1]
         return answer
 
     def _ended(self, switched: Switched, after: Numbers, f: Numbers, end: float) -> tuple[list[float], float]:
@@ -178,7 +178,7 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
             left = 0.0
         self.h_abs, switched.met = self._usual[0], j
         self._seek_none()
-        return [own + left * rate for own, rate in zip(after, f, strict=True)], end + left
+        return [value + left * rate for value, rate in zip(after, f, strict=True)], end + left
 
     def _seek_none(self) -> None:
         self._which[0], self._low[0], self._high[0] = -1, 0.0, np.inf
@@ -193,8 +193,8 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         """The error over the tolerance, the next length over this, y at the end, all stages, and y at `SEEN`."""
         self.nfev += STAGES
         try:
-            given = (self.rate, length, y, f, self.rtol, self.smallest, self.t, self.inputs)
-            fifth, third, after, stages, looks = self.attempt(*given)
+            arguments = (self.rate, length, y, f, self.rtol, self.smallest, self.t, self.inputs)
+            fifth, third, after, stages, looks = self.attempt(*arguments)
         except SceneError:
             raise
         except UNDEFINED:
@@ -255,7 +255,7 @@ class FloatStepper(DOP853Stepper[Written]):
         solver = cast("FloatDOP853", self._on_its_way())
         begun = solver.t
         ends: list[tuple[float, Numbers | Floats]] = []
-        wanted: list[Passed] = []
+        wanted: list[FloatStep] = []
         while True:
             steps, some, more = solver.advance(due[reached:], 1 if alone else SHOWN if every and switched else AT_ONCE)
             wanted, reached = wanted + some, reached + more
@@ -276,7 +276,7 @@ class FloatStepper(DOP853Stepper[Written]):
             rows, ends = np.vstack((rows, np.tile(solver.y, (len(due) - reached, 1)))), [*ends, (due[-1], solver.y)]
         return rows, ends, taken
 
-    def _rates_in(self, steps: Sequence[Passed]) -> Derivative:
+    def _rates_in(self, steps: Sequence[FloatStep]) -> Derivative:
         """The derivative in these steps side by side."""
         if isinstance(self.equations, Switched):
             return self.equations.rates_in([step.held for step in steps])
@@ -291,20 +291,20 @@ class FloatStepper(DOP853Stepper[Written]):
         return mended
 
 
-def interpolated(steps: Sequence[Passed], times: Floats, derivative: Any) -> Floats:
+def interpolated(steps: Sequence[FloatStep], times: Floats, derivative: Any) -> Floats:
     """The y (T, size) at ascending times within these steps, by the method's own interpolation."""
     start, end = np.array([(step.start, step.end) for step in steps]).T
     before, after = (np.array([getattr(step, name) for step in steps]).T for name in ("before", "after"))
     stages = [*np.array([step.stages for step in steps]).transpose(1, 2, 0)]
     length = end - start
     for stage, shares in enumerate(MORE, STAGES + 1):
-        moved = sum(share * stages[own] for own, share in shares)
+        moved = sum(share * stages[earlier] for earlier, share in shares)
         stages.append(derivative(start + length * NODES[stage], before + length * moved))
     terms = terms_of(length, after - before, stages)
     at = np.searchsorted(end, times)
     part = (times - start[at]) / length[at]
-    found = before[:, at] + gained(part, [term[:, at] for term in terms])
-    return np.where(times == end[at], after[:, at], found).T
+    inside = before[:, at] + gained(part, [term[:, at] for term in terms])
+    return np.where(times == end[at], after[:, at], inside).T
 
 
 # ------------------------------------------------------------------------------------------------- one attempted step

@@ -61,7 +61,7 @@ class Watch(Protocol):
         ...
 
 
-class Switches(Protocol):
+class LaneSwitches(Protocol):
     """What `Task.switches.at(members)` gives: steps end where a value passes from below to above 0, which changes y."""
 
     count: int
@@ -178,7 +178,7 @@ class Front:
         self.next, self.work = np.empty_like(self.y), np.empty_like(self.y)
         self.sums = np.empty((3, *self._judged(self.y).shape))
         if task.switches:
-            self.switches = task.switches.at(members)
+            self.switches: LaneSwitches = task.switches.at(members)
             self.value, self.rise = np.empty((2, task.switches.count, len(members)))
 
     def rates_of(self, columns: Ints) -> Rates:
@@ -256,6 +256,7 @@ class Front:
         """Which steps end at a switch, and which are tried again; the former end there to rounding."""
         V, R = (np.array(own) for own in zip((self.value, self.rise), *looks, strict=True))
         width = (np.diff(LOOKS)[:, None] * self.h)[:, None]
+        # Of all lanes at once, those of which `seen` says that a value may pass.
         some = ((V[:-1] < 0) | ((V[:-1] == 0) & (R[:-1] < 0))) & (V[1:] >= 0)
         some |= (R[:-1] > 0) & (R[1:] < 0) & (np.maximum(V[:-1], V[1:]) + 0.25 * width * (R[:-1] - R[1:]) > 0)
         some |= (V[0] > 0) & (R[0] > 0)

@@ -46,35 +46,35 @@ def weighted(shares: Shares, name: str) -> str:
     return " + ".join(f"{share!r} * {name.format(stage)}" for stage, share in shares)
 
 
-def summed(shares: Shares, stages: Floats, found: Floats, work: Floats) -> None:
-    """A sum over stages into `found`; `work` is an array like it."""
+def summed(shares: Shares, stages: Floats, total: Floats, work: Floats) -> None:
+    """A sum over stages into `total`; `work` is an array like it."""
     (stage, share), *others = shares
-    np.multiply(stages[stage], share, out=found)
+    np.multiply(stages[stage], share, out=total)
     for stage, share in others:
         np.multiply(stages[stage], share, out=work)
-        found += work
+        total += work
 
 
-def interpolated(part: Any, terms: Sequence[Any]) -> Any:
+def gained(part: Any, terms: Sequence[Any]) -> Any:
     """What y has gained at a part of the step, from the `terms` of the interpolant."""
-    found: Any = 0.0
+    gain: Any = 0.0
     for number, term in enumerate(reversed(terms)):
-        found = (found + term) * (1 - part if number % 2 else part)
-    return found
+        gain = (gain + term) * (1 - part if number % 2 else part)
+    return gain
 
 
 def terms_of(length: Any, moved: Any, stages: Any) -> list[Any]:
     """The terms of the interpolant of a step in which y has `moved`, from the rates at all stages and further ones."""
     first, last = length * stages[0], length * stages[STAGES]
     powers = (sum(share * stages[stage] for stage, share in shares) for shares in POWERS)
-    return [moved, first - moved, 2 * moved - last - first, *(length * own for own in powers)]
+    return [moved, first - moved, 2 * moved - last - first, *(length * power for power in powers)]
 
 
 def controlled(fifth: float, third: float, length: float, size: float, refused: bool) -> tuple[float, float]:
     """The error over the tolerance, and the length of the next step over this one.
 
     `fifth` and `third` are sums over `size` components of the squares of errors over their tolerances; after a step
-    that was `refused` none is longer.  Run by Python and compiled by numba.
+    that was `refused` none is longer.  `nonlinear.integration.loops` has the same with three roots for the power.
     """
     both = fifth + 0.01 * third
     error = length * fifth / sqrt(both * size) if both else 0.0

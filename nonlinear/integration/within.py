@@ -11,7 +11,7 @@ import numpy as np
 
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.lanes import Rates
-from nonlinear.integration.method import EXTRA, MORE, NODES, STAGES, interpolated, summed, terms_of
+from nonlinear.integration.method import EXTRA, MORE, NODES, STAGES, gained, summed, terms_of
 from nonlinear.integration.steppers import BESIDE
 
 PIECES = 16  # parts of a step, within each of which a component turns back once at most
@@ -79,7 +79,7 @@ class Inside:
 
     def at(self, part: Floats, rows: Any = ALL) -> Floats:
         """The y (size, A), or of one component (A,), at these parts of the step, from 0 to 1."""
-        return np.asarray(self.before[rows] + interpolated(beside(part, self.before), [*self.terms[:, rows]]))
+        return np.asarray(self.before[rows] + gained(beside(part, self.before), [*self.terms[:, rows]]))
 
     def take(self, lanes: Any, rows: Any = ALL) -> Inside:
         """Of some of these lanes, and of some components."""
