@@ -47,7 +47,7 @@ def weighted(shares: Shares, name: str) -> str:
 
 
 def summed(shares: Shares, stages: Floats, found: Floats, work: Floats) -> None:
-    """A sum over stages into `found`; `work` is an array like it."""
+    """A sum over stages into `found`; `work` is an array like it.  Complex numbers come as pairs of real ones."""
     (stage, share), *others = shares
     np.multiply(stages[stage], share, out=found)
     for stage, share in others:
@@ -68,6 +68,16 @@ def terms_of(length: Any, moved: Any, stages: Any) -> list[Any]:
     first, last = length * stages[0], length * stages[STAGES]
     powers = (sum(share * stages[stage] for stage, share in shares) for shares in POWERS)
     return [moved, first - moved, 2 * moved - last - first, *(length * own for own in powers)]
+
+
+TERMS = np.array(terms_of(1.0, sum(share * np.eye(STAGES + 1 + EXTRA)[k] for k, share in END), np.eye(STAGES + 1 + EXTRA)))
+"""The terms of the interpolant of a step of length 1 from the rates at all stages and further ones, (7, 16)."""
+
+
+def within_shares(part: Floats) -> Floats:
+    """Of the rates at all stages in what y has gained at parts (...) of a step of length 1, (..., 16)."""
+    factors = [1 - part if number % 2 else part for number in range(len(TERMS))]
+    return np.asarray(np.cumprod(np.stack(factors, axis=-1), axis=-1) @ TERMS)
 
 
 def controlled(fifth: float, third: float, length: float, size: float, refused: bool) -> tuple[float, float]:

@@ -24,7 +24,8 @@ class Step:
     """One step of W lanes: `member` in each, whether it was `taken`, from when (s), how long, y before and after.
 
     `stages` (13, size, W) are the rates on the way; the first and the last those at the ends.  All of these have the
-    columns of segments as a last axis where they have any.  `held` (2 J, W) are the inputs of contacts.
+    columns of segments as a last axis where they have any.  `held` (2 J, W) are the inputs of contacts.  Where the
+    stages are the first of a longer array, further ones have `room` there.
     """
 
     member: Ints
@@ -38,6 +39,7 @@ class Step:
     rates_of: Callable[[Ints], Rates]
     breaks: bool = False
     held: Any = ()
+    room: Any = None
 
     def times(self, part: float, columns: Any = ALL) -> Floats:
         """The times (s) of a part of the step, strictly within it where it may begin or end at a break."""
@@ -54,15 +56,27 @@ class Step:
 
     def within(self, columns: Ints) -> Inside:
         """The motion inside the step of the lanes in these columns."""
-        before, length = self.before[:, columns], self.length[columns]
-        stages = np.empty((STAGES + 1 + EXTRA, *before.shape), before.dtype)
-        np.take(self.stages, columns, axis=2, out=stages[: STAGES + 1])
-        rates, work, rows = self.rates_of(columns), np.empty_like(before), np.empty_like(before)
-        along = beside(length, before)
+        before, along = self.before[:, columns], beside(self.length[columns], self.before)
+        moved = self.after[:, columns] - before
+        return Inside(before, np.array(terms_of(along, moved, self.extended(columns))))
+
+    def extended(self, columns: Ints) -> Floats:
+        """The rates (16, size, A) at all stages of the lanes in these columns, and at further ones."""
+        if self.room is not None and len(columns) == len(self.member):
+            stages, before, rates = self.room, self.before, self.rates
+        else:
+            before, rates = np.ascontiguousarray(self.before[:, columns]), self.rates_of(columns)
+            stages = np.empty((STAGES + 1 + EXTRA, *before.shape), before.dtype)
+            np.take(self.stages, columns, axis=2, out=stages[: STAGES + 1])
+        y, along = np.empty_like(before), beside(self.length[columns], before)
+        begun, found, earlier = (own.view(float) for own in (before, y, stages))
+        work = np.empty_like(found)
         for more, shares in enumerate(MORE, STAGES + 1):
-            summed(shares, stages, rows, work)
-            fill(rates(before + along * rows, beside(self.times(NODES[more], columns), before)), stages[more])
-        return Inside(before, np.array(terms_of(along, self.after[:, columns] - before, stages)))
+            summed(shares, earlier, found, work)
+            found *= along
+            found += begun
+            fill(rates(y, beside(self.times(NODES[more], columns), before)), stages[more])
+        return stages
 
 
 @dataclass(frozen=True, eq=False)
