@@ -23,7 +23,7 @@ from nonlinear.system import Numbers
 
 MOST_STEPS = 100_000
 Parts = tuple[tuple[int, float], ...]
-FIRST = 0.02  # of sqrt(l/g), the first step
+FIRST = 0.1  # of sqrt(l/g), the first step
 
 
 @dataclass(frozen=True, eq=False)

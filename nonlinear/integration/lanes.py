@@ -33,15 +33,15 @@ from nonlinear.integration.method import (
     FIFTH,
     LOOKS,
     NODES,
-    ROWS,
     SEEN,
     STAGES,
     THIRD,
+    advance,
     steered,
     summed,
 )
 from nonlinear.integration.steppers import BESIDE
-from nonlinear.integration.within import Step, beside, fill, squared
+from nonlinear.integration.within import Step, beside, fill, spread, squared
 
 NUMBERS, NARROWEST, WIDEST = 20_480, 128, 2048  # numbers of y in work at once; lanes
 LEAVING = 8  # the part of all lanes that are through when they leave
@@ -226,12 +226,10 @@ class Front:
         step = Step(self.member, self.refused, self.t, self.h, y, z, stages, self.rates, self.rates_of)
         step.held = self.switches.inputs(self.state) if self.task.switches else ()
         step.room, step.breaks, timed = self.room, bool(len(self.task.breaks)), self.task.lanes.inputs.count > 0
-        length, looks = beside(self.h, y), []
-        begun, found, *others = (own.view(float) for own in (y, z, stages, work))
+        begun, *others = (own.view(float) for own in (y, stages, z, work))
+        length, looks = spread(self.h, begun), []
         for stage in range(1, STAGES + 1):
-            summed(ROWS[stage], others[0], found, others[1])
-            found *= length
-            found += begun
+            advance(stage, begun, length, *others)
             fill(self.rates(z, beside(step.times(NODES[stage]), y)) if timed else self.rates(z), stages[stage])
             if self.task.switches and stage in (*SEEN, STAGES):
                 own = self._motion(z), self._motion(stages[stage]), self.state

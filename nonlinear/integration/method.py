@@ -33,6 +33,10 @@ END, FIFTH, THIRD = ROWS[STAGES], _shares(DOP853.E5), _shares(DOP853.E3)
 """Of the rates at all stages in the end of the step, and in its errors of fifth and third order."""
 MORE, POWERS = [_shares(row) for row in DOP853.A_EXTRA], [_shares(row) for row in DOP853.D]
 """Of the rates at all stages in y at further ones, and of these as well in the last terms of the interpolant."""
+SUMS = (*ROWS, *MORE)
+"""Those of y at every stage, further ones included."""
+WEIGHTS = [np.array([dict(row).get(stage, 0.0) for stage in range(row[-1][0] + 1 if row else 0)]) for row in SUMS]
+"""The same as arrays, with those that are 0."""
 NODES: Sequence[float] = tuple(map(float, (*DOP853.C, 1.0, *DOP853.C_EXTRA)))
 """The part of a step at each stage, the end of the step, and the further stages."""
 SEEN = (6, 8, 10)
@@ -47,12 +51,26 @@ def weighted(shares: Shares, name: str) -> str:
 
 
 def summed(shares: Shares, stages: Floats, found: Floats, work: Floats) -> None:
-    """A sum over stages into `found`; `work` is an array like it.  Complex numbers come as pairs of real ones."""
+    """A sum over stages into `found`; `work` is an array like it."""
     (stage, share), *others = shares
     np.multiply(stages[stage], share, out=found)
     for stage, share in others:
         np.multiply(stages[stage], share, out=work)
         found += work
+
+
+def advance(stage: int, begun: Floats, length: Floats, stages: Floats, y: Floats, work: Floats) -> None:
+    """The y at a stage, also a further one, from that `begun` and the rates at stages before, in place.
+
+    Sums over columns beside motions, arrays (size, S, 1 + k), are products of BLAS: rounded otherwise, and faster.
+    """
+    if y.ndim < 3:
+        summed(SUMS[stage], stages, y, work)
+    else:
+        weights = WEIGHTS[stage]
+        np.dot(weights, stages.reshape(len(stages), -1)[: len(weights)], out=y.reshape(-1))
+    y *= length
+    y += begun
 
 
 def interpolated(part: Any, terms: Sequence[Any]) -> Any:
@@ -70,14 +88,18 @@ def terms_of(length: Any, moved: Any, stages: Any) -> list[Any]:
     return [moved, first - moved, 2 * moved - last - first, *(length * own for own in powers)]
 
 
-TERMS = np.array(terms_of(1.0, sum(share * np.eye(STAGES + 1 + EXTRA)[k] for k, share in END), np.eye(STAGES + 1 + EXTRA)))
+_EACH = np.eye(STAGES + 1 + EXTRA)
+TERMS = np.array(terms_of(1.0, sum(share * _EACH[stage] for stage, share in END), _EACH))
 """The terms of the interpolant of a step of length 1 from the rates at all stages and further ones, (7, 16)."""
 
 
 def within_shares(part: Floats) -> Floats:
     """Of the rates at all stages in what y has gained at parts (...) of a step of length 1, (..., 16)."""
-    factors = [1 - part if number % 2 else part for number in range(len(TERMS))]
-    return np.asarray(np.cumprod(np.stack(factors, axis=-1), axis=-1) @ TERMS)
+    factors = np.empty((len(TERMS), part.size))
+    factors[0] = ahead = part.ravel()
+    for number in range(1, len(TERMS)):
+        np.multiply(factors[number - 1], 1 - ahead if number % 2 else ahead, out=factors[number])
+    return np.asarray((factors.T @ TERMS).reshape(*part.shape, -1))
 
 
 def controlled(fifth: float, third: float, length: float, size: float, refused: bool) -> tuple[float, float]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.lanes import Rates
-from nonlinear.integration.method import EXTRA, MORE, NODES, STAGES, interpolated, summed, terms_of
+from nonlinear.integration.method import EXTRA, NODES, STAGES, advance, interpolated, terms_of
 from nonlinear.integration.steppers import BESIDE
 
 PIECES = 16  # parts of a step, within each of which a component turns back once at most
@@ -68,14 +68,12 @@ class Step:
             before, rates = np.ascontiguousarray(self.before[:, columns]), self.rates_of(columns)
             stages = np.empty((STAGES + 1 + EXTRA, *before.shape), before.dtype)
             np.take(self.stages, columns, axis=2, out=stages[: STAGES + 1])
-        y, along = np.empty_like(before), beside(self.length[columns], before)
-        begun, found, earlier = (own.view(float) for own in (before, y, stages))
-        work = np.empty_like(found)
-        for more, shares in enumerate(MORE, STAGES + 1):
-            summed(shares, earlier, found, work)
-            found *= along
-            found += begun
-            fill(rates(y, beside(self.times(NODES[more], columns), before)), stages[more])
+        y = np.empty_like(before)
+        begun, *others = (own.view(float) for own in (before, stages, y, np.empty_like(y)))
+        length = spread(self.length[columns], begun)
+        for stage in range(STAGES + 1, len(stages)):
+            advance(stage, begun, length, *others)
+            fill(rates(y, beside(self.times(NODES[stage], columns), before)), stages[stage])
         return stages
 
 
@@ -151,6 +149,11 @@ def crossing(function: Callable[[Floats], Floats], low: Floats, high: Floats) ->
 def beside(values: Any, y: Floats) -> Any:
     """Values of lanes (..., S), ready to be combined with y (size, S) or (size, S, 1 + k)."""
     return values if y.ndim < 3 else np.asarray(values)[..., None]
+
+
+def spread(values: Floats, y: Floats) -> Floats:
+    """Values (S,) of lanes, as often as y (size, S) or (size, S, 1 + k) has columns: NumPy is slow in short rows."""
+    return values if y.ndim < 3 else np.repeat(values, y.shape[2]).reshape(y.shape[1:])
 
 
 def squared(rows: Floats) -> Floats:
