@@ -44,11 +44,10 @@ class _Columns(Some):
 
     def change(self, t: float, j: int, y: Any, f: Any, state: Floats) -> Any:
         """The y (size, 1 + k) of one member after switch j, with its state changed in place."""
-        one, told = self.crowd.of(int(self.members)), state.tolist()
+        one, told, derivatives = self.crowd.of(int(self.members)), state.tolist(), np.iscomplexobj(y)
         u, seen = self.crowd.inputs.of_time(t), len(one.happened)
         begun, slope = y[:, 0].real.tolist(), f[:, 0].real.tolist()
         kicks, before = j < 2 * one.places.K, one.inputs(state.tolist())
-        derivatives = np.iscomplexobj(y)
         after, moved = one.change(t, j, begun, slope, told, y.imag.T.tolist() if derivatives and not kicks else [], u)
         if derivatives and kicks:
             own = self.columns
