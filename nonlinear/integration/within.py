@@ -39,7 +39,7 @@ class Step:
     rates_of: Callable[[Ints], Rates]
     breaks: bool = False
     held: Any = ()
-    room: Any = None
+    room: Floats | None = None
 
     def times(self, part: float, columns: Any = ALL) -> Floats:
         """The times (s) of a part of the step, strictly within it where it may begin or end at a break."""
