@@ -104,8 +104,9 @@ def main() -> None:
         other = seconds(lambda problem=problem, u=u: by_differences(problem, u), 1)
         dry, v = problem_of(rubbing, ("friction", "damping"), segments)
         rubbed = seconds(lambda problem=dry, u=v: _fresh(problem, u))
-        print(f"{segments} segments: {spent:.3f} s, SciPy {other / spent:.0f} times as long, its differences off by {apart:.1e}")
-        print(f"{segments} segments with dry friction: {rubbed:.3f} s, {rubbed / spent:.1f} times those without")
+        print(f"{segments} segments: {spent:.3f} s")
+        print(f"  SciPy {other / spent:.0f} times as long, its differences off by {apart:.1e}")
+        print(f"  with dry friction {rubbed:.3f} s, {rubbed / spent:.1f} times those without")
 
 
 def _fresh(problem: Problem, u: Floats) -> Floats:
