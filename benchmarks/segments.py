@@ -76,10 +76,10 @@ def _motion(problem: Problem, own: Floats) -> Floats:
     return np.asarray(run.y[:2])
 
 
-def seconds(work: Callable[[], object], rounds: int = ROUNDS) -> float:
+def seconds(work: Callable[[], object]) -> float:
     """The median of the processor's time (s)."""
     spent = []
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         begun = process_time()
         work()
         spent.append(process_time() - begun)
@@ -94,14 +94,15 @@ def main() -> None:
     for segments in parser.parse_args().segments:
         problem, u = problem_of(LINKS, FREE, segments)
         told = _fresh(problem, u)
+        begun = process_time()
         rival = by_differences(problem, u)
+        other = process_time() - begun
         values = told.reshape(segments, len(TIMES), 2, -1)[..., : problem.layout.numbers]
         apart = max(
             float(np.abs(values[s].transpose(2, 1, 0) - own[1 : 1 + problem.layout.numbers]).max())
             for s, own in enumerate(rival)
         )
         spent = seconds(lambda problem=problem, u=u: _fresh(problem, u))
-        other = seconds(lambda problem=problem, u=u: by_differences(problem, u), 1)
         dry, v = problem_of(rubbing, ("friction", "damping"), segments)
         rubbed = seconds(lambda problem=dry, u=v: _fresh(problem, u))
         print(f"{segments} segments: {spent:.3f} s")
