@@ -54,7 +54,7 @@ SCENES: dict[str, tuple[Scene, dict[str, tuple[float, float]]]] = {
 def test_members_side_by_side_are_the_runs_of_their_scenes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each by itself in floats, the last two in NumPy, where changes are sought on the interpolants of steps."""
     scene, ranges = SCENES[name]
-    rng, size, seconds = np.random.default_rng(8), 12, 6.0
+    rng, size, seconds = np.random.default_rng(8), usually(6, 12), 6.0
     values = {path: rng.uniform(*between, size) for path, between in ranges.items()}
     found = ensemble(scene, seconds, vary=values, engine="numpy", workers=1, check=0, tolerance=1e-11)
     assert not found.failures
@@ -100,11 +100,7 @@ def test_the_loop_that_numba_compiles_takes_the_steps_of_lanes(name: str) -> Non
         assert_same(name, 1.5, 3)
 
 
-COMPILED = pytest.mark.xdist_group("a compiled clock that rubs")  # as in `test_scaling`: half a minute, once
-
-
 @pytest.mark.slow
-@COMPILED
 @pytest.mark.skipif(not available(), reason="numba is not installed")
 @pytest.mark.parametrize("name", usually(["clock that rubs"], [*SCENES]))
 def test_compiled_members_are_those_of_lanes(name: str) -> None:
@@ -128,7 +124,6 @@ def test_a_member_whose_friction_has_no_value_fails_alone(engine: str) -> None:
 
 
 @pytest.mark.slow
-@COMPILED
 @pytest.mark.skipif(not available(), reason="numba is not installed")
 def test_what_decides_is_compiled_with_the_arithmetic_of_python() -> None:
     """Sums in any order in the loop itself send these two members to ends 1e-4 rad away."""

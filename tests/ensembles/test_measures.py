@@ -127,7 +127,6 @@ def test_estimated_errors_are_above_the_true_ones() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("a compiled double pendulum")
 def test_compiled_members_are_those_of_lanes() -> None:
     pytest.importorskip("numba")
     for name in found().columns:

@@ -36,8 +36,6 @@ from nonlinear.synchronization.patterns import own_amplitudes
 from nonlinear.synchronization.study import MOST, usual_duration
 from nonlinear.system import state_at_rest
 
-pytestmark = pytest.mark.xdist_group("synchronization")  # several tests look at one study
-
 VAN_DER_POL = {"kind": "van-der-pol", "strength": 0.05, "angle_deg": 5.0}
 ESCAPEMENT = {"kind": "escapement", "impulse": 0.01, "angle_deg": 2.0}
 FILE = """
