@@ -33,6 +33,10 @@ END, FIFTH, THIRD = ROWS[STAGES], _shares(DOP853.E5), _shares(DOP853.E3)
 """Of the rates at all stages in the end of the step, and in its errors of fifth and third order."""
 MORE, POWERS = [_shares(row) for row in DOP853.A_EXTRA], [_shares(row) for row in DOP853.D]
 """Of the rates at all stages in y at further ones, and of these as well in the last terms of the interpolant."""
+SUMS = (*ROWS, *MORE)
+"""Those of y at every stage, further ones included."""
+WEIGHTS = [np.array([dict(row).get(stage, 0.0) for stage in range(row[-1][0] + 1 if row else 0)]) for row in SUMS]
+"""The same as arrays, with those that are 0."""
 NODES: Sequence[float] = tuple(map(float, (*DOP853.C, 1.0, *DOP853.C_EXTRA)))
 """The part of a step at each stage, the end of the step, and the further stages."""
 SEEN = (6, 8, 10)
@@ -55,6 +59,20 @@ def summed(shares: Shares, stages: Floats, total: Floats, work: Floats) -> None:
         total += work
 
 
+def advance(stage: int, begun: Floats, length: Floats, stages: Floats, y: Floats, work: Floats) -> None:
+    """The y at a stage, also a further one, from that `begun` and the rates at stages before, in place.
+
+    Sums over columns beside motions, arrays (size, S, 1 + k), are products of BLAS: rounded otherwise, and faster.
+    """
+    if y.ndim < 3:
+        summed(SUMS[stage], stages, y, work)
+    else:
+        weights = WEIGHTS[stage]
+        np.dot(weights, stages.reshape(len(stages), -1)[: len(weights)], out=y.reshape(-1))
+    y *= length
+    y += begun
+
+
 def gained(part: Any, terms: Sequence[Any]) -> Any:
     """What y has gained at a part of the step, from the `terms` of the interpolant."""
     gain: Any = 0.0
@@ -68,6 +86,20 @@ def terms_of(length: Any, moved: Any, stages: Any) -> list[Any]:
     first, last = length * stages[0], length * stages[STAGES]
     powers = (sum(share * stages[stage] for stage, share in shares) for shares in POWERS)
     return [moved, first - moved, 2 * moved - last - first, *(length * power for power in powers)]
+
+
+_EACH = np.eye(STAGES + 1 + EXTRA)
+TERMS = np.array(terms_of(1.0, sum(share * _EACH[stage] for stage, share in END), _EACH))
+"""The terms of the interpolant of a step of length 1 from the rates at all stages and further ones, (7, 16)."""
+
+
+def within_shares(part: Floats) -> Floats:
+    """Of the rates at all stages in what y has gained at parts (...) of a step of length 1, (..., 16)."""
+    factors = np.empty((len(TERMS), part.size))
+    factors[0] = ahead = part.ravel()
+    for number in range(1, len(TERMS)):
+        np.multiply(factors[number - 1], 1 - ahead if number % 2 else ahead, out=factors[number])
+    return np.asarray((factors.T @ TERMS).reshape(*part.shape, -1))
 
 
 def controlled(fifth: float, third: float, length: float, size: float, refused: bool) -> tuple[float, float]:
