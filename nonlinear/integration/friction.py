@@ -16,7 +16,7 @@ from math import nan
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+import scipy
 
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import Frictional, links_of_contacts
@@ -99,7 +99,7 @@ class StickSlip:
         """The look before a positive maximum near look k, its time, and which of those `near` has it; None without."""
         for j in np.flatnonzero(near).tolist():
             value = partial(self._value, stepper, j)
-            found = minimize_scalar(
+            found = scipy.optimize.minimize_scalar(
                 lambda time, value=value: -value(time),
                 bounds=(looks[k - 1], looks[k + 1]),
                 method="bounded",
@@ -220,4 +220,4 @@ def _near(values: Floats) -> Booleans:
 
 
 def _root(value: Callable[[float], float], start: float, end: float) -> float:
-    return float(brentq(value, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
+    return float(scipy.optimize.brentq(value, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))

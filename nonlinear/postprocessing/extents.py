@@ -11,8 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.optimize import minimize_scalar
+import scipy
 
 from modal.types import Floats
 from nonlinear.integration import EXPLICIT, Choice, Trajectory, equations_of
@@ -128,7 +127,7 @@ def _turning(
     start, end = trajectory.times[row : row + 2].tolist()
     y = equations.begin(trajectory.motion[row])
     options = {"method": "DOP853", "rtol": CLOSE, "atol": CLOSE * equations.scale, "dense_output": True}
-    within = solve_ivp(equations.derivative, (start, end), y, **options).sol
+    within = scipy.integrate.solve_ivp(equations.derivative, (start, end), y, **options).sol
 
     def value(times: Floats) -> Floats:
         return np.asarray(side * measured(equations.read(within(times).T))[:, column])
@@ -138,5 +137,7 @@ def _turning(
     best = int(np.argmax(seen))
     around = looks[max(best - 1, 0)], looks[min(best + 1, LOOKS - 1)]
     narrow = {"xatol": 1e-9 * (end - start)}
-    sharp = minimize_scalar(lambda t: -value(np.array([t]))[0], bounds=around, method="bounded", options=narrow)
+    sharp = scipy.optimize.minimize_scalar(
+        lambda t: -value(np.array([t]))[0], bounds=around, method="bounded", options=narrow
+    )
     return float(max(seen[best], -sharp.fun))
