@@ -7,7 +7,7 @@ import numpy as np
 from modal.types import Floats
 
 WINDOW, WINDOW_NAME = (0.35875, -0.48829, 0.14128, -0.01168), "Blackman–Harris"
-"""Amplitudes of the cosines that add up to the window (Harris, Proc. IEEE 66, 51, 1978: the least sidelobes of four terms)."""
+"""Amplitudes of the cosines that add up to the window, of four terms that with the least sidelobes (Harris 1978)."""
 PADDING = 8
 """Length of the transform over that of the signal: zeros in between draw each peak with its own shape."""
 BANDWIDTH = 2.72

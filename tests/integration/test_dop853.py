@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf, pi
 from typing import Any
 
@@ -16,9 +17,10 @@ from modal.types import Floats
 from nonlinear.dynamics import Dense, Elimination, Generated, Mechanics, Minimal, Recursion, Reduced, mechanics
 from nonlinear.dynamics.compiled import Compiled, available
 from nonlinear.dynamics.text import function_in
-from nonlinear.integration import Choice, Pace, Request, SciPyStepper, methods
+from nonlinear.integration import Choice, Pace, Request, SciPyStepper, method, methods
 from nonlinear.integration.driver import Drive
 from nonlinear.integration.floats import FloatStepper
+from nonlinear.integration.method import Shares
 from nonlinear.integration.steppers import Sweeper
 from nonlinear.simulation import simulate
 from nonlinear.system import Event, State, System, initial_state, state_at_rest, system_of
