@@ -179,6 +179,7 @@ COSTLY |= {*HEAVY, "modal.identification", "nonlinear.identification"} - {"scipy
 """What takes so long to load that only those who need it wait for it."""
 NEEDED: dict[str, set[str]] = {
     "import nonlinear": set(),
+    "import nonlinear; nonlinear.simulate, nonlinear.ensemble, nonlinear.load": set(),
     "import nonlinear.plotting": {"matplotlib"},
     "table paper-cart-2": set(),
     "simulate paper-cart-2 --duration 0.1": set(),
