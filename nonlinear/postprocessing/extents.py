@@ -130,11 +130,13 @@ def _turning(
     state, found = trajectory.motion[row], -np.inf
     for _ in range(CLOSER):
         looks = np.linspace(start, end, LOOKS)
-        motion = prepare(trajectory.scene, equations, WAY, state, looks, 1.0).go().motion
-        seen = side * measured(motion)[:, column]
+        anew = prepare(trajectory.scene, equations, WAY, state, looks, 1.0).go()
+        if anew.run.interrupted:
+            raise KeyboardInterrupt
+        seen = side * measured(anew.motion)[:, column]
         best = int(np.argmax(seen))
         found, low, high = max(found, float(seen[best])), max(best - 1, 0), min(best + 1, LOOKS - 1)
         if found - min(seen[low], seen[high]) < CLOSE:
             break
-        start, end, state = looks[low], looks[high], motion[low]
+        start, end, state = looks[low], looks[high], anew.motion[low]
     return found
