@@ -309,7 +309,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a comparison of methods",
-            (ACTING | FRICTION | DRIVES | {"space", "hoist"}),
+            ACTING - {"load"} | FRICTION | DRIVES | {"space", "hoist"},
             unless=ENDS,
             beside=UNLOADED,
         ),

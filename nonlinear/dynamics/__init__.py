@@ -14,7 +14,7 @@ from nonlinear.dynamics.contacts import Contacts, contacts_of, links_of_contacts
 from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
 from nonlinear.dynamics.forms import Form, form_of, jacobian_of, module_of
-from nonlinear.dynamics.friction import Frictional
+from nonlinear.dynamics.friction import Frictional, refuse_jam
 from nonlinear.dynamics.generated import Generated, Written
 from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.hoisted_maximal import HoistedMaximal
@@ -69,6 +69,7 @@ __all__ = [
     "links_of_contacts",
     "loses_digits",
     "module_of",
+    "refuse_jam",
     "sine_steps",
     "support_steps",
     "symmetrize",

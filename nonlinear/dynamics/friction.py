@@ -7,7 +7,7 @@ velocity.  The torque or force τ_j of friction opposes it and is at most the li
 
 (Coulomb; Glocker, Set-Valued Force Laws, 2001, §2).  It enters the equations of motion as M(q) v' = f + Jᵀτ, so that
 γ'' = a + Gτ with the accelerations a without friction and G = J M⁻¹ Jᵀ, symmetric and positive definite.  Contacts at
-rest solve a linear complementarity problem with bounds, which has one solution (`hold`).
+rest solve a linear complementarity problem with bounds, which has one solution (`complementarity`).
 
 On the rail the limit may be μ|N|, N = N₀ + nᵀτ being the reaction of the rail, which depends on friction itself.
 """
@@ -16,51 +16,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import inf, nan
+from math import nan
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
+from nonlinear.dynamics.complementarity import UNBOUNDED, consistent, on_rail
 from nonlinear.dynamics.contacts import Contacts
 from nonlinear.dynamics.minimal import Arranged, Minimal, Recursion, inverted
 from nonlinear.system import Layout, Load, Motion, State, System
 
-EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts
 JAM = 1e4  # friction on the rail over that of all weights and centrifugal forces, beyond which it has no bound
 JAMMED = "the rail's friction has no consistent value: its coefficient is too large for these links"
-
-
-def hold(a: Floats, G: Floats, limit: Floats) -> tuple[Floats, Floats]:
-    """The friction τ (J,) of contacts at rest, and the sign (J,) of the sliding that begins, 0 where they stick.
-
-    Of γ'' = a + Gτ and |τ| ≤ limit: γ'' = 0 inside the limit, else γ'' away from τ.  The first contact that violates
-    this changes its state until none does: finite for a positive definite G (Murty, Linear Algebra Appl. 7, 65 (1974);
-    with bounds Júdice and Pires, Computers Ops Res. 21, 587 (1994)).  ComputationError where none is found.
-    """
-    sign = np.zeros(len(a))
-    size = np.abs(G) @ np.where(np.isfinite(limit), limit, 0.0) + np.abs(a)
-    for _ in range(64 * (1 + len(a)) + 3 ** min(len(a), 12)):
-        tau = friction_of(a, G, limit, sign)
-        stuck = sign == 0
-        wrong = np.where(stuck, np.abs(tau) > limit * (1 + EXCESS), (a + G @ tau) * sign < -EXCESS * size)
-        if not wrong.any():
-            return np.clip(tau, -limit, limit), sign
-        j = int(np.argmax(wrong))
-        sign[j] = -np.sign(tau[j]) if stuck[j] else 0.0
-    raise ComputationError("dry friction: no consistent set of sticking joints was found")
-
-
-def friction_of(a: Floats, G: Floats, limit: Floats, sign: Floats) -> Floats:
-    """The friction τ (J,) where contacts with a `sign` slide and all others stick."""
-    stuck = sign == 0
-    tau = -sign * np.where(stuck, 0.0, limit)
-    if len(a) == 1 and stuck[0]:
-        return np.array([-a[0] / G[0, 0]])
-    if stuck.any():
-        tau[stuck] = np.linalg.solve(G[np.ix_(stuck, stuck)], -(a + G @ tau)[stuck])
-    return tau
 
 
 @dataclass(frozen=True)
@@ -213,66 +182,32 @@ class Frictional:
         self.set_sign(self.settled(time, y, np.sign(self.sliding(y))).sign)
         self.placed = self.place(y)
 
-    def refuse_jam(self, y: Floats, force: float) -> None:
-        """ComputationError where this friction (N) of the rail at one y is beyond all weights and inertial forces.
-
-        Before it has no value it grows as 1/(1 + s μ e n₀), and no integrator's steps, however short, reach that end.
-        """
-        rates = y[self.layout.half + int(self.layout.on_cart) : 2 * self.layout.half]
-        thrown = sum(float(group.block.b.ravel() @ rates[group.index].ravel() ** 2) for group in self.system.groups)
-        if abs(force) > JAM * self.contacts.coefficient * (self.system.gravity * self.system.total_mass + thrown):
-            raise ComputationError(JAMMED)
-
-    def _solved(self, found: Responding, sign: Floats, *, deciding: bool = False) -> Rubbing:
-        half = self.layout.half
-        a, G = self._jacobian @ found.rates[half : 2 * half], self._jacobian @ found.columns
-        if not self.contacts.coefficient:
-            return _consistent(a, G, self.contacts.limit, sign, deciding)
-        return _on_rail(a, G, self.contacts, sign, (found.push, found.slopes), deciding)
-
-
-def _consistent(a: Floats, G: Floats, limit: Floats, sign: Floats, deciding: bool) -> Rubbing:
-    """Friction with known limits: with the given signs, or for contacts of sign 0 as `hold` finds it."""
-    resting = sign == 0
-    if not (deciding and resting.any()):
-        return Rubbing(friction_of(a, G, limit, sign), limit, sign)
-    tau, begun = -sign * np.where(resting, 0.0, limit), sign.copy()
-    tau[resting], begun[resting] = hold((a + G @ tau)[resting], G[np.ix_(resting, resting)], limit[resting])
-    return Rubbing(tau, limit, begun)
+    def _solved(self, responding: Responding, sign: Floats, *, deciding: bool = False) -> Rubbing:
+        half, count, mu = self.layout.half, len(sign), self.contacts.coefficient
+        a = (self._jacobian @ responding.rates[half : 2 * half]).tolist()
+        G = (self._jacobian @ responding.columns).ravel().tolist()
+        limit = self.contacts.limit.copy()
+        if mu:
+            limit[0] = mu
+        bound = limit.tolist() if deciding else np.where(sign == 0, UNBOUNDED, limit).tolist()
+        if mu:
+            normal = [responding.push, *responding.slopes.tolist()]
+            tau, begun, _ = on_rail(a, G, bound, sign.tolist(), normal, count)
+            limit[0] = mu * abs(normal[0] + float(responding.slopes[: len(tau)] @ tau))
+        else:
+            tau, begun = consistent(a, G, bound, sign.tolist(), count)
+        if len(tau) < count:
+            raise ComputationError(JAMMED if mu else "dry friction: no consistent set of sticking joints was found")
+        return Rubbing(np.array(tau), limit, np.array(begun))
 
 
-def _on_rail(
-    a: Floats, G: Floats, contacts: Contacts, sign: Floats, reaction: tuple[float, Floats], deciding: bool
-) -> Rubbing:
-    """Friction with the limit μ|N| on the rail, contact 0: every state of the rail is tried with either sign of N.
+def refuse_jam(system: System, rates: Floats, force: float) -> None:
+    """ComputationError where this friction (N) of the rail is beyond all weights and inertial forces.
 
-    With τ₀ = −s μ |N| and N = N₀ + nᵀτ, τ₀ = −s μ e (N₀ + Σ_j n_j τ_j)/(1 + s μ e n₀), e = sign N: friction at the
-    joints then sees a + G₀ τ₀ as one more response to its own torques.
+    `rates` are those of the links (L,).  Before it has no value it grows as 1/(1 + s μ e n₀), and no integrator's
+    steps, however short, reach that end.
     """
-    base, n = reaction
-    limit = contacts.limit.copy()
-    if sign[0] == 0:
-        limit[0] = inf
-        found = _consistent(a, G, limit, sign, deciding)
-        limit[0] = contacts.coefficient * abs(base + float(n @ found.tau))
-        if not deciding or abs(found.tau[0]) <= limit[0] * (1 + EXCESS):
-            return Rubbing(found.tau, limit, found.sign)
-    for s in [sign[0]] if sign[0] else [1.0, -1.0]:
-        for e in (1.0, -1.0):
-            pressed = s * e * contacts.coefficient
-            share = -pressed / (1 + pressed * n[0])
-            rest = _consistent(
-                a[1:] + G[1:, 0] * share * base,
-                G[1:, 1:] + np.outer(G[1:, 0], share * n[1:]),
-                limit[1:],
-                sign[1:],
-                deciding,
-            )
-            rail = share * (base + float(n[1:] @ rest.tau))
-            tau, begun = np.append(rail, rest.tau), np.append(s, rest.sign)
-            push = base + float(n @ tau)
-            starts = sign[0] != 0 or (a[0] + float(G[0] @ tau)) * s >= 0
-            if push * e >= 0 and starts:
-                limit[0] = contacts.coefficient * abs(push)
-                return Rubbing(tau, limit, begun)
-    raise ComputationError(JAMMED)
+    thrown = sum(float(group.block.b.ravel() @ rates[group.index].ravel() ** 2) for group in system.groups)
+    coefficient = system.rail.coefficient if system.rail else 0.0
+    if abs(force) > JAM * coefficient * (system.gravity * system.total_mass + thrown):
+        raise ComputationError(JAMMED)

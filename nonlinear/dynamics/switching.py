@@ -30,8 +30,8 @@ Pairs = tuple[tuple[int, int], ...]
 
 def switched(form: Form) -> Form:
     """The same form with the contacts of its system."""
-    own = contacts_of(form.system)
-    return replace(form, contacts=own.pairs, presses=own.coefficient > 0)
+    contacts = contacts_of(form.system)
+    return replace(form, contacts=contacts.pairs, presses=contacts.coefficient > 0)
 
 
 def told(form: Form, kicks: Pairs) -> int:
@@ -39,7 +39,7 @@ def told(form: Form, kicks: Pairs) -> int:
     return len(kicks) + 2 * len(form.contacts) + form.presses
 
 
-def given(form: Form, kicks: Pairs) -> int:
+def member_numbers(form: Form, kicks: Pairs) -> int:
     """How many numbers of a member they take: bent, angle and impulse (3 K), then M or μ of every contact (J)."""
     return 3 * len(kicks) + len(form.contacts)
 
@@ -48,22 +48,22 @@ def given(form: Form, kicks: Pairs) -> int:
 def switching_of(form: Form, kicks: Pairs = ()) -> Module:
     """The functions (y, u, v) of a form whose joints `kicks`, pairs of coordinates of v, have escapements.
 
-    v is a direction (size,) of y, then `told` and `given` numbers, then the rates of the inputs before those of
-    contacts.  y' where all contacts slide ("rates"), and where some stick ("sticking"); τ (J,), with N after it where
-    the rail has a coefficient ("friction"); y' without friction and M⁻¹Jᵀ (half, J) row by row, with N and ∂N/∂τ
-    ("responses"); values and their rates (2 count,), all contacts sliding ("clear") or not ("values"), the direction
-    being y'; y after impulses, which stand in place of the sides ("kick"), and the change of it along the direction
-    ("kicked", 2 size).
+    v is a direction (size,) of y, then numbers of the state (`told`) and of the member, then the rates of the inputs
+    before those of contacts.  y' where all contacts slide ("rates"), and where some stick ("sticking"); τ (J,), with N
+    after it where the rail has a coefficient ("friction"); y' without friction and M⁻¹Jᵀ (half, J) row by row, with N
+    and ∂N/∂τ ("responses"); values and their rates (2 count,), all contacts sliding ("clear") or not ("values"), the
+    direction being y'; y after impulses, which stand in place of the sides ("kick"), and the change of it along the
+    direction ("kicked", 2 size).
     """
-    own = Equations(form)
-    tape, minimal, y, u = own.tape, own.minimal, own.y, own.u
+    equations = Equations(form)
+    tape, minimal, y, u = equations.tape, equations.minimal, equations.y, equations.u
     size, half, contacts = len(y), minimal.layout.half, len(form.contacts)
     timed = len(u) - 2 * contacts
-    v = tape.inputs("v", size + told(form, kicks) + given(form, kicks) + timed)
+    v = tape.inputs("v", size + told(form, kicks) + member_numbers(form, kicks) + timed)
     direction, told_at = v[:size], size + told(form, kicks)
     moved = [*y, *u[:timed]], [*direction, *v[len(v) - timed :]]
     sides, impulses = v[size : size + len(kicks)], v[size : size + len(kicks)]
-    texts: dict[str, list[Any]] = {"rates": own.rates[:size]}
+    texts: dict[str, list[Any]] = {"rates": equations.rates[:size]}
     V, R = _of_kicks(kicks, (y, direction), sides, v[told_at : told_at + 2 * len(kicks)])
     if contacts:
         signs = v[size + len(kicks) : size + len(kicks) + contacts]
@@ -73,9 +73,9 @@ def switching_of(form: Form, kicks: Pairs = ()) -> Module:
         slowing = [
             -s * _relative(direction[half : 2 * half], pair) for s, pair in zip(signs, form.contacts, strict=True)
         ]
-        rates, rubbed = minimal.rubbed(y, own.instant)
+        rates, rubbed = minimal.rubbed(y, equations.instant)
         force = [*rubbed.tau, *([] if rubbed.normal is None else [rubbed.normal])]
-        texts |= {"sticking": rates.tolist(), "friction": force, "responses": responding(own, form)}
+        texts |= {"sticking": rates.tolist(), "friction": force, "responses": responding(equations, form)}
         slope = along(tape, force, *moved)
         texts["clear"] = [*V, *sliding, *R, *slowing]
         for j, s in enumerate(signs):
@@ -91,7 +91,7 @@ def switching_of(form: Form, kicks: Pairs = ()) -> Module:
     texts["values"] = [*V, *R]
     texts.setdefault("clear", texts["values"])
     if kicks:
-        texts["kick"] = _after(own, kicks, impulses)
+        texts["kick"] = _after(equations, kicks, impulses)
         texts["kicked"] = [*texts["kick"], *along(tape, texts["kick"], y, direction)]
     return Module(tape, texts)
 
@@ -116,12 +116,12 @@ def _of_kicks(kicks: Pairs, rows: tuple[Any, Any], sides: Any, numbers: Any) -> 
     return right + left, rates + [s.where(0.0, -r) for s, r in zip(sides, speed, strict=True)]
 
 
-def _after(own: Equations, kicks: Pairs, impulses: Sequence[Any]) -> list[Any]:
+def _after(equations: Equations, kicks: Pairs, impulses: Sequence[Any]) -> list[Any]:
     """The y after impulses, the work of which is Σ P (γ'₋ + γ'₊)/2."""
-    layout, y = own.minimal.layout, own.y
+    layout, y = equations.minimal.layout, equations.y
     half, v = layout.half, y[layout.half : 2 * layout.half]
-    at = own.instant._replace(gripping=Gripping(kicks, [0.0] * len(kicks)))
-    columns = own.minimal.responses(y[int(layout.on_cart) : half], at)
+    at = equations.instant._replace(gripping=Gripping(kicks, [0.0] * len(kicks)))
+    columns = equations.minimal.responses(y[int(layout.on_cart) : half], at)
     after = v.copy()
     for column, impulse in zip(columns.T, impulses, strict=True):
         after = after + column * impulse

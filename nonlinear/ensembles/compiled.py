@@ -12,16 +12,16 @@ from modal.eigen.compiling import available
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats, Ints
 from nonlinear.dynamics import Lanes, undisturbed
+from nonlinear.dynamics.friction import JAMMED as STUCK
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Rates
 from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.ensembles.lanes import Watches, stretched, task_of, watches_of
-from nonlinear.integration.crowds import Crowd, Rubbing
+from nonlinear.integration.crowds import Crowd, RailWork
 from nonlinear.integration.kernels import module_of, source
 from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, Task, Watch
 from nonlinear.integration.loops import BESIDE_LINKS, INFINITE, JAMMED, SHORT, WIDTH
 from nonlinear.integration.method import LOOKS, STAGES
-from nonlinear.integration.switches import JAMMED as STUCK
 from nonlinear.integration.switches import Switches
 from nonlinear.integration.within import Step
 from nonlinear.system import Numbers
@@ -51,7 +51,7 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     task, scale, local = task_of(lanes, numbers, y, wanted)
     watches = watches_of(lanes, numbers, y, wanted)
     crowd = Crowd(lanes)
-    rubbing = [Rubbing(crowd, y.shape[1])] if numbers.switching and crowd.presses else []
+    rubbing = [RailWork(crowd, y.shape[1])] if numbers.switching and crowd.presses else []
     ran = integrate(task, scale, local, watches, grows=not numbers.switching, beside=rubbing)
     rubs = numbers.switching and not lanes.layout.works
     rubbed = crowd.work(ran.y, ran.state) + sum(own.work for own in rubbing) if rubs else 0.0

@@ -10,7 +10,7 @@ from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.integration import pacing
-from nonlinear.integration.crowds import Rubbing, switching
+from nonlinear.integration.crowds import RailWork, switching
 from nonlinear.integration.lanes import Task, Watch, integrate
 from nonlinear.integration.watches import Crossings, FirstTurns, Growth, Largest, Samples, Stretching
 from nonlinear.integration.within import fill
@@ -92,7 +92,7 @@ def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
         outcome = integrate(task, [growth, *watches.all])
         return watches.found(Found(outcome.y, growth.error, growth.horizon, outcome.reasons))
     task, none = switching(task), np.full(y.shape[1], np.nan)
-    rubbing = [Rubbing(task.lanes, y.shape[1])] if task.lanes.presses else []
+    rubbing = [RailWork(task.lanes, y.shape[1])] if task.lanes.presses else []
     outcome = integrate(task, [*rubbing, *watches.all])
     rubbed = 0.0 if layout.works else task.lanes.work(outcome.y, outcome.state) + sum(own.work for own in rubbing)
     return watches.found(Found(outcome.y, none, none.copy(), outcome.reasons, rubbed=rubbed))

@@ -6,10 +6,7 @@ firmness, its brief phases in a row, the time (s) of its last change, its place 
 friction until then.
 
 A contact that stops loses the remainder of its velocity by an impulse of friction, so that those already sticking stay
-at rest.  Of contacts at rest γ'' = a + Gτ, |τ| ≤ M: γ'' = 0 inside the limit, else γ'' is against τ; the first that
-violates this changes its state until none does: finite for a positive definite G (Murty, Linear Algebra Appl. 7, 65
-(1974); with bounds Júdice and Pires, Computers Ops Res. 21, 587 (1994)).  On a rail with a coefficient every state of
-the rail is tried with either sign of N.
+at rest; which of all begin to slide then is the complementarity problem of `nonlinear.dynamics.complementarity`.
 
 Columns V of derivatives by what the motion starts from become at a switch n·y = 0 that maps y to G(y)
 
@@ -21,6 +18,7 @@ Non-Smooth Mechanical Systems, 2004, §7).
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,13 +26,14 @@ from math import inf, nan
 from typing import Any
 
 from modal.eigen.compiling import inner
+from nonlinear.dynamics import complementarity
+from nonlinear.dynamics.complementarity import EXCESS, UNBOUNDED, consistent, on_rail, solved
 
 TOGETHER = 1e-12  # rad by which a kick, or natural velocity by which a stop, may come early to coincide with another
 BRIEF, OFTEN = 1e-7, 4.0  # phases shorter than this, over √(l/g), of which so many in a row are chatter
 FIRM = 1e-6  # excess over its limit by which a contact breaks loose after chatter
 NAN, INF, NOTHING = nan, inf, (0.0,)
 TEXTS = "sticking", "friction", "responses", "kick", "kicked"
-EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class Places:
     """Where numbers stand: the size of y and its half, pairs of coordinates of K kicks and J contacts, and the rest.
 
     `e`, `firm`, `brief`, `since`, `turned` and `work` are places in the state, `told` of its numbers enter texts;
-    `limit` is a place among the numbers of a member, which end with √(g/l) (rad/s) after the `given` ones.
+    `limit` is a place among the numbers of a member, which end with √(g/l) (rad/s) after those.
     """
 
     size: int
@@ -99,97 +98,16 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
             u[0] = u[0] * state[E]
         return u + [1.0 - state[K + i] * state[K + i] for i in range(J)]
 
-    def solved(G: Any, b: Any, n: int) -> Any:
-        """The solution of a symmetric positive definite system, G (n n,) row by row."""
-        A, x = [*G], [*b]
-        for k in range(n):
-            for i in range(k + 1, n):
-                share = A[i * n + k] / A[k * n + k]
-                for j in range(k, n):
-                    A[i * n + j] -= share * A[k * n + j]
-                x[i] -= share * x[k]
-        for k in range(n - 1, -1, -1):
-            for i in range(k + 1, n):
-                x[k] -= A[k * n + i] * x[i]
-            x[k] /= A[k * n + k]
-        return x
-
-    def rubbing(a: Any, G: Any, limit: Any, sign: Any, n: int) -> Any:
-        """The friction τ (n,) where contacts with a sign slide and all others stick."""
-        tau = [-sign[i] * limit[i] if sign[i] != 0 else 0.0 for i in range(n)]
-        stuck = [i for i in range(n) if sign[i] == 0]
-        right = []
-        for i in stuck:
-            right.append(-a[i] - sum([G[i * n + k] * tau[k] for k in range(n)]))
-        found = solved([G[i * n + k] for i in stuck for k in stuck], right, len(stuck))
-        for k in range(len(stuck)):
-            tau[stuck[k]] = found[k]
-        return tau
-
-    def consistent(a: Any, G: Any, limit: Any, sign: Any, n: int) -> Any:
-        """The friction τ (n,) and the signs (n,) that contacts of sign 0 begin with, empty where none are found."""
-        rest, begun = [s == 0 for s in sign], [*sign]
-        scale = []
-        for i in range(n):
-            free, bound = a[i], 0.0
-            for k in range(n):
-                if not rest[k]:
-                    free -= G[i * n + k] * sign[k] * limit[k]
-                elif limit[k] < 1e300:
-                    bound += abs(G[i * n + k]) * limit[k]
-            scale.append(abs(free) + bound)
-        for _ in range(64 * (1 + n) + 3 ** min(n, 12)):
-            tau, wrong = rubbing(a, G, limit, begun, n), -1
-            for i in range(n):
-                if wrong < 0 and rest[i]:
-                    if begun[i] == 0:
-                        if abs(tau[i]) > limit[i] * (1 + EXCESS):
-                            wrong = i
-                    else:
-                        turned = a[i] + sum([G[i * n + k] * tau[k] for k in range(n)])
-                        if turned * begun[i] < -EXCESS * scale[i]:
-                            wrong = i
-            if wrong < 0:
-                return tau, begun
-            begun[wrong] = 0.0 if begun[wrong] != 0 else -1.0 if tau[wrong] > 0 else 1.0
-        return [0.0] * 0, begun
-
-    def on_rail(a: Any, G: Any, limit: Any, sign: Any, normal: Any) -> Any:
-        """The signs (J,) and e where the limit of contact 0 is μ|N|, N = normal₀ + Σ normal_j τ_j; else none."""
-        mu, n = limit[0], normal[1:]
-        if sign[0] == 0:
-            tau, begun = consistent(a, G, [1e301, *limit[1:]], sign, J)
-            N = normal[0] + sum([n[k] * tau[k] for k in range(len(tau))])
-            if len(tau) > 0 and abs(tau[0]) <= mu * abs(N) * (1 + EXCESS):
-                return begun, 1.0 if N >= 0 else -1.0
-        for s in [sign[0]] if sign[0] != 0 else [1.0, -1.0]:
-            for e in [1.0, -1.0]:
-                share = -s * e * mu / (1 + s * e * mu * n[0])
-                rest, G1 = [a[i] + G[i * J] * share * normal[0] for i in range(1, J)], [0.0] * 0
-                for i in range(1, J):
-                    for k in range(1, J):
-                        G1.append(G[i * J + k] + G[i * J] * share * n[k])
-                tau, begun = consistent(rest, G1, limit[1:], sign[1:], J - 1)
-                if len(tau) < J - 1:
-                    continue
-                rail = share * (normal[0] + sum([n[k + 1] * tau[k] for k in range(J - 1)]))
-                every = [rail, *tau]
-                N = normal[0] + sum([n[k] * every[k] for k in range(J)])
-                starts = a[0] + sum([G[k] * every[k] for k in range(J)])
-                if N * e >= 0 and (sign[0] != 0 or starts * s >= 0):
-                    return [s, *begun], e
-        return [0.0] * 0, 0.0
-
     def answers(y: Any, c: Any, u: Any) -> Any:
         """What a unit of friction does, G (J J,), and accelerations a (J,) at contacts; columns, and N with its own."""
-        found = responses(c, y, u + [0.0] * (2 * J), NOTHING)
-        columns = found[size : size + half * J]
-        a = [relative(found, half, pair) for pair in contacts]
+        answer = responses(c, y, u + [0.0] * (2 * J), NOTHING)
+        columns = answer[size : size + half * J]
+        a = [relative(answer, half, pair) for pair in contacts]
         G = [0.0] * 0
         for below, above in contacts:
             for k in range(J):
                 G.append(columns[below * J + k] - (columns[above * J + k] if above >= 0 else 0.0))
-        return a, G, columns, found[size + half * J :]
+        return a, G, columns, answer[size + half * J :]
 
     def settle(
         t: Any, y: Any, signs: Any, was: Any, state: Any, numbers: Any, c: Any, u: Any, held: Any, happened: Any
@@ -197,10 +115,10 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
         a, G, _, normal = answers(y, c, u)
         limit = [*numbers[LIMIT : LIMIT + J]]
         if presses:
-            begun, state[E] = on_rail(a, G, limit, signs, normal)
+            tau, begun, state[E] = on_rail(a, G, limit, signs, normal, J)
         else:
-            begun = consistent(a, G, limit, signs, J)[1]
-        if len(begun) < J:
+            tau, begun = consistent(a, G, limit, signs, J)
+        if len(tau) < J:
             state[K] = NAN
             return
         for i in range(J):
@@ -281,9 +199,9 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
                 far = side * gamma - numbers[K + i] > -TOGETHER and side * speed > 0 and state[i] * side >= 0
                 if far or j == i + (0 if side > 0 else K):
                     pushes[i] += side * numbers[2 * K + i]
-        given = pushes + [*state[K:B]] + [*numbers[:RATE]] + [0.0] * timed
+        acting = pushes + [*state[K:B]] + [*numbers[:RATE]] + [0.0] * timed
         every = u + inputs(state, numbers)
-        after = kick(c, y, every, [0.0] * size + given)
+        after = kick(c, y, every, [0.0] * size + acting)
         for i in range(K):
             if pushes[i] != 0:
                 state[i] = -1.0 if pushes[i] > 0 else 1.0
@@ -299,7 +217,7 @@ def changing(at: Places, texts: dict[str, Callable[..., Any]]) -> tuple[Callable
         if len(V) > 0:
             now, z, g = u + inputs(state, numbers), [*y], [*f]
             for i in [first % K] + [i for i in range(K) if pushes[i] != 0 and i != first % K]:
-                alone = [pushes[k] if k == i else 0.0 for k in range(K)] + given[K:]
+                alone = [pushes[k] if k == i else 0.0 for k in range(K)] + acting[K:]
                 z2 = kick(c, z, every, [0.0] * size + alone)
                 g2 = sticking(c, z2, now, NOTHING)
                 for n in range(len(V)):
@@ -355,7 +273,8 @@ def compiled_source(at: Places, texts: dict[str, str]) -> str:
     All arguments but the columns, (k, size), are lists; `happened` is one of tuples of four floats.
     """
     J, K, B = at.J, at.K, at.told
-    numbers: dict[str, Any] = {"TOGETHER": TOGETHER, "BRIEF": BRIEF, "OFTEN": OFTEN, "FIRM": FIRM, "EXCESS": EXCESS}
+    numbers: dict[str, Any] = {"TOGETHER": TOGETHER, "BRIEF": BRIEF, "OFTEN": OFTEN, "FIRM": FIRM}
+    numbers |= {"EXCESS": EXCESS, "UNBOUNDED": UNBOUNDED}
     numbers |= {"size": at.size, "half": at.half, "K": K, "J": J, "presses": at.presses, "timed": at.timed}
     numbers |= {"kicks": at.kicks or ((0, -1),), "contacts": at.contacts or ((0, -1),), "E": at.e, "F": at.firm}
     numbers |= {"B": B, "T": B + J, "P": B + 2 * J, "W": B + 3 * J, "LIMIT": 3 * K, "RATE": 3 * K + J}
@@ -368,4 +287,6 @@ def compiled_source(at: Places, texts: dict[str, str]) -> str:
     where = "@compiled\ndef where(x, a, b):\n return a if x > 0 else b\n"
     none = "def {}(c, y, u, v):\n return [0.0]\n"
     written = [f"@compiled\n{texts.get(name, none.format(name))}" for name in TEXTS]
+    functions = filter(inspect.isfunction, vars(complementarity).values())
+    written += [f"@compiled\n{inspect.getsource(function)}" for function in functions]
     return "\n".join((*head, where, *written, inner(changing, "compiled"))) + "\n"

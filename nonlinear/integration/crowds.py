@@ -166,7 +166,7 @@ class Some:
         return [*after, *(value for column in columns for value in column)]
 
 
-class Rubbing:
+class RailWork:
     """A watch: the `work` (J) of friction on a rail with a coefficient, by Gauss's quadrature within steps, (S,)."""
 
     def __init__(self, crowd: Crowd, members: int) -> None:

@@ -17,7 +17,7 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.integration.escapements import Due, Escapements
 from nonlinear.integration.floats import FloatStepper
-from nonlinear.integration.friction import Change, StickSlip
+from nonlinear.integration.friction import StickSlip, Transition
 from nonlinear.integration.steppers import Stepper, Sweeper
 from nonlinear.integration.switched import Switched
 from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecord, Friction, Kicks, State
@@ -191,7 +191,7 @@ class Drive:
             self._change(record, before, (kick, change), y)
         self.report(now - self.times[0])
 
-    def _change(self, record: Record, before: float, due: tuple[Due | None, Change | None], y: Floats) -> None:
+    def _change(self, record: Record, before: float, due: tuple[Due | None, Transition | None], y: Floats) -> None:
         """Go on from y, after a kick or a change of friction that is due."""
         (kick, change), now = due, record.reached
         if self.friction and change:

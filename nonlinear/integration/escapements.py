@@ -1,29 +1,31 @@
-"""Escapements: when the next kick comes, and its effect.
+"""Escapements: the joints that have them, when the next kick comes, and its effect.
+
+`Escapements` is for integrators that know of no switches: all but DOP853, and scenes whose equations are not written
+out.  Others end their steps at the switches of `switches`.
 
 A kick P at a joint applies an impulse +P to the link below and −P to the one above.  No finite force acts in an
 instant, so with the generalized impulse J of all simultaneous kicks
 
     M(q) (v₊ − v₋) = J,        energy supplied = Σ P (γ'₋ + γ'₊)/2 = ½ v₊ᵀMv₊ − ½ v₋ᵀMv₋  exactly.
 
-M⁻¹J is the response of the recursion along the chains to the moments J without velocities, gravity or other forces.
+M⁻¹J is the response of the recursion along the chains, as that to friction at a joint.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import scipy
 
-from modal.assembly import CartNumbers
 from modal.types import Booleans, Floats, Ints
-from nonlinear.dynamics import Instant, Minimal, Recursion
+from nonlinear.dynamics import Recursion
+from nonlinear.dynamics.minimal import inverted
 from nonlinear.integration.steppers import Stepper
-from nonlinear.system import NO_KICKS, AppliedForces, Group, Kicks, Layout, System
+from nonlinear.system import NO_KICKS, Kicks, Layout, System
 
 LOOKS = 6  # points searched within every step
 TOGETHER = 1e-12  # rad by which a kick may come early to coincide with another
@@ -49,22 +51,21 @@ class Escaping:
         padded = np.concatenate((links, np.zeros_like(links[..., :1])), axis=-1)
         return np.asarray(padded[..., self.below] - padded[..., self.above] - rest)
 
-    @cached_property
-    def _free(self) -> System:
-        """The system with masses alone."""
-        cart = self.system.cart and CartNumbers(self.system.cart.mass, 0.0, 0.0)
-        return replace(self.system, gravity=0.0, cart=cart, groups=tuple(map(_loose, self.system.groups)))
+    @property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """The coordinates of v below and above every joint, −1 standing for the support."""
+        first = int(self.system.cart is not None)
+        above = np.where(self.above < 0, -1, self.above + first)
+        return tuple(zip((self.below + first).tolist(), above.tolist(), strict=True))
 
     def jump(self, links: Floats, kicked: Floats) -> Floats:
         """The change of the velocities (half of y) when joints are kicked by impulses (J,) in N m s."""
-        moments = np.zeros(self.system.n_links + 1)
-        np.add.at(moments, self.below, kicked)
-        np.add.at(moments, self.above, -kicked)
-        push = AppliedForces(moments=moments[:-1])
-        still = Minimal(self._free, tuple(map(Recursion, self._free.groups)))
-        layout, y = still.layout, np.zeros(still.layout.size)
-        y[layout.on_cart : layout.half] = links
-        return np.asarray(still.rates(y, Instant(push=push))[layout.half : 2 * layout.half])
+        pushes = np.zeros(self.system.n_links + 1)
+        np.add.at(pushes, self.below, kicked)
+        np.add.at(pushes, self.above, -kicked)
+        pushes = np.append(np.zeros(int(self.system.cart is not None)), pushes[:-1])
+        solvers = [(group, Recursion(group)) for group in self.system.groups]
+        return np.asarray(inverted(self.system, solvers, links, pushes))
 
 
 def escaping(system: System) -> Escaping:
@@ -76,13 +77,8 @@ def escaping(system: System) -> Escaping:
             drive = group.excitation
             columns = (group.index, above, group.bent, drive.impulse, drive.angle)
             parts.append(np.stack([part[drive.impulse > 0] for part in columns]))
-    below, above, *rest = np.hstack(parts)
+    below, above, *rest = np.hstack(parts) if parts else np.empty((5, 0))
     return Escaping(system, below.astype(np.int64), above.astype(np.int64), *rest)
-
-
-def _loose(group: Group) -> Group:
-    none = np.zeros_like(group.block.damping)
-    return replace(group, block=replace(group.block, damping=none, stiffness=none), excitation=None)
 
 
 class Due(NamedTuple):
@@ -161,7 +157,7 @@ class Escapements:
     def _peaks(self, stepper: Stepper, start: float, end: float, back: Booleans) -> Iterator[float]:
         """Times at which joints that turn back beyond their angle do so, each once between start and end."""
         for s, j in zip(*np.nonzero(back), strict=True):
-            time = _root(lambda time, s=s, j=j: float(self._at(stepper, time)[1][s, j]), start, end)  # type: ignore[misc]
+            time = root(lambda time, s=s, j=j: float(self._at(stepper, time)[1][s, j]), start, end)  # type: ignore[misc]
             if self._at(stepper, time)[0][s, j] >= 0:
                 yield time
 
@@ -171,7 +167,7 @@ class Escapements:
         def over(time: float) -> Floats:
             return np.where(among, self._at(stepper, time)[0], -np.inf)
 
-        time = _root(lambda time: float(over(time).max()), start, end)
+        time = root(lambda time: float(over(time).max()), start, end)
         return Due(time, _largest(over(time)))
 
 
@@ -188,7 +184,8 @@ def escapements(system: System, layout: Layout, y: Floats, before: Kicks = NO_KI
     return Escapements(joints, layout, -np.sign(aside))
 
 
-def _root(value: Callable[[float], float], start: float, end: float) -> float:
+def root(value: Callable[[float], float], start: float, end: float) -> float:
+    """Where a value between two times of either sign is zero, to the last digits."""
     return float(scipy.optimize.brentq(value, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
 
 

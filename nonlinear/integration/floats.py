@@ -32,10 +32,10 @@ from nonlinear.integration.method import (
     STAGES,
     THIRD,
     controlled,
+    gained,
     terms_of,
     weighted,
 )
-from nonlinear.integration.method import interpolated as gained
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
 from nonlinear.integration.steppers import first_step as first_step_of
 from nonlinear.integration.switched import Switched
@@ -46,7 +46,7 @@ AT_ONCE, SHOWN = 256, 8  # steps, and those of motions with switches whose progr
 Numbers = Sequence[float]
 
 
-class Passed(NamedTuple):
+class FloatStep(NamedTuple):
     """A step: its beginning and end (s), y there, the derivative at every stage, the last at the end, and inputs.
 
     The inputs are those that dry friction `held` throughout.
@@ -92,7 +92,7 @@ class FloatDOP853:
         self.y, self.f = y, self.fun(t, y)
         self.t_old, self.y_old, self.smallest = t, y, np.broadcast_to(atol, y.shape).tolist()
         self.h_abs = first_step or first_step_of(y, self.f, atol + rtol * np.abs(y), min(max_step, t_bound - t))
-        self.passed = Passed(t, t, y.tolist(), y.tolist(), [self.f.tolist()])
+        self.passed = FloatStep(t, t, y.tolist(), y.tolist(), [self.f.tolist()])
         self._which, self._low, self._high, self._tried, self._usual = [-1], [0.0], [np.inf], [0.0], [0.0]
 
     def fun(self, time: float, y: Floats) -> Floats:
@@ -113,15 +113,15 @@ class FloatDOP853:
         terms = _terms(start, length, np.array(before), np.array(after), [*np.array(stages)], self.fun)
         return lambda times: y + gained((times - start) / length, [term[:, None] for term in terms])
 
-    def advance(self, due: Numbers, most: int) -> tuple[list[Passed], list[Passed], int]:
+    def advance(self, due: Numbers, most: int) -> tuple[list[FloatStep], list[FloatStep], int]:
         """Up to this many steps, none if the first fails, until the last time that is `due` (all that, if none is).
 
         Returns the steps, those in which times are due, and how many of these times have been reached.
         """
         self.switch()
         y, f, at = self.y.tolist(), self.f.tolist(), 0
-        steps: list[Passed] = []
-        wanted: list[Passed] = []
+        steps: list[FloatStep] = []
+        wanted: list[FloatStep] = []
         switched = self.switched
         while len(steps) < most and self.t < self.t_bound and (at < len(due) or not due):
             if switched and switched.met is not None:
@@ -152,7 +152,7 @@ class FloatDOP853:
         self.rate = switched.rate
         return after, self.rate(after, self.inputs(self.t, after)) if self.inputs else self.rate(after)
 
-    def _passed(self, y: Numbers, f: Numbers) -> Passed | None:
+    def _passed(self, y: Numbers, f: Numbers) -> FloatStep | None:
         """The next step, None where it would be too short."""
         t, switched = self.t, self.switched
         least = 10 * abs(nextafter(t, self.t_bound) - t)
@@ -171,13 +171,13 @@ class FloatDOP853:
                 continue
             if switched is None:
                 self.h_abs = length * factor
-                return Passed(t, end, y, after, stages)
+                return FloatStep(t, end, y, after, stages)
             if answer == STANDS:
                 self.h_abs = self._tried[0]
             else:
                 after, end = self._ended(switched, after, stages[-1], end)
             switched.level(after)
-            return Passed(t, end, y, after, stages, switched.held)
+            return FloatStep(t, end, y, after, stages, switched.held)
         return None
 
     def _met(
@@ -186,18 +186,18 @@ class FloatDOP853:
         """What becomes of this good step, as `meet` says."""
         t, switched = self.t, cast("Switched", self.switched)
         values, inputs = switched.values, self.inputs
-        found = [switched.look or values(t, y, stages[0], inputs, length)]
+        looked = [switched.look or values(t, y, stages[0], inputs, length)]
         for stage, z in zip(SEEN, looks, strict=True):
-            found.append(values(t + NODES[stage] * length, z, stages[stage], inputs, length))
-        found.append(values(t + length, after, stages[-1], inputs, length))
-        V, R = zip(*found, strict=True)
+            looked.append(values(t + NODES[stage] * length, z, stages[stage], inputs, length))
+        looked.append(values(t + length, after, stages[-1], inputs, length))
+        V, R = zip(*looked, strict=True)
         self._tried[0] = following
         if self._which[0] >= 0 or seen(length, V, R, LOOKS):
             places = self._which, self._low, self._high, self._tried, self._usual
             answer = meet(0, (t,), (length,), V, R, LOOKS, *places)
         else:
             self._usual[0], answer = following, STANDS
-        switched.look, self._last = found[-1] if answer == STANDS else found[0], found[-1]
+        switched.look, self._last = looked[-1 if answer == STANDS else 0], looked[-1]
         return answer
 
     def _ended(self, switched: Switched, after: Numbers, f: Numbers, end: float) -> tuple[list[float], float]:
@@ -208,7 +208,7 @@ class FloatDOP853:
             left = 0.0
         self.h_abs, switched.met = self._usual[0], j
         self._seek_none()
-        return [own + left * rate for own, rate in zip(after, f, strict=True)], end + left
+        return [value + left * rate for value, rate in zip(after, f, strict=True)], end + left
 
     def _seek_none(self) -> None:
         self._which[0], self._low[0], self._high[0] = -1, 0.0, np.inf
@@ -219,8 +219,8 @@ class FloatDOP853:
         """The error over the tolerance, the next length over this, y at the end, all stages, and y at `SEEN`."""
         self.nfev += STAGES
         try:
-            given = (self.rate, length, y, f, self.rtol, self.smallest, self.t, self.inputs)
-            fifth, third, after, stages, looks = self.attempt(*given)
+            arguments = (self.rate, length, y, f, self.rtol, self.smallest, self.t, self.inputs)
+            fifth, third, after, stages, looks = self.attempt(*arguments)
         except SceneError:
             raise
         except UNDEFINED:
@@ -277,7 +277,7 @@ class FloatStepper(DOP853Stepper[Written]):
         solver = cast("FloatDOP853", self._on_its_way())
         begun = solver.t
         ends: list[tuple[float, Numbers | Floats]] = []
-        wanted: list[Passed] = []
+        wanted: list[FloatStep] = []
         while True:
             steps, some, more = solver.advance(due[reached:], 1 if alone else SHOWN if every and switched else AT_ONCE)
             wanted, reached = wanted + some, reached + more
@@ -298,7 +298,7 @@ class FloatStepper(DOP853Stepper[Written]):
             rows, ends = np.vstack((rows, np.tile(solver.y, (len(due) - reached, 1)))), [*ends, (due[-1], solver.y)]
         return rows, ends, taken
 
-    def _rates_in(self, steps: Sequence[Passed]) -> Derivative:
+    def _rates_in(self, steps: Sequence[FloatStep]) -> Derivative:
         """The derivative in these steps side by side."""
         if isinstance(self.equations, Switched):
             return self.equations.rates_in([step.held for step in steps])
@@ -313,7 +313,7 @@ class FloatStepper(DOP853Stepper[Written]):
         return mended
 
 
-def interpolated(steps: Sequence[Passed], times: Floats, derivative: Any) -> Floats:
+def interpolated(steps: Sequence[FloatStep], times: Floats, derivative: Any) -> Floats:
     """The y (T, size) at ascending times within these steps, by the method's own interpolation."""
     start, end = np.array([(step.start, step.end) for step in steps]).T
     before, after = (np.array([getattr(step, name) for step in steps]).T for name in ("before", "after"))
@@ -322,8 +322,8 @@ def interpolated(steps: Sequence[Passed], times: Floats, derivative: Any) -> Flo
     terms = _terms(start, length, before, after, stages, derivative)
     at = np.searchsorted(end, times)
     part = (times - start[at]) / length[at]
-    found = before[:, at] + gained(part, [term[:, at] for term in terms])
-    return np.where(times == end[at], after[:, at], found).T
+    inside = before[:, at] + gained(part, [term[:, at] for term in terms])
+    return np.where(times == end[at], after[:, at], inside).T
 
 
 def _terms(start: Any, length: Any, before: Floats, after: Floats, stages: list[Floats], derivative: Any) -> list[Any]:

@@ -1,5 +1,8 @@
 """Stick and slip as events: when a contact stops sliding or breaks loose, and what follows.
 
+For integrators that know of no switches: all but DOP853, and scenes whose equations are not written out.  Others end
+their steps at the switches of `switches`.
+
 Every contact has a value that stays negative while its state lasts: −s γ' while it slides in the direction s, |τ| − M
 while it sticks.  Within each step the first value to pass zero is sought on the integrator's interpolant.  A contact
 that stops sliding loses the remainder of its velocity by an impulse of friction, so that those already sticking stay
@@ -9,7 +12,6 @@ and which way the others slide, and the integrator restarts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from math import nan
@@ -19,20 +21,19 @@ import numpy as np
 import scipy
 
 from modal.types import Booleans, Floats
-from nonlinear.dynamics import Frictional, links_of_contacts
+from nonlinear.dynamics import Frictional, links_of_contacts, refuse_jam
+from nonlinear.integration.changes import BRIEF, FIRM, OFTEN, TOGETHER
+from nonlinear.integration.escapements import root
 from nonlinear.integration.steppers import Stepper
+from nonlinear.integration.switches import NODES, WEIGHTS
 from nonlinear.system import Friction
 
 LOOKS = 8  # intervals of every step that are searched
 CLEAR = 0.5  # least velocity of a contact over the change of it in a step that needs no search
-TOGETHER = 1e-12  # velocity, in natural units, below which contacts that slow down stop together
-BRIEF, OFTEN = 1e-7, 4  # phases shorter than this, over √(l/g), of which so many in a row are chatter
-FIRM = 1e-6  # excess over its limit by which a contact breaks loose after chatter
 NEARER = 0.5 ** np.arange(1, 21, 3)  # of an interval, where a phase that has just begun is sought
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
-class Change(NamedTuple):
+class Transition(NamedTuple):
     """The next change: its time (s), and which contacts stop sliding or break loose, (J,)."""
 
     time: float
@@ -60,7 +61,7 @@ class StickSlip:
 
     # -------------------------------------------------------------------------------------------------- the search
 
-    def next(self, stepper: Stepper, before: float) -> Change | None:
+    def next(self, stepper: Stepper, before: float) -> Transition | None:
         """The first change within the last step, None where there is none."""
         self.equations.refused = ""
         if self.equations.rests:
@@ -109,20 +110,20 @@ class StickSlip:
                 return float(looks[k - 1]), float(found.x), np.arange(len(near)) == j
         return None
 
-    def _first(self, stepper: Stepper, start: float, end: float, among: Booleans) -> Change:
+    def _first(self, stepper: Stepper, start: float, end: float, among: Booleans) -> Transition:
         """The first of these contacts to pass zero; one whose value is zero at the start may be negative at first."""
         times = np.full(len(among), np.inf)
         for j in np.flatnonzero(among).tolist():
             value = partial(self._value, stepper, j)
             early = start + (end - start) * np.append(0.0, NEARER)
             low = next((time for time in early.tolist() if value(time) < 0), None)
-            times[j] = start if low is None else _root(value, low, end)
+            times[j] = start if low is None else root(value, low, end)
         first = float(times.min())
-        return Change(first, times <= first)
+        return Transition(first, times <= first)
 
     # -------------------------------------------------------------------------------------------------- the change
 
-    def changed(self, change: Change, y: Floats) -> Floats:
+    def changed(self, change: Transition, y: Floats) -> Floats:
         """The y after a change, from which the contacts go on in their new states."""
         equations, sign = self.equations, self.equations.sign
         sliding, unit = equations.sliding(y), equations.system.rate * TOGETHER
@@ -196,7 +197,8 @@ class StickSlip:
         rows = stepper.inside(times)
         speeds = self.equations.sliding(rows)[:, 0]
         forces = [self.equations.rubbing(time, row).tau[0] for time, row in zip(times.tolist(), rows, strict=True)]
-        self.equations.refuse_jam(rows[-1], forces[-1])
+        layout = self.equations.layout
+        refuse_jam(self.equations.system, rows[-1, layout.half + layout.on_cart : 2 * layout.half], forces[-1])
         self._work[0] += (now - before) / 2 * float(WEIGHTS @ (np.array(forces) * speeds))
 
     def record(self, time: float, y: Floats) -> Friction:
@@ -217,7 +219,3 @@ def _near(values: Floats) -> Booleans:
     with np.errstate(all="ignore"):
         top = middle - (right - left) ** 2 / (8 * bend)
     return np.asarray((middle < 0) & (middle >= left) & (middle >= right) & (bend < 0) & (top > middle / 2))
-
-
-def _root(value: Callable[[float], float], start: float, end: float) -> float:
-    return float(scipy.optimize.brentq(value, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))

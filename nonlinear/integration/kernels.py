@@ -69,15 +69,17 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
             "KICKS": at.K,
             "PRESSES": int(at.presses),
         }
-        own = [each for name, each in vars(meeting).items() if inspect.isfunction(each)]
-        texts += [*(f"@compiled\n{inspect.getsource(each)}" for each in own), switches.source()]
+        functions = filter(inspect.isfunction, vars(meeting).values())
+        texts += [*(f"@compiled\n{inspect.getsource(function)}" for function in functions), switches.source()]
         texts += [_vectorized(switches.module.looped("values"))]
     texts += [_vectorized(module.looped(name, "rates")), _attempt(sizes["DRIVEN"] > 0, switches is not None)]
     texts += [
-        ERRORS.format(**{name: weighted(own, "K[{}, i, k]") for name, own in (("fifth", FIFTH), ("third", THIRD))})
+        ERRORS.format(
+            **{name: weighted(shares, "K[{}, i, k]") for name, shares in (("fifth", FIFTH), ("third", THIRD))}
+        )
     ]
-    named = {name: own for name, own in (vars(meeting) | vars(loops) | sizes).items() if name.isupper()}
-    numbers = [f"{name} = {own!r}" for name, own in named.items() if isinstance(own, int | float | tuple)]
+    named = {name: value for name, value in (vars(meeting) | vars(loops) | sizes).items() if name.isupper()}
+    numbers = [f"{name} = {value!r}" for name, value in named.items() if isinstance(value, int | float | tuple)]
     return "\n".join((HEAD, IMPORTED, *numbers, *texts, inner(looping, "compiled"))) + "\n"
 
 

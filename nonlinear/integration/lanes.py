@@ -29,18 +29,19 @@ from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.lanes import Rates
 from nonlinear.integration.meeting import AGAIN, MET, meet
 from nonlinear.integration.method import (
+    EXTRA,
     FIFTH,
     LOOKS,
     NODES,
-    ROWS,
     SEEN,
     STAGES,
     THIRD,
+    advance,
     steered,
     summed,
 )
 from nonlinear.integration.steppers import BESIDE
-from nonlinear.integration.within import Step, beside, fill, squared
+from nonlinear.integration.within import Step, beside, fill, spread, squared
 
 NUMBERS, NARROWEST, WIDEST = 20_480, 128, 2048  # numbers of y in work at once; lanes
 LEAVING = 8  # the part of all lanes that are through when they leave
@@ -61,7 +62,7 @@ class Watch(Protocol):
         ...
 
 
-class Switches(Protocol):
+class LaneSwitches(Protocol):
     """What `Task.switches.at(members)` gives: steps end where a value passes from below to above 0, which changes y."""
 
     count: int
@@ -177,11 +178,12 @@ class Front:
         self.numbers, self.until = task.numbers.at(members), task.ends[members]
         self.rates = self._held(task.lanes.rates(self.numbers), ALL)
         self.relative, self.absolute = task.relative[members], task.absolute[:, members]
-        self.stages = np.empty((STAGES + 1, *self.y.shape), self.y.dtype)
+        self.room = np.empty((STAGES + 1 + EXTRA, *self.y.shape), self.y.dtype)
+        self.stages = self.room[: STAGES + 1]
         self.next, self.work = np.empty_like(self.y), np.empty_like(self.y)
         self.sums = np.empty((3, *self._judged(self.y).shape))
         if task.switches:
-            self.switches = task.switches.at(members)
+            self.switches: LaneSwitches = task.switches.at(members)
             self.value, self.rise = np.empty((2, task.switches.count, len(members)))
 
     def rates_of(self, columns: Ints) -> Rates:
@@ -223,12 +225,11 @@ class Front:
         y, z, work, stages = self.y, self.next, self.work, self.stages
         step = Step(self.member, self.refused, self.t, self.h, y, z, stages, self.rates, self.rates_of)
         step.held = self.switches.inputs(self.state) if self.task.switches else ()
-        step.breaks, timed = bool(len(self.task.breaks)), self.task.lanes.inputs.count > 0
-        length, looks = beside(self.h, y), []
+        step.room, step.breaks, timed = self.room, bool(len(self.task.breaks)), self.task.lanes.inputs.count > 0
+        begun, *others = (own.view(float) for own in (y, stages, z, work))
+        length, looks = spread(self.h, begun), []
         for stage in range(1, STAGES + 1):
-            summed(ROWS[stage], stages, z, work)
-            z *= length
-            z += y
+            advance(stage, begun, length, *others)
             fill(self.rates(z, beside(step.times(NODES[stage]), y)) if timed else self.rates(z), stages[stage])
             if self.task.switches and stage in (*SEEN, STAGES):
                 own = self._motion(z), self._motion(stages[stage]), self.state
@@ -259,6 +260,7 @@ class Front:
         """Which steps end at a switch, and which are tried again; the former end there to rounding."""
         V, R = (np.array(own) for own in zip((self.value, self.rise), *looks, strict=True))
         width = (np.diff(LOOKS)[:, None] * self.h)[:, None]
+        # Of all lanes at once, those of which `seen` says that a value may pass.
         some = ((V[:-1] < 0) | ((V[:-1] == 0) & (R[:-1] < 0))) & (V[1:] >= 0)
         some |= (R[:-1] > 0) & (R[1:] < 0) & (np.maximum(V[:-1], V[1:]) + 0.25 * width * (R[:-1] - R[1:]) > 0)
         some |= (V[0] > 0) & (R[0] > 0)

@@ -105,6 +105,10 @@ POWERS: Sequence[Shares] = (
     ),
 )
 """Of the rates at all stages in y at further ones, and of these as well in the last terms of the interpolant."""
+SUMS = (*ROWS, *MORE)
+"""Those of y at every stage, further ones included."""
+WEIGHTS = [np.array([dict(row).get(stage, 0.0) for stage in range(row[-1][0] + 1 if row else 0)]) for row in SUMS]
+"""The same as arrays, with those that are 0."""
 NODES: Sequence[float] = (
     0.0, 0.05260015195876773, 0.0789002279381516, 0.1183503419072274, 0.2816496580927726, 0.3333333333333333,
     0.25, 0.3076923076923077, 0.6512820512820513, 0.6, 0.8571428571428571, 1.0, 1.0, 0.1, 0.2,
@@ -123,35 +127,63 @@ def weighted(shares: Shares, name: str) -> str:
     return " + ".join(f"{share!r} * {name.format(stage)}" for stage, share in shares)
 
 
-def summed(shares: Shares, stages: Floats, found: Floats, work: Floats) -> None:
-    """A sum over stages into `found`; `work` is an array like it."""
+def summed(shares: Shares, stages: Floats, total: Floats, work: Floats) -> None:
+    """A sum over stages into `total`; `work` is an array like it."""
     (stage, share), *others = shares
-    np.multiply(stages[stage], share, out=found)
+    np.multiply(stages[stage], share, out=total)
     for stage, share in others:
         np.multiply(stages[stage], share, out=work)
-        found += work
+        total += work
 
 
-def interpolated(part: Any, terms: Sequence[Any]) -> Any:
+def advance(stage: int, begun: Floats, length: Floats, stages: Floats, y: Floats, work: Floats) -> None:
+    """The y at a stage, also a further one, from that `begun` and the rates at stages before, in place.
+
+    Sums over columns beside motions, arrays (size, S, 1 + k), are products of BLAS: rounded otherwise, and faster.
+    """
+    if y.ndim < 3:
+        summed(SUMS[stage], stages, y, work)
+    else:
+        weights = WEIGHTS[stage]
+        np.dot(weights, stages.reshape(len(stages), -1)[: len(weights)], out=y.reshape(-1))
+    y *= length
+    y += begun
+
+
+def gained(part: Any, terms: Sequence[Any]) -> Any:
     """What y has gained at a part of the step, from the `terms` of the interpolant."""
-    found: Any = 0.0
+    gain: Any = 0.0
     for number, term in enumerate(reversed(terms)):
-        found = (found + term) * (1 - part if number % 2 else part)
-    return found
+        gain = (gain + term) * (1 - part if number % 2 else part)
+    return gain
 
 
 def terms_of(length: Any, moved: Any, stages: Any) -> list[Any]:
     """The terms of the interpolant of a step in which y has `moved`, from the rates at all stages and further ones."""
     first, last = length * stages[0], length * stages[STAGES]
     powers = (sum(share * stages[stage] for stage, share in shares) for shares in POWERS)
-    return [moved, first - moved, 2 * moved - last - first, *(length * own for own in powers)]
+    return [moved, first - moved, 2 * moved - last - first, *(length * power for power in powers)]
+
+
+_EACH = np.eye(STAGES + 1 + EXTRA)
+TERMS = np.array(terms_of(1.0, sum(share * _EACH[stage] for stage, share in END), _EACH))
+"""The terms of the interpolant of a step of length 1 from the rates at all stages and further ones, (7, 16)."""
+
+
+def within_shares(part: Floats) -> Floats:
+    """Of the rates at all stages in what y has gained at parts (...) of a step of length 1, (..., 16)."""
+    factors = np.empty((len(TERMS), part.size))
+    factors[0] = ahead = part.ravel()
+    for number in range(1, len(TERMS)):
+        np.multiply(factors[number - 1], 1 - ahead if number % 2 else ahead, out=factors[number])
+    return np.asarray((factors.T @ TERMS).reshape(*part.shape, -1))
 
 
 def controlled(fifth: float, third: float, length: float, size: float, refused: bool) -> tuple[float, float]:
     """The error over the tolerance, and the length of the next step over this one.
 
     `fifth` and `third` are sums over `size` components of the squares of errors over their tolerances; after a step
-    that was `refused` none is longer.  Run by Python and compiled by numba.
+    that was `refused` none is longer.  `nonlinear.integration.loops` has the same with three roots for the power.
     """
     both = fifth + 0.01 * third
     error = length * fifth / sqrt(both * size) if both else 0.0

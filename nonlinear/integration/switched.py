@@ -40,10 +40,10 @@ class Switched(Written):
 
     def release(self, time: float, y: Floats, before: Kicks = NO_KICKS) -> None:
         """Begin at this y, after the kicks `before`."""
-        own = y.tolist()
-        self.resume(self.switches.begin(time, own, self._timed(time, own), before))
-        rates = self.rate(own, self.listed(time, own)) if self.listed else self.rate(own)
-        self.met = self.switches.due(own, rates, self.state)
+        row = y.tolist()
+        self.resume(self.switches.begin(time, row, self._timed(time, row), before))
+        rates = self.rate(row, self.listed(time, row)) if self.listed else self.rate(row)
+        self.met = self.switches.due(row, rates, self.state)
 
     def resume(self, state: list[float]) -> None:
         """Go on in this state, of a motion that has come to no switch."""
@@ -131,22 +131,22 @@ class Switched(Written):
     @cached_property
     def listed(self) -> Listed | None:
         """The inputs u at a time (s) and a state y; None where there are none."""
-        own = self.free.listed
+        timed = self.free.listed
         if not self.switches.places.J:
-            return own
-        return (lambda time, y: [*own(time, y), *self.held]) if own else (lambda time, y: self.held)
+            return timed
+        return (lambda time, y: [*timed(time, y), *self.held]) if timed else (lambda time, y: self.held)
 
     def rates_in(self, held: Sequence[Sequence[float]]) -> Callable[[Any, Any], Any]:
         """The derivative (size, S) of states side by side in phases with these inputs of contacts, (S, 2 J)."""
-        own, columns = self.free, np.array(held).T
+        free, columns = self.free, np.array(held).T
 
         def derivative(times: Any, y: Any) -> Any:
-            found = np.empty_like(y)
-            for row, rate in zip(found, self.rate_of_arrays(y, (*own.inputs_beside(times, y), *columns)), strict=True):
+            rates = np.empty_like(y)
+            for row, rate in zip(rates, self.rate_of_arrays(y, (*free.inputs_beside(times, y), *columns)), strict=True):
                 row[...] = rate
-            return found
+            return rates
 
-        return derivative if len(columns) else own.derivative
+        return derivative if len(columns) else free.derivative
 
     @property
     def is_clocked(self) -> bool:

@@ -14,13 +14,13 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.contacts import contacts_of
 from nonlinear.dynamics.forms import Form, form_of
+from nonlinear.dynamics.friction import JAMMED, refuse_jam
 from nonlinear.dynamics.switching import Pairs, switched, switching_of
 from nonlinear.dynamics.text import Module, function_in
 from nonlinear.integration.changes import TEXTS, Places, changing, compiled_source
+from nonlinear.integration.escapements import escaping
 from nonlinear.system import NO_KICKS, Friction, Kicks, System, entries_of, prescribed_of
 
-JAMMED = "the rail's friction has no consistent value: its coefficient is too large for these links"
-JAM = 1e4  # friction on the rail over that of all weights and centrifugal forces, beyond which it has no bound
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 Happening = tuple[float, float, float, float]
 
@@ -58,7 +58,7 @@ class Switches:
         """Those of one of many members."""
 
         def of(values: Sequence[Any]) -> list[float]:
-            return [float(own[k]) if np.ndim(own) else float(own) for own in values]
+            return [float(value[k]) if np.ndim(value) else float(value) for value in values]
 
         return replace(self, constants=of(self.constants), numbers=of(self.numbers), happened=[])
 
@@ -74,25 +74,25 @@ class Switches:
         A joint that starts beyond its angle, or that was kicked before, has already had the kick on that side.
         """
         at, first = self.places, int(self.form.on_cart)
-        state, given = [0.0] * at.length, dict(zip(before.link.tolist(), before.impulse.tolist(), strict=True))
-        last = [float(given.get(pair[0] - first, 0.0)) for pair in self.kicks]
+        state, impulses = [0.0] * at.length, dict(zip(before.link.tolist(), before.impulse.tolist(), strict=True))
+        last = [float(impulses.get(pair[0] - first, 0.0)) for pair in self.kicks]
         self._changing[0](t, [*map(float, y)], last, state, [*self.numbers], self.constants, [*u], self.happened)
         self._refuse(state)
         return state
 
     def due(self, y: Sequence[float], f: Sequence[float], state: Sequence[float]) -> int | None:
         """The kick due at once where a motion begins at y with y' = f, at its angle on the way out; None without."""
-        found = self._changing[1](y, f, state, self.numbers)
-        return None if found < 0 else int(found)
+        kick = self._changing[1](y, f, state, self.numbers)
+        return None if kick < 0 else int(kick)
 
     def inputs(self, state: Any) -> list[Any]:
         """The inputs u of contacts, after those of time and load: floats, or arrays where the state has them."""
         at = self.places
         signs, limits = state[at.K : at.K + at.J], self.numbers[3 * at.K : 3 * at.K + at.J]
-        found = [-s * M for s, M in zip(signs, limits, strict=True)]
+        forces = [-s * M for s, M in zip(signs, limits, strict=True)]
         if at.presses:
-            found[0] = found[0] * state[at.e]
-        return found + [1.0 - s * s for s in signs]
+            forces[0] = forces[0] * state[at.e]
+        return forces + [1.0 - s * s for s in signs]
 
     def values(self, y: Any, f: Any, u: Any, state: Any, w: Sequence[Any] = ()) -> tuple[Any, Any]:
         """The values V of all switches and their rates R: lists of floats, or of arrays.
@@ -107,8 +107,8 @@ class Switches:
         slides = not at.presses and (bool(np.all(signs)) if arrays else all(signs))
         v = [*f[: at.size], *state[: at.told], *self._given, *w]
         functions, count = self._of_arrays if arrays else self._of_floats, self.count
-        found = functions[slides](y, u, v)
-        return found[:count], found[count:]
+        both = functions[slides](y, u, v)
+        return both[:count], both[count:]
 
     def change(
         self,
@@ -156,20 +156,10 @@ class Switches:
         times = (before + now) / 2 + (now - before) / 2 * NODES
         rows, added, friction = inside(times).tolist(), self.inputs(state), self.function("friction")
         forces = [friction(y, [*u(t), *added], ())[0] for t, y in zip(times.tolist(), rows, strict=True)]
-        self._refuse_jam(np.array(rows[-1]), forces[-1])
+        links = slice(at.half + int(self.form.on_cart), 2 * at.half)
+        refuse_jam(self.form.system, np.array(rows[-1][links]), forces[-1])
         work = sum(w * force * y[at.half] for w, force, y in zip(WEIGHTS.tolist(), forces, rows, strict=True))
         state[at.told + 3 * at.J] += (now - before) / 2 * work
-
-    def _refuse_jam(self, y: Floats, force: float) -> None:
-        """ComputationError where this friction (N) of the rail is beyond all weights and inertial forces.
-
-        Before it has no value it grows as 1/(1 + s μ e n₀), and no integrator's steps, however short, reach that end.
-        """
-        system, at = self.form.system, self.places
-        rates = y[at.half + 1 : 2 * at.half]
-        thrown = sum(float(group.block.b.ravel() @ rates[group.index].ravel() ** 2) for group in system.groups)
-        if abs(force) > JAM * self.numbers[3 * at.K] * (system.gravity * system.total_mass + thrown):
-            raise ComputationError(JAMMED)
 
     def rests(self, state: Sequence[float]) -> bool:
         """Whether every coordinate is held for good, as nothing from outside changes."""
@@ -179,9 +169,9 @@ class Switches:
 
     def kicked(self) -> Kicks:
         """The kicks so far."""
-        own = [one for one in self.happened if one[1] < len(self.kicks)]
-        which = np.array([self.kicks[int(one[1])][0] for one in own], dtype=np.int64) - int(self.form.on_cart)
-        time, _, impulse, fed = np.array(own).reshape(-1, 4).T
+        kicks = [each for each in self.happened if each[1] < len(self.kicks)]
+        which = np.array([self.kicks[int(each[1])][0] for each in kicks], dtype=np.int64) - int(self.form.on_cart)
+        time, _, impulse, fed = np.array(kicks).reshape(-1, 4).T
         return Kicks(time, which, impulse, fed)
 
     def rubbed(self, t: float, y: Sequence[float], state: Sequence[float]) -> Friction:
@@ -189,10 +179,10 @@ class Switches:
         at, contacts = self.places, range(2 * self.places.K, 2 * self.places.K + self.places.J)
         phases, rest = [], nan
         for j in contacts:
-            times = [one[0] for one in self.happened if one[1] == j] + [t]
+            times = [each[0] for each in self.happened if each[1] == j] + [t]
             phases += [(begin, end, j - contacts[0]) for begin, end in zip(times[::2], times[1::2], strict=False)]
         if self.rests(state):
-            rest = max(one[0] for one in self.happened if one[1] in contacts)
+            rest = max(each[0] for each in self.happened if each[1] in contacts)
         links = np.array([below for below, _ in at.contacts], dtype=np.int64) - int(self.form.on_cart)
         phases.sort()
         begin, end = (np.array([phase[k] for phase in phases], dtype=float) for k in (0, 1))
@@ -200,12 +190,12 @@ class Switches:
 
     def work(self, y: Any, state: Any) -> list[Any]:
         """The work (J) of friction at every contact until y: floats, or arrays of members side by side."""
-        at, found = self.places, [*state[self.places.told + 3 * self.places.J :]]
+        at, work = self.places, [*state[self.places.told + 3 * self.places.J :]]
         for i, pair in enumerate(at.contacts):
             if not (at.presses and i == 0):
                 way = abs(_relative(y, pair) - state[at.told + 2 * at.J + i]) * abs(state[at.K + i])
-                found[i] = found[i] - self.numbers[3 * at.K + i] * way
-        return found
+                work[i] = work[i] - self.numbers[3 * at.K + i] * way
+        return work
 
     @cached_property
     def _rates_of_inputs(self) -> list[float]:
@@ -245,8 +235,8 @@ class Switches:
 @lru_cache(maxsize=64)
 def _scalars_of(module: Module) -> dict[str, str]:
     """The texts of `TEXTS`."""
-    own = {name: name for name in TEXTS if name in module.functions}
-    return {name: module.scalar(own.get(name, "rates"), name) for name in (*own, "sticking")}
+    names = {name: name for name in TEXTS if name in module.functions}
+    return {name: module.scalar(names.get(name, "rates"), name) for name in (*names, "sticking")}
 
 
 @lru_cache(maxsize=64)
@@ -261,15 +251,8 @@ def _relative(values: Sequence[float], pair: tuple[int, int]) -> float:
 
 def kicks_of(system: System) -> tuple[Pairs, list[float]]:
     """The joints with escapements as pairs of coordinates, and their bent, angle and impulse (3 K)."""
-    first, pairs, rows = int(system.cart is not None), [], []
-    for group in system.groups:
-        if group.kicked and group.excitation:
-            above = np.vstack((np.full_like(group.index[:1], -1 - first), group.index[:-1])) + first
-            drive = group.excitation
-            has = drive.impulse > 0
-            pairs += list(zip((group.index[has] + first).tolist(), above[has].tolist(), strict=True))
-            rows += np.stack([part[has] for part in (group.bent, drive.angle, drive.impulse)], axis=1).tolist()
-    return tuple(pairs), np.array(rows).reshape(-1, 3).T.ravel().tolist()
+    joints = escaping(system)
+    return joints.pairs, np.concatenate((joints.bent, joints.angle, joints.impulse)).tolist()
 
 
 def numbers_of(system: System) -> tuple[float, ...]:
@@ -278,8 +261,8 @@ def numbers_of(system: System) -> tuple[float, ...]:
     limits = contacts.limit.tolist()
     if contacts.coefficient:
         limits[0] = contacts.coefficient
-    own = (*numbers, *limits)
-    return (*own, float(system.rate)) if own else ()
+    every = (*numbers, *limits)
+    return (*every, float(system.rate)) if every else ()
 
 
 def switches_of(system: System, *, pushed: bool = False, works: bool | None = None) -> Switches:

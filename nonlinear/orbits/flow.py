@@ -25,7 +25,7 @@ from nonlinear.dynamics.dense import SINGULAR
 from nonlinear.dynamics.generated import UNDEFINED, Listed, Rate
 from nonlinear.dynamics.variational import TINY, Force, Variational
 from nonlinear.integration.analytic import impulses_since, kicked
-from nonlinear.integration.floats import FloatDOP853, Numbers, attempt_of
+from nonlinear.integration.floats import FloatDOP853, FloatStep, Numbers, attempt_of
 from nonlinear.integration.method import FIFTH, NODES, POWER, ROWS, SAFETY, STAGES, THIRD, Shares, steered
 from nonlinear.integration.switched import Switched
 from nonlinear.system import System
@@ -45,14 +45,14 @@ class Path(NamedTuple):
     rates: Floats
 
 
-class Change(NamedTuple):
+class NumberChange(NamedTuple):
     """A change of the numbers of equations, (P,), and of those of their switches, (g,)."""
 
     numbers: Floats
     switching: Floats
 
 
-class Passed(NamedTuple):
+class Arrival(NamedTuple):
     """The end of a flow: y (d,), V (d, m), the state of its switches, and the path."""
 
     y: Floats
@@ -63,26 +63,16 @@ class Passed(NamedTuple):
 
 def _dense(rows: Sequence[Shares]) -> Floats:
     """Shares of the rates at the stages, row by row, (rows, STAGES)."""
-    found = np.zeros((len(rows), STAGES))
-    for own, row in zip(found, rows, strict=True):
+    dense = np.zeros((len(rows), STAGES))
+    for shares, row in zip(dense, rows, strict=True):
         for stage, share in row:
             if stage < STAGES:
-                own[stage] = share
-    return found
+                shares[stage] = share
+    return dense
 
 
 SHARES = _dense(ROWS)
 ERRORS = _dense((FIFTH, THIRD))
-
-
-class Step(NamedTuple):
-    """A step: its time (s) and length, y at its beginning, y' at every stage, and the inputs of contacts in it."""
-
-    time: float
-    length: float
-    y: Numbers
-    stages: Sequence[Numbers]
-    held: Numbers
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -95,7 +85,7 @@ class Flow(Displayed):
     system: System
     tolerance: float = 1e-12
     force: Force | None = None
-    change: Change | None = None
+    change: NumberChange | None = None
     equations: Variational = field(init=False)
 
     def __post_init__(self) -> None:
@@ -103,7 +93,7 @@ class Flow(Displayed):
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what has been derived: functions that are written cannot be pickled."""
-        return {one.name: getattr(self, one.name) for one in fields(self)}
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @cached_property
     def scale(self) -> Floats:
@@ -123,10 +113,10 @@ class Flow(Displayed):
 
     def __call__(
         self, y: Floats, V: Floats, whole: float, state: list[float] | None = None, start: float = 0.0
-    ) -> Passed:
+    ) -> Arrival:
         """The end of a motion from y, with V carried along; `state` is that of its switches, if it goes on there."""
         solver, switched = self._solver(y, whole, state, start), self.switched
-        kept, carried = [(0.0, y, solver.f)], list[Step | Floats]()
+        kept, carried = [(0.0, y, solver.f)], list[FloatStep | Floats]()
         while True:
             if switched and switched.met is not None:
                 carried.append(self._through(solver, switched))
@@ -136,28 +126,27 @@ class Flow(Displayed):
             steps, _, _ = solver.advance((), 1)
             if not steps or len(kept) > MOST:
                 raise ComputationError("the motion takes too many steps to be followed over a period")
-            step = steps[0]
-            carried.append(Step(step.start, step.end - step.start, step.before, step.stages, step.held))
+            carried += steps
             kept.append((solver.t - start, solver.y, solver.f))
         times, states, rates = map(np.array, zip(*kept, strict=True))
         ended = self._carried(V, carried) if V.shape[1] else V
-        return Passed(states[-1], ended, switched.state if switched else [], Path(times, states, rates))
+        return Arrival(states[-1], ended, switched.state if switched else [], Path(times, states, rates))
 
     def _through(self, solver: FloatDOP853, switched: Switched) -> Floats:
         """What the switch that was met does to V, by whose state and numbers it goes on."""
-        one, S, j, u = switched.switches, np.eye(len(solver.y)).tolist(), switched.met or 0, self._timed(solver.t)
-        y, f, before, seen = solver.y, solver.f.tolist(), [*u, *switched.held], len(one.happened)
+        switches, S, j, u = switched.switches, np.eye(len(solver.y)).tolist(), switched.met or 0, self._timed(solver.t)
+        y, f, before, seen = solver.y, solver.f.tolist(), [*u, *switched.held], len(switches.happened)
         solver.switch(S)
         if self.change is None:
             return np.array(S).T
-        found: Floats = scipy.linalg.block_diag(np.array(S).T, 1.0)
-        if j < 2 * one.places.K:
-            parts = zip((self.equations.numbers, one.numbers), self.change, strict=True)
-            numbers = [[np.array([a + 1j * TINY * b]) for a, b in zip(*pair, strict=True)] for pair in parts]
-            impulses = impulses_since(one, seen)
-            moved = kicked(one, (numbers[0], numbers[1]), j, y[:, None] + 0j, f, impulses, before, switched.state, u)
-            found[:-1, -1] = moved[:, 0] / TINY
-        return found
+        saltation: Floats = scipy.linalg.block_diag(np.array(S).T, 1.0)
+        if j < 2 * switches.places.K:
+            parts = zip((self.equations.numbers, switches.numbers), self.change, strict=True)
+            form, kicks = ([np.array([a + 1j * TINY * b]) for a, b in zip(*pair, strict=True)] for pair in parts)
+            impulses = impulses_since(switches, seen)
+            moved = kicked(switches, (form, kicks), j, y[:, None] + 0j, f, impulses, before, switched.state, u)
+            saltation[:-1, -1] = moved[:, 0] / TINY
+        return saltation
 
     def _timed(self, time: float) -> list[float]:
         """The inputs before those of contacts."""
@@ -173,9 +162,9 @@ class Flow(Displayed):
             else:
                 self.switched.release(start, y)
         options: Any = {"first_step": whole * FIRST, "rtol": self.tolerance, "atol": self.tolerance * self.scale}
-        given = (equations.rate, equations.listed, equations.is_clocked, equations.derivative)
+        rates = (equations.rate, equations.listed, equations.is_clocked, equations.derivative)
         try:
-            solver = FloatDOP853(*given, start, y, start + whole, **options)
+            solver = FloatDOP853(*rates, start, y, start + whole, **options)
         except UNDEFINED:
             raise ComputationError(SINGULAR) from None
         solver.switched = self.switched
@@ -186,7 +175,7 @@ class Flow(Displayed):
     def _attempt(self, time: float, y: Numbers, rate: Numbers, length: float, held: Numbers) -> Any:
         """The end of one step and its stages."""
         listed, attempted = self._listed_with(held), attempt_of(self.equations.size, ", inputs(t + {} * h, z)")
-        smallest = [float(one) for one in self.tolerance * self.scale]
+        smallest = (self.tolerance * self.scale).tolist()
         return attempted(self._rate, length, y, rate, self.tolerance, smallest, time, listed)[2:4]
 
     @cached_property
@@ -201,18 +190,18 @@ class Flow(Displayed):
         listed = self.equations.listed
         return lambda time, y: [*(listed(time, y) if listed else ()), *held]
 
-    def _carried(self, V: Floats, parts: Sequence[Step | Floats]) -> Floats:
+    def _carried(self, V: Floats, parts: Sequence[FloatStep | Floats]) -> Floats:
         """V at the end of these steps and of the saltation matrices between them."""
-        steps, size = [part for part in parts if isinstance(part, Step)], len(V)
+        steps, size = [part for part in parts if isinstance(part, FloatStep)], len(V)
         few = max(1, AT_ONCE // (STAGES * size**2))
-        maps = (one for k in range(0, len(steps), few) for one in self._mapped(steps[k : k + few]))
+        maps = (each for k in range(0, len(steps), few) for each in self._mapped(steps[k : k + few]))
         if self.change is not None:
             V = scipy.linalg.block_diag(V, 1.0)
         for part in parts:
-            V = (next(maps) if isinstance(part, Step) else part) @ V
+            V = (next(maps) if isinstance(part, FloatStep) else part) @ V
         return V[:size]
 
-    def _mapped(self, steps: Sequence[Step]) -> Floats:
+    def _mapped(self, steps: Sequence[FloatStep]) -> Floats:
         """What each of these steps does to V, (N, d, d).
 
         Where y hardly moves, as at an unstable equilibrium, its error says nothing of V: a step that errs in V is
@@ -224,62 +213,63 @@ class Flow(Displayed):
                 continue
             parts = ceil(min(error / LOOSE, 1e8) ** -POWER / SAFETY) + 1
             whole = np.eye(maps.shape[-1])
-            for one in self._mapped(self._divided(steps[k], parts)):
-                whole = one @ whole
+            for piece in self._mapped(self._divided(steps[k], parts)):
+                whole = piece @ whole
             maps[k] = whole
         return maps
 
-    def _divided(self, step: Step, parts: int) -> list[Step]:
+    def _divided(self, step: FloatStep, parts: int) -> list[FloatStep]:
         """The same step in equal parts."""
-        found, y, length = list[Step](), step.y, step.length / parts
-        if step.time + length == step.time:
+        pieces, y, length = list[FloatStep](), step.before, (step.end - step.start) / parts
+        if step.start + length == step.start:
             raise ComputationError("the derivatives of the motion cannot be followed over a period")
         listed = self._listed_with(step.held)
         for k in range(parts):
-            time = step.time + k * length
+            time = step.start + k * length
             end, stages = self._attempt(time, y, self._rate(y, listed(time, y)), length, step.held)
-            found.append(Step(time, length, y, stages, step.held))
+            pieces.append(FloatStep(time, time + length, y, end, stages, step.held))
             y = end
-        return found
+        return pieces
 
-    def _maps(self, steps: Sequence[Step]) -> tuple[Floats, dict[int, float]]:
+    def _maps(self, steps: Sequence[FloatStep]) -> tuple[Floats, dict[int, float]]:
         """What each of these steps does to V, (N, d, d), and the errors over the tolerance of those where y is still.
 
         With y of every stage known, J of all of them is computed at once.
         """
-        times, lengths = (np.array([getattr(step, name) for step in steps]) for name in ("time", "length"))
-        begun, stages = np.array([step.y for step in steps]).T, np.array([step.stages for step in steps])
+        times, lengths = np.array([(step.start, step.end - step.start) for step in steps]).T
+        begun, stages = np.array([step.before for step in steps]).T, np.array([step.stages for step in steps])
         many, size = len(steps), len(begun)
         inner = lengths[:, None] * np.tensordot(SHARES[:STAGES], stages[:, :STAGES], (1, 1)).transpose(2, 1, 0)
         y, u = (begun[..., None] + inner).reshape(size, -1), np.empty((0, many * STAGES))
         if self.equations.form.contacts or self.equations.listed:
             at = times[:, None] + lengths[:, None] * np.array(NODES[:STAGES])
             inputs = [self._listed_with(step.held) for step in steps]
-            u = np.array([own(time, ()) for own, row in zip(inputs, at.tolist(), strict=True) for time in row]).T
+            u = np.array([listed(time, ()) for listed, row in zip(inputs, at.tolist(), strict=True) for time in row]).T
         J = self.equations.linearized(y, u)[1]
         if self.change is not None:
             size += 1
             J = np.pad(J, ((0, 0), (0, 1), (0, 1)))
             J[:, :-1, -1] = self.equations.moved_by(self.change.numbers, y, u, self._moved(u)).T
         J = J.reshape(many, STAGES, size, size) * lengths[:, None, None, None]
-        K, own = np.empty((STAGES, many, size, size)), np.eye(size)
+        K, unit = np.empty((STAGES, many, size, size)), np.eye(size)
         flat = K.reshape(STAGES, -1)
         for stage in range(STAGES):
-            K[stage] = J[:, stage] @ (own + (SHARES[stage, :stage] @ flat[:stage]).reshape(many, size, size))
-        ends = own + (SHARES[STAGES] @ flat).reshape(many, size, size)
+            K[stage] = J[:, stage] @ (unit + (SHARES[stage, :stage] @ flat[:stage]).reshape(many, size, size))
+        ends = unit + (SHARES[STAGES] @ flat).reshape(many, size, size)
         ways = lengths * (np.abs(stages).max(1) / self.scale).max(1)
         still = np.flatnonzero(ways < STILL)
         return np.asarray(ends), dict(zip(still.tolist(), self._missed(K[:, still]).tolist(), strict=True))
 
     def _moved(self, u: Floats) -> Floats:
         """The change of the inputs u (K, S) with the numbers: those of contacts are their limits, but for a sign."""
-        found, contacts = np.zeros_like(u), len(self.equations.form.contacts)
+        moved, contacts = np.zeros_like(u), len(self.equations.form.contacts)
         if contacts and self.change is not None and self.switched:
-            at, one = self.switched.switches.places, self.switched.switches
+            switches = self.switched.switches
+            at = switches.places
             limits = slice(3 * at.K, 3 * at.K + contacts)
-            part = self.change.switching[limits] / np.array(one.numbers[limits])
-            found[-2 * contacts : -contacts] = u[-2 * contacts : -contacts] * part[:, None]
-        return found
+            part = self.change.switching[limits] / np.array(switches.numbers[limits])
+            moved[-2 * contacts : -contacts] = u[-2 * contacts : -contacts] * part[:, None]
+        return moved
 
     def _missed(self, K: Floats) -> Floats:
         """The errors (N,) over the tolerance, in natural units, of steps with these changes at the stages."""

@@ -26,7 +26,7 @@ from modal.types import Floats
 from nonlinear.dynamics.variational import Force
 from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.orbits.floquet import Floquet, whole
-from nonlinear.orbits.flow import Change, Flow, Passed, Path
+from nonlinear.orbits.flow import Arrival, Flow, NumberChange, Path
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.system import system_of
 
@@ -136,12 +136,12 @@ class Shooting:
         conditions, offset = self._conditions(len(u))
         return np.concatenate((r, conditions @ u - offset)), np.vstack((J, conditions))
 
-    def _passed(self, flow: Flow, states: Floats, period: float) -> list[Passed]:
+    def _passed(self, flow: Flow, states: Floats, period: float) -> list[Arrival]:
         """The ends of all segments, with derivatives by their beginnings in natural units."""
         part, V = period / self.segments, np.diag(self.first.scale)
         return [flow(y, V, part, start=k * part) for k, y in enumerate(states)]
 
-    def _by_value(self, u: Floats, flow: Flow, ends: list[Passed]) -> Floats:
+    def _by_value(self, u: Floats, flow: Flow, ends: list[Arrival]) -> Floats:
         """The derivative of the ends by the place of the number, (m d,)."""
         if flow.change is not None:
             return np.concatenate([end.V[:, -1] / self.first.scale for end in ends]) * self._stretch(u[-1])
@@ -233,7 +233,7 @@ def shooting(
     return Shooting(scene, flow_at, leader, segments, period, variation)
 
 
-def _change(scene: Scene, variation: Variation, value: float, flow: Flow) -> Change | None:
+def _change(scene: Scene, variation: Variation, value: float, flow: Flow) -> NumberChange | None:
     """The derivative of the numbers of the equations by a number of the scene, by central differences.
 
     None where a scene beside has another form, as a number is 0 there.
@@ -250,7 +250,11 @@ def _change(scene: Scene, variation: Variation, value: float, flow: Flow) -> Cha
         if equations.form != flow.equations.form or len(switching) != len(here):
             return None
         beside.append((np.array(equations.numbers), np.array(switching)))
-    return Change(*((after - before) / (2 * aside) for before, after in zip(*beside, strict=True))) if aside else None
+    return (
+        NumberChange(*((after - before) / (2 * aside) for before, after in zip(*beside, strict=True)))
+        if aside
+        else None
+    )
 
 
 def spread(problem: Shooting, flow: Flow, y: Floats, period: float) -> Floats:

@@ -358,7 +358,7 @@ def test_interrupted(tmp_path: Path) -> None:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout
         assert process.stdout.readline() == ".\n"
-        time.sleep(3)
+        time.sleep(1)
         process.send_signal(signal.SIGINT)
         errors = process.communicate(timeout=600)[1]
     assert process.returncode == 130

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import random
 import signal
 import subprocess
@@ -15,10 +16,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.amounts import usually
 
 from modal import load
 from modal.errors import ComputationError, SceneError
-from modal.scene import scene_from
+from modal.scene import Scene, scene_from
 from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.ensembles.executors import WorkerPool
 from nonlinear.integration.methods import choose
@@ -35,6 +37,22 @@ def run(folder: Path | None, **more: object) -> Ensemble:
 
 def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+DRIVE = {"kind": "escapement", "impulse": 0.1, "angle_deg": 3.0}
+RUBBING = [{"kind": "bob", "mass": 1.0, "length": 1.0, "friction": friction} for friction in (0.3, 0.2)]
+SCENES = {
+    "smooth": load("chain-2"),
+    "switches": scene_from({"gravity": 9.81, "pendulum": [{"links": [{**RUBBING[0], "drive": DRIVE}, RUBBING[1]]}]}),
+}
+
+
+@pytest.fixture(scope="module", params=usually(["switches"], [*SCENES]))
+def whole(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Scene, dict[str, bytes]]:
+    """A scene, and what one process writes of it in one go."""
+    folder, scene = tmp_path_factory.mktemp(request.param), SCENES[request.param]
+    run(folder, scene=scene)
+    return scene, contents(folder)
 
 
 @pytest.fixture(scope="module")
@@ -91,10 +109,7 @@ def test_the_bytes_are_those_of_processes(tmp_path: Path, alone: dict[str, bytes
 def test_the_bytes_of_members_with_switches_do_not_depend_on_who_computes_them(tmp_path: Path, engine: str) -> None:
     if engine == "numba":
         pytest.importorskip("numba")
-    drive = {"kind": "escapement", "impulse": 0.1, "angle_deg": 3.0}
-    links = [{"kind": "bob", "mass": 1.0, "length": 1.0, "friction": f} for f in (0.3, 0.2)]
-    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**links[0], "drive": drive}, links[1]]}]})
-    options = {"scene": scene, "engine": engine}
+    options = {"scene": SCENES["switches"], "engine": engine}
     run(tmp_path / "alone", **options)
     alone = contents(tmp_path / "alone")
     run(tmp_path / "shuffled", crew=WorkerPool(Shuffled(), 3), **options)
@@ -132,13 +147,15 @@ def test_what_dead_workers_leave_is_done_by_the_next_call(tmp_path: Path, alone:
 
 
 @pytest.mark.slow
-def test_kill_9_loses_at_most_a_chunk(tmp_path: Path, alone: dict[str, bytes]) -> None:
+def test_kill_9_loses_at_most_a_chunk(tmp_path: Path, whole: tuple[Scene, dict[str, bytes]]) -> None:
     """A process is killed as soon as three chunks are there; the next goes on, and all is the same to the byte."""
+    scene, alone = whole
     code = (
-        "import sys, numpy as np; from modal import load; from nonlinear.ensembles import ensemble\n"
+        "import pickle, sys, numpy as np; from nonlinear.ensembles import ensemble\n"
+        f"scene = pickle.loads({pickle.dumps(scene)!r})\n"
         "starts = np.random.default_rng(0).uniform(-2, 2, (60, 2))\n"
         "def waiting(done):\n    if done >= 21:\n        print('there', flush=True); sys.stdin.read()\n"
-        f"ensemble(load('chain-2'), 1.0, starts=starts, measures={MEASURES!r}, output='end', chunk=7, engine='numpy',"
+        f"ensemble(scene, 1.0, starts=starts, measures={MEASURES!r}, output='end', chunk=7, engine='numpy',"
         " workers=1, folder=sys.argv[1], report=waiting)"
     )
     command = [sys.executable, "-c", code, os.fspath(tmp_path)]
@@ -150,7 +167,7 @@ def test_kill_9_loses_at_most_a_chunk(tmp_path: Path, alone: dict[str, bytes]) -
     before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("part-*.npz")}
     assert 2 <= len(before) < 9
     heard: list[float] = []
-    run(tmp_path, report=heard.append)
+    run(tmp_path, scene=scene, report=heard.append)
     assert heard[0] == 7 * len(before)
     assert {path: path.stat().st_mtime_ns for path in before} == before
     assert contents(tmp_path) == alone
@@ -234,10 +251,11 @@ def cluster_of_two() -> Iterator[object]:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_dask_worker_that_is_killed_changes_nothing(
-    tmp_path: Path, alone: dict[str, bytes], cluster_of_two: object
+    tmp_path: Path, whole: tuple[Scene, dict[str, bytes]], cluster_of_two: object
 ) -> None:
     from nonlinear.ensembles.cluster import cluster
 
+    scene, alone = whole
     heard: list[float] = []
 
     def killing(done: float) -> None:
@@ -247,7 +265,7 @@ def test_a_dask_worker_that_is_killed_changes_nothing(
             os.kill(first.pid, signal.SIGKILL)
 
     with cluster(cluster_of_two.scheduler_address, patience=600.0) as crew:  # type: ignore[attr-defined]
-        run(tmp_path, crew=crew, report=killing)
+        run(tmp_path, scene=scene, crew=crew, report=killing)
     assert contents(tmp_path) == alone
 
 

@@ -13,7 +13,6 @@ from modal.scene import Scene, left_out, scene_from
 from modal.scene.parameters import Variation, vary
 from modal.symbolic.system import of_scene
 from nonlinear import simulate
-from nonlinear.accuracy import measure_work_precision
 from nonlinear.averaging import average
 from nonlinear.orbits.shooting import shooting
 from nonlinear.reduction import simulate_truncated, superpose
@@ -95,7 +94,6 @@ def test_who_has_no_place_for_them_says_so(scene: Scene) -> None:
     for action in (
         *[lambda: shooting(scene)] * (scene is AIRY),
         lambda: of_scene(scene),
-        lambda: measure_work_precision(scene, 1.0),
     ):
         with pytest.raises(SceneError, match=name):
             action()

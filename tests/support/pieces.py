@@ -1,0 +1,183 @@
+"""Motions with escapements and dry friction, piece by piece in maximal coordinates: the oracle of switches.
+
+In every piece each link moves freely under the forces of `nonlinear.dynamics.maximal`; friction is a moment on a link
+and its reverse on the one above, or a force on the cart, a joint or a cart that sticks is one more constraint, and a
+kick is an impulse against all constraints.  The reaction of the rail is the constraint's own multiplier.  Which
+contacts stick is found by trying every set of them.  SciPy's DOP853 integrates each piece, to an event of `solve_ivp`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from modal.scene import Cart, Scene
+from modal.types import Floats
+from nonlinear import State
+from nonlinear.dynamics import Maximal
+from nonlinear.system import system_of
+
+LONGEST = 0.02  # s of a step: nothing passes a switch and returns in less
+AT_REST, ROUNDED = 1e-11, 1e-9  # rad/s or m/s; of a limit
+
+
+@dataclass(eq=False)
+class Pieces:
+    """The motion of one pendulum in the plane: contacts of `sign` 0 stick; `side` is that of each clock's next kick."""
+
+    scene: Scene
+    sign: Floats = field(init=False)
+    side: Floats = field(init=False)
+    events: int = 0
+
+    def __post_init__(self) -> None:
+        (pendulum,), self.maximal = self.scene.pendulum, Maximal(system_of(self.scene))
+        links, cart = pendulum.links, self.scene.support
+        first, self.size = self.maximal.pivots.first, self.maximal.pivots.size
+        rows, limits = np.zeros((len(links), self.size)), [link.friction for link in links]
+        for i, row in enumerate(rows):
+            row[first + 3 * i + 2] = 1.0
+            if i:
+                row[first + 3 * i - 1] = -1.0
+        self.clocks = [i for i, link in enumerate(links) if link.drive is not None]
+        self.angle, self.impulse = (
+            np.array([getattr(links[i].drive, name) for i in self.clocks]) for name in ("angle_deg", "impulse")
+        )
+        self.angle, self.kicked = np.radians(self.angle), rows[self.clocks]
+        rubbing = [i for i, limit in enumerate(limits) if limit]
+        self.J, self.limit, self.coefficient = rows[rubbing], np.array([limits[i] for i in rubbing]), 0.0
+        if isinstance(cart, Cart) and (cart.friction or cart.friction_coefficient):
+            self.J = np.vstack((np.eye(self.size)[0], self.J))
+            self.limit, self.coefficient = np.append(cart.friction, self.limit), cart.friction_coefficient
+
+    # ------------------------------------------------------------------------------------------------- one instant
+
+    def answers(self, t: float, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """The unknowns of the maximal form without friction, by a unit of friction (J, ...), and the angles."""
+        angles = self.maximal.pivots.parts(y[: self.size])[1][:, 2]
+        units = [self.maximal.saddle.solve(angles, row, 0.0) for row in self.J]
+        return self.maximal.unknowns(t, y), np.reshape(units, (len(units), -1)), angles
+
+    def friction(self, t: float, y: Floats, sign: Floats) -> tuple[Floats, Floats, float]:
+        """The friction (J,), the unknowns under it, and |N| of a rail with a coefficient, in this state of contacts."""
+        free, units, _ = self.answers(t, y)
+        count = len(self.J)
+        a, G = self.J @ free[: self.size], self.J @ units[:, : self.size].T
+        for e in (1.0, -1.0):
+            K, right = np.where((sign == 0)[:, None], G, np.eye(count)), np.where(sign == 0, -a, -sign * self.limit)
+            if self.coefficient and sign[0]:  # τ + s μ e (N₀ + n·τ) = 0
+                K[0] += sign[0] * self.coefficient * e * units[:, self.size]
+                right[0] = -sign[0] * self.coefficient * e * free[self.size]
+            tau = np.linalg.solve(K, right)
+            unknowns = free + tau @ units
+            N = unknowns[self.size] if self.coefficient else 1.0
+            if N * e >= 0 or not (self.coefficient and sign[0]):
+                break
+        return tau, unknowns, abs(N)
+
+    def limits(self, N: float) -> Floats:
+        """The limits of friction (J,) where the rail pushes with N."""
+        if not self.coefficient:
+            return self.limit
+        return np.append(self.coefficient * N, self.limit[1:])
+
+    def consistent(self, t: float, y: Floats, choices: Sequence[Sequence[float]]) -> Floats:
+        """The one state among these of every contact that obeys Coulomb's law where they are at rest."""
+        agreeing = []
+        for signs in product(*choices):
+            sign = np.array(signs)
+            tau, unknowns, N = self.friction(t, y, sign)
+            starts = (self.J @ unknowns[: self.size]) * sign
+            free = np.array([len(each) > 1 for each in choices])
+            held = np.abs(tau) <= self.limits(N) * (1 + ROUNDED)
+            if np.all(~free | np.where(sign == 0, held, starts >= -ROUNDED)):
+                agreeing.append(sign)
+        assert agreeing, "no state of the contacts obeys Coulomb's law"
+        return max(agreeing, key=lambda sign: np.count_nonzero(sign == 0))
+
+    def pushed(self, y: Floats, rows: Floats, jump: Floats) -> Floats:
+        """The y after an impulse along these rows: these amounts of it."""
+        angles = self.maximal.pivots.parts(y[: self.size])[1][:, 2]
+        found = y.copy()
+        found[self.size : 2 * self.size] += self.maximal.saddle.solve(angles, jump @ rows, 0.0)[: self.size]
+        return found
+
+    # ------------------------------------------------------------------------------------------------- the motion
+
+    def begin(self, start: State) -> Floats:
+        """The y of a start, with the states of contacts and clocks there."""
+        y = self.maximal.begin(start)
+        gamma, speed = self.kicked @ y[: self.size], self.J @ y[self.size : 2 * self.size]
+        self.side = np.where(np.abs(gamma) > self.angle, -np.sign(gamma), 0.0)
+        self._decide(0.0, y, speed)
+        return y
+
+    def _decide(self, t: float, y: Floats, speed: Floats, leaving: int = -1, way: float = 0.0) -> None:
+        """What contacts do that slide at this speed, or are at rest, of which one is `leaving`."""
+        if not len(speed):
+            self.sign = speed
+            return
+        choices = [(float(np.sign(v)),) if abs(v) > AT_REST else (0.0, 1.0, -1.0) for v in speed]
+        if leaving >= 0:
+            choices[leaving] = (way,)
+        self.sign = self.consistent(t, y, choices)
+
+    def _rate(self, t: float, y: Floats) -> Floats:
+        unknowns = self.friction(t, y, self.sign)[1] if len(self.J) else self.maximal.unknowns(t, y)
+        return np.concatenate((y[self.size : 2 * self.size], unknowns[: self.size], np.zeros(len(y) - 2 * self.size)))
+
+    def _values(self) -> list[tuple[str, int, Callable[[float, Floats], float]]]:
+        def sliding(j: int) -> Callable[[float, Floats], float]:
+            return lambda t, y: float(-self.sign[j] * (self.J[j] @ y[self.size : 2 * self.size]))
+
+        def held(j: int) -> Callable[[float, Floats], float]:
+            def value(t: float, y: Floats) -> float:
+                tau, _, N = self.friction(t, y, self.sign)
+                return float(abs(tau[j]) - self.limits(N)[j])
+
+            return value
+
+        def angle(j: int, side: float) -> Callable[[float, Floats], float]:
+            return lambda t, y: float(side * (self.kicked[j] @ y[: self.size]) - self.angle[j])
+
+        values = [("slips" if s else "sticks", j, (sliding if s else held)(j)) for j, s in enumerate(self.sign)]
+        for j, side in enumerate(self.side):
+            values += [("right" if s > 0 else "left", j, angle(j, s)) for s in (1.0, -1.0) if side * s >= 0]
+        return values
+
+    def end(self, start: State, seconds: float, tolerance: float = 1e-12) -> State:
+        """The state after so many seconds."""
+        y, t = self.begin(start), 0.0
+        while t < seconds:
+            values = self._values()
+            for _, _, value in values:
+                value.terminal, value.direction = True, 1  # type: ignore[attr-defined]
+            found = solve_ivp(
+                self._rate, (t, seconds), y, "DOP853", rtol=tolerance, atol=tolerance, max_step=LONGEST,
+                events=[value for _, _, value in values],
+            )  # fmt: skip
+            t, y = float(found.t[-1]), self.maximal.project(found.y[:, -1])[0]
+            for (kind, j, _), times in zip(values, found.t_events, strict=True):
+                if len(times):
+                    y = self._changed(kind, j, t, y)
+                    self.events += 1
+        return self.maximal.read(y[None])[0]
+
+    def _changed(self, kind: str, j: int, t: float, y: Floats) -> Floats:
+        if kind in {"right", "left"}:
+            side = 1.0 if kind == "right" else -1.0
+            y, self.side[j] = self.pushed(y, self.kicked[j : j + 1], np.array([side * self.impulse[j]])), -side
+            self._decide(t, y, self.J @ y[self.size : 2 * self.size])
+            return y
+        still = np.flatnonzero((self.sign == 0) | (np.arange(len(self.J)) == j))
+        units = self.answers(t, y)[1][still, : self.size]
+        speed = self.J @ y[self.size : 2 * self.size]
+        y = self.pushed(y, self.J[still], -np.linalg.solve(self.J[still] @ units.T, speed[still]))
+        speed[still] = 0.0
+        way = -np.sign(self.friction(t, y, self.sign)[0][j]) if kind == "sticks" else 0.0
+        self._decide(t, y, speed, j if kind == "sticks" else -1, float(way))
+        return y
