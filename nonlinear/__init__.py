@@ -1,5 +1,7 @@
 """Nonlinear simulation of the scenes of `modal` at any angle, with checks of its accuracy.
 
+The names below are loaded on first use, so that a simulation does not wait for ensembles.
+
 >>> import modal
 >>> from nonlinear import simulate
 >>> run = simulate(modal.load("paper-cart-3"), 10.0)
@@ -10,23 +12,25 @@
 from typing import TYPE_CHECKING
 
 from modal._compatibility import exported
-from nonlinear.ensembles import Ensemble, ensemble
-from nonlinear.files import load, save
-from nonlinear.integration import SimulationError, SolverInfo, Trajectory
-from nonlinear.simulation import resume, simulate
-from nonlinear.system import (
-    AppliedForces,
-    Event,
-    EventRecord,
-    Motion,
-    State,
-    System,
-    initial_state,
-    level_crossing,
-    state_at_rest,
-    system_of,
-    turning_point,
-)
+
+if TYPE_CHECKING:
+    from nonlinear.ensembles import Ensemble, ensemble
+    from nonlinear.files import load, save
+    from nonlinear.integration import SimulationError, SolverInfo, Trajectory
+    from nonlinear.simulation import resume, simulate
+    from nonlinear.system import (
+        AppliedForces,
+        Event,
+        EventRecord,
+        Motion,
+        State,
+        System,
+        initial_state,
+        level_crossing,
+        state_at_rest,
+        system_of,
+        turning_point,
+    )
 
 __all__ = [
     "AppliedForces",
@@ -66,4 +70,6 @@ if not TYPE_CHECKING:
             "start_of": "initial_state",
             "turning": "turning_point",
         },
+        homes=("system", "integration", "simulation", "files", "ensembles"),
     )
+    __dir__ = __all__.copy

@@ -18,13 +18,13 @@ from nonlinear.integration import (
     Request,
     SimulationError,
     Trajectory,
-    choose,
     paced,
     sample_times,
     silent,
     validate,
     validate_accuracy,
     validate_forces,
+    validate_method,
     validate_numbers,
     validate_observable,
 )
@@ -147,7 +147,7 @@ def _request(
     words = {name: more[name] for name in ("method", "form") if name in more}
     state, _, times = validate(
         lambda: validate_state(start if start is not None else initial_state(scene), system),
-        lambda: choose(scene, duration, tolerance, **words, driven=load is not None, system=system),
+        lambda: validate_method(scene, **words, driven=load is not None, system=system),
         lambda: sample_times(scene, duration, start_time, output),
     )
     validate_forces(load, system, state, start_time)

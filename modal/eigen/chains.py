@@ -155,21 +155,22 @@ def fixed_squares(block: Block, limits: Limits = EVERYTHING) -> Squares:
 
 
 def fixed_shapes(chains: Block, x: Floats) -> Motion:
-    """Shape r of chain r at x[r], for R chains (columns, repeated as needed): one block with arrays (n, 1, R)."""
-    below, above = from_below(chains, x[:, None]), from_above(chains, x[:, None], None)
+    """Shape r of chain r at x[r], for R chains (columns, repeated as needed) or one: a block with arrays (n, 1, R)."""
+    square = x[None] if chains.size == 1 else x[:, None]
+    below, above = from_below(chains, square), from_above(chains, square, None)
     gap, cost = _mismatch(below, above, joint_masses(chains.constants.p, chains.constants.r))
     cost[0] = np.inf
     twist = np.arange(chains.n + 1)[:, None, None] == cost.argmin(0)
-    y, a = _joined(below, _climb(above, twist), above.turn, twist, np.zeros(x[:, None].shape))
+    y, a = _joined(below, _climb(above, twist), above.turn, twist, np.zeros(square.shape))
     energies = kinetic(chains, y, a)
-    modal_mass = energies.sum(0)[:, 0]
+    modal_mass = energies.sum(0).ravel()
     return Motion(
         cart=np.zeros(len(x)),
-        turns=(a.swapaxes(1, 2),),
-        energies=(energies.swapaxes(1, 2),),
+        turns=(a.reshape(chains.n, 1, -1),),
+        energies=(energies.reshape(chains.n, 1, -1),),
         modal_mass=modal_mass,
-        momentum=a[0, :, 0] * (chains.constants.k[0] / x + chains.constants.q[0]),
-        residual=np.where(twist, gap, 0.0).sum(0)[:, 0] / modal_mass,
+        momentum=a[0].ravel() * (chains.constants.k[0] / x + chains.constants.q[0]),
+        residual=np.where(twist, gap, 0.0).sum(0).ravel() / modal_mass,
     )
 
 

@@ -182,10 +182,12 @@ class Alone:
 
     def details(self, rows: Ints) -> Details:
         """One copy's shape and momentum."""
-        chains, x = self.block.take(rows % self.block.size), self.squares.ravel()[rows]
+        several, x = self.block.size > 1, self.squares.ravel()[rows]
+        chains = self.block.take(rows % self.block.size) if several else self.block
         motion = fixed_shapes(chains, x)
         angle = motion.turns[0] / chains.length[:, None, :]
-        gamma = quartic(chains, x[:, None], np.zeros(1), angle.swapaxes(1, 2))[:, 0]
+        square, turned = (x[:, None], angle.swapaxes(1, 2)) if several else (x, angle)
+        gamma = quartic(chains, square, np.zeros(1), turned).ravel()
         return _details(motion, x, (angle,), gamma, motion.energies, np.inf)
 
 

@@ -20,9 +20,8 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.interpolate import PPoly, make_interp_spline
-from scipy.optimize import brentq
 
 from modal.scene import (
     ConstantForce,
@@ -247,7 +246,7 @@ class Record(PrescribedMotion):
         times = np.array(motion.time_s)
         self.first, self.last, self.of = float(times[0]), float(times[-1]), ORDERS[of]
         self.degree = DEGREE if len(times) > DEGREE else 3
-        spline = make_interp_spline(times, np.array(values), k=self.degree)
+        spline = scipy.interpolate.make_interp_spline(times, np.array(values), k=self.degree)
         splines = {self.of: spline}
         for order in range(self.of + 1, 3):
             splines[order] = splines[order - 1].derivative()
@@ -277,7 +276,7 @@ class Record(PrescribedMotion):
     @cached_property
     def pieces(self) -> tuple[Floats, Floats]:
         """Times (J + 1,) between which the acceleration is a polynomial, and all its derivatives after each (K, J)."""
-        found = PPoly.from_spline(self._splines[2])
+        found = scipy.interpolate.PPoly.from_spline(self._splines[2])
         wide = np.diff(found.x) > 0
         wide &= (found.x[:-1] >= self.first) & (found.x[1:] <= self.last)
         derivatives = found.c[::-1, wide] * np.array([factorial(k) for k in range(len(found.c))])[:, None]
@@ -426,4 +425,4 @@ def band(degree: int, derivatives: int) -> float:
         images = own * weights * ((f - IMAGES) / f) ** derivatives
         return float(np.sqrt((own - 1) ** 2 + np.sum(images**2))) - WITHIN
 
-    return float(brentq(excess, 1e-3, 0.49))
+    return float(scipy.optimize.brentq(excess, 1e-3, 0.49))

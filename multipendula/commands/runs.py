@@ -62,8 +62,8 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
     """A new run of a scene, or the continuation of a saved one, once `target` has accepted the file to write."""
     from modal.scene import load
     from nonlinear import files as recordings
-    from nonlinear.integration import choose, validate
-    from nonlinear.simulation import USUAL, resume
+    from nonlinear.integration import validate, validate_method
+    from nonlinear.simulation import resume
     from nonlinear.simulation import simulate as run
 
     duration = options.duration or options.usual
@@ -83,7 +83,7 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
         target,
         lambda: in_a_folder(options.output),
         lambda: start_of(scene, options.start),
-        lambda: choose(scene, duration, given.get("tolerance", USUAL), **words),
+        lambda: validate_method(scene, **words),
     )
     with bar(duration) as report:
         return run(scene, duration, start=start, output=options.samples, report=report, **given)

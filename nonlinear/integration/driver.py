@@ -11,7 +11,7 @@ from math import isfinite
 from typing import Any, cast
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+import scipy
 
 from modal.errors import ComputationError
 from modal.types import Floats
@@ -270,7 +270,9 @@ class Drive:
             return float(side * self._value(event, time))
 
         if height(start + aside) < abs(values[0]) and height(end - aside) < abs(values[1]):
-            found = minimize_scalar(height, bounds=ends, method="bounded", options={"xatol": SHARP * (end - start)})
+            found = scipy.optimize.minimize_scalar(
+                height, bounds=ends, method="bounded", options={"xatol": SHARP * (end - start)}
+            )
             if found.fun < 0:
                 yield float(found.x), float(side * found.fun)
 
@@ -283,7 +285,7 @@ class Drive:
     def _refined(self, event: Event, start: float, end: float) -> float:
         """The root on the interpolant, then one secant step with the integrator's own value there."""
         within = partial(self._value, event)
-        time = float(brentq(within, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
+        time = float(scipy.optimize.brentq(within, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
         width = (end - start) / 1000
         slope = (within(time + width) - within(time - width)) / (2 * width)
         moved = time - event.value(self._state(self.stepper.exact(time))) / slope if slope else time

@@ -59,30 +59,26 @@ class Choice:
     tolerance: float = 1e-9
 
 
-def choose(
+def validate_method(
     scene: Scene,
-    duration: float,
-    tolerance: float,
     method: str = "auto",
     form: str = "auto",
     *,
     driven: bool = False,
-    size: float = 1.0,
     system: System | None = None,
-) -> Choice:
-    """Choose whatever is "auto" for a motion of this size; SceneError lists every unknown or unsuitable value.
+) -> str:
+    """The form of the equations; SceneError lists every unknown or unsuitable value.
 
-    `system` is what is integrated, where that is less than the whole scene.
+    `driven` says whether a load acts; `system` is what is integrated, where that is less than the whole scene.
     """
     system = system or system_of(scene)
-    space = system.spatial
     problems = [] if method in METHODS else [f"method {method}: must be one of {', '.join(METHODS)}"]
     if form not in FORMS:
         problems.append(f"form {form}: must be one of {', '.join(FORMS)}")
         form = "auto"
-    scene = scene if space or scene.space == "plane" else scene.in_plane
-    more = [name for name, has in (("load", driven), ("hoist", system.hoisting)) if has]
-    whole = form if form != "auto" else "spatial" if space else "minimal"
+    scene = scene if system.spatial or scene.space == "plane" else scene.in_plane
+    more = _added(system, driven)
+    whole = form if form != "auto" else "spatial" if system.spatial else "minimal"
     problems += refusals(scene, f"form {whole}", *more)
     if form == "maximal" and (least := float(np.min(system.by_link("length"))) / system.length) < SHORTEST:
         problems.append(f"form maximal: cannot tell the ends of a link {least:.1g} times as long as the longest apart")
@@ -100,6 +96,33 @@ def choose(
         problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
     if problems:
         raise SceneError(problems)
+    return form
+
+
+def _added(system: System, driven: bool) -> list[str]:
+    """What a run has beside its scene."""
+    return [name for name, has in (("load", driven), ("hoist", system.hoisting)) if has]
+
+
+def choose(
+    scene: Scene,
+    duration: float,
+    tolerance: float,
+    method: str = "auto",
+    form: str = "auto",
+    *,
+    driven: bool = False,
+    size: float = 1.0,
+    system: System | None = None,
+) -> Choice:
+    """Choose whatever is "auto" for a motion of this size; SceneError lists every unknown or unsuitable value.
+
+    `system` is what is integrated, where that is less than the whole scene.
+    """
+    system = system or system_of(scene)
+    form = validate_method(scene, method, form, driven=driven, system=system)
+    scene = scene if system.spatial or scene.space == "plane" else scene.in_plane
+    more = _added(system, driven)
     plain = form == "minimal" and not refusals(scene, "compiled equations", *more)
     seconds = costs(scene, system, duration, tolerance, size) if plain else {}
     if method == "auto":

@@ -11,6 +11,7 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 import pytest
+import scipy
 from scenes import long_scene, motion_scene, random_state
 from scipy.integrate import solve_ivp
 
@@ -18,7 +19,7 @@ from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, natur
 from modal.eigen import compiling
 from modal.errors import MissingExtraError
 from modal.types import Floats
-from nonlinear.dynamics import Banded, Dense, Generated, Minimal, Recursion, Small, banded, compiled, joints, module_of
+from nonlinear.dynamics import Banded, Dense, Generated, Minimal, Recursion, Small, compiled, joints, module_of
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.dynamics.recursion import Link, downward, upward
 from nonlinear.integration import Pace, taylor
@@ -103,7 +104,7 @@ def test_a_thousand_links() -> None:
 
 def test_a_singular_band_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     equations = minimal(load("chain-3"), Banded)
-    monkeypatch.setattr(banded.lapack, "dgbsv", lambda *_, **__: (None, None, np.zeros((15, 2)), 7))
+    monkeypatch.setattr(scipy.linalg.lapack, "dgbsv", lambda *_, **__: (None, None, np.zeros((15, 2)), 7))
     with pytest.raises(ComputationError, match="equation 7"):
         equations.derivative(0.0, np.zeros(6))
 
