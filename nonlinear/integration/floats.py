@@ -73,6 +73,8 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
     y_old: Floats
     h_abs: float
     switched: Switched | None = None
+    beyond: Callable[[float], tuple[float, float] | None] = staticmethod(lambda time: None)
+    """The next end (s) and the longest step (s) after a break at this time; None at the end of the run."""
 
     def __init__(self, rate: Rate, inputs: Listed | None, clocked: bool, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -92,7 +94,12 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         steps: list[Passed] = []
         wanted: list[Passed] = []
         switched = self.switched
-        while len(steps) < most and self.t < self.t_bound and (at < len(due) or not due):
+        while len(steps) < most and (at < len(due) or not due):
+            if self.t >= self.t_bound:
+                if not (stretch := self.beyond(self.t)):
+                    break
+                self.t_bound, self.max_step = stretch
+                f = self._slope(y)
             if switched and switched.met is not None:
                 y, f = self._changed(y, f)
             step = None if switched and switched.rests else self._passed(y, f)
@@ -119,7 +126,11 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         switched = cast("Switched", self.switched)
         after = switched.change(self.t, y, f, V)
         self.rate = switched.rate
-        return after, self.rate(after, self.inputs(self.t, after)) if self.inputs else self.rate(after)
+        return after, self._slope(after)
+
+    def _slope(self, y: Numbers) -> Numbers:
+        """The derivative at the present time."""
+        return self.rate(y, self.inputs(self.t, y)) if self.inputs else self.rate(y)
 
     def _passed(self, y: Numbers, f: Numbers) -> Passed | None:
         """The next step, None where it would be too short."""
@@ -139,7 +150,8 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
                 length, refused = max(self._tried[0], least), False
                 continue
             if switched is None:
-                self.h_abs, self.h_previous = length * factor, length
+                tried = 0.0 if refused or end < self.t_bound else self.h_abs
+                self.h_abs, self.h_previous = max(length * factor, tried), length
                 return Passed(t, end, y, after, stages)
             if answer == STANDS:
                 self.h_abs = self._tried[0]
@@ -215,12 +227,21 @@ class FloatStepper(DOP853Stepper[Written]):
         clocked = self.equations.is_clocked and not self.pace.breaks
         return FloatDOP853(self.equations.rate, inputs, clocked, f, time, y, end, **options)
 
+    def _beyond(self, time: float) -> tuple[float, float] | None:
+        """Go on after a break: to the next one or the end of the run (s), in steps that are no longer than so (s)."""
+        if time >= self.end:
+            return None
+        self._low, self._high = self.pace.stretch(time)
+        until = min(self._high, self.end)
+        return until, self.pace.most(max(self._low, self.start), until)
+
     def _off_breaks(self, listed: Listed) -> Listed:
         """The inputs, seen strictly between the surrounding breaks."""
         return lambda time, y: listed(self.clear_of_breaks(time), y)
 
     def _begun(self, time: float, y: Floats, first: float | None) -> FloatDOP853:
         solver = cast("FloatDOP853", super()._begun(time, y, first))
+        solver.beyond = self._beyond
         if isinstance(self.equations, Switched):
             solver.switched, self.equations.look = self.equations, None
         return solver
