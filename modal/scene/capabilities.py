@@ -104,7 +104,6 @@ TOGETHER = {"escapement", "joint_friction", "rail_friction", "rail_coefficient"}
 BESIDE_NONE = {name: words for name, words in ALONE.items() if name not in TOGETHER}
 HOISTING = {
     ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
-    ("hoist", "moved_support"): "a hoist hangs from a cart or a fixed support",
 }
 MINIMAL = ("form minimal", "form minimal takes it")
 EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}

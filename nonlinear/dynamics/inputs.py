@@ -28,6 +28,8 @@ from nonlinear.dynamics.contacts import Gripping
 from nonlinear.system import AppliedForces, Group, Layout, Load, System
 
 NOTHING = AppliedForces()
+CLOCK = Polynomials(np.empty(0), np.zeros(1), np.array([[0.0, 1.0]]))
+"""The time itself."""
 LEAST_BEND = 10.0
 """Bends of accelerations over the tolerance, in gravity, that steps may pass over: they then add less than the method
 itself errs by, for smooth records, noisy ones and such with jumps, of 201 to 20,001 samples."""
@@ -116,21 +118,21 @@ class Inputs:
 
     def beside(self, times: Any) -> list[Any]:
         """The inputs of time alone at times of any shape (s), each of that shape."""
-        support, laws = self.system.support, [law(times) for _, law in self.laws]
+        support, laws = self.system.support, [part for _, law in self.laws for part in law(times)]
+        if support is None:
+            return laws
         if self.is_analytic:
-            return [times]
-        motion, orders = [support.motion] if support else [], (2, 1)[: self._moved]
-        return [moving.beside(times, order) for order in orders for moving in motion] + [
-            part for law in laws for part in law
-        ]
+            return [times, *laws]
+        return [support.motion.beside(times, order) for order in (2, 1)[: self._moved]] + laws
 
     @cached_property
     def polynomials(self) -> list[Polynomials] | None:
         """Every input of time alone piece by piece; none where the time is the only one; None where any has none."""
-        if self.is_analytic:
+        if self.is_analytic and not self.laws:
             return []
         support, orders = self.system.support, (2, 1)[: self._moved]
         moved = [own for order in orders if (own := support.motion.polynomials(order))] if support else []
+        moved = [CLOCK] if self.is_analytic else moved
         if len(moved) < self._moved or not all(isinstance(law, LengthLaw) for _, law in self.laws):
             return None
         return [*moved, *(own for _, law in self.laws for own in _derivatives(law))]

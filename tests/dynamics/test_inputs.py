@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
+from functools import partial
+from itertools import pairwise
 from math import cos, inf, sin
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline, make_interp_spline
+from support.loops import interpreted
 
 from modal import Bob, InitialCondition, Pendulum, Scene
 from modal.scene import Fixed, Hoist, Moved, RandomMotion, RecordMotion, SineMotion, SweepMotion
 from modal.vibration import prescribed_motion
 from modal.vibration.prescribed import Polynomials
-from nonlinear import simulate
+from nonlinear import ensemble, simulate
 from nonlinear.dynamics import inputs
 from nonlinear.dynamics.inputs import Inputs
+from nonlinear.postprocessing import reaction_forces_of
 from nonlinear.system import system_of
 
 G, L, START, TOLERANCE = 9.81, 1.2, 0.4, 1e-9
@@ -121,6 +127,78 @@ def last_angle(displacements: np.ndarray) -> float:
     return by_hand(rate)
 
 
+HOISTS = {
+    "smooth": Hoist(to=0.6, begin=0.2, duration=1.5),
+    "trapezoidal": Hoist(to=1.6, begin=0.2, duration=1.5, profile="trapezoidal"),
+}
+SHAKEN = {
+    "sine": SineMotion(direction="vertical", amplitude=0.3, frequency_hz=0.9, phase_deg=20.0),
+    "sweep": SweepMotion(amplitude=0.1, from_hz=0.5, to_hz=2.0, duration=1.7),
+    "random": RandomMotion(direction="vertical", psd=(1.0, 1.0), frequency_hz=(0.5, 8.0), seed=3, duration=2.0),
+    "record": RecordMotion(time_s=tuple(SOME), acceleration_m_per_s2=tuple(np.cos(5 * SOME))),
+}
+
+
+def hoisted(motion: str, hoist: str, **more: float) -> Scene:
+    """Two bobs of 1.3 and 0.7 kg on ropes of 1.2 m, which is hoisted, and 0.6 m, below a support that moves."""
+    links = (Bob(mass=1.3, length=L, hoist=HOISTS[hoist], **more), Bob(mass=0.7, length=0.6, **more))
+    start = InitialCondition(angles_deg=(30.0, -50.0), rates_deg=(10.0, 5.0))
+    return Scene(gravity=G, support=Moved(motion=SHAKEN[motion]), pendulum=(Pendulum(links=links, start=start),))
+
+
+@pytest.mark.parametrize(("motion", "hoist"), [*zip(SHAKEN, [*HOISTS, *HOISTS], strict=True)])
+def test_hoists_on_a_moved_support_obey_newtons_law(motion: str, hoist: str) -> None:
+    """Of both bobs in the laboratory, projected on what the ropes leave free; the books of energy close."""
+    scene = hoisted(motion, hoist)
+    support, law = prescribed_motion(SHAKEN[motion]), HOISTS[hoist].law(L)
+    vertical = SHAKEN[motion].direction == "vertical"
+
+    def rate(t: float, y: np.ndarray) -> list[float]:
+        a, b, p, q = y
+        size, (length, speed, bend) = float(support.derivative(t, 2)), (float(part) for part in law(t))
+        along, down = (0.0, -size) if vertical else (size, 0.0)
+        left = np.array([[2.0 * length, 0.42 * cos(a - b)], [length * cos(a - b), 0.6]])
+        first = -0.42 * q * q * sin(a - b) - 2.0 * (2 * speed * p + along * cos(a) + (G - down) * sin(a))
+        second = (length * p * p - bend) * sin(a - b) - 2 * speed * p * cos(a - b)
+        return [p, q, *np.linalg.solve(left, [first, second - along * cos(b) - (G - down) * sin(b)])]
+
+    y = np.radians([30.0, -50.0, 10.0, 5.0])
+    edges = sorted({0.0, 2.0, *(time for time in (*law.breaks, *support.breaks) if 0 < time < 2.0)})
+    for begin, end in pairwise(edges):
+        inside = partial(np.clip, a_min=begin + 1e-12, a_max=end - 1e-12)
+        run = solve_ivp(
+            lambda t, y, to=inside: rate(float(to(t)), y), (begin, end), y, "DOP853", rtol=1e-11, atol=1e-12
+        )
+        y = run.y[:, -1]
+    found = simulate(scene, 2.0, tolerance=1e-11, output=9)
+    assert found.motion.links[-1] == pytest.approx(y[:2], abs=1e-8)
+    assert found.energy_drift() < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("motion", "hoist"), [("sine", "trapezoidal"), ("record", "smooth")])
+def test_hoists_on_a_moved_support_in_air_move_alike_in_all_forms(motion: str, hoist: str) -> None:
+    scene = hoisted(motion, hoist, drag=0.2, quadratic_drag=0.1, damping=0.05)
+    run = simulate(scene, 0.4, tolerance=1e-11, output=5)
+    other = simulate(scene, 0.4, form="maximal", tolerance=1e-11, output=5)
+    assert run.motion.links == pytest.approx(other.motion.links, abs=1e-8)
+    assert max(run.energy_drift(), other.energy_drift()) < 1e-9
+    assert reaction_forces_of(run).pivots == pytest.approx(reaction_forces_of(other).pivots, abs=1e-6)
+
+
+@pytest.mark.parametrize("engine", ["numpy", "numba", pytest.param("heyoka", marks=pytest.mark.slow)])
+def test_hoists_on_a_moved_support_go_side_by_side(engine: str) -> None:
+    if engine == "heyoka":
+        pytest.importorskip(engine)
+    scene, masses = hoisted("sine", "smooth", drag=0.2), [0.5, 0.7]
+    options = {"workers": 1, "check": 0, "output": 5, "tolerance": 1e-10}
+    with interpreted() if engine == "numba" else nullcontext():
+        found = ensemble(scene, 1.0, vary={"pendulum[0].links[1].mass": masses}, engine=engine, **options)
+    run = simulate(scene, 1.0, tolerance=1e-11, output=5)
+    assert found.engine == engine
+    assert found.column("links_rad")[1] == pytest.approx(run.motion.links, abs=2e-8)
+
+
 @pytest.mark.parametrize("name", RECORDS)
 def test_records_of_lengths_are_followed_within_the_tolerance(name: str, tmp_path: Path) -> None:
     scene, exact = lifted(L + 0.3 * (RECORDS[name] - RECORDS[name][0]) / 4, tmp_path)
@@ -135,6 +213,7 @@ def test_records_of_a_support_are_followed_within_the_tolerance(name: str) -> No
     assert abs(run.motion.links[-1, 0] - last_angle(0.01 * RECORDS[name])) < 5 * TOLERANCE
 
 
+@pytest.mark.slow
 def test_steps_that_pass_over_knots_would_not_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(inputs, "LEAST_BEND", inf)
     run = simulate(shaken(0.01 * RECORDS["noisy"]), 2.0, tolerance=TOLERANCE, output=2)
