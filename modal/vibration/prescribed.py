@@ -386,10 +386,8 @@ class RandomProcess(PrescribedMotion):
         place = time % self.duration * (len(table) / self.duration)
         at = int(place + 0.5)
         s = (place - at) * (self.duration / len(table))
-        found = 0.0
-        for coefficient in table[at % len(table)]:
-            found = found * s + coefficient
-        return found
+        k, j, i, h, g, f, e, d, c, b, a = table[at % len(table)]
+        return ((((((((((k * s + j) * s + i) * s + h) * s + g) * s + f) * s + e) * s + d) * s + c) * s + b) * s) + a
 
     def _summed(self, lines: Any, times: Floats) -> Floats:
         turned = np.multiply.outer(times, self.omega)

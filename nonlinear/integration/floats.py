@@ -71,6 +71,7 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
     f: Floats
     t_old: float
     y_old: Floats
+    t_bound: float
     h_abs: float
     switched: Switched | None = None
     beyond: Callable[[float], tuple[float, float] | None] = staticmethod(lambda time: None)

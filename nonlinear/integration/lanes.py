@@ -118,8 +118,8 @@ class Task:
     @cached_property
     def breaks(self) -> Floats:
         """Where a support or a length may change suddenly, as far as the tolerances tell, before the end."""
-        times: Floats = np.array(self.lanes.inputs.breaks(float(self.relative.min())))
-        return times[(times > self.starts.min()) & (times < self.ends.max())]
+        times = np.array(self.lanes.inputs.breaks(float(self.relative.min())))
+        return np.asarray(times[(times > self.starts.min()) & (times < self.ends.max())])
 
     def ahead(self, times: Floats) -> Floats:
         """The next break after each of some times (s), infinite after the last."""
