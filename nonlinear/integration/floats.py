@@ -97,10 +97,9 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         switched = self.switched
         while len(steps) < most and (at < len(due) or not due):
             if self.t >= self.t_bound:
-                if not (stretch := self.beyond(self.t)):
+                if (slope := self.carried_on(y)) is None:
                     break
-                self.t_bound, self.max_step = stretch
-                f = self._slope(y)
+                f = slope
             if switched and switched.met is not None:
                 y, f = self._changed(y, f)
             step = None if switched and switched.rests else self._passed(y, f)
@@ -116,6 +115,13 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
             self.t_old, self.y_old = self.passed.start, np.array(self.passed.before)
         self.y, self.f = np.array(y), np.array(f)
         return steps, wanted, at
+
+    def carried_on(self, y: Numbers) -> Numbers | None:
+        """The derivative after a break, from which steps go on as long as before; None at the end of the run."""
+        if (stretch := self.beyond(self.t)) is None:
+            return None
+        (self.t_bound, self.max_step), self.status = stretch, "running"
+        return self._slope(y)
 
     def switch(self, V: list[list[float]] | None = None) -> None:
         """Go on as things are after the switch at which the last step ended, if it did; so do columns V (k, size)."""
@@ -247,6 +253,13 @@ class FloatStepper(DOP853Stepper[Written]):
             solver.switched, self.equations.look = self.equations, None
         return solver
 
+    def _on_its_way(self) -> FloatDOP853:
+        """The integrator, after a break that has been reached."""
+        solver = cast("FloatDOP853", self._solver)
+        if self._high <= self.time < self.end:
+            solver.f = np.array(solver.carried_on(solver.y.tolist()))
+        return solver
+
     @property
     def _arranged(self) -> Equations:
         return cast("Equations", self.equations)
@@ -274,7 +287,7 @@ class FloatStepper(DOP853Stepper[Written]):
         due, reached, mends = times.tolist(), 0, self._arranged.system.spatial
         switched = self.equations if isinstance(self.equations, Switched) else None
         alone = mends or (switched is not None and switched.presses)
-        solver = cast("FloatDOP853", self._on_its_way())
+        solver = self._on_its_way()
         begun = solver.t
         ends: list[tuple[float, Numbers | Floats]] = []
         wanted: list[Passed] = []
