@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +28,11 @@ from nonlinear.dynamics.contacts import Gripping
 from nonlinear.system import AppliedForces, Group, Layout, Load, System
 
 NOTHING = AppliedForces()
+CLOCK = Polynomials(np.empty(0), np.zeros(1), np.array([[0.0, 1.0]]))
+"""The time itself."""
+LEAST_BEND = 10.0
+"""Bends of accelerations over the tolerance, in gravity, that steps may pass over: they then add less than the method
+itself errs by, for smooth records, noisy ones and such with jumps, of 201 to 20,001 samples."""
 
 
 class Lengths(NamedTuple):
@@ -112,31 +118,56 @@ class Inputs:
 
     def beside(self, times: Any) -> list[Any]:
         """The inputs of time alone at times of any shape (s), each of that shape."""
-        support, laws = self.system.support, [law(times) for _, law in self.laws]
+        support, laws = self.system.support, [part for _, law in self.laws for part in law(times)]
+        if support is None:
+            return laws
         if self.is_analytic:
-            return [times]
-        motion, orders = [support.motion] if support else [], (2, 1)[: self._moved]
-        return [moving.beside(times, order) for order in orders for moving in motion] + [
-            part for law in laws for part in law
-        ]
+            return [times, *laws]
+        return [support.motion.beside(times, order) for order in (2, 1)[: self._moved]] + laws
 
     @cached_property
     def polynomials(self) -> list[Polynomials] | None:
         """Every input of time alone piece by piece; none where the time is the only one; None where any has none."""
-        if self.is_analytic:
+        if self.is_analytic and not self.laws:
             return []
-        support = self.system.support
-        moved = [own for own in [support.motion.polynomials] if own] if support else []
+        support, orders = self.system.support, (2, 1)[: self._moved]
+        moved = [own for order in orders if (own := support.motion.polynomials(order))] if support else []
+        moved = [CLOCK] if self.is_analytic else moved
         if len(moved) < self._moved or not all(isinstance(law, LengthLaw) for _, law in self.laws):
             return None
         return [*moved, *(own for _, law in self.laws for own in _derivatives(law))]
 
     @cached_property
     def pieces(self) -> list[Polynomials] | None:
-        """The `polynomials` where each piece begins and ends at a break of the system, so at the end of a step."""
-        breaks = {*self.system.hoisting.breaks} if self.system.hoisting else set()
+        """The `polynomials` where every knot is one of the `breaks`, at which a step may end."""
         own = self.polynomials
-        return own if own is not None and all(breaks.issuperset(one.knots.tolist()) for one in own) else None
+        return own if own is not None and all(one.period == inf for one in own) else None
+
+    def breaks(self, accuracy: float = 0.0) -> list[float]:
+        """The times (s), ascending, at which an acceleration of the support or of a length jumps or bends.
+
+        Steps that end there keep the order of their method.  For an `accuracy`, a relative tolerance, a knot counts
+        where it bends by LEAST_BEND times that part of gravity, or of the support's largest acceleration if less.
+        """
+        gravity, found = float(np.min(self.system.gravity)), set[float]()
+        accuracy *= LEAST_BEND
+        if self.system.support:
+            motion = self.system.support.motion
+            found |= {*motion.breaks}
+            if (own := motion.polynomials(2)) and own.period == inf:
+                found |= _bends(own, accuracy * min(gravity, float(np.abs(own.coefficients[:, 0]).max())))
+        for _, law in self.laws:
+            if isinstance(law, LengthLaw):
+                *_, own = _derivatives(law)
+                found |= {*law.knots[[0, -1]].tolist()} | _bends(own, accuracy * gravity)
+            else:
+                found |= {*getattr(law, "breaks", ())}
+        return sorted(found)
+
+    @property
+    def shortest(self) -> float:
+        """The time (s) in which the support's acceleration may change substantially; inf where it is at rest."""
+        return self.system.support.motion.shortest if self.system.support else inf
 
     def instant(self, u: Sequence[Any]) -> Instant:
         """The instant of these inputs."""
@@ -212,6 +243,11 @@ def _derivatives(law: LengthLaw) -> Iterator[Polynomials]:
         first[0, 0], last[0, 0] = ends if order == 0 else (0.0, 0.0)
         yield Polynomials(law.knots, origins, np.concatenate((first, own, last)))
         own = np.append(own[:, 1:] * np.arange(1, own.shape[1]), np.zeros((len(own), 1)), axis=1)
+
+
+def _bends(own: Polynomials, least: float) -> set[float]:
+    """The knots (s) at which a function bends by at least so much."""
+    return {*own.knots[own.kinks >= least].tolist()}
 
 
 def _along(direction: tuple[float, float], size: Any) -> tuple[Any, Any]:

@@ -203,7 +203,7 @@ def _propagated(integrator: Any, task: Task, own: slice, grid: Floats, events: E
     rows = np.empty((len(grid), len(task.begun), len(members)))
     given = task.lanes.constants(task.numbers.at(members))
     constants = np.array([np.broadcast_to(one, len(members)) for one in given]).reshape(len(given), len(members))
-    stretches, pieces = [*_stretches(grid, task.breaks)], taylor.pieces_of(task.lanes)
+    stretches, pieces = [*_stretches(grid, np.array(task.lanes.inputs.breaks()))], taylor.pieces_of(task.lanes)
     for at in range(0, len(members), width):
         taken = np.minimum(np.arange(at, at + width), len(members) - 1)
         count = min(width, len(members) - at)

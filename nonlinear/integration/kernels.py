@@ -57,7 +57,7 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
     sizes |= {"D": lanes.size, "SIZE": layout.size, "HALF": layout.half, "FIRST": int(layout.on_cart)}
     sizes |= {"CONSTANTS": len(module.names), "TIMED": lanes.inputs.count}
     if lanes.inputs.count:
-        sizes["DRIVEN"] = CLOCK if lanes.inputs.is_analytic else TABLES
+        sizes["DRIVEN"] = CLOCK if lanes.inputs.polynomials == [] else TABLES
     texts = [_vectorized(inspect.getsource(sincos))]
     if switches:
         at = switches.places

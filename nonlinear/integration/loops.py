@@ -403,9 +403,13 @@ def looping(
                 if wants[2]:
                     for i in range(FIRST, HALF):
                         front[LARGEST, k] = max(front[LARGEST, k], abs(z[i, k]))
-                ahead = 0
-                while ahead < len(ends) - 1 and ends[ahead] <= front[TIME, k]:
-                    ahead += 1
+                ahead, last = 0, len(ends) - 1
+                while ahead < last:
+                    middle = (ahead + last) // 2
+                    if ends[middle] <= front[TIME, k]:
+                        ahead = middle + 1
+                    else:
+                        last = middle
                 front[TIME, k] += h[k]
                 if ahead < len(ends) - 1 and front[TIME, k] >= ends[ahead] - CLEAR * spacing(ends[ahead]):
                     front[TIME, k], front[FRESH, k] = ends[ahead], 1.0

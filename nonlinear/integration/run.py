@@ -21,6 +21,7 @@ from nonlinear.dynamics import (
     Written,
     find_symmetries,
 )
+from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration.arguments import extent, shaken
 from nonlinear.integration.driver import Drive, Record, silent
 from nonlinear.integration.escapements import escapements
@@ -203,8 +204,9 @@ class Request:
         """The run prepared with this choice."""
         validate_room(self.scene, self.integrated)
         equations, pace = equations_of(self.system, choice, self.load, self.smaller), self.pace
-        if self.system.hoisting is not None:
-            pace = replace(pace, breaks=tuple(sorted({*pace.breaks, *self.system.hoisting.breaks})))
+        inputs = Inputs(self.system)
+        own = inputs.breaks(0.0 if choice.method == "taylor" else choice.tolerance)
+        pace = replace(pace, longest=min(pace.longest, inputs.shortest), breaks=tuple(sorted({*pace.breaks, *own})))
         if (self.load or self.system.support) and self.system.rubs:
             pace = replace(pace, longest=min(pace.longest, LOOKED / estimate_timescales(self.scene).swing))
         return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, pace)

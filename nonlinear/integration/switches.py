@@ -199,8 +199,8 @@ class Switches:
 
     @cached_property
     def _rates_of_inputs(self) -> list[float]:
-        support = self.form.system.support
-        return [1.0 if support is not None and support.motion.constants else 0.0] * self.places.timed
+        support, timed = self.form.system.support, self.places.timed
+        return [1.0 if support is not None and support.motion.constants and timed == 1 else 0.0] * timed
 
     @cached_property
     def _given(self) -> list[Any]:

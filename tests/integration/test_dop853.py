@@ -167,10 +167,11 @@ def test_its_steps_are_those_of_scipy(engine: str, scene: Scene, pace: Pace, tol
     """Estimates of errors are differences of about the tolerance, so that their rounding is some 1e-15 over that.
 
     A cart between clocks in antiphase stands still but for rounding, which its share of the estimate multiplies.
+    They are compared up to a break only: there SciPy's integrator seeks a first step, and floats go on as before.
     """
     near = 1e-12 / tolerance
     ours, theirs = both(engine, scene, tolerance, pace)
-    while theirs.time < ENOUGH:
+    while theirs.time < (pace.breaks[0] / 2 if pace.breaks and engine == "floats" else ENOUGH):
         ours.step()
         theirs.step()
         assert ours.calls == theirs.calls
