@@ -28,7 +28,7 @@ from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
 from nonlinear.dynamics.minimal import Arranged, Body, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
 from nonlinear.dynamics.symmetries import Reduced, Symmetry, exactly_symmetric, find_symmetries, symmetrize, synchronous
-from nonlinear.dynamics.text import Module
+from nonlinear.dynamics.text import Module, sincos
 
 __all__ = [
     "Arranged",
@@ -69,6 +69,7 @@ __all__ = [
     "links_of_contacts",
     "loses_digits",
     "module_of",
+    "sincos",
     "sine_steps",
     "support_steps",
     "symmetrize",

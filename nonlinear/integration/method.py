@@ -57,17 +57,21 @@ def summed(shares: Shares, stages: Floats, found: Floats, work: Floats) -> None:
 
 def interpolated(part: Any, terms: Sequence[Any]) -> Any:
     """What y has gained at a part of the step, from the `terms` of the interpolant."""
-    found: Any = 0.0
-    for number, term in enumerate(reversed(terms)):
-        found = (found + term) * (1 - part if number % 2 else part)
+    found = 0.0 * terms[0]
+    for number in range(len(terms)):
+        found = (found + terms[-1 - number]) * (1 - part if number % 2 else part)
     return found
 
 
 def terms_of(length: Any, moved: Any, stages: Any) -> list[Any]:
     """The terms of the interpolant of a step in which y has `moved`, from the rates at all stages and further ones."""
-    first, last = length * stages[0], length * stages[STAGES]
     powers = (sum(share * stages[stage] for stage, share in shares) for shares in POWERS)
-    return [moved, first - moved, 2 * moved - last - first, *(length * own for own in powers)]
+    return [*begun(moved, length * stages[0], length * stages[STAGES]), *(length * own for own in powers)]
+
+
+def begun(moved: Any, first: Any, last: Any) -> tuple[Any, Any, Any]:
+    """The first three terms, of a cubic: from what y has moved, and its rates at both ends times the step."""
+    return moved, first - moved, 2 * moved - last - first
 
 
 def controlled(fifth: float, third: float, length: float, size: float, refused: bool) -> tuple[float, float]:

@@ -100,7 +100,7 @@ def choose(
         problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
     if problems:
         raise SceneError(problems)
-    plain = form == "minimal" and not refusals(scene, "compiled equations", *more)
+    plain = form == "minimal" and method != "taylor" and not refusals(scene, "compiled equations", *more)
     seconds = costs(scene, system, duration, tolerance, size) if plain else {}
     if method == "auto":
         method, why = _automatic(
