@@ -42,7 +42,10 @@ STIFF = 30.0  # fastest decay over the fastest oscillation
 SHORTEST = 1e-13  # link length over the longest, below which positions in maximal coordinates cannot resolve it
 ROOM = 1e140  # largest moment of inertia, and inverse of the smallest, whose square does not overflow
 RUBBED = 8  # contacts with dry friction up to which the equations are written out
-FEWEST = 24  # links of a scene up to which it is one dense matrix
+FEWEST = 96  # links of a scene up to which it is one dense matrix
+CHAINS, PAIRS = 11, 24  # links, of pendula of three and more and of one or two, from which on it beats floats
+"""As measured by benchmarks/forms.py with SciPy's steps around matrices; where springs, dampers, drag, loads or moved
+supports act, each of which is several calls of NumPy, floats win up to WRITTEN."""
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
 ABREAST, LARGEST = 16, 128  # pendula side by side in space, and links there, up to which equations are written out
 FINEST = 1e-13  # tolerance below which only Taylor series gain accuracy
@@ -214,7 +217,20 @@ def _in_space(system: System, load: Load | None) -> Arranged:
 
 def _free(system: System, load: Load | None) -> Arranged:
     """The equations in minimal coordinates in the plane, without dry friction."""
-    return Generated(system, load=load) if system.n_links <= WRITTEN else _numeric(system, load)
+    most = WRITTEN if _acted_on(system, load) else min(WRITTEN, _bare(system))
+    return Generated(system, load=load) if system.n_links <= most else _numeric(system, load)
+
+
+def _acted_on(system: System, load: Load | None) -> bool:
+    """Whether anything acts besides gravity, or switches."""
+    return bool(system.rubs or system.kicked or system.hoisting) or Small(system, load=load).acts
+
+
+def _bare(system: System) -> int:
+    """Links up to which floats beat a dense matrix where only gravity acts; all where that would lose digits."""
+    if any(loses_digits(group, system) for group in system.groups):
+        return WRITTEN
+    return CHAINS if max(group.n for group in system.groups) > 2 else PAIRS
 
 
 def _numeric(system: System, load: Load | None) -> Arranged:

@@ -176,7 +176,6 @@ class Originals(dict[Any, Any]):
     def __init__(self) -> None:
         super().__init__()
         self._lock = Lock()
-        self._idle: dict[Any, list[Any]] = {}
 
     def copy_of(self, key: Any, compiled: Callable[[], Any], user: object = None) -> Any:
         """A copy of what is kept under this key, which is compiled first where there is nothing.
@@ -188,11 +187,10 @@ class Originals(dict[Any, Any]):
                 with undisturbed():
                     made = compiled()
                 while len(self) >= MOST_KEPT:
-                    oldest = next(iter(self))
-                    del self[oldest], self._idle[oldest]
-                self[key], self._idle[key] = made, []
-            idle = self._idle[key]
-            found = idle.pop() if idle else deepcopy(self[key])
+                    del self[next(iter(self))]
+                self[key] = made, []
+            original, idle = self[key]
+            found = idle.pop() if idle else deepcopy(original)
         if user is not None:
             finalize(user, _leave, idle, found).atexit = False
         return found
