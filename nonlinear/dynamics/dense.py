@@ -78,7 +78,7 @@ class Small(Minimal):
         first, half, A, b, weight = self._arrays
         angles, squared = y[first:half], y[half + first : 2 * half] ** 2
         sin, cos = np.sin(angles), np.cos(angles)
-        M, force, found = np.empty((half, half)), np.empty(half), np.zeros_like(y)
+        M, force, found = np.empty((half, half)), np.empty(half), np.zeros(y.size)
         inner = M[first:, first:]
         np.multiply(sin[:, None], sin, out=inner)
         inner += cos[:, None] * cos

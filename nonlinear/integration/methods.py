@@ -43,9 +43,10 @@ SHORTEST = 1e-13  # link length over the longest, below which positions in maxim
 ROOM = 1e140  # largest moment of inertia, and inverse of the smallest, whose square does not overflow
 RUBBED = 8  # contacts with dry friction up to which the equations are written out
 FEWEST = 96  # links of a scene up to which it is one dense matrix
-CHAINS, PAIRS = 11, 24  # links, of pendula of three and more and of one or two, from which on it beats floats
-"""As measured by benchmarks/forms.py with SciPy's steps around matrices; where springs, dampers, drag, loads or moved
-supports act, each of which is several calls of NumPy, floats win up to WRITTEN."""
+CHAINS, PAIRS = 12, 28  # links, in pendula of three or more and of one or two, up to which it is slower than floats
+"""Where nothing acts but gravity, by benchmarks/forms.py and in runs of 1000 samples: one derivative, with SciPy's
+steps, takes 21 µs as a matrix of 12 and 22 µs of 20, in floats 25 µs and 43 µs for chains, 15 µs and 24 µs for pairs.
+Springs, dampers, drag and loads cost the matrix 30 µs more: there floats go up to WRITTEN."""
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
 ABREAST, LARGEST = 16, 128  # pendula side by side in space, and links there, up to which equations are written out
 FINEST = 1e-13  # tolerance below which only Taylor series gain accuracy
