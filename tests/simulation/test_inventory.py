@@ -32,7 +32,7 @@ def scene_of(
     *, cart: bool = False, space: str = "plane", links: int = 2, pendula: int = 1, damping: float = 0.0
 ) -> Scene:
     chain = tuple(Bob(mass=1.0, length=1.0, damping=damping) for _ in range(links))
-    support = Cart(mass=10.0) if cart else Fixed()
+    support = Cart(mass=20.0) if cart else Fixed()
     hung = [Pendulum(links=(*chain[:-1], Bob(mass=1.0 + at, length=1.0))) for at in range(pendula)]
     return Scene(gravity=9.81, space=space, support=support, pendulum=hung)
 
