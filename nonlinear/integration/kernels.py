@@ -20,10 +20,10 @@ from types import ModuleType
 
 from modal.eigen.compiling import inner
 from modal.scene import whole_file
-from nonlinear.dynamics import Lanes, undisturbed
+from nonlinear.dynamics import Lanes, sincos, undisturbed
 from nonlinear.integration import loops, meeting
 from nonlinear.integration.crowds import Crowd
-from nonlinear.integration.loops import CLOCK, SIZES, TABLES, looping, sincos
+from nonlinear.integration.loops import CLOCK, SIZES, TABLES, looping
 from nonlinear.integration.method import FIFTH, NODES, ROWS, SEEN, STAGES, THIRD, weighted
 
 COMPILING = "Compiling the equations of this form, which takes some ten seconds; the result is saved for later runs."

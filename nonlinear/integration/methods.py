@@ -42,7 +42,11 @@ STIFF = 30.0  # fastest decay over the fastest oscillation
 SHORTEST = 1e-13  # link length over the longest, below which positions in maximal coordinates cannot resolve it
 ROOM = 1e140  # largest moment of inertia, and inverse of the smallest, whose square does not overflow
 RUBBED = 8  # contacts with dry friction up to which the equations are written out
-FEWEST = 24  # links of a scene up to which it is one dense matrix
+FEWEST = 96  # links of a scene up to which it is one dense matrix
+CHAINS, PAIRS = 12, 28  # links, in pendula of three or more and of one or two, up to which it is slower than floats
+"""Where nothing acts but gravity, by benchmarks/forms.py and in runs of 1000 samples: one derivative, with SciPy's
+steps, takes 21 µs as a matrix of 12 and 22 µs of 20, in floats 25 µs and 43 µs for chains, 15 µs and 24 µs for pairs.
+Springs, dampers, drag and loads cost the matrix 30 µs more: there floats go up to WRITTEN."""
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
 ABREAST, LARGEST = 16, 128  # pendula side by side in space, and links there, up to which equations are written out
 FINEST = 1e-13  # tolerance below which only Taylor series gain accuracy
@@ -123,7 +127,7 @@ def choose(
     form = validate_method(scene, method, form, driven=driven, system=system)
     scene = scene if system.spatial or scene.space == "plane" else scene.in_plane
     more = _added(system, driven)
-    plain = form == "minimal" and not refusals(scene, "compiled equations", *more)
+    plain = form == "minimal" and method != "taylor" and not refusals(scene, "compiled equations", *more)
     seconds = costs(scene, system, duration, tolerance, size) if plain else {}
     if method == "auto":
         method, why = _automatic(
@@ -237,7 +241,20 @@ def _in_space(system: System, load: Load | None) -> Arranged:
 
 def _free(system: System, load: Load | None) -> Arranged:
     """The equations in minimal coordinates in the plane, without dry friction."""
-    return Generated(system, load=load) if system.n_links <= WRITTEN else _numeric(system, load)
+    most = WRITTEN if _acted_on(system, load) else min(WRITTEN, _bare(system))
+    return Generated(system, load=load) if system.n_links <= most else _numeric(system, load)
+
+
+def _acted_on(system: System, load: Load | None) -> bool:
+    """Whether anything acts besides gravity, or switches."""
+    return bool(system.rubs or system.kicked or system.hoisting) or Small(system, load=load).acts
+
+
+def _bare(system: System) -> int:
+    """Links up to which floats beat a dense matrix where only gravity acts; all where that would lose digits."""
+    if any(loses_digits(group, system) for group in system.groups):
+        return WRITTEN
+    return CHAINS if max(group.n for group in system.groups) > 2 else PAIRS
 
 
 def _numeric(system: System, load: Load | None) -> Arranged:

@@ -17,6 +17,7 @@ from importlib.util import find_spec
 from math import ceil, exp, inf, log, pi
 from threading import Lock
 from typing import Any, Protocol
+from weakref import finalize
 
 import numpy as np
 
@@ -32,7 +33,7 @@ FIRST = 0.05
 TIGHTEST = 1e-15
 LONGEST_CHAIN, MOST_LINKS = 24, 400
 UNROLLED = 4  # links up to which the series is compiled as one function: faster, longer to compile
-MOST_KEPT, AT_ONCE = 32, 256  # integrators kept; steps at once
+MOST_KEPT, MOST_IDLE, AT_ONCE = 32, 4, 256  # integrators kept, idle copies of each; steps at once
 GOES_ON = {"success", "time_limit", "step_limit"}
 GIVES_UP = {"err_nf_state": "its series overflow; choose another method"}
 
@@ -60,7 +61,7 @@ class TaylorStepper:
     def __init__(self, equations: Arranged, y: Floats, start: float, end: float, tolerance: float, pace: Pace) -> None:
         begun = np.array(y, dtype=float)
         self.start, self.end, self.pace, self.calls = start, end, pace, 0
-        self.integrator = integrator_of(_admitted(equations), uneven(tolerance))
+        self.integrator = integrator_of(_admitted(equations), uneven(tolerance), self)
         self.pieces = pieces_of(equations)
         self.integrator.state[:], self.integrator.time = begun, start
         self._coefficients, self._from = begun[None], start
@@ -168,23 +169,37 @@ class Originals(dict[Any, Any]):
     """What has been compiled in this process, by what it was compiled from: a copy for everyone who asks.
 
     Integrators and compiled functions of heyoka write into memory of their own while they work, and let Python's other
-    threads run: no two threads may use the same one.  A copy has its own memory and is not compiled again.
+    threads run: no two threads may use the same one.  A copy has its own memory and is not compiled again; as it takes
+    longer than a short run, the copies of users that are gone serve others.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self._lock = Lock()
 
-    def copy_of(self, key: Any, compiled: Callable[[], Any]) -> Any:
-        """A copy of what is kept under this key, which is compiled first where there is nothing."""
+    def copy_of(self, key: Any, compiled: Callable[[], Any], user: object = None) -> Any:
+        """A copy of what is kept under this key, which is compiled first where there is nothing.
+
+        Nobody else gets it while its `user` lives, nor ever if none is told.
+        """
         with self._lock:
             if key not in self:
                 with undisturbed():
                     made = compiled()
                 while len(self) >= MOST_KEPT:
                     del self[next(iter(self))]
-                self[key] = made
-            return deepcopy(self[key])
+                self[key] = made, []
+            original, idle = self[key]
+            found = idle.pop() if idle else deepcopy(original)
+        if user is not None:
+            finalize(user, _leave, idle, found).atexit = False
+        return found
+
+
+def _leave(idle: list[Any], copy: Any) -> None:
+    """Without a lock, for it may be called at any time, also in the thread that holds it."""
+    if len(idle) < MOST_IDLE:
+        idle.append(copy)
 
 
 _COMPILED = Originals()
@@ -220,8 +235,11 @@ def _text(module: Module, pieces: Sequence[Polynomials]) -> str:
     return f"{module.python('rates')}\n{[one.coefficients.shape[1] for one in pieces]}"
 
 
-def integrator_of(equations: Generated, tolerance: float) -> Any:
-    """Heyoka's integrator for these equations, compiled once per process for all constants of such a scene."""
+def integrator_of(equations: Generated, tolerance: float, user: object = None) -> Any:
+    """Heyoka's integrator for these equations, compiled once per process for all constants of such a scene.
+
+    Once its `user` is gone others get it.
+    """
     module, size, pieces = module_of(equations.form), equations.layout.size, pieces_of(equations)
     pars = [*equations.constants, *at_time(pieces, 0.0)]
 
@@ -229,7 +247,7 @@ def integrator_of(equations: Generated, tolerance: float) -> Any:
         options = {"tol": tolerance, "compact_mode": equations.system.n_links > UNROLLED}
         return _heyoka().taylor_adaptive(expressions(module, size, pieces), np.zeros(size), pars=pars, **options)
 
-    found = _COMPILED.copy_of((_text(module, pieces), tolerance), compiled)
+    found = _COMPILED.copy_of((_text(module, pieces), tolerance), compiled, user)
     found.pars[:] = pars
     return found
 

@@ -17,7 +17,7 @@ from modal.types import Floats
 from nonlinear.dynamics import Dense, Elimination, Generated, Mechanics, Minimal, Recursion, Reduced, mechanics
 from nonlinear.dynamics.compiled import Compiled, available
 from nonlinear.dynamics.text import function_in
-from nonlinear.integration import Choice, Pace, Request, SciPyStepper, method, methods
+from nonlinear.integration import Choice, Pace, Request, SciPyStepper, equations_of, method, methods
 from nonlinear.integration.driver import Drive
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.method import Shares
@@ -25,6 +25,7 @@ from nonlinear.integration.steppers import Sweeper
 from nonlinear.simulation import simulate
 from nonlinear.system import Event, State, System, initial_state, state_at_rest, system_of
 
+PLAIN = Choice("minimal", "DOP853", False, "")
 ENOUGH = 1.5  # s, before chaos has had time
 
 
@@ -101,6 +102,17 @@ def test_energies_of_few_instants_at_once_are_those_of_all(monkeypatch: pytest.M
     for one, other in zip(parts, whole, strict=True):
         assert np.abs(one - other).max() < 1e-14 * np.abs(other).max()
     assert np.array_equal(run.mechanics.energy, sum(whole))
+
+
+def test_long_chains_take_one_matrix_unless_more_than_gravity_acts() -> None:
+    def kind(count: int, pendula: int = 1, **more: Any) -> str:
+        chain = Pendulum(links=[Bob(mass=1.0, length=1.0, count=count, **more)], count=pendula)
+        support = {"support": Cart(mass=100.0)} if pendula > 1 else {}
+        return type(equations_of(system_of(Scene(gravity=9.81, pendulum=[chain], **support)), PLAIN)).__name__
+
+    assert [kind(count) for count in (12, 13, 20, 96, 97)] == ["Generated", "Small", "Small", "Small", "Minimal"]
+    assert [kind(2, pendula) for pendula in (14, 15, 48, 49)] == ["Generated", "Small", "Small", "Minimal"]
+    assert [kind(count, damping=0.1) for count in (20, 32, 33)] == ["Generated", "Generated", "Small"]
 
 
 def test_scenes_that_differ_in_numbers_alone_share_one_text() -> None:

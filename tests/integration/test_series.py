@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,19 @@ def test_only_so_many_series_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
         )
         assert taylor.ready(system_of(double(1.0, 1.0)), tolerance)
     assert len(taylor._COMPILED) == 2
+
+
+def test_a_series_serves_one_run_after_another_and_no_two_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    copies: list[Any] = []
+    monkeypatch.setattr(taylor, "deepcopy", lambda original: copies.append(deepcopy(original)) or copies[-1])
+    monkeypatch.setattr(taylor, "_COMPILED", taylor.Originals())
+    runs = [simulate(load("paper-cart-3"), 3.0, method="taylor", output=20) for _ in range(3)]
+    assert len(copies) == 1
+    assert all(np.array_equal(run.motion.links, runs[0].motion.links) for run in runs)
+    one, other = (stepper("paper-cart-3", Pace(0.05), 4.0) for _ in range(2))
+    one.step()
+    assert one.integrator is not other.integrator
+    assert other.time == 0.0
 
 
 @pytest.mark.parametrize("name", ["paper-cart-3", "chain-3"])
