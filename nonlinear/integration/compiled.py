@@ -19,7 +19,7 @@ from modal.eigen.compiling import compiled
 from modal.types import Floats, Ints
 from nonlinear.dynamics import undisturbed
 from nonlinear.dynamics.compiled import LOOSE, Compiled, rate
-from nonlinear.integration.costs import kept
+from nonlinear.integration.costs import integrator
 from nonlinear.integration.method import FIFTH, MORE, POWERS, ROWS, STAGES, THIRD, controlled
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
 
@@ -167,7 +167,7 @@ def announced() -> Iterator[None]:
     if loaded():
         yield
         return
-    if not kept() and sys.stderr.isatty():
+    if not integrator().kept and sys.stderr.isatty():
         print(COMPILING, file=sys.stderr)
     with undisturbed():
         yield
