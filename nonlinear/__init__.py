@@ -10,7 +10,7 @@
 from typing import TYPE_CHECKING
 
 from modal._compatibility import exported
-from nonlinear.ensembles import Ensemble, ensemble
+from nonlinear.ensembles import Compilation, Ensemble, compile_engines, ensemble
 from nonlinear.files import load, save
 from nonlinear.integration import SimulationError, SolverInfo, Trajectory
 from nonlinear.simulation import resume, simulate
@@ -30,6 +30,7 @@ from nonlinear.system import (
 
 __all__ = [
     "AppliedForces",
+    "Compilation",
     "Ensemble",
     "Event",
     "EventRecord",
@@ -39,6 +40,7 @@ __all__ = [
     "State",
     "System",
     "Trajectory",
+    "compile_engines",
     "ensemble",
     "initial_state",
     "level_crossing",

@@ -12,6 +12,7 @@ from modal.errors import SceneError
 from modal.scene import CAPABILITIES, Scene, refusals
 from nonlinear.dynamics import Lanes
 from nonlinear.dynamics.inputs import Inputs
+from nonlinear.dynamics.lanes import WRITTEN
 from nonlinear.ensembles.members import Members
 from nonlinear.ensembles.question import COMPILED, LANES, ONE_BY_ONE, PLAIN, SERIES, Question, seconds_each, steps_of
 from nonlinear.ensembles.series import SEEN, series_of
@@ -106,9 +107,10 @@ def _offers(members: Members, duration: float, tolerance: float, measures: Seque
 
 
 def _takes(name: str, members: Members) -> bool:
+    """Whether it is a choice: equations that are not written out in a few lines numba compiles for minutes."""
     if not _recorded(name, members.scene) or refusals(members.scene, f"engine {name}", *members.varied):
         return False
-    return name != SERIES or taylor_takes(members.scene)
+    return members.scene.n_links <= WRITTEN if name == COMPILED else name == LANES or taylor_takes(members.scene)
 
 
 def first_numbers(members: Members) -> Numbers:

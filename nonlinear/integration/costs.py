@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from math import pi
 from pathlib import Path
+from typing import Any
 
 from modal.scene import Scene
 from nonlinear.dynamics import form_of
@@ -38,6 +39,11 @@ def offers(scene: Scene, system: System, duration: float, tolerance: float, size
 
 def integrator() -> Code:
     """The compiled integrator, and how far it is."""
+
+    def steps() -> Any:
+        return getattr(sys.modules.get("nonlinear.integration.compiled"), "_steps", None)
+
     module = sys.modules.get("nonlinear.integration.compiled")
     loaded = bool(module and module.loaded())
-    return Code("numba", "DOP853", COMPILING, loaded, loaded or cached(Path(__file__).parent / "compiled.py", "_steps"))
+    kept = loaded or cached(Path(__file__).parent / "compiled.py", "_steps")
+    return Code("numba", "DOP853", COMPILING, loaded, kept, steps)

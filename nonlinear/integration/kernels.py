@@ -29,7 +29,7 @@ from nonlinear.integration.method import FIFTH, NODES, ROWS, SEEN, STAGES, THIRD
 from nonlinear.integration.readiness import Code, cached, folder
 
 COMPILING = "Compiling the equations of this form, which takes some ten seconds; the result is saved for later runs."
-COMPILING_ANY, COMPILING_LINK, COMPILING_SWITCHES = 7.0, 0.3, 13.0  # s to compile a module, for each link, for switches
+COMPILING_ANY, COMPILING_LINK, COMPILING_SWITCHES = 7.0, 0.55, 13.0  # s to compile any module, each link, switches
 MAKING = Lock()
 HEAD = '"""Written by multipendula, which writes it again if it is changed."""'
 IMPORTED = """from math import floor, inf, log, sqrt
@@ -118,9 +118,12 @@ def path_of(text: str) -> Path:
 def code_of(lanes: Lanes, crowd: Crowd | None = None) -> Code:
     """The module for this form of scene and its switches, and how far it is."""
     path = path_of(source(lanes, crowd))
-    run = getattr(sys.modules.get(path.stem), "run", None)
     compiling = COMPILING_ANY + COMPILING_LINK * lanes.system.n_links + COMPILING_SWITCHES * (crowd is not None)
-    return Code("numba", path.stem, compiling, bool(getattr(run, "signatures", ())), cached(path, "run"))
+
+    def run() -> Any:
+        return getattr(sys.modules.get(path.stem), "run", None)
+
+    return Code("numba", path.stem, compiling, bool(getattr(run(), "signatures", ())), cached(path, "run"), run)
 
 
 def module_of(text: str) -> ModuleType:

@@ -11,10 +11,10 @@ from __future__ import annotations
 import os
 import sys
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from hashlib import sha256
 from importlib import metadata
@@ -47,13 +47,17 @@ def reproducible() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Code:
-    """What a package compiles, under a name of its own; the seconds that this takes, and how far it is."""
+    """What a package compiles, under a name of its own; the seconds that this takes, and how far it is.
+
+    `function` gives numba's, once its module is imported.
+    """
 
     package: str
     name: str
     compiling: float
     loaded: bool = False
     kept: bool = False
+    function: Callable[[], Any] = field(default=lambda: None, compare=False, repr=False)
 
     @property
     def owed(self) -> float:
@@ -163,9 +167,11 @@ def made(code: Code) -> Code:
     return replace(code, loaded=True)
 
 
-def kept_series() -> Path | None:
-    """Where heyoka keeps what it has compiled, once it is loaded; None where it keeps nothing."""
-    return Path(_states().get_diskcache_path()) if _keeps() else None
+def kept_in(code: Code) -> str:
+    """The folder where a code that has run is kept, "" where there is none."""
+    if code.package == "heyoka":
+        return str(_states().get_diskcache_path()) if _keeps() else ""
+    return str(getattr(code.function(), "stats", [""])[0] or "")
 
 
 def _keeps() -> bool:
