@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,11 +12,22 @@ import numpy as np
 import pytest
 from support.fresh import Process
 
-from modal import load
+from modal import Bob, Pendulum, Scene, load
 from modal.errors import SceneError
-from nonlinear.ensembles import Members, costs, ensemble, members_of
+from modal.scene import refusals
+from nonlinear.dynamics import compiled as single
+from nonlinear.ensembles import (
+    Members,
+    compilation_table,
+    compile_engines,
+    compiled,
+    costs,
+    ensemble,
+    members_of,
+)
 from nonlinear.ensembles.costs import ENGINES, choose_engine, code_of, first_numbers
 from nonlinear.ensembles.parts import HEADER, engine_of_folder
+from nonlinear.integration import taylor
 from nonlinear.integration.kernels import path_of, source
 from nonlinear.integration.readiness import Code, lose, made
 
@@ -150,3 +163,46 @@ def test_shares_do_not_depend_on_what_is_ready(process: Process) -> None:
     options = {"starts": np.ones((6, 2)), "chunk": 2, "workers": 1, "check": 0}
     assert chosen(6) == "heyoka"
     assert ensemble(CHAIN, 0.2, share=(0, 2), **options).engine == "numpy"
+
+
+# -------------------------------------------------------------------------------------------- compiled ahead of time
+
+
+def test_what_cannot_be_compiled_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the extras each is named; a scene that an engine does not take keeps its sentence from the table."""
+    monkeypatch.setattr(single, "available", lambda: False)
+    monkeypatch.setattr(compiled, "available", lambda: False)
+    monkeypatch.setitem(sys.modules, "heyoka", None)
+    monkeypatch.setattr(taylor, "_COMPILED", taylor.Originals())
+    found = compile_engines(CHAIN)
+    assert [code.engine for code in found.codes] == ["numba", "heyoka"] * 2
+    assert [code.runs for code in found.codes] == ["one motion"] * 2 + ["many motions"] * 2
+    for code, extra in zip(found.codes, ["fast", "taylor"] * 2, strict=True):
+        assert code.action == code.kept_in == ""
+        assert f"multipendula[{extra}]" in code.why_not
+    long = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=33)])])
+    assert "minutes" in compile_engines(long).codes[2].why_not
+    clocks = compile_engines(HUYGENS)
+    assert clocks.codes[0].why_not.startswith("escapement: ")
+    assert clocks.codes[3].why_not in "; ".join(refusals(HUYGENS, "engine heyoka"))
+    table = json.loads(compilation_table(clocks, "json"))
+    assert [code["why_not"] for code in table["codes"]] == clocks.to_dict()["why_not"].tolist()
+    with pytest.raises(SceneError, match="no such measure"):
+        compile_engines(CHAIN, measures=["nothing"])
+
+
+def test_a_long_chain_is_not_compiled_for_minutes(process: Process) -> None:
+    rope = load("rope")
+    many = members_of(rope, np.zeros((10**4, rope.n_links)), None)
+    assert choose_engine("auto", "", many, 100.0, 1e-9).engine == "numpy"
+
+
+@pytest.mark.slow
+def test_what_is_compiled_is_ready_afterwards() -> None:
+    pytest.importorskip("numba")
+    pytest.importorskip("heyoka")
+    first, second = compile_engines(CHAIN), compile_engines(CHAIN)
+    assert [code.action for code in second.codes] == ["was ready"] * 4
+    for found in (first, second):
+        assert all(Path(code.kept_in).is_dir() for code in found.codes)
+    assert "many motions  numba   was ready" in compilation_table(second, "text")
