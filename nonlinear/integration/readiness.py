@@ -45,6 +45,12 @@ def reproducible() -> Iterator[None]:
         _same.reset(token)
 
 
+@cache
+def installed(package: str) -> bool:
+    """Whether a package is installed."""
+    return find_spec(package) is not None
+
+
 @dataclass(frozen=True)
 class Code:
     """What a package compiles, under a name of its own; the seconds that this takes, and how far it is.
@@ -62,7 +68,7 @@ class Code:
     @property
     def owed(self) -> float:
         """Seconds until it runs in this process; inf where its package is not installed, or runs are reproducible."""
-        if _same.get() or not (self.loaded or find_spec(self.package)):
+        if _same.get() or not (self.loaded or installed(self.package)):
             return inf
         if self.loaded:
             return 0.0
@@ -71,7 +77,7 @@ class Code:
     @property
     def anew(self) -> float:
         """The same in a process that has loaded nothing, on a machine that keeps nothing."""
-        return LOADING[self.package] + self.compiling if find_spec(self.package) else inf
+        return LOADING[self.package] + self.compiling if installed(self.package) else inf
 
     @property
     def _made(self) -> float:

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from copy import deepcopy
 from importlib import import_module
-from importlib.util import find_spec
 from math import ceil, exp, inf, log, pi
 from threading import Lock
 from typing import Any, Protocol
@@ -26,7 +25,7 @@ from modal.vibration.prescribed import Polynomials
 from nonlinear.dynamics import Arranged, Generated, Module, module_of, undisturbed
 from nonlinear.dynamics.forms import Form
 from nonlinear.dynamics.inputs import Inputs, at_time
-from nonlinear.integration.readiness import Code, made, series
+from nonlinear.integration.readiness import Code, installed, made, series
 from nonlinear.integration.steppers import Pace
 from nonlinear.system import System
 
@@ -41,7 +40,7 @@ GIVES_UP = {"err_nf_state": "its series overflow; choose another method"}
 
 def available() -> bool:
     """Whether heyoka is installed."""
-    return find_spec("heyoka") is not None
+    return installed("heyoka")
 
 
 def takes(system: System) -> bool:

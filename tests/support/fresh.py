@@ -32,7 +32,7 @@ class Process:
 
     def install(self, *names: str) -> None:
         """Have these packages and no others."""
-        self.patch.setattr(readiness, "find_spec", lambda name: SimpleNamespace() if name in names else None)
+        self.patch.setattr(readiness, "installed", lambda name: name in names)
         self.patch.setattr(taylor, "available", lambda: "heyoka" in names)
 
     def load(self, name: str, **more: object) -> None:
