@@ -89,14 +89,7 @@ class Part:
         """The members in arrays."""
         reasons = self._reasons()
         good = np.array([place for place in range(self.size) if place not in reasons], dtype=np.int64)
-        given = {place: own[good] for place, own in self._at.items()}
-        others = {place: own for place, own in given.items() if "start" not in place}
-        entries = {place: own for place, own in others.items() if not is_of_switch(place)}
-        numbers = numbers_of(self.scene, entries, modal=self._dampers(entries, good))
-        if (system := numbers.system).kicked or system.rubs:
-            every = [self.scene_of(int(place)) for place in good] if others else [self.scene]
-            own = np.array([switching_of(system_of(scene)) for scene in every]).T
-            numbers = replace(numbers, switching=tuple(own if others else own[:, 0]))
+        given, numbers = {place: own[good] for place, own in self._at.items()}, self.numbers(good)
         states = self.states.at(good) if self.states is not None else self._begun(given, len(good))
         y = np.zeros((layout.size, len(good)))
         first, half = int(layout.on_cart), layout.half
@@ -104,6 +97,17 @@ class Part:
         if first:
             y[0], y[half] = states.cart, states.cart_rate
         return Block(good, numbers, y, reasons)
+
+    def numbers(self, good: Ints) -> Numbers:
+        """The numbers of the members at these places; SceneError where switches cannot be."""
+        others = {place: own[good] for place, own in self._at.items() if "start" not in place}
+        entries = {place: own for place, own in others.items() if not is_of_switch(place)}
+        numbers = numbers_of(self.scene, entries, modal=self._dampers(entries, good))
+        if (system := numbers.system).kicked or system.rubs:
+            every = [self.scene_of(int(place)) for place in good] if others else [self.scene]
+            own = np.array([switching_of(system_of(scene)) for scene in every]).T
+            numbers = replace(numbers, switching=tuple(own if others else own[:, 0]))
+        return numbers
 
     def _dampers(self, others: Mapping[Place, Floats], good: Ints) -> Floats | None:
         """D_modal (S, n, n) where it belongs to what differs between these members, else None."""

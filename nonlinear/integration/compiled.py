@@ -20,7 +20,7 @@ from modal.eigen.compiling import compiled, in_place
 from modal.types import Floats
 from nonlinear.dynamics import undisturbed
 from nonlinear.dynamics.compiled import LOOSE, TURNS, Compiled, rate
-from nonlinear.integration.costs import kept
+from nonlinear.integration.costs import integrator
 from nonlinear.integration.method import (
     EXTRA,
     FIFTH,
@@ -143,7 +143,7 @@ def announced() -> Iterator[None]:
     if loaded():
         yield
         return
-    if not kept() and sys.stderr.isatty():
+    if not integrator().kept and sys.stderr.isatty():
         print(COMPILING, file=sys.stderr)
     with undisturbed():
         yield

@@ -28,6 +28,7 @@ from nonlinear.integration.escapements import escapements
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.friction import StickSlip
 from nonlinear.integration.methods import Choice, choose, equations_of, validate_room
+from nonlinear.integration.readiness import rented
 from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step, sharpened
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.timescales import estimate_timescales
@@ -213,7 +214,8 @@ class Request:
 
     def run(self, choice: Choice) -> Trajectory:
         """The motion computed with this choice; SimulationError where the integrator fails."""
-        return self.prepared(choice).go(self.events, self.report)
+        with rented(choice.forgone):
+            return self.prepared(choice).go(self.events, self.report)
 
 
 def _stepper(

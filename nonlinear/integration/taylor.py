@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from copy import deepcopy
 from importlib import import_module
-from importlib.util import find_spec
 from math import ceil, exp, inf, log, pi
 from threading import Lock
 from typing import Any, Protocol
@@ -25,7 +24,9 @@ from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats
 from modal.vibration.prescribed import Polynomials
 from nonlinear.dynamics import Arranged, Generated, Module, module_of, undisturbed
+from nonlinear.dynamics.forms import Form
 from nonlinear.dynamics.inputs import Inputs, at_time
+from nonlinear.integration.readiness import Code, installed, made, series
 from nonlinear.integration.steppers import Pace
 from nonlinear.system import System
 
@@ -40,7 +41,13 @@ GIVES_UP = {"err_nf_state": "its series overflow; choose another method"}
 
 def available() -> bool:
     """Whether heyoka is installed."""
-    return find_spec("heyoka") is not None
+    return installed("heyoka")
+
+
+def takes(system: System) -> bool:
+    """Whether heyoka is installed and compiles for so many links in less time than other methods take to run."""
+    longest = max(group.n for group in system.groups)
+    return available() and longest <= LONGEST_CHAIN and system.n_links <= MOST_LINKS
 
 
 def first_step(omega: float) -> float:
@@ -206,12 +213,12 @@ _COMPILED = Originals()
 """By the text of their equations and what else they were compiled for."""
 
 
-def ready(system: System, tolerance: float) -> bool:
-    """Whether a series of this order has been compiled for such a scene in this process."""
-    if not _COMPILED:
-        return False
-    own = Generated(system)
-    return (_text(module_of(own.form), pieces_of(own)), uneven(tolerance)) in _COMPILED
+def code_of(form: Form, pieces: Sequence[Polynomials], tolerance: float, kind: str = "") -> Code:
+    """The series of this order for such scenes, and how far it is; the `kind` tells others than those of one motion."""
+    links, longest = form.system.n_links, max(group.n for group in form.system.groups)
+    compiling = 0.05 * longest**2 if links <= UNROLLED else 0.2 * longest + 0.025 * links
+    degrees = [one.coefficients.shape[1] for one in pieces]
+    return series(f"{form} {degrees} {tolerance} {kind}", compiling)
 
 
 class Timed(Protocol):
@@ -248,6 +255,7 @@ def integrator_of(equations: Generated, tolerance: float, user: object = None) -
         return _heyoka().taylor_adaptive(expressions(module, size, pieces), np.zeros(size), pars=pars, **options)
 
     found = _COMPILED.copy_of((_text(module, pieces), tolerance), compiled, user)
+    made(code_of(equations.form, pieces, tolerance))
     found.pars[:] = pars
     return found
 

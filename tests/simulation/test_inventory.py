@@ -8,7 +8,6 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Callable
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,8 @@ from multipendula.cli import main
 from nonlinear import AppliedForces, simulate, state_at_rest
 from nonlinear import files as recordings
 from nonlinear.dynamics import dense
-from nonlinear.integration import Trajectory, costs
+from nonlinear.integration import Trajectory
+from nonlinear.integration.readiness import reproducible
 from nonlinear.postprocessing import run_inventory
 from nonlinear.reduction import simulate_truncated, start_in_mode
 from nonlinear.simulation import advise
@@ -87,12 +87,12 @@ def test_matrices_are_those_that_are_really_solved(
 
         return solving
 
-    monkeypatch.setattr(costs, "owed_to_numba", lambda: inf)
     scene = scene_of(cart=True, links=links, pendula=pendula)
     monkeypatch.setattr(np.linalg, "solve", counted(np.linalg.solve))
     monkeypatch.setattr(dense, "dposv", counted(dense.dposv))
     how = {"load": lambda time, state: AppliedForces()} if form == "driven" else {"form": form}
-    found = run_inventory(run_of(scene, **how))
+    with reproducible():
+        found = run_inventory(run_of(scene, **how))
     assert set(solved) == set(expected)
     assert sorted(matrix[0] for matrix in found.matrices) == sorted(shape[-1] for shape in expected)
     assert sum(number for _, number in found.matrices) == sum(shape[0] if len(shape) == 3 else 1 for shape in expected)
