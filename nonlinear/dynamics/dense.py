@@ -20,7 +20,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+import scipy
 
 from modal import pair
 from modal.errors import ComputationError
@@ -90,7 +90,7 @@ class Small(Minimal):
         found[:half] = y[half : 2 * half]
         if self.acts:
             self._push(time, y, force, found)
-        *_, accelerations, failed = dposv(M.T, force, lower=1, overwrite_a=1, overwrite_b=1)
+        *_, accelerations, failed = scipy.linalg.lapack.dposv(M.T, force, lower=1, overwrite_a=1, overwrite_b=1)
         if failed:
             raise ComputationError(SINGULAR)
         found[half : 2 * half] = accelerations

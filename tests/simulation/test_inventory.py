@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy
 
 from modal import Bob, Cart, Fixed, Pendulum, Scene, natural_modes
 from modal.errors import ComputationError
@@ -20,7 +21,6 @@ from modal.scene.files import example_text
 from multipendula.cli import main
 from nonlinear import AppliedForces, simulate, state_at_rest
 from nonlinear import files as recordings
-from nonlinear.dynamics import dense
 from nonlinear.integration import Trajectory
 from nonlinear.integration.readiness import reproducible
 from nonlinear.postprocessing import run_inventory
@@ -89,7 +89,7 @@ def test_matrices_are_those_that_are_really_solved(
 
     scene = scene_of(cart=True, links=links, pendula=pendula)
     monkeypatch.setattr(np.linalg, "solve", counted(np.linalg.solve))
-    monkeypatch.setattr(dense, "dposv", counted(dense.dposv))
+    monkeypatch.setattr(scipy.linalg.lapack, "dposv", counted(scipy.linalg.lapack.dposv))
     how = {"load": lambda time, state: AppliedForces()} if form == "driven" else {"form": form}
     with reproducible():
         found = run_inventory(run_of(scene, **how))
