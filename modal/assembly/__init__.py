@@ -22,6 +22,7 @@ from modal.assembly.hoisting import (
 )
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
+from modal.assembly.single import Single, single
 from modal.assembly.stacks import Group, Stack, can_stack, stacked
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     "Matrices",
     "RatioAt",
     "Rig",
+    "Single",
     "Stack",
     "Units",
     "assembled",
@@ -59,5 +61,6 @@ __all__ = [
     "quadratic_drags",
     "ratio_at",
     "rig_of",
+    "single",
     "stacked",
 ]

@@ -41,10 +41,14 @@ FARTHER = 16
 
 
 class Limits(NamedTuple):
-    """What is required of a spectrum: a relative accuracy of ω (0: every digit), and a number of the lowest modes."""
+    """What is required of a spectrum: a relative accuracy of ω (0: every digit), and a number of the lowest modes.
+
+    The oscillatory `squares` (R,) of a single chain may be known already.
+    """
 
     accuracy: float = 0.0
     lowest: int | None = None
+    squares: Floats | None = None
 
 
 EVERYTHING = Limits()
@@ -151,6 +155,8 @@ def _part(suspension: Suspension, missed: Booleans) -> tuple[tuple[Ints, ...], I
 
 def fixed_squares(block: Block, limits: Limits = EVERYTHING) -> Squares:
     """ω² of every chain on a fixed support, shape (n, P), ascending."""
+    if limits.squares is not None:
+        return Squares.exact(limits.squares[:, None])
     return squares_of(Suspension.fixed(block), np.arange(block.n)[: limits.lowest], block.n, limits.accuracy)
 
 
@@ -219,6 +225,8 @@ class CartProblem:
     @cached_property
     def found(self) -> Squares:
         """ω² (R,) of every other oscillatory mode, ascending, within the limits."""
+        if self.limits.squares is not None:
+            return Squares.exact(self.limits.squares)
         wanted = np.delete(np.arange(self.n_modes), self.known)[: self.limits.lowest]
         suspension = Suspension.on_cart(self.blocks, self.cart)
         x, error = squares_of(suspension, wanted, self.n_modes, self.limits.accuracy)
