@@ -23,7 +23,7 @@ from modal.assembly.hoisting import (
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.single import Single, single
-from modal.assembly.stacks import Group, Stack, can_stack, stacked
+from modal.assembly.stacks import Group, Stack, can_stack, keep_form, stacked, varied
 
 __all__ = [
     "ARRAYS",
@@ -51,6 +51,7 @@ __all__ = [
     "hoisting_of",
     "instants",
     "joints",
+    "keep_form",
     "masses_below",
     "matrices",
     "matrices_along",
@@ -63,4 +64,5 @@ __all__ = [
     "rig_of",
     "single",
     "stacked",
+    "varied",
 ]

@@ -36,6 +36,10 @@ SEARCHED, CONFIRMED = 60, 8
 """Counts in a search, and after seeds with as many trials in each."""
 PER_LINK, PER_TRIAL = 5e-6, 1e-8
 """Seconds that the compiled recursion saves per link of a count, and per trial value of a link."""
+CACHED = 40_000
+"""Numbers of one array of many supports, few enough for all of them to stay in a processor's cache."""
+CLOSEST = 2.0**-51
+"""Relative distance from a guess of ω² that is left where there are many supports: two to four units in the last place."""
 FARTHER = 16
 """Distance from a second guess in units in the last place."""
 
@@ -102,7 +106,7 @@ def squares_of(suspension: Suspension, wanted: Ints, modes: int, accuracy: float
     compiled = kernels(counts * suspension.size * (PER_LINK + PER_TRIAL * trials))
     if suspension.size > (LONG_COMPILED if compiled else LARGEST) or FEW * len(wanted) < suspension.size - LONG:
         return Squares.exact(located(suspension, wanted, modes))
-    step = max(1, ROOM // suspension.size**2)
+    step = max(1, CACHED // suspension.size**2)
     if step >= suspension.supports:
         return _near_seeds(suspension, wanted, modes, accuracy)
     starts = range(0, suspension.supports, step)
@@ -130,24 +134,37 @@ def _near_seeds(suspension: Suspension, wanted: Ints, modes: int, accuracy: floa
 
 
 def _confirmed(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
-    """A Rayleigh quotient step from each seed, and from another shape where the count does not confirm the first.
+    """A Rayleigh quotient step from each seed; where the count does not confirm it, mode by mode another way.
 
-    With compiled counts that second shape would take longer than a search.
+    Of one support the float at which the count steps, of many a float within CLOSEST of it.
     """
-    found, missed = confirmed(suspension, wanted, at_pivot(suspension, guess))
-    if missed.any() and not kernels():
-        part, rows, some = _part(suspension, missed)
-        found[part], missed[part] = confirmed(some, wanted[rows], twisted(some, guess[part]), FARTHER)
-    if missed.any():
-        part, rows, some = _part(suspension, missed)
-        found[part] = searched(some, wanted[rows], guess[part], error[part], modes)
+    found = at_pivot(suspension, guess)
+    if suspension.supports == 1:
+        found, missed = confirmed(suspension, wanted, found)
+        rows = np.flatnonzero(missed)
+        apart = suspension, wanted[rows, None], guess[rows], error[rows]
+    else:
+        missed = ~lies_within(suspension, wanted, found, CLOSEST)
+        rows, supports = np.nonzero(missed)
+        apart = suspension.take(supports), wanted[None, rows], guess[None, missed], error[None, missed]
+    if rows.size:
+        found[missed] = _otherwise(*apart, modes).ravel()
     return found
 
 
-def _part(suspension: Suspension, missed: Booleans) -> tuple[tuple[Ints, ...], Ints, Suspension]:
-    """The modes and supports with anything missing as indices (R, S), these modes, and these supports."""
-    rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))
-    return np.ix_(rows, supports), rows, suspension.take(supports)
+def _otherwise(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
+    """The eigenvalues with these indices (R, S) from another shape, and by a search where that is not confirmed.
+
+    With compiled counts that shape would take longer than a search.
+    """
+    if kernels():
+        return searched(suspension, wanted, guess, error, modes)
+    found, missed = confirmed(suspension, wanted, twisted(suspension, guess), FARTHER)
+    if missed.any():
+        rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))
+        part = np.ix_(rows, supports)
+        found[part] = searched(suspension.take(supports), wanted[part], guess[part], error[part], modes)
+    return found
 
 
 # ---------------------------------------------------------------------------------------------- fixed support

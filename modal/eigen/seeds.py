@@ -25,7 +25,7 @@ def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
     """ω² (N, S), ascending, and bounds on the relative errors (N, S), infinite where nothing is known."""
     matrix = _scaled(suspension)
     size = matrix.shape[-1]
-    values: Floats = np.asarray(matrix[..., 0] if size == 1 else np.linalg.eigvalsh(matrix), dtype=np.float64)
+    values = {1: _only, 2: _both}.get(size, np.linalg.eigvalsh)(matrix)
     largest = values[:, -1:]
     with np.errstate(all="ignore"):
         error = ROUNDINGS * size * EPS * largest / values
@@ -36,6 +36,17 @@ def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
 def seed_matrices(links: int, supports: int) -> tuple[tuple[str, int, int], ...]:
     """The matrices behind the seeds of `supports` supports, as (name, order, count)."""
     return (("seeds", links, supports),) if 1 < links <= LARGEST else ()
+
+
+def _only(matrix: Floats) -> Floats:
+    return matrix[..., 0]
+
+
+def _both(matrix: Floats) -> Floats:
+    """The eigenvalues (S, 2) of matrices of two rows, ascending, sooner than by LAPACK."""
+    first, last, beside = matrix[:, 0, 0], matrix[:, 1, 1], matrix[:, 1, 0]
+    middle, half = (first + last) / 2, np.hypot((first - last) / 2, beside)
+    return np.stack([middle - half, middle + half], axis=-1)
 
 
 def _scaled(suspension: Suspension) -> Floats:

@@ -56,7 +56,8 @@ def _found(links: Sequence[Link], cart: CartNumbers | None) -> Iterator[float]:
     else:  # the first link is to the others what a cart and its spring are to a whole chain
         mass, stiffness = constants.pop()[1], scaled[-1][0]
         rail, spring, before = -inf, 0.0, 0
-    for j, x in enumerate(seeds, before):
+    for j, seed in enumerate(seeds, before):
+        x = seed
         for _ in range(STEPS):
             mu, energy = swept_with_energy(constants, x)
             x *= 1.0 - (mu + mass - stiffness / x) / (energy + mass)

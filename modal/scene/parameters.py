@@ -14,11 +14,13 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from modal.errors import SceneError, meant
 from modal.report import Displayed, Summary
 from modal.scene.model import Scene, describe, scene_from
 from modal.scene.validation import LARGEST, Part
+from modal.types import Floats
 
 STEP = r"[a-z_]+(\[([0-9]{1,9}|\*)\])*"
 WRITTEN = re.compile(rf"{STEP}(\.{STEP})*", re.ASCII)
@@ -157,6 +159,8 @@ def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
         yield at
 
 
+Vary = Mapping[str, ArrayLike] | Sequence[str] | Sequence["Variation"]
+"""What is varied: numbers at places, or a grid of the texts `PLACE=VALUES`."""
 MOST_SHOWN = 5
 """Values that a variation shows one by one."""
 
@@ -273,18 +277,68 @@ def validate_variations(scene: Scene, variations: Sequence[Variation]) -> None:
             problems |= dict.fromkeys(error.problems)
             continue
         problems |= dict.fromkeys(f"{with_numbers(place)}: is varied twice" for place in own if place in taken)
-        problems |= dict.fromkeys(_refused(scene, variation, own))
+        problems |= dict.fromkeys(_refused(scene, variation.path, variation.values, own))
         taken |= set(own)
     if problems:
         raise SceneError(tuple(problems))
 
 
-def _refused(scene: Scene, variation: Variation, own: Sequence[Place]) -> Iterator[str]:
-    """The scene's objections to the values themselves: to both ends, and to all where they must be whole."""
+def _refused(scene: Scene, path: str, values: Sequence[float], own: Sequence[Place]) -> Iterator[str]:
+    """The scene's objections to ascending values themselves: to both ends, and to all where they must be whole."""
     starts = tuple(f"{with_numbers(place)} =" for place in own)
-    ends = dict.fromkeys((variation.values[0], variation.values[-1]))
-    for value in variation.values if own[0][-1] == "count" else ends:
+    for value in values if own[0][-1] == "count" else dict.fromkeys((values[0], values[-1])):
         try:
-            vary(scene, {variation.path: value})
+            vary(scene, {path: value})
         except SceneError as error:
             yield from (problem for problem in error.problems if problem.startswith(starts))
+
+
+def parse_vary(scene: Scene, given: Vary) -> tuple[tuple[Variation, ...], dict[str, Floats]]:
+    """The axes of a grid, or arrays of finite numbers by their places; SceneError names every mistake."""
+    if isinstance(given, Mapping):
+        return (), _arrays(scene, given)
+    if not isinstance(given, list | tuple) or not all(isinstance(own, str | Variation) for own in given):
+        raise SceneError([f"vary {given!r}: must be a list of PLACE=VALUES, or a mapping of places to values"])
+    axes = tuple(own if isinstance(own, Variation) else parse_variations([own])[0] for own in given)
+    validate_variations(scene, axes)
+    return axes, {}
+
+
+def _arrays(scene: Scene, given: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+    found: dict[str, Floats] = {}
+    problems: list[str] = []
+    taken: set[Place] = set()
+    for path, own in given.items():
+        try:
+            places = find_places(scene, path)
+            found[path] = np.asarray(own, dtype=float)
+        except SceneError as error:
+            problems += error.problems
+        except (TypeError, ValueError):
+            problems.append(f"vary {path!r}: must be a place of the scene with its numbers")
+        else:
+            problems += [f"{path}: must be finite"] * (not np.isfinite(found[path]).all())
+            problems += [f"{with_numbers(place)}: is varied twice" for place in places if place in taken]
+            taken.update(places)
+    if problems:
+        raise SceneError(problems)
+    return found
+
+
+def validate_arrays(scene: Scene, arrays: Mapping[str, Floats]) -> None:
+    """SceneError that lists every number of arrays that the scene cannot have, whatever its other numbers are."""
+    filled = {path: own for path, own in arrays.items() if own.size}
+    whole = [path for path in filled if path.endswith("count")]
+    try:
+        if not whole:
+            every = Variable(scene, filled)
+            every.at({path: own.min() for path, own in filled.items()})
+            every.at({path: own.max() for path, own in filled.items()})
+            return
+    except SceneError:
+        pass
+    problems: dict[str, None] = {}
+    for path, own in filled.items():
+        problems |= dict.fromkeys(_refused(scene, path, np.unique(own).tolist(), find_places(scene, path)))
+    if problems:
+        raise SceneError(tuple(problems))
