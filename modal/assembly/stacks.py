@@ -90,7 +90,7 @@ def varied(scene: Scene, numbers: Mapping[Place, Floats]) -> Stack | None:
         return None
     size = len(next(iter(numbers.values())))
     where = [(i, j, link) for i, one in enumerate(scene.pendulum) for j, link in enumerate(one.links)]
-    links = np.empty((len(ARRAYS), len(where), size))
+    links = [np.empty((len(where), size)) for _ in ARRAYS]
     for row, (i, j, link) in enumerate(where):
         at = ("pendulum", i, "links", j)
         mass, length = (numbers.get((*at, name), getattr(link, name)) for name in ARRAYS[:2])
@@ -119,8 +119,8 @@ def _is_of_link(place: Place) -> bool:
     return len(place) == 5 and place[2] == "links" and place[-1] in ARRAYS  # noqa: PLR2004
 
 
-def _stack(scene: Scene, links: Floats, gravity: Floats, cart: Floats | None) -> Stack:
-    """The arrays of scenes of the form of one, with these numbers (4, L, S) of all links and (2, S) of the cart."""
+def _stack(scene: Scene, links: Sequence[Floats], gravity: Floats, cart: Floats | None) -> Stack:
+    """The arrays of scenes of the form of one, with these numbers (L, S) of all links and (2, S) of the cart."""
     mass, length, centre, inertia = links
     heaviest, longest = (np.ldexp(1.0, np.frexp(values.max(0))[1]) for values in (mass, length))
     scaled = mass / heaviest, length / longest, centre / longest, inertia / (heaviest * longest**2)
@@ -129,11 +129,11 @@ def _stack(scene: Scene, links: Floats, gravity: Floats, cart: Floats | None) ->
     return Stack(groups, *rail, np.sqrt(gravity / longest), scene.space == "space")
 
 
-def _links(scenes: Sequence[Scene]) -> Floats:
-    """Mass, length, centre and inertia (4, L, S) of all links as specified."""
+def _links(scenes: Sequence[Scene]) -> list[Floats]:
+    """Mass, length, centre and inertia (L, S) of all links as specified."""
     rows = [[link for pendulum in scene.pendulum for link in pendulum.links] for scene in scenes]
     sizes = np.fromiter(chain.from_iterable(map(SIZE, chain.from_iterable(rows))), float).reshape(len(rows), -1, 2)
-    found = np.empty((len(ARRAYS), len(rows[0]), len(rows)))
+    found = [np.empty((len(rows[0]), len(rows))) for _ in ARRAYS]
     mass, length, centre, inertia = found
     mass[:], length[:] = sizes[..., 0].T, sizes[..., 1].T
     for k, link in enumerate(rows[0]):

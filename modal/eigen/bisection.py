@@ -60,7 +60,7 @@ class Counting(Protocol):
     def count(self, x: Floats) -> Ints:
         """The number of eigenvalues below each x (R, S)."""
 
-    def take(self, supports: Ints) -> Counting:
+    def take(self, supports: Ints | slice) -> Counting:
         """A subset of the problems."""
 
 

@@ -110,7 +110,7 @@ def squares_of(suspension: Suspension, wanted: Ints, modes: int, accuracy: float
     if step >= suspension.supports:
         return _near_seeds(suspension, wanted, modes, accuracy)
     starts = range(0, suspension.supports, step)
-    pieces = (suspension.take(np.arange(at, min(at + step, suspension.supports))) for at in starts)
+    pieces = (suspension.take(slice(at, at + step)) for at in starts)
     found = zip(*(_near_seeds(piece, wanted, modes, accuracy) for piece in pieces), strict=True)
     return Squares(*(np.concatenate(parts, axis=1) for parts in found))
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.eigen.sturm import ROOM, Suspension
+from modal.eigen.sturm import Suspension
 from modal.types import Floats
 
 EPS = 2.0**-53
@@ -50,31 +50,27 @@ def _both(matrix: Floats) -> Floats:
 
 
 def _scaled(suspension: Suspension) -> Floats:
-    """The lower triangle of each K^−½ M K^−½ (S, N, N)."""
+    """The lower triangle of each K^−½ M K^−½ (S, N, N); in memory the supports are next to each other."""
     supports, links = suspension.supports, suspension.size
     spring = suspension.stiffness is not None and bool(suspension.stiffness[0] > 0)
-    found = np.zeros((supports, links + spring, links + spring))
-    root = np.empty((supports, links))
+    free = suspension.stiffness is not None and not spring
+    found = np.zeros((links + spring, links + spring, supports))
+    moments = [np.sqrt(chains.b[:, :, 0]).swapaxes(0, 1).reshape(-1, supports) for chains in suspension.chains]
+    every = np.concatenate(moments)
+    drawn = every / suspension.total_mass if free else np.zeros((links, 1))
+    if free and links > suspension.chains[0].n:
+        np.multiply(every[:, None], -drawn, out=found)
     at = 0
     for chains in suspension.chains:
-        n = chains.n
-        moment, length, diagonal = (values[:, :, 0].T for values in (np.sqrt(chains.b), chains.length, chains.diagonal))
-        reach, diagonal = length / moment, diagonal / moment / moment
-        for p in range(moment.shape[1]):
-            own = slice(at + spring, at + spring + n)
-            np.multiply(moment[:, p, :, None], reach[:, p, None, :], out=found[:, own, own])
-            found[:, range(own.start, own.stop), range(own.start, own.stop)] = diagonal[:, p]
-            root[:, at : at + n] = moment[:, p]
-            at += n
-    if suspension.stiffness is None:
-        return found
-    if spring:
-        held = np.sqrt(suspension.stiffness)[:, None]
-        found[:, 0, 0] = suspension.total_mass / held[:, 0] / held[:, 0]
-        found[:, 1:, 0] = root / held
-        return found
-    root /= np.sqrt(suspension.total_mass)[:, None]
-    step = max(1, ROOM // (supports * links))
-    for at in range(0, links, step):
-        found[:, at : at + step] -= root[:, at : at + step, None] * root[:, None]
-    return found
+        for p in range(chains.m.shape[1]):
+            own = slice(at, at + chains.n)
+            moment, less = every[own], drawn[own]
+            at += chains.n
+            block = found[own.start + spring : at + spring, own.start + spring : at + spring]
+            np.multiply(moment[:, None], chains.length[:, p, 0] / moment - less, out=block)
+            np.einsum("iis->is", block)[:] = chains.diagonal[:, p, 0] / moment / moment - moment * less
+    if spring and suspension.stiffness is not None:
+        held = np.sqrt(suspension.stiffness)
+        found[0, 0] = suspension.total_mass / held / held
+        found[1:, 0] = every / held
+    return found.transpose(2, 0, 1)

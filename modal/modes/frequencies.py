@@ -13,11 +13,11 @@ from modal.errors import ComputationError, SceneError
 from modal.modes.eigenvalues import Short
 from modal.modes.modes import natural_modes, validate_accuracy
 from modal.scene import Scene
-from modal.scene.parameters import Variable, Vary, find_places, parse_vary, validate_arrays
+from modal.scene.parameters import Variable, Vary, parse_arrays, parse_vary, validate_arrays
 from modal.types import Booleans, Floats
 
-TOGETHER = 2000
-"""Number of scenes stacked at once."""
+TOGETHER = 10_000
+"""Links of all scenes that are stacked at once: one array of their numbers stays in a processor's cache."""
 
 
 def natural_frequencies(
@@ -51,27 +51,32 @@ def natural_frequencies(
         return _one(scenes, limit) if vary is None else _varied(scenes, vary, limit)
     if vary is not None:
         raise SceneError(["vary: the numbers of one scene can be varied, not those of several"])
-    pieces = [scenes[at : at + TOGETHER] for at in range(0, len(scenes), TOGETHER)]
-    return _joined([_of_scenes(own, limit) for own in pieces])
+    return _joined([_of_scenes(scenes[own], limit) for own in _pieces(scenes[0], len(scenes))] if len(scenes) else [])
 
 
 def _varied(scene: Scene, given: Vary, accuracy: float) -> Floats:
-    axes, arrays = parse_vary(scene, given)
-    if axes:
+    if not isinstance(given, Mapping):
+        axes, _ = parse_vary(scene, given)
         meshed = np.meshgrid(*(axis.values for axis in axes), indexing="ij", sparse=True)
-        arrays = dict(zip((axis.path for axis in axes), meshed, strict=True))
-    validate_arrays(scene, arrays)
+        given = dict(zip((axis.path for axis in axes), meshed, strict=True))
+    variable, arrays = parse_arrays(scene, given)
+    validate_arrays(variable, arrays)
     try:
         shape = np.broadcast_shapes(*(own.shape for own in arrays.values()))
     except ValueError:
         shapes = ", ".join(f"{own.shape} at {path}" for path, own in arrays.items())
         raise SceneError([f"vary: arrays must have shapes that broadcast to one, not {shapes}"]) from None
     if not (size := prod(shape)) or not arrays:
-        own = _one(scene, accuracy)
-        return np.broadcast_to(own, (*shape, len(own))).copy()
+        alone = _one(scene, accuracy)
+        return np.broadcast_to(alone, (*shape, len(alone))).copy()
     members = {path: np.broadcast_to(own, shape).ravel() for path, own in arrays.items()}
-    pieces = [{path: own[at : at + TOGETHER] for path, own in members.items()} for at in range(0, size, TOGETHER)]
-    return _joined([_of_numbers(scene, own, accuracy) for own in pieces]).reshape(*shape, -1)
+    pieces = [{path: own[piece] for path, own in members.items()} for piece in _pieces(scene, size)]
+    return _joined([_of_numbers(variable, own, accuracy) for own in pieces]).reshape(*shape, -1)
+
+
+def _pieces(scene: Scene, size: int) -> list[slice]:
+    step = max(1, TOGETHER // sum(one.n_links for one in scene.pendulum))
+    return [slice(at, at + step) for at in range(0, size, step)]
 
 
 def _of_scenes(scenes: Sequence[Scene], accuracy: float) -> Floats:
@@ -79,17 +84,18 @@ def _of_scenes(scenes: Sequence[Scene], accuracy: float) -> Floats:
     return _completed(found, scenes.__getitem__, accuracy)
 
 
-def _of_numbers(scene: Scene, values: Mapping[str, Floats], accuracy: float) -> Floats:
-    """ω (S, R) of a scene with other numbers (S,) at some paths."""
-    numbers = {place: own for path, own in values.items() for place in find_places(scene, path)}
+def _of_numbers(variable: Variable, values: Mapping[str, Floats], accuracy: float) -> Floats:
+    """ω (S, R) of a scene with these numbers (S,) at its paths."""
+    numbers = {place: own for path, own in values.items() for place in variable.places[path]}
     kept = keep_form(numbers)
-    stack = varied(scene, numbers if kept.all() else {place: own[kept] for place, own in numbers.items()})
+    stack = varied(variable.scene, numbers if kept.all() else {place: own[kept] for place, own in numbers.items()})
     found = np.full((len(kept), 1), np.nan)
-    if stack and kept.any():
+    if stack and kept.all():
+        found = _together(stack, accuracy)
+    elif stack and kept.any():
         together = _together(stack, accuracy)
         found = np.full((len(kept), together.shape[1]), np.nan)
         found[kept] = together
-    variable = Variable(scene, values)
     return _completed(found, lambda k: variable.at({path: float(own[k]) for path, own in values.items()}), accuracy)
 
 
@@ -129,11 +135,11 @@ def _together(stack: Stack, accuracy: float) -> Floats:
             found = np.concatenate(own)
             if sum(len(part) for part in own if part.any()) > len(own[-1]):
                 found.sort(axis=0)
-            omega: Floats = (np.sqrt(found) * stack.rate).T
+            omega = np.sqrt(found) * stack.rate
     except ComputationError:
         return np.full((supports, 1), np.nan)
-    omega[~np.isfinite(omega).all(1)] = np.nan
-    return omega
+    omega[:, ~np.isfinite(omega).all(0)] = np.nan
+    return omega.T
 
 
 def _squares(stack: Stack, accuracy: float) -> Iterator[Floats]:

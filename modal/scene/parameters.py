@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -19,7 +20,7 @@ from numpy.typing import ArrayLike
 from modal.errors import SceneError, meant
 from modal.report import Displayed, Summary
 from modal.scene.model import Scene, describe, scene_from
-from modal.scene.validation import LARGEST, Part
+from modal.scene.validation import LARGEST, SMALLEST, Part
 from modal.types import Floats
 
 STEP = r"[a-z_]+(\[([0-9]{1,9}|\*)\])*"
@@ -98,12 +99,16 @@ class Variable:
     """A scene whose numbers at these paths are varied repeatedly; SceneError for an invalid place."""
 
     def __init__(self, scene: Scene, paths: Iterable[str]) -> None:
-        self._data = describe(scene)
-        self._places = {path: find_places(scene, path) for path in paths}
+        self.scene = scene
+        self.places = {path: find_places(scene, path) for path in paths}
+
+    @cached_property
+    def _data(self) -> Any:
+        return describe(self.scene)
 
     def at(self, values: Mapping[str, float]) -> Scene:
         """The scene with these numbers at all its paths, checked anew; SceneError names every mistake."""
-        for path, places in self._places.items():
+        for path, places in self.places.items():
             value = float(values[path])
             for place in places:
                 _put(self._data, place, int(value) if place[-1] == "count" and value.is_integer() else value)
@@ -161,6 +166,8 @@ def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
 
 Vary = Mapping[str, ArrayLike] | Sequence[str] | Sequence["Variation"]
 """What is varied: numbers at places, or a grid of the texts `PLACE=VALUES`."""
+ANY_POSITIVE = {"gravity", "mass", "length", "centre", "inertia", "stiffness"}
+"""Numbers that may be anything from SMALLEST to LARGEST."""
 MOST_SHOWN = 5
 """Values that a variation shows one by one."""
 
@@ -277,16 +284,18 @@ def validate_variations(scene: Scene, variations: Sequence[Variation]) -> None:
             problems |= dict.fromkeys(error.problems)
             continue
         problems |= dict.fromkeys(f"{with_numbers(place)}: is varied twice" for place in own if place in taken)
-        problems |= dict.fromkeys(_refused(scene, variation.path, variation.values, own))
+        values = variation.values
+        telling = values if own[0][-1] == "count" else (values[0], values[-1])
+        problems |= dict.fromkeys(_refused(scene, variation.path, telling, own))
         taken |= set(own)
     if problems:
         raise SceneError(tuple(problems))
 
 
-def _refused(scene: Scene, path: str, values: Sequence[float], own: Sequence[Place]) -> Iterator[str]:
-    """The scene's objections to ascending values themselves: to both ends, and to all where they must be whole."""
+def _refused(scene: Scene, path: str, values: Iterable[float], own: Sequence[Place]) -> Iterator[str]:
+    """The scene's objections to these values themselves."""
     starts = tuple(f"{with_numbers(place)} =" for place in own)
-    for value in values if own[0][-1] == "count" else dict.fromkeys((values[0], values[-1])):
+    for value in dict.fromkeys(values):
         try:
             vary(scene, {path: value})
         except SceneError as error:
@@ -296,7 +305,7 @@ def _refused(scene: Scene, path: str, values: Sequence[float], own: Sequence[Pla
 def parse_vary(scene: Scene, given: Vary) -> tuple[tuple[Variation, ...], dict[str, Floats]]:
     """The axes of a grid, or arrays of finite numbers by their places; SceneError names every mistake."""
     if isinstance(given, Mapping):
-        return (), _arrays(scene, given)
+        return (), parse_arrays(scene, given)[1]
     if not isinstance(given, list | tuple) or not all(isinstance(own, str | Variation) for own in given):
         raise SceneError([f"vary {given!r}: must be a list of PLACE=VALUES, or a mapping of places to values"])
     axes = tuple(own if isinstance(own, Variation) else parse_variations([own])[0] for own in given)
@@ -304,8 +313,9 @@ def parse_vary(scene: Scene, given: Vary) -> tuple[tuple[Variation, ...], dict[s
     return axes, {}
 
 
-def _arrays(scene: Scene, given: Mapping[str, ArrayLike]) -> dict[str, Floats]:
-    found: dict[str, Floats] = {}
+def parse_arrays(scene: Scene, given: Mapping[str, ArrayLike]) -> tuple[Variable, dict[str, Floats]]:
+    """Arrays of finite numbers by their places, and the scene that they vary; SceneError names every mistake."""
+    variable, found = Variable(scene, ()), dict[str, Floats]()
     problems: list[str] = []
     taken: set[Place] = set()
     for path, own in given.items():
@@ -317,28 +327,29 @@ def _arrays(scene: Scene, given: Mapping[str, ArrayLike]) -> dict[str, Floats]:
         except (TypeError, ValueError):
             problems.append(f"vary {path!r}: must be a place of the scene with its numbers")
         else:
+            variable.places[path] = places
             problems += [f"{path}: must be finite"] * (not np.isfinite(found[path]).all())
             problems += [f"{with_numbers(place)}: is varied twice" for place in places if place in taken]
             taken.update(places)
     if problems:
         raise SceneError(problems)
-    return found
+    return variable, found
 
 
-def validate_arrays(scene: Scene, arrays: Mapping[str, Floats]) -> None:
+def validate_arrays(variable: Variable, arrays: Mapping[str, Floats]) -> None:
     """SceneError that lists every number of arrays that the scene cannot have, whatever its other numbers are."""
-    filled = {path: own for path, own in arrays.items() if own.size}
-    whole = [path for path in filled if path.endswith("count")]
-    try:
-        if not whole:
-            every = Variable(scene, filled)
-            every.at({path: own.min() for path, own in filled.items()})
-            every.at({path: own.max() for path, own in filled.items()})
-            return
-    except SceneError:
-        pass
     problems: dict[str, None] = {}
-    for path, own in filled.items():
-        problems |= dict.fromkeys(_refused(scene, path, np.unique(own).tolist(), find_places(scene, path)))
+    for path, own in arrays.items():
+        places = variable.places[path]
+        if own.size and not (places[0][-1] in ANY_POSITIVE and own.min() >= SMALLEST and own.max() <= LARGEST):
+            problems |= dict.fromkeys(_refused(variable.scene, path, _telling(places[0][-1], own), places))
     if problems:
         raise SceneError(tuple(problems))
+
+
+def _telling(name: Step, values: Floats) -> list[float]:
+    """Those of the values of which one is refused if any is: all that must be whole, else both ends and the smallest."""
+    if name == "count":
+        return list(np.unique(values).tolist())
+    least = values[values > 0].min(initial=np.inf)
+    return [float(values.min()), *([float(least)] if np.isfinite(least) else []), float(values.max())]
