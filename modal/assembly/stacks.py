@@ -6,7 +6,7 @@ The natural units of every scene are powers of two as in `modal.assembly.arrays`
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from operator import attrgetter
 
@@ -37,6 +37,12 @@ class Group:
     def numbers(self) -> tuple[Floats, Floats, Floats, Floats]:
         """All arrays except the counts."""
         return self.mass, self.length, self.centre, self.inertia
+
+    @property
+    def heavier(self) -> Group:
+        """Each pendulum with the mass of all its copies."""
+        times = self.count[:, None, None]
+        return replace(self, mass=self.mass * times, inertia=self.inertia * times) if times.max() > 1 else self
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,5 +166,7 @@ def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) ->
         for pendulum, column in chosen
     ]
     at = np.array(columns).T
+    if len(chosen) == 1 and at[-1] - at[0] == len(at) - 1:
+        at = slice(int(at[0, 0]), int(at[-1, 0]) + 1), None
     mass, length, centre, inertia = (values[at][:, :, None] for values in scaled)
     return Group(mass, length, centre, inertia, np.array([pendulum.count for pendulum, _ in chosen]))

@@ -107,49 +107,59 @@ def squares_of(suspension: Suspension, wanted: Ints, modes: int, accuracy: float
     if suspension.size > (LONG_COMPILED if compiled else LARGEST) or FEW * len(wanted) < suspension.size - LONG:
         return Squares.exact(located(suspension, wanted, modes))
     step = max(1, CACHED // suspension.size**2)
-    if step >= suspension.supports:
-        return _near_seeds(suspension, wanted, modes, accuracy)
     starts = range(0, suspension.supports, step)
-    pieces = (suspension.take(slice(at, at + step)) for at in starts)
-    found = zip(*(_near_seeds(piece, wanted, modes, accuracy) for piece in pieces), strict=True)
-    return Squares(*(np.concatenate(parts, axis=1) for parts in found))
+    pieces = [suspension.take(slice(at, at + step)) for at in starts] if len(starts) > 1 else [suspension]
+    tried = [_tried(piece, wanted, accuracy) for piece in pieces]
+    x, error, missed, guess, known = (np.concatenate(parts, axis=1) for parts in zip(*tried, strict=True))
+    if not missed.any():
+        return Squares(x, error)
+    rows, supports = np.nonzero(missed)
+    if suspension.supports == 1:
+        x[rows] = _otherwise(suspension, wanted[rows, None], guess[rows], known[rows], modes)
+        return Squares(x, error)
+    own, step = [], max(1, CACHED // suspension.size)
+    for at in range(0, len(rows), step):
+        row, support = rows[at : at + step], supports[at : at + step]
+        alone = wanted[None, row], guess[None, row, support], known[None, row, support]
+        own.append(_otherwise(suspension.take(support), *alone, modes)[0])
+    x[missed] = np.concatenate(own)
+    return Squares(x, error)
 
 
-def _near_seeds(suspension: Suspension, wanted: Ints, modes: int, accuracy: float) -> Squares:
-    try:
-        guess, error = (values[wanted] for values in seeds(suspension))
-    except np.linalg.LinAlgError:
-        return Squares.exact(located(suspension, wanted, modes))
-    if not accuracy:
-        return Squares.exact(_confirmed(suspension, wanted, guess, error, modes))
-    rough = (error > 2 * accuracy).any(1)
-    if rough.any():
-        inside = lies_within(suspension, wanted[rough], guess[rough], 2 * accuracy)
-        error[rough] = np.where(inside, 2 * accuracy, error[rough])
-        rough &= (error > 2 * accuracy).any(1)
-    if rough.any():
-        guess[rough] = _confirmed(suspension, wanted[rough], guess[rough], error[rough], modes)
-        error[rough] = 0.0
-    return Squares(guess, error)
+class Tried(NamedTuple):
+    """ω² of a first way, bounds on their errors beyond rounding, where counts refute it, the seeds and their errors."""
+
+    x: Floats
+    error: Floats
+    missed: Booleans
+    guess: Floats
+    known: Floats
 
 
-def _confirmed(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
-    """A Rayleigh quotient step from each seed; where the count does not confirm it, mode by mode another way.
+def _tried(suspension: Suspension, wanted: Ints, accuracy: float) -> Tried:
+    """Seeds where they are known to be within the accuracy, else a Rayleigh quotient step from each."""
+    guess, known = (values[wanted] for values in seeds(suspension))
+    x, error, missed = guess.copy(), known.copy(), np.zeros(guess.shape, dtype=np.bool_)
+    rows = np.flatnonzero((known > 2 * accuracy).any(1))
+    if accuracy and rows.size:
+        inside = lies_within(suspension, wanted[rows], guess[rows], 2 * accuracy)
+        error[rows] = np.where(inside, 2 * accuracy, error[rows])
+        rows = np.flatnonzero((error > 2 * accuracy).any(1))
+    if rows.size:
+        x[rows], missed[rows] = _improved(suspension, wanted[rows], guess[rows])
+        error[rows] = 0.0
+    return Tried(x, error, missed, guess, known)
+
+
+def _improved(suspension: Suspension, wanted: Ints, guess: Floats) -> tuple[Floats, Booleans]:
+    """A Rayleigh quotient step at the pivot, and where the count does not confirm it.
 
     Of one support the float at which the count steps, of many a float within CLOSEST of it.
     """
     found = at_pivot(suspension, guess)
     if suspension.supports == 1:
-        found, missed = confirmed(suspension, wanted, found)
-        rows = np.flatnonzero(missed)
-        apart = suspension, wanted[rows, None], guess[rows], error[rows]
-    else:
-        missed = ~lies_within(suspension, wanted, found, CLOSEST)
-        rows, supports = np.nonzero(missed)
-        apart = suspension.take(supports), wanted[None, rows], guess[None, missed], error[None, missed]
-    if rows.size:
-        found[missed] = _otherwise(*apart, modes).ravel()
-    return found
+        return confirmed(suspension, wanted, found)
+    return found, ~lies_within(suspension, wanted, found, CLOSEST)
 
 
 def _otherwise(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:

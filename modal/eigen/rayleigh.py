@@ -63,7 +63,11 @@ def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
             values[some] for values in (chains.m, chains.mJ, chains.r, chains.p, chains.q, chains.inverse)
         )
         t = t * x
-        factors = t, near, far, 2 * q, 1.0 - near * t, 1.0 - far * t, m - mJ * t, 1.0 + q * t
+        free, gains, masses, shares = near * t, far * t, mJ * t, q * t
+        for whole, less in ((1.0, free), (1.0, gains), (m, masses)):
+            np.subtract(whole, less, out=less)
+        shares += 1.0
+        factors = t, near, far, 2 * q, free, gains, masses, shares
         for own, r, p, twice, free, passed, added, carried in zip(*(values[::-1] for values in factors), strict=True):
             np.multiply(own, mass, out=D)
             np.subtract(free, D, out=D)

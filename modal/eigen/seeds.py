@@ -25,7 +25,10 @@ def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
     """ω² (N, S), ascending, and bounds on the relative errors (N, S), infinite where nothing is known."""
     matrix = _scaled(suspension)
     size = matrix.shape[-1]
-    values = {1: _only, 2: _both}.get(size, np.linalg.eigvalsh)(matrix)
+    try:
+        values = {1: _only, 2: _both}.get(size, np.linalg.eigvalsh)(matrix)
+    except np.linalg.LinAlgError:
+        values = np.full(matrix.shape[:2], np.nan)
     largest = values[:, -1:]
     with np.errstate(all="ignore"):
         error = ROUNDINGS * size * EPS * largest / values

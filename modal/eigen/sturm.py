@@ -153,7 +153,10 @@ def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
     for end in range(chains.n, 0, -step):
         some = slice(max(0, end - step), end)
         t = chains.inverse[some] * x
-        factors = t, 1.0 - chains.p[some] * t, chains.m[some] - chains.mJ[some] * t, chains.r[some], np.empty_like(t)
+        gains, masses = chains.p[some] * t, chains.mJ[some] * t
+        np.subtract(1.0, gains, out=gains)
+        np.subtract(chains.m[some], masses, out=masses)
+        factors = t, gains, masses, chains.r[some], np.empty_like(t)
         for own, gain, added, r, D in zip(*(values[::-1] for values in factors), strict=True):
             np.add(mu, r, out=D)
             np.multiply(D, own, out=D)

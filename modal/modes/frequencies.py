@@ -69,7 +69,7 @@ def _varied(scene: Scene, given: Vary, accuracy: float) -> Floats:
     if not (size := prod(shape)) or not arrays:
         alone = _one(scene, accuracy)
         return np.broadcast_to(alone, (*shape, len(alone))).copy()
-    members = {path: np.broadcast_to(own, shape).ravel() for path, own in arrays.items()}
+    members = {path: (own if own.shape == shape else np.broadcast_to(own, shape)).ravel() for path, own in arrays.items()}
     pieces = [{path: own[piece] for path, own in members.items()} for piece in _pieces(scene, size)]
     return _joined([_of_numbers(variable, own, accuracy) for own in pieces]).reshape(*shape, -1)
 
@@ -157,8 +157,7 @@ def _squares(stack: Stack, accuracy: float) -> Iterator[Floats]:
         return
     heavy = []
     for group in stack.groups:
-        times = group.count[:, None, None]
-        heavy.append(chains_of(group.mass * times, group.length, group.centre, group.inertia * times))
+        heavy.append(chains_of(*group.heavier.numbers))
     suspension = Suspension(tuple(heavy), stack.mass, stack.stiffness)
     free = bool(stack.stiffness[0] == 0)
     if free:

@@ -25,6 +25,7 @@ from modal.types import Floats
 
 STEP = r"[a-z_]+(\[([0-9]{1,9}|\*)\])*"
 WRITTEN = re.compile(rf"{STEP}(\.{STEP})*", re.ASCII)
+WORD = re.compile(r"[a-z_]+|[0-9]+|\*", re.ASCII)
 NEAR = 0.8  # similarity of a misspelt place required for a suggestion
 Step = str | int
 Place = tuple[Step, ...]
@@ -61,13 +62,13 @@ def find_places(scene: Scene, path: str) -> list[Place]:
     """Every number of a scene that a path denotes; SceneError where there is none or it is something else."""
     if not WRITTEN.fullmatch(path):
         raise SceneError([f"{path}: is not a place such as support.mass or pendulum[0].links[1].length"])
-    found: list[Place] = [()]
-    for word in re.findall(r"[a-z_]+|[0-9]+|\*", path):
-        found = [(*place, step) for place in found for step in _steps(scene, place, word)]
-    missing = next((place for place in found if not _is_number(_at(scene, place))), None)
+    found: list[tuple[Place, Any]] = [((), scene)]
+    for word in WORD.findall(path):
+        found = [((*place, step), value) for place, at in found for step, value in _steps(at, word)]
+    missing = next((place for place, value in found if not _is_number(value)), None)
     if missing is not None or not found:
         raise SceneError([_unknown(scene, path if missing is None else with_numbers(missing), path)])
-    return found
+    return [place for place, _ in found]
 
 
 def number_at(scene: Scene, place: Place) -> float:
@@ -121,23 +122,26 @@ def _put(data: Any, place: Place, value: float) -> None:
     data[place[-1]] = value
 
 
-def _steps(scene: Scene, place: Place, word: str) -> list[Step]:
-    """The steps that a word denotes there, for "*" all possible ones."""
-    if word != "*":
-        return [int(word) if word.isdigit() else word]
-    entries = _at(scene, place)
-    return list(range(len(entries))) if isinstance(entries, tuple) else []
+def _steps(at: Any, word: str) -> list[tuple[Step, Any]]:
+    """The steps from a part or a list that a word denotes, for "*" all possible ones, and where they lead."""
+    if word == "*":
+        return list(enumerate(at)) if isinstance(at, tuple) else []
+    step: Step = int(word) if word.isdigit() else word
+    return [(step, _stepped(at, step))]
 
 
 def _at(scene: Scene, place: Place) -> Any:
     """The value at a place, None where there is none."""
     at: Any = scene
     for step in place:
-        if isinstance(at, tuple) and isinstance(step, int):
-            at = at[step] if step < len(at) else None
-        else:
-            at = getattr(at, str(step)) if isinstance(at, Part) and step in at.fields else None
+        at = _stepped(at, step)
     return at
+
+
+def _stepped(at: Any, step: Step) -> Any:
+    if isinstance(step, int):
+        return at[step] if isinstance(at, tuple) and step < len(at) else None
+    return getattr(at, step) if isinstance(at, Part) and step in at.fields else None
 
 
 def _is_number(found: object) -> bool:
