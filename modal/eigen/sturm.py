@@ -23,7 +23,7 @@ from modal.eigen.kernels import scalar_kernels
 from modal.eigen.recursion import NUDGE
 from modal.types import Floats, Ints
 
-ROOM = 32_000
+ROOM = 16_000
 """Size of an array of trials over links that fits a processor's cache."""
 MOST_COUNTED = 127
 """Links of which an integer of eight bits is a count."""
@@ -150,13 +150,16 @@ def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
     mu = np.zeros((chains.m.shape[1], *x.shape))
     below = np.zeros(mu.shape, dtype=np.int64)
     step = min(MOST_COUNTED, max(1, ROOM // max(1, mu.size)))
+    room = np.empty((4, min(step, chains.n), *mu.shape))
     for end in range(chains.n, 0, -step):
         some = slice(max(0, end - step), end)
-        t = chains.inverse[some] * x
-        gains, masses = chains.p[some] * t, chains.mJ[some] * t
+        t, gains, masses, pivots = room[:, : end - some.start]
+        np.multiply(chains.inverse[some], x, out=t)
+        np.multiply(chains.p[some], t, out=gains)
         np.subtract(1.0, gains, out=gains)
+        np.multiply(chains.mJ[some], t, out=masses)
         np.subtract(chains.m[some], masses, out=masses)
-        factors = t, gains, masses, chains.r[some], np.empty_like(t)
+        factors = t, gains, masses, chains.r[some], pivots
         for own, gain, added, r, D in zip(*(values[::-1] for values in factors), strict=True):
             np.add(mu, r, out=D)
             np.multiply(D, own, out=D)
@@ -166,7 +169,7 @@ def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
             mu *= gain
             mu += added
             mu /= D
-        below += np.add.reduce((factors[-1] < 0).view(np.int8), axis=0, dtype=np.int8)
+        below += np.add.reduce((pivots < 0).view(np.int8), axis=0, dtype=np.int8)
     return below, mu
 
 
