@@ -122,7 +122,7 @@ def keep_form(numbers: Mapping[Place, Floats]) -> Booleans:
 
 
 def _is_of_link(place: Place) -> bool:
-    return len(place) == 5 and place[2] == "links" and place[-1] in ARRAYS  # noqa: PLR2004
+    return len(place) == 5 and place[2] == "links" and place[-1] in ARRAYS
 
 
 def _stack(scene: Scene, links: Sequence[Floats], gravity: Floats, cart: Floats | None) -> Stack:

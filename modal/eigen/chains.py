@@ -19,19 +19,19 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.assembly import Block, CartNumbers
-from modal.eigen.bisection import confirmed, lies_within, located, searched
+from modal.eigen.bisection import NEAR, confirmed, lies_within, located, searched
 from modal.eigen.counts import Built, counted
 from modal.eigen.kernels import kernels
 from modal.eigen.rayleigh import at_pivot, twisted, without_each
 from modal.eigen.recursion import Swept, at_infinity, from_above, from_below, joint_masses, kinetic
-from modal.eigen.seeds import LARGEST, seed_matrices, seeds
-from modal.eigen.sturm import ROOM, Suspension
+from modal.eigen.seeds import LARGEST, seed_matrices, seeds, slow_seeds
+from modal.eigen.sturm import Suspension
 from modal.types import Booleans, Floats, Ints
 
 SEEDS = "dense seeds"
 ROUNDING = 1e-15
-LONG, FEW, LONG_COMPILED = 500, 20, 200
-"""Links above which seeds cost more than a search for one mode in FEW; than a compiled search for all."""
+LONG, FEW, LONG_COMPILED = 100, 20, 200
+"""Links above which seeds of all cost more than those of one mode in FEW; than a compiled search for all."""
 SEARCHED, CONFIRMED = 60, 8
 """Counts in a search, and after seeds with as many trials in each."""
 PER_LINK, PER_TRIAL = 5e-6, 1e-8
@@ -39,7 +39,7 @@ PER_LINK, PER_TRIAL = 5e-6, 1e-8
 CACHED = 40_000
 """Numbers of one array of many supports, few enough for all of them to stay in a processor's cache."""
 CLOSEST = 2.0**-51
-"""Relative distance from a guess of ω² that is left where there are many supports: two to four units in the last place."""
+"""Relative distance of ω² that counts leave where there are many supports: two to four units in the last place."""
 FARTHER = 16
 """Distance from a second guess in units in the last place."""
 
@@ -101,29 +101,32 @@ def squares_of(suspension: Suspension, wanted: Ints, modes: int, accuracy: float
     """
     if not wanted.size:
         return Squares.exact(np.zeros((0, suspension.supports)))
+    if _is_slow(suspension, wanted):
+        guess, error = slow_seeds(suspension, len(wanted))
+        near = guess, np.maximum(error, 3 * accuracy)  # nothing tells that none was missed, so that a count must
+        return _settled(suspension, wanted, _tried(suspension, wanted, accuracy, near), modes)
     counts = SEARCHED if suspension.size > LARGEST else CONFIRMED
     trials = suspension.supports * len(wanted)
     compiled = kernels(counts * suspension.size * (PER_LINK + PER_TRIAL * trials))
-    if suspension.size > (LONG_COMPILED if compiled else LARGEST) or FEW * len(wanted) < suspension.size - LONG:
+    if suspension.size > (LONG_COMPILED if compiled else LARGEST) or _are_few(suspension, wanted):
         return Squares.exact(located(suspension, wanted, modes))
     step = max(1, CACHED // suspension.size**2)
     starts = range(0, suspension.supports, step)
     pieces = [suspension.take(slice(at, at + step)) for at in starts] if len(starts) > 1 else [suspension]
-    tried = [_tried(piece, wanted, accuracy) for piece in pieces]
-    x, error, missed, guess, known = (np.concatenate(parts, axis=1) for parts in zip(*tried, strict=True))
-    if not missed.any():
-        return Squares(x, error)
-    rows, supports = np.nonzero(missed)
-    if suspension.supports == 1:
-        x[rows] = _otherwise(suspension, wanted[rows, None], guess[rows], known[rows], modes)
-        return Squares(x, error)
-    own, step = [], max(1, CACHED // suspension.size)
-    for at in range(0, len(rows), step):
-        row, support = rows[at : at + step], supports[at : at + step]
-        alone = wanted[None, row], guess[None, row, support], known[None, row, support]
-        own.append(_otherwise(suspension.take(support), *alone, modes)[0])
-    x[missed] = np.concatenate(own)
-    return Squares(x, error)
+    tried = [_tried(piece, wanted, accuracy, seeds(piece)) for piece in pieces]
+    every = Tried(*(np.concatenate(parts, axis=1) for parts in zip(*tried, strict=True)))
+    return _settled(suspension, wanted, every, modes)
+
+
+def _is_slow(suspension: Suspension, wanted: Ints) -> bool:
+    """Whether these are a few of the lowest modes of one long support without a spring."""
+    sprung = suspension.stiffness is not None and bool(suspension.stiffness[0] > 0)
+    lowest = bool(wanted[-1] == len(wanted) - 1)
+    return _are_few(suspension, wanted) and suspension.supports == 1 and lowest and not sprung
+
+
+def _are_few(suspension: Suspension, wanted: Ints) -> bool:
+    return FEW * len(wanted) < suspension.size - LONG
 
 
 class Tried(NamedTuple):
@@ -136,9 +139,27 @@ class Tried(NamedTuple):
     known: Floats
 
 
-def _tried(suspension: Suspension, wanted: Ints, accuracy: float) -> Tried:
-    """Seeds where they are known to be within the accuracy, else a Rayleigh quotient step from each."""
-    guess, known = (values[wanted] for values in seeds(suspension))
+def _settled(suspension: Suspension, wanted: Ints, tried: Tried, modes: int) -> Squares:
+    """All ω², those that were missed found mode by mode another way."""
+    x, error, missed, guess, known = tried
+    rows, supports = np.nonzero(missed)
+    if not rows.size:
+        return Squares(x, error)
+    if suspension.supports == 1:
+        x[rows] = _otherwise(suspension, wanted[rows, None], guess[rows], known[rows], modes)
+        return Squares(x, error)
+    own, step = [], max(1, CACHED // suspension.size)
+    for at in range(0, len(rows), step):
+        row, support = rows[at : at + step], supports[at : at + step]
+        alone = wanted[None, row], guess[None, row, support], known[None, row, support]
+        own.append(_otherwise(suspension.take(support), *alone, modes)[0])
+    x[missed] = np.concatenate(own)
+    return Squares(x, error)
+
+
+def _tried(suspension: Suspension, wanted: Ints, accuracy: float, near: tuple[Floats, Floats]) -> Tried:
+    """Seeds `near` all modes where they are known to be accurate enough, else a Rayleigh quotient step from each."""
+    guess, known = (values[wanted] for values in near)
     x, error, missed = guess.copy(), known.copy(), np.zeros(guess.shape, dtype=np.bool_)
     rows = np.flatnonzero((known > 2 * accuracy).any(1))
     if accuracy and rows.size:
@@ -158,7 +179,7 @@ def _improved(suspension: Suspension, wanted: Ints, guess: Floats) -> tuple[Floa
     """
     found = at_pivot(suspension, guess)
     if suspension.supports == 1:
-        return confirmed(suspension, wanted, found)
+        return confirmed(suspension, wanted, found, FARTHER if _are_few(suspension, wanted) else NEAR)
     return found, ~lies_within(suspension, wanted, found, CLOSEST)
 
 

@@ -9,6 +9,8 @@ of the size of the largest eigenvalue, so each is known to N ε of that one (Par
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from modal.eigen.sturm import Suspension
@@ -17,6 +19,8 @@ from modal.types import Floats
 EPS = 2.0**-53
 ROUNDINGS = 4
 """Rounding of an entry, in units in the last place."""
+EACH, MORE = 4, 24
+"""Lanczos steps for each mode, and for all of them."""
 LARGEST = 1500
 """Links on a support up to which a dense matrix is used."""
 
@@ -34,6 +38,54 @@ def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
         error = ROUNDINGS * size * EPS * largest / values
         error = np.where((values > 0) & np.isfinite(error), error, np.inf)
         return np.asarray((1.0 / values).T[::-1]), error.T[::-1]
+
+
+def slow_seeds(suspension: Suspension, number: int) -> tuple[Floats, Floats]:
+    """The `number` lowest ω² (R, 1) of one support without a spring, and estimates of their relative errors (R, 1).
+
+    They are the largest eigenvalues of the same matrix, by the Lanczos iteration with full orthogonalization (Parlett,
+    §13): its product with a vector is two running sums along each chain.  It may miss a mode, which a count tells.
+    """
+    product, size = _product(suspension), suspension.size
+    steps = min(size, EACH * number + MORE)
+    basis, small, beta = np.zeros((steps + 1, size)), np.zeros((steps, steps)), 0.0
+    start = np.random.default_rng(0).uniform(0.5, 1.0, size)
+    basis[0] = start / np.linalg.norm(start)
+    for k in range(steps):
+        w = product(basis[k])
+        small[k, k] = basis[k] @ w
+        for _ in range(2):
+            w -= (basis[: k + 1] @ w) @ basis[: k + 1]
+        small[k + 1 : k + 2, k] = beta = float(np.linalg.norm(w))
+        basis[k + 1] = w / beta if beta > 0 else w
+    values, vectors = np.linalg.eigh(small)
+    values, missed = values[: -number - 1 : -1, None], beta * np.abs(vectors[-1, : -number - 1 : -1, None])
+    error = (missed + ROUNDINGS * size * EPS * values[0]) / values
+    return 1.0 / values, np.where((values > 0) & np.isfinite(error), error, np.inf)
+
+
+def _product(suspension: Suspension) -> Callable[[Floats], Floats]:
+    """The product of K^−½ M K^−½ and a vector (N,), for one support without a spring."""
+    rows = [(chains, p) for chains in suspension.chains for p in range(chains.m.shape[1])]
+    b, length, diagonal = (
+        np.concatenate([getattr(chains, name)[:, p, 0, 0] for chains, p in rows])
+        for name in ("b", "length", "diagonal")
+    )
+    moment = np.sqrt(b)
+    reach, own = length / moment, diagonal / b
+    drawn = moment / suspension.total_mass[0] if suspension.mass is not None else np.zeros_like(moment)
+    ends = np.cumsum([chains.n for chains, _ in rows]).tolist()
+    pieces = [slice(end - chains.n, end) for end, (chains, _) in zip(ends, rows, strict=True)]
+
+    def product(v: Floats) -> Floats:
+        found: Floats = own * v - drawn * (moment @ v)
+        for piece in pieces:
+            along, across = (reach * v)[piece], (moment * v)[piece]
+            found[piece][1:] += moment[piece][1:] * np.cumsum(along[:-1])
+            found[piece][:-1] += reach[piece][:-1] * np.cumsum(across[:0:-1])[::-1]
+        return found
+
+    return product
 
 
 def seed_matrices(links: int, supports: int) -> tuple[tuple[str, int, int], ...]:

@@ -25,8 +25,8 @@ def natural_frequencies(
 ) -> Floats:
     """ω = |λ| in rad/s, ascending, each repeated by its multiplicity: (R,) of a scene, (S, R) of S scenes.
 
-    With `vary`, one scene with other numbers: arrays at its places, `{"support.mass": masses}`, of shapes that broadcast
-    to one, (…), give (…, R); a grid, `["support.mass=1:100:50log", "gravity=1.6,9.8"]`, gives an axis for each place.
+    With `vary`, one scene with other numbers: arrays at its places, `{"support.mass": masses}`, of shapes that
+    broadcast to one, (…), give (…, R); a grid, `["support.mass=1:100:50log", "gravity=1.6,9.8"]`, gives an axis for each place.
     Units are those of scene files.  No scenes are made: 2,000 of them cost as much as their equations.
 
     A free cart's rigid translation is 0.  Scenes of one form, the same kinds of links in the same pendula on the same
@@ -69,7 +69,8 @@ def _varied(scene: Scene, given: Vary, accuracy: float) -> Floats:
     if not (size := prod(shape)) or not arrays:
         alone = _one(scene, accuracy)
         return np.broadcast_to(alone, (*shape, len(alone))).copy()
-    members = {path: (own if own.shape == shape else np.broadcast_to(own, shape)).ravel() for path, own in arrays.items()}
+    whole = {path: own if own.shape == shape else np.broadcast_to(own, shape) for path, own in arrays.items()}
+    members = {path: own.ravel() for path, own in whole.items()}
     pieces = [{path: own[piece] for path, own in members.items()} for piece in _pieces(scene, size)]
     return _joined([_of_numbers(variable, own, accuracy) for own in pieces]).reshape(*shape, -1)
 

@@ -352,7 +352,7 @@ def validate_arrays(variable: Variable, arrays: Mapping[str, Floats]) -> None:
 
 
 def _telling(name: Step, values: Floats) -> list[float]:
-    """Those of the values of which one is refused if any is: all that must be whole, else both ends and the smallest."""
+    """Values of which one is refused if any is: all that must be whole, else both ends and the least above 0."""
     if name == "count":
         return list(np.unique(values).tolist())
     least = values[values > 0].min(initial=np.inf)
