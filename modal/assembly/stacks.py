@@ -132,7 +132,7 @@ def _stack(scene: Scene, links: Sequence[Floats], gravity: Floats, cart: Floats 
     scaled = mass / heaviest, length / longest, centre / longest, inertia / (heaviest * longest**2)
     groups = tuple(_pendula_of(chosen, scaled) for chosen in _by_length(scene))
     rail = (None, None) if cart is None else (cart[0] / heaviest, cart[1] / (heaviest * gravity / longest))
-    return Stack(groups, *rail, np.sqrt(gravity / longest), scene.space == "space")
+    return Stack(groups, rail[0], rail[1], np.sqrt(gravity / longest), scene.space == "space")
 
 
 def _links(scenes: Sequence[Scene]) -> list[Floats]:
@@ -167,6 +167,8 @@ def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) ->
     ]
     at = np.array(columns).T
     if len(chosen) == 1 and at[-1] - at[0] == len(at) - 1:
-        at = slice(int(at[0, 0]), int(at[-1, 0]) + 1), None
-    mass, length, centre, inertia = (values[at][:, :, None] for values in scaled)
+        rows = slice(at[0, 0], at[-1, 0] + 1)
+        mass, length, centre, inertia = (values[rows, None, None] for values in scaled)
+    else:
+        mass, length, centre, inertia = (values[at][:, :, None] for values in scaled)
     return Group(mass, length, centre, inertia, np.array([pendulum.count for pendulum, _ in chosen]))

@@ -13,7 +13,7 @@ LINKING, LOADING = 0.5, 1.5
 
 
 FEW, SIDE_BY_SIDE = 60, 16
-"""Links times trial values up to which Python floats are fastest; trial values up to which they are faster than arrays."""
+"""Links times trial values up to which Python floats are fastest; trial values up to which they surpass arrays."""
 
 
 class Saved:

@@ -84,7 +84,8 @@ def _seeds(scaled: list[tuple[float, float, float]], hanging: float, cart: CartN
             matrix[1:, 0] = moment / cart.stiffness**0.5
         else:
             chain -= moment[:, None] * (moment / total)
-    return (1.0 / np.linalg.eigvalsh(matrix)[::-1]).tolist()
+    found: list[float] = (1.0 / np.linalg.eigvalsh(matrix)[::-1]).tolist()
+    return found
 
 
 def _stepped(links: list[Constants], mass: float, stiffness: float, before: int, x: float) -> float:

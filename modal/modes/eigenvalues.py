@@ -131,7 +131,8 @@ class Eigenvalues:
     @cached_property
     def eigenvalue(self) -> NDArray[np.complex128]:
         """λ (R,) in rad/s: iω for undamped modes, −ζω + iω√(1−ζ²) for damped ones."""
-        return kept(1j * self.short.omega if self.short else self.spectrum.eigenvalue * self.units.rate)
+        found = self.short.omega * 1j if self.short else self.spectrum.eigenvalue * self.units.rate
+        return kept(found.astype(np.complex128, copy=False))
 
     @cached_property
     def omega(self) -> Floats:

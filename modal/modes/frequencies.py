@@ -26,8 +26,8 @@ def natural_frequencies(
     """ω = |λ| in rad/s, ascending, each repeated by its multiplicity: (R,) of a scene, (S, R) of S scenes.
 
     With `vary`, one scene with other numbers: arrays at its places, `{"support.mass": masses}`, of shapes that
-    broadcast to one, (…), give (…, R); a grid, `["support.mass=1:100:50log", "gravity=1.6,9.8"]`, gives an axis for each place.
-    Units are those of scene files.  No scenes are made: 2,000 of them cost as much as their equations.
+    broadcast to one, (…), give (…, R); a grid, `["support.mass=1:100:50log", "gravity=1.6,9.8"]`, gives an axis for
+    each place.  Units are those of scene files.  No scenes are made, which would take longer than their frequencies.
 
     A free cart's rigid translation is 0.  Scenes of one form, the same kinds of links in the same pendula on the same
     kind of support without dampers and joint springs, are found together, many times faster than one by one; the

@@ -298,7 +298,7 @@ def validate_variations(scene: Scene, variations: Sequence[Variation]) -> None:
 
 def _refused(scene: Scene, path: str, values: Iterable[float], own: Sequence[Place]) -> Iterator[str]:
     """The scene's objections to these values themselves."""
-    starts = tuple(f"{with_numbers(place)} =" for place in own)
+    starts = tuple(with_numbers(place) + sign for place in own for sign in (" =", ":"))
     for value in dict.fromkeys(values):
         try:
             vary(scene, {path: value})
