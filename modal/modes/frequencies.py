@@ -132,9 +132,8 @@ def _together(stack: Stack, accuracy: float) -> Floats:
     supports = len(stack.rate)
     try:
         with np.errstate(all="ignore"):
-            own = list(_squares(stack, accuracy))
-            found = np.concatenate(own)
-            if sum(len(part) for part in own if part.any()) > len(own[-1]):
+            found = np.concatenate(list(_squares(stack, accuracy)))
+            if (found[1:] < found[:-1]).any():
                 found.sort(axis=0)
             omega = np.sqrt(found) * stack.rate
     except ComputationError:

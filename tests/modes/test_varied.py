@@ -60,6 +60,12 @@ def test_the_frequencies_are_those_of_each_scene(scale: float, stiffness: float)
     np.testing.assert_array_max_ulp(natural_frequencies(scene, vary=values), one_by_one(scene, values), 4)
 
 
+def test_different_pendula_on_a_fixed_support_are_in_one_order() -> None:
+    beside = [Pendulum(links=[Bob(mass=m, length=length)], count=2) for m, length in ((1.0, 1.4), (2.0, 9.7))]
+    scene, values = Scene(gravity=9.81, pendulum=beside), {"gravity": np.array([1.6, 9.8])}
+    np.testing.assert_array_max_ulp(natural_frequencies(scene, vary=values), one_by_one(scene, values), 2)
+
+
 @pytest.mark.parametrize("name", ["paper-cart-2", "chain-spatial", "crane-hook"])
 def test_several_pendula_and_space(name: str) -> None:
     scene, values = (
