@@ -31,7 +31,7 @@ import numpy as np
 import scipy
 from scipy.linalg import eigh
 
-from modal import Bob, Cart, Pendulum, Rod, Scene, load, natural_frequencies, natural_modes
+from modal import Bob, Cart, Pendulum, Rod, Scene, load, matrices, natural_frequencies, natural_modes
 from modal.eigen.kernels import Saved
 
 if TYPE_CHECKING:
@@ -199,13 +199,14 @@ def uneven(ratio: float) -> Scene:
 
 
 def small() -> list[tuple[str, ...]]:
-    """One scene of few links: ours from a `Scene`, the rival's from a matrix that is there already."""
+    """One scene of few links: ours from a `Scene`, the rival's from K and M that are there already."""
     Saved.seconds = -inf
     rows = []
     for n in (2, 10):
-        scene, matrix = chain(n), np.add(np.eye(n), 0.1)
+        scene = chain(n)
+        M, K = matrices(scene).M, matrices(scene).K
         each: dict[str, Callable[[], np.ndarray]] = {
-            RIVAL: lambda matrix=matrix: eigh(matrix, eigvals_only=True),
+            RIVAL: lambda M=M, K=K: eigh(K, M, eigvals_only=True),
             "natural_frequencies": lambda scene=scene: natural_frequencies(scene),
             "natural_modes": lambda scene=scene: natural_modes(scene).omega,
         }
@@ -406,7 +407,7 @@ arrays during the call. Errors are upper bounds for the worst of {SAMPLED} modes
 
 ## One scene of few rods on a cart
 
-`scipy.linalg.eigh` is given a matrix of as many rows; ours begins with a `Scene`. In brackets of headings: over eigh.
+`scipy.linalg.eigh(K, M)` is given the matrices; ours begins with a `Scene`. In brackets of headings: over eigh.
 
 {markdown(("n", "eigh", "natural_frequencies", "natural_modes", "(frequencies)", "(modes)"), alone_rows)}
 

@@ -7,9 +7,11 @@ no answer, and the general route has its further ways.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from math import inf, nextafter
 from operator import lt
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from modal.eigen.recursion import NUDGE
 from modal.types import Floats
 
 Link = tuple[float, float, float, float]
+Count = Callable[[list[Any], float], tuple[int, float]]
 Constants = tuple[float, float, float, float, float]
 """1/k, r, p, m and m J of a link."""
 
@@ -95,19 +98,19 @@ def _stepped(links: list[Constants], mass: float, stiffness: float, before: int,
     """
     if not 0 < x < inf:
         return 0.0
-    below, mu = _counted(links, x)
+    try:
+        return _neighbour(swept, links, mass, stiffness, before, x)
+    except ZeroDivisionError:
+        return _neighbour(partial(nudged, nudge=NUDGE), links, mass, stiffness, before, x)
+
+
+def _neighbour(count: Count, links: list[Constants], mass: float, stiffness: float, before: int, x: float) -> float:
+    below, mu = count(links, x)
     high = below + (mu + mass > stiffness / x) > before
     way = 0.0 if high else inf
     for _ in range(FARTHER):
         last, x = x, nextafter(x, way)
-        below, mu = _counted(links, x)
+        below, mu = count(links, x)
         if (below + (mu + mass > stiffness / x) > before) != high:
             return last if high else x
     return 0.0
-
-
-def _counted(links: list[Constants], x: float) -> tuple[int, float]:
-    try:
-        return swept(links, x)
-    except ZeroDivisionError:
-        return nudged(links, x, NUDGE)

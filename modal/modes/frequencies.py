@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from math import prod
 
 import numpy as np
@@ -19,6 +20,9 @@ from modal.types import Booleans, Floats
 TOGETHER = 10_000
 """Links of all scenes that are stacked at once: one array of their numbers stays in a processor's cache."""
 
+MOST = 100_000_000
+"""Members of one call."""
+
 
 def natural_frequencies(
     scenes: Scene | Sequence[Scene], accuracy: float | None = None, *, vary: Vary | None = None
@@ -31,9 +35,9 @@ def natural_frequencies(
 
     A free cart's rigid translation is 0.  Scenes of one form, the same kinds of links in the same pendula on the same
     kind of support without dampers and joint springs, are found together, many times faster than one by one; the
-    others by `natural_modes`, also where a varied number changes the form.  Every digit is right: the relative error is
-    at most (16 + 6n) 2⁻⁵³ for n links in the deepest chain.  With an `accuracy`, relative in ω, eigenvalues of a dense
-    matrix are used where they are known to be within it.
+    others by `natural_modes`, also where a varied number changes the form.  Every digit is right: relative errors are at
+    most 2⁻⁵² larger than the bounds `error` of `Modes`.  With an `accuracy`, relative in ω, eigenvalues of a dense matrix
+    are used where they are known to be within it.
 
     >>> from modal import load
     >>> natural_frequencies(load("chain-2")).round(4).tolist()
@@ -51,7 +55,8 @@ def natural_frequencies(
         return _one(scenes, limit) if vary is None else _varied(scenes, vary, limit)
     if vary is not None:
         raise SceneError(["vary: the numbers of one scene can be varied, not those of several"])
-    return _joined([_of_scenes(scenes[own], limit) for own in _pieces(scenes[0], len(scenes))] if len(scenes) else [])
+    pieces = _pieces(scenes[0], len(scenes)) if len(scenes) else []
+    return _joined([_of_scenes(scenes[own], limit) for own in pieces])
 
 
 def _varied(scene: Scene, given: Vary, accuracy: float) -> Floats:
@@ -69,10 +74,11 @@ def _varied(scene: Scene, given: Vary, accuracy: float) -> Floats:
     if not (size := prod(shape)) or not arrays:
         alone = _one(scene, accuracy)
         return np.broadcast_to(alone, (*shape, len(alone))).copy()
+    if size > MOST:
+        raise SceneError([f"vary: at most {MOST} members, not {size}"])
     whole = {path: own if own.shape == shape else np.broadcast_to(own, shape) for path, own in arrays.items()}
     members = {path: own.ravel() for path, own in whole.items()}
-    pieces = [{path: own[piece] for path, own in members.items()} for piece in _pieces(scene, size)]
-    return _joined([_of_numbers(variable, own, accuracy) for own in pieces]).reshape(*shape, -1)
+    return _joined([_of_numbers(variable, members, own, accuracy) for own in _pieces(scene, size)]).reshape(*shape, -1)
 
 
 def _pieces(scene: Scene, size: int) -> list[slice]:
@@ -82,11 +88,12 @@ def _pieces(scene: Scene, size: int) -> list[slice]:
 
 def _of_scenes(scenes: Sequence[Scene], accuracy: float) -> Floats:
     found = _together(stacked(scenes), accuracy) if can_stack(scenes) else np.full((len(scenes), 1), np.nan)
-    return _completed(found, scenes.__getitem__, accuracy)
+    return _completed(found, lambda missing: [scenes[k] for k in missing], accuracy)
 
 
-def _of_numbers(variable: Variable, values: Mapping[str, Floats], accuracy: float) -> Floats:
-    """ω (S, R) of a scene with these numbers (S,) at its paths."""
+def _of_numbers(variable: Variable, members: Mapping[str, Floats], piece: slice, accuracy: float) -> Floats:
+    """ω (S, R) of a scene with these numbers at its paths, a piece of them."""
+    values = {path: own[piece] for path, own in members.items()}
     numbers = {place: own for path, own in values.items() for place in variable.places[path]}
     kept = keep_form(numbers)
     stack = varied(variable.scene, numbers if kept.all() else {place: own[kept] for place, own in numbers.items()})
@@ -97,15 +104,28 @@ def _of_numbers(variable: Variable, values: Mapping[str, Floats], accuracy: floa
         together = _together(stack, accuracy)
         found = np.full((len(kept), together.shape[1]), np.nan)
         found[kept] = together
-    return _completed(found, lambda k: variable.at({path: float(own[k]) for path, own in values.items()}), accuracy)
+    return _completed(found, partial(_made, variable, values, piece.start), accuracy)
 
 
-def _completed(found: Floats, scene_of: Callable[[int], Scene], accuracy: float) -> Floats:
+def _made(variable: Variable, values: Mapping[str, Floats], first: int, missing: Sequence[int]) -> list[Scene]:
+    """The scenes of some members; SceneError that names all of those whose numbers cannot be together."""
+    scenes, problems = [], list[str]()
+    for k in missing:
+        try:
+            scenes.append(variable.at({path: float(own[k]) for path, own in values.items()}))
+        except SceneError as error:
+            problems += [f"member {first + k}: {problem}" for problem in error.problems]
+    if problems:
+        raise SceneError(problems)
+    return scenes
+
+
+def _completed(found: Floats, scenes_of: Callable[[Sequence[int]], list[Scene]], accuracy: float) -> Floats:
     """The rows with those of NaN from their scenes, one by one."""
     missing = np.flatnonzero(np.isnan(found[:, 0]))
     if not missing.size:
         return found
-    own = [_one(scene_of(k), accuracy) for k in missing.tolist()]
+    own = [_one(scene, accuracy) for scene in scenes_of(missing.tolist())]
     if missing.size == len(found):
         return _joined([row[None] for row in own])
     _joined([found[:0], *(row[None] for row in own)])
@@ -135,7 +155,7 @@ def _together(stack: Stack, accuracy: float) -> Floats:
             found = np.concatenate(list(_squares(stack, accuracy)))
             if (found[1:] < found[:-1]).any():
                 found.sort(axis=0)
-            omega = np.sqrt(found) * stack.rate
+            omega: Floats = np.sqrt(found) * stack.rate
     except ComputationError:
         return np.full((supports, 1), np.nan)
     omega[:, ~np.isfinite(omega).all(0)] = np.nan

@@ -158,6 +158,11 @@ def test_one_message_names_every_mistake() -> None:
     ):
         with pytest.raises(SceneError, match=word):
             natural_frequencies(scene, vary=vary_)  # type: ignore[arg-type]
+    with pytest.raises(SceneError, match="at most 100000000 members"):
+        natural_frequencies(scene, vary=["gravity=1:2:100000", "support.mass=1:2:100000"])
+    body = {"pendulum[0].links[1].centre": [0.0, 0.1, 0.0], "pendulum[0].links[1].inertia": [0.0, 0.0, 1.0]}
+    with pytest.raises(SceneError, match=r"member 0: pendulum\[0\].links\[1\].inertia"):
+        natural_frequencies(chain(Cart(mass=1.0)), vary=body)
     with pytest.raises(SceneError, match="one scene"):
         natural_frequencies([scene], vary={"gravity": [1.0]})
     with pytest.raises(ComputationError):
