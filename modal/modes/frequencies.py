@@ -35,9 +35,9 @@ def natural_frequencies(
 
     A free cart's rigid translation is 0.  Scenes of one form, the same kinds of links in the same pendula on the same
     kind of support without dampers and joint springs, are found together, many times faster than one by one; the
-    others by `natural_modes`, also where a varied number changes the form.  Every digit is right: relative errors are at
-    most 2⁻⁵² larger than the bounds `error` of `Modes`.  With an `accuracy`, relative in ω, eigenvalues of a dense matrix
-    are used where they are known to be within it.
+    others by `natural_modes`, also where a varied number changes the form.  Every digit is right: relative errors are
+    at most 2⁻⁵² larger than the bounds `error` of `Modes`.  With an `accuracy`, relative in ω, eigenvalues of a dense
+    matrix are used where they are known to be within it.
 
     >>> from modal import load
     >>> natural_frequencies(load("chain-2")).round(4).tolist()
