@@ -36,7 +36,7 @@ SEARCHED, CONFIRMED = 60, 8
 """Counts in a search, and after seeds with as many trials in each."""
 PER_LINK, PER_TRIAL = 5e-6, 1e-8
 """Seconds that the compiled recursion saves per link of a count, and per trial value of a link."""
-CACHED = 40_000
+CACHED = 100_000
 """Numbers of one array of many supports, few enough for all of them to stay in a processor's cache."""
 CLOSEST = 2.0**-51
 """Relative distance of ω² that counts leave where there are many supports: two to four units in the last place."""
