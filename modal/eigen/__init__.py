@@ -4,9 +4,9 @@ In: a `Rig`.  Out: a `Spectrum`, the eigenvalues in ascending order, each with t
 
     K φ = ω² M φ,    with dampers  (λ² M + λ D + K) φ = 0
 
-A chain uses the effective-mass recursion and bisection (`chains`, one short chain `short`), with joint springs or inverted links
-`sprung_chains`; many different pendula on one cart the secular equation (`coupled`); dampers the quadratic problem
-(`quadratic`). Start with `spectrum`, which chooses.
+A chain uses the effective-mass recursion and bisection (`chains`, in floats `short`), with joint springs or inverted
+links `sprung_chains`; many different pendula on one cart the secular equation (`coupled`); dampers the quadratic
+problem (`quadratic`). Start with `spectrum`, which chooses.
 
 `elimination` is the recursion at any complex frequency, with loads, in the floats or decimals of `arithmetic`.
 """
