@@ -472,13 +472,13 @@ def main() -> None:
     if options.many:
         print(*many(int(options.many[0]), options.many[1] == "compiled"), sep="\t")
         return
+    alone_rows, some = small(), few()  # before the compiled recursion is loaded
     mp.mp.dps = 50
     lengths = rows_of({n: chain(n) for n in LENGTHS if n <= 100 or not options.quick})
     mp.mp.dps = 250
     ratios = rows_of({ratio: uneven(ratio) for ratio in RATIOS})
     hows = ("default", *(["compiled"] if find_spec("numba") else []))
     together = [alone(["--many", str(n), how]) for n in (2, 10) for how in hows]
-    alone_rows, some = small(), few()
     costs = [cost(name) for name in COSTS if not (options.quick and name == "100,000 different pendula")]
     text = page(lengths, ratios, together, alone_rows, some, costs, start_ratio())
     print(text)
