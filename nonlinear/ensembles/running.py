@@ -22,12 +22,13 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, counted
 from modal.scene import Scene, name_of, require, validate_scene
+from modal.scene.parameters import Vary
 from modal.types import Floats
 from nonlinear.ensembles.computing import Chunk, compute, engine_of
 from nonlinear.ensembles.costs import Decision, choose_engine, seconds_of
 from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
 from nonlinear.ensembles.measures import asked, validate_measures
-from nonlinear.ensembles.members import Members, Starts, Vary, members_of
+from nonlinear.ensembles.members import Members, Starts, members_of
 from nonlinear.ensembles.parts import Parts, engine_of_folder
 from nonlinear.ensembles.plain import STATES, validate_plain
 from nonlinear.ensembles.question import CHECKED, PLAIN, Question, chunk_of, refused, sample_of
