@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from modal._compatibility import exported
 
 if TYPE_CHECKING:
-    from nonlinear.ensembles import Ensemble, ensemble
+    from nonlinear.ensembles import Compilation, Ensemble, compile_engines, ensemble
     from nonlinear.files import load, save
     from nonlinear.integration import SimulationError, SolverInfo, Trajectory
     from nonlinear.simulation import resume, simulate
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AppliedForces",
+    "Compilation",
     "Ensemble",
     "Event",
     "EventRecord",
@@ -43,6 +44,7 @@ __all__ = [
     "State",
     "System",
     "Trajectory",
+    "compile_engines",
     "ensemble",
     "initial_state",
     "level_crossing",

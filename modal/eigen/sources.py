@@ -109,7 +109,7 @@ def _oscillating(squares: Floats) -> NDArray[np.complex128]:
     return np.sqrt(np.abs(squares)) * np.where(squares < 0, 1.0, 1j)
 
 
-def _structured_error(links: int, chains: int) -> float:
+def structured_error(links: int, chains: int) -> float:
     """Bound on the relative error of ω: each step of a count perturbs the scene's data by a few roundings."""
     return (12 + 6 * links + log2(chains + 1)) * ROUNDOFF
 
@@ -178,7 +178,7 @@ class Alone:
     @property
     def error(self) -> Floats:
         """Relative error bounds."""
-        return self.found.error.ravel() / 2 + _structured_error(self.block.n, 1)
+        return self.found.error.ravel() / 2 + structured_error(self.block.n, 1)
 
     def details(self, rows: Ints) -> Details:
         """One copy's shape and momentum."""
@@ -222,7 +222,7 @@ class Together:
     def error(self) -> Floats:
         """Relative error bounds."""
         deepest, chains = max(block.n for block in self.blocks), sum(block.size for block in self.blocks)
-        rounding = self.problem.slack * _structured_error(deepest, chains)
+        rounding = self.problem.slack * structured_error(deepest, chains)
         return np.broadcast_to(self.problem.dense_error + rounding, self.problem.squares.shape)
 
     def details(self, rows: Ints) -> Details:

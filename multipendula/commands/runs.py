@@ -46,11 +46,15 @@ def add_run_arguments(page: Page, duration: float) -> None:
     forms = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
     words = "auto (default), minimal, maximal, hamiltonian or spatial"
     add_words(page.computed, "--form", forms, comma="", metavar="NAME", help=words)
-    page.computed.add_argument(
-        "--tolerance", metavar="T", type=number("1e-15 to 0.01", 0.01, 1e-15), help="default 1e-9"
-    )
+    add_tolerance(page)
     add_accuracy(page, "of every angle, instead of a tolerance")
     add_samples(page)
+
+
+def add_tolerance(page: Page) -> None:
+    """The tolerance of the integrator."""
+    numbers = number("1e-15 to 0.01", 0.01, 1e-15)
+    page.computed.add_argument("--tolerance", metavar="T", type=numbers, help="default 1e-9")
 
 
 def recorded(name: str) -> bool:

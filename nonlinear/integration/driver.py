@@ -15,6 +15,7 @@ import scipy
 
 from modal.errors import ComputationError
 from modal.types import Floats
+from nonlinear.dynamics import Arranged
 from nonlinear.integration.escapements import Due, Escapements
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.friction import StickSlip, Transition
@@ -115,6 +116,11 @@ class Drive:
         if isinstance(self.equations, Switched):
             return self.equations.rests and not self._sweeps
         return bool(self.friction and self.friction.rest == self.friction.rest)
+
+    @property
+    def _at_once(self) -> bool:
+        """Whether many y are projected at once."""
+        return isinstance(self.equations, Arranged)
 
     @property
     def _sweeps(self) -> bool:
@@ -232,7 +238,8 @@ class Drive:
             times = self.times[record.filled : record.filled + count]
             rows = self.stepper.inside(times)
             rows[times == self.stepper.time] = self.stepper.y
-            record.keep(np.array([self.equations.project(row)[0] for row in rows]))
+            project = self.equations.project
+            record.keep(project(rows)[0] if self._at_once else np.array([project(row)[0] for row in rows]))
 
     def _happenings(self, before: float, now: float) -> Iterator[tuple[EventRecord, bool]]:
         if not self.events:

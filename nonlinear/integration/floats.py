@@ -69,6 +69,8 @@ class FloatDOP853:
 
     TOO_SMALL_STEP = "Required step size is less than spacing between numbers."
     switched: Switched | None = None
+    beyond: Callable[[float], tuple[float, float] | None] = staticmethod(lambda time: None)
+    """The next end (s) and the longest step (s) after a break at this time; None at the end of the run."""
 
     def __init__(
         self,
@@ -123,7 +125,11 @@ class FloatDOP853:
         steps: list[FloatStep] = []
         wanted: list[FloatStep] = []
         switched = self.switched
-        while len(steps) < most and self.t < self.t_bound and (at < len(due) or not due):
+        while len(steps) < most and (at < len(due) or not due):
+            if self.t >= self.t_bound:
+                if (slope := self.carried_on(y)) is None:
+                    break
+                f = slope
             if switched and switched.met is not None:
                 y, f = self._changed(y, f)
             step = None if switched and switched.rests else self._passed(y, f)
@@ -140,6 +146,13 @@ class FloatDOP853:
         self.y, self.f = np.array(y), np.array(f)
         return steps, wanted, at
 
+    def carried_on(self, y: Numbers) -> Numbers | None:
+        """The derivative after a break, from which steps go on as long as before; None at the end of the run."""
+        if (stretch := self.beyond(self.t)) is None:
+            return None
+        (self.t_bound, self.max_step), self.status = stretch, "running"
+        return self._slope(y)
+
     def switch(self, V: list[list[float]] | None = None) -> None:
         """Go on as things are after the switch at which the last step ended, if it did; so do columns V (k, size)."""
         if self.switched and self.switched.met is not None:
@@ -150,7 +163,11 @@ class FloatDOP853:
         switched = cast("Switched", self.switched)
         after = switched.change(self.t, y, f, V)
         self.rate = switched.rate
-        return after, self.rate(after, self.inputs(self.t, after)) if self.inputs else self.rate(after)
+        return after, self._slope(after)
+
+    def _slope(self, y: Numbers) -> Numbers:
+        """The derivative at the present time."""
+        return self.rate(y, self.inputs(self.t, y)) if self.inputs else self.rate(y)
 
     def _passed(self, y: Numbers, f: Numbers) -> FloatStep | None:
         """The next step, None where it would be too short."""
@@ -170,7 +187,8 @@ class FloatDOP853:
                 length, refused = max(self._tried[0], least), False
                 continue
             if switched is None:
-                self.h_abs = length * factor
+                tried = 0.0 if refused or end < self.t_bound else self.h_abs
+                self.h_abs = max(length * factor, tried)
                 return FloatStep(t, end, y, after, stages)
             if answer == STANDS:
                 self.h_abs = self._tried[0]
@@ -237,14 +255,30 @@ class FloatStepper(DOP853Stepper[Written]):
         clocked = self.equations.is_clocked and not self.pace.breaks
         return FloatDOP853(self.equations.rate, inputs, clocked, f, time, y, end, **options)
 
+    def _beyond(self, time: float) -> tuple[float, float] | None:
+        """Go on after a break: to the next one or the end of the run (s), in steps that are no longer than so (s)."""
+        if time >= self.end:
+            return None
+        self._low, self._high = self.pace.stretch(time)
+        until = min(self._high, self.end)
+        return until, self.pace.most(max(self._low, self.start), until)
+
     def _off_breaks(self, listed: Listed) -> Listed:
         """The inputs, seen strictly between the surrounding breaks."""
         return lambda time, y: listed(self.clear_of_breaks(time), y)
 
     def _begun(self, time: float, y: Floats, first: float | None) -> FloatDOP853:
         solver = cast("FloatDOP853", super()._begun(time, y, first))
+        solver.beyond = self._beyond
         if isinstance(self.equations, Switched):
             solver.switched, self.equations.look = self.equations, None
+        return solver
+
+    def _on_its_way(self) -> FloatDOP853:
+        """The integrator, after a break that has been reached."""
+        solver = cast("FloatDOP853", self._solver)
+        if self._high <= self.time < self.end:
+            solver.f = np.array(solver.carried_on(solver.y.tolist()))
         return solver
 
     @property
@@ -274,7 +308,7 @@ class FloatStepper(DOP853Stepper[Written]):
         due, reached, mends = times.tolist(), 0, self._arranged.system.spatial
         switched = self.equations if isinstance(self.equations, Switched) else None
         alone = mends or (switched is not None and switched.presses)
-        solver = cast("FloatDOP853", self._on_its_way())
+        solver = self._on_its_way()
         begun = solver.t
         ends: list[tuple[float, Numbers | Floats]] = []
         wanted: list[FloatStep] = []

@@ -104,7 +104,7 @@ class Task:
     @cached_property
     def longest(self) -> float:
         """The time (s) in which a moved support may change."""
-        return float(self.lanes.system.shortest)
+        return float(self.lanes.inputs.shortest)
 
     @cached_property
     def ends(self) -> Floats:
@@ -118,8 +118,9 @@ class Task:
 
     @cached_property
     def breaks(self) -> Floats:
-        """Where a support or a length may change suddenly, before the end."""
-        return np.array(sorted(time for time in self.lanes.system.breaks if self.starts.min() < time < self.ends.max()))
+        """Where a support or a length may change suddenly, as far as the tolerances tell, before the end."""
+        times = np.array(self.lanes.inputs.breaks(float(self.relative.min())))
+        return np.asarray(times[(times > self.starts.min()) & (times < self.ends.max())])
 
     def ahead(self, times: Floats) -> Floats:
         """The next break after each of some times (s), infinite after the last."""

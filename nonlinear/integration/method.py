@@ -152,17 +152,21 @@ def advance(stage: int, begun: Floats, length: Floats, stages: Floats, y: Floats
 
 def gained(part: Any, terms: Sequence[Any]) -> Any:
     """What y has gained at a part of the step, from the `terms` of the interpolant."""
-    gain: Any = 0.0
-    for number, term in enumerate(reversed(terms)):
-        gain = (gain + term) * (1 - part if number % 2 else part)
+    gain = 0.0 * terms[0]
+    for number in range(len(terms)):
+        gain = (gain + terms[-1 - number]) * (1 - part if number % 2 else part)
     return gain
 
 
 def terms_of(length: Any, moved: Any, stages: Any) -> list[Any]:
     """The terms of the interpolant of a step in which y has `moved`, from the rates at all stages and further ones."""
-    first, last = length * stages[0], length * stages[STAGES]
     powers = (sum(share * stages[stage] for stage, share in shares) for shares in POWERS)
-    return [moved, first - moved, 2 * moved - last - first, *(length * power for power in powers)]
+    return [*begun(moved, length * stages[0], length * stages[STAGES]), *(length * power for power in powers)]
+
+
+def begun(moved: Any, first: Any, last: Any) -> tuple[Any, Any, Any]:
+    """The first three terms, of a cubic: from what y has moved, and its rates at both ends times the step."""
+    return moved, first - moved, 2 * moved - last - first
 
 
 _EACH = np.eye(STAGES + 1 + EXTRA)

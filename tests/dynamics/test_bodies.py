@@ -143,6 +143,16 @@ def test_compiled_under_a_load(seed: int) -> None:
 
 
 @fast
+@pytest.mark.parametrize("turned", [1e3, 1e6, 1e9])
+def test_compiled_after_many_turns(turned: float) -> None:
+    """Angles beyond those that the kernel reduces several at once keep their digits, too."""
+    plain = minimal(load("paper-cart-3"))
+    y = random_y(plain, 0)
+    y[1 : plain.layout.half] += turned
+    assert apart(Compiled(plain.system).derivative(0.0, y), plain.derivative(0.0, y)) < 1e-13
+
+
+@fast
 @pytest.mark.parametrize("seed", range(8))
 def test_compiled_work_is_the_change_of_energy(seed: int) -> None:
     """The last component of y' is dE/dt along y', E from the pair, by a complex step."""
