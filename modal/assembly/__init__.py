@@ -10,6 +10,7 @@ scenes of one form, `linearization` is the dense form for printing, for small pr
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
 from modal.assembly.dense import Columns, assembled, centres, dampers, displacements, drag_of, joints
+from modal.assembly.equilibrium import Equilibrium, Rest, equilibrium_of
 from modal.assembly.hoisting import (
     Hoisting,
     Hoists,
@@ -29,12 +30,14 @@ __all__ = [
     "Block",
     "CartNumbers",
     "Columns",
+    "Equilibrium",
     "Group",
     "Hoisting",
     "Hoists",
     "Instant",
     "Matrices",
     "RatioAt",
+    "Rest",
     "Rig",
     "Stack",
     "Units",
@@ -45,6 +48,7 @@ __all__ = [
     "dampers",
     "displacements",
     "drag_of",
+    "equilibrium_of",
     "frequencies",
     "hoisting_of",
     "instants",

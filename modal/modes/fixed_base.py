@@ -42,7 +42,7 @@ def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None) -> Flo
     [0.0, 0.0, 2.848179, 0.0, 0.580392]
     """
     rig, rows = modes.rig, np.arange(len(modes)) if numbers is None else np.asarray(numbers, dtype=np.int64)
-    if rig.is_damped or modes.scene.stands or (rig.cart and not on_free_cart(rig)):
+    if rig.is_damped or modes.scene.stands or rig.leans or (rig.cart and not on_free_cart(rig)):
         return np.full(len(rows), np.nan)
     with np.errstate(all="ignore"):
         own = _own(modes, rows) if not rig.cart else _held(modes, rows)

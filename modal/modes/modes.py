@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Matrices, matrices_of, rig_of
+from modal.assembly import Matrices, equilibrium_of, matrices_of, rig_of
 from modal.eigen import Limits, find_spectrum, notes
 from modal.modes.eigenvalues import Eigenvalues, kept
 from modal.modes.modal_matrix import ModalMatrix, all_shapes, stacked
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
 
 GROWING = "Growing modes get nothing of the scene's damping_ratio, which belongs to modes that oscillate."
 SELECTED = "Only some of the modes were computed, and resonances among these alone."
-CHUNK = 400_000
+CHUNK, MOST_TOLD = 400_000, 8
+"""Numbers of a shape at once; angles of a pendulum, and different pendula, that a sentence names."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -190,7 +192,8 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         with np.errstate(all="ignore"):
             found = notes(self.natural, self.spectrum.sources)
         grows = self.scene.has_modal_damping and bool(((self.eigenvalue.real > 0) & (self.eigenvalue.imag == 0)).any())
-        return *found, *[GROWING] * grows, *left_out(self.scene), *[SELECTED] * self.selected
+        told = (*equilibrium_words(self.scene), *left_out(self.scene))
+        return *found, *[GROWING] * grows, *told, *[SELECTED] * self.selected
 
     @cached_property
     def route(self) -> str:
@@ -253,7 +256,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
 
 
 def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice | None = None) -> Modes:
-    """All modes of a scene about its equilibrium: hanging, or as `equilibrium` specifies.
+    """All modes of a scene about its equilibrium: hanging, or as `equilibrium` specifies, moved by constant forces.
 
     With an `accuracy`, relative in ω, the eigenvalues of a dense matrix are used where they are known to be within it,
     at less cost for chains of more than ten links; without, every digit is right.  `modes` selects the modes to
@@ -263,7 +266,8 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     >>> [round(mode.frequency, 4) for mode in natural_modes(load("rope"), modes=slice(1, 4))]
     [1.3758, 2.1569, 2.939]
 
-    Raises ComputationError where double precision or memory does not suffice, ValueError for an accuracy that is not
+    Raises SceneError where constant forces leave no equilibrium (`modal.assembly.equilibrium_of`), ComputationError
+    where double precision or memory does not suffice, ValueError for an accuracy that is not
     positive or a slice with a step.  Methods and their sources are given in the modules that `modal.eigen.spectrum`
     chooses from.
     """
@@ -276,6 +280,29 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
         return Modes(scene, rig, units, found)
     first, last, _ = modes.indices(len(found.eigenvalue))
     return Modes(scene, rig, units, found.take(slice(first, last)), first, selected=True)
+
+
+def equilibrium_words(scene: Scene) -> tuple[str, ...]:
+    """The angles of an equilibrium that constant forces have moved, in one sentence; nothing of any other.
+
+    >>> from modal import load
+    >>> equilibrium_words(load("chain-2"))
+    ()
+    """
+    equilibrium = equilibrium_of(scene)
+    if equilibrium is None:
+        return ()
+    angles, told, first = np.degrees(equilibrium.rest.angle) + 0.0, list[str](), 0
+    for pendulum in scene.pendulum:
+        for _ in range(pendulum.count):
+            own = [f"{angle:.1f}°" for angle in angles[first : first + pendulum.n_links].tolist()]
+            told.append(", ".join([*own[:MOST_TOLD], *["…"] * (len(own) > MOST_TOLD)]))
+            first += pendulum.n_links
+    runs = [(words, len(list(group))) for words, group in groupby(told)]
+    each = [words if count == 1 else f"{words} ({count} times)" for words, count in runs[:MOST_TOLD]]
+    each += ["…"] * (len(runs) > MOST_TOLD)
+    cart = f"the cart at {equilibrium.cart:.4g} m, links at " if equilibrium.cart else ""
+    return (f"The equilibrium under the constant forces: {cart}{'; '.join(each)}.",)
 
 
 def validate_accuracy(accuracy: float | None) -> float:
