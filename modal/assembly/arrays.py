@@ -30,8 +30,8 @@ ONE = np.zeros(1, dtype=np.int64)
 class Block:
     """P different chains of n links: arrays of shape (n, P), top link first; `count` (P,) copies of each.
 
-    `sigma` is 1 where a link points down at equilibrium and −1 where it points up.  Under constant forces, `rest` is the
-    equilibrium that they move the links to, arrays of the same shape; None where all hang or stand straight.
+    `sigma` is 1 where a link points down at equilibrium and −1 where it points up.  Under constant forces, `rest` is
+    the equilibrium that they move the links to, arrays of the same shape; None where all hang or stand straight.
     """
 
     mass: Floats
@@ -90,7 +90,7 @@ class Block:
 
     @cached_property
     def across(self) -> Floats:
-        """cos θ (n, P): how far the end of a link moves along the rail, per length and angle."""
+        """Cos θ (n, P): how far the end of a link moves along the rail, per length and angle."""
         return self.sigma if self.rest is None else np.cos(self.rest.angle)
 
     @cached_property
@@ -234,7 +234,7 @@ def rig_of(scene: Scene) -> Rig:
         indices = list(group)
         block, columns = _block([entries[index] for index in indices])
         for index, column in zip(indices, columns, strict=True):
-            members[index] = (len(blocks), int(column), entries[index].count)
+            members[index] = (len(blocks), int(column), entries[index].copies)
         blocks.append(block)
     support = scene.support
     cart = CartNumbers(support.mass, support.damping, support.stiffness) if isinstance(support, Cart) else None
@@ -245,7 +245,7 @@ class _Entry(NamedTuple):
     """So many equal pendula, with their equilibrium (links, 3) under constant forces."""
 
     pendulum: Pendulum
-    count: int
+    copies: int
     rest: Floats | None = None
 
 
@@ -265,7 +265,7 @@ def _block(entries: list[_Entry]) -> tuple[Block, Iterable[int]]:
         each = table.reshape(len(entries), -1, width)
         table, width = np.concatenate((each, np.array(rests) + 0.0), axis=2).reshape(len(entries), -1), width + 3
     first, columns = _different(table)
-    count = np.bincount(columns, weights=[entry.count for entry in entries]).astype(np.int64)
+    count = np.bincount(columns, weights=[entry.copies for entry in entries]).astype(np.int64)
     different = table[first]
     arrays = np.ascontiguousarray(different.reshape(len(different), -1, width).transpose(2, 1, 0))
     rest = Rest(*arrays[len(ARRAYS) :]) if rests else None

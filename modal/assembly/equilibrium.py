@@ -7,8 +7,8 @@ on, pulls that link like a weight.  With the forces along the rail and upwards, 
     B_x = Σ F_along r,    B_z = g b_i − Σ F_up r,
 
 so that without joint springs every link has its own equation, |B| sin(θ_i − φ_i) = τ_i with φ_i the direction of B_i: a
-link that hangs rests near φ_i, one that stands near φ_i + π.  With joint springs the equilibrium is followed by Newton's
-method from the unloaded one while the forces grow to their size.
+link that hangs rests near φ_i, one that stands near φ_i + π.  With joint springs the equilibrium is followed by
+Newton's method from the unloaded one while the forces grow to their size.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Equilibrium:
 
 
 class _Load(NamedTuple):
-    """On every link (L,): B without gravity along the rail and down, torques, and sums of absolute terms; on the cart."""
+    """On every link (L,) B without gravity, along the rail and down, torques, and sums of absolute terms; on the cart."""
 
     along: Floats
     down: Floats
@@ -148,8 +148,8 @@ def _unbalanced(scene: Scene, load: _Load) -> Iterator[str]:
     held = isinstance(scene.support, Cart) and not scene.support.stiffness
     if held and abs(load.cart) > BALANCED * load.on_cart:
         yield (
-            f"support.stiffness = 0: the constant forces along the rail add up to {load.cart:.6g} N, which nothing holds: "
-            "there is no equilibrium; give the cart a spring, or balance them"
+            f"support.stiffness = 0: the constant forces along the rail add up to {load.cart:.6g} N, which nothing "
+            "holds: there is no equilibrium; give the cart a spring, or balance them"
         )
 
 
@@ -194,8 +194,8 @@ class _Chain:
             raise SceneError([f"{words}: there is no equilibrium" for words in dict.fromkeys(problems)])
         turned = np.arcsin(torque / pull)
         sign = np.where(self.stands, -1.0, 1.0)
-        theta = np.arctan2(sign * along, sign * down) + sign * turned
-        return np.where(self.stands, theta + 2 * np.pi * (theta < -1e-9), theta) if self.stands.any() else theta
+        theta: Floats = np.arctan2(sign * along, sign * down) + sign * turned
+        return np.asarray(np.where(self.stands & (theta < -BALANCED), theta + 2 * np.pi, theta))
 
     def _followed(self, along: Floats, down: Floats, torque: Floats) -> Floats:
         """With joint springs, from the unloaded equilibrium while the load grows."""
@@ -210,7 +210,9 @@ class _Chain:
                 continue
             theta, share, step = found, share + step, 1.5 * step
         if not self.stands.any() and np.linalg.eigvalsh(self._stiffness(theta, along, self.weight + down))[0] <= 0:
-            raise SceneError([": its equilibrium under the constant forces is unstable: links buckle before they are reached"])
+            raise SceneError(
+                [": its equilibrium under the constant forces is unstable: links buckle before they are reached"]
+            )
         return theta
 
     def _ends(self, share: float) -> str:
@@ -218,7 +220,7 @@ class _Chain:
 
     def _newton(self, start: Floats, along: Floats, down: Floats, torque: Floats) -> Floats | None:
         """The equilibrium near a start; None if Newton's method goes elsewhere."""
-        theta, total = start.copy(), self.weight + down
+        theta, change, total = start, start, self.weight + down
         for _ in range(NEWTON):
             bend = np.diff(theta - self.relaxed, prepend=0.0)
             moments = self.springs * bend

@@ -49,7 +49,10 @@ class Stack:
 
 
 def can_stack(scenes: Sequence[Scene]) -> bool:
-    """Whether all scenes have the same form, without dampers, drag, joint springs, massless carts, inverted links or constant forces."""
+    """Whether all scenes have the same form, and equations that stacks have.
+
+    Those are without dampers, drag, joint springs, massless carts, inverted links and constant forces.
+    """
     form = _form(scenes[0])
     return _is_plain(scenes[0]) and all(_form(scene) == form for scene in scenes)
 

@@ -25,9 +25,11 @@ def vibration(options: argparse.Namespace) -> None:
     """Compute the PSD and RMS of every output when the support shakes at random."""
     from modal.scene.records import read_spectrum
     from modal.vibration import random_report, random_response
+    from modal.vibration.random import INPUT
 
     def respond(scene: Scene, **outputs: tuple[str, ...]) -> Any:
-        return random_response(scene, read_spectrum(options.psd), **outputs)
+        acts = options.input != INPUT
+        return random_response(scene, read_spectrum(options.psd, acts), source=options.input, **outputs)
 
     _report(options, respond, random_report, "draw_random")
 
@@ -36,9 +38,16 @@ def _vibration_arguments(page: Page) -> None:
     add_scene(page)
     words = (
         "one-sided PSD of the support's motion along the rail, a CSV file with frequency_hz, and psd in (m/s²)²/Hz or "
-        "velocity_psd or displacement_psd"
+        "velocity_psd or displacement_psd; of a force, with psd in N²/Hz, where --input names one"
     )
     offer(page.asked.add_argument("--psd", metavar="CSV", required=True, help=words), files((".csv",)))
+    words = (
+        "the input that the PSD is of: support_acceleration (default), cart_force, force:POINT, lift:POINT or "
+        "torque:POINT, with a POINT such as pendulum[0].links[1]@0.5, or force[0] of the scene"
+    )
+    page.rephrase(r"^input(?=[ :])", "--input")
+    usual = "support_acceleration"
+    add_words(page.asked, "--input", (usual, "cart_force"), comma="", metavar="WORD", default=usual, help=words)
     _add_written(page)
 
 
