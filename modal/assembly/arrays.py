@@ -142,6 +142,7 @@ class Rig(Displayed):
     `members` follows the file: (block, column, copies) for every pendulum entry, under constant forces for every copy.
     `damping_ratio` is that of all modes,
     or of each by its number (`modal.assembly.modal_damping`).
+    `cart_rest` (m) is the displacement of the cart at equilibrium.
     """
 
     gravity: float
@@ -150,6 +151,7 @@ class Rig(Displayed):
     cart: CartNumbers | None
     spatial: bool
     damping_ratio: float | tuple[float, ...] = 0.0
+    cart_rest: float = 0.0
 
     @cached_property
     def total_mass(self) -> float:
@@ -238,7 +240,8 @@ def rig_of(scene: Scene) -> Rig:
         blocks.append(block)
     support = scene.support
     cart = CartNumbers(support.mass, support.damping, support.stiffness) if isinstance(support, Cart) else None
-    return Rig(scene.gravity, tuple(blocks), tuple(members), cart, scene.space == "space", scene.damping_ratio)
+    moved = equilibrium.cart if equilibrium else 0.0
+    return Rig(scene.gravity, tuple(blocks), tuple(members), cart, scene.space == "space", scene.damping_ratio, moved)
 
 
 class _Entry(NamedTuple):

@@ -28,6 +28,8 @@ BALANCED = 1e-12
 """Forces that cancel to this fraction of their sum are in balance."""
 STEPS, NEWTON, FARTHEST = 16, 30, 0.3
 """First steps of the load, most steps of Newton's method in each, most change (rad) of an angle in one."""
+SAME, ROUNDED = 1e-15, 1e-8
+"""A change (rad) of the last digit, and the largest that rounding leaves where it shrinks no more."""
 FINEST = 2.0**-20
 """The smallest step of the load, of which a branch that needs a smaller one ends."""
 
@@ -220,18 +222,22 @@ class _Chain:
 
     def _newton(self, start: Floats, along: Floats, down: Floats, torque: Floats) -> Floats | None:
         """The equilibrium near a start; None if Newton's method goes elsewhere."""
-        theta, change, total = start, start, self.weight + down
+        theta, total, size = start, self.weight + down, np.inf
         for _ in range(NEWTON):
             bend = np.diff(theta - self.relaxed, prepend=0.0)
             moments = self.springs * bend
             slope = total * np.sin(theta) - along * np.cos(theta) - torque + moments - np.append(moments[1:], 0.0)
-            change = np.linalg.lstsq(self._stiffness(theta, along, total), -slope, rcond=None)[0]
-            theta = theta + change
-            if np.abs(theta - start).max() > FARTHEST:
+            try:
+                change = np.linalg.solve(self._stiffness(theta, along, total), -slope)
+            except np.linalg.LinAlgError:
                 return None
-            if np.abs(change).max() <= 4 * np.finfo(float).eps * max(1.0, np.abs(theta).max()):
+            last, size = size, float(np.abs(change).max())
+            theta = np.asarray(theta + change)
+            if not np.abs(theta - start).max() <= FARTHEST:
+                return None
+            if size <= SAME or (size <= ROUNDED and size > last / 2):
                 return theta
-        return theta if np.abs(change).max() < 1e-13 else None
+        return None
 
     def _stiffness(self, theta: Floats, along: Floats, down: Floats) -> Floats:
         """∇²V."""

@@ -94,12 +94,10 @@ def geometry_of(scene: Scene) -> Geometry:
         pendulum.append(np.full(block.n, float(p)))
         labels += [f"{p + 1}_{i}" for i in range(1, block.n + 1)]
     rows, below = displacements(hung, rig.cart), displacements(hung, rig.cart, joints)
-    parts = [np.concatenate(parts) for parts in zip(*numbers, strict=True)]
-    names = ("mass", "drag", "rest", "length", "centre", "across", "sinking")
-    own_numbers = dict(zip(names, parts, strict=True))
-    owners, shift = np.concatenate(pendulum), rig.cart_rest
+    mass, drag, rest, length, centre, across, sunk = (np.concatenate(parts) for parts in zip(*numbers, strict=True))
+    owners, place = np.concatenate(pendulum), rig.cart_rest
     return Geometry(
-        rows, below, relative, **own_numbers, place=shift, pendulum=owners, labels=tuple(labels), on_cart=on_cart
+        rows, below, relative, mass, drag, rest, place, length, centre, across, sunk, owners, tuple(labels), on_cart
     )
 
 
