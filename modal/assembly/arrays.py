@@ -165,6 +165,15 @@ class Rig(Displayed):
         return bool(self.cart and self.cart.damping > 0) or any(block.is_damped for block in self.blocks)
 
     @property
+    def rest_angles(self) -> Floats:
+        """The equilibrium's angle (L,) of every link in the order of the file: 0 hanging, π inverted, or moved."""
+        straight = {number: np.where(block.sigma > 0, 0.0, np.pi) for number, block in enumerate(self.blocks)}
+        each = {
+            number: block.rest.angle if block.rest else straight[number] for number, block in enumerate(self.blocks)
+        }
+        return np.concatenate([np.tile(each[block][:, column], copies) for block, column, copies in self.members])
+
+    @property
     def leans(self) -> bool:
         """Whether constant forces move the links to another equilibrium."""
         return any(block.rest is not None for block in self.blocks)

@@ -61,7 +61,7 @@ class Equilibrium:
 
 
 class _Load(NamedTuple):
-    """On every link (L,) B without gravity, along the rail and down, torques, and sums of absolute terms; on the cart."""
+    """On every link (L,) B without gravity along the rail and down, torques, sums of absolute terms; on the cart."""
 
     along: Floats
     down: Floats

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Matrices, equilibrium_of, matrices_of, rig_of
+from modal.assembly import Matrices, matrices_of, rig_of
 from modal.eigen import Limits, find_spectrum, notes
 from modal.modes.eigenvalues import Eigenvalues, kept
 from modal.modes.modal_matrix import ModalMatrix, all_shapes, stacked
@@ -192,8 +192,22 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         with np.errstate(all="ignore"):
             found = notes(self.natural, self.spectrum.sources)
         grows = self.scene.has_modal_damping and bool(((self.eigenvalue.real > 0) & (self.eigenvalue.imag == 0)).any())
-        told = (*equilibrium_words(self.scene), *left_out(self.scene))
+        told = (*self._leaning(), *left_out(self.scene))
         return *found, *[GROWING] * grows, *told, *[SELECTED] * self.selected
+
+    def _leaning(self) -> tuple[str, ...]:
+        """The angles of an equilibrium that constant forces have moved, in one sentence."""
+        if not self.rig.leans:
+            return ()
+        sizes = [self.rig.blocks[block].n for block, _, copies in self.rig.members for _ in range(copies)]
+        each = np.split(np.degrees(self.rig.rest_angles) + 0.0, np.cumsum(sizes)[:-1])
+        words = [", ".join([f"{angle:.1f}°" for angle in own[:MOST_TOLD].tolist()]) for own in each]
+        words = [f"{told}, …" if len(own) > MOST_TOLD else told for told, own in zip(words, each, strict=True)]
+        runs = [(told, len(list(group))) for told, group in groupby(words)]
+        told = [told if count == 1 else f"{told} ({count} times)" for told, count in runs[:MOST_TOLD]]
+        told += ["…"] * (len(runs) > MOST_TOLD)
+        cart = f"the cart at {self.rig.cart_rest:.4g} m, links at " if self.rig.cart_rest else ""
+        return (f"The equilibrium under the constant forces: {cart}{'; '.join(told)}.",)
 
     @cached_property
     def route(self) -> str:
@@ -280,29 +294,6 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
         return Modes(scene, rig, units, found)
     first, last, _ = modes.indices(len(found.eigenvalue))
     return Modes(scene, rig, units, found.take(slice(first, last)), first, selected=True)
-
-
-def equilibrium_words(scene: Scene) -> tuple[str, ...]:
-    """The angles of an equilibrium that constant forces have moved, in one sentence; nothing of any other.
-
-    >>> from modal import load
-    >>> equilibrium_words(load("chain-2"))
-    ()
-    """
-    equilibrium = equilibrium_of(scene)
-    if equilibrium is None:
-        return ()
-    angles, told, first = np.degrees(equilibrium.rest.angle) + 0.0, list[str](), 0
-    for pendulum in scene.pendulum:
-        for _ in range(pendulum.count):
-            own = [f"{angle:.1f}°" for angle in angles[first : first + pendulum.n_links].tolist()]
-            told.append(", ".join([*own[:MOST_TOLD], *["…"] * (len(own) > MOST_TOLD)]))
-            first += pendulum.n_links
-    runs = [(words, len(list(group))) for words, group in groupby(told)]
-    each = [words if count == 1 else f"{words} ({count} times)" for words, count in runs[:MOST_TOLD]]
-    each += ["…"] * (len(runs) > MOST_TOLD)
-    cart = f"the cart at {equilibrium.cart:.4g} m, links at " if equilibrium.cart else ""
-    return (f"The equilibrium under the constant forces: {cart}{'; '.join(each)}.",)
 
 
 def validate_accuracy(accuracy: float | None) -> float:

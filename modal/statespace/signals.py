@@ -87,15 +87,14 @@ def geometry_of(scene: Scene) -> Geometry:
         at = len(labels)
         own = slice(at + on_cart, at + on_cart + block.n)
         relative[at : at + block.n, own] = np.eye(block.n) - np.eye(block.n, k=-1)
-        angle = np.where(block.sigma > 0, 0.0, np.pi) if block.rest is None else block.rest.angle
         sinking = np.zeros_like(block.sigma) if block.sinking is None else block.sinking
-        each = (block.mass, block.drag, angle, block.length, block.centre, block.across, sinking)
+        each = (block.mass, block.drag, block.length, block.centre, block.across, sinking)
         numbers.append([part[:, column] for part in each])
         pendulum.append(np.full(block.n, float(p)))
         labels += [f"{p + 1}_{i}" for i in range(1, block.n + 1)]
     rows, below = displacements(hung, rig.cart), displacements(hung, rig.cart, joints)
-    mass, drag, rest, length, centre, across, sunk = (np.concatenate(parts) for parts in zip(*numbers, strict=True))
-    owners, place = np.concatenate(pendulum), rig.cart_rest
+    mass, drag, length, centre, across, sunk = (np.concatenate(parts) for parts in zip(*numbers, strict=True))
+    owners, rest, place = np.concatenate(pendulum), rig.rest_angles, rig.cart_rest
     return Geometry(
         rows, below, relative, mass, drag, rest, place, length, centre, across, sunk, owners, tuple(labels), on_cart
     )

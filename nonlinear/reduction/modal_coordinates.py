@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import Matrices, equilibrium_of
+from modal.assembly import Matrices, rig_of
 from modal.errors import ComputationError
 from modal.modes import Modes
 from modal.report import Displayed
@@ -120,16 +120,12 @@ def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
 
 def rest_angles(scene: Scene) -> Floats:
     """Equilibrium angle (L,) of every link: 0 hanging, π inverted, or where constant forces move it."""
-    if equilibrium := equilibrium_of(scene):
-        return equilibrium.rest.angle
-    ways = [way for pendulum in scene.pendulum for _ in range(pendulum.count) for way in pendulum.ways]
-    return np.where(np.array(ways) == "up", np.pi, 0.0)
+    return rig_of(scene).rest_angles
 
 
 def rest_cart(scene: Scene) -> float:
     """The cart's displacement (m) at equilibrium: 0, or where constant forces move it."""
-    equilibrium = equilibrium_of(scene)
-    return equilibrium.cart if equilibrium else 0.0
+    return rig_of(scene).cart_rest
 
 
 def along_rail(modes: Modes, number: int) -> tuple[list[int], Any]:
