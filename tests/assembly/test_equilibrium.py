@@ -51,7 +51,9 @@ SCENES = {
     "springs": pushed(WIND, LIFT, TURN, links=SPRUNG),
     "drag": pushed(WIND, LIFT, TURN, links=AIRY, support=HELD),
     "up": pushed(WIND, TURN, equilibrium=["up", "down"]),
-    "up on springs": pushed(WIND, links=[ROD | {"stiffness": 30.0}, BOB | {"stiffness": 9.0}], equilibrium=["up", "up"]),
+    "up on springs": pushed(
+        WIND, links=[ROD | {"stiffness": 30.0}, BOB | {"stiffness": 9.0}], equilibrium=["up", "up"]
+    ),
     "balanced": pushed(WIND, constant("cart", -3.0), support=HELD | {"stiffness": 0.0}),
     "balloon": pushed(WIND, constant("pendulum[0].links[1]", 20.0, "vertical")),
 }
