@@ -51,10 +51,12 @@ def add_signals(page: Page) -> None:
     inputs = (
         *("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces"),
         *("support_displacement", "support_velocity", "support_acceleration"),
+        *("force:", "lift:", "torque:", "force[0]"),
     )
     words = (
         "cart_force (default on a cart), cart_acceleration or cart_velocity; joint_torques (default on a fixed "
-        "support), link_forces; support_displacement, support_velocity or support_acceleration"
+        "support), link_forces; support_displacement, support_velocity or support_acceleration; force:POINT, lift:POINT or "
+        "torque:POINT, with a POINT such as pendulum[0].links[1]@0.5; force[0], the scene's first force"
     )
     add_words(page.asked, "--input", inputs, metavar="WORDS", help=words)
     words = (

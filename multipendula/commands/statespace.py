@@ -284,6 +284,10 @@ COMMANDS = (
                 "response crane-hook --input cart_acceleration --of theta_1_2 -o load.png",
                 "one output, with prescribed trolley motion",
             ),
+            (
+                "response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3",
+                "to wind on the load: a force at a point",
+            ),
             ("response crane-hook --impulse -o impulse.svg", "after an impulse on the trolley"),
             ("response crane-hook --impulse -o impulse.csv", "the same in numbers"),
             ("response crane-hook --at 0.1,0.3,1 --format json", "numbers instead of a picture"),

@@ -22,7 +22,7 @@ OUTPUTS = (
 
 
 def vibration(options: argparse.Namespace) -> None:
-    """Compute the PSD and RMS of every output when the support shakes at random."""
+    """Compute the PSD and RMS of every output when the support shakes, or a force acts, at random."""
     from modal.scene.records import read_spectrum
     from modal.vibration import random_report, random_response
     from modal.vibration.random import INPUT
@@ -47,7 +47,8 @@ def _vibration_arguments(page: Page) -> None:
     )
     page.rephrase(r"^input(?=[ :])", "--input")
     usual = "support_acceleration"
-    add_words(page.asked, "--input", (usual, "cart_force"), comma="", metavar="WORD", default=usual, help=words)
+    known = (usual, "cart_force", "force:", "lift:", "torque:", "force[0]")
+    add_words(page.asked, "--input", known, comma="", metavar="WORD", default=usual, help=words)
     _add_written(page)
 
 
