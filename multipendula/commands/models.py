@@ -55,8 +55,8 @@ def add_signals(page: Page) -> None:
     )
     words = (
         "cart_force (default on a cart), cart_acceleration or cart_velocity; joint_torques (default on a fixed "
-        "support), link_forces; support_displacement, support_velocity or support_acceleration; force:POINT, lift:POINT or "
-        "torque:POINT, with a POINT such as pendulum[0].links[1]@0.5; force[0], the scene's first force"
+        "support), link_forces; support_displacement, support_velocity or support_acceleration; force:POINT, "
+        "lift:POINT or torque:POINT, with a POINT such as pendulum[0].links[1]@0.5; force[0], the scene's first force"
     )
     add_words(page.asked, "--input", inputs, metavar="WORDS", help=words)
     words = (
