@@ -52,8 +52,8 @@ def point_input(scene: Scene, name: str) -> PointInput:
     """The input of this name; SceneError where the scene has no such point or force.
 
     >>> from modal import load
-    >>> point_input(load("chain-2"), "force:pendulum[0].links[1]").places
-    (Place(link=1, above=0, below=None),)
+    >>> [place.link for place in point_input(load("chain-2"), "force:pendulum[0].links[0]@0.5").places]
+    [0, 1]
     """
     own = OF_SCENE.fullmatch(name)
     if own:
