@@ -14,7 +14,6 @@ Newton's method from the unloaded one while the forces grow to their size.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,8 +48,7 @@ class Rest(NamedTuple):
         return self._replace(held=self.held * factor, pull=self.pull * factor)
 
 
-@dataclass(frozen=True)
-class Equilibrium:
+class Equilibrium(NamedTuple):
     """The equilibrium of a scene under its constant forces: the cart's displacement (m), and every link's `rest`.
 
     The links, (L,), are in the order of the file, counting copies.
@@ -86,7 +84,7 @@ def equilibrium_of(scene: Scene) -> Equilibrium | None:
     >>> np.degrees(found.rest.angle).round(3).tolist()
     [45.0, 45.0]
     """
-    if "constant_force" not in scene.features:
+    if not scene.force or "constant_force" not in scene.features:
         return None
     load = _load_of(scene)
     problems, rests = list(_unbalanced(scene, load)), []

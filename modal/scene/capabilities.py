@@ -90,7 +90,6 @@ CONSTANT: Sentences = {"hoist": "needs constant lengths"}
 SHIFTED: Sentences = {"constant_force": "is computed about links that hang or stand straight, from which it moves them"}
 LEANING: Sentences = {"constant_force": "there is no equilibrium"}
 """Constant forces move the equilibrium, and a scene is linearized about it; or they leave none."""
-REELED = {("hoist", "constant_force"): "the equilibrium that it moves would change with the lengths"}
 STILL: Sentences = {
     "moved_support": "needs a support at rest, and simulate follows a moved one",
     **_each(FORCED, "needs a scene without forces, and simulate takes them"),

@@ -11,7 +11,8 @@ import sympy as sp
 from scipy.linalg import eig
 
 from modal import Pendulum, SceneError, matrices, natural_modes
-from modal.assembly import equilibrium_of, rig_of
+from modal.assembly import equilibrium_of, matrices_at, rig_of
+from modal.modes.friction import damping_ratios
 from modal.scene import Scene, scene_from
 from modal.scene.points import parse_point
 from nonlinear import simulate
@@ -254,3 +255,21 @@ def test_a_run_without_a_start_begins_about_the_equilibrium() -> None:
     expected = 1e-4 * np.outer(np.cos(modes.omega[0] * run.times), modes.shape(0).angles)
     assert swing == pytest.approx(expected, abs=1e-7)
     assert degrees(np.abs(swing).max()) < 0.006
+
+
+def test_drag_and_friction_of_a_leaning_mode() -> None:
+    """The decay of a run with quadratic drag, which acts along the path of each centre."""
+    scene = pushed(constant("pendulum[0].links[0]", 8.0), links=[BOB | {"quadratic_drag": 0.3}])
+    modes, amplitude = natural_modes(scene), 0.05
+    ratio = damping_ratios(modes, amplitude)[1]
+    # a bob on its circle: torque d l³ |θ'| θ', so that ζ = 4 d l a / 3π m wherever it rests
+    assert ratio == pytest.approx(4 * 0.3 * 0.8 * amplitude / (3 * pi * 0.5))
+
+
+def test_a_hoist_under_constant_forces_has_no_model_along_it() -> None:
+    rope = BOB | {"hoist": {"to": 1.2, "duration": 3.0}}
+    scene = pushed(constant("pendulum[0].links[0]", 3.0), links=[rope])
+    with pytest.raises(SceneError, match="along a hoist the equilibrium under constant forces would change"):
+        matrices_at(scene, 1.0)
+    turned = natural_modes(scene.at(3.0)).rig.rest_angles
+    assert turned == pytest.approx([atan2(3.0, 0.5 * G)])
