@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Matrices, matrices_of, rig_of
+from modal.assembly import Matrices, Rig, matrices_of, rig_of
 from modal.eigen import Limits, find_spectrum, notes
 from modal.modes.eigenvalues import Eigenvalues, kept
 from modal.modes.modal_matrix import ModalMatrix, all_shapes, stacked
@@ -192,22 +192,8 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         with np.errstate(all="ignore"):
             found = notes(self.natural, self.spectrum.sources)
         grows = self.scene.has_modal_damping and bool(((self.eigenvalue.real > 0) & (self.eigenvalue.imag == 0)).any())
-        told = (*self._leaning(), *left_out(self.scene))
+        told = (*equilibrium_words(self.rig), *left_out(self.scene))
         return *found, *[GROWING] * grows, *told, *[SELECTED] * self.selected
-
-    def _leaning(self) -> tuple[str, ...]:
-        """The angles of an equilibrium that constant forces have moved, in one sentence."""
-        if not self.rig.leans:
-            return ()
-        sizes = [self.rig.blocks[block].n for block, _, copies in self.rig.members for _ in range(copies)]
-        each = np.split(np.degrees(self.rig.rest_angles) + 0.0, np.cumsum(sizes)[:-1])
-        words = [", ".join([f"{angle:.1f}°" for angle in own[:MOST_TOLD].tolist()]) for own in each]
-        words = [f"{told}, …" if len(own) > MOST_TOLD else told for told, own in zip(words, each, strict=True)]
-        runs = [(told, len(list(group))) for told, group in groupby(words)]
-        told = [told if count == 1 else f"{told} ({count} times)" for told, count in runs[:MOST_TOLD]]
-        told += ["…"] * (len(runs) > MOST_TOLD)
-        cart = f"the cart at {self.rig.cart_rest:.4g} m, links at " if self.rig.cart_rest else ""
-        return (f"The equilibrium under the constant forces: {cart}{'; '.join(told)}.",)
 
     @cached_property
     def route(self) -> str:
@@ -294,6 +280,28 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
         return Modes(scene, rig, units, found)
     first, last, _ = modes.indices(len(found.eigenvalue))
     return Modes(scene, rig, units, found.take(slice(first, last)), first, selected=True)
+
+
+def equilibrium_words(rig: Rig) -> tuple[str, ...]:
+    """The angles of an equilibrium that constant forces have moved, in one sentence; none of any other.
+
+    >>> from modal import load, natural_modes
+    >>> from modal.scene import ConstantForce
+    >>> wind = ConstantForce(on="pendulum[0].links[0]", amplitude=9.81)
+    >>> equilibrium_words(natural_modes(load("chain-2").replace(force=(wind,))).rig)
+    ('The equilibrium under the constant forces: 45.0°, 45.0°.',)
+    """
+    if not rig.leans:
+        return ()
+    sizes = [rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)]
+    each = np.split(np.degrees(rig.rest_angles) + 0.0, np.cumsum(sizes)[:-1])
+    words = [", ".join([f"{angle:.1f}°" for angle in own[:MOST_TOLD].tolist()]) for own in each]
+    words = [f"{told}, …" if len(own) > MOST_TOLD else told for told, own in zip(words, each, strict=True)]
+    runs = [(told, len(list(group))) for told, group in groupby(words)]
+    told = [told if count == 1 else f"{told} ({count} times)" for told, count in runs[:MOST_TOLD]]
+    told += ["…"] * (len(runs) > MOST_TOLD)
+    cart = f"the cart at {rig.cart_rest:.4g} m, links at " if rig.cart_rest else ""
+    return (f"The equilibrium under the constant forces: {cart}{'; '.join(told)}.",)
 
 
 def validate_accuracy(accuracy: float | None) -> float:

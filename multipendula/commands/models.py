@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from multipendula.commands.shared import listed, noted
+from multipendula.commands.shared import about, listed, noted
 from multipendula.completion import Completer
 from multipendula.options import add_words, number, offer
 from multipendula.parser import Page
@@ -71,7 +71,7 @@ def add_signals(page: Page) -> None:
 
 def scene_of(options: argparse.Namespace) -> Scene:
     """The scene, with a note on what its linear model leaves out."""
-    return noted(scene_at(options))
+    return about(noted(scene_at(options)))
 
 
 def scene_at(options: argparse.Namespace) -> Scene:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from modal.exports import FORMATS
 from multipendula.command import Command
 from multipendula.commands.models import add_model_file, add_signals, model_of, scene_at, scene_of
-from multipendula.commands.shared import drawn, estimate_of, listed, noted, output, picture, say
+from multipendula.commands.shared import about, drawn, estimate_of, listed, noted, output, picture, say
 from multipendula.completion import files
 from multipendula.options import (
     PICTURES,
@@ -42,7 +42,7 @@ def export(options: argparse.Namespace) -> None:
     if options.file is None:
         raise SceneError(["-o FILE: is required"])
     scene = scene_at(options)
-    noted(scene.at(0.0))
+    about(noted(scene.at(0.0)))
     if scene.is_hoisted:
         content = target.write_varying(_varying(scene, options))
         with whole_file(options.file) as stream:

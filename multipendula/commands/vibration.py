@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
-from multipendula.commands.shared import draw_in, listed, noted, output, picture
+from multipendula.commands.shared import about, draw_in, listed, noted, output, picture
 from multipendula.completion import files
 from multipendula.options import add_format, add_picture, add_scene, add_text, add_words, offer
 from multipendula.parser import Page
@@ -96,7 +96,7 @@ def _report(
 
     if options.picture:
         picture(options.picture, "--picture")
-    scene = noted(load(options.scene))
+    scene = about(noted(load(options.scene)))
     found = respond(scene, **({"outputs": listed(options.signals)} if options.signals else {}))
     draw_in(options, options.picture, "modal.plotting.vibration", figure, found)
     with output(options.output) as write:
