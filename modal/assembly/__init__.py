@@ -11,6 +11,7 @@ problems and for tests.
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
 from modal.assembly.dense import Columns, assembled, centres, dampers, displacements, drag_of, joints
+from modal.assembly.equilibrium import Equilibrium, Rest, equilibrium_of
 from modal.assembly.hoisting import (
     Hoisting,
     Hoists,
@@ -31,12 +32,14 @@ __all__ = [
     "Block",
     "CartNumbers",
     "Columns",
+    "Equilibrium",
     "Group",
     "Hoisting",
     "Hoists",
     "Instant",
     "Matrices",
     "RatioAt",
+    "Rest",
     "Rig",
     "Single",
     "Stack",
@@ -48,6 +51,7 @@ __all__ = [
     "dampers",
     "displacements",
     "drag_of",
+    "equilibrium_of",
     "frequencies",
     "hoisting_of",
     "instants",

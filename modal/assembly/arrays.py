@@ -7,7 +7,7 @@ a scene (grams, tonnes) changes nothing but the last rounding.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal import pair
+from modal.assembly.equilibrium import Rest, equilibrium_of
 from modal.report import Displayed
 from modal.scene import Cart, Pendulum, Scene, validate_scene
 from modal.types import Booleans, Floats, Ints
@@ -29,7 +30,8 @@ ONE = np.zeros(1, dtype=np.int64)
 class Block:
     """P different chains of n links: arrays of shape (n, P), top link first; `count` (P,) copies of each.
 
-    `sigma` is 1 where a link points down at equilibrium and −1 where it points up.
+    `sigma` is 1 where a link points down at equilibrium and −1 where it points up.  Under constant forces, `rest` is
+    the equilibrium that they move the links to, arrays of the same shape; None where all hang or stand straight.
     """
 
     mass: Floats
@@ -41,6 +43,7 @@ class Block:
     drag: Floats
     sigma: Floats
     count: Ints
+    rest: Rest | None = None
 
     @property
     def n(self) -> int:
@@ -54,7 +57,9 @@ class Block:
 
     @cached_property
     def is_plain(self) -> Booleans:
-        """Which chains (P,) have neither joint springs nor dampers nor drag nor inverted links."""
+        """Which chains (P,) have neither joint springs nor dampers nor drag nor inverted links, and hang straight."""
+        if self.rest is not None:
+            return np.zeros(self.size, dtype=np.bool_)
         broken = (self.damping > 0) | (self.stiffness > 0) | (self.drag > 0) | (self.sigma < 0)
         return np.asarray(~broken.any(0), dtype=np.bool_)
 
@@ -83,17 +88,29 @@ class Block:
         """The recursion's constants at g = 1, each an array of shape (n, P)."""
         return pair.link_constants(self.mass, self.length, self.centre, self.inertia, self.below)
 
+    @cached_property
+    def across(self) -> Floats:
+        """Cos θ (n, P): how far the end of a link moves along the rail, per length and angle."""
+        return self.sigma if self.rest is None else np.cos(self.rest.angle)
+
+    @cached_property
+    def sinking(self) -> Floats | None:
+        """−sin θ (n, P): how far it moves down; None where all links hang or stand straight."""
+        return None if self.rest is None else -np.sin(self.rest.angle)
+
     def take(self, columns: Ints) -> Block:
         """The chains in these columns, once each."""
         arrays = {name: getattr(self, name)[:, columns] for name in ARRAYS}
-        return Block(**arrays, count=np.ones(len(columns), dtype=np.int64))
+        rest = self.rest and Rest(*(part[:, columns] for part in self.rest))
+        return Block(**arrays, count=np.ones(len(columns), dtype=np.int64), rest=rest)
 
     def heavier(self, factor: Floats | Ints) -> Block:
         """Chain p with factor[p] times the mass, dampers, springs and drag: that many equal copies moving as one."""
         if (factor == 1).all():
             return self
         extensive = ("mass", "inertia", "damping", "stiffness", "drag")
-        return replace(self, **{name: getattr(self, name) * factor for name in extensive})
+        heavier = replace(self, **{name: getattr(self, name) * factor for name in extensive})
+        return replace(heavier, rest=self.rest.scaled(factor)) if self.rest else heavier
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +149,10 @@ class CartNumbers(NamedTuple):
 class Rig(Displayed):
     """Blocks of different chains ("kinds" of pendula), the cart (None: fixed support), and the pendula's positions.
 
-    `members` follows the file: (block, column, copies) for every pendulum entry.  `damping_ratio` is that of all modes,
+    `members` follows the file: (block, column, copies) for every pendulum entry, under constant forces for every copy.
+    `damping_ratio` is that of all modes,
     or of each by its number (`modal.assembly.modal_damping`).
+    `cart_rest` (m) is the displacement of the cart at equilibrium.
     """
 
     gravity: float
@@ -142,6 +161,7 @@ class Rig(Displayed):
     cart: CartNumbers | None
     spatial: bool
     damping_ratio: float | tuple[float, ...] = 0.0
+    cart_rest: float = 0.0
 
     @cached_property
     def total_mass(self) -> float:
@@ -153,6 +173,20 @@ class Rig(Displayed):
     def is_damped(self) -> bool:
         """Whether there are dampers or drag."""
         return bool(self.cart and self.cart.damping > 0) or any(block.is_damped for block in self.blocks)
+
+    @property
+    def rest_angles(self) -> Floats:
+        """The equilibrium's angle (L,) of every link in the order of the file: 0 hanging, π inverted, or moved."""
+        straight = {number: np.where(block.sigma > 0, 0.0, np.pi) for number, block in enumerate(self.blocks)}
+        each = {
+            number: block.rest.angle if block.rest else straight[number] for number, block in enumerate(self.blocks)
+        }
+        return np.concatenate([np.tile(each[block][:, column], copies) for block, column, copies in self.members])
+
+    @property
+    def leans(self) -> bool:
+        """Whether constant forces move the links to another equilibrium."""
+        return any(block.rest is not None for block in self.blocks)
 
     @cached_property
     def n_kinds(self) -> int:
@@ -189,6 +223,7 @@ class Rig(Displayed):
                 damping=block.damping / (moment * units.rate),
                 stiffness=block.stiffness / (units.mass * units.gravity * units.length),
                 drag=block.drag / (units.mass * units.rate),
+                rest=block.rest and block.rest.scaled(1 / (spring * units.length)),
             )
             for block in self.blocks
         )
@@ -206,29 +241,56 @@ def masses_below(mass: Floats) -> Floats:
 
 
 def rig_of(scene: Scene) -> Rig:
-    """The arrays of a scene, in SI units; SceneError for an invalid one."""
+    """The arrays of a scene, in SI units; SceneError for an invalid one, and for one without an equilibrium."""
     validate_scene(scene)
-    deep = sorted(range(len(scene.pendulum)), key=lambda index: scene.pendulum[index].n_links)
+    equilibrium = equilibrium_of(scene)
+    entries = [_Entry(pendulum, pendulum.count) for pendulum in scene.pendulum]
+    if equilibrium:
+        entries = list(_each_at(scene, equilibrium.rest))
+    deep = sorted(range(len(entries)), key=lambda index: entries[index].pendulum.n_links)
     members: list[tuple[int, int, int]] = [(0, 0, 0)] * len(deep)
     blocks: list[Block] = []
-    for _, group in groupby(deep, key=lambda index: scene.pendulum[index].n_links):
+    for _, group in groupby(deep, key=lambda index: entries[index].pendulum.n_links):
         indices = list(group)
-        block, columns = _block([scene.pendulum[index] for index in indices])
+        block, columns = _block([entries[index] for index in indices])
         for index, column in zip(indices, columns, strict=True):
-            members[index] = (len(blocks), int(column), scene.pendulum[index].count)
+            members[index] = (len(blocks), int(column), entries[index].copies)
         blocks.append(block)
     support = scene.support
     cart = CartNumbers(support.mass, support.damping, support.stiffness) if isinstance(support, Cart) else None
-    return Rig(scene.gravity, tuple(blocks), tuple(members), cart, scene.space == "space", scene.damping_ratio)
+    moved = equilibrium.cart if equilibrium else 0.0
+    return Rig(scene.gravity, tuple(blocks), tuple(members), cart, scene.space == "space", scene.damping_ratio, moved)
 
 
-def _block(pendula: list[Pendulum]) -> tuple[Block, Iterable[int]]:
-    table = np.array([_parameters(pendulum) for pendulum in pendula]) + 0.0
+class _Entry(NamedTuple):
+    """So many equal pendula, with their equilibrium (links, 3) under constant forces."""
+
+    pendulum: Pendulum
+    copies: int
+    rest: Floats | None = None
+
+
+def _each_at(scene: Scene, rest: Rest) -> Iterator[_Entry]:
+    """Every copy of every pendulum by itself."""
+    numbers, first = np.column_stack(rest), 0
+    for pendulum in scene.pendulum:
+        for _ in range(pendulum.count):
+            yield _Entry(pendulum, 1, numbers[first : first + pendulum.n_links])
+            first += pendulum.n_links
+
+
+def _block(entries: list[_Entry]) -> tuple[Block, Iterable[int]]:
+    table = np.array([_parameters(entry.pendulum) for entry in entries]) + 0.0
+    width, rests = len(ARRAYS), [entry.rest for entry in entries if entry.rest is not None]
+    if rests:
+        each = table.reshape(len(entries), -1, width)
+        table, width = np.concatenate((each, np.array(rests) + 0.0), axis=2).reshape(len(entries), -1), width + 3
     first, columns = _different(table)
-    count = np.bincount(columns, weights=[pendulum.count for pendulum in pendula]).astype(np.int64)
+    count = np.bincount(columns, weights=[entry.copies for entry in entries]).astype(np.int64)
     different = table[first]
-    arrays = np.ascontiguousarray(different.reshape(len(different), -1, len(ARRAYS)).transpose(2, 1, 0))
-    return Block(**dict(zip(ARRAYS, arrays, strict=True)), count=count), columns
+    arrays = np.ascontiguousarray(different.reshape(len(different), -1, width).transpose(2, 1, 0))
+    rest = Rest(*arrays[len(ARRAYS) :]) if rests else None
+    return Block(**dict(zip(ARRAYS, arrays, strict=False)), count=count, rest=rest), columns
 
 
 def _different(table: Floats) -> tuple[Ints, Ints]:

@@ -16,14 +16,17 @@ def assembled(columns: Columns, cart: CartNumbers | None, gravity: float) -> tup
     """(M, K) of a cart or (None) a fixed support with one pendulum for each (block, column)."""
     M, K = _zeros(columns, cart), _zeros(columns, cart)
     for block, column, own in _placed(columns, cart):
-        sigma, b = block.sigma[:, column], block.sigma[:, column] * block.b[:, column]
+        across, b = block.across[:, column], block.across[:, column] * block.b[:, column]
         own_M = M[own, own]
-        np.multiply.outer(b, sigma * block.length[:, column], out=own_M)
+        np.multiply.outer(b, across * block.length[:, column], out=own_M)
+        if block.sinking is not None:
+            sinking = block.sinking[:, column]
+            own_M += np.multiply.outer(sinking * block.b[:, column], sinking * block.length[:, column])
         for i in range(block.n):
             own_M[i, i + 1 :] = own_M[i + 1 :, i]
         np.fill_diagonal(own_M, block.diagonal[:, column])
         _add_joints(K[own, own], block.stiffness[:, column])
-        _diagonal(K[own, own])[:] += gravity * b
+        _diagonal(K[own, own])[:] += gravity * b if block.rest is None else block.rest.held[:, column]
         if cart:
             M[0, own] = M[own, 0] = b
             M[0, 0] += block.mass[:, column].sum()
@@ -47,28 +50,36 @@ def dampers(columns: Columns, cart: CartNumbers | None) -> Floats:
 
 
 def drag_of(columns: Columns, cart: CartNumbers | None) -> tuple[Floats, Floats]:
-    """The linear drag (N s/m) of every link with any, (R,), and the displacement of its centre, rows (R, size)."""
+    """The linear drag (N s/m) of every link with any, (R,), and the displacement of its centre, rows (R, size).
+
+    Of links that neither hang nor stand straight there is a second row for each, the displacement downwards.
+    """
     strength, rows = [], []
     for block, column, own in _placed(columns, cart):
         dragged = np.flatnonzero(block.drag[:, column])
-        moved = np.zeros((len(dragged), len(_zeros(columns, cart))))
-        moved[:, own] = centres(block, column)[dragged]
-        if cart:
-            moved[:, 0] = 1.0
-        strength.append(block.drag[dragged, column])
-        rows.append(moved)
+        ways = (block.across,) if block.sinking is None else (block.across, block.sinking)
+        for way in ways:
+            moved = np.zeros((len(dragged), len(_zeros(columns, cart))))
+            moved[:, own] = centres(block, column, way)[dragged]
+            if cart and way is block.across:
+                moved[:, 0] = 1.0
+            strength.append(block.drag[dragged, column])
+            rows.append(moved)
     return np.concatenate(strength), np.vstack(rows)
 
 
-def centres(block: Block, column: int) -> Floats:
-    """The displacement of the centre of every link along the rail by every angle of its chain, (n, n)."""
-    sigma, length = block.sigma[:, column], block.length[:, column]
-    return np.tril(np.tile(sigma * length, (block.n, 1)), -1) + np.diag(sigma * block.centre[:, column])
+def centres(block: Block, column: int, way: Floats | None = None) -> Floats:
+    """The displacement of the centre of every link along the rail by every angle of its chain, (n, n).
+
+    A `way` is another direction: what the end of every link (n, P) moves there, per length and angle.
+    """
+    own, length = (block.across if way is None else way)[:, column], block.length[:, column]
+    return np.tril(np.tile(own * length, (block.n, 1)), -1) + np.diag(own * block.centre[:, column])
 
 
 def joints(block: Block, column: int) -> Floats:
     """The same of the lower joint of every link."""
-    return np.tril(np.tile(block.sigma[:, column] * block.length[:, column], (block.n, 1)))
+    return np.tril(np.tile(block.across[:, column] * block.length[:, column], (block.n, 1)))
 
 
 def displacements(columns: Columns, cart: CartNumbers | None, of: Callable[[Block, int], Floats] = centres) -> Floats:

@@ -34,6 +34,10 @@ Hoists = Mapping[tuple[int, int], Any]
 
 
 POSITIVE = "hoist: a length must be a positive number of metres, with finite speed, at all times"
+LEANS = (
+    "force: along a hoist the equilibrium under constant forces would change: remove the force, or take the lengths of "
+    "one time, Scene.at(seconds)"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,10 +190,15 @@ def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
 
 
 def instants(scene: Scene) -> Callable[[float], Instant]:
-    """The linear equations of a scene with a hoist as a function of time (s); SceneError for one without."""
+    """The linear equations of a scene with a hoist as a function of time (s).
+
+    SceneError for a scene without one, and under constant forces, whose equilibrium would change with the lengths.
+    """
     hoisting, rig = hoisting_of(scene), rig_of(scene)
     if hoisting is None:
         raise SceneError(["hoist: no link of this scene has one"])
+    if rig.leans:
+        raise SceneError([LEANS])
     chains = [
         rig.blocks[block].take(np.array([column])) for block, column, copies in rig.members for _ in range(copies)
     ]

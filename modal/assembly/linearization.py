@@ -8,6 +8,10 @@ bottom; σ_i is 1 for a hanging link and −1 for an inverted one.  A spring or 
 difference of two neighbouring angles, the spring being relaxed at equilibrium.  The row h_k is the displacement of the
 centre of link k along the rail, (1, σ_1 l_1, …, σ_{k−1} l_{k−1}, σ_k c_k); in space h_k without the cart describes the
 motion across it.  A scene's `damping_ratio` adds D_modal (`modal.assembly.modal_damping`).
+
+Under constant forces all of it is about the equilibrium that they move the links to (`modal.assembly.equilibrium`):
+with its angles θ, M_ij = A_ij cos(θ_i − θ_j) and M_0i = b_i cos θ_i, K has B_z cos θ + B_x sin θ in place of g σ b, and
+drag a second row for the displacement downwards, with −sin θ in place of σ.
 """
 
 from __future__ import annotations

@@ -60,7 +60,10 @@ class Stack:
 
 
 def can_stack(scenes: Sequence[Scene]) -> bool:
-    """Whether all scenes have the same form, without dampers, drag, joint springs, massless carts or inverted links."""
+    """Whether all scenes have the same form, and equations that stacks have.
+
+    Those are without dampers, drag, joint springs, massless carts, inverted links and constant forces.
+    """
     form = _form(scenes[0])
     return _is_plain(scenes[0]) and all(_form(scene) == form for scene in scenes)
 
@@ -70,13 +73,14 @@ def _form(scene: Scene) -> Hashable:
     cart = scene.support if isinstance(scene.support, Cart) else None
     held = cart and (cart.mass > 0, cart.damping, cart.stiffness > 0)
     pendula = [(pendulum.count, pendulum.equilibrium, *map(KIND, pendulum.links)) for pendulum in scene.pendulum]
-    return held, scene.space, tuple(pendula)
+    return held, scene.space, tuple(pendula), "constant_force" in scene.features
 
 
 def _is_plain(scene: Scene) -> bool:
     cart = scene.support if isinstance(scene.support, Cart) else None
     still = not any(link.damping or link.stiffness or link.drag for link in scene.links())
-    return still and not scene.stands and not (cart and (cart.damping or not cart.mass))
+    straight = not scene.stands and "constant_force" not in scene.features
+    return still and straight and not (cart and (cart.damping or not cart.mass))
 
 
 def stacked(scenes: Sequence[Scene]) -> Stack:

@@ -1,4 +1,4 @@
-"""Modes from matrices, for dampers and for joint springs and inverted links beyond `sprung_chains`.
+"""Modes from matrices, for dampers, constant forces, and joint springs and inverted links beyond `sprung_chains`.
 
 For one chain, or for one heavy pendulum of each kind and the cart. A damped mode φ of eigenvalue λ takes part in the
 cart's response to a sudden push with its residue,
@@ -44,7 +44,11 @@ class FromMatrices:
     counts: tuple[Ints, ...]
     cart: CartNumbers | None
     ratio: RatioAt | None = None
-    route = "dense"
+
+    @property
+    def route(self) -> str:
+        """Dense, about the equilibrium under constant forces where there are any."""
+        return "dense, about the equilibrium under constant forces" if self.leans else "dense"
 
     @property
     def built(self) -> Built:
@@ -62,7 +66,8 @@ class FromMatrices:
         if self.is_damped:
             dense.refuse_beyond(dense.LARGEST_DAMPED, self.size, "dampers")
         else:
-            dense.refuse_beyond(dense.LARGEST_UNDAMPED, self.size, "inverted links" if self.stands else "joint springs")
+            cause = "constant forces" if self.leans else "inverted links" if self.stands else "joint springs"
+            dense.refuse_beyond(dense.LARGEST_UNDAMPED, self.size, cause)
         return assembled(self._columns, self.cart, gravity=1.0)
 
     @cached_property
@@ -95,6 +100,11 @@ class FromMatrices:
         """Whether any link is inverted."""
         return any((block.sigma < 0).any() for block in self.blocks)
 
+    @property
+    def leans(self) -> bool:
+        """Whether constant forces move the equilibrium."""
+        return any(block.rest is not None for block in self.blocks)
+
     @cached_property
     def modes(self) -> dense.Eigen:
         """Eigenvalues, shapes, errors."""
@@ -103,14 +113,17 @@ class FromMatrices:
         M, K = self.matrices
         if self.is_damped:
             return quadratic.damped(M, K, self._terms, self._dampers, self._modal, free=self.is_free)
-        if self.stands:
+        if self.stands or self.leans:
             return dense.indefinite(M, K, free=self.is_free, terms=self._terms)
         return dense.undamped(M, K, free=self.is_free, singular=self.is_singular)
 
     @property
     def _terms(self) -> Floats:
         """Sums of the absolute terms of K's diagonal."""
-        falling = [((1 - block.sigma) * block.b).T.ravel() for block in self.blocks]
+        falling = [
+            ((1 - block.sigma) * block.b if block.rest is None else block.rest.pull - block.rest.held).T.ravel()
+            for block in self.blocks
+        ]
         terms: Floats = np.diag(self.matrices[1]) + np.concatenate([np.zeros(1 if self.cart else 0), *falling])
         return terms
 
@@ -135,13 +148,15 @@ class FromMatrices:
     @cached_property
     def is_singular(self) -> bool:
         """Whether M is singular, by a massless cart over bobs."""
-        return self.cart is not None and is_singular(self.blocks, self.cart)
+        return self.cart is not None and not self.leans and is_singular(self.blocks, self.cart)
 
     @cached_property
     def bare_accelerance(self) -> float:
         """Σ φ_x² over all finite modes (1/kg): (M⁻¹)_xx, where M is singular from the modes themselves."""
         if self.cart is None:
             return 1.0
+        if self.leans:
+            return float(np.linalg.inv(self.matrices[0])[0, 0])
         if not self.is_singular:
             return 1.0 / bare_mass(self.blocks, self.cart)
         M, shape = self.matrices[0], self.modes.shape.real
@@ -196,7 +211,12 @@ class FromMatrices:
         return np.where((value.imag > 0) | (not self.is_damped), 2 * residue, residue)
 
     def _kappa(self, shape: Numbers, value: NDArray[np.complex128]) -> Floats:
-        """κ of the in-phase part of each shape: exact without dampers, to first order in light ones."""
+        """κ of the in-phase part of each shape: exact without dampers, to first order in light ones.
+
+        About an equilibrium that constant forces have moved there are forces of odd order, too: NaN.
+        """
+        if self.leans:
+            return np.full(len(value), np.nan)
         in_phase, omega = shape.real, np.abs(value)
         cart, angles = self._split(in_phase)
         modal_mass = _form(in_phase, self.matrices[0], in_phase)
@@ -209,7 +229,7 @@ class FromMatrices:
         if self.cart:
             held: Floats = self.cart.stiffness * cart.real / x
             return held
-        whole: Floats = ((self.blocks[0].sigma * self.blocks[0].b)[:, :, None] * angles[0].real).sum((0, 1))
+        whole: Floats = ((self.blocks[0].across * self.blocks[0].b)[:, :, None] * angles[0].real).sum((0, 1))
         return whole
 
     def _split(self, shape: Numbers) -> tuple[Numbers, tuple[Numbers, ...]]:
@@ -225,8 +245,11 @@ class FromMatrices:
         """The energies of the real and of the imaginary part, added."""
         found = []
         for block, angle in zip(self.blocks, angles, strict=True):
-            turn = angle * (block.sigma * block.length)[:, :, None]
-            parts = ((cart.real, turn.real), (cart.imag, turn.imag))
+            turn = angle * (block.across * block.length)[:, :, None]
+            parts = [(cart.real, turn.real), (cart.imag, turn.imag)]
+            if block.sinking is not None:
+                sunk = angle * (block.sinking * block.length)[:, :, None]
+                parts += [(0 * cart.real, sunk.real), (0 * cart.real, sunk.imag)]
             found.append(sum((kinetic(block, joints(y, a), a) for y, a in parts), start=np.zeros(turn.shape)))
         return tuple(found)
 

@@ -130,10 +130,13 @@ def _needs_more(rig: Rig) -> bool:
 
 
 def _sprung(matrices: FromMatrices) -> Source:
-    """The source for chains with joint springs or inverted links: mass and moment, or dense if damped or too large."""
+    """The source for chains with joint springs or inverted links: mass and moment, or dense.
+
+    Dense where they are damped, lean under constant forces, or are too large.
+    """
     blocks, cart = matrices.blocks, matrices.cart
     many = cart is not None and sum(block.mass.size for block in blocks) > MOST_LINKS_TOGETHER
-    if matrices.is_damped or matrices.is_singular or many:
+    if matrices.is_damped or matrices.is_singular or matrices.leans or many:
         return matrices
     return Together(blocks, matrices.counts, SprungProblem(blocks, cart), partial(_accelerance_of, matrices))
 
@@ -189,7 +192,7 @@ def _moving(source: Source) -> Batch:
 
 def notes(rig: Rig, sources: Iterable[Source]) -> tuple[str, ...]:
     """What these `sources` omitted or took as equal, and why."""
-    massless = rig.cart is not None and is_singular(rig.blocks, rig.cart)
+    massless = rig.cart is not None and not rig.leans and is_singular(rig.blocks, rig.cart)
     problems = [source.problem for source in sources if isinstance(source, Together)]
     merged = any(isinstance(problem, Still) and problem.clusters.rounded for problem in problems)
     dense = any(SEEDS in source.route for source in sources)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from modal.exports.text import matrices
+from modal.exports.text import matrices, unit_of
 from modal.report import csv_rows
 from modal.statespace import StateSpace
 
@@ -25,7 +25,7 @@ def _rows(model: StateSpace) -> Iterator[tuple[Any, ...]]:
     yield "title", "", "", "", "", "", "", model.title
     yield "dt", "", "", "s", "", "", "", repr(model.dt)
     for number, (name, value) in enumerate(model.operating_point, 1):
-        yield "operating_point", number, name, "rad", "", "", "", repr(value)
+        yield "operating_point", number, name, unit_of(name), "", "", "", repr(value)
     sides = {
         "A": (model.states, model.states),
         "B": (model.states, model.inputs),

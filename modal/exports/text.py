@@ -30,7 +30,12 @@ def law(model: StateSpace) -> str:
 
 def rest(model: StateSpace) -> list[str]:
     """The operating point, one line per angle."""
-    return [one_line(f"{name} = {value!r} rad at equilibrium") for name, value in model.operating_point]
+    return [one_line(f"{name} = {value!r} {unit_of(name)} at equilibrium") for name, value in model.operating_point]
+
+
+def unit_of(name: str) -> str:
+    """The unit of a coordinate of the operating point."""
+    return "m" if name == "x" else "rad"
 
 
 def preamble(model: StateSpace) -> list[str]:

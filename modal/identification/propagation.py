@@ -31,6 +31,7 @@ from modal.modes import Modes
 from modal.report import percent
 from modal.scene import Fixed, Scene
 from modal.statespace.model import StateSpace
+from modal.statespace.points import is_point, push_of
 from modal.statespace.shapers import Drive, Shaper, residual_vibration, swing_rows
 from modal.statespace.signals import DRIVES, OF_A_CART, PUSHES, READINGS, SUPPORT, Geometry, Signal, geometry_of
 from modal.types import Complexes, Floats
@@ -113,13 +114,14 @@ def _groups(geometry: Geometry, signals: Iterable[Signal], known: Mapping[str, A
     """The names of the groups that signals belong to, in their order."""
     names = [name for name in known if geometry.on_cart or name not in OF_A_CART]
     owner = {signal.name: name for name in names for signal in known[name](geometry).signals}
+    owner |= {signal.name: signal.name for signal in signals if is_point(signal.name)}
     return tuple(dict.fromkeys(owner[signal.name] for signal in signals if signal.name in owner))
 
 
 def _linear(scene: Scene, inputs: Sequence[str], outputs: Sequence[str]) -> Arrays:
     """M, K, D, F, T and Y₀, Y₁, Y₂ of these groups of signals."""
     found, geometry = matrices(scene), geometry_of(scene)
-    pushes = [PUSHES[name](geometry) for name in inputs]
+    pushes = [push_of(scene, geometry, name) for name in inputs]
     F = np.hstack([np.zeros((geometry.size, 0)), *(push.F for push in pushes)])
     thrust = np.hstack([np.zeros((len(geometry.tips), 0)), *(push.thrust for push in pushes)])
     parts: list[list[Floats]] = [[], [], [], []]

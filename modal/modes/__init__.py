@@ -17,7 +17,7 @@ from modal.modes.frequencies import natural_frequencies
 from modal.modes.friction import sliding_modes, stop_of
 from modal.modes.modal_matrix import ModalMatrix, all_shapes
 from modal.modes.mode import UNCERTAIN, Mode
-from modal.modes.modes import Modes, natural_modes
+from modal.modes.modes import Modes, equilibrium_words, natural_modes
 from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
 from modal.modes.sensitivity import sensitivities
 from modal.modes.shapes import Shape
@@ -32,6 +32,7 @@ __all__ = [
     "Shape",
     "all_shapes",
     "counterparts",
+    "equilibrium_words",
     "hanging_rope",
     "labelled",
     "lettered",

@@ -42,7 +42,7 @@ def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None, own: S
     [0.0, 0.0, 2.848179, 0.0, 0.580392]
     """
     rig, rows = modes.rig, np.arange(len(modes)) if numbers is None else np.asarray(numbers, dtype=np.int64)
-    if rig.is_damped or modes.scene.stands or (rig.cart and not on_free_cart(rig)):
+    if rig.is_damped or modes.scene.stands or rig.leans or (rig.cart and not on_free_cart(rig)):
         return np.full(len(rows), np.nan)
     if own is not None and not rig.cart:
         return np.asarray(own, dtype=np.float64)

@@ -70,7 +70,7 @@ def sliding_modes(scene: Scene) -> tuple[Sliding, ...]:
         slid = joints @ turned + (rail + weight) * abs(cart)
         air = 0.0
         if spans is not None:
-            moved = np.abs(cart + spans @ angles)
+            moved = np.hypot(cart + spans[0] @ angles, spans[1] @ angles)
             air = float(4 * (quadratic @ moved**3) / (3 * pi * inertia))
         ratio = float(-table.eigenvalue[number - 1].real / table.omega[number - 1]) if scene.has_damping else 0.0
         found.append(Sliding(number, omega, ratio, float(slid) / (omega**2 * inertia), air))
@@ -149,14 +149,17 @@ def _relative(scene: Scene, angles: np.ndarray) -> np.ndarray:
 
 
 def _centres(modes: Modes) -> np.ndarray:
-    """The displacement of every centre of mass by every angle, (L, L)."""
+    """The displacement of every centre of mass along the rail, and downwards, by every angle, (2, L, L)."""
     rig, size = modes.rig, modes.scene.n_links
     if size > 4000:
         raise ComputationError(f"the drag of {size} links on modes: at most 4000 links")
-    found, at = np.zeros((size, size)), 0
+    found, at = np.zeros((2, size, size)), 0
     for block, column, count in rig.members:
         for _ in range(count):
-            own = slice(at, at + rig.blocks[block].n)
-            found[own, own] = centres(rig.blocks[block], column)
-            at += rig.blocks[block].n
+            each = rig.blocks[block]
+            own = slice(at, at + each.n)
+            found[0, own, own] = centres(each, column)
+            if each.sinking is not None:
+                found[1, own, own] = centres(each, column, each.sinking)
+            at += each.n
     return found

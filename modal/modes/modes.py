@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Matrices, matrices_of
+from modal.assembly import Matrices, Rig, matrices_of
 from modal.eigen import EVERYTHING, Limits, notes
 from modal.modes.eigenvalues import Eigenvalues, Short, kept
 from modal.modes.modal_matrix import ModalMatrix, all_shapes, stacked
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
 
 GROWING = "Growing modes get nothing of the scene's damping_ratio, which belongs to modes that oscillate."
 SELECTED = "Only some of the modes were computed, and resonances among these alone."
-CHUNK = 400_000
+CHUNK, MOST_TOLD = 400_000, 8
+"""Numbers of a shape at once; angles of a pendulum, and different pendula, that a sentence names."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -190,7 +192,8 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         with np.errstate(all="ignore"):
             found = notes(self.natural, self.spectrum.sources)
         grows = self.scene.has_modal_damping and bool(((self.eigenvalue.real > 0) & (self.eigenvalue.imag == 0)).any())
-        return *found, *[GROWING] * grows, *left_out(self.scene), *[SELECTED] * self.selected
+        told = (*equilibrium_words(self.rig), *left_out(self.scene))
+        return *found, *[GROWING] * grows, *told, *[SELECTED] * self.selected
 
     @cached_property
     def route(self) -> str:
@@ -253,7 +256,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
 
 
 def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice | None = None) -> Modes:
-    """All modes of a scene about its equilibrium: hanging, or as `equilibrium` specifies.
+    """All modes of a scene about its equilibrium: hanging, or as `equilibrium` specifies, moved by constant forces.
 
     With an `accuracy`, relative in ω, the eigenvalues of a dense matrix are used where they are known to be within it,
     at less cost for chains of more than ten links; without, every digit is right.  `modes` selects the modes to
@@ -263,7 +266,8 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     >>> [round(mode.frequency, 4) for mode in natural_modes(load("rope"), modes=slice(1, 4))]
     [1.3758, 2.1569, 2.939]
 
-    Raises ComputationError where double precision or memory does not suffice, ValueError for an accuracy that is not
+    Raises SceneError where constant forces leave no equilibrium (`modal.assembly.equilibrium_of`), ComputationError
+    where double precision or memory does not suffice, ValueError for an accuracy that is not
     positive or a slice with a step.  Methods and their sources are given in the modules that `modal.eigen.spectrum`
     chooses from.
     """
@@ -273,6 +277,28 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     found = Modes(scene, limits, modes)
     _ = found.spectrum  # what cannot be computed is told here
     return found
+
+
+def equilibrium_words(rig: Rig) -> tuple[str, ...]:
+    """The angles of an equilibrium that constant forces have moved, in one sentence; none of any other.
+
+    >>> from modal import load, natural_modes
+    >>> from modal.scene import ConstantForce
+    >>> wind = ConstantForce(on="pendulum[0].links[0]", amplitude=9.81)
+    >>> equilibrium_words(natural_modes(load("chain-2").replace(force=(wind,))).rig)
+    ('The equilibrium under the constant forces: 45.0°, 45.0°.',)
+    """
+    if not rig.leans:
+        return ()
+    sizes = [rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)]
+    each = np.split(np.degrees(rig.rest_angles) + 0.0, np.cumsum(sizes)[:-1])
+    words = [", ".join([f"{angle:.1f}°" for angle in own[:MOST_TOLD].tolist()]) for own in each]
+    words = [f"{told}, …" if len(own) > MOST_TOLD else told for told, own in zip(words, each, strict=True)]
+    runs = [(told, len(list(group))) for told, group in groupby(words)]
+    told = [told if count == 1 else f"{told} ({count} times)" for told, count in runs[:MOST_TOLD]]
+    told += ["…"] * (len(runs) > MOST_TOLD)
+    cart = f"the cart at {rig.cart_rest:.4g} m, links at " if rig.cart_rest else ""
+    return (f"The equilibrium under the constant forces: {cart}{'; '.join(told)}.",)
 
 
 def validate_accuracy(accuracy: float | None) -> float:

@@ -29,13 +29,13 @@ LEAST, WIDEST = 4.6, 1.4  # least width of a picture (inches); width over height
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The pendula drawn, the directions of their links, the index of the first link of each, and their pivots.
+    """The pendula drawn, their links' angles at equilibrium, the index of the first link of each, and their pivots.
 
     In metres: the longest chain, the extent below and above the rail, and half the width.
     """
 
     links: tuple[tuple[AnyLink, ...], ...]
-    ways: tuple[Floats, ...]
+    rests: tuple[Floats, ...]
     offsets: tuple[int, ...]
     pivots: Floats
     depth: float
@@ -105,23 +105,25 @@ def arranged(count: int, ratio: float) -> tuple[int, int]:
 def layout_of(modes: Modes) -> Layout:
     """What is drawn of the pendula, and where."""
     hanging: list[tuple[tuple[AnyLink, ...], Floats, int]] = []
-    first = 0
+    first, angles = 0, modes.rig.rest_angles
     for pendulum in modes.scene.pendulum:
         links = tuple(link for link in pendulum.links for _ in range(link.count))
-        way = np.array([1.0 if way == "down" else -1.0 for way in pendulum.ways])
-        hanging += [(links, way, first + k * len(links)) for k in range(min(pendulum.count, MOST_PENDULA))]
+        firsts = [first + k * len(links) for k in range(min(pendulum.count, MOST_PENDULA))]
+        hanging += [(links, angles[at : at + len(links)], at) for at in firsts]
         first += pendulum.count * len(links)
     picked = evenly(len(hanging), MOST_PENDULA)
-    chains, ways, offsets = (tuple(column) for column in zip(*(hanging[k] for k in picked), strict=True))
-    levels = [_levels(chain, way) for chain, way in zip(chains, ways, strict=True)]
-    depth = max(float(np.ptp(level)) for level in levels)
+    chains, rests, offsets = (tuple(column) for column in zip(*(hanging[k] for k in picked), strict=True))
+    levels = [_placed(chain, np.cos(angle)) for chain, angle in zip(chains, rests, strict=True)]
+    aside = max(float(np.abs(_placed(chain, np.sin(angle))).max()) for chain, angle in zip(chains, rests, strict=True))
+    depth = max(aside, *(float(np.ptp(level)) for level in levels))
     pivots = side_by_side(len(picked), depth)
     below, above = (max(float((sign * level).max()) for level in levels) for sign in (1, -1))
-    return Layout(chains, ways, offsets, pivots, depth, below, above, float(pivots[-1] + 0.6 * depth))
+    half_width = float(pivots[-1] + max(0.6 * depth, aside + 0.4 * depth))
+    return Layout(chains, rests, offsets, pivots, depth, below, above, half_width)
 
 
-def _levels(links: tuple[AnyLink, ...], way: Floats) -> Floats:
-    """Depths below the rail of the joints and the centres of mass of a chain at equilibrium."""
+def _placed(links: tuple[AnyLink, ...], way: Floats) -> Floats:
+    """How far the joints and the centres of mass of a chain are away, with the way of its links per length."""
     joints = np.cumsum([0.0, *(way * [link.length for link in links])])
     return np.concatenate([joints, joints[:-1] + way * [link.centre for link in links]])
 
@@ -188,13 +190,15 @@ def draw_swing(axis: Axes, modes: Modes, layout: Layout, shape: Shape, amplitude
     """A real shape times an amplitude (rad)."""
     shift = float(shape.cart.real) * amplitude
     _support(axis, modes, layout, shift, look, filled=amplitude == 0)
-    for links, way, first, pivot in zip(layout.links, layout.ways, layout.offsets, layout.pivots, strict=True):
+    for links, angle, first, pivot in zip(layout.links, layout.rests, layout.offsets, layout.pivots, strict=True):
         angles = amplitude * shape.angles[first : first + len(links)]
         if amplitude != 0 and shift == 0 and not angles.any():
             continue
         length = np.array([link.length for link in links])
-        lean = (np.sin(angles), np.cos(angles)) if len(links) <= MOST_MARKS else (angles, np.ones(len(links)))
-        lean = (way * lean[0], way * lean[1])
+        sin, cos = np.sin(angle), np.cos(angle)
+        lean = np.sin(angle + angles), np.cos(angle + angles)
+        if len(links) > MOST_MARKS:
+            lean = sin + angles * cos, cos - angles * sin
         x, y = (np.concatenate([[0.0], np.cumsum(length * part)]) for part in lean)
         x, y = pivot + shift + x, -y
         axis.plot(x, y, **look, lw=1.6, zorder=2)

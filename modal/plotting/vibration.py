@@ -40,7 +40,7 @@ def draw_random(found: RandomResponse, stream: IO[bytes], kind: str = "png") -> 
 
 
 def random_figure(found: RandomResponse) -> Figure:
-    """The PSD of the support's acceleration, and below it those of the outputs, one panel for each unit.
+    """The PSD of the support's acceleration or of a force, and below it those of the outputs, one panel for each unit.
 
     Raises ComputationError for more outputs than a picture holds.
     """
@@ -52,7 +52,9 @@ def random_figure(found: RandomResponse) -> Figure:
     figure = sheet(WIDTH, 1.8 + 2.3 * len(units))
     panels = figure.subplots(len(units) + 1, 1, sharex=True, height_ratios=(2, *[3] * len(units)))
     panels[0].plot(f, np.where(found.input_psd(f) > 0, found.input_psd(f), np.nan), color=ink())
-    framed(panels[0], "", "PSD (m²/s⁴/Hz)", "acceleration of the support")
+    source = found.source
+    words = "acceleration of the support" if source.name == "support_acceleration" else source.name
+    framed(panels[0], "", f"PSD ({_per_hertz(source.unit)})", words)
     for axis, unit in zip(panels[1:], units, strict=True):
         shown = [k for k, signal in enumerate(found.outputs) if signal.unit == unit]
         for place, k in enumerate(shown):

@@ -88,6 +88,8 @@ OMITTED: Sentences = {"hoist": HOISTED, **ABOUT}
 
 CONSTANT: Sentences = {"hoist": "needs constant lengths"}
 SHIFTED: Sentences = {"constant_force": "is computed about links that hang or stand straight, from which it moves them"}
+LEANING: Sentences = {"constant_force": "there is no equilibrium"}
+"""Constant forces move the equilibrium, and a scene is linearized about it; or they leave none."""
 STILL: Sentences = {
     "moved_support": "needs a support at rest, and simulate follows a moved one",
     **_each(FORCED, "needs a scene without forces, and simulate takes them"),
@@ -121,8 +123,8 @@ CONSTANT_MODEL = Capability(
     "a constant linear model",
     LINEAR - {"massless_cart"},
     leaves=ABOUT,
-    refuses={**AT_ONE_TIME, **SHIFTED},
-    unless={"massless_cart": "the mass matrix is singular"},
+    refuses=AT_ONE_TIME,
+    unless={"massless_cart": "the mass matrix is singular", **LEANING},
     beside=UNLOADED,
 )
 MOVED_MODEL = replace(
@@ -167,7 +169,7 @@ SIDE_BY_SIDE = Capability(
 CAPABILITIES: dict[str, Capability] = {
     one.name: one
     for one in (
-        Capability("the table of modes", LINEAR, leaves=OMITTED, refuses=SHIFTED, beside=UNLOADED),
+        Capability("the table of modes", LINEAR, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
         Capability(
             "the explanation of the coupling",
             LINEAR - {"inverted"},
@@ -332,7 +334,8 @@ CAPABILITIES: dict[str, Capability] = {
             "a check of modes",
             LINEAR,
             leaves={name: words for name, words in ABOUT.items() if name not in STILL},
-            refuses={**STILL, **CONSTANT},
+            refuses={name: words for name, words in {**STILL, **CONSTANT}.items() if name not in LEANING},
+            unless=LEANING,
             beside=UNLOADED,
             apart={("space", "damping_ratio"): "motion in space has no damping ratios"},
         ),

@@ -6,7 +6,8 @@ Pendula are eliminated from their tips (`modal.eigen.elimination`), which leaves
 
 for a force F on it, the ground displaced by s and the loads e + ω²ε that pendula pass on.  A prescribed cart or support
 is a displacement x; velocities and accelerations are iω and −ω² times displacements.  A scene with damping ratios,
-whose D is full, is eliminated as a whole (`modal.statespace.full_damping`).
+whose D is full, is eliminated as a whole (`modal.statespace.full_damping`), as is one that leans under constant forces
+and one with an input at a point.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from modal.assembly import Rig, rig_of
 from modal.eigen import FORCE, REPLICAS, Arithmetic, Hung, Load, Rounded, cart_of, evaluated, hung
 from modal.scene import Scene
 from modal.statespace.full_damping import full_response
-from modal.statespace.places import BASE, GIVEN, GROUND, PUSH, READ, Place, place_of
+from modal.statespace.places import BASE, GROUND, POINT, PUSH, READ, Place, place_of, place_of_input
 from modal.statespace.signals import Signal
 from modal.types import Complexes, Floats
 
@@ -40,11 +41,12 @@ class Elimination:
     """
 
     def __init__(self, scene: Scene, inputs: Sequence[Signal], outputs: Sequence[Signal]) -> None:
-        rig, whole = rig_of(scene), scene.has_modal_damping
+        rig = rig_of(scene)
         tips = [rig.blocks[block].n - 1 for block, _, copies in rig.members for _ in range(copies)]
-        given = [place_of(GIVEN, signal.name, tips) for signal in inputs]
+        given = [place_of_input(scene, signal.name, tips) for signal in inputs]
         read = [place_of(READ, signal.name, tips) for signal in outputs]
-        self.is_real = not (rig.is_damped or whole)
+        whole = scene.has_modal_damping or rig.leans or any(one.what == POINT for one in given)
+        self.is_real = not (rig.is_damped or scene.has_modal_damping)
         self.unit = float(np.sqrt(rig.gravity / min(float(block.length.min()) for block in rig.blocks)))
         self._evaluate = full_response(scene, given, read) if whole else _from_tips(rig, given, read)
         self._orders = np.array([[row.order - column.order for column in given] for row in read])[..., None]

@@ -1,4 +1,6 @@
-"""Frequency responses of a scene with damping ratios, whose D is full, by elimination of the whole.
+"""Frequency responses by elimination of the whole: of a scene with damping ratios, whose D is full, and of any other.
+
+Where the scene leans under constant forces, and for inputs at points.
 
     (K + iωD − ω²M) q = F − (K + iωD − ω²M)_x x + ω²p s
 
@@ -24,6 +26,7 @@ from modal.eigen import FORCE, TORQUE, Arithmetic, Digits
 from modal.scene import Scene
 from modal.statespace.model import fixed
 from modal.statespace.places import BASE, GROUND, PUSH, Place
+from modal.statespace.points import PointInput
 
 DIGITS, MOST = 80, 40
 """Digits of D_modal, and most coordinates for which they are computed."""
@@ -35,20 +38,27 @@ def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -
     rig = rig_of(scene)
     base = any(one.what == BASE for one in given)
     first = int(rig.cart is not None)
-    dampers = in_digits(fixed(scene) if base else scene)
-    if base and first:
-        dampers = _below(dampers, 1)
+    dampers: Any = None
+    if scene.has_modal_damping:
+        dampers = in_digits(fixed(scene) if base else scene)
+        if base and first:
+            dampers = _below(dampers, 1)
     moved = [one.what == GROUND or (one.what == BASE and not first) for one in given]
     prescribed = [one.what == BASE and first == 1 for one in given]
 
     def evaluate(numbers: Arithmetic) -> Any:
         links, M, K, D, joints, centres = assembled(rig, numbers)
         square, omega, felt = numbers.omega * numbers.omega, numbers.omega, numbers.felt
-        D = D + numbers.exact(dampers)[..., None]
-        A = felt(K + numbers.imaginary(D) * omega - square * M)
+        if dampers is not None:
+            D = D + numbers.exact(dampers)[..., None]
+        A = felt(
+            K + numbers.imaginary(D) * omega - square * M
+            if rig.is_damped or scene.has_modal_damping
+            else K - square * M
+        )
         zero = 0 * omega
         momentum = (links.mass[:, None] * centres).sum(0) if not first else M[:, 0]
-        loads = (_load(links, one, first, len(M), centres) for one in given)
+        loads = (_load(links, one, first, numbers, centres) for one in given)
         F = np.array([[zero + value for value in load] for load in loads]) + 0 * A[0, 0]
         for k in range(len(given)):
             F[k] = F[k] + square * momentum if moved[k] else F[k] - A[:, 0] if prescribed[k] else F[k]
@@ -80,7 +90,12 @@ class Links:
             return numbers.number(np.concatenate([getattr(block, name)[:, column] for block, column in hung]))[:, None]
 
         self.mass, self.length, self.centre, self.inertia = map(row, ("mass", "length", "centre", "inertia"))
-        self.sigma, self.stiffness, self.damping, self.drag = map(row, ("sigma", "stiffness", "damping", "drag"))
+        self.across, self.stiffness, self.damping, self.drag = map(row, ("across", "stiffness", "damping", "drag"))
+        self.leans, self.dragged = rig.leans, any(block.drag.any() for block, _ in hung)
+        if rig.leans:
+            rests = [(block.sinking[:, column], block.rest.held[:, column]) for block, column in hung]  # type: ignore[index, union-attr]
+            sinking, held = (np.concatenate(part) for part in zip(*rests, strict=True))
+            self.sinking, self.held = numbers.number(sinking)[:, None], numbers.number(held)[:, None]
 
     def own(self, pendulum: int) -> slice:
         """The links of a pendulum."""
@@ -98,20 +113,25 @@ def assembled(rig: Rig, numbers: Arithmetic) -> tuple[Links, Any, Any, Any, Any,
     gravity = numbers.number(rig.gravity)
     for p in range(len(links.sizes)):
         own = links.own(p)
-        m, l, c, I, sigma = (part[own] for part in (links.mass, links.length, links.centre, links.inertia, links.sigma))
+        parts = (links.mass, links.length, links.centre, links.inertia, links.across)
+        m, l, c, I, across = (part[own] for part in parts)
         q = slice(own.start + first, own.stop + first)
-        ways = sigma[:, None] * sigma[None]
+        ways = across[:, None] * across[None]
+        if links.leans:
+            ways = ways + links.sinking[own][:, None] * links.sinking[own][None]
+            for i in range(len(m)):
+                ways[i, i] = numbers.number(1.0)
         M[q, q] = np.array(pair.inertia_matrix(m, l, c, I)) * ways
-        b = np.array(pair.first_moments(m, l, c)) * sigma
+        b = np.array(pair.first_moments(m, l, c)) * across
         if first:
             M[0, q] = M[q, 0] = b
             M[0, 0] = M[0, 0] + m.sum(0)
         for i in range(len(m)):
             at = q.start + i
-            K[at, at] = K[at, at] + gravity * b[i]
-            joints[own.start + i, q.start : at + 1] = (sigma * l)[: i + 1]
-            centres[own.start + i, q.start : at] = (sigma * l)[:i]
-            centres[own.start + i, at] = sigma[i] * c[i]
+            K[at, at] = K[at, at] + (links.held[own][i] if links.leans else gravity * b[i])
+            joints[own.start + i, q.start : at + 1] = (across * l)[: i + 1]
+            centres[own.start + i, q.start : at] = (across * l)[:i]
+            centres[own.start + i, at] = across[i] * c[i]
             for S, strength in ((K, links.stiffness[own][i]), (D, links.damping[own][i])):
                 S[at, at] = S[at, at] + strength
                 if i:
@@ -123,11 +143,50 @@ def assembled(rig: Rig, numbers: Arithmetic) -> tuple[Links, Any, Any, Any, Any,
         K[0, 0], D[0, 0] = numbers.number(rig.cart.stiffness), numbers.number(rig.cart.damping)
     if any(block.drag.any() for block in rig.blocks):
         D = D + (centres[:, :, None] * (links.drag[:, None] * centres)[:, None]).sum(0)
+        if links.leans:
+            sunk = _sinking(links, first, centres)
+            D = D + (sunk[:, :, None] * (links.drag[:, None] * sunk)[:, None]).sum(0)
     return links, M, K, D, joints, centres
 
 
-def _load(links: Links, one: Place, first: int, size: int, centres: Any) -> Any:
+def _sinking(links: Links, first: int, centres: Any) -> Any:
+    """The displacement downwards of every centre, (links, n, 1)."""
+    found = 0 * centres
+    if links.leans:
+        for p in range(len(links.sizes)):
+            own = links.own(p)
+            for i in range(own.start, own.stop):
+                found[i, first + own.start : first + i] = (links.sinking * links.length)[own.start : i]
+                found[i, first + i] = links.sinking[i] * links.centre[i]
+    return found
+
+
+def _pushed(links: Links, point: PointInput, first: int, centres: Any, numbers: Arithmetic) -> Any:
+    """The generalized force of an input at a point, (n, 1)."""
+    found = 0 * centres[0]
+    if not point.places:
+        found[0] = found[0] + 1
+    sinking = _sinking(links, first, centres) if point.direction == "vertical" else centres
+    for link, above, below in point.places:
+        at = first + link
+        if point.direction == "torque":
+            found[at] = found[at] + 1
+            if below is None and above >= 0:
+                found[at - 1] = found[at - 1] - 1
+            continue
+        sign, rows = (1, centres) if point.direction == "horizontal" else (-1, sinking)
+        row = np.array(rows[link])
+        if below is not None:
+            way = links.across[link] if rows is centres else links.sinking[link] if links.leans else 0 * row[at]
+            row[at] = way * numbers.number(below)
+        found = found + sign * row
+    return found
+
+
+def _load(links: Links, one: Place, first: int, numbers: Arithmetic, centres: Any) -> Any:
     """The generalized force of an input, (n, 1)."""
+    if one.point is not None:
+        return _pushed(links, one.point, first, centres, numbers)
     found = 0 * centres[0]
     if one.what == PUSH:
         found[0] = found[0] + 1
@@ -166,10 +225,12 @@ def _output(
     for k in range(own.start, own.stop):
         moved = (centres[k][:, None] * q).sum(0)
         found = found + omega * omega * links.mass[k] * (moved + carried)
-        found = found - numbers.imaginary(links.drag[k]) * omega * moved
+        found = found - numbers.imaginary(links.drag[k]) * omega * moved if links.dragged else found
     for k, one in enumerate(given):
         if one.what == FORCE and one.pendulum == row.pendulum:
             found[k] = found[k] + 1
+        if one.point is not None and one.point.direction == "horizontal":
+            found[k] = found[k] + sum(own.start <= place.link < own.stop for place in one.point.places)
     return found
 
 

@@ -36,6 +36,7 @@ from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, counted, deferred
 from modal.scene import Fixed, Scene, require, validate_scene
+from modal.statespace.points import EXAMPLES, is_point, push_of, validate_points
 from modal.statespace.signals import (
     DRIVES,
     INPUTS,
@@ -60,7 +61,8 @@ class StateSpace(Displayed):
     """z' = A z + B u (z[k+1] = A z[k] + B u[k] where dt > 0), y = C z + D u.
 
     A (n, n), B (n, m), C (p, n), D (p, m) in SI units; `states`, `inputs` and `outputs` name rows and columns; `dt` is
-    the sample time in seconds, 0 for continuous time; `operating_point` the values that angles deviate from (rad);
+    the sample time in seconds, 0 for continuous time; `operating_point` the values that angles deviate from (rad), and
+    the cart's position where constant forces move it (m);
     `scene` the one whose whole model this is, None for sampled and reduced ones and those from files.
     """
 
@@ -126,9 +128,10 @@ class _Motion(NamedTuple):
 def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
     """The model of a scene with these groups of inputs and outputs (`modal.statespace.signals.INPUTS` and `OUTPUTS`).
 
-    By default the input is the force on a cart or else the joint torques, the outputs are the cart's position and the
-    absolute angles.  Raises SceneError for groups that the scene does not have, ComputationError where M is singular or
-    the model has more than LARGEST_STATE states.
+    Inputs may also be points, as "force:pendulum[0].links[1]@0.5" (`modal.statespace.points`).  By default the input is
+    the force on a cart or else the joint torques, the outputs are the cart's position and the absolute angles.  Raises
+    SceneError for groups that the scene does not have, ComputationError where M is singular or the model has more than
+    LARGEST_STATE states.
     """
     require(validate_scene(scene), "a constant linear model")
     return assembled(scene, None, inputs, outputs)
@@ -144,9 +147,12 @@ def assembled(
     if given:
         geometry = replace(geometry, rate=given.rate, bend=given.bend, drag=given.drag)
     default = (("cart_force",), ("cart_position", "angles")) if geometry.on_cart else (("joint_torques",), ("angles",))
-    wanted = validate_signals(inputs or default[0], INPUTS, "input", on_cart=geometry.on_cart)
+    wanted = validate_signals(
+        inputs or default[0], INPUTS, "input", on_cart=geometry.on_cart, more=is_point, written=EXAMPLES
+    )
+    validate_points(scene, wanted)
     read = validate_signals(outputs or default[1], OUTPUTS, "output", on_cart=geometry.on_cart)
-    drive, push = _drive(wanted), _pushes(geometry, wanted)
+    drive, push = _drive(wanted), _pushes(scene, geometry, wanted)
     if drive in SUPPORT:
         require(scene, "a linear model of a moved support")
     if drive in SUPPORT and geometry.drag.any():
@@ -160,10 +166,10 @@ def assembled(
     if not all(np.all(np.isfinite(part)) for part in (moved.A, moved.B, C, D)):
         raise ComputationError("the ratios in this scene are beyond double precision: its model overflows")
     driven = [(DRIVES | SUPPORT)[drive]] if drive else []
-    resting = (
-        (f"theta_{label}", 0.0 if way > 0 else np.pi)
-        for label, way in zip(geometry.labels, geometry.sigma, strict=True)
-    )
+    resting = [
+        *([("x", geometry.place)] if geometry.place else []),
+        *((f"theta_{label}", angle) for label, angle in zip(geometry.labels, geometry.rest.tolist(), strict=True)),
+    ]
     return StateSpace(
         moved.A,
         moved.B,
@@ -187,7 +193,7 @@ def fixed(scene: Scene) -> Scene:
                 "the modes are those on a fixed support: give one ratio for all modes"
             ]
         )
-    return scene.replace(support=Fixed())
+    return scene.replace(support=Fixed(), force=tuple(force for force in scene.force if force.on != "cart"))
 
 
 def _held(scene: Scene) -> Matrices:
@@ -208,9 +214,9 @@ def _drive(wanted: tuple[str, ...]) -> str | None:
     return prescribed[0] if prescribed else None
 
 
-def _pushes(geometry: Geometry, wanted: tuple[str, ...]) -> InputGroup:
+def _pushes(scene: Scene, geometry: Geometry, wanted: tuple[str, ...]) -> InputGroup:
     """All generalized forces side by side, in the requested order."""
-    found = [PUSHES[name](geometry) for name in wanted if name in PUSHES]
+    found = [push_of(scene, geometry, name) for name in wanted if name in PUSHES or is_point(name)]
     none = np.zeros((geometry.size, 0)), np.zeros((len(geometry.tips), 0))
     return InputGroup(
         [signal for push in found for signal in push.signals],

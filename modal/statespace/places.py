@@ -7,17 +7,23 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from modal.eigen import FORCE, TORQUE
+from modal.scene import Scene
+from modal.statespace.points import PointInput, is_point, point_input
 
-GROUND, BASE, PUSH = "ground", "base", "push"
+GROUND, BASE, PUSH, POINT = "ground", "base", "push", "point"
 
 
 class Place(NamedTuple):
-    """What a signal is, how often it is differentiated, and the pendulum and link, from 0, it belongs to."""
+    """What a signal is, how often it is differentiated, and the pendulum and link, from 0, it belongs to.
+
+    An input at a `point` belongs to the links of that.
+    """
 
     what: str
     order: int
     pendulum: int = -1
     link: int = -1
+    point: PointInput | None = None
 
 
 GIVEN = {
@@ -53,3 +59,8 @@ def place_of(kinds: dict[str, tuple[str, int]], name: str, tips: Sequence[int]) 
     prefix, pendulum, link = match.groups()
     own = int(pendulum) - 1 if pendulum else -1
     return Place(*kinds[prefix], own, int(link) - 1 if link else tips[own] if pendulum else -1)
+
+
+def place_of_input(scene: Scene, name: str, tips: Sequence[int]) -> Place:
+    """Where an input of this name acts, perhaps at a point.  KeyError for an unknown name."""
+    return Place(POINT, 0, point=point_input(scene, name)) if is_point(name) else place_of(GIVEN, name, tips)

@@ -26,10 +26,12 @@ from modal.scene import Pendulum, Scene
 from modal.statespace.gains import NOISE, without_noise
 from modal.statespace.modal_form import Block, ModalForm, block_diagonal, to_modal_form
 from modal.statespace.model import StateSpace, state_space
+from modal.statespace.points import is_point
 from modal.statespace.signals import OF_A_CART, Signal
 from modal.types import Floats
 
 Choice = Literal["contribution", "lowest"]
+APART = "acts differently on equal pendula, so they cannot be merged"
 
 
 # ------------------------------------------------------------------------------------------------ exact reduction
@@ -44,7 +46,17 @@ class Folded(NamedTuple):
 
 
 def fold_equals(scene: Scene) -> Folded:
-    """One pendulum for each kind, as heavy as all of its copies, in the order of the file."""
+    """One pendulum for each kind, as heavy as all of its copies, in the order of the file.
+
+    Under constant forces, which the merged would not share, pendula stay as they are; SceneError for copies there.
+    """
+    if "constant_force" in scene.features:
+        several = [f"pendulum[{p}].count = {one.count}" for p, one in enumerate(scene.pendulum) if one.count > 1]
+        if several:
+            raise SceneError(
+                [f"{place}: copies under constant forces are not merged: write them one by one" for place in several]
+            )
+        return Folded(scene, tuple(range(1, len(scene.pendulum) + 1)), (1,) * len(scene.pendulum))
     kinds: dict[tuple[int, int], tuple[int, Pendulum, int]] = {}
     passed = 1
     for pendulum, (block, column, copies) in zip(scene.pendulum, rig_of(scene).members, strict=True):
@@ -53,7 +65,8 @@ def fold_equals(scene: Scene) -> Folded:
         passed += copies
     firsts, pendula, counts = zip(*kinds.values(), strict=True)
     heavy = tuple(_heavier(pendulum, count) for pendulum, count in zip(pendula, counts, strict=True))
-    folded = scene.replace(damping_ratio=0.0, pendulum=heavy)
+    kept = scene.force if sum(counts) == len(counts) else ()
+    folded = scene.replace(damping_ratio=0.0, pendulum=heavy, force=kept)
     return Folded(folded.replace(damping_ratio=_carried(scene, folded)), firsts, counts)
 
 
@@ -73,12 +86,12 @@ def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...]
     equals, which they would distinguish.
     """
     fold = fold_equals(scene)
+    if max(fold.copies) > 1 and (at := [name for name in inputs if is_point(name)]):
+        raise SceneError([f"input {name}: {APART}" for name in at])
     model = state_space(fold.scene, inputs, outputs)
     inside = [signal.name for signal in model.inputs if signal.name not in OF_A_CART]
     if inside and max(fold.copies) > 1:
-        raise SceneError(
-            [f"input {name}: acts differently on equal pendula, so they cannot be merged" for name in inside]
-        )
+        raise SceneError([f"input {name}: {APART}" for name in inside])
     model = _read_off_the_first(fold, model)
     form = to_modal_form(natural_modes(fold.scene), model)
     blocks = [_rate_alone(form, block) for block in essential(form)]

@@ -1,8 +1,8 @@
 """The inputs and outputs of a scene: groups of named signals as rows over q = (x, θ_1, …).
 
-A horizontal displacement, to first order, is a row h over q: of a centre h = e_x + Σ_{above} σ l + σ c,
-of a lower joint e_x + Σ σ l.  A horizontal force at that point acts on q with hᵀ; the force of pendulum p on its pivot
-is −Σ m h q'' plus the external forces on its links.
+A horizontal displacement, to first order, is a row h over q: of a centre h = e_x + Σ_{above} l cos θ + c cos θ, of a
+lower joint e_x + Σ l cos θ, with the equilibrium's angles θ, 0 or π without constant forces.  A horizontal force at
+that point acts on q with hᵀ; the force of pendulum p on its pivot is −Σ m h q'' plus the external forces on its links.
 
 Where the support moves (the fixed support, or the ground to which a cart's rail, spring and damper are attached), q is
 in its frame; positions, the cart's velocity and forces on pivots are those in the laboratory.
@@ -35,8 +35,10 @@ class Geometry:
     """Rows over q of every link's centre, lower joint and angle relative to the link above, each (links, q).
 
     `labels` (links,) are "p_i", both from 1, every copy numbered; `mass` (links,), linear `drag` (links,), `pendulum`
-    (links,) from 0; `sigma` (links,) their directions; `on_cart` tells whether q begins with x.  Where lengths change,
-    `rate` and `bend` (links, q) are the first two derivatives in time of the rows of centres and lower joints.
+    (links,) from 0; `rest` (links,) the equilibrium's angles θ and `place` (m) the cart's; `length` and `centre`
+    (links,) those of the links, and `across` and `sinking` (links,) their cos θ and −sin θ; `on_cart` tells whether q
+    begins with x.  Where lengths change, `rate` and `bend` (links, q) are the first two derivatives in time of the rows
+    of centres and lower joints.
     """
 
     centres: Floats
@@ -44,7 +46,12 @@ class Geometry:
     relative: Floats
     mass: Floats
     drag: Floats
-    sigma: Floats
+    rest: Floats
+    place: float
+    length: Floats
+    centre: Floats
+    across: Floats
+    sinking: Floats
     pendulum: Floats
     labels: tuple[str, ...]
     on_cart: bool
@@ -74,20 +81,23 @@ def geometry_of(scene: Scene) -> Geometry:
     hung = [(rig.blocks[block], column) for block, column, count in rig.members for _ in range(count)]
     total = sum(block.n for block, _ in hung)
     relative = np.zeros((total, total + on_cart))
-    mass, drag, sigma, pendulum = [], [], [], []
+    numbers, pendulum = [], []
     labels: list[str] = []
     for p, (block, column) in enumerate(hung):
         at = len(labels)
         own = slice(at + on_cart, at + on_cart + block.n)
         relative[at : at + block.n, own] = np.eye(block.n) - np.eye(block.n, k=-1)
-        mass.append(block.mass[:, column])
-        drag.append(block.drag[:, column])
-        sigma.append(block.sigma[:, column])
+        sinking = np.zeros_like(block.sigma) if block.sinking is None else block.sinking
+        each = (block.mass, block.drag, block.length, block.centre, block.across, sinking)
+        numbers.append([part[:, column] for part in each])
         pendulum.append(np.full(block.n, float(p)))
         labels += [f"{p + 1}_{i}" for i in range(1, block.n + 1)]
     rows, below = displacements(hung, rig.cart), displacements(hung, rig.cart, joints)
-    masses, drags, ways, owners = (np.concatenate(values) for values in (mass, drag, sigma, pendulum))
-    return Geometry(rows, below, relative, masses, drags, ways, owners, tuple(labels), on_cart)
+    mass, drag, length, centre, across, sunk = (np.concatenate(parts) for parts in zip(*numbers, strict=True))
+    owners, rest, place = np.concatenate(pendulum), rig.rest_angles, rig.cart_rest
+    return Geometry(
+        rows, below, relative, mass, drag, rest, place, length, centre, across, sunk, owners, tuple(labels), on_cart
+    )
 
 
 # ------------------------------------------------------------------------------------------------------- inputs
@@ -232,12 +242,24 @@ OUTPUTS = tuple(READINGS)
 OF_A_CART = {"cart_force", "cart_position", "cart_velocity", "cart_acceleration"}
 
 
-def validate_signals(words: tuple[str, ...], known: tuple[str, ...], what: str, *, on_cart: bool) -> tuple[str, ...]:
-    """The words themselves; SceneError names every one that is unknown, repeated or needs a cart."""
+def validate_signals(
+    words: tuple[str, ...],
+    known: tuple[str, ...],
+    what: str,
+    *,
+    on_cart: bool,
+    more: Callable[[str], bool] = lambda word: False,
+    written: str = "",
+) -> tuple[str, ...]:
+    """The words themselves; SceneError names every one that is unknown, repeated or needs a cart.
+
+    `more` tells of further ones that are known, and `written` how these are.
+    """
     if isinstance(words, str):
         raise SceneError([f'{what} {words}: must be a tuple of names: ("{words}",)'])
-    there = ", ".join(known)
-    problems = [f"{what} {word}: must be one of {there}{meant(word, known)}" for word in words if word not in known]
+    there = ", ".join(known) + (f"; or {written}" if written else "")
+    unknown = [word for word in words if word not in known and not more(word)]
+    problems = [f"{what} {word}: must be one of {there}{meant(word, known)}" for word in unknown]
     problems += [f"{what} {word}: named twice" for word in dict.fromkeys(words) if words.count(word) > 1]
     problems += [f"{what} {word}: the support is fixed" for word in words if word in OF_A_CART and not on_cart]
     if problems:

@@ -24,17 +24,18 @@ from math import tau
 
 import numpy as np
 
-from modal.errors import ComputationError
+from modal.errors import ComputationError, SceneError
 from modal.modes import natural_modes
 from modal.scene import Scene, require
 from modal.scene.records import Spectrum
 from modal.statespace import ModalForm, frequency_response, state_space, to_modal_form
 from modal.statespace.gains import without_noise
+from modal.statespace.points import EXAMPLES, is_point, push_of
 from modal.statespace.response import Term, terms
-from modal.statespace.signals import geometry_of
+from modal.statespace.signals import Signal, geometry_of
 from modal.types import Booleans, Complexes, Floats
 from modal.vibration.response import ModalResponse
-from modal.vibration.spectra import acceleration_psd
+from modal.vibration.spectra import acceleration_psd, psd_at
 
 USUAL = ("angles", "tip_accelerations")
 INPUT = "support_acceleration"
@@ -49,18 +50,26 @@ STEEP = -0.99  # power of ω from which on an integral down to 0 is infinite
 MOST = 5e6
 """Most modes, squared, times outputs."""
 DIVERGES = "undamped and within reach of the noise: the RMS grows without bound"
-DRIFTS = "grows without bound: the PSD reaches down to 0 Hz, where this output follows the support's own drift"
+DRIFTS = "grows without bound: the PSD reaches down to 0 Hz, where this output drifts without limit"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RandomResponse(ModalResponse):
-    """The response of some outputs (p of them) of a scene to a PSD of its support's motion."""
+    """The response of some outputs (p of them) of a scene to a PSD of its support's motion, or of a force."""
 
     spectrum: Spectrum
 
+    @property
+    def source(self) -> Signal:
+        """The input: the support's acceleration, or a force."""
+        return self.form.model.inputs[0]
+
     def input_psd(self, f: Floats) -> Floats:
-        """The PSD of the support's acceleration, (m/s²)²/Hz, at the frequencies f (W,) in Hz."""
-        return acceleration_psd(self.spectrum, np.asarray(f, dtype=float))
+        """The PSD of the input, (m/s²)²/Hz of the support's acceleration, at the frequencies f (W,) in Hz."""
+        at = np.asarray(f, dtype=float)
+        if self.source.name == INPUT:
+            return acceleration_psd(self.spectrum, at)
+        return psd_at(np.array(self.spectrum.frequency_hz), np.array(self.spectrum.psd), at)
 
     def psd(self, f: Floats) -> Floats:
         """The PSD of every output, (p, W) in its unit squared per hertz."""
@@ -125,7 +134,7 @@ class RandomResponse(ModalResponse):
                     endless[term.mode] |= _felt(self._terms, term.mode)
             poles = [pole for _, pole in reached if not (pole.real == 0 and low <= pole.imag <= high)]
             for omega, weight in nodes(low, high, poles):
-                S = weight * acceleration_psd(self.spectrum, omega / tau) / tau
+                S = weight * self.input_psd(omega / tau) / tau
                 for mode, own in self._responses(omega):
                     if mode is not None:
                         each[mode] += (np.abs(own) ** 2) @ S
@@ -167,15 +176,19 @@ class RandomResponse(ModalResponse):
 
 
 def exact_terms(form: ModalForm) -> Iterator[Term]:
-    """The terms of H for the support's acceleration, zero where it does not reach or an output does not see a mode.
+    """The terms of H for the one input, zero where it does not reach or an output does not see a mode.
 
     Else the rounding of a mode that nothing reaches would ring for ever.  A mode φ is reached by pᵀφ, with p the
-    momentum of everything at unit velocity along the rail.
+    generalized force, or for the support's acceleration the momentum of everything at unit velocity along the rail.
     """
-    modes, geometry = form.modes, geometry_of(form.modes.scene)
-    p = modes.matrices.M[:, 0] if modes.on_cart else geometry.centres.T @ geometry.mass
+    modes, geometry, name = form.modes, geometry_of(form.modes.scene), form.model.inputs[0].name
+    shaken = int(name == INPUT)
+    if shaken:
+        p = modes.matrices.M[:, 0] if modes.on_cart else geometry.centres.T @ geometry.mass
+    else:
+        p = push_of(modes.scene, geometry, name).F[:, 0]
     for block, term in zip(form.blocks, terms(form), strict=True):
-        phi = block.right[1 : len(p) + 1]
+        phi = block.right[shaken : len(p) + shaken]
         reached = block.mode is None or bool(np.any(without_noise(phi.T, p[:, None])))
         seen = np.any(np.atleast_2d(without_noise(block.right.T, form.model.C.T)), axis=0).astype(float)
         yield term._replace(N1=term.N1 * seen[:, None] * reached, N0=term.N0 * seen[:, None] * reached)
@@ -213,17 +226,31 @@ def nodes(low: float, high: float, poles: list[complex]) -> Iterator[tuple[Float
         yield omega[at : at + BLOCK], weight[at : at + BLOCK]
 
 
-def random_response(scene: Scene, spectrum: Spectrum, outputs: tuple[str, ...] = USUAL) -> RandomResponse:
+def random_response(
+    scene: Scene, spectrum: Spectrum, outputs: tuple[str, ...] = USUAL, source: str = INPUT
+) -> RandomResponse:
     """The response of a scene to a PSD of its support's motion along the rail, at small angles.
 
-    `outputs` are groups of `modal.statespace.signals.OUTPUTS`.  Raises ComputationError where a mode grows by itself,
-    since nothing is then stationary, and the errors of `state_space` and `to_modal_form`.
+    `outputs` are groups of `modal.statespace.signals.OUTPUTS`.  Another `source` is "cart_force" or an input at a
+    point, as "force[0]" (`modal.statespace.points`), of which the PSD is in N²/Hz or (N m)²/Hz.  Raises
+    ComputationError where a mode grows by itself, since nothing is then stationary, and the errors of `state_space` and
+    `to_modal_form`.
+
+    >>> from modal import load
+    >>> from modal.scene.records import Spectrum
+    >>> wind = Spectrum((0.1, 2.0), (1.0, 1.0), "acceleration")
+    >>> scene = load("chain-1").replace(damping_ratio=0.02)
+    >>> found = random_response(scene, wind, ("angles",), "force:pendulum[0].links[0]")
+    >>> found.source.unit, found.rms.shape
+    ('N', (1,))
     """
-    require(scene, "random vibration")
+    if source not in {INPUT, "cart_force"} and not is_point(source):
+        raise SceneError([f"input {source}: must be {INPUT}, cart_force, or {EXAMPLES}"])
+    require(scene, "random vibration" if source == INPUT else "a constant linear model")
     modes = natural_modes(scene)
     if growing := [number for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.real > 0]:
         raise ComputationError(f"mode {growing[0]} grows by itself: there is no stationary random vibration")
-    model = state_space(scene, (INPUT,), tuple(outputs))
+    model = state_space(scene, (source,), tuple(outputs))
     if len(modes) ** 2 * len(model.outputs) > MOST:
         sizes = f"{len(modes)} modes and {len(model.outputs)} outputs"
         raise ComputationError(f"{sizes}: modes² times outputs may be at most {MOST:g}; choose fewer outputs")

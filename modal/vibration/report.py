@@ -12,7 +12,7 @@ from modal.modes import Modes
 from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
 from modal.scene import title_of
 from modal.types import Floats
-from modal.vibration.random import RandomResponse
+from modal.vibration.random import INPUT, RandomResponse
 from modal.vibration.shock import ShockResponse
 
 POINTS = 400
@@ -45,7 +45,7 @@ def random_report(found: RandomResponse, form: str = "text") -> str:
     return as_json(
         {
             "title": found.modes.scene.title,
-            "input": {"quantity": "support acceleration", "unit": "(m/s^2)^2/Hz"},
+            "input": {"quantity": found.source.name.replace("_", " "), "unit": f"({found.source.unit})^2/Hz"},
             "outputs": [
                 {
                     "name": signal.name,
@@ -79,7 +79,8 @@ def _random_records(found: RandomResponse, f: Floats, psd: Floats) -> Iterator[d
                 cells = (what, signal.name, signal.unit, number + 1, float(rates[number]), float(values[number, k]))
                 yield dict(zip(names, cells, strict=True))
     for frequency, value in zip(f.tolist(), found.input_psd(f).tolist(), strict=True):
-        yield dict(zip(names, ("psd", "support_acceleration", "(m/s^2)^2/Hz", "all", frequency, value), strict=True))
+        given = ("psd", found.source.name, f"({found.source.unit})^2/Hz", "all", frequency, value)
+        yield dict(zip(names, given, strict=True))
     for k, signal in enumerate(found.outputs):
         for frequency, value in zip(f.tolist(), psd[k].tolist(), strict=True):
             yield dict(zip(names, ("psd", signal.name, f"({signal.unit})^2/Hz", "all", frequency, value), strict=True))
@@ -106,7 +107,8 @@ def _random_text(found: RandomResponse) -> str:
         grid(white, headings),
         *found.words,
     ]
-    return titled(title_of(found.modes.scene), f"random vibration, from the PSD of the support's {of}", parts, "text")
+    source = f"the support's {of}" if found.source.name == INPUT else f"{found.source.name} ({found.source.unit})"
+    return titled(title_of(found.modes.scene), f"random vibration, from the PSD of {source}", parts, "text")
 
 
 def shock_report(found: ShockResponse, form: str = "text") -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from multipendula.commands.shared import listed, noted
+from multipendula.commands.shared import about, listed, noted
 from multipendula.completion import Completer
 from multipendula.options import add_words, number, offer
 from multipendula.parser import Page
@@ -51,10 +51,12 @@ def add_signals(page: Page) -> None:
     inputs = (
         *("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces"),
         *("support_displacement", "support_velocity", "support_acceleration"),
+        *("force:", "lift:", "torque:", "force[0]"),
     )
     words = (
         "cart_force (default on a cart), cart_acceleration or cart_velocity; joint_torques (default on a fixed "
-        "support), link_forces; support_displacement, support_velocity or support_acceleration"
+        "support), link_forces; support_displacement, support_velocity or support_acceleration; force:POINT, "
+        "lift:POINT or torque:POINT, with a POINT such as pendulum[0].links[1]@0.5; force[0], the scene's first force"
     )
     add_words(page.asked, "--input", inputs, metavar="WORDS", help=words)
     words = (
@@ -69,7 +71,7 @@ def add_signals(page: Page) -> None:
 
 def scene_of(options: argparse.Namespace) -> Scene:
     """The scene, with a note on what its linear model leaves out."""
-    return noted(scene_at(options))
+    return about(noted(scene_at(options)))
 
 
 def scene_at(options: argparse.Namespace) -> Scene:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
-from multipendula.commands.shared import bar, chosen, drawn, estimate_of, noted, output, picture
+from multipendula.commands.shared import about, bar, chosen, drawn, estimate_of, noted, output, picture
 from multipendula.options import (
     FILMS,
     PICTURES,
@@ -129,7 +129,7 @@ def shapes(options: argparse.Namespace) -> None:
     """Draw the mode shapes, or film the modes."""
     form = picture(options.output, kinds=PICTURES + FILMS)
     modes, numbers = _modes(options)
-    noted(modes.scene)
+    about(noted(modes.scene))
     from modal.plotting import LOOP, MOST_PANELS, draw_shapes, film_modes
 
     shown = numbers[:MOST_PANELS] if options.modes is None else numbers
@@ -161,7 +161,7 @@ def matrices(options: argparse.Namespace) -> None:
     from modal.modes.tables import matrices_table
     from modal.scene import load
 
-    scene = noted(load(options.scene))
+    scene = about(noted(load(options.scene)))
     with output(options.output) as write:
         write(matrices_table(scene, matrices_of(scene), options.format))
 

@@ -131,6 +131,17 @@ def noted(scene: Scene, capability: str = "the table of modes") -> Scene:
     return scene
 
 
+def about(scene: Scene) -> Scene:
+    """The scene itself; where constant forces move its equilibrium, that is told on standard error."""
+    if "constant_force" in scene.features:
+        from modal.assembly import rig_of
+        from modal.modes import equilibrium_words
+
+        for words in equilibrium_words(rig_of(scene)):
+            print(f"multipendula: {words}", file=sys.stderr)
+    return scene
+
+
 def warned(scene: Scene, what: str) -> Scene:
     """The scene itself; where it has so many links that `what` takes long, that is told on standard error first."""
     if scene.n_links > MANY:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from modal.exports import FORMATS
 from multipendula.command import Command
 from multipendula.commands.models import add_model_file, add_signals, model_of, scene_at, scene_of
-from multipendula.commands.shared import drawn, estimate_of, listed, noted, output, picture, say
+from multipendula.commands.shared import about, drawn, estimate_of, listed, noted, output, picture, say
 from multipendula.completion import files
 from multipendula.options import (
     PICTURES,
@@ -42,7 +42,7 @@ def export(options: argparse.Namespace) -> None:
     if options.file is None:
         raise SceneError(["-o FILE: is required"])
     scene = scene_at(options)
-    noted(scene.at(0.0))
+    about(noted(scene.at(0.0)))
     if scene.is_hoisted:
         content = target.write_varying(_varying(scene, options))
         with whole_file(options.file) as stream:
@@ -284,8 +284,11 @@ COMMANDS = (
                 "response crane-hook --input cart_acceleration --of theta_1_2 -o load.png",
                 "one output, with prescribed trolley motion",
             ),
-            ("response crane-hook --impulse -o impulse.svg", "after an impulse on the trolley"),
-            ("response crane-hook --impulse -o impulse.csv", "the same in numbers"),
+            (
+                "response crane-hook --input 'force:pendulum[0].links[1]' --at 0.1,0.3",
+                "to wind on the load: a force at a point",
+            ),
+            ("response crane-hook --impulse -o impulse.svg", "after an impulse on the trolley; .csv for its numbers"),
             ("response crane-hook --at 0.1,0.3,1 --format json", "numbers instead of a picture"),
         ),
     ),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
-from multipendula.commands.shared import draw_in, listed, noted, output, picture
+from multipendula.commands.shared import about, draw_in, listed, noted, output, picture
 from multipendula.completion import files
 from multipendula.options import add_format, add_picture, add_scene, add_text, add_words, offer
 from multipendula.parser import Page
@@ -22,12 +22,14 @@ OUTPUTS = (
 
 
 def vibration(options: argparse.Namespace) -> None:
-    """Compute the PSD and RMS of every output when the support shakes at random."""
+    """Compute the PSD and RMS of every output when the support shakes, or a force acts, at random."""
     from modal.scene.records import read_spectrum
     from modal.vibration import random_report, random_response
+    from modal.vibration.random import INPUT
 
     def respond(scene: Scene, **outputs: tuple[str, ...]) -> Any:
-        return random_response(scene, read_spectrum(options.psd), **outputs)
+        acts = options.input != INPUT
+        return random_response(scene, read_spectrum(options.psd, acts), source=options.input, **outputs)
 
     _report(options, respond, random_report, "draw_random")
 
@@ -36,9 +38,17 @@ def _vibration_arguments(page: Page) -> None:
     add_scene(page)
     words = (
         "one-sided PSD of the support's motion along the rail, a CSV file with frequency_hz, and psd in (m/s²)²/Hz or "
-        "velocity_psd or displacement_psd"
+        "velocity_psd or displacement_psd; of a force, with psd in N²/Hz, where --input names one"
     )
     offer(page.asked.add_argument("--psd", metavar="CSV", required=True, help=words), files((".csv",)))
+    words = (
+        "the input that the PSD is of: support_acceleration (default), cart_force, force:POINT, lift:POINT or "
+        "torque:POINT, with a POINT such as pendulum[0].links[1]@0.5, or force[0] of the scene"
+    )
+    page.rephrase(r"^input(?=[ :])", "--input")
+    usual = "support_acceleration"
+    known = (usual, "cart_force", "force:", "lift:", "torque:", "force[0]")
+    add_words(page.asked, "--input", known, comma="", metavar="WORD", default=usual, help=words)
     _add_written(page)
 
 
@@ -86,7 +96,7 @@ def _report(
 
     if options.picture:
         picture(options.picture, "--picture")
-    scene = noted(load(options.scene))
+    scene = about(noted(load(options.scene)))
     found = respond(scene, **({"outputs": listed(options.signals)} if options.signals else {}))
     draw_in(options, options.picture, "modal.plotting.vibration", figure, found)
     with output(options.output) as write:

@@ -8,8 +8,8 @@ from math import ceil, pi, sqrt
 
 import numpy as np
 
-from modal.errors import ComputationError
-from modal.modes import natural_modes
+from modal.errors import ComputationError, SceneError
+from modal.modes import Modes, natural_modes
 from modal.scene import Scene
 from nonlinear.system import system_of
 
@@ -37,13 +37,21 @@ def estimate_timescales(scene: Scene) -> Timescales:
     """The time scales of a scene's modes where these are cheap, else estimates."""
     if scene.n_links <= MOST_SURVEYED:
         try:
-            found = modes_of(scene).eigenvalue
+            found = _modes_of_scales(scene).eigenvalue
         except ComputationError:
             return _guessed(scene)
         swings = np.abs(found[(np.abs(found.imag) > np.abs(found.real)) | (found.real > 0)])
         swing = float(swings.max(initial=0.0)) or _guessed(scene).swing
         return Timescales(swing, float(np.max(-found.real, initial=0.0)), True)
     return _guessed(scene)
+
+
+def _modes_of_scales(scene: Scene) -> Modes:
+    """The modes of a scene, those without its forces where these leave no equilibrium."""
+    try:
+        return modes_of(scene)
+    except SceneError:
+        return modes_of(scene.replace(force=()))
 
 
 def sample_count(duration: float, swing: float, per_period: float, fewest: int, most: int) -> int:

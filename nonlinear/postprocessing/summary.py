@@ -131,7 +131,7 @@ def _parametric(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     support = trajectory.scene.support
     if not isinstance(support, Moved) or not isinstance(support.motion, SineMotion):
         return
-    if support.motion.direction == "vertical":
+    if support.motion.direction == "vertical" and "constant_force" not in trajectory.scene.features:
         from modal.vibration import MOST_LINKS, parametric_stability
 
         if trajectory.scene.n_links <= MOST_LINKS:

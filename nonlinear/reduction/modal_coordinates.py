@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import Matrices
+from modal.assembly import Matrices, rig_of
 from modal.errors import ComputationError
 from modal.modes import Modes
 from modal.report import Displayed
@@ -109,19 +109,23 @@ def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = N
 
 
 def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
-    """The q and v (T, n): the cart, then every link's angle from its equilibrium."""
+    """The q and v (T, n): the cart, then every link's angle, from the equilibrium."""
     if motion.links.ndim != 2:
         raise ComputationError("modal coordinates: only for motion in the plane")
     q, v = motion.links - rest_angles(scene), motion.link_rates
     if scene.support.kind == "cart":
-        q, v = (np.column_stack(pair) for pair in ((motion.cart, q), (motion.cart_rate, v)))
+        q, v = (np.column_stack(pair) for pair in ((motion.cart - rest_cart(scene), q), (motion.cart_rate, v)))
     return q, v
 
 
 def rest_angles(scene: Scene) -> Floats:
-    """Equilibrium angle (L,) of every link: 0 hanging, π inverted."""
-    ways = [way for pendulum in scene.pendulum for _ in range(pendulum.count) for way in pendulum.ways]
-    return np.where(np.array(ways) == "up", np.pi, 0.0)
+    """Equilibrium angle (L,) of every link: 0 hanging, π inverted, or where constant forces move it."""
+    return rig_of(scene).rest_angles
+
+
+def rest_cart(scene: Scene) -> float:
+    """The cart's displacement (m) at equilibrium: 0, or where constant forces move it."""
+    return rig_of(scene).cart_rest
 
 
 def along_rail(modes: Modes, number: int) -> tuple[list[int], Any]:
@@ -158,6 +162,6 @@ def start_in_mode(scene: Scene, modes: Modes, number: int, copy: int = 0, amplit
     return State(
         links=rest_angles(scene) + angles.real,
         link_rates=(value * angles).real + np.zeros(len(angles)),
-        cart=cart.real,
+        cart=rest_cart(scene) + cart.real,
         cart_rate=(value * cart).real,
     )

@@ -346,7 +346,7 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     >>> len(system_of(load("paper-cart-2")).groups)
     1
     """
-    rig = rig_of(scene)
+    rig = rig_of(scene.replace(force=()) if scene.force else scene)
     hanging = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     sizes = np.array([rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)])
     hung = np.array([(block, column) for block, column, copies in rig.members for _ in range(copies)])

@@ -14,7 +14,7 @@ and the line belongs to the mean of a² exp(2 Re λ t), weighted as in `lines.at
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, nan, pi, sqrt
+from math import inf, isfinite, nan, pi, sqrt
 
 import numpy as np
 
@@ -61,7 +61,8 @@ def measure_mode(
     """One run from rest in the shape of the mode with this index (from 0), its largest angle `amplitude` rad."""
     scene, value, copy = modes.scene, complex(modes.eigenvalue[number]), along_rail(modes, number)[0][0]
     count = min(MOST_SAMPLES, int(SAMPLES * periods * max(2.0, modes.omega.max() / value.imag)) + 1)
-    bend = max(modes[number].kappa * amplitude**2, -0.5)
+    kappa = modes[number].kappa
+    bend = max(kappa * amplitude**2, -0.5) if isfinite(kappa) else 0.0
     times, clock = sampled(2 * pi * periods / value.imag, count, bend, 2 * value.real)
     trajectory = simulate(
         scene.in_plane,

@@ -188,6 +188,7 @@ print(*sys.modules)"""
 
 def test_the_words_are_those_of_the_packages() -> None:
     from modal.exports import FORMATS
+    from modal.statespace.points import WAYS
     from modal.statespace.signals import INPUTS, OUTPUTS
     from modal.symbolic.derivation import SECTIONS
     from modal.symbolic.system import SYMBOLIC
@@ -201,7 +202,7 @@ def test_the_words_are_those_of_the_packages() -> None:
     assert completion.shipped() == example_names()
     assert offered("derive", "--show") == list(SECTIONS)
     assert offered("derive", "--symbolic") == list(SYMBOLIC)
-    assert sorted(offered("export", "--input")) == sorted(INPUTS)
+    assert sorted(offered("export", "--input")) == sorted((*INPUTS, *(f"{way}:" for way in WAYS), "force[0]"))
     assert sorted(offered("export", "--signals")) == sorted(OUTPUTS)
     assert offered("export", "--to") == list(FORMATS)
     assert offered("simulate", "--method") == list(METHODS)

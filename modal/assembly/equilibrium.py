@@ -1,0 +1,245 @@
+"""The equilibrium under constant forces, and what holds every link there.
+
+A force on the point r_i below the upper joint of link i, which is l_i below it for the links above the one that it acts
+on, pulls that link like a weight.  With the forces along the rail and upwards, and the torques τ,
+
+    V = −Σ_i (B_z cos θ_i + B_x sin θ_i + τ_i θ_i) + joint springs + k_c x²/2 − (Σ F_along) x,
+    B_x = Σ F_along r,    B_z = g b_i − Σ F_up r,
+
+so that without joint springs every link has its own equation, |B| sin(θ_i − φ_i) = τ_i with φ_i the direction of B_i: a
+link that hangs rests near φ_i, one that stands near φ_i + π.  With joint springs the equilibrium is followed by
+Newton's method from the unloaded one while the forces grow to their size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modal import pair
+from modal.errors import SceneError
+from modal.scene import Cart, Pendulum, Scene, places_of
+from modal.types import Floats
+
+BALANCED = 1e-12
+"""Forces that cancel to this fraction of their sum are in balance."""
+STEPS, NEWTON, FARTHEST = 16, 30, 0.3
+"""First steps of the load, most steps of Newton's method in each, most change (rad) of an angle in one."""
+SAME, ROUNDED = 1e-15, 1e-8
+"""A change (rad) of the last digit, and the largest that rounding leaves where it shrinks no more."""
+FINEST = 2.0**-20
+"""The smallest step of the load, of which a branch that needs a smaller one ends."""
+
+
+class Rest(NamedTuple):
+    """The equilibrium of links: angles from hanging (rad), what holds each there (N m/rad), and the sum of its terms.
+
+    `held` is B_z cos θ + B_x sin θ, the stiffness of a link without springs, `pull` is g b + Σ |F| r.
+    """
+
+    angle: Floats
+    held: Floats
+    pull: Floats
+
+    def scaled(self, factor: Any) -> Rest:
+        """What the links of so many equal copies together, or other units, have."""
+        return self._replace(held=self.held * factor, pull=self.pull * factor)
+
+
+class Equilibrium(NamedTuple):
+    """The equilibrium of a scene under its constant forces: the cart's displacement (m), and every link's `rest`.
+
+    The links, (L,), are in the order of the file, counting copies.
+    """
+
+    cart: float
+    rest: Rest
+
+
+class _Load(NamedTuple):
+    """On every link (L,) B without gravity along the rail and down, torques, sums of absolute terms; on the cart."""
+
+    along: Floats
+    down: Floats
+    torque: Floats
+    sizes: Floats
+    cart: float
+    on_cart: float
+
+
+def equilibrium_of(scene: Scene) -> Equilibrium | None:
+    """The equilibrium under the constant forces of a scene; None where there are none.
+
+    Raises SceneError where there is no equilibrium: on a cart that nothing holds against the forces, for a torque that
+    gravity cannot hold, where nothing turns a link to a direction, or where the branch of hanging links ends.
+
+    >>> from modal import load
+    >>> equilibrium_of(load("chain-2")) is None
+    True
+    >>> from modal.scene import ConstantForce
+    >>> wind = ConstantForce(on="pendulum[0].links[0]", amplitude=9.81)  # on both of its links
+    >>> found = equilibrium_of(load("chain-2").replace(force=(wind,)))
+    >>> np.degrees(found.rest.angle).round(3).tolist()
+    [45.0, 45.0]
+    """
+    if not scene.force or "constant_force" not in scene.features:
+        return None
+    load = _load_of(scene)
+    problems, rests = list(_unbalanced(scene, load)), []
+    first = 0
+    for p, pendulum in enumerate(scene.pendulum):
+        own = _Chain(pendulum, scene.gravity)
+        for copy in range(pendulum.count):
+            place = f"pendulum[{p}]" + (f".copies[{copy}]" if pendulum.count > 1 else "")
+            try:
+                rests.append(own.rest(*(part[first : first + own.n] for part in load[:4])))
+            except SceneError as error:
+                problems += [f"{place}{words}" for words in error.problems]
+            first += own.n
+    if problems:
+        raise SceneError(problems)
+    held = scene.support.stiffness if isinstance(scene.support, Cart) else 0.0
+    cart = load.cart / held if held else 0.0
+    return Equilibrium(cart, Rest(*(np.concatenate(parts) for parts in zip(*rests, strict=True))))
+
+
+def _load_of(scene: Scene) -> _Load:
+    along, down, torque, sizes = np.zeros((4, scene.n_links))
+    reach, centre = np.array(
+        [
+            (link.length, link.centre)
+            for pendulum in scene.pendulum
+            for _ in range(pendulum.count)
+            for link in pendulum.links
+            for _ in range(link.count)
+        ]
+    ).T
+    top = np.concatenate(
+        [np.tile(np.arange(one.n_links), one.count) for one in scene.pendulum]
+    )  # links above, in the same chain
+    cart = on_cart = 0.0
+    for force in scene.force:
+        if force.kind != "constant":
+            continue
+        places = places_of(scene, force.on)
+        if force.direction == "horizontal":
+            cart += force.amplitude * max(len(places), 1)
+            on_cart += abs(force.amplitude) * max(len(places), 1)
+        for link, above, below in places:
+            if force.direction == "torque":
+                torque[link] += force.amplitude
+                sizes[link] += abs(force.amplitude)
+                if below is None and above >= 0:
+                    torque[above] -= force.amplitude
+                    sizes[above] += abs(force.amplitude)
+                continue
+            arms = reach[link - top[link] : link + 1].copy()
+            arms[-1] = centre[link] if below is None else below
+            own = along if force.direction == "horizontal" else down
+            own[link - top[link] : link + 1] += arms * (force.amplitude if own is along else -force.amplitude)
+            sizes[link - top[link] : link + 1] += arms * abs(force.amplitude)
+    return _Load(along, down, torque, sizes, cart, on_cart)
+
+
+def _unbalanced(scene: Scene, load: _Load) -> Iterator[str]:
+    """What is wrong with a cart that nothing holds."""
+    held = isinstance(scene.support, Cart) and not scene.support.stiffness
+    if held and abs(load.cart) > BALANCED * load.on_cart:
+        yield (
+            f"support.stiffness = 0: the constant forces along the rail add up to {load.cart:.6g} N, which nothing "
+            "holds: there is no equilibrium; give the cart a spring, or balance them"
+        )
+
+
+class _Chain:
+    """One copy of a pendulum: g b of its links, springs at its joints, and the angles at which these are relaxed."""
+
+    def __init__(self, pendulum: Pendulum, gravity: float) -> None:
+        mass, length, centre, self.springs = np.array(
+            [
+                (link.mass, link.length, link.centre, link.stiffness)
+                for link in pendulum.links
+                for _ in range(link.count)
+            ]
+        ).T
+        self.n = len(mass)
+        self.weight = gravity * np.array(pair.first_moments(mass, length, centre))
+        self.stands = np.array([way == "up" for way in pendulum.ways])
+        self.relaxed = np.pi * self.stands
+        self.names = [f".links[{k}]" for k, link in enumerate(pendulum.links) for _ in range(link.count)]
+
+    def rest(self, along: Floats, down: Floats, torque: Floats, sizes: Floats) -> Rest:
+        """The equilibrium under a load on every link, (n,) each; SceneError without one."""
+        if self.springs.any():
+            theta = self._followed(along, down, torque)
+        else:
+            theta = self._alone(along, self.weight + down, torque, sizes)
+        held = (self.weight + down) * np.cos(theta) + along * np.sin(theta)
+        return Rest(theta, held, self.weight + sizes)
+
+    def _alone(self, along: Floats, down: Floats, torque: Floats, sizes: Floats) -> Floats:
+        """Of links without springs, each by itself."""
+        pull, problems = np.hypot(along, down), []
+        for k in range(self.n):
+            if pull[k] <= BALANCED * (self.weight[k] + sizes[k]):
+                problems.append(f"{self.names[k]}: gravity and the constant forces on it and below it cancel")
+            elif abs(torque[k]) >= pull[k]:
+                problems.append(
+                    f"{self.names[k]}: a constant torque of {torque[k]:.6g} N m turns it over: gravity and the forces "
+                    f"hold at most {pull[k]:.6g} N m"
+                )
+        if problems:
+            raise SceneError([f"{words}: there is no equilibrium" for words in dict.fromkeys(problems)])
+        turned = np.arcsin(torque / pull)
+        sign = np.where(self.stands, -1.0, 1.0)
+        theta: Floats = np.arctan2(sign * along, sign * down) + sign * turned
+        return np.asarray(np.where(self.stands & (theta < -BALANCED), theta + 2 * np.pi, theta))
+
+    def _followed(self, along: Floats, down: Floats, torque: Floats) -> Floats:
+        """With joint springs, from the unloaded equilibrium while the load grows."""
+        theta, share, step = self.relaxed.copy(), 0.0, 1.0 / STEPS
+        while share < 1:
+            step = min(step, 1 - share)
+            found = self._newton(theta, *((share + step) * part for part in (along, down, torque)))
+            if found is None:
+                step /= 2
+                if step < FINEST:
+                    raise SceneError([self._ends(share)])
+                continue
+            theta, share, step = found, share + step, 1.5 * step
+        if not self.stands.any() and np.linalg.eigvalsh(self._stiffness(theta, along, self.weight + down))[0] <= 0:
+            raise SceneError(
+                [": its equilibrium under the constant forces is unstable: links buckle before they are reached"]
+            )
+        return theta
+
+    def _ends(self, share: float) -> str:
+        return f": at {100 * share:.3g} % of the constant forces its equilibrium ends: there is none under all of them"
+
+    def _newton(self, start: Floats, along: Floats, down: Floats, torque: Floats) -> Floats | None:
+        """The equilibrium near a start; None if Newton's method goes elsewhere."""
+        theta, total, size = start, self.weight + down, np.inf
+        for _ in range(NEWTON):
+            bend = np.diff(theta - self.relaxed, prepend=0.0)
+            moments = self.springs * bend
+            slope = total * np.sin(theta) - along * np.cos(theta) - torque + moments - np.append(moments[1:], 0.0)
+            try:
+                change = np.linalg.solve(self._stiffness(theta, along, total), -slope)
+            except np.linalg.LinAlgError:
+                return None
+            last, size = size, float(np.abs(change).max())
+            theta = np.asarray(theta + change)
+            if not np.abs(theta - start).max() <= FARTHEST:
+                return None
+            if size <= SAME or (size <= ROUNDED and size > last / 2):
+                return theta
+        return None
+
+    def _stiffness(self, theta: Floats, along: Floats, down: Floats) -> Floats:
+        """∇²V."""
+        K = np.diag(down * np.cos(theta) + along * np.sin(theta) + self.springs + np.append(self.springs[1:], 0.0))
+        beside = np.arange(self.n - 1)
+        K[beside, beside + 1] = K[beside + 1, beside] = -self.springs[1:]
+        return K
