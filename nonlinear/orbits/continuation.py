@@ -23,7 +23,10 @@ NEWTON, DONE, FAR = 8, 1e-7, 0.5  # corrections; the last one, after which 1e-14
 CLOSED = 1e-9  # largest residual of an orbit in natural units
 TURN = 0.3  # largest angle (rad) between neighbouring tangents
 LEAST = 1e-6  # shortest step
+AIMED = 0.85  # of how far apart neighbours may be
 ROUNDS = 60
+AMPLITUDE, PHASE = 0.02, 0.1  # how far neighbours of a forced branch may differ: relative, and rad
+SMALL = np.radians(0.1)  # angle (rad) below which differences are measured by it
 ASIDE = (0.3, 0.7, 0.5, 0.1, 0.9)  # of a bracket, tried where a point in it was not found
 
 
@@ -91,10 +94,33 @@ def point(problem: Problem, guess: Floats, row: Floats) -> Point | None:
     return Point(u, tangent_of(J, row), orbit) if orbit.residual < CLOSED else None
 
 
+def level(here: Point, ahead: Point) -> float:
+    """No limit to how far neighbours are apart."""
+    return 0.0
+
+
+def apart(here: Point, ahead: Point) -> float:
+    """How far neighbouring forced motions are apart in amplitude and in phase, over AMPLITUDE and PHASE.
+
+    The phase is that of the link with the largest angle of the first.
+    """
+    one, other = here.orbit, ahead.orbit
+    size, link = max(one.amplitude, SMALL), one.amplitudes.argmax()
+    turned = float(np.abs(np.angle(np.exp(1j * (other.phases[link] - one.phases[link])))))
+    weight = min(one.amplitude / SMALL, 1.0)
+    return max(abs(other.amplitude - one.amplitude) / size / AMPLITUDE, weight * turned / PHASE)
+
+
 def follow(
-    problem: Problem, first: Point, *, step: float = 0.02, longest: float = 0.08, least: float = LEAST
+    problem: Problem,
+    first: Point,
+    *,
+    step: float = 0.02,
+    longest: float = 0.08,
+    least: float = LEAST,
+    apart: Callable[[Point, Point], float] = level,
 ) -> Iterator[Point]:
-    """The points of a branch, from the first one on, as long as there are any."""
+    """The points of a branch, from the first one on, as long as there are any; `apart` is at most 1 for neighbours."""
     here = first
     yield here
     while step >= least:
@@ -102,8 +128,12 @@ def follow(
         if ahead is None or ahead.tangent @ here.tangent < np.cos(TURN):
             step /= 2
             continue
+        if (far := apart(here, ahead)) > 1:
+            step *= max(0.25, AIMED / far)
+            continue
         turn = float(np.arccos(np.clip(ahead.tangent @ here.tangent, -1, 1)))
-        step = float(np.clip(step * np.clip(TURN / 3 / max(turn, 1e-9), 0.5, 1.5), least, longest))
+        grown = min(float(np.clip(TURN / 3 / max(turn, 1e-9), 0.5, 1.5)), AIMED / max(far, 1e-9))
+        step = float(np.clip(step * grown, least, longest))
         here = ahead
         yield here
 
