@@ -25,6 +25,7 @@ TURN = 0.3  # largest angle (rad) between neighbouring tangents
 LEAST = 1e-6  # shortest step
 AIMED = 0.85  # of how far apart neighbours may be
 ROUNDS = 60
+SINGULAR = 1e-5  # of the largest singular value, that of the second branch where two cross
 AMPLITUDE, PHASE = 0.02, 0.1  # how far neighbours of a forced branch may differ: relative, and rad
 SMALL = np.radians(0.1)  # angle (rad) below which differences are measured by it
 ASIDE = (0.3, 0.7, 0.5, 0.1, 0.9)  # of a bracket, tried where a point in it was not found
@@ -51,10 +52,13 @@ class Point(Displayed):
     orbit: Orbit
 
 
-def corrected(problem: Problem, guess: Floats, row: Floats | None = None) -> tuple[Floats, Floats] | None:
+def corrected(
+    problem: Problem, guess: Floats, row: Floats | None = None, least: float | None = None
+) -> tuple[Floats, Floats] | None:
     """The solution near a guess, in the plane through it across `row` where there is one, and ∂r/∂u (k, N) there.
 
-    None where Newton's method does not converge.
+    Directions whose singular values are below `least`, relative, are left as guessed.  None where Newton's method does
+    not converge.
     """
     u, before = guess, np.inf
     for _ in range(NEWTON):
@@ -66,7 +70,7 @@ def corrected(problem: Problem, guess: Floats, row: Floats | None = None) -> tup
             r, J = np.append(r, row @ (u - guess)), np.vstack((J, row))
         if not (np.all(np.isfinite(J)) and np.all(np.isfinite(r))):
             return None
-        step = np.linalg.lstsq(J, -r, rcond=None)[0]
+        step = np.linalg.lstsq(J, -r, rcond=least)[0]
         size = float(np.linalg.norm(step))
         if size > FAR or (size > before and size > DONE):
             return None
@@ -82,9 +86,9 @@ def tangent_of(J: Floats, along: Floats) -> Floats:
     return np.asarray(found if found @ along >= 0 else -found)
 
 
-def point(problem: Problem, guess: Floats, row: Floats) -> Point | None:
+def point(problem: Problem, guess: Floats, row: Floats, least: float | None = None) -> Point | None:
     """The point of a branch across `row` from a guess, None where there is none."""
-    if (found := corrected(problem, guess, row)) is None:
+    if (found := corrected(problem, guess, row, least)) is None:
         return None
     u, J = found
     try:
@@ -138,26 +142,37 @@ def follow(
         yield here
 
 
-def between(problem: Problem, one: Point, other: Point, part: float) -> Point:
-    """The point at a fraction of the way from one point to the next, from the cubic through both and their tangents."""
+def between(problem: Problem, one: Point, other: Point, part: float, least: float | None = None) -> Point:
+    """The point at a fraction of the way from one point to the next, from the cubic through both and their tangents.
+
+    Directions with singular values below `least`, relative, are those of the cubic, if that is a solution.
+    """
     way = other.u - one.u
     length, x = float(np.linalg.norm(way)), part
     start, end = length * one.tangent, length * other.tangent
     guess = one.u + x * x * (3 - 2 * x) * way + x * (1 - x) * ((1 - x) * start - x * end)
     row = 6 * x * (1 - x) * way + (1 - x) * (1 - 3 * x) * start + x * (3 * x - 2) * end
     row = row / np.linalg.norm(row)
-    for tried in (guess, one.u + x * way):
-        if found := point(problem, tried, row):
+    tries = [(guess, None), (one.u + x * way, None)]
+    for tried, left in tries if least is None else [(guess, least), *tries]:
+        if found := point(problem, tried, row, left):
             return found
     raise ComputationError("the branch of orbits was lost between two of its points")
 
 
 def located(
-    problem: Problem, one: Point, other: Point, test: Callable[[Point], float], accuracy: float = 1e-10
+    problem: Problem,
+    one: Point,
+    other: Point,
+    test: Callable[[Point], float],
+    accuracy: float = 1e-10,
+    *,
+    crossing: bool = False,
 ) -> Point:
     """The point between two where a test function is 0; it has different signs at them (Illinois' rule).
 
-    Where branches cross, Newton's method fails in the end: the nearest point found is then the answer.
+    Where branches cross, the equations do not tell how far along the other branch a point is (SINGULAR): there it is
+    that of the cubic.  If Newton's method fails all the same, the nearest point found is the answer.
     """
     low, high, f_low, f_high = 0.0, 1.0, test(one), test(other)
     best, size = (one, abs(f_low)) if abs(f_low) < abs(f_high) else (other, abs(f_high))
@@ -169,7 +184,7 @@ def located(
         if not low < part < high or high - low < accuracy:
             break
         try:
-            found = between(problem, one, other, part)
+            found = between(problem, one, other, part, SINGULAR if crossing else None)
         except ComputationError:
             misses += 1
             if misses > len(ASIDE):

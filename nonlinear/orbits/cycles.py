@@ -264,7 +264,7 @@ def walked(
     for here in follow(problem, first, step=longest / 5, longest=longest, apart=apart):
         points.append(here)
         if len(points) > 1 and not 0 < here.u[-1] < 1:
-            points[-1] = located(problem, points[-2], here, _beyond(here))
+            points[-1] = at_edge(problem, points[-2], here)
             return points, True
         dies = not problem.clock and here.orbit.amplitude < DYING * orbit.amplitude
         if len(points) >= most or dies:
@@ -272,10 +272,10 @@ def walked(
     return points, False
 
 
-def _beyond(here: Point) -> Callable[[Point], float]:
-    """How far a point is from the end of the range that this one has passed."""
+def at_edge(problem: Shooting, before: Point, here: Point) -> Point:
+    """The point at the end of the range that the second of two neighbours has passed."""
     edge = float(here.u[-1] > 0.5)
-    return lambda each: float(each.u[-1]) - edge
+    return located(problem, before, here, lambda each: float(each.u[-1]) - edge)
 
 
 def known(orbit: Orbit, branch: Branch) -> bool:

@@ -17,7 +17,7 @@ from modal.types import Floats
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch
 from nonlinear.orbits.continuation import Point, apart, follow, level, point
-from nonlinear.orbits.cycles import turning
+from nonlinear.orbits.cycles import at_edge, turning
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles
@@ -86,8 +86,15 @@ def _firsts(problem: Shooting, u: Floats, new: Floats) -> Iterator[Point]:
 
 
 def _inside(problem: Shooting, first: Point, step: float) -> Iterator[Point]:
-    """The points of the branch as long as its number is within the range."""
+    """The points of the branch as long as its number is within the range, to its edge, and once around a closed one."""
+    before, left = first, False
     for here in follow(problem, first, longest=step, apart=apart if problem.clock else level):
         if problem.variation and not 0 <= here.u[-1] <= 1:
+            if here is not first:
+                yield at_edge(problem, before, here)
             return
         yield here
+        left = left or float(np.linalg.norm(here.u - first.u)) > 2 * step
+        if left and np.linalg.norm(here.u - first.u) < np.linalg.norm(here.u - before.u):
+            return
+        before = here

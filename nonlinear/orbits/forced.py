@@ -173,7 +173,7 @@ def _beginning(
     ComputationError where none is found.
     """
     here = scene if variation is None or value is None else vary(scene, {variation.path: value})
-    problem = shooting(scene, tolerance=tolerance, variation=variation, cycles=cycles)
+    problem = shooting(scene, tolerance=tolerance, variation=variation, cycles=cycles, segments=cycles)
     flow = problem.flow_at(value)
     if start:
         return _beside(problem, flow.equations.begin(start), value, "start")

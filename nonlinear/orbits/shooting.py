@@ -21,7 +21,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.scene import Scene, drive_period, require
-from modal.scene.parameters import Variation, find_places, vary, with_numbers
+from modal.scene.parameters import Variable, Variation, find_places, vary, with_numbers
 from modal.types import Floats
 from nonlinear.dynamics.variational import Force
 from nonlinear.integration.switches import numbers_of as switching_of
@@ -285,14 +285,17 @@ def shooting(
     capability = "a forced periodic orbit" if cycles else "a periodic orbit"
     require(scene, capability)
 
+    variable = Variable(scene, [variation.path] if variation else [])
+
+    def scene_at(value: float) -> Scene:
+        return variable.at({variation.path: value}) if variation else scene
+
     @lru_cache(maxsize=8)
     def flow_at(value: float | None) -> Flow:
-        varied = scene if value is None or variation is None else vary(scene, {variation.path: value})
+        varied = scene if value is None else scene_at(value)
         require(varied, capability)
         flow = Flow(system_of(varied), tolerance, force=force)
-        if value is None or variation is None:
-            return flow
-        return replace(flow, change=_change(scene, variation, value, flow))
+        return flow if value is None or variation is None else replace(flow, change=_change(scene_at, value, flow))
 
     clock = _clock(scene, variation, cycles) if cycles else Clock(period) if period else None
     return Shooting(scene, flow_at, leader, segments, clock, variation, max(cycles, 1), turns)
@@ -312,7 +315,7 @@ def _clock(scene: Scene, variation: Variation | None, cycles: int) -> Clock:
     return Clock(cycles * drives.seconds, value if moved else None)
 
 
-def _change(scene: Scene, variation: Variation, value: float, flow: Flow) -> NumberChange | None:
+def _change(scene_at: Callable[[float], Scene], value: float, flow: Flow) -> NumberChange | None:
     """The derivative of the numbers of the equations by a number of the scene, by central differences.
 
     None where a scene beside has another form, as a number is 0 there.
@@ -321,7 +324,7 @@ def _change(scene: Scene, variation: Variation, value: float, flow: Flow) -> Num
     here = switching_of(flow.system)
     for moved in (value - aside, value + aside):
         try:
-            system = system_of(vary(scene, {variation.path: moved}))
+            system = system_of(scene_at(moved))
         except SceneError:
             return None
         equations = replace(flow.equations, system=system)
