@@ -18,6 +18,7 @@ from nonlinear.system import Motion, State
 
 SAMPLES = 128  # a cycle of the drives, at which a forced motion is read
 LOOKS = 8  # points in every step among which the largest angle is searched
+AT_REST = 1e-9  # a largest angle (rad) within the accuracy of an orbit
 SYMMETRIC = 1e-4  # of the largest coordinate, by which a symmetric motion may miss its mirror image
 NEARLY = 0.99  # of the largest sample, from which on a step may hold the largest angle
 
@@ -94,8 +95,8 @@ class Orbit(Displayed):
 
     @property
     def phase(self) -> float:
-        """That of the link with the largest angle (rad)."""
-        return float(self.phases[self.amplitudes.argmax()])
+        """That of the link with the largest angle (rad); NaN where none leaves its equilibrium."""
+        return float(self.phases[self.amplitudes.argmax()]) if self.amplitude > AT_REST else float("nan")
 
     @cached_property
     def fed(self) -> float:
@@ -103,17 +104,14 @@ class Orbit(Displayed):
         times, q, v = self._sampled
         moving = self.flow.system.support
         support = (0.0, 0.0) if moving is None else tuple(moving.velocities(times, 2).T)
-        return -float(drained(self.flow.system, q.T, v.T, (support[0], support[1])).mean()) * self.period
+        return 0.0 - float(drained(self.flow.system, q.T, v.T, (support[0], support[1])).mean()) * self.period
 
     @cached_property
     def is_symmetric(self) -> bool:
         """Whether a forced motion is its own mirror image half a cycle of the drives later."""
-        _, q, _ = self._sampled
-        if any(self.turns):
-            return False
-        apart = q - np.concatenate((np.zeros(q.shape[1] - len(self.flow.system.rest)), self.flow.system.rest))
-        later = np.roll(apart, SAMPLES // 2, axis=0)
-        return bool(np.abs(apart + later).max() < SYMMETRIC * np.abs(apart).max())
+        angles = self._sampled[1][:, int(self.flow.equations.layout.on_cart) :] - self.flow.system.rest
+        later = np.roll(angles, SAMPLES // 2, axis=0)
+        return not any(self.turns) and bool(np.abs(angles + later).max() < SYMMETRIC * np.abs(angles).max())
 
     @cached_property
     def _sampled(self) -> tuple[Floats, Floats, Floats]:

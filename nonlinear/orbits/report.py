@@ -54,7 +54,7 @@ def _driven(orbit: Orbit) -> dict[str, Any]:
     if not orbit.cycles:
         return {}
     turns = [*orbit.turns] or [0] * len(orbit.flow.system.rest)
-    told = {"phase_deg": degrees(orbit.phase), "fed_J": orbit.fed, "period_s": orbit.period}
+    told = {"phase_deg": finite(degrees(orbit.phase)), "fed_J": orbit.fed, "period_s": orbit.period}
     return {**told, "cycles": orbit.cycles, "whole_turns": turns, "neutral": orbit.floquet.neutral}
 
 
@@ -138,7 +138,8 @@ def _cells(branch: Branch, orbit: Orbit, linear: float | None) -> list[str]:
     head = [f"{_parameter(branch, orbit):.6g}"] if branch.variation else []
     shift = [f"{100 * (orbit.omega / linear - 1):+.4f} %"] if linear else []
     if branch.is_forced:
-        told = [f"{degrees(orbit.amplitude):.3f}", f"{degrees(orbit.phase):.2f}", f"{orbit.fed:.5g}"]
+        phase = f"{degrees(orbit.phase):.2f}" if isfinite(orbit.phase) else "–"
+        told = [f"{degrees(orbit.amplitude):.3f}", phase, f"{orbit.fed:.5g}"]
         return [*head, *told, "yes" if orbit.is_stable else "no", f"{_largest(orbit):.6g}"]
     grows = [f"{growth(orbit):.5f}"] if branch.variation else []
     return [

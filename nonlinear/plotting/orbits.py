@@ -18,7 +18,6 @@ from modal.scene import Scene, title_of
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
 from nonlinear.orbits import Branch, Special, linear_response, nonlinear_mode
-from nonlinear.orbits.modes import COARSE
 from nonlinear.orbits.shooting import Shooting
 from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
 
@@ -90,17 +89,23 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
     variation = branches[0].variation
     assert variation is not None
     for number, branch in enumerate(branches):
-        phase = np.unwrap([orbit.phase for orbit in branch.orbits], period=2 * np.pi)
-        turns = 2 * np.pi * np.round(phase.mean() / (2 * np.pi))
         _curve(upper, branch, branch.value, np.rad2deg(branch.amplitude), number)
-        draw_branch(lower, branch.value, np.rad2deg(phase - turns), branch.is_stable, number)
+        phase = np.array([orbit.phase for orbit in branch.orbits])
+        swings = np.isfinite(phase)
+        phase[swings] = np.unwrap(phase[swings])
+        phase -= 2 * np.pi * np.round(np.mean(phase[swings]) / (2 * np.pi)) if swings.any() else 0.0
+        draw_branch(lower, branch.value, np.rad2deg(phase), branch.is_stable, number)
+        for special in branch.special:
+            near = phase[special.after]
+            there = np.rad2deg(near + np.angle(np.exp(1j * (special.orbit.phase - near))))
+            lower.plot([special.orbit.value], [there], **mark(MARKS[special.kind]))
     widest = max(float(np.rad2deg(branch.amplitude.max())) for branch in branches)
     is_frequency = branches[0].problem.clock.value is not None if isinstance(branches[0].problem, Shooting) else False
     values, linear = _linear(scene, variation)
     upper.plot(values, linear, color=muted(), lw=1.1, ls=":", zorder=1, label="linear response")
     for k, (hertz, angles) in enumerate(_backbones_of(scene, variation, widest) if is_frequency else ()):
         upper.plot(hertz, angles, color=muted(), lw=1.3, ls="--", zorder=2, label="_" if k else "backbone")
-    upper.set(ylabel="largest angle (°)", xlim=(variation.values[0], variation.values[-1]), ylim=(0, 1.08 * widest))
+    upper.set(ylabel="largest angle (°)", xlim=(variation.values[0], variation.values[-1]), ylim=(0, 1.08 * widest or 1.0))
     words = "frequency of the drive (Hz)" if is_frequency else axis_words(variation)
     lower.set(xlabel=words, ylabel="phase against the drive (°)")
     scale(lower, "x", variation)
@@ -125,7 +130,7 @@ def _backbones_of(scene: Scene, variation: Variation, widest: float) -> Iterator
         if not low - (high - low) < omega / (2 * np.pi) < high + (high - low):
             continue
         with suppress(ComputationError, SceneError):
-            branch = nonlinear_mode(free, number, np.deg2rad(min(widest, WIDEST)), longest=COARSE, locate=False)
+            branch = nonlinear_mode(free, number, np.deg2rad(min(widest, WIDEST)), locate=False)
             yield branch.omega / (2 * np.pi), np.rad2deg(branch.amplitude)
 
 
