@@ -163,7 +163,9 @@ FORCED_ORBIT = Capability(
     refuses={**CONSTANT, **PLANE, **STICKS, **_each(DRIVES, "does not follow clocks and drives at joints")},
     unless=ENDS,
     beside=UNLOADED,
-    needs={_of("force moved_support"): 'nothing drives this scene: give it a [[force]], or a support of kind = "moved"'},
+    needs={
+        _of("force moved_support"): 'nothing drives this scene: give it a [[force]], or a support of kind = "moved"'
+    },
 )
 
 SIDE_BY_SIDE = Capability(

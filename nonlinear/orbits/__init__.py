@@ -26,8 +26,8 @@ from nonlinear.orbits.cycles import (
 from nonlinear.orbits.entering import LEAVES, entered
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow
-from nonlinear.orbits.held import mode_along
 from nonlinear.orbits.forced import LinearResponse, follow_forced, forced_orbit, linear_response, require_forced
+from nonlinear.orbits.held import mode_along
 from nonlinear.orbits.modes import at_amplitude, mode_orbit, nonlinear_mode, orbit_where_off, oscillating
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.report import orbits_csv, orbits_record, orbits_text
@@ -50,8 +50,8 @@ __all__ = [
     "forced_orbit",
     "growth",
     "last_swing",
-    "linear_response",
     "limit_cycles",
+    "linear_response",
     "mode_along",
     "mode_orbit",
     "nonlinear_mode",

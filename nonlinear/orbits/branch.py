@@ -77,7 +77,10 @@ class Branch(Displayed):
         """A row for each orbit, (K,): what it was continued along, amplitude, energy, frequency and stability."""
         along = {self.variation.column: self.value} if self.variation else {}
         orbits = self.orbits if self.is_forced else ()
-        driven = {"phase_deg": np.degrees([one.phase for one in orbits]), "fed_J": np.array([one.fed for one in orbits])}
+        driven = {
+            "phase_deg": np.degrees([one.phase for one in orbits]),
+            "fed_J": np.array([one.fed for one in orbits]),
+        }
         return {
             **along,
             "amplitude_deg": np.degrees(self.amplitude),

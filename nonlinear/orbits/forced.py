@@ -11,7 +11,6 @@ else where the motion from there settles.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -96,9 +95,7 @@ def linear_response(scene: Scene) -> LinearResponse:
     return LinearResponse(drives.seconds, motion, motion[:, links] - flow.rest[links])
 
 
-def forced_orbit(
-    scene: Scene, *, start: State | None = None, cycles: int = 1, tolerance: float = TOLERANCE
-) -> Orbit:
+def forced_orbit(scene: Scene, *, start: State | None = None, cycles: int = 1, tolerance: float = TOLERANCE) -> Orbit:
     """The periodic motion of a scene under its drives, over so many `cycles` of their common period.
 
     It is the one beside a `start` at the time 0, by default beside the linear response or where the motion from there
@@ -181,7 +178,7 @@ def _beginning(
     period = problem.clock.period(value) if problem.clock else np.inf
     for settling in (0, *SETTLING):
         try:
-            for k in range(settling):
+            for _k in range(settling):
                 y = flow(y, np.zeros((len(y), 0)), period).y
             return _beside(problem, y, value, "a settled motion" if settling else "the linear response")
         except ComputationError:

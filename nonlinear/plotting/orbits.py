@@ -105,7 +105,9 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
     upper.plot(values, linear, color=muted(), lw=1.1, ls=":", zorder=1, label="linear response")
     for k, (hertz, angles) in enumerate(_backbones_of(scene, variation, widest) if is_frequency else ()):
         upper.plot(hertz, angles, color=muted(), lw=1.3, ls="--", zorder=2, label="_" if k else "backbone")
-    upper.set(ylabel="largest angle (°)", xlim=(variation.values[0], variation.values[-1]), ylim=(0, 1.08 * widest or 1.0))
+    upper.set(
+        ylabel="largest angle (°)", xlim=(variation.values[0], variation.values[-1]), ylim=(0, 1.08 * widest or 1.0)
+    )
     words = "frequency of the drive (Hz)" if is_frequency else axis_words(variation)
     lower.set(xlabel=words, ylabel="phase against the drive (°)")
     scale(lower, "x", variation)
