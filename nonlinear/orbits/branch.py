@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import isclose
 from typing import Any
 
 import numpy as np
@@ -65,8 +66,8 @@ class Branch(Displayed):
     @property
     def returns(self) -> bool:
         """Whether it leaves the range of its number where it began, behind a fold."""
-        ends = self.value[[0, -1]]
-        return self.complete and self.variation is not None and bool(np.isclose(*ends, rtol=1e-9))
+        first, last = float(self.value[0]), float(self.value[-1])
+        return self.complete and self.variation is not None and isclose(first, last, rel_tol=1e-9)
 
     @cached_property
     def value(self) -> Floats:

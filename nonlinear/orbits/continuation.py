@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from math import radians
 from typing import Protocol
 
 import numpy as np
@@ -27,7 +28,7 @@ AIMED = 0.85  # of how far apart neighbours may be
 ROUNDS = 60
 SINGULAR = 1e-5  # of the largest singular value, that of the second branch where two cross
 AMPLITUDE, PHASE = 0.02, 0.1  # how far neighbours of a forced branch may differ: relative, and rad
-SMALL = np.radians(0.1)  # angle (rad) below which differences are measured by it
+SMALL = radians(0.1)  # angle (rad) below which differences are measured by it
 ASIDE = (0.3, 0.7, 0.5, 0.1, 0.9)  # of a bracket, tried where a point in it was not found
 
 
@@ -112,7 +113,7 @@ def apart(here: Point, ahead: Point) -> float:
     size, link = max(one.amplitude, SMALL), one.amplitudes.argmax()
     turned = float(np.abs(np.angle(np.exp(1j * (other.phases[link] - one.phases[link])))))
     weight = min(one.amplitude / SMALL, 1.0)
-    return max(abs(other.amplitude - one.amplitude) / size / AMPLITUDE, weight * turned / PHASE)
+    return max(float(abs(other.amplitude - one.amplitude) / size) / AMPLITUDE, weight * turned / PHASE)
 
 
 def follow(

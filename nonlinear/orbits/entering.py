@@ -29,7 +29,7 @@ LEAVES = ("branch point", "period doubling")
 
 
 def entered(branch: Branch, special: Special, *, most: int | None = None, step: float = 0.05) -> Branch:
-    """The branch that leaves at a branch point or a period doubling, up to `most` orbits (MOST, FORCED of a forced one).
+    """The branch that leaves at a branch point or a period doubling, up to `most` orbits (MOST, or FORCED).
 
     Raises ComputationError at other points and where no branch is found.
     """

@@ -38,9 +38,9 @@ LONGEST, MOST = 0.1, 4000  # step in natural units and parts of the range; orbit
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearResponse(Displayed):
-    """The steady motion of the linear model: `y` (N, d) at N even times of a `period` (s), and the `turned` links (N, L).
+    """The steady motion of the linear model at N even times of a `period` (s): `y` (N, d) and angles `turned` (N, L).
 
-    These are the angles (rad) from where the links hang or stand without drives.
+    These are the angles (rad) of the links from where they hang or stand without drives.
     """
 
     period: float

@@ -126,7 +126,7 @@ class Orbit(Displayed):
         part = (times - ends[at])[:, None] / h
         q = sum(power * part**k for k, power in enumerate(powers))
         v = sum(k * power * part ** (k - 1) for k, power in enumerate(powers) if k) / h
-        return times, np.asarray(q), np.asarray(v)
+        return np.asarray(times, dtype=float), np.asarray(q), np.asarray(v)
 
     def _summary(self) -> Summary:
         facts = [
@@ -155,7 +155,7 @@ class Orbit(Displayed):
 
 
 def quintic(h: Floats, x0: Floats, x1: Floats, v0: Floats, v1: Floats, a0: Floats, a1: Floats) -> Floats:
-    """Coefficients (6, K, L) of powers of t/h of the curves with these x, slopes and curvatures at t = 0 and h (K, 1)."""
+    """Coefficients (6, K, L) of powers of t/h, of curves with these x, slopes and curvatures at t = 0 and h (K, 1)."""
     v0, v1, a0, a1 = v0 * h, v1 * h, a0 * h**2, a1 * h**2
     d, m, e = x1 - x0 - v0 - a0 / 2, v1 - v0 - a0, a1 - a0
     return np.array([x0, v0, a0 / 2, 10 * d - 4 * m + e / 2, -15 * d + 7 * m - e, 6 * d - 3 * m + e / 2])

@@ -23,8 +23,8 @@ STABLE = (
     "shift of time or place and by conserved quantities."
 )
 PHASES = (
-    "phase: by how much the fundamental of the link with the largest angle is ahead of the first drive; fed: the energy "
-    "that the drives feed in a period."
+    "phase: by how much the fundamental of the link with the largest angle is ahead of the first drive; fed: the "
+    "energy that the drives feed in a period."
 )
 WORDS = {"energy": "of the energy", "omega": "of the frequency", "symmetry": "that breaks the symmetry"}
 

@@ -4,11 +4,12 @@ The period T is divided into equal segments that begin at y_0, y_1, …:
 
     φ_{T/m}(y_k) = y_{k+1},   φ_{T/m}(y_{m−1}) = y_0
 
-with T unknown unless drives of that period set it; then angles may gain whole turns in it (Keller, Numerical Solution of Two Point Boundary Value Problems, 1976;
-Seydel, Practical Bifurcation and Stability Analysis, 2010, ch. 7).  The phase of a free oscillation is chosen so that
-one link turns back at the start, or with dry friction, which stops there, passes its angle at rest to the right; a cart
-that nothing holds starts at 0.  In a conservative scene these equations follow
-from each other in part, and solutions form families.  A number of the scene may be a further unknown.
+with T unknown unless drives of that period set it; then angles may gain whole turns in it (Keller, Numerical Solution
+of Two Point Boundary Value Problems, 1976; Seydel, Practical Bifurcation and Stability Analysis, 2010, ch. 7).  The
+phase of a free oscillation is chosen so that one link turns back at the start, or with dry friction, which stops
+there, passes its angle at rest to the right; a cart that nothing holds starts at 0.  In a conservative scene these
+equations follow from each other in part, and solutions form families.  A number of the scene may be a further
+unknown.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ class Shooting:
     segments: int = SEGMENTS
     clock: Clock | None = None
     variation: Variation | None = None
-    cycles: int = 1
+    cycles: int = 0
     turns: tuple[int, ...] = ()
 
     @cached_property
@@ -189,8 +190,8 @@ class Shooting:
         nudge = NUDGE if u[-1] < 0.5 else -NUDGE
         flow, none = self.flow_at(self.value_at(float(u[-1]) + nudge)), np.zeros((self.size, 0))
         part = self.whole(u) / self.segments
-        moved = [flow(y, none, part, start=k * part).y for k, y in enumerate(self.states(u))]
-        found = [(other - end.y) / self.first.scale / nudge for other, end in zip(moved, ends, strict=True)]
+        beside = [flow(y, none, part, start=k * part).y for k, y in enumerate(self.states(u))]
+        found = [(other - end.y) / self.first.scale / nudge for other, end in zip(beside, ends, strict=True)]
         return np.concatenate(found) + shifted * self._stretch(u[-1])
 
     def _shifted(self, k: int, end: Arrival, u: Floats) -> Floats:
@@ -228,13 +229,13 @@ class Shooting:
         scale, M = self.first.scale, np.eye(self.size)
         for end in ends:
             M = (end.V[:, : self.size] / scale[:, None]) @ M
-        missed = [(end.y - states[(k + 1) % self.segments]) / scale for k, end in enumerate(ends)]
+        missed = (np.array([end.y for end in ends]) - np.roll(states, -1, axis=0)) / scale
         missed[-1] -= self.gained
         floquet = self._multipliers(flow, states[0], ends[0].path.rates[0], M)
         path = _joined([end.path for end in ends], period / self.segments)
         scene = vary(self.scene, {self.variation.path: value}) if self.variation and value is not None else self.scene
-        residual, driven = float(np.abs(missed).max()), (self.cycles, self.turns) if self.clock else (0, ())
-        return Orbit(scene, flow, states[0], period, floquet, residual, path, False, value, *driven)
+        residual = float(np.abs(missed).max())
+        return Orbit(scene, flow, states[0], period, floquet, residual, path, False, value, self.cycles, self.turns)
 
     def _multipliers(self, flow: Flow, y: Floats, rates: Floats, M: Floats) -> Floquet:
         """The multipliers from the monodromy matrix in natural units, and y' at the start."""
@@ -298,7 +299,7 @@ def shooting(
         return flow if value is None or variation is None else replace(flow, change=_change(scene_at, value, flow))
 
     clock = _clock(scene, variation, cycles) if cycles else Clock(period) if period else None
-    return Shooting(scene, flow_at, leader, segments, clock, variation, max(cycles, 1), turns)
+    return Shooting(scene, flow_at, leader, segments, clock, variation, cycles, turns)
 
 
 def _clock(scene: Scene, variation: Variation | None, cycles: int) -> Clock:

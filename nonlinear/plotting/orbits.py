@@ -100,13 +100,14 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
             there = np.rad2deg(near + np.angle(np.exp(1j * (special.orbit.phase - near))))
             lower.plot([special.orbit.value], [there], **mark(MARKS[special.kind]))
     widest = max(float(np.rad2deg(branch.amplitude.max())) for branch in branches)
-    is_frequency = branches[0].problem.clock.value is not None if isinstance(branches[0].problem, Shooting) else False
+    clock = branches[0].problem.clock if isinstance(branches[0].problem, Shooting) else None
+    is_frequency = clock is not None and clock.value is not None
     values, linear = _linear(scene, variation)
     upper.plot(values, linear, color=muted(), lw=1.1, ls=":", zorder=1, label="linear response")
     for k, (hertz, angles) in enumerate(_backbones_of(scene, variation, widest) if is_frequency else ()):
         upper.plot(hertz, angles, color=muted(), lw=1.3, ls="--", zorder=2, label="_" if k else "backbone")
     upper.set(
-        ylabel="largest angle (°)", xlim=(variation.values[0], variation.values[-1]), ylim=(0, 1.08 * widest or 1.0)
+        ylabel="largest angle (°)", xlim=(variation.values[0], variation.values[-1]), ylim=(0, 1.08 * widest or 1)
     )
     words = "frequency of the drive (Hz)" if is_frequency else axis_words(variation)
     lower.set(xlabel=words, ylabel="phase against the drive (°)")

@@ -125,7 +125,7 @@ def test_a_range_between_the_folds_has_two_branches_and_says_where_one_turns_bac
     assert not upper.returns
     assert [one.kind for one in lower.special] == ["fold"]
     assert upper.special == ()
-    assert upper.value[-1] == lower.value[0]
+    assert upper.value[-1] == pytest.approx(lower.value[0])
     assert upper.amplitude[-1] > lower.amplitude[-1] > lower.amplitude[0]
     assert "another fold may lie beyond" in orbits_text(lower.orbits[0].scene, [lower])
 
@@ -319,7 +319,7 @@ def test_the_linear_response_is_that_of_the_impedance() -> None:
     told = 1e-4 * rate**2 / abs(9.81 - rate**2 + 0.1j * rate)
     assert linear_response(scene).amplitude == pytest.approx(told, rel=1e-3)
     orbit = forced_orbit(scene)
-    assert orbit.amplitude == pytest.approx(told, rel=1e-6)
+    assert orbit.amplitude == pytest.approx(told, rel=1e-5)
     assert orbit.phase == pytest.approx(-np.angle(9.81 - rate**2 + 0.1j * rate), abs=1e-6)
 
 
@@ -342,7 +342,7 @@ RECORD = {"kind": "record", "time_s": [0, 1, 2, 3], "displacement_m": [0, 1, 0, 
         (scene_of([BOB], support={"kind": "moved", "motion": RECORD}), "gravity=9:10:2", "is not periodic"),
         (scene_of([BOB]), "gravity=9:10:2", "nothing drives this scene"),
         (
-            scene_of([BOB | {"friction": 0.1}], force=[PULL | {"on": "pendulum[0].links[0]"}]),
+            scene_of([BOB | {"friction": 0.1}], force=[HELD, LEVER]),
             "gravity=9:10:2",
             "friction",
         ),
