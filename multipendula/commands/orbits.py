@@ -1,4 +1,4 @@
-"""The command orbits: nonlinear modes and limit cycles, followed with their stability."""
+"""The command orbits: nonlinear modes, limit cycles and motions under drives, followed with their stability."""
 
 from __future__ import annotations
 
@@ -220,7 +220,8 @@ COMMANDS = (
             "With --mode, the periodic motions that begin in a mode of the table, without dampers and drives, are "
             "followed to large angles: the frequency against the amplitude (backbone), and at which angle the motion "
             "loses its stability. With --vary, the limit cycles of a scene with drives are followed along one number, "
-            "through their folds; with both, the mode's orbit of one amplitude. Every orbit closes in the full "
+            "through their folds, or the motions of a scene under forces or on a moved support that repeat "
+            "with these; with both, the mode's orbit of one amplitude. Every orbit closes in the full "
             "equations, its stability is that of its Floquet multipliers, and folds, branch points, period doublings "
             "and tori are located."
         ),
@@ -230,6 +231,10 @@ COMMANDS = (
             (
                 "orbits metronomes --vary support.mass=0.5:5:2log -o cycles.png",
                 "two metronomes in phase and in antiphase, on beams of 0.5 to 5 kg",
+            ),
+            (
+                "orbits shaken.toml --vary support.motion.frequency_hz=0.40:0.55:2 -o resonance.png",
+                "largest angle against frequency of a pendulum on a shaken support",
             ),
         ),
     ),

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import radians
+from math import isfinite, radians
 from typing import Protocol
 
 import numpy as np
@@ -107,13 +107,13 @@ def level(here: Point, ahead: Point) -> float:
 def apart(here: Point, ahead: Point) -> float:
     """How far neighbouring forced motions are apart in amplitude and in phase, over AMPLITUDE and PHASE.
 
-    The phase is that of the link with the largest angle of the first.
+    The phase is that of the link with the largest angle of the first, if it has one.
     """
     one, other = here.orbit, ahead.orbit
     size, link = max(one.amplitude, SMALL), one.amplitudes.argmax()
-    turned = float(np.abs(np.angle(np.exp(1j * (other.phases[link] - one.phases[link])))))
-    weight = min(one.amplitude / SMALL, 1.0)
-    return max(float(abs(other.amplitude - one.amplitude) / size) / AMPLITUDE, weight * turned / PHASE)
+    grown = abs(other.amplitude - one.amplitude) / size / AMPLITUDE
+    turned = float(np.abs(np.angle(np.exp(1j * (other.phases[link] - one.phases[link]))))) / PHASE
+    return max(grown, min(one.amplitude / SMALL, 1.0) * turned) if isfinite(turned) else grown
 
 
 def follow(

@@ -33,6 +33,10 @@ from nonlinear.system import State, system_of
 SAMPLES = 64  # of the linear response in a period of its fastest drive
 STILL, ROUNDS = 1e-12, 30  # of the equilibrium under the mean of what acts
 SETTLING = (20, 40, 120)  # periods after which Newton's method is tried on a motion, one after the other
+NOWHERE = (
+    "no periodic motion was found, neither beside the linear response nor where the motion from there settles: give "
+    "another start: one whose motion settles"
+)
 LONGEST, MOST = 0.1, 4000  # step in natural units and parts of the range; orbits of a branch
 
 
@@ -133,14 +137,14 @@ def follow_forced(
     end.
     """
     require_forced(scene, variation)
-    found, reasons = list[Branch](), list[str]()
+    found, failed = list[Branch](), dict[float, ComputationError]()
     ends = (variation.values[0], variation.values[-1])
     for value in ends[: 1 if start else 2]:
         try:
             problem, u, words = _beginning(scene, variation, value, start, cycles, tolerance)
             orbit = problem.orbit(u)
         except ComputationError as error:
-            reasons.append(f"{variation.path} = {value:g}: {error}")
+            failed[value] = error
             continue
         if any(known(orbit, branch) for branch in found):
             continue
@@ -150,7 +154,8 @@ def follow_forced(
         found.append(Branch(words, tuple(points), special, problem, variation, complete))
         report(len(found))
     if not found:
-        raise ComputationError("; ".join(reasons))
+        places = " and ".join(f"{value:g}" for value in failed)
+        raise ComputationError(f"{variation.path} = {places}: {failed[variation.values[0]]}")
     return tuple(found)
 
 
@@ -183,8 +188,7 @@ def _beginning(
             return _beside(problem, y, value, "a settled motion" if settling else "the linear response")
         except ComputationError:
             continue
-    words = "no periodic motion was found, neither beside the linear response nor where the motion from there settles"
-    raise ComputationError(f"{words}: begin where another one does")
+    raise ComputationError(NOWHERE)
 
 
 def _beside(problem: Shooting, y: Floats, value: float | None, words: str) -> tuple[Shooting, Floats, str]:

@@ -18,6 +18,7 @@ from nonlinear.system import Motion, State
 
 SAMPLES = 128  # a cycle of the drives, at which a forced motion is read
 LOOKS = 8  # points in every step among which the largest angle is searched
+FAINT = 1e-2  # of the largest angle, below which a fundamental has no phase
 AT_REST = 1e-9  # a largest angle (rad) within the accuracy of an orbit
 SYMMETRIC = 1e-4  # of the largest coordinate, by which a symmetric motion may miss its mirror image
 NEARLY = 0.99  # of the largest sample, from which on a step may hold the largest angle
@@ -84,6 +85,7 @@ class Orbit(Displayed):
 
         The fundamental of an angle θ of a forced motion is the part of θ at the frequency ω of the drive: with
         c = 2/T ∫ θ e^(−iωt) dt it is |c| cos(ωt + arg c), and the drive's A sin(ωt + φ) is ahead by nothing of itself.
+        NaN where it is less than FAINT of the largest angle, as in a motion of twice the drive's period.
         """
         drive = next(iter(sines_of(self.scene).values()))
         times, q, _ = self._sampled
@@ -91,12 +93,13 @@ class Orbit(Displayed):
         if any(self.turns):
             turned = turned - 2 * np.pi * np.outer(times / self.period, self.turns)
         c = np.exp(-2j * np.pi * drive.frequency_hz * times) @ turned
-        return np.asarray(np.angle(1j * c * np.exp(-1j * np.radians(drive.phase_deg))))
+        heard = 2 * np.abs(c) / len(times) > np.maximum(FAINT * self.amplitudes, AT_REST)
+        return np.where(heard, np.angle(1j * c * np.exp(-1j * np.radians(drive.phase_deg))), np.nan)
 
     @property
     def phase(self) -> float:
-        """That of the link with the largest angle (rad); NaN where none leaves its equilibrium."""
-        return float(self.phases[self.amplitudes.argmax()]) if self.amplitude > AT_REST else float("nan")
+        """That of the link with the largest angle (rad)."""
+        return float(self.phases[self.amplitudes.argmax()])
 
     @cached_property
     def fed(self) -> float:
