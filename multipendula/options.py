@@ -69,7 +69,9 @@ def add_start(page: Page, words: str = "as in simulate") -> None:
     """The initial condition of a motion."""
     instead = "give --start mode:1:5 (mode 1, largest angle 5 deg) or --start angles:10,20,..."
     page.rephrase(r"give another start: .*", instead)
-    add_words(page.motion, "--start", ("scene", "mode:", "orbit:", "angles:"), comma="", metavar="WORDS", help=words)
+    add_words(
+        page.motion, "--start", ("scene", "mode:", "orbit:", "orbit", "angles:"), comma="", metavar="WORDS", help=words
+    )
 
 
 def add_duration(page: Page, words: str, usual: float | None = None) -> None:

@@ -223,7 +223,7 @@ class Rig(Displayed):
                 damping=block.damping / (moment * units.rate),
                 stiffness=block.stiffness / (units.mass * units.gravity * units.length),
                 drag=block.drag / (units.mass * units.rate),
-                rest=block.rest and block.rest.scaled(1 / (spring * units.length)),
+                rest=block.rest and block.rest.scaled(1 / (units.mass * units.gravity * units.length)),
             )
             for block in self.blocks
         )

@@ -43,7 +43,7 @@ from modal.scene.motion import (
     SweepMotion,
 )
 from modal.scene.parameters import parse_variations
-from modal.scene.periods import DrivePeriod, drive_period, frequencies_of
+from modal.scene.periods import DrivePeriod, drive_period, frequencies_of, sines_of
 from modal.scene.points import places_of
 from modal.scene.records import Spectrum
 from modal.scene.titles import name_of, title_of, what_hangs
@@ -96,6 +96,7 @@ __all__ = [
     "refusals",
     "require",
     "scene_from",
+    "sines_of",
     "title_of",
     "validate_scene",
     "what_hangs",

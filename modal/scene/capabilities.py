@@ -158,6 +158,17 @@ PERIODIC = Capability(
     beside=UNLOADED,
 )
 
+FORCED_ORBIT = Capability(
+    "a forced periodic orbit",
+    SHAPE | {"dampers", "damping_ratio", "moved_support"} | DRAG | FORCED,
+    refuses={**CONSTANT, **PLANE, **STICKS, **_each(DRIVES, "does not follow clocks and drives at joints")},
+    unless=ENDS,
+    beside=UNLOADED,
+    needs={
+        _of("force moved_support"): 'nothing drives this scene: give it a [[force]], or a support of kind = "moved"'
+    },
+)
+
 SIDE_BY_SIDE = Capability(
     "engine numpy",
     SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | {"moved_support", "hoist"},
@@ -368,6 +379,7 @@ CAPABILITIES: dict[str, Capability] = {
             refuses={**PERIODIC.refuses, **NO_RATIO},
             needs=EXCITED,
         ),
+        FORCED_ORBIT,
         Capability(
             "a Lyapunov exponent",
             SHAPE | LOSS | DRAG | FRICTION | DRIVES,

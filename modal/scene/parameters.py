@@ -53,6 +53,9 @@ UNITS = {
     "duration": "s",
     "amplitude": "m",
     "phase_deg": "°",
+    "frequency_hz": "Hz",
+    "from_hz": "Hz",
+    "to_hz": "Hz",
 }
 CART_UNITS = {"damping": "N s/m", "stiffness": "N/m", "friction": "N"}
 SPELT = {"m/s²": "m_per_s2", "kg m²": "kg_m2", "N s²/m²": "N_s2_per_m2"}
@@ -208,7 +211,8 @@ class Variation(Displayed):
     def column(self) -> str:
         """Its name in a file: the place and the unit, `support.mass_kg`, unless the place already includes it."""
         unit = SPELT.get(self.unit) or self.unit.replace("/", "_per_").replace(" ", "_")
-        return f"{self.path}_{unit}" if unit and "_deg" not in self.path else self.path
+        told = "_deg" in self.path or self.path.endswith("_hz")
+        return f"{self.path}_{unit}" if unit and not told else self.path
 
 
 def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:

@@ -24,11 +24,11 @@ class DrivePeriod:
     cycles: tuple[int, ...]
 
 
-def frequencies_of(scene: Scene) -> dict[str, float]:
-    """The frequency (Hz) of every sine by its place; SceneError where time brings anything that does not repeat so.
+def sines_of(scene: Scene) -> dict[str, SineMotion | SineForce]:
+    """Every sine by its place, the support's first; SceneError where time brings anything that does not repeat so.
 
     >>> from modal import load
-    >>> frequencies_of(load("chain-2"))
+    >>> sines_of(load("chain-2"))
     {}
     """
     support = scene.support
@@ -36,11 +36,21 @@ def frequencies_of(scene: Scene) -> dict[str, float]:
     motions: tuple[SupportMotion | Force, ...] = support.motions if isinstance(support, Moved) else ()
     drives = {f"support.motion{'' if single else f'[{k}]'}": motion for k, motion in enumerate(motions)}
     drives |= {f"force[{k}]": force for k, force in enumerate(scene.force) if force.kind != "constant"}
-    sines = {f"{at}.frequency_hz": one.frequency_hz for at, one in drives.items() if isinstance(one, SINES)}
+    sines = {at: one for at, one in drives.items() if isinstance(one, SINES)}
     if len(sines) < len(drives):
         other = (at for at, one in drives.items() if not isinstance(one, SINES))
         raise SceneError([f'{at}.kind = "{drives[at].kind}": is not periodic: a sine is' for at in other])
     return sines
+
+
+def frequencies_of(scene: Scene) -> dict[str, float]:
+    """The frequency (Hz) of every sine by its place; SceneError where time brings anything that does not repeat so.
+
+    >>> from modal import load
+    >>> frequencies_of(load("chain-2"))
+    {}
+    """
+    return {f"{at}.frequency_hz": sine.frequency_hz for at, sine in sines_of(scene).items()}
 
 
 def drive_period(scene: Scene) -> DrivePeriod:

@@ -1,4 +1,4 @@
-"""The command orbits: nonlinear modes and limit cycles, followed with their stability."""
+"""The command orbits: nonlinear modes, limit cycles and motions under drives, followed with their stability."""
 
 from __future__ import annotations
 
@@ -38,8 +38,10 @@ def orbits(options: argparse.Namespace) -> None:
     """Follow periodic orbits: a mode to large angles, or limit cycles along a number, with their stability."""
     scene = warned(validated(options, options.output, lambda: _fitting(options)), "a periodic orbit")
     found = _mode(scene, options) if options.mode else _cycles(scene, options)
-    if options.enter:
-        found = (*found, *_entered(found))
+    newest = found
+    for _ in range((options.depth or 1) if options.enter else 0):
+        newest = tuple(_entered(newest))
+        found = (*found, *newest)
     say(_told(scene, found, options), options.format)
     if options.output:
         _draw(scene, found, options)
@@ -55,12 +57,17 @@ def _orbits_arguments(page: Page) -> None:
     words = f"with --mode, up to this largest angle of any link (default {TO:g})"
     page.asked.add_argument("--to", metavar="DEG", type=degrees, help=words)
     words = (
-        "follow orbits along one number, such as support.mass=1:100:2log: the limit cycles of a scene with drives, or "
-        "with --mode the orbit with the largest angle --to"
+        "follow orbits along one number, such as support.mass=1:100:2log: the limit cycles of a scene with drives at "
+        "joints, the motions of the period of a moved support and of forces, or with --mode the orbit with the largest "
+        "angle --to"
     )
     offer(page.asked.add_argument("--vary", metavar="PLACE=RANGE", help=words), places)
     words = "also follow the branches that leave at branch points and period doublings"
     page.asked.add_argument("--enter", action="store_true", help=words)
+    words = "with --enter, enter those of the entered branches in turn, N deep (default 1)"
+    page.asked.add_argument("--depth", metavar="N", type=whole_number(20), help=words)
+    words = "under forces or on a moved support, motions that repeat after N periods of these (default 1)"
+    page.asked.add_argument("--periods", metavar="N", type=whole_number(64), help=words)
     add_start(page, "with --vary, begin where a run from there has settled, instead of at predicted oscillations")
     add_duration(page, f"of that run (default: {LONG} periods of the slowest mode)")
     add_format(page, ("text", "csv", "json"))
@@ -84,6 +91,10 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
         yield "--start: needs --vary and no --mode"
     if options.enter and options.mode and options.vary:
         yield "--enter: cannot be combined with both --mode and --vary"
+    if options.depth and not options.enter:
+        yield "--depth: needs --enter"
+    if options.periods and (options.mode or not options.vary):
+        yield "--periods: needs --vary and no --mode"
     if options.duration and not options.start:
         yield "--duration: needs --start"
 
@@ -105,10 +116,19 @@ def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
 
 
 def _cycles(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
+    from modal.errors import SceneError
     from modal.scene.parameters import parse_variations
-    from nonlinear.orbits import follow_cycles, require_cycles
+    from nonlinear.orbits import follow_cycles, follow_forced, require_cycles, require_forced
 
     (variation,) = parse_variations([options.vary])
+    if scene.is_forced:
+        cycles = options.periods or 1
+        require_forced(scene, variation)
+        begun = _settled(scene, variation.path, variation.values[0], options)[0] if options.start else None
+        with bar(0, "branch") as report:
+            return follow_forced(scene, variation, start=begun, cycles=cycles, report=report)
+    if options.periods:
+        raise SceneError(['--periods: needs a [[force]], or a support of kind = "moved"'])
     require_cycles(scene, variation)
     start = _settled(scene, variation.path, variation.values[0], options) if options.start else None
     with bar(0, "branch") as report:
@@ -116,9 +136,13 @@ def _cycles(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
 
 
 def _settled(scene: Scene, path: str, value: float, options: argparse.Namespace) -> tuple[State, float]:
-    """The last state of a run at the first value of the number, and the time between its last two swings."""
-    from math import pi
+    """The last state of a run at the first value of the number, and the time between its last two swings.
 
+    Under drives the run takes whole periods of these, and the time is theirs.
+    """
+    from math import ceil, pi
+
+    from modal.scene import drive_period
     from modal.scene.parameters import vary
     from nonlinear.integration import modes_of
     from nonlinear.orbits import last_swing
@@ -127,8 +151,13 @@ def _settled(scene: Scene, path: str, value: float, options: argparse.Namespace)
     here = vary(scene, {path: value})
     slowest = min(float(omega) for omega in modes_of(here).omega if omega > 0)
     duration = options.duration or LONG * 2 * pi / slowest
+    period = drive_period(here).seconds * (options.periods or 1) if here.is_forced else None
+    if period:
+        duration = ceil(duration / period) * period
     with bar(duration) as report:
         run = whole(simulate(here, duration, start=start_of(here, options.start), report=report))
+    if period:
+        return run.final, period
     return run.final, last_swing(run.times, run.motion)
 
 
@@ -191,7 +220,8 @@ COMMANDS = (
             "With --mode, the periodic motions that begin in a mode of the table, without dampers and drives, are "
             "followed to large angles: the frequency against the amplitude (backbone), and at which angle the motion "
             "loses its stability. With --vary, the limit cycles of a scene with drives are followed along one number, "
-            "through their folds; with both, the mode's orbit of one amplitude. Every orbit closes in the full "
+            "through their folds, or the motions of a scene under forces or on a moved support that repeat "
+            "with these; with both, the mode's orbit of one amplitude. Every orbit closes in the full "
             "equations, its stability is that of its Floquet multipliers, and folds, branch points, period doublings "
             "and tori are located."
         ),
@@ -201,6 +231,10 @@ COMMANDS = (
             (
                 "orbits metronomes --vary support.mass=0.5:5:2log -o cycles.png",
                 "two metronomes in phase and in antiphase, on beams of 0.5 to 5 kg",
+            ),
+            (
+                "orbits shaken.toml --vary support.motion.frequency_hz=0.40:0.55:2 -o resonance.png",
+                "largest angle against frequency of a pendulum on a shaken support",
             ),
         ),
     ),

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 """Largest angle of a scene without a start."""
 START = (
-    "scene (default; without one mode:R:5, R the first that swings), mode:R:DEG, orbit:R:DEG (a periodic orbit) or "
-    "angles:A,B,... (deg, at rest)"
+    "scene (default; without one mode:R:5, R the first that swings), mode:R:DEG, orbit:R:DEG (a periodic orbit), orbit "
+    "(the motion that repeats with the drives) or angles:A,B,... (deg, at rest)"
 )
 HOW = ("method", "form", "tolerance", "accuracy")
 
@@ -162,12 +162,14 @@ def start_of(
             return starts.state_at_rest(scene, [float(word) for word in rest.split(",")])
         if kind == "mode":
             return _in_mode(scene, int(number), float(degrees), undamped=undamped)
+        if words == "orbit":
+            return _under_drives(scene)
         if kind == "orbit":
             return _on_orbit(scene, int(number), float(degrees))
     except ValueError as error:
         if isinstance(error, SceneError):
             raise
-    forms = "scene, mode:R:DEG such as mode:2:10, orbit:R:DEG, or angles:A,B,... in degrees"
+    forms = "scene, mode:R:DEG such as mode:2:10, orbit:R:DEG, orbit, or angles:A,B,... in degrees"
     raise SceneError([f"--start {words}: must be {forms}"])
 
 
@@ -189,6 +191,13 @@ def _usual_start(scene: Scene, *, undamped: bool) -> str:
     except SceneError as error:
         raise SceneError([f"{error}: give --start angles:10,20,... in degrees"]) from None
     return f"mode:{number}:{USUAL_DEG:g}"
+
+
+def _under_drives(scene: Scene) -> State:
+    """The start of the motion that repeats with the drives."""
+    from nonlinear.orbits import forced_orbit
+
+    return forced_orbit(scene).state
 
 
 def _on_orbit(scene: Scene, number: int, degrees: float) -> State:

@@ -54,6 +54,26 @@ def modal_drag(system: System, rates: Any) -> Any:
     return -np.tensordot(D, rates, 1) if D.ndim == 2 else -(D * rates).sum(1)
 
 
+def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.0, 0.0)) -> Floats:
+    """The power (W), (S,), that dampers, drives of joints and drag bring to states side by side, q and v (half, S).
+
+    Drag is that in the laboratory, where the `support` moves at these velocities (m/s) along the rail and down.
+    """
+    first = int(system.cart is not None)
+    x, speed = (q[0], v[0]) if first else (0.0 * v[0], 0.0 * v[0])
+    power = cart_force(system, x, speed)[1] * speed
+    for group in system.groups:
+        angles, rates = q[first:][group.index], v[first:][group.index]
+        power = power + joint_torques(group, angles, rates)[1]
+        if group.dragged:
+            found = plane_drag(group, angles, rates, speed, support)
+            along, down = found.forces.sum((1, 2))
+            power = power + found.power + along * support[0] + down * support[1]
+    if system.modal_damping is not None:
+        power = power + (modal_drag(system, v) * v).sum(0)
+    return np.asarray(power)
+
+
 def inertial_torques(group: Group, angles: Any, support: Any) -> Any:
     """Torques (n, P, ...) of the inertial forces −m a in the frame of a support, a along the rail and down (m/s²).
 

@@ -5,7 +5,8 @@ and Floquet multipliers, and the special points between them.
 
     φ_T(y) = y,     multipliers: the eigenvalues of ∂φ_T/∂y
 
-Start with `modes` (`held` along a number) for conservative scenes and with `cycles` for driven ones.  `symmetric` and
+Start with `modes` (`held` along a number) for conservative scenes, with `cycles` for self-excited ones and with
+`forced` under drives of a period.  `symmetric` and
 `shooting` have the equations of orbits, `flow` integrates them with their variational equations,
 `continuation` follows their solutions, `floquet` tells stability, `special` where it changes, and `entering` what
 leaves there.
@@ -25,6 +26,7 @@ from nonlinear.orbits.cycles import (
 from nonlinear.orbits.entering import LEAVES, entered
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow
+from nonlinear.orbits.forced import LinearResponse, follow_forced, forced_orbit, linear_response, require_forced
 from nonlinear.orbits.held import mode_along
 from nonlinear.orbits.modes import at_amplitude, mode_orbit, nonlinear_mode, orbit_where_off, oscillating
 from nonlinear.orbits.orbit import Orbit
@@ -36,6 +38,7 @@ __all__ = [
     "Branch",
     "Floquet",
     "Flow",
+    "LinearResponse",
     "Orbit",
     "Special",
     "at_amplitude",
@@ -43,9 +46,12 @@ __all__ = [
     "cycle_of",
     "entered",
     "follow_cycles",
+    "follow_forced",
+    "forced_orbit",
     "growth",
     "last_swing",
     "limit_cycles",
+    "linear_response",
     "mode_along",
     "mode_orbit",
     "nonlinear_mode",
@@ -56,4 +62,5 @@ __all__ = [
     "oscillating",
     "periodic_orbit",
     "require_cycles",
+    "require_forced",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import isclose
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,17 @@ class Branch(Displayed):
         """Energy (J) of every orbit at its start, (K,)."""
         return np.array([orbit.energy for orbit in self.orbits])
 
+    @property
+    def is_forced(self) -> bool:
+        """Whether drives set the period of its orbits."""
+        return bool(self.orbits[0].cycles)
+
+    @property
+    def returns(self) -> bool:
+        """Whether it leaves the range of its number where it began, behind a fold."""
+        first, last = float(self.value[0]), float(self.value[-1])
+        return self.complete and self.variation is not None and isclose(first, last, rel_tol=1e-9)
+
     @cached_property
     def value(self) -> Floats:
         """The number along which it goes at every orbit, (K,); NaN without one."""
@@ -65,9 +77,15 @@ class Branch(Displayed):
     def to_dict(self) -> dict[str, Any]:
         """A row for each orbit, (K,): what it was continued along, amplitude, energy, frequency and stability."""
         along = {self.variation.column: self.value} if self.variation else {}
+        orbits = self.orbits if self.is_forced else ()
+        driven = {
+            "phase_deg": np.degrees([one.phase for one in orbits]),
+            "fed_J": np.array([one.fed for one in orbits]),
+        }
         return {
             **along,
             "amplitude_deg": np.degrees(self.amplitude),
+            **(driven if orbits else {}),
             "energy_J": self.energy,
             "omega_rad_per_s": self.omega,
             "stable": np.array(self.is_stable),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from math import isfinite, radians
 from typing import Protocol
 
 import numpy as np
@@ -23,7 +24,11 @@ NEWTON, DONE, FAR = 8, 1e-7, 0.5  # corrections; the last one, after which 1e-14
 CLOSED = 1e-9  # largest residual of an orbit in natural units
 TURN = 0.3  # largest angle (rad) between neighbouring tangents
 LEAST = 1e-6  # shortest step
+AIMED = 0.85  # of how far apart neighbours may be
 ROUNDS = 60
+SINGULAR = 1e-5  # of the largest singular value, that of the second branch where two cross
+AMPLITUDE, PHASE = 0.02, 0.1  # how far neighbours of a forced branch may differ: relative, and rad
+SMALL = radians(0.1)  # angle (rad) below which differences are measured by it
 ASIDE = (0.3, 0.7, 0.5, 0.1, 0.9)  # of a bracket, tried where a point in it was not found
 
 
@@ -48,10 +53,13 @@ class Point(Displayed):
     orbit: Orbit
 
 
-def corrected(problem: Problem, guess: Floats, row: Floats | None = None) -> tuple[Floats, Floats] | None:
+def corrected(
+    problem: Problem, guess: Floats, row: Floats | None = None, least: float | None = None
+) -> tuple[Floats, Floats] | None:
     """The solution near a guess, in the plane through it across `row` where there is one, and ∂r/∂u (k, N) there.
 
-    None where Newton's method does not converge.
+    Directions whose singular values are below `least`, relative, are left as guessed.  None where Newton's method does
+    not converge.
     """
     u, before = guess, np.inf
     for _ in range(NEWTON):
@@ -63,7 +71,7 @@ def corrected(problem: Problem, guess: Floats, row: Floats | None = None) -> tup
             r, J = np.append(r, row @ (u - guess)), np.vstack((J, row))
         if not (np.all(np.isfinite(J)) and np.all(np.isfinite(r))):
             return None
-        step = np.linalg.lstsq(J, -r, rcond=None)[0]
+        step = np.linalg.lstsq(J, -r, rcond=least)[0]
         size = float(np.linalg.norm(step))
         if size > FAR or (size > before and size > DONE):
             return None
@@ -79,9 +87,9 @@ def tangent_of(J: Floats, along: Floats) -> Floats:
     return np.asarray(found if found @ along >= 0 else -found)
 
 
-def point(problem: Problem, guess: Floats, row: Floats) -> Point | None:
+def point(problem: Problem, guess: Floats, row: Floats, least: float | None = None) -> Point | None:
     """The point of a branch across `row` from a guess, None where there is none."""
-    if (found := corrected(problem, guess, row)) is None:
+    if (found := corrected(problem, guess, row, least)) is None:
         return None
     u, J = found
     try:
@@ -91,10 +99,33 @@ def point(problem: Problem, guess: Floats, row: Floats) -> Point | None:
     return Point(u, tangent_of(J, row), orbit) if orbit.residual < CLOSED else None
 
 
+def level(here: Point, ahead: Point) -> float:
+    """No limit to how far neighbours are apart."""
+    return 0.0
+
+
+def apart(here: Point, ahead: Point) -> float:
+    """How far neighbouring forced motions are apart in amplitude and in phase, over AMPLITUDE and PHASE.
+
+    The phase is that of the link with the largest angle of the first, if it has one.
+    """
+    one, other = here.orbit, ahead.orbit
+    size, link = max(one.amplitude, SMALL), one.amplitudes.argmax()
+    grown = abs(other.amplitude - one.amplitude) / size / AMPLITUDE
+    turned = float(np.abs(np.angle(np.exp(1j * (other.phases[link] - one.phases[link]))))) / PHASE
+    return max(grown, min(one.amplitude / SMALL, 1.0) * turned) if isfinite(turned) else grown
+
+
 def follow(
-    problem: Problem, first: Point, *, step: float = 0.02, longest: float = 0.08, least: float = LEAST
+    problem: Problem,
+    first: Point,
+    *,
+    step: float = 0.02,
+    longest: float = 0.08,
+    least: float = LEAST,
+    apart: Callable[[Point, Point], float] = level,
 ) -> Iterator[Point]:
-    """The points of a branch, from the first one on, as long as there are any."""
+    """The points of a branch, from the first one on, as long as there are any; `apart` is at most 1 for neighbours."""
     here = first
     yield here
     while step >= least:
@@ -102,32 +133,47 @@ def follow(
         if ahead is None or ahead.tangent @ here.tangent < np.cos(TURN):
             step /= 2
             continue
+        if (far := apart(here, ahead)) > 1:
+            step *= max(0.25, AIMED / far)
+            continue
         turn = float(np.arccos(np.clip(ahead.tangent @ here.tangent, -1, 1)))
-        step = float(np.clip(step * np.clip(TURN / 3 / max(turn, 1e-9), 0.5, 1.5), least, longest))
+        grown = min(float(np.clip(TURN / 3 / max(turn, 1e-9), 0.5, 1.5)), AIMED / max(far, 1e-9))
+        step = float(np.clip(step * grown, least, longest))
         here = ahead
         yield here
 
 
-def between(problem: Problem, one: Point, other: Point, part: float) -> Point:
-    """The point at a fraction of the way from one point to the next, from the cubic through both and their tangents."""
+def between(problem: Problem, one: Point, other: Point, part: float, least: float | None = None) -> Point:
+    """The point at a fraction of the way from one point to the next, from the cubic through both and their tangents.
+
+    Directions with singular values below `least`, relative, are those of the cubic, if that is a solution.
+    """
     way = other.u - one.u
     length, x = float(np.linalg.norm(way)), part
     start, end = length * one.tangent, length * other.tangent
     guess = one.u + x * x * (3 - 2 * x) * way + x * (1 - x) * ((1 - x) * start - x * end)
     row = 6 * x * (1 - x) * way + (1 - x) * (1 - 3 * x) * start + x * (3 * x - 2) * end
     row = row / np.linalg.norm(row)
-    for tried in (guess, one.u + x * way):
-        if found := point(problem, tried, row):
+    tries = [(guess, None), (one.u + x * way, None)]
+    for tried, left in tries if least is None else [(guess, least), *tries]:
+        if found := point(problem, tried, row, left):
             return found
     raise ComputationError("the branch of orbits was lost between two of its points")
 
 
 def located(
-    problem: Problem, one: Point, other: Point, test: Callable[[Point], float], accuracy: float = 1e-10
+    problem: Problem,
+    one: Point,
+    other: Point,
+    test: Callable[[Point], float],
+    accuracy: float = 1e-10,
+    *,
+    crossing: bool = False,
 ) -> Point:
     """The point between two where a test function is 0; it has different signs at them (Illinois' rule).
 
-    Where branches cross, Newton's method fails in the end: the nearest point found is then the answer.
+    Where branches cross, the equations do not tell how far along the other branch a point is (SINGULAR): there it is
+    that of the cubic.  If Newton's method fails all the same, the nearest point found is the answer.
     """
     low, high, f_low, f_high = 0.0, 1.0, test(one), test(other)
     best, size = (one, abs(f_low)) if abs(f_low) < abs(f_high) else (other, abs(f_high))
@@ -139,7 +185,7 @@ def located(
         if not low < part < high or high - low < accuracy:
             break
         try:
-            found = between(problem, one, other, part)
+            found = between(problem, one, other, part, SINGULAR if crossing else None)
         except ComputationError:
             misses += 1
             if misses > len(ASIDE):

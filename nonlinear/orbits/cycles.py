@@ -16,7 +16,7 @@ from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibri
 from nonlinear.dynamics.variational import Force
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import Point, corrected, follow, located, tangent_of
+from nonlinear.orbits.continuation import Point, corrected, follow, level, located, tangent_of
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import SEGMENTS, Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles
@@ -200,9 +200,9 @@ def follow_cycles(
     for value in ends[: 1 if start else 2]:
         for problem, u, words in _beginnings(scene, variation, value, start, tolerance):
             orbit = problem.orbit(u)
-            if any(_known(orbit, branch) for branch in found):
+            if any(known(orbit, branch) for branch in found):
                 continue
-            points, complete = _walked(problem, u, orbit, longest, most)
+            points, complete = walked(problem, u, orbit, longest, most)
             points = resolved(problem, points)
             special = tuple(along_cycles(problem, points))
             found.append(Branch(words, tuple(points), special, problem, variation, complete))
@@ -248,29 +248,37 @@ def _beginnings(
             continue
 
 
-def _walked(problem: Shooting, u: Floats, orbit: Orbit, longest: float, most: int) -> tuple[list[Point], bool]:
+def walked(
+    problem: Shooting,
+    u: Floats,
+    orbit: Orbit,
+    longest: float,
+    most: int,
+    apart: Callable[[Point, Point], float] = level,
+) -> tuple[list[Point], bool]:
     """The points from one end of the range until the branch leaves it, and whether it does."""
     inward = np.zeros(len(u))
     inward[-1] = 1.0 if u[-1] < 0.5 else -1.0
     points: list[Point] = []
     first = Point(u, tangent_of(problem.equations(u)[1], inward), orbit)
-    for here in follow(problem, first, step=longest / 5, longest=longest):
+    for here in follow(problem, first, step=longest / 5, longest=longest, apart=apart):
         points.append(here)
         if len(points) > 1 and not 0 < here.u[-1] < 1:
-            points[-1] = located(problem, points[-2], here, _beyond(here))
+            points[-1] = at_edge(problem, points[-2], here)
             return points, True
-        if len(points) >= most or here.orbit.amplitude < DYING * orbit.amplitude:
+        dies = not problem.clock and here.orbit.amplitude < DYING * orbit.amplitude
+        if len(points) >= most or dies:
             break
     return points, False
 
 
-def _beyond(here: Point) -> Callable[[Point], float]:
-    """How far a point is from the end of the range that this one has passed."""
+def at_edge(problem: Shooting, before: Point, here: Point) -> Point:
+    """The point at the end of the range that the second of two neighbours has passed."""
     edge = float(here.u[-1] > 0.5)
-    return lambda each: float(each.u[-1]) - edge
+    return located(problem, before, here, lambda each: float(each.u[-1]) - edge)
 
 
-def _known(orbit: Orbit, branch: Branch) -> bool:
+def known(orbit: Orbit, branch: Branch) -> bool:
     """Whether a branch begins or ends with this orbit."""
     ends = (branch.orbits[0], branch.orbits[-1])
     return any(

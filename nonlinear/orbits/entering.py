@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -15,19 +16,20 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch
-from nonlinear.orbits.continuation import Point, follow, point
-from nonlinear.orbits.cycles import turning
+from nonlinear.orbits.continuation import Point, apart, follow, level, point
+from nonlinear.orbits.cycles import at_edge, turning
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles
 
 AWAY = (0.02, 0.05, 0.01, 0.1)  # first steps along the new branch that are tried, in natural units
 MOST = 100
+FORCED = 1000  # orbits of a forced motion, which lie closer together
 LEAVES = ("branch point", "period doubling")
 
 
-def entered(branch: Branch, special: Special, *, most: int = MOST, step: float = 0.05) -> Branch:
-    """The branch that leaves at a branch point or a period doubling, up to `most` orbits.
+def entered(branch: Branch, special: Special, *, most: int | None = None, step: float = 0.05) -> Branch:
+    """The branch that leaves at a branch point or a period doubling, up to `most` orbits (MOST, or FORCED).
 
     Raises ComputationError at other points and where no branch is found.
     """
@@ -43,7 +45,8 @@ def entered(branch: Branch, special: Special, *, most: int = MOST, step: float =
     first = next(_firsts(problem, u, new), None)
     if first is None:
         raise ComputationError(f"no branch was found that leaves at this {special.kind}")
-    points = [here for here, _ in zip(_inside(problem, first, step), range(most), strict=False)]
+    most = most or (FORCED if problem.clock else MOST)
+    points = list(islice(_inside(problem, first, step), most))
     points = resolved(problem, points)
     found = tuple(along_cycles(problem, points))
     return Branch(f"{special.kind} of {branch.origin}", tuple(points), found, problem, problem.variation)
@@ -54,7 +57,9 @@ def _at(branch: Branch, special: Special, times: int) -> tuple[Shooting, Floats,
     orbit = special.orbit
     if isinstance(branch.problem, Shooting):
         before = branch.problem
-        problem = replace(before, segments=times * before.segments)
+        clock = before.clock and replace(before.clock, seconds=times * before.clock.seconds)
+        turns, cycles = tuple(times * turn for turn in before.turns), times * before.cycles
+        problem = replace(before, segments=times * before.segments, clock=clock, cycles=cycles, turns=turns)
     else:
         probe = shooting(orbit.scene, tolerance=orbit.flow.tolerance)
         _, leader = turning(probe, orbit.y, orbit.period)
@@ -81,8 +86,15 @@ def _firsts(problem: Shooting, u: Floats, new: Floats) -> Iterator[Point]:
 
 
 def _inside(problem: Shooting, first: Point, step: float) -> Iterator[Point]:
-    """The points of the branch as long as its number is within the range."""
-    for here in follow(problem, first, longest=step):
+    """The points of the branch as long as its number is within the range, to its edge, and once around a closed one."""
+    before, left = first, False
+    for here in follow(problem, first, longest=step, apart=apart if problem.clock else level):
         if problem.variation and not 0 <= here.u[-1] <= 1:
+            if here is not first:
+                yield at_edge(problem, before, here)
             return
         yield here
+        left = left or float(np.linalg.norm(here.u - first.u)) > 2 * step
+        if left and np.linalg.norm(here.u - first.u) < np.linalg.norm(here.u - before.u):
+            return
+        before = here

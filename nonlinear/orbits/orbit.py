@@ -8,14 +8,19 @@ from functools import cached_property
 import numpy as np
 
 from modal.report import Displayed, Summary
-from modal.scene import Scene, name_of
+from modal.scene import Scene, name_of, sines_of
 from modal.types import Floats
 from nonlinear.dynamics import Mechanics
+from nonlinear.dynamics.joints import drained
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow, Path
 from nonlinear.system import Motion, State
 
+SAMPLES = 128  # a cycle of the drives, at which a forced motion is read
 LOOKS = 8  # points in every step among which the largest angle is searched
+FAINT = 1e-2  # of the largest angle, below which a fundamental has no phase
+AT_REST = 1e-9  # a largest angle (rad) within the accuracy of an orbit
+SYMMETRIC = 1e-4  # of the largest coordinate, by which a symmetric motion may miss its mirror image
 NEARLY = 0.99  # of the largest sample, from which on a step may hold the largest angle
 
 
@@ -24,7 +29,7 @@ class Orbit(Displayed):
     """A motion of `scene` that begins at y and closes after `period` (s), but for `residual` in natural units.
 
     `value` is that of the number along which it was continued, if any; `path` covers the period, or where `symmetric`
-    its first quarter.
+    its first quarter.  A forced motion has so many `cycles` of its drives in it, and links gain `turns` whole turns.
     """
 
     scene: Scene = field(repr=False)
@@ -36,6 +41,8 @@ class Orbit(Displayed):
     path: Path = field(repr=False)
     symmetric: bool
     value: float | None = None
+    cycles: int = 0
+    turns: tuple[int, ...] = ()
 
     @property
     def omega(self) -> float:
@@ -72,6 +79,58 @@ class Orbit(Displayed):
         turned = states[:, at] - self.flow.system.rest
         return largest(times, turned, states[:, fast], rates[:, fast])
 
+    @cached_property
+    def phases(self) -> Floats:
+        """By how much the fundamental of every link is ahead of the first drive (rad), (L,), in −π to π.
+
+        The fundamental of an angle θ of a forced motion is the part of θ at the frequency ω of the drive: with
+        c = 2/T ∫ θ e^(−iωt) dt it is |c| cos(ωt + arg c), and the drive's A sin(ωt + φ) is ahead by nothing of itself.
+        NaN where it is less than FAINT of the largest angle, as in a motion of twice the drive's period.
+        """
+        drive = next(iter(sines_of(self.scene).values()))
+        times, q, _ = self._sampled
+        turned = q[:, int(self.flow.equations.layout.on_cart) :]
+        if any(self.turns):
+            turned = turned - 2 * np.pi * np.outer(times / self.period, self.turns)
+        c = np.exp(-2j * np.pi * drive.frequency_hz * times) @ turned
+        heard = 2 * np.abs(c) / len(times) > np.maximum(FAINT * self.amplitudes, AT_REST)
+        return np.where(heard, np.angle(1j * c * np.exp(-1j * np.radians(drive.phase_deg))), np.nan)
+
+    @property
+    def phase(self) -> float:
+        """That of the link with the largest angle (rad)."""
+        return float(self.phases[self.amplitudes.argmax()])
+
+    @cached_property
+    def fed(self) -> float:
+        """The energy (J) that the drives of a forced motion feed in a period, which dampers and drag take."""
+        times, q, v = self._sampled
+        moving = self.flow.system.support
+        support = (0.0, 0.0) if moving is None else tuple(moving.velocities(times, 2).T)
+        return 0.0 - float(drained(self.flow.system, q.T, v.T, (support[0], support[1])).mean()) * self.period
+
+    @cached_property
+    def is_symmetric(self) -> bool:
+        """Whether a forced motion is its own mirror image half a cycle of the drives later."""
+        angles = self._sampled[1][:, int(self.flow.equations.layout.on_cart) :] - self.flow.system.rest
+        later = np.roll(angles, SAMPLES // 2, axis=0)
+        return not any(self.turns) and bool(np.abs(angles + later).max() < SYMMETRIC * np.abs(angles).max())
+
+    @cached_property
+    def _sampled(self) -> tuple[Floats, Floats, Floats]:
+        """Times (N,) of a period, SAMPLES a cycle of the drives, with q and v there, (N, n)."""
+        half = self.flow.equations.layout.half
+        times = np.arange(SAMPLES * max(self.cycles, 1)) * (self.period / (SAMPLES * max(self.cycles, 1)))
+        ends, states, rates = self.path
+        at = np.clip(np.searchsorted(ends, times, side="right") - 1, 0, len(ends) - 2)
+        h = np.diff(ends)[at][:, None]
+        curves = (states[:, :half], states[:, half:], rates[:, half:])
+        powers = quintic(h, *(curve[at + k] for curve in curves for k in (0, 1)))
+        part = (times - ends[at])[:, None] / h
+        q = sum(power * part**k for k, power in enumerate(powers))
+        v = sum(k * power * part ** (k - 1) for k, power in enumerate(powers) if k) / h
+        return np.asarray(times, dtype=float), np.asarray(q), np.asarray(v)
+
     def _summary(self) -> Summary:
         facts = [
             ("largest angle", f"{np.degrees(self.amplitude):.5g}°"),
@@ -98,15 +157,19 @@ class Orbit(Displayed):
         return np.array(found)
 
 
+def quintic(h: Floats, x0: Floats, x1: Floats, v0: Floats, v1: Floats, a0: Floats, a1: Floats) -> Floats:
+    """Coefficients (6, K, L) of powers of t/h, of curves with these x, slopes and curvatures at t = 0 and h (K, 1)."""
+    v0, v1, a0, a1 = v0 * h, v1 * h, a0 * h**2, a1 * h**2
+    d, m, e = x1 - x0 - v0 - a0 / 2, v1 - v0 - a0, a1 - a0
+    return np.array([x0, v0, a0 / 2, 10 * d - 4 * m + e / 2, -15 * d + 7 * m - e, 6 * d - 3 * m + e / 2])
+
+
 def largest(times: Floats, x: Floats, v: Floats, a: Floats) -> Floats:
     """The largest |x| (L,) of curves through x with slopes v and curvatures a, (K, L), quintic between the times."""
     h = np.diff(times)[:, None]
     kept = h[:, 0] > 0
     h = h[kept]
-    x0, x1, v0, v1 = x[:-1][kept], x[1:][kept], v[:-1][kept] * h, v[1:][kept] * h
-    a0, a1 = a[:-1][kept] * h**2, a[1:][kept] * h**2
-    d, m, e = x1 - x0 - v0 - a0 / 2, v1 - v0 - a0, a1 - a0
-    powers = np.array([x0, v0, a0 / 2, 10 * d - 4 * m + e / 2, -15 * d + 7 * m - e, 6 * d - 3 * m + e / 2])
+    powers = quintic(h, *(part[kept] for values in (x, v, a) for part in (values[:-1], values[1:])))
     looks = np.linspace(0, 1, LOOKS + 1)[:, None] ** np.arange(6)
     samples = np.abs(np.tensordot(looks, powers, 1))
     found = samples.max(axis=(0, 1))

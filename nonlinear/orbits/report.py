@@ -22,7 +22,11 @@ STABLE = (
     "stable: no disturbance of the orbit grows; largest |μ|: of its Floquet multipliers besides those that are 1 by a "
     "shift of time or place and by conserved quantities."
 )
-WORDS = {"energy": "of the energy", "omega": "of the frequency"}
+PHASES = (
+    "phase: by how much the fundamental of the link with the largest angle is ahead of the first drive; fed: the "
+    "energy that the drives feed in a period."
+)
+WORDS = {"energy": "of the energy", "omega": "of the frequency", "symmetry": "that breaks the symmetry"}
 
 
 def orbits_record(branches: Sequence[Branch]) -> dict[str, Any]:
@@ -45,10 +49,20 @@ def orbits_record(branches: Sequence[Branch]) -> dict[str, Any]:
     }
 
 
+def _driven(orbit: Orbit) -> dict[str, Any]:
+    """What only forced motions have."""
+    if not orbit.cycles:
+        return {}
+    turns = [*orbit.turns] or [0] * len(orbit.flow.system.rest)
+    told = {"phase_deg": finite(degrees(orbit.phase)), "fed_J": orbit.fed, "period_s": orbit.period}
+    return {**told, "cycles": orbit.cycles, "whole_turns": turns, "neutral": orbit.floquet.neutral}
+
+
 def _point(branch: Branch, orbit: Orbit) -> dict[str, Any]:
     return {
         "parameter": _parameter(branch, orbit),
         "amplitude_deg": degrees(orbit.amplitude),
+        **_driven(orbit),
         "energy_J": orbit.energy,
         "omega_rad_per_s": orbit.omega,
         "stable": orbit.is_stable,
@@ -71,6 +85,7 @@ def orbits_csv(branches: Sequence[Branch]) -> str:
                 "from": branch.origin,
                 (branch.variation.column if branch.variation else "parameter"): _parameter(branch, orbit),
                 "amplitude_deg": degrees(orbit.amplitude),
+                **_columns(_driven(orbit)),
                 "energy_J": orbit.energy,
                 "omega_rad_per_s": orbit.omega,
                 "stable": orbit.is_stable,
@@ -83,6 +98,11 @@ def orbits_csv(branches: Sequence[Branch]) -> str:
     )
 
 
+def _columns(driven: dict[str, Any]) -> dict[str, Any]:
+    """The same as columns, whole turns separated by blanks."""
+    return driven | ({"whole_turns": " ".join(map(str, driven["whole_turns"]))} if driven else {})
+
+
 def orbits_text(scene: Scene, branches: Sequence[Branch], linear: float | None = None) -> str:
     """The branches as text, at most SHOWN orbits of each; `linear` is the frequency (rad/s) of the mode."""
     return titled(title_of(scene), "periodic orbits", list(_parts(branches, linear)), "text")
@@ -93,17 +113,23 @@ def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
         along = f" along {branch.variation.path}" if branch.variation else ""
         count, worst = counted(len(branch.orbits), "orbit", "orbits"), max(orbit.residual for orbit in branch.orbits)
         closed = 10.0 ** ceil(log10(max(worst, CLOSED)))
-        yield f"branch {number + 1}, from {branch.origin}{along}: {count} that close to {closed:.0e}"
+        cycles = branch.orbits[0].cycles
+        span = f", of {cycles} periods of the drives" if cycles > 1 else ""
+        yield f"branch {number + 1}, from {branch.origin}{along}: {count} that close to {closed:.0e}{span}"
         kept = np.unique(np.linspace(0, len(branch.orbits) - 1, SHOWN).astype(int))
         rows = [_cells(branch, branch.orbits[at], linear) for at in kept]
         yield grid(rows, _headings(branch, linear))
         yield "\n".join(_notes(branch))
+    if any(branch.is_forced for branch in branches):
+        yield fill(PHASES, line_width())
     yield fill(STABLE, line_width())
 
 
 def _headings(branch: Branch, linear: float | None) -> list[str]:
     head = [f"{branch.variation.path} ({branch.variation.unit or '–'})"] if branch.variation else []
     shift = ["ω/ω₀ − 1"] if linear else []
+    if branch.is_forced:
+        return [*head, "largest (°)", "phase (°)", "fed (J)", "stable", "largest |μ|"]
     grows = ["growth (1/s)"] if branch.variation else []
     return [*head, "largest (°)", "ω (rad/s)", *shift, "energy (J)", "stable", "largest |μ|", *grows]
 
@@ -111,6 +137,10 @@ def _headings(branch: Branch, linear: float | None) -> list[str]:
 def _cells(branch: Branch, orbit: Orbit, linear: float | None) -> list[str]:
     head = [f"{_parameter(branch, orbit):.6g}"] if branch.variation else []
     shift = [f"{100 * (orbit.omega / linear - 1):+.4f} %"] if linear else []
+    if branch.is_forced:
+        phase = f"{degrees(orbit.phase):.2f}" if isfinite(orbit.phase) else "–"
+        told = [f"{degrees(orbit.amplitude):.3f}", phase, f"{orbit.fed:.5g}"]
+        return [*head, *told, "yes" if orbit.is_stable else "no", f"{_largest(orbit):.6g}"]
     grows = [f"{growth(orbit):.5f}"] if branch.variation else []
     return [
         *head,
@@ -131,20 +161,34 @@ def _largest(orbit: Orbit) -> float:
 def _notes(branch: Branch) -> Iterator[str]:
     for one in branch.special:
         yield special_words(branch, one)
+    if branch.is_forced:
+        yield from _forced_notes(branch)
     if not branch.complete:
         yield f"the branch was followed no further than {_place(branch, branch.orbits[-1])}."
 
 
+def _forced_notes(branch: Branch) -> Iterator[str]:
+    last = branch.orbits[-1]
+    if branch.orbits[0].floquet.neutral:
+        yield "nothing holds the cart: a multiplier is 1, that of motions beginning at another place than x = 0."
+    if any(last.turns):
+        yield f"whole turns of the links in a period: {', '.join(map(str, last.turns))}."
+    if branch.returns:
+        yield f"the branch leaves the range where it began, at {_place(branch, last)}: another fold may lie beyond."
+
+
 def special_words(branch: Branch, one: Special) -> str:
     """A special point in one line."""
-    turns = f" {WORDS.get(one.of, 'of ' + one.of)}" if one.of else ""
+    told = one.of and not (branch.is_forced and one.kind == "fold")
+    turns = f" {WORDS.get(one.of, 'of ' + one.of)}" if told else ""
     before, after = (branch.orbits[at].is_stable for at in (one.after, one.after + 1))
     fate = "" if before is after else ", where it becomes stable" if after else ", where it loses its stability"
     return f"{one.kind}{turns} at {_place(branch, one.orbit)}{fate}."
 
 
 def _place(branch: Branch, orbit: Orbit) -> str:
-    words = [f"{degrees(orbit.amplitude):.5g}°", f"{orbit.omega:.6g} rad/s"]
+    digits = 10 if orbit.cycles else 8
+    words = [f"{degrees(orbit.amplitude):.5g}°", f"{orbit.omega:.6g} rad/s"][: 1 if orbit.cycles else 2]
     if branch.variation and orbit.value is not None and isfinite(orbit.value):
-        words = [f"{branch.variation.path} = {orbit.value:.8g} {branch.variation.unit}".rstrip(), *words]
+        words = [f"{branch.variation.path} = {orbit.value:.{digits}g} {branch.variation.unit}".rstrip(), *words]
     return listed(words, len(words))

@@ -4,11 +4,12 @@ The period T is divided into equal segments that begin at y_0, y_1, …:
 
     φ_{T/m}(y_k) = y_{k+1},   φ_{T/m}(y_{m−1}) = y_0
 
-with T unknown unless a periodic force sets it (Keller, Numerical Solution of Two Point Boundary Value Problems, 1976;
-Seydel, Practical Bifurcation and Stability Analysis, 2010, ch. 7).  The phase of a free oscillation is chosen so that
-one link turns back at the start, or with dry friction, which stops there, passes its angle at rest to the right; a cart
-that nothing holds starts at 0.  In a conservative scene these equations follow
-from each other in part, and solutions form families.  A number of the scene may be a further unknown.
+with T unknown unless drives of that period set it; then angles may gain whole turns in it (Keller, Numerical Solution
+of Two Point Boundary Value Problems, 1976; Seydel, Practical Bifurcation and Stability Analysis, 2010, ch. 7).  The
+phase of a free oscillation is chosen so that one link turns back at the start, or with dry friction, which stops
+there, passes its angle at rest to the right; a cart that nothing holds starts at 0.  In a conservative scene these
+equations follow from each other in part, and solutions form families.  A number of the scene may be a further
+unknown.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.scene import Scene, require
-from modal.scene.parameters import Variation, vary
+from modal.scene import Scene, drive_period, require
+from modal.scene.parameters import Variable, Variation, find_places, vary, with_numbers
 from modal.types import Floats
 from nonlinear.dynamics.variational import Force
 from nonlinear.integration.switches import numbers_of as switching_of
@@ -35,21 +36,43 @@ NUDGE = 1e-7  # of the range of a number, for derivatives by one where the form 
 BESIDE = 1e-4  # of a number of a scene, for derivatives of those of the equations by it
 
 
+@dataclass(frozen=True)
+class Clock:
+    """The period (s) that drives set; where their common frequency is the number that is varied, at this `value` of it.
+
+    >>> Clock(2.0, value=0.5).period(0.25)
+    4.0
+    """
+
+    seconds: float
+    value: float | None = None
+
+    def period(self, value: float | None) -> float:
+        """The period (s) at a value of the number."""
+        return self.seconds if self.value is None or value is None else self.seconds * self.value / value
+
+    def slope(self, value: float | None) -> float:
+        """Its derivative by the number."""
+        return 0.0 if self.value is None or value is None else -self.period(value) / value
+
+
 @dataclass(frozen=True, eq=False)
 class Shooting:
     """The equations of periodic orbits: u = (y_0, …, y_{m−1} in natural units, T sqrt(g/l), place in the range).
 
     `flow_at` gives the flow for a value of the `variation` (None: of the scene itself); the `leader` (from 0) turns
-    back at the start, or passes rest there (`passes`).  With a `period` (s) given, T is no unknown and there is no
-    leader.
+    back at the start, or passes rest there (`passes`).  With a `clock`, T is no unknown and there is no leader; it has
+    `cycles` periods of the drives, and links gain `turns` (L,) whole turns in it.
     """
 
     scene: Scene
     flow_at: Callable[[float | None], Flow]
     leader: int = 0
     segments: int = SEGMENTS
-    period: float | None = None
+    clock: Clock | None = None
     variation: Variation | None = None
+    cycles: int = 0
+    turns: tuple[int, ...] = ()
 
     @cached_property
     def first(self) -> Flow:
@@ -63,8 +86,18 @@ class Shooting:
 
     @cached_property
     def conservative(self) -> bool:
-        """Whether energy is conserved."""
-        return not (self.first.system.works or self.first.force or self.first.switched)
+        """Whether energy is conserved but for what drives in time: multipliers come in pairs μ, 1/μ."""
+        system = self.first.system
+        works = system.dissipates or system.excites or system.hoisting is not None
+        return not (works or self.first.force or self.first.switched)
+
+    @cached_property
+    def gained(self) -> Floats:
+        """What y gains in a period, in natural units, (d,)."""
+        found, layout = np.zeros(self.size), self.first.equations.layout
+        if self.turns:
+            found[int(layout.on_cart) : layout.half] = 2 * np.pi * np.array(self.turns)
+        return found / self.first.scale
 
     @cached_property
     def free(self) -> bool:
@@ -72,12 +105,16 @@ class Shooting:
         cart = self.first.system.cart
         return bool(cart and not cart.stiffness and not self.first.force)
 
+    def turned(self, turns: tuple[int, ...]) -> Shooting:
+        """The equations of motions in which links gain these whole turns in a period, (L,) or none."""
+        return replace(self, turns=turns)
+
     # -------------------------------------------------------------------------------------------------- unknowns
 
     def unknown(self, states: Floats, period: float, value: float | None = None) -> Floats:
         """The vector u of the beginnings of all segments (m, d), the period (s) and the value of the number."""
         parts = [(states / self.first.scale).ravel()]
-        if self.period is None:
+        if self.clock is None:
             parts.append(np.array([period * self.first.system.rate]))
         if self.variation:
             assert value is not None
@@ -86,7 +123,9 @@ class Shooting:
 
     def whole(self, u: Floats) -> float:
         """The period (s)."""
-        return self.period or float(u[self.segments * self.size]) / self.first.system.rate
+        if self.clock:
+            return self.clock.period(self.value(u))
+        return float(u[self.segments * self.size]) / self.first.system.rate
 
     def states(self, u: Floats) -> Floats:
         """The beginnings of all segments, (m, d)."""
@@ -129,8 +168,9 @@ class Shooting:
             r[rows] = (end.y - states[after]) / scale
             J[rows, k * d : (k + 1) * d] += end.V[:, :d] / scale[:, None]
             J[rows, after * d : (after + 1) * d] -= np.eye(d)
-            if self.period is None:
+            if self.clock is None:
                 J[rows, m * d] = end.path.rates[-1] / scale / m / self.first.system.rate
+        r[-d:] -= self.gained
         if self.variation:
             J[:, -1] = self._by_value(u, flow, ends)
         conditions, offset = self._conditions(len(u))
@@ -143,14 +183,25 @@ class Shooting:
 
     def _by_value(self, u: Floats, flow: Flow, ends: list[Arrival]) -> Floats:
         """The derivative of the ends by the place of the number, (m d,)."""
+        shifted = np.concatenate([self._shifted(k, end, u) for k, end in enumerate(ends)])
         if flow.change is not None:
-            return np.concatenate([end.V[:, -1] / self.first.scale for end in ends]) * self._stretch(u[-1])
+            moved = np.concatenate([end.V[:, -1] / self.first.scale for end in ends])
+            return np.asarray(moved + shifted) * self._stretch(u[-1])
         nudge = NUDGE if u[-1] < 0.5 else -NUDGE
         flow, none = self.flow_at(self.value_at(float(u[-1]) + nudge)), np.zeros((self.size, 0))
         part = self.whole(u) / self.segments
-        moved = [flow(y, none, part, start=k * part).y for k, y in enumerate(self.states(u))]
-        found = [(other - end.y) / self.first.scale / nudge for other, end in zip(moved, ends, strict=True)]
-        return np.concatenate(found)
+        beside = [flow(y, none, part, start=k * part).y for k, y in enumerate(self.states(u))]
+        found = [(other - end.y) / self.first.scale / nudge for other, end in zip(beside, ends, strict=True)]
+        return np.concatenate(found) + shifted * self._stretch(u[-1])
+
+    def _shifted(self, k: int, end: Arrival, u: Floats) -> Floats:
+        """What a change of the number does to the end of segment k, in natural units, by its time alone."""
+        slope = self.clock.slope(self.value(u)) / self.segments if self.clock else 0.0
+        if not slope:
+            return np.zeros(self.size)
+        scale, rates = self.first.scale, end.path.rates
+        carried = end.V[:, : self.size] @ (rates[0] / scale)
+        return np.asarray(slope * ((k + 1) * rates[-1] - k * carried) / scale)
 
     @cached_property
     def passes(self) -> bool:
@@ -161,7 +212,7 @@ class Shooting:
         """Rows that fix the phase and the place of the cart, and what they give."""
         layout, rows, given = self.first.equations.layout, [], np.zeros(length)
         place = int(layout.on_cart) + self.leader
-        if self.period is None:
+        if self.clock is None:
             rows.append(place if self.passes else layout.half + place)
             given[place] = self.first.rest[place] / self.first.scale[place] if self.passes else 0.0
         if self.free:
@@ -178,24 +229,32 @@ class Shooting:
         scale, M = self.first.scale, np.eye(self.size)
         for end in ends:
             M = (end.V[:, : self.size] / scale[:, None]) @ M
-        missed = [np.abs((end.y - states[(k + 1) % self.segments]) / scale).max() for k, end in enumerate(ends)]
+        missed = (np.array([end.y for end in ends]) - np.roll(states, -1, axis=0)) / scale
+        missed[-1] -= self.gained
         floquet = self._multipliers(flow, states[0], ends[0].path.rates[0], M)
         path = _joined([end.path for end in ends], period / self.segments)
         scene = vary(self.scene, {self.variation.path: value}) if self.variation and value is not None else self.scene
-        return Orbit(scene, flow, states[0], period, floquet, float(max(missed)), path, symmetric=False, value=value)
+        residual = float(np.abs(missed).max())
+        return Orbit(scene, flow, states[0], period, floquet, residual, path, False, value, self.cycles, self.turns)
 
     def _multipliers(self, flow: Flow, y: Floats, rates: Floats, M: Floats) -> Floquet:
         """The multipliers from the monodromy matrix in natural units, and y' at the start."""
         equations, scale, right, left = flow.equations, self.first.scale, [], []
-        if self.period is None:
+        if self.clock is None:
             right.append(rates / scale)
         if self.free:
-            left.append(equations.momentum_slope(y) * scale)
-            if not left[-1][0]:
+            conserved = [] if self._airy else [equations.momentum_slope(y) * scale]
+            left += conserved
+            if not conserved or not conserved[0][0]:
                 right.append(np.eye(len(y))[0])
-        if self.conservative:
+        if self.conservative and self.clock is None:
             left.append(equations.energy_slope(y) * scale)
         return whole(M, right, left, conservative=self.conservative)
+
+    @cached_property
+    def _airy(self) -> bool:
+        """Whether quadratic drag takes momentum that no impulse of it tells."""
+        return any(group.quadratic_drag is not None for group in self.first.system.groups)
 
     def energy_slope(self, u: Floats, tangent: Floats) -> float:
         """The derivative of the energy (J) at the start along a branch."""
@@ -217,23 +276,47 @@ def shooting(
     period: float | None = None,
     force: Force | None = None,
     variation: Variation | None = None,
+    cycles: int = 0,
+    turns: tuple[int, ...] = (),
 ) -> Shooting:
-    """The equations of a scene in the plane; SceneError in space, and with dry friction or quadratic drag."""
-    require(scene, "a periodic orbit")
+    """The equations of a scene in the plane, with a period (s) or with so many `cycles` of its drives, if any.
+
+    SceneError in space, and where the scene has what periodic orbits do not follow.
+    """
+    capability = "a forced periodic orbit" if cycles else "a periodic orbit"
+    require(scene, capability)
+
+    variable = Variable(scene, [variation.path] if variation else [])
+
+    def scene_at(value: float) -> Scene:
+        return variable.at({variation.path: value}) if variation else scene
 
     @lru_cache(maxsize=8)
     def flow_at(value: float | None) -> Flow:
-        varied = scene if value is None or variation is None else vary(scene, {variation.path: value})
-        require(varied, "a periodic orbit")
+        varied = scene if value is None else scene_at(value)
+        require(varied, capability)
         flow = Flow(system_of(varied), tolerance, force=force)
-        if value is None or variation is None:
-            return flow
-        return replace(flow, change=_change(scene, variation, value, flow))
+        return flow if value is None or variation is None else replace(flow, change=_change(scene_at, value, flow))
 
-    return Shooting(scene, flow_at, leader, segments, period, variation)
+    clock = _clock(scene, variation, cycles) if cycles else Clock(period) if period else None
+    return Shooting(scene, flow_at, leader, segments, clock, variation, cycles, turns)
 
 
-def _change(scene: Scene, variation: Variation, value: float, flow: Flow) -> NumberChange | None:
+def _clock(scene: Scene, variation: Variation | None, cycles: int) -> Clock:
+    """The clock of a scene's drives; SceneError where they have no common period or only some frequencies vary."""
+    if variation is None:
+        return Clock(cycles * drive_period(scene).seconds)
+    value = variation.values[0]
+    varied = {with_numbers(place) for place in find_places(scene, variation.path)}
+    drives = drive_period(vary(scene, {variation.path: value}))
+    moved = [place for place in drives.places if place in varied]
+    kept = [f"{place} is not varied with it" for place in drives.places if place not in varied]
+    if moved and kept:
+        raise SceneError([f"{variation.path}: must be the frequency of every drive: {', '.join(kept)}"])
+    return Clock(cycles * drives.seconds, value if moved else None)
+
+
+def _change(scene_at: Callable[[float], Scene], value: float, flow: Flow) -> NumberChange | None:
     """The derivative of the numbers of the equations by a number of the scene, by central differences.
 
     None where a scene beside has another form, as a number is 0 there.
@@ -242,7 +325,7 @@ def _change(scene: Scene, variation: Variation, value: float, flow: Flow) -> Num
     here = switching_of(flow.system)
     for moved in (value - aside, value + aside):
         try:
-            system = system_of(vary(scene, {variation.path: moved}))
+            system = system_of(scene_at(moved))
         except SceneError:
             return None
         equations = replace(flow.equations, system=system)

@@ -154,7 +154,9 @@ def _special(
     breaks: bool = False,
     accuracy: float = 1e-10,
 ) -> Special:
-    found = located(problem, one, other, test, accuracy)
+    found = located(problem, one, other, test, accuracy, crossing=kind == "branch point")
+    if kind == "branch point" and found.orbit.cycles and found.orbit.is_symmetric:
+        of, breaks = "symmetry", True
     return Special(kind, found.orbit, after, found, of, breaks)
 
 

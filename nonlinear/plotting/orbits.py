@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import IO, TYPE_CHECKING
 
 import numpy as np
@@ -10,10 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from modal.errors import ComputationError
-from modal.modes import Mode
+from modal.errors import ComputationError, SceneError
+from modal.modes import Mode, natural_modes
 from modal.plotting import HUES, WIDTH, axis_words, headline, key, muted, save, scale, sheet
 from modal.scene import Scene, title_of
+from modal.scene.parameters import Variation, vary
 from modal.types import Floats
 from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
 
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from nonlinear.orbits import Branch, Special
 
 MARKS = {"fold": "o", "branch point": "D", "period doubling": "s", "torus": "^", "collision": "v"}
+POINTS, WIDEST = 200, 170.0  # of a linear response; the largest angle (deg) of a backbone
 NARROW = 0.05  # least width of the axis of frequencies over the linear frequency
 
 
@@ -38,9 +41,13 @@ def orbits_figure(scene: Scene, branches: Sequence[Branch], mode: Mode | None = 
     """
     if not 1 <= len(branches) <= HUES:
         raise ComputationError(f"{len(branches)} branches do not fit in a figure: from 1 to {HUES}")
-    figure = _backbones(branches, mode) if mode else _along(branches)
-    headline(figure, title_of(scene), "periodic orbits")
-    key(figure, [*branch_keys([f"from {branch.origin}" for branch in branches]), *_drawn(branches, mode)], columns=2)
+    forced = branches[0].is_forced
+    figure = _backbones(branches, mode) if mode else _resonance(scene, branches) if forced else _along(branches)
+    headline(figure, title_of(scene), "periodic motions under drives" if forced else "periodic orbits")
+    beside = [line for line in figure.axes[0].lines if not str(line.get_label()).startswith("_")] if forced else []
+    lines = [Line2D([], [], color=line.get_color(), ls=line.get_linestyle(), label=line.get_label()) for line in beside]
+    names = branch_keys([f"from {branch.origin}" for branch in branches])
+    key(figure, [*names, *_drawn(branches, mode), *lines], columns=2)
     return figure
 
 
@@ -74,6 +81,65 @@ def _along(branches: Sequence[Branch]) -> Figure:
     lower.set(xlabel=axis_words(variation), ylabel="angular frequency ω (rad/s)")
     scale(lower, "x", variation)
     return figure
+
+
+def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
+    """The largest angle and its phase along a number, with the linear response and the backbones of modes beside."""
+    figure = sheet(WIDTH, 7.0)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    variation = branches[0].variation
+    assert variation is not None
+    for number, branch in enumerate(branches):
+        _curve(upper, branch, branch.value, np.rad2deg(branch.amplitude), number)
+        phase = np.array([orbit.phase for orbit in branch.orbits])
+        swings = np.isfinite(phase)
+        phase[swings] = np.unwrap(phase[swings])
+        phase -= 2 * np.pi * np.round(np.mean(phase[swings]) / (2 * np.pi)) if swings.any() else 0.0
+        draw_branch(lower, branch.value, np.rad2deg(phase), branch.is_stable, number)
+        for special in branch.special:
+            near = phase[special.after]
+            there = np.rad2deg(near + np.angle(np.exp(1j * (special.orbit.phase - near))))
+            lower.plot([special.orbit.value], [there], **mark(MARKS[special.kind]))
+    widest = max(float(np.rad2deg(branch.amplitude.max())) for branch in branches)
+    clock = getattr(branches[0].problem, "clock", None)
+    is_frequency = clock is not None and clock.value is not None
+    values, linear = _linear(scene, variation)
+    upper.plot(values, linear, color=muted(), lw=1.1, ls=":", zorder=1, label="linear response")
+    for k, (hertz, angles) in enumerate(_backbones_of(scene, variation, widest) if is_frequency else ()):
+        upper.plot(hertz, angles, color=muted(), lw=1.3, ls="--", zorder=2, label="_" if k else "backbone")
+    upper.set(
+        ylabel="largest angle (°)", xlim=(variation.values[0], variation.values[-1]), ylim=(0, 1.08 * widest or 1)
+    )
+    words = "frequency of the drive (Hz)" if is_frequency else axis_words(variation)
+    lower.set(xlabel=words, ylabel="phase against the drive (°)")
+    scale(lower, "x", variation)
+    return figure
+
+
+def _linear(scene: Scene, variation: Variation) -> tuple[Floats, Floats]:
+    """The largest angle (deg) of the linear response at POINTS values of a number; NaN where it has none."""
+    from nonlinear.orbits import linear_response
+
+    space = np.geomspace if variation.log else np.linspace
+    values, found = space(variation.values[0], variation.values[-1], POINTS), np.full(POINTS, np.nan)
+    for k, value in enumerate(values.tolist()):
+        with suppress(ComputationError, SceneError):
+            found[k] = np.rad2deg(linear_response(vary(scene, {variation.path: value})).amplitude)
+    return values, found
+
+
+def _backbones_of(scene: Scene, variation: Variation, widest: float) -> Iterator[tuple[Floats, Floats]]:
+    """Frequency (Hz) and largest angle (deg) of the modes that swing near the range, without drives and losses."""
+    from nonlinear.orbits import nonlinear_mode
+
+    free = scene.still.replace(force=())
+    low, high = variation.values[0], variation.values[-1]
+    for number, omega in enumerate(natural_modes(free).omega, start=1):
+        if not low - (high - low) < omega / (2 * np.pi) < high + (high - low):
+            continue
+        with suppress(ComputationError, SceneError):
+            branch = nonlinear_mode(free, number, np.deg2rad(min(widest, WIDEST)), locate=False)
+            yield branch.omega / (2 * np.pi), np.rad2deg(branch.amplitude)
 
 
 def _curve(axis: Axes, branch: Branch, x: Floats, y: Floats, number: int) -> None:

@@ -134,6 +134,11 @@ def _by(words: str) -> Attempt:
     return lambda path, scene, folder: _command(words, path, folder)
 
 
+def _followed(path: Path, scene: Scene, folder: Path) -> str:
+    begin = "" if scene.is_forced else " --start scene --duration 20"
+    return _command(f"orbits @ {GRAVITY}{begin} --format json", path, folder)
+
+
 def _simulated(**options: Any) -> Attempt:
     return lambda path, scene, folder: _motion(path, scene, **options)
 
@@ -160,7 +165,7 @@ ATTEMPTS: dict[str, Attempt] = {
     "ensemble numba": _ensemble("numba"),
     "ensemble heyoka": _ensemble("heyoka"),
     "orbits mode": _by("orbits @ --mode 2 --to 10 --format json"),
-    "orbits vary": _by(f"orbits @ {GRAVITY} --start scene --duration 20"),
+    "orbits vary": _followed,
     "sync": _by("sync @ --duration 5"),
     "sync vary": _by(f"sync @ {GRAVITY}"),
     "chaos": _by("chaos @ --duration 7 --ensemble 2"),
@@ -222,6 +227,8 @@ ASKS: dict[str, tuple[str, ...]] = {
     "tradeoff": ("a comparison of methods",),
 }
 """The capability that stands at the door of each; of others, the form of the equations of motion."""
+FORCED = {"orbits vary": ("a forced periodic orbit",)}
+"""That of scenes on a moved support or under forces that change in time."""
 BEYOND = {
     ("count_100", "fit"): "at most",
     ("count_100", "play"): "at most",
@@ -241,7 +248,7 @@ def declared(kind: str, capability: str) -> tuple[str, tuple[str, ...]]:
     """What the table says of a pair, works, refused or unless, and words that the answer has."""
     scene, more = load(kinds()[kind]), ("load",) if kind == "load" else ()
     form = "form spatial" if scene.space == "space" else "form minimal"
-    asked = ASKS.get(capability, (form,))
+    asked = (FORCED if scene.is_forced else ASKS).get(capability, ASKS.get(capability, (form,)))
     if (kind, capability) in BEYOND:
         return "refused", (BEYOND[kind, capability],)
     if found := next(filter(None, (refusals(scene, name, *more) for name in asked)), []):
@@ -294,7 +301,8 @@ def guarded() -> list[tuple[str, str]]:
 
 def entry(kind: str, capability: str) -> str:
     """What the table says of the feature of a kind: takes, singly or leaves."""
-    asked = ASKS.get(capability, ("form minimal",))
+    forced = FORCED if load(kinds()[kind]).is_forced else ASKS
+    asked = forced.get(capability, ASKS.get(capability, ("form minimal",)))
     return CAPABILITIES[asked[-1]].entries(OFF[kind][0])[0][0]
 
 

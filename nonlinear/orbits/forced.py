@@ -1,0 +1,209 @@
+"""Periodic motions under drives: their branches along a number, through folds, from the linear response.
+
+Their period is that of the drives.  A branch begins at an end of the range where Newton's method finds an orbit: beside
+the linear response, the steady solution of
+
+    y' = A (y − y_e) + f(y_e, t),   A = mean of ∂f/∂y at y_e
+
+about the equilibrium y_e under the mean of what acts (Nayfeh & Mook, Nonlinear Oscillations, 1979, section 2.2), or
+else where the motion from there settles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from modal.errors import ComputationError, SceneError
+from modal.report import Displayed, Summary
+from modal.scene import Scene, drive_period, require
+from modal.scene.parameters import Variation, validate_variations, vary
+from modal.types import Floats
+from nonlinear.orbits.between import resolved
+from nonlinear.orbits.branch import Branch, Report
+from nonlinear.orbits.continuation import apart
+from nonlinear.orbits.cycles import CLOSED, TOLERANCE, known, solution, walked
+from nonlinear.orbits.flow import Flow
+from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.shooting import Shooting, shooting
+from nonlinear.orbits.special import along_cycles
+from nonlinear.system import State, system_of
+
+SAMPLES = 64  # of the linear response in a period of its fastest drive
+STILL, ROUNDS = 1e-12, 30  # of the equilibrium under the mean of what acts
+SETTLING = (20, 40, 120)  # periods after which Newton's method is tried on a motion, one after the other
+NOWHERE = (
+    "no periodic motion was found, neither beside the linear response nor where the motion from there settles: give "
+    "another start: one whose motion settles"
+)
+LONGEST, MOST = 0.1, 4000  # step in natural units and parts of the range; orbits of a branch
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LinearResponse(Displayed):
+    """The steady motion of the linear model at N even times of a `period` (s): `y` (N, d) and angles `turned` (N, L).
+
+    These are the angles (rad) of the links from where they hang or stand without drives.
+    """
+
+    period: float
+    y: Floats = field(repr=False)
+    turned: Floats = field(repr=False)
+
+    @property
+    def amplitude(self) -> float:
+        """The largest angle (rad) of any link."""
+        return float(np.abs(self.turned).max())
+
+    def _summary(self) -> Summary:
+        facts = [("period", f"{self.period:.6g} s"), ("largest angle", f"{np.degrees(self.amplitude):.5g}°")]
+        return Summary("Linear response to the drives", facts)
+
+
+def linear_response(scene: Scene) -> LinearResponse:
+    """The steady motion of the linear model under the drives of a scene.
+
+    Raises SceneError where there are none, or no common period, ComputationError where it has no value.
+
+    >>> from math import pi
+    >>> from modal import Bob, Pendulum, Scene
+    >>> from modal.scene import SineForce
+    >>> push = SineForce(on="pendulum[0].links[0]", amplitude=0.01, frequency_hz=0.25)
+    >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])], force=[push])
+    >>> round(linear_response(scene).amplitude * (9.81 - (pi / 2) ** 2), 9)
+    0.01
+    """
+    require(scene, "a forced periodic orbit")
+    drives, flow = drive_period(scene), Flow(system_of(scene))
+    equations, size, many = flow.equations, len(flow.scale), SAMPLES * max(drives.cycles)
+    u = equations.inputs_beside(np.arange(many) * (drives.seconds / many), np.zeros((size, many)))
+    y = np.concatenate((flow.rest, np.zeros(size // 2)))
+    for _ in range(ROUNDS):
+        b, J = equations.linearized(np.repeat(y[:, None], many, axis=1), np.array(u))
+        A, acting = J.mean(axis=0), np.fft.rfft(b, axis=1).T
+        shift = np.linalg.lstsq(-A, acting[0].real / many, rcond=None)[0]
+        if not np.all(np.isfinite(shift)):
+            break
+        y = y + shift
+        if np.abs(shift / flow.scale).max() < STILL:
+            break
+    found, rates = np.zeros_like(acting), 2j * np.pi * np.fft.rfftfreq(many, drives.seconds / many)
+    for k in np.flatnonzero(np.abs(acting).max(axis=1) > STILL * np.abs(acting).max()):
+        if k:
+            found[k] = np.linalg.lstsq(rates[k] * np.eye(size) - A, acting[k], rcond=None)[0]
+    motion = y + np.fft.irfft(found.T, many).T
+    if not np.all(np.isfinite(motion)):
+        raise ComputationError("the linear model has no steady response here")
+    links = slice(int(equations.layout.on_cart), equations.layout.half)
+    return LinearResponse(drives.seconds, motion, motion[:, links] - flow.rest[links])
+
+
+def forced_orbit(scene: Scene, *, start: State | None = None, cycles: int = 1, tolerance: float = TOLERANCE) -> Orbit:
+    """The periodic motion of a scene under its drives, over so many `cycles` of their common period.
+
+    It is the one beside a `start` at the time 0, by default beside the linear response or where the motion from there
+    settles.  Raises SceneError where no drives have a common period, ComputationError where no orbit is found.
+
+    >>> from modal import Bob, Pendulum, Scene
+    >>> from modal.scene import SineForce
+    >>> push = SineForce(on="pendulum[0].links[0]", amplitude=2.0, frequency_hz=0.25)
+    >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])], force=[push])
+    >>> orbit = forced_orbit(scene)
+    >>> orbit.period, orbit.amplitude > linear_response(scene).amplitude
+    (4.0, True)
+    """
+    problem, u, _ = _beginning(scene, None, None, start, cycles, tolerance)
+    return problem.orbit(u)
+
+
+def follow_forced(
+    scene: Scene,
+    variation: Variation,
+    *,
+    start: State | None = None,
+    cycles: int = 1,
+    tolerance: float = TOLERANCE,
+    longest: float = LONGEST,
+    most: int = MOST,
+    report: Report = lambda done: None,
+) -> tuple[Branch, ...]:
+    """The periodic motions of a scene under its drives along a number, followed through their folds, within its range.
+
+    They have so many `cycles` of the drives' common period and begin at both ends of the range, or at its first value
+    beside a `start` at the time 0.  Neighbours differ by at most 2 % in amplitude and 0.1 in phase (`continuation`).
+    `report` is called with the number of branches followed so far.  Raises SceneError for a variation of fewer than two
+    values or of a count and where the drives have no common period, ComputationError where no orbit is found at either
+    end.
+    """
+    require_forced(scene, variation)
+    found, failed = list[Branch](), dict[float, ComputationError]()
+    ends = (variation.values[0], variation.values[-1])
+    for value in ends[: 1 if start else 2]:
+        try:
+            problem, u, words = _beginning(scene, variation, value, start, cycles, tolerance)
+            orbit = problem.orbit(u)
+        except ComputationError as error:
+            failed[value] = error
+            continue
+        if any(known(orbit, branch) for branch in found):
+            continue
+        points, complete = walked(problem, u, orbit, longest, most, apart)
+        points = resolved(problem, points)
+        special = tuple(along_cycles(problem, points))
+        found.append(Branch(words, tuple(points), special, problem, variation, complete))
+        report(len(found))
+    if not found:
+        places = " and ".join(f"{value:g}" for value in failed)
+        raise ComputationError(f"{variation.path} = {places}: {failed[variation.values[0]]}")
+    return tuple(found)
+
+
+def require_forced(scene: Scene, variation: Variation) -> None:
+    """Raise, without computing anything, what `follow_forced` raises for this scene and variation."""
+    validate_variations(scene, [variation])
+    if len(variation.values) < 2 or variation.path.endswith("count"):
+        raise SceneError([f"{variation.path}: orbits need two or more values of a continuous parameter"])
+    shooting(scene, variation=variation, cycles=1)
+
+
+def _beginning(
+    scene: Scene, variation: Variation | None, value: float | None, start: State | None, cycles: int, tolerance: float
+) -> tuple[Shooting, Floats, str]:
+    """An orbit at a value of the number: its equations, the unknowns, and where it comes from.
+
+    ComputationError where none is found.
+    """
+    here = scene if variation is None or value is None else vary(scene, {variation.path: value})
+    problem = shooting(scene, tolerance=tolerance, variation=variation, cycles=cycles, segments=cycles)
+    flow = problem.flow_at(value)
+    if start:
+        return _beside(problem, flow.equations.begin(start), value, "start")
+    y = linear_response(here).y[0]
+    period = problem.clock.period(value) if problem.clock else np.inf
+    for settling in (0, *SETTLING):
+        try:
+            for _k in range(settling):
+                y = flow(y, np.zeros((len(y), 0)), period).y
+            return _beside(problem, y, value, "a settled motion" if settling else "the linear response")
+        except ComputationError:
+            continue
+    raise ComputationError(NOWHERE)
+
+
+def _beside(problem: Shooting, y: Floats, value: float | None, words: str) -> tuple[Shooting, Floats, str]:
+    """The orbit beside the motion from y, whose links gain the whole turns that they gain there."""
+    flow = problem.flow_at(value)
+    layout, period = flow.equations.layout, problem.clock.period(value) if problem.clock else np.inf
+    links, path = slice(int(layout.on_cart), layout.half), flow(y, np.zeros((len(y), 0)), period).path
+    angles = path.states[:, links]
+    y, turns = y.copy(), np.round((angles[-1] - angles[0]) / (2 * np.pi)).astype(int)
+    middle = (angles.min(axis=0) + angles.max(axis=0)) / 2 - flow.rest[links]
+    y[links] -= 2 * np.pi * np.round(middle / (2 * np.pi))
+    if problem.free:
+        y[0] = 0.0
+    problem = problem.turned(tuple(turns.tolist()) if turns.any() else ())
+    u = solution(problem, y, period, value)
+    if problem.orbit(u).residual > CLOSED:
+        raise ComputationError("the motion beside this one does not close")
+    return problem, u, words
