@@ -49,8 +49,12 @@ UNITS = {
     "duration": "s",
     "amplitude": "m",
     "phase_deg": "°",
+    "frequency_hz": "Hz",
+    "from_hz": "Hz",
+    "to_hz": "Hz",
 }
 CART_UNITS = {"damping": "N s/m", "stiffness": "N/m", "friction": "N"}
+FORCE_UNITS = {"amplitude": "N or N m"}
 SPELT = {"m/s²": "m_per_s2", "kg m²": "kg_m2", "N s²/m²": "N_s2_per_m2"}
 
 
@@ -185,13 +189,15 @@ class Variation(Displayed):
     def unit(self) -> str:
         """The unit of its values, "" for a count."""
         name = re.findall(r"[a-z_]+", self.path)[-1]
-        return (CART_UNITS if self.path.startswith("support.") else {}).get(name) or UNITS.get(name, "")
+        special = {"support": CART_UNITS, "force": FORCE_UNITS}.get(re.split(r"[.\[]", self.path)[0], {})
+        return special.get(name) or UNITS.get(name, "")
 
     @property
     def column(self) -> str:
-        """Its name in a file: the place and the unit, `support.mass_kg`, unless the place already includes it."""
+        """Its name in a file: the place and the unit, `support.mass_kg`, unless the place has it or leaves it open."""
         unit = SPELT.get(self.unit) or self.unit.replace("/", "_per_").replace(" ", "_")
-        return f"{self.path}_{unit}" if unit and "_deg" not in self.path else self.path
+        told = re.search(r"_deg|_hz$", self.path) or self.unit in FORCE_UNITS.values()
+        return f"{self.path}_{unit}" if unit and not told else self.path
 
 
 def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:

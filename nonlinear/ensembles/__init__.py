@@ -13,6 +13,7 @@ among processes.
 
 from nonlinear.ensembles.attractors import Attractor
 from nonlinear.ensembles.basins import Basins, basins_table, begins_in_mode, find_basins, grid_of
+from nonlinear.ensembles.bifurcations import BifurcationDiagram, bifurcation_table, find_bifurcations
 from nonlinear.ensembles.costs import ENGINES
 from nonlinear.ensembles.measures import MEASURES
 from nonlinear.ensembles.members import Members, members_of
@@ -27,6 +28,7 @@ __all__ = [
     "MEASURES",
     "Attractor",
     "Basins",
+    "BifurcationDiagram",
     "Ensemble",
     "Members",
     "PoincareSection",
@@ -34,8 +36,10 @@ __all__ = [
     "StroboscopicSection",
     "basins_table",
     "begins_in_mode",
+    "bifurcation_table",
     "ensemble",
     "find_basins",
+    "find_bifurcations",
     "find_section",
     "find_spread",
     "find_strobes",

@@ -31,11 +31,8 @@ from nonlinear.system import System, system_of
 ORBITS, SPREAD, STROBES, SEED = 24, 10.0, 200, 7  # motions, degrees and strobes where nobody says
 KEPT, MOST = 50, 16  # strobes by which a settled motion is judged, and the longest period (T) that is told
 SAME = 1e-4  # of natural units, within which a motion repeats
-DECAYED, FEWEST, UNKNOWN = (
-    10.0,
-    100.0,
-    200.0,
-)  # e-folds of the slowest decay in a transient; its periods at least; if unknown
+STEADY = 0.9  # the part of its distance from a shorter period that a motion keeps
+DECAYED, FEWEST = 10.0, 200.0  # e-folds of the slowest decay in a transient, and its periods, at least
 STATES = ("links_rad", "link_rates_rad_per_s", "cart_m", "cart_rate_m_per_s")
 
 
@@ -54,12 +51,12 @@ def strobe_times(period: float, phase_deg: float = 0.0, *, settle: float = 0.0, 
 
 
 def settling_time(scene: Scene, period: float) -> float:
-    """Ten times the slowest decay of the modes (s), and no less than 100 periods; 200 where no mode tells."""
+    """Ten times the slowest decay of the modes (s), where they tell one, and no less than 200 periods."""
     try:
         decay = [-float(value.real) for value in natural_modes(scene).eigenvalue if value.real < 0]
     except MultipendulaError:
         decay = []
-    return max(DECAYED / min(decay), FEWEST * period) if decay else UNKNOWN * period
+    return max(DECAYED / min(decay) if decay else 0.0, FEWEST * period)
 
 
 # ------------------------------------------------------------------------------------------------------- repetition
@@ -83,17 +80,23 @@ def natural_units(system: System, states: Sequence[Floats]) -> Floats:
 def repetition(strobes: Floats, links: int) -> tuple[Ints, Ints]:
     """After how many strobes motions (S, K, D) repeat, (S,), 0 for none, and by how many turns each link, (S, links).
 
+    One that still approaches a shorter period, as it does near a doubling, repeats after none.
+
     >>> turning = np.array([[[0.1 + np.pi * k, 2.0] for k in range(50)]])  # half a turn a period
     >>> period, turns = repetition(turning, 1)
     >>> period.tolist(), turns.tolist()
     ([2], [[1]])
     """
     period, turns = np.zeros(len(strobes), dtype=np.int64), np.zeros((len(strobes), links), dtype=np.int64)
+    far: dict[int, Floats] = {}
     for p in range(1, min(MOST, strobes.shape[1] // 3) + 1):
         change = strobes[:, p:] - strobes[:, :-p]
         whole = np.round(np.nan_to_num(change[:, -1, :links]) / (2 * np.pi))
         change[..., :links] -= 2 * np.pi * whole[:, None]
-        new = (period == 0) & (np.abs(change).max((1, 2)) < SAME)
+        far[p] = np.abs(change).max(2)
+        new = (period == 0) & (far[p].max(1) < SAME)
+        for q in (q for q in far if q < p and p % q == 0):
+            new &= far[q][:, -p:].max(1) > STEADY * far[q][:, :p].max(1)
         period[new], turns[new] = p, whole[new]
     return period, turns
 
@@ -102,7 +105,7 @@ def repetition_words(period: Ints) -> str:
     """How many motions have which period.
 
     >>> repetition_words(np.array([1, 2, 2, 0]))
-    '1 motion has period 1, 2 motions have period 2, 1 motion does not repeat within 16'
+    '1 motion has period 1, 2 motions have period 2, 1 motion does not repeat within 16, or not yet'
     """
     found = [
         f"{counted(count, 'motion has', 'motions have')} period {p}"
@@ -110,7 +113,7 @@ def repetition_words(period: Ints) -> str:
         if p
     ]
     if count := int(np.count_nonzero(period == 0)):
-        found.append(f"{counted(count, 'motion does', 'motions do')} not repeat within {MOST}")
+        found.append(f"{counted(count, 'motion does', 'motions do')} not repeat within {MOST}, or not yet")
     return ", ".join(found)
 
 
@@ -213,7 +216,7 @@ def find_strobes(
     validate(
         lambda: validate_whole(1, orbits=orbits),
         lambda: validate_whole(0, seed=seed),
-        lambda: _validate_numbers(phase_deg=(phase_deg, -inf), spread_deg=(spread_deg, 0.0), settle=(settle, 0.0)),
+        lambda: validate_strobes(phase_deg=phase_deg, spread_deg=spread_deg, settle=settle),
     )
     period, system = drive_period(scene).seconds, system_of(scene)
     shown = links_named(of, system)
@@ -237,12 +240,12 @@ def links_named(names: Sequence[str], system: System) -> tuple[int, ...]:
     return tuple(dict.fromkeys(map(known.index, names))) or (0,)
 
 
-def _validate_numbers(**numbers: tuple[float, float]) -> None:
-    if problems := [
-        f"{name} {value!r}: must be {'a number' if least == -inf else 'at least 0'}"
-        for name, (value, least) in numbers.items()
-        if not (isfinite(value) and value >= least)
-    ]:
+def validate_strobes(*, phase_deg: float, spread_deg: float = 0.0, settle: float = 0.0) -> None:
+    """SceneError for a phase, a spread of starts or a transient that cannot be."""
+    problems = [] if isfinite(phase_deg) else [f"phase_deg {phase_deg!r}: must be a number of degrees"]
+    for name, value in (("spread_deg", spread_deg), ("settle", settle)):
+        problems += [] if 0 <= value < inf else [f"{name} {value!r}: must be a number of at least 0"]
+    if problems:
         raise SceneError(problems)
 
 
