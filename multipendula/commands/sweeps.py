@@ -140,7 +140,7 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
     from modal.scene import STANDARD, load, whole_file
     from modal.scene.parameters import parse_variations
 
-    asked = [name for name in ("measure", "workers", "scheduler", "fresh") if getattr(options, name)]
+    asked = [name for name in ("measure", "strobe", "workers", "scheduler", "fresh") if getattr(options, name)]
     problems = [f"--{name}: cannot be combined with --loci" for name in asked]
     if len(options.vary) != 1:
         problems.append("--loci: needs exactly one --vary")

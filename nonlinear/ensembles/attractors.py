@@ -47,7 +47,7 @@ class Attractor(Displayed):
     def name(self) -> str:
         """Its period with its largest angle, or with the turns of its links a period of the drives."""
         if not any(self.turns):
-            return f"period {self.period}, largest angle {self.largest_angle_deg:.4g}°"
+            return f"period {self.period}, largest angle {round(self.largest_angle_deg, 3):.4g}°"
         rates = ", ".join(str(Fraction(turns, self.period)).replace("-", "−") for turns in self.turns)
         return f"period {self.period}, turns {rates} a period"
 

@@ -159,7 +159,7 @@ def _in_time(scene: Scene, variation: Variation, settle: float | None) -> tuple[
 def _parts(periods: Floats, known: Ints) -> Iterator[Ints]:
     """Values that go together: all that have one period, others in groups of similar ones."""
     ascending = known[np.argsort(periods[known], kind="stable")]
-    together = len(known) if len(np.unique(periods[known])) < 2 else AT_ONCE
+    together = AT_ONCE if len(np.unique(periods[known])) > 1 else max(len(known), 1)
     for first in range(0, len(known), together):
         yield ascending[first : first + together]
 
