@@ -80,6 +80,18 @@ def add_duration(page: Page, words: str, usual: float | None = None) -> None:
     page.motion.add_argument("--duration", metavar="SECONDS", type=seconds, default=usual, help=words)
 
 
+def add_strobes(page: Page, transient: str) -> None:
+    """When a driven scene is looked at, and which of its links are drawn; `transient` says how long by default."""
+    degrees = number("degrees", least=-sys.float_info.max)
+    words = "when in the period of its drives a scene is looked at (default 0)"
+    page.asked.add_argument("--phase-deg", metavar="DEG", type=degrees, help=words)
+    words = f"how long a motion goes on before strobes are kept (default {transient})"
+    page.motion.add_argument("--settle", metavar="SECONDS", type=number("seconds from 0", least=0.0), help=words)
+    words = "links whose strobes are drawn, such as theta_1_2 (default: the first)"
+    page.asked.add_argument("--of", metavar="NAMES", action=Joined, help=words)
+    page.rephrase(r"^(\S+): must be one of (?=theta_)", r"--of \1: must be one of ")
+
+
 def add_samples(page: Page) -> None:
     """The number of samples of a motion."""
     page.motion.add_argument("--samples", metavar="N", type=whole(100_000_000), help="number of samples to store")

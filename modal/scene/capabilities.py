@@ -65,6 +65,8 @@ SHAPE = _of("cart copies inverted joint_springs")
 LINEAR = SHAPE | LOSS | {"massless_cart", "space"}
 FORCED = _of("force constant_force")
 ACTING = SHAPE | LOSS | DRAG | FORCED | {"moved_support", "load"}
+DRIVEN_IN_TIME = _of("force moved_support")
+LOSING = LOSS | DRAG | FRICTION | {"van_der_pol"}
 
 # ------------------------------------------------------------------------------------------------------- sentences
 
@@ -164,9 +166,16 @@ FORCED_ORBIT = Capability(
     refuses={**CONSTANT, **PLANE, **STICKS, **_each(DRIVES, "does not follow clocks and drives at joints")},
     unless=ENDS,
     beside=UNLOADED,
-    needs={
-        _of("force moved_support"): 'nothing drives this scene: give it a [[force]], or a support of kind = "moved"'
-    },
+    needs={DRIVEN_IN_TIME: 'nothing drives this scene: give it a [[force]], or a support of kind = "moved"'},
+)
+
+STROBED = Capability(
+    "a stroboscopic section",
+    SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | {"moved_support"},
+    refuses={**CONSTANT, **PLANE},
+    unless=STOPS,
+    beside=UNLOADED,
+    needs={DRIVEN_IN_TIME: "a stroboscopic section needs a period: a sine that moves the support or acts"},
 )
 
 SIDE_BY_SIDE = Capability(
@@ -382,8 +391,8 @@ CAPABILITIES: dict[str, Capability] = {
         FORCED_ORBIT,
         Capability(
             "a Lyapunov exponent",
-            SHAPE | LOSS | DRAG | FRICTION | DRIVES,
-            refuses={**STILL, **CONSTANT, **PLANE},
+            SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | {"moved_support"},
+            refuses={**CONSTANT, **PLANE},
             unless=STOPS,
             beside=UNLOADED,
         ),
@@ -392,12 +401,22 @@ CAPABILITIES: dict[str, Capability] = {
             SHAPE,
             refuses={
                 **STILL,
+                **_each(_of("moved_support force"), "needs a motion that keeps its energy: find_strobes takes it"),
                 **CONSTANT,
                 **PLANE,
                 **_each(LOSS | DRAG | FRICTION | DRIVES, "needs a motion that keeps its energy"),
             },
             unless=ENDS,
             beside=UNLOADED,
+        ),
+        STROBED,
+        replace(
+            STROBED,
+            name="an attractor",
+            needs={
+                DRIVEN_IN_TIME: "an attractor needs a period: a sine that moves the support or acts",
+                LOSING: "an attractor needs losses: dampers, drag or friction",
+            },
         ),
         AVERAGED,
         replace(AVERAGED, name="a prediction of synchronization", needs=EXCITED),

@@ -209,7 +209,7 @@ class Variation(Displayed):
 
     @property
     def column(self) -> str:
-        """Its name in a file: the place and the unit, `support.mass_kg`, unless the place already includes it."""
+        """Its name in a file: the place and the unit, `support.mass_kg`, unless the place has it or leaves it open."""
         unit = SPELT.get(self.unit) or self.unit.replace("/", "_per_").replace(" ", "_")
         told = "_deg" in self.path or self.path.endswith("_hz")
         return f"{self.path}_{unit}" if unit and not told else self.path

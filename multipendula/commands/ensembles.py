@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from math import prod
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from multipendula.options import (
     add_format,
     add_report,
     add_scene,
+    add_strobes,
     add_words,
     number,
     offer,
@@ -30,11 +31,13 @@ if TYPE_CHECKING:
 
 FORMATS = ("text", "csv", "json")
 ENGINES = ("auto", "numpy", "numba", "heyoka", "simulate")
-RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle")
+RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle", "attractor")
+BY_ENERGY, BY_STROBES = ("energy", "at"), ("phase_deg", "spread", "settle", "of", "seed")
+"""Options of a section at an energy, and of a stroboscopic one."""
 
 
 def basins(options: argparse.Namespace) -> None:
-    """Map which motion each start of a grid ends in: a rhythm, the first turn over the top, or an exponent."""
+    """Map which motion each start of a grid ends in: a rhythm, an attractor, a first turn over the top, an exponent."""
     from nonlinear.ensembles import basins_table, begins_in_mode, find_basins, grid_of
 
     scene = _scene(options)
@@ -53,7 +56,7 @@ def _basins_arguments(page: Page) -> None:
     offer(page.asked.add_argument("--vary", metavar="PLACE=VALUES", action="append", help=words), places)
     words = f"{', '.join(RHYTHMS)} (default: configuration of a scene with drives, else first_turn)"
     add_words(page.asked, "--measure", RHYTHMS, comma="", choices=RHYTHMS, metavar="NAME", help=words)
-    add_duration(page, "default 30 sqrt(l/g), for a rhythm as long as sync needs")
+    add_duration(page, "default 30 sqrt(l/g), for a rhythm as long as sync needs, for attractors ten slowest decays")
     _add_engine(page)
     words = "keep finished chunks in this folder, and go on there after an interruption"
     page.written.add_argument("--folder", metavar="FOLDER", help=words)
@@ -62,11 +65,16 @@ def _basins_arguments(page: Page) -> None:
 
 
 def section(options: argparse.Namespace) -> None:
-    """Compute the Poincaré section of a scene at an energy, from many motions."""
+    """Compute the Poincaré section of a scene at an energy, of a driven one once a period, from many motions."""
+    scene = _scene(options)
+    (_strobes if scene.is_forced else _crossings)(options, scene)
+
+
+def _crossings(options: argparse.Namespace, scene: Scene) -> None:
     from nonlinear.ensembles import find_section, section_table
     from nonlinear.system import has_start
 
-    scene = _scene(options)
+    refuse(options, BY_STROBES, "needs a scene that is driven by a sine: a force or a moved support")
     orbits = options.orbits or 24
     with _engine(options, orbits) as more:
         found = find_section(scene, options.duration, energy=options.energy, at=options.at, orbits=orbits, **more)
@@ -76,6 +84,35 @@ def section(options: argparse.Namespace) -> None:
     draw_in(options, options.output, "nonlinear.plotting", "draw_section", found)
 
 
+def _strobes(options: argparse.Namespace, scene: Scene) -> None:
+    from nonlinear.ensembles import find_strobes, strobes_table
+    from nonlinear.system import has_start
+
+    refuse(options, BY_ENERGY, "needs a scene that keeps its energy; of this one the section is stroboscopic")
+    if not has_start(scene):
+        tell_of_start("motions begin around the shape of its first mode that swings")
+    asked = {"orbits": options.orbits, "phase_deg": options.phase_deg, "spread_deg": options.spread}
+    asked |= {"settle": options.settle, "seed": options.seed, "of": names_of(options)}
+    with _engine(options, options.orbits or 24) as more:
+        more |= {name: value for name, value in asked.items() if value is not None}
+        found = find_strobes(scene, options.duration, **more)
+    say(strobes_table(found, options.format), options.format)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_strobes", found)
+
+
+def refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
+    """SceneError for those of these options that were given."""
+    from modal.errors import SceneError
+
+    if problems := [f"--{name.replace('_', '-')}: {why}" for name in names if getattr(options, name) is not None]:
+        raise SceneError(problems)
+
+
+def names_of(options: argparse.Namespace) -> list[str]:
+    """The links named by --of."""
+    return options.of.split(",") if options.of else []
+
+
 def _section_arguments(page: Page) -> None:
     add_scene(page)
     words = "energy above the scene's rest in joules (default: that of its start)"
@@ -83,7 +120,11 @@ def _section_arguments(page: Page) -> None:
     words = "what is passed, upwards (>), downwards (<) or both (=): theta[1,1]>0 (default), degrees, or x=0, metres"
     page.asked.add_argument("--at", metavar="COORDINATE", help=words)
     page.asked.add_argument("--orbits", metavar="N", type=whole(10_000), help="number of motions (default 24)")
-    add_duration(page, "of each (default 200 sqrt(l/g))")
+    words = "largest distance of starting angles from the scene's, of a driven scene (default 10)"
+    page.asked.add_argument("--spread", metavar="DEG", type=number("degrees from 0", least=0.0), help=words)
+    page.asked.add_argument("--seed", metavar="N", type=whole(2**31), help="of the random starts of a driven scene")
+    add_strobes(page, "none")
+    add_duration(page, "of each (default 200 sqrt(l/g), of a driven scene 200 periods after --settle)")
     _add_engine(page)
     add_format(page, FORMATS)
     add_report(page, FORMATS)
@@ -186,7 +227,9 @@ COMMANDS = (
         details=(
             "Every start of a grid is simulated, thousands side by side. In a scene with drives the map tells which "
             "steady oscillation of sync each ends in; in any other when a link first goes over the top, or how fast a "
-            "small error grows. A random sample is run by itself as well, and the largest difference stated."
+            "small error grows. Of a scene that a sine drives --measure attractor tells the periodic motion each start "
+            "ends in, named by its period and its largest angle. A random sample is run by itself as well, and the "
+            "largest difference stated."
         ),
         examples=(
             (
@@ -199,6 +242,11 @@ COMMANDS = (
                 "--vary 'pendulum[0].start.angles_deg[1]=0:170:6' --format csv",
                 "a map of the exponent, as a table",
             ),
+            (
+                "basins shaken_pendulum.toml --measure attractor --vary 'pendulum[0].start.angles_deg[0]=-60:60:4' "
+                "--vary 'pendulum[0].start.rates_deg[0]=-90:90:4' -o attractors.png",
+                "small and large swings of a scene of the folder examples",
+            ),
         ),
     ),
     Command(
@@ -208,10 +256,16 @@ COMMANDS = (
         arguments=_section_arguments,
         details=(
             "Motions with one energy start at random on the section, and each crossing is recorded, the start among "
-            "them: closed curves are regular motion, clouds chaos."
+            "them: closed curves are regular motion, clouds chaos. A scene that sines drive, by forces or by its "
+            "support, is looked at once a period of all of them instead, at --phase-deg: a point is a motion of that "
+            "period, p points one of p periods, a strange attractor chaos."
         ),
         examples=(
             ("section chain-2 --energy 10 --orbits 6 --duration 20 -o section.png", "a double pendulum at 10 J"),
+            (
+                "section driven_pendulum.toml --settle 20 --orbits 8 --duration 120 -o strobes.png",
+                "the strange attractor of a scene of the folder examples",
+            ),
             ("section chain-2 --energy 2 --at 'theta[1,2]=0' --orbits 2 --duration 5 --format csv", "as a table"),
         ),
     ),

@@ -9,22 +9,28 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
+from multipendula.commands.ensembles import names_of, refuse
 from multipendula.commands.runs import tell_of_start
 from multipendula.commands.shared import bar, drawn, in_a_folder, picture, say
 from multipendula.completion import places
-from multipendula.options import RUNS, add_file, add_picture, add_scene, add_words, offer, whole
+from multipendula.options import RUNS, add_file, add_picture, add_scene, add_strobes, add_words, offer, whole
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from nonlinear.sweeps import Checkpoint, Study, WorkerPool
 
 
+BY_STROBES = ("phase_deg", "settle", "of")
+
+
 def sweep(options: argparse.Namespace) -> None:
-    """Compute measures of a scene over a parameter grid, or follow its frequencies along one parameter."""
+    """Compute measures of a scene over a parameter grid, or follow its frequencies or strobes along one parameter."""
     kind = picture(options.picture, "--picture") if options.picture else ""
     for path in (options.picture, options.output):
         in_a_folder(path)
-    (_loci if options.loci else _map)(options, kind)
+    if not options.strobe:
+        refuse(options, BY_STROBES, "needs --strobe")
+    (_loci if options.loci else _strobes if options.strobe else _map)(options, kind)
 
 
 def _sweep_arguments(page: Page) -> None:
@@ -44,7 +50,10 @@ def _sweep_arguments(page: Page) -> None:
     words = "follow all frequencies along one --vary by their mode shapes"
     page.asked.add_argument("--loci", action="store_true", help=words)
     page.rephrase(r"(loci need an undamped scene .*)$", r"\1; without --loci, --measure frequencies takes dampers")
-    add_file(page, "--output", "-o", words="save the numbers in {} (loci: .csv)", kinds=RUNS)
+    words = "draw the bifurcation diagram along one --vary: the last 50 strobes, once a period of the drives"
+    page.asked.add_argument("--strobe", action="store_true", help=words)
+    add_strobes(page, "ten times the slowest decay, at least 200 periods")
+    add_file(page, "--output", "-o", words="save the numbers in {} (loci: .csv; strobes: .csv, .json)", kinds=RUNS)
     add_picture(page, "--picture")
     page.computed.add_argument("--workers", metavar="N", type=whole(1000), help="processes (default: one per core)")
     words = "a Dask cluster instead, such as tcp://192.168.0.2:8786"
@@ -131,7 +140,7 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
     from modal.scene import STANDARD, load, whole_file
     from modal.scene.parameters import parse_variations
 
-    asked = [name for name in ("measure", "workers", "scheduler", "fresh") if getattr(options, name)]
+    asked = [name for name in ("measure", "strobe", "workers", "scheduler", "fresh") if getattr(options, name)]
     problems = [f"--{name}: cannot be combined with --loci" for name in asked]
     if len(options.vary) != 1:
         problems.append("--loci: needs exactly one --vary")
@@ -153,6 +162,38 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
             draw_loci(found, stream, kind)
 
 
+def _strobes(options: argparse.Namespace, kind: str) -> None:
+    from modal.errors import SceneError
+    from modal.scene import STANDARD, kind_of, load, whole_file
+    from modal.scene.parameters import parse_variations
+    from nonlinear.ensembles import bifurcation_table, find_bifurcations
+    from nonlinear.system import has_start
+
+    asked = [name for name in ("measure", "fresh") if getattr(options, name)]
+    problems = [f"--{name}: cannot be combined with --strobe" for name in asked]
+    if len(options.vary) != 1:
+        problems.append("--strobe: needs exactly one --vary")
+    if problems:
+        raise SceneError(problems)
+    form = kind_of(options.output, ("csv", "json"), "-o ") if options.output else ""
+    scene, (variation,) = load(options.scene), parse_variations(options.vary)
+    if not has_start(scene):
+        tell_of_start("every value begins in the shape of its first mode that swings")
+    more = {"phase_deg": options.phase_deg or 0.0, "settle": options.settle, "of": names_of(options)}
+    with _crew(options) as crew, bar(len(variation.values), "value") as report:
+        found = find_bifurcations(scene, variation, workers=options.workers, crew=crew, report=report, **more)
+    if options.output != STANDARD:
+        say(bifurcation_table(found, "text"))
+    if form:
+        with whole_file(options.output) as stream:
+            stream.write(bifurcation_table(found, form).encode())
+    if options.picture:
+        from nonlinear.plotting import draw_bifurcations
+
+        with drawn(options.picture, options.theme) as stream:
+            draw_bifurcations(found, stream, kind)
+
+
 COMMANDS = (
     Command(
         name="sweep",
@@ -163,7 +204,9 @@ COMMANDS = (
             "One to three numbers of a scene, named by their place in the file, are set to every combination of "
             "values, on all cores. Finished points are saved beside --output; after Ctrl-C the same command resumes. "
             "With --loci the frequencies are followed by their mode shapes along one number, and crossings are "
-            "distinguished from veerings."
+            "distinguished from veerings. With --strobe every value has a run of its own, of which, after a transient, "
+            "50 states are kept, one in each period of the drives: one point is a motion of that period, two and four "
+            "are doublings of it, many chaos."
         ),
         examples=(
             (
@@ -173,6 +216,10 @@ COMMANDS = (
             (
                 "sweep crane-two-loads --vary 'pendulum[0].links[0].length=6:14:20' --loci --picture loci.png",
                 "frequencies that veer where two lengths are nearly equal",
+            ),
+            (
+                "sweep driven_pendulum.toml --vary 'force[0].amplitude=1.06:1.09:60' --strobe --picture cascade.png",
+                "doublings of the period of a scene of the folder examples",
             ),
             (
                 "sweep chain-2 --vary gravity=1:10:4 --vary 'pendulum[*].links[*].mass=1,2,3' --picture map.png",

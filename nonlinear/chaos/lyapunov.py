@@ -4,9 +4,10 @@
 
 v obeys the tangent equations and is rescaled to length 1 again and again, its gains being added up
 (Benettin, Galgani, Giorgilli and Strelcyn, Meccanica 15, 9 and 21, 1980); a kick of an escapement changes it by
-saltation (`nonlinear.integration.changes`).  A run of finite length cannot distinguish
-every λ from zero: in regular motion |v| grows like t, in natural units from 1 to about sqrt(g/l) t, which over T
-seconds looks like λ = ln(sqrt(g/l) t)/T.
+saltation (`nonlinear.integration.changes`).  Under forces and on a moved support y' depends on time; v does not change
+it, so that its own exponent, 0, is not among these.  A run of finite length cannot distinguish every λ from zero: in
+regular motion |v| grows like t, in natural units from 1 to about sqrt(g/l) t, which over T seconds looks like
+λ = ln(sqrt(g/l) t)/T.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import scipy
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, visible
-from modal.scene import Scene, require, title_of
+from modal.scene import Scene, frequencies_of, require, title_of
 from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics
@@ -141,8 +142,13 @@ class Exponent(Displayed):
 
     @property
     def is_positive(self) -> bool:
-        """Whether λ is distinguishable from zero."""
+        """Whether λ is distinguishable from zero, and above it."""
         return self.value - self.half_width > self.floor
+
+    @property
+    def is_negative(self) -> bool:
+        """Whether λ is distinguishable from zero, and below it: motions that began nearby become one."""
+        return self.value + self.half_width < -self.floor
 
     @property
     def bound(self) -> float:
@@ -166,7 +172,7 @@ class Exponent(Displayed):
 
     def words(self, unit: float = 1.0) -> str:
         """λ ± its standard uncertainty as a multiple of `unit` (1/s), or its upper bound."""
-        if not self.is_positive:
+        if not (self.is_positive or self.is_negative):
             return f"< {self.bound / unit:.2g}"
         places = max(0, 1 - int(np.floor(np.log10(max(self.error / unit, 1e-12)))))
         return f"{self.value / unit:.{places}f} ± {self.error / unit:.{places}f}"
@@ -174,13 +180,14 @@ class Exponent(Displayed):
     @property
     def equation(self) -> str:
         """λ = … ± … 1/s, or λ < … 1/s."""
-        return f"λ {'= ' if self.is_positive else ''}{self.words()} 1/s"
+        return f"λ {'= ' if self.is_positive or self.is_negative else ''}{self.words()} 1/s"
 
     def text(self) -> str:
         """A report of λ, its meaning and its measurement, in a few lines."""
         lines = [f"{visible(title_of(self.scene))}: largest Lyapunov exponent"]
-        if self.is_positive:
-            lines.append(f"  {self.equation}: a small error doubles every {log(2) / self.value:.3g} s")
+        if self.is_positive or self.is_negative:
+            change = "doubles" if self.is_positive else "halves"
+            lines.append(f"  {self.equation}: a small error {change} every {log(2) / abs(self.value):.3g} s")
             low, high = (f"{self.value + side * self.half_width:.3g}" for side in (-1, 1))
             lines.append(f"  ± is one standard uncertainty; 95 % confidence interval: {low} to {high} 1/s")
         else:
@@ -218,9 +225,11 @@ def lyapunov_exponent(
     own, and `ensemble` − 1 more whose angles differ from it by up to `spread` (rad): in chaos they soon become
     independent, and together, if there are at least four, they give the uncertainty of λ.  `report` is called with the
     simulated time, out of 1.5 times the duration.  After Ctrl-C λ comes from the part measured so far, if that is long
-    enough. Raises SceneError for a scene in space or a duration that is too short.
+    enough. Raises SceneError for a scene in space, for motions of a support and forces that are no sines and for a
+    duration that is too short.
     """
     require(scene, "a Lyapunov exponent")
+    frequencies_of(scene)
     duration = usual_duration(scene) if duration is None else duration
     validate(
         lambda: validate_numbers(duration, tolerance, 0.0),

@@ -1,7 +1,8 @@
 """Which motion each start of a grid ends in: a measure over two numbers of a scene, above all over two starting angles.
 
 Of a scene that excites itself that is the relative equilibrium (`nonlinear.averaging.equilibria`) that the end is one
-of; of any other the time of the first turn over the top, whose map is a fractal, or the exponent of a small error.
+of, of one that is driven in time the attractor; of any other the time of the first turn over the top, whose map is a
+fractal, or the exponent of a small error.
 """
 
 from __future__ import annotations
@@ -20,32 +21,40 @@ from modal.report import Displayed, Summary, as_csv, as_json, deferred, finite, 
 from modal.scene import InitialCondition, Pendulum, Scene, describe, name_of, require, title_of
 from modal.scene.parameters import Variation, parse_variations
 from modal.types import Floats
+from nonlinear.ensembles.attractors import Attractor, find_attractors
 from nonlinear.ensembles.measures import configurations
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.ensembles.runs import form_of
+from nonlinear.ensembles.strobes import MOST as LONGEST
 from nonlinear.reduction import usual_start
 from nonlinear.synchronization import agreement
 from nonlinear.synchronization.study import theory_of_scene
 from nonlinear.synchronization.study import usual_duration as sync_duration
 from nonlinear.system import has_start
 
-RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle")
-"""Measures with one number a member, or one a link, of which the earliest is taken."""
+RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle", "attractor")
+"""Measures with one number a member, or one a link, of which the earliest is taken; attractors are found from all."""
 SIZE, WIDEST = 64, 170.0  # places along each angle, and how far from hanging (deg), where nobody says
 SIZE_ONE_BY_ONE = 12  # where each takes as long as a run of its own
 EARLIEST = "first_turn_s"
 NONE = "none of these"
+ATTRACTOR = "attractor"
 SLOW = ("configuration", "order")
 PERIODS = 30.0  # of sqrt(l/g), where nobody says how long
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Basins(Displayed):
-    """A measure over the grid of two numbers: `column` is its name with its unit, `names` those of configurations."""
+    """A measure over the grid of two numbers: `column` is its name with its unit, `names` those of configurations.
+
+    Of attractors there is `attractor`, the number of each start's, (S,), besides.
+    """
 
     ensemble: Ensemble
     column: str
     names: tuple[str, ...] = ()
+    attractors: tuple[Attractor, ...] = ()
+    attractor: Floats | None = None
 
     @property
     def axes(self) -> tuple[Variation, ...]:
@@ -56,6 +65,8 @@ class Basins(Displayed):
     def values(self) -> Floats:
         """The measure over the grid; inf of a start from which no link turns over, NaN of one that failed."""
         found = self.ensemble
+        if self.attractor is not None:
+            return self.attractor.reshape(found.members.shape)
         if self.column != EARLIEST:
             return found.grid(self.column)
         return np.asarray(
@@ -105,6 +116,7 @@ class Basins(Displayed):
             "largest_difference_rad": finite(found.largest_difference),
             "shares": self.shares(),
             "names": list(self.names),
+            **({"attractors": [one.record() for one in self.attractors]} if self.attractor is not None else {}),
             self.column: [[finite(float(own)) for own in row] for row in self.values],
         }
 
@@ -124,10 +136,13 @@ def find_basins(
     are those of `ensemble`.  SceneError for anything else.
     """
     axes = grid_of(scene, vary)
-    require(scene, "an ensemble")
     measure = measure or ("configuration" if scene.is_driven else "first_turn")
+    require(scene, "an attractor" if measure == ATTRACTOR else "an ensemble")
     if measure not in RHYTHMS:
         raise SceneError([f"measure {measure}: must be one of {', '.join(RHYTHMS)}"])
+    if measure == ATTRACTOR:
+        members, attractors, numbers = find_attractors(with_starts(scene), axes, duration, report, **options)
+        return Basins(members, ATTRACTOR, (NONE, *(one.name for one in attractors)), attractors, numbers)
     own, starts = with_starts(scene), None
     if begins_in_mode(scene, axes):
         own, starts = scene, [usual_start(scene)] * prod(len(axis.values) for axis in axes)
@@ -217,6 +232,8 @@ def _none(found: Basins) -> str:
     words = f"each simulated for {found.ensemble.question.duration:.4g} s"
     if not found.names or not found.shares()[NONE]:
         return words
+    if found.attractor is not None:
+        return f"{words}; {NONE}: still on the way, or not periodic within {LONGEST} periods of the drives"
     return f"{words}; {NONE}: at rest, still on the way, or in another motion"
 
 

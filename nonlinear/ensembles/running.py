@@ -163,8 +163,7 @@ class Ensemble(Displayed):
         lines = [f"{self.size} members by {self.engine}: {self.reason}"]
         if len(known):
             lines.append(f"energy drift at most {known.max():.1e}, {told}")
-        if self.differences:
-            count = sum(not isnan(own) for own in self.differences.values())
+        if count := sum(not isnan(own) for own in self.differences.values()):
             lines.append(f"{count} members run by themselves differ by at most {self.largest_difference:.1e} rad")
         if self.failures:
             lines.append(f"{len(self.failures)} failed")

@@ -20,6 +20,7 @@ from nonlinear.plotting.notebooks import show_film
 from nonlinear.plotting.orbit_films import film_orbit
 from nonlinear.plotting.orbits import draw_orbits, orbits_figure
 from nonlinear.plotting.run import draw_run
+from nonlinear.plotting.strobes import bifurcation_figure, draw_bifurcations, draw_strobes, strobes_figure
 from nonlinear.plotting.sweeps import draw_sweep, validate_axes
 from nonlinear.plotting.synchronization import draw_sync, sync_figure
 from nonlinear.plotting.verification import check_figure, draw_check, draw_spectrum
@@ -29,9 +30,11 @@ __all__ = [
     "SECONDS",
     "animate",
     "basins_figure",
+    "bifurcation_figure",
     "branches_figure",
     "check_figure",
     "draw_basins",
+    "draw_bifurcations",
     "draw_branches",
     "draw_check",
     "draw_finding",
@@ -42,6 +45,7 @@ __all__ = [
     "draw_section",
     "draw_spectrum",
     "draw_spread",
+    "draw_strobes",
     "draw_sweep",
     "draw_sync",
     "draw_tradeoff",
@@ -52,6 +56,7 @@ __all__ = [
     "show_film",
     "spread_figure",
     "strobe",
+    "strobes_figure",
     "sync_figure",
     "tradeoff_figure",
     "validate_axes",

@@ -22,10 +22,12 @@ DECADES = 5.0  # the ratio of largest to smallest from which colours go by ratio
 WIDEST = 60.0  # and no more of first turns, some of which begin at the top
 MOST_BANDS = 4  # links whose motion is drawn
 FEW_MODES = 6
+LONG = 36  # letters of a name in a legend, of which two stand side by side
 TITLES = {
     "configuration": "which rhythm each start ends in",
     "first_turn_s": "when a link first goes over the top",
     "lyapunov_per_s": "how fast a small error grows",
+    "attractor": "which attractor each start ends in",
 }
 
 
@@ -66,7 +68,8 @@ def _kinds(figure: Figure, axis: Axes, found: Basins) -> None:
         Patch(color=hue, label=f"{name}: {100 * shares[name]:.3g} %")
         for hue, name in zip(hues, found.names, strict=True)
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=min(3, kinds))
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    figure.legend(handles=handles, loc="outside lower center", ncols=min(3 if longest < LONG else 2, kinds))
 
 
 def _shades(figure: Figure, axis: Axes, found: Basins) -> None:

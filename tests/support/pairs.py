@@ -170,6 +170,8 @@ ATTEMPTS: dict[str, Attempt] = {
     "sync vary": _by(f"sync @ {GRAVITY}"),
     "chaos": _by("chaos @ --duration 7 --ensemble 2"),
     "section": _by("section @ --orbits 2 --duration 2 --workers 1"),
+    "attractors": _by(f"basins @ {GRID} --measure attractor --duration 75 --workers 1"),
+    "strobes": _by("sweep @ --vary gravity=9:10:2 --strobe --settle 5 --workers 1"),
     "basins": _by(f"basins @ {GRID} --measure largest_angle --duration 1 --workers 1"),
     "fit": _fit,
     "sweep": _by("sweep @ --vary gravity=9:10:2 --workers 1 -o #.csv"),
@@ -210,6 +212,8 @@ ASKS: dict[str, tuple[str, ...]] = {
     "sync vary": ("a branch of configurations",),
     "chaos": ("a Lyapunov exponent",),
     "section": ("a Poincaré section",),
+    "attractors": ("an attractor",),
+    "strobes": ("a stroboscopic section",),
     "basins": ("an ensemble",),
     "fit": ("a fit of motions",),
     "sweep": ("the table of modes",),
@@ -227,8 +231,8 @@ ASKS: dict[str, tuple[str, ...]] = {
     "tradeoff": ("a comparison of methods",),
 }
 """The capability that stands at the door of each; of others, the form of the equations of motion."""
-FORCED = {"orbits vary": ("a forced periodic orbit",)}
-"""That of scenes on a moved support or under forces that change in time."""
+DRIVEN = {"section": ("a stroboscopic section",), "orbits vary": ("a forced periodic orbit",)}
+"""What stands there instead for a scene that is driven in time."""
 BEYOND = {
     ("count_100", "fit"): "at most",
     ("count_100", "play"): "at most",
@@ -244,11 +248,16 @@ LOADED = tuple(name for name in ATTEMPTS if name.startswith("simulate"))
 """What takes a load, which a scene file has not."""
 
 
+def doors(scene: Scene, capability: str) -> tuple[str, ...]:
+    """The capabilities that are asked of a scene; none where that depends on the form of the equations alone."""
+    return (DRIVEN if scene.is_forced else {}).get(capability) or ASKS.get(capability, ())
+
+
 def declared(kind: str, capability: str) -> tuple[str, tuple[str, ...]]:
     """What the table says of a pair, works, refused or unless, and words that the answer has."""
     scene, more = load(kinds()[kind]), ("load",) if kind == "load" else ()
     form = "form spatial" if scene.space == "space" else "form minimal"
-    asked = (FORCED if scene.is_forced else ASKS).get(capability, ASKS.get(capability, (form,)))
+    asked = doors(scene, capability) or (form,)
     if (kind, capability) in BEYOND:
         return "refused", (BEYOND[kind, capability],)
     if found := next(filter(None, (refusals(scene, name, *more) for name in asked)), []):
@@ -301,8 +310,7 @@ def guarded() -> list[tuple[str, str]]:
 
 def entry(kind: str, capability: str) -> str:
     """What the table says of the feature of a kind: takes, singly or leaves."""
-    forced = FORCED if load(kinds()[kind]).is_forced else ASKS
-    asked = forced.get(capability, ASKS.get(capability, ("form minimal",)))
+    asked = doors(load(kinds()[kind]), capability) or ("form minimal",)
     return CAPABILITIES[asked[-1]].entries(OFF[kind][0])[0][0]
 
 

@@ -1,0 +1,154 @@
+"""The attractors of a driven scene: the periodic motions in which its starts end, found from runs.
+
+Motions that repeat after as many periods of the drives, with as many whole turns and the same strobes, are one
+attractor.  They are numbered by period, then turns, then size, whatever engine ran them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from math import degrees, nan
+from typing import Any
+
+import numpy as np
+
+from modal.errors import SceneError
+from modal.report import Displayed, finite
+from modal.scene import Scene, drive_period
+from modal.scene.parameters import Variation
+from modal.types import Floats, Ints
+from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.ensembles.strobes import KEPT, STATES, natural_units, repetition, settling_time, strobe_times
+from nonlinear.postprocessing import largest_angle
+from nonlinear.simulation import simulate
+from nonlinear.system import State
+
+ALIKE = 3e-3  # of natural units, within which strobes are those of one attractor
+MOST = 40  # attractors that are told apart
+EQUAL = 1e-2  # degrees between largest angles that count as equal: mirror images go by their strobes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Attractor(Displayed):
+    """A periodic motion that attracts: it repeats after `period` periods of the drives, links by whole `turns` further.
+
+    `largest_angle_deg` is that of any link, NaN where links turn over for ever; `state` is one of its strobes, at t = 0
+    of the drives.
+    """
+
+    period: int
+    turns: tuple[int, ...]
+    largest_angle_deg: float
+    state: State
+
+    @property
+    def name(self) -> str:
+        """Its period with its largest angle, or with the turns of its links a period of the drives."""
+        if not any(self.turns):
+            return f"period {self.period}, largest angle {round(self.largest_angle_deg, 3):.4g}°"
+        rates = ", ".join(str(Fraction(turns, self.period)).replace("-", "−") for turns in self.turns)
+        return f"period {self.period}, turns {rates} a period"
+
+    def record(self) -> dict[str, Any]:
+        """Everything, for JSON."""
+        return {
+            "name": self.name,
+            "period": self.period,
+            "turns": list(self.turns),
+            "largest_angle_deg": finite(self.largest_angle_deg),
+            "angles_deg": np.degrees(self.state.links).tolist(),
+            "rates_deg_per_s": np.degrees(self.state.link_rates).tolist(),
+            "cart_m": self.state.cart,
+            "cart_rate_m_per_s": self.state.cart_rate,
+        }
+
+
+def find_attractors(
+    scene: Scene,
+    axes: tuple[Variation, ...],
+    duration: float | None = None,
+    report: Callable[[float], object] = lambda done: None,
+    **options: Any,
+) -> tuple[Ensemble, tuple[Attractor, ...], Floats]:
+    """The members over a grid of starts, the attractors, and the number of each member's from 1, 0 for none, (S,).
+
+    Judged are the last 50 strobes of `duration` (s), by default of a transient of ten times the slowest decay.
+    SceneError for a shorter one, and where another number than one of the start is varied.
+    """
+    if other := [axis.path for axis in axes if ".start." not in axis.path]:
+        words = "changes the attractors themselves: vary numbers of a start, and follow attractors by sweep --strobe"
+        raise SceneError([f"{path}: {words}" for path in other])
+    period = drive_period(scene).seconds
+    if duration is None:
+        duration = settling_time(scene, period) + KEPT * period
+    last = int(duration / period * (1 + 1e-12))
+    if last < KEPT:
+        raise SceneError([f"duration {duration:g} s: an attractor is told from {KEPT} periods of {period:.4g} s"])
+    times = strobe_times(period, settle=(last - KEPT + 1) * period)
+    found = ensemble(scene, max(duration, times[-1]), vary=axes, output=times.tolist(), report=report, **options)
+    if found.interrupted:
+        raise KeyboardInterrupt
+    if len(found.failures) == found.size:
+        raise SceneError([f"every start failed: {next(iter(found.failures.values()))}"])
+    states = [found.column(name)[:, -KEPT:] for name in STATES]
+    strobes = natural_units(found.question.system, states)
+    repeats, turns = repetition(strobes, found.question.system.n_links)
+    labels, members = clustered(strobes, repeats, turns)
+    attractors = [
+        _attractor(scene, period, int(repeats[k]), tuple(turns[k].tolist()), [own[k, -1] for own in states])
+        for k in members
+    ]
+    order = _order(attractors)
+    rank = np.zeros(len(order) + 1)
+    rank[1 + np.array(order, dtype=int)] = 1 + np.arange(len(order))
+    numbers = np.where(np.isnan(strobes).any((1, 2)), nan, rank[labels])
+    return found, tuple(attractors[k] for k in order), numbers
+
+
+def clustered(strobes: Floats, period: Ints, turns: Ints) -> tuple[Ints, list[int]]:
+    """To which cluster each of the motions (S, K, D) belongs, from 1, 0 for none, (S,), and a member of each.
+
+    `period` (S,) and `turns` (S, L) are those of `repetition`.
+
+    >>> still, swinging = np.zeros((50, 2)), np.array([[0.3 * (-1) ** k, 0.0] for k in range(50)])
+    >>> motions = np.array([still, swinging, still, swinging[::-1]])
+    >>> clustered(motions, *repetition(motions, 1))[0].tolist()
+    [1, 2, 1, 2]
+    """
+    labels, members = np.zeros(len(strobes), dtype=np.int64), list[int]()
+    while len(members) < MOST and len(left := np.flatnonzero((period > 0) & (labels == 0))):
+        first, p = left[0], period[left[0]]
+        alike = left[(period[left] == p) & (turns[left] == turns[first]).all(1)]
+        orbit = strobes[first, -p:]
+        apart = [_apart(strobes[alike, -p:], np.roll(orbit, k, 0), turns.shape[1]) for k in range(p)]
+        members.append(int(first))
+        labels[alike[np.min(apart, axis=0) < ALIKE]] = len(members)
+    return labels, members
+
+
+def _apart(one: Floats, other: Floats, links: int) -> Floats:
+    """The largest difference between strobes (S, p, D) and (p, D), angles modulo whole turns, (S,)."""
+    change = one - other
+    change[..., :links] -= 2 * np.pi * np.round(change[..., :links] / (2 * np.pi))
+    return np.asarray(np.abs(change).max((1, 2)))
+
+
+def _attractor(scene: Scene, period: float, p: int, turns: tuple[int, ...], last: list[Any]) -> Attractor:
+    links = last[0] - 2 * np.pi * np.round(last[0] / (2 * np.pi))
+    state = State(links, last[1], float(last[2]), float(last[3]))
+    largest = nan if any(turns) else degrees(largest_angle(simulate(scene, p * period, start=state)))
+    return Attractor(p, turns, largest, state)
+
+
+def _order(attractors: list[Attractor]) -> list[int]:
+    """By period, turns and largest angle; equal ones by the angles of their strobe."""
+    sizes = np.nan_to_num([one.largest_angle_deg for one in attractors])
+    rising = np.argsort(sizes, kind="stable")
+    group = np.zeros(len(attractors), dtype=int)
+    group[rising] = np.cumsum(np.diff(sizes[rising], prepend=sizes[rising[:1]]) > EQUAL)
+    keys = [
+        (one.period, any(one.turns), group[k], one.turns, one.state.links.tolist()) for k, one in enumerate(attractors)
+    ]
+    return sorted(range(len(attractors)), key=keys.__getitem__)

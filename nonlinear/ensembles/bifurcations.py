@@ -1,0 +1,247 @@
+"""Bifurcation diagrams: the last strobes of a driven scene at every value of one of its numbers.
+
+One point is a motion of the period of the drives, two and four those after doublings of the period, many chaos.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from modal.errors import MultipendulaError, SceneError
+from modal.report import Displayed, Summary, as_csv, as_json, by_column, counted, deferred, finite, grid, titled
+from modal.scene import Scene, describe, drive_period, name_of, require, title_of
+from modal.scene.parameters import Variable, Variation, parse_variations, validate_variations
+from modal.types import Floats, Ints
+from nonlinear.ensembles.running import ensemble
+from nonlinear.ensembles.strobes import (
+    KEPT,
+    MOST,
+    STATES,
+    links_named,
+    natural_units,
+    repetition,
+    settling_time,
+    state_records,
+    strobe_times,
+    validate_strobes,
+    within_a_turn,
+)
+from nonlinear.integration import validate
+from nonlinear.reduction import usual_start
+from nonlinear.system import System, system_of
+
+AT_ONCE = 128  # members with periods of their own that are sampled at the times of all of them
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BifurcationDiagram(Displayed):
+    """The last strobes of a scene at each of V values: `times` (V, K) in s, `states` as in `strobes`, (V, K, …).
+
+    `settle` (V,) in s is the transient before; values that failed are NaN, with their `reasons`; `shown` are the links
+    that are drawn, from 0.
+    """
+
+    scene: Scene
+    variation: Variation
+    phase_deg: float
+    settle: Floats
+    times: Floats
+    states: tuple[Floats, ...]
+    reasons: dict[int, str]
+    shown: tuple[int, ...]
+
+    @property
+    def system(self) -> System:
+        """The scene as arrays."""
+        return system_of(self.scene)
+
+    @property
+    def repeats(self) -> Ints:
+        """After how many periods the motion repeats, (V,); 0 where it does not within 16."""
+        return repetition(natural_units(self.system, self.states), self.system.n_links)[0]
+
+    def points(self, link: int) -> tuple[Floats, Floats]:
+        """The values (V K,) and at each the angles of a link in (−180°, 180°]."""
+        angles = within_a_turn(np.degrees(self.states[0][..., link]))
+        return np.repeat(self.variation.values, angles.shape[1]), angles.ravel()
+
+    def to_dict(self) -> dict[str, Any]:
+        """A row for each strobe: the value, after how many periods the motion repeats, the time and the state."""
+        return by_column(_records(self))
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the diagram."""
+        return deferred("nonlinear.plotting.strobes:bifurcation_figure")(self)
+
+    def _summary(self) -> Summary:
+        values = counted(len(self.variation.values), "value", "values")
+        facts = [(f"repeat after {period} periods", f"{count} values") for period, count, *_ in _ranges(self)]
+        return Summary(f"Bifurcation diagram of {name_of(self.scene)} over {values} of {self.variation.path}", facts)
+
+
+def find_bifurcations(
+    scene: Scene,
+    vary: str | Variation,
+    *,
+    phase_deg: float = 0.0,
+    settle: float | None = None,
+    of: Sequence[str] = (),
+    report: Callable[[float], object] = lambda done: None,
+    **options: Any,
+) -> BifurcationDiagram:
+    """The last 50 strobes of a plane scene driven by sines at every value of one of its numbers.
+
+    Every value has its own run, from the start of the scene: a transient of `settle` (s), by default ten times the
+    slowest decay of its modes and at least 200 periods, then 50 periods, looked at once in each at `phase_deg`.  `of`
+    names the links to draw, "theta_1_1".  `options` are those of `ensemble`.  SceneError where no value gives a motion.
+
+    >>> from modal import Bob, Pendulum, Scene
+    >>> from modal.scene import SineForce
+    >>> push = SineForce(on="pendulum[0].links[0]", amplitude=1.0, frequency_hz=0.5)
+    >>> links = [Bob(mass=1.0, length=1.0, damping=2.0)]
+    >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=links, start={"angles_deg": [20.0]})], force=[push])
+    >>> found = find_bifurcations(scene, "force[0].amplitude=1:2:3", settle=30.0, workers=1)
+    >>> found.times.shape, found.repeats.tolist()
+    ((3, 50), [1, 1, 1])
+    """
+    require(scene, "a stroboscopic section")
+    variation, shown, _ = validate(
+        lambda: _variation(scene, vary),
+        lambda: links_named(of, system_of(scene)),
+        lambda: validate_strobes(phase_deg=phase_deg, settle=settle or 0.0),
+    )
+    periods, transients, reasons = _in_time(scene, variation, settle)
+    known, done = np.flatnonzero(np.isfinite(periods)), 0
+    times = np.full((len(periods), KEPT), np.nan)
+    for k in known:
+        times[k] = strobe_times(periods[k], phase_deg, settle=transients[k])
+    states = [np.full((*times.shape, *tail), np.nan) for tail in ((scene.n_links,), (scene.n_links,), (), ())]
+    for part in _parts(periods, known):
+        rows, failed = _strobed(scene, variation, part, times[part], partial(_further, report, done), options)
+        for own, row in zip(states, rows, strict=True):
+            own[part] = row
+        reasons |= failed
+        done += len(part)
+    if len(reasons) == len(times):
+        raise SceneError([f"every value failed: {next(iter(reasons.values()))}"])
+    return BifurcationDiagram(scene, variation, phase_deg, transients, times, tuple(states), reasons, shown)
+
+
+def _variation(scene: Scene, vary: str | Variation) -> Variation:
+    """What is varied; SceneError for no place, and for a number on which it depends how many links there are."""
+    variation = parse_variations([vary])[0] if isinstance(vary, str) else vary
+    validate_variations(scene, (variation,))
+    if variation.path.endswith(".count"):
+        raise SceneError([f"{variation.path}: changes how many links there are: vary another number"])
+    return variation
+
+
+def _in_time(scene: Scene, variation: Variation, settle: float | None) -> tuple[Floats, Floats, dict[int, str]]:
+    """At every value the period and the transient (s), NaN where there is none, and why not."""
+    variable, reasons = Variable(scene, [variation.path]), dict[int, str]()
+    found = np.full((2, len(variation.values)), np.nan)
+    for k, value in enumerate(variation.values):
+        try:
+            own = variable.at({variation.path: value})
+            period = drive_period(own).seconds
+            found[:, k] = period, settling_time(own, period) if settle is None else settle
+        except MultipendulaError as error:
+            reasons[k] = " ".join(str(error).split())
+    return found[0], found[1], reasons
+
+
+def _parts(periods: Floats, known: Ints) -> Iterator[Ints]:
+    """Values that go together: all that have one period, others in groups of similar ones."""
+    ascending = known[np.argsort(periods[known], kind="stable")]
+    together = AT_ONCE if len(np.unique(periods[known])) > 1 else max(len(known), 1)
+    for first in range(0, len(known), together):
+        yield ascending[first : first + together]
+
+
+def _further(report: Callable[[float], object], before: int, done: float) -> None:
+    report(before + done)
+
+
+def _strobed(
+    scene: Scene,
+    variation: Variation,
+    part: Ints,
+    times: Floats,
+    report: Callable[[float], object],
+    options: dict[str, Any],
+) -> tuple[list[Floats], dict[int, str]]:
+    """The states of some values at their `times` (P, K) in s, (P, K, …) each, and why others failed."""
+    every = np.unique(times)
+    vary = {variation.path: np.array(variation.values)[part]}
+    starts = None if ".start." in variation.path else [usual_start(scene)] * len(part)
+    more: dict[str, Any] = {"check": 0, **options}
+    found = ensemble(scene, every[-1], starts=starts, vary=vary, output=every.tolist(), report=report, **more)
+    if found.interrupted:
+        raise KeyboardInterrupt
+    reasons = {int(part[k]): reason for k, reason in found.failures.items()}
+    if len(reasons) == len(part):
+        return [np.array(np.nan)] * len(STATES), reasons
+    rows = len(found.question.times) - len(every) + np.searchsorted(every, times)
+    members = np.arange(len(part))[:, None]
+    return [found.column(name)[members, rows] for name in STATES], reasons
+
+
+# ------------------------------------------------------------------------------------------------------- as text
+
+
+def bifurcation_table(found: BifurcationDiagram, form: str) -> str:
+    """As text, csv (one line a strobe) or json, the `form`."""
+    if form == "csv":
+        return as_csv(_records(found))
+    if form == "json":
+        return as_json(_whole(found))
+    values, settle = found.variation.values, found.settle[np.isfinite(found.settle)]
+    lines = [
+        f"{counted(len(values), 'value', 'values')} of {found.variation.path} from {values[0]:g} to {values[-1]:g}",
+        f"the last {KEPT} strobes of each, at {found.phase_deg:g}° of the drives, after a transient of "
+        + (f"{settle.min():.4g} s" if np.ptp(settle) == 0 else f"{settle.min():.4g} to {settle.max():.4g} s"),
+    ]
+    lines += [f"{counted(count, 'value', 'values')} × {why}" for why, count in Counter(found.reasons.values()).items()]
+    table = grid(_ranges(found), ("repeats after (periods)", "values", "from", "to"))
+    return titled(title_of(found.scene), "bifurcation diagram", [table, "\n".join(lines)], "text")
+
+
+def _ranges(found: BifurcationDiagram) -> list[tuple[str, ...]]:
+    """What motions of each period there are, and at which values."""
+    known = np.isfinite(found.times[:, 0]) & ~np.isin(np.arange(len(found.times)), list(found.reasons))
+    rows, values = list[tuple[str, ...]](), np.array(found.variation.values)
+    for period in sorted(set(found.repeats[known].tolist()), key=lambda own: own or MOST + 1):
+        own = values[known & (found.repeats == period)]
+        name = str(period) if period else f"not within {MOST}, or not yet"
+        rows.append((name, str(len(own)), f"{own.min():.6g}", f"{own.max():.6g}"))
+    return rows
+
+
+def _records(found: BifurcationDiagram) -> list[dict[str, Any]]:
+    values, repeats = found.variation.values, found.repeats.tolist()
+    return [
+        {found.variation.column: values[k], "repeats_after_periods": repeats[k], "time_s": time} | record
+        for k, times in enumerate(found.times.tolist())
+        if k not in found.reasons
+        for time, record in zip(times, state_records(found.system, [own[k] for own in found.states]), strict=True)
+    ]
+
+
+def _whole(found: BifurcationDiagram) -> dict[str, Any]:
+    return {
+        "scene": describe(found.scene),
+        "place": found.variation.path,
+        "unit": found.variation.unit,
+        "values": list(found.variation.values),
+        "phase_deg": found.phase_deg,
+        "settle_s": [finite(own) for own in found.settle.tolist()],
+        "repeats_after_periods": found.repeats.tolist(),
+        "failed": {str(k): reason for k, reason in sorted(found.reasons.items())},
+        "strobes": [{name: finite(value) for name, value in one.items()} for one in _records(found)],
+    }

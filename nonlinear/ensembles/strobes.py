@@ -1,0 +1,307 @@
+"""Stroboscopic sections: a driven scene looked at once a period of its drives, and after how many periods it repeats.
+
+    t_k = (φ/360° + k) T,    y(t_{k+p}) = y(t_k) + 2π n
+
+A motion of period p comes back after p periods T, its links by n whole turns further: p points of the section; one that
+is quasi-periodic fills a curve, a chaotic one a strange attractor.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import ceil, inf, isfinite, radians, sqrt
+from typing import Any
+
+import numpy as np
+
+from modal.errors import MultipendulaError, SceneError
+from modal.modes import natural_modes
+from modal.report import Displayed, Summary, as_csv, as_json, by_column, counted, deferred, finite, titled
+from modal.scene import Scene, describe, drive_period, name_of, require, title_of
+from modal.types import Floats, Ints
+from nonlinear.chaos.lyapunov import nearby
+from nonlinear.ensembles.measures import places
+from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.integration import validate, validate_whole
+from nonlinear.reduction import usual_start
+from nonlinear.system import System, system_of
+
+ORBITS, SPREAD, STROBES, SEED = 24, 10.0, 200, 7  # motions, degrees and strobes where nobody says
+KEPT, MOST = 50, 16  # strobes by which a settled motion is judged, and the longest period (T) that is told
+SAME = 1e-4  # of natural units, within which a motion repeats
+STEADY = 0.9  # the part of its distance from a shorter period that a motion keeps
+DECAYED, FEWEST = 10.0, 200.0  # e-folds of the slowest decay in a transient, and its periods, at least
+STATES = ("links_rad", "link_rates_rad_per_s", "cart_m", "cart_rate_m_per_s")
+
+
+# ------------------------------------------------------------------------------------------------------- in time
+
+
+def strobe_times(period: float, phase_deg: float = 0.0, *, settle: float = 0.0, count: int = KEPT) -> Floats:
+    """The first `count` times (s) from `settle` (s) on at which the drives are at a phase (deg) of their period (s).
+
+    >>> strobe_times(2.0, 90.0, settle=3.0, count=3).tolist()
+    [4.5, 6.5, 8.5]
+    """
+    part = phase_deg / 360 % 1.0
+    first = max(ceil(settle / period - part - 1e-9), 0)
+    return np.asarray((part + first + np.arange(count)) * period)
+
+
+def settling_time(scene: Scene, period: float) -> float:
+    """Ten times the slowest decay of the modes (s), where they tell one, and no less than 200 periods."""
+    try:
+        decay = [-float(value.real) for value in natural_modes(scene).eigenvalue if value.real < 0]
+    except MultipendulaError:
+        decay = []
+    return max(DECAYED / min(decay) if decay else 0.0, FEWEST * period)
+
+
+# ------------------------------------------------------------------------------------------------------- repetition
+
+
+def natural_units(system: System, states: Sequence[Floats]) -> Floats:
+    """States (links, their rates, cart, its rate), (S, K, ...), in natural units, (S, K, D), angles (rad) first.
+
+    The place of a cart without a spring is left out: wherever it is, it moves on in the same way.
+    """
+    links, rates, cart, speed = states
+    length = float(system.by_link("length").min())
+    rate = sqrt(system.gravity / length)
+    columns = [links, rates / rate]
+    if system.cart is not None:
+        columns += [(cart / length)[..., None]] * bool(system.cart.stiffness)
+        columns.append((speed / (length * rate))[..., None])
+    return np.concatenate(columns, axis=-1)
+
+
+def repetition(strobes: Floats, links: int) -> tuple[Ints, Ints]:
+    """After how many strobes motions (S, K, D) repeat, (S,), 0 for none, and by how many turns each link, (S, links).
+
+    One that still approaches a shorter period, as it does near a doubling, repeats after none.
+
+    >>> turning = np.array([[[0.1 + np.pi * k, 2.0] for k in range(50)]])  # half a turn a period
+    >>> period, turns = repetition(turning, 1)
+    >>> period.tolist(), turns.tolist()
+    ([2], [[1]])
+    """
+    period, turns = np.zeros(len(strobes), dtype=np.int64), np.zeros((len(strobes), links), dtype=np.int64)
+    far: dict[int, Floats] = {}
+    for p in range(1, min(MOST, strobes.shape[1] // 3) + 1):
+        change = strobes[:, p:] - strobes[:, :-p]
+        whole = np.round(np.nan_to_num(change[:, -1, :links]) / (2 * np.pi))
+        change[..., :links] -= 2 * np.pi * whole[:, None]
+        far[p] = np.abs(change).max(2)
+        new = (period == 0) & (far[p].max(1) < SAME)
+        for q in (q for q in far if q < p and p % q == 0):
+            new &= far[q][:, -p:].max(1) > STEADY * far[q][:, :p].max(1)
+        period[new], turns[new] = p, whole[new]
+    return period, turns
+
+
+def repetition_words(period: Ints) -> str:
+    """How many motions have which period.
+
+    >>> repetition_words(np.array([1, 2, 2, 0]))
+    '1 motion has period 1, 2 motions have period 2, 1 motion does not repeat within 16, or not yet'
+    """
+    found = [
+        f"{counted(count, 'motion has', 'motions have')} period {p}"
+        for p, count in sorted(Counter(period.tolist()).items())
+        if p
+    ]
+    if count := int(np.count_nonzero(period == 0)):
+        found.append(f"{counted(count, 'motion does', 'motions do')} not repeat within {MOST}, or not yet")
+    return ", ".join(found)
+
+
+# ------------------------------------------------------------------------------------------------------- the section
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StroboscopicSection(Displayed):
+    """The strobes of an ensemble at `times` (K,) in s, once a `period` (s) at `phase_deg` of it, from `settle` (s) on.
+
+    Starts lie within `spread_deg` of the scene's; `shown` are the links that are drawn, from 0.
+    """
+
+    ensemble: Ensemble
+    times: Floats
+    period: float
+    phase_deg: float
+    spread_deg: float
+    settle: float
+    shown: tuple[int, ...]
+
+    @property
+    def system(self) -> System:
+        """The scene as arrays."""
+        return self.ensemble.question.system
+
+    @property
+    def states(self) -> list[Floats]:
+        """Angles of links and their rates, (S, K, L), place and speed of the cart, (S, K), at the strobes."""
+        return [self.ensemble.column(name)[:, -len(self.times) :] for name in STATES]
+
+    @property
+    def repeats(self) -> Ints:
+        """After how many periods each motion repeats, by its last strobes, (S,); 0 for none."""
+        states = [own[:, -KEPT:] for own in self.states]
+        return repetition(natural_units(self.system, states), self.system.n_links)[0]
+
+    def points(self, link: int) -> tuple[Floats, Floats]:
+        """The angle of a link in (−180°, 180°] and its rate in °/s, (S, K) each."""
+        angle, rate = (np.degrees(own[..., link]) for own in self.states[:2])
+        return within_a_turn(angle), rate
+
+    def to_dict(self) -> dict[str, Any]:
+        """A row for each strobe: which motion from 1, the time, angles, rates and the cart."""
+        return by_column(_records(self))
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the section."""
+        return deferred("nonlinear.plotting.strobes:strobes_figure")(self)
+
+    def _summary(self) -> Summary:
+        facts = [
+            ("period", f"{self.period:g} s"),
+            ("phase", f"{self.phase_deg:g}°"),
+            ("motions", str(self.ensemble.size)),
+            ("strobes of each", str(len(self.times))),
+        ]
+        return Summary(f"Stroboscopic section of {name_of(self.ensemble.question.scene)}", facts)
+
+
+def within_a_turn(angle: Floats) -> Floats:
+    """Angles (deg) in (−180°, 180°].
+
+    >>> within_a_turn(np.array([190.0, -180.0])).tolist()
+    [-170.0, 180.0]
+    """
+    return np.asarray(180 - (180 - angle) % 360)
+
+
+def find_strobes(
+    scene: Scene,
+    duration: float | None = None,
+    *,
+    phase_deg: float = 0.0,
+    spread_deg: float = SPREAD,
+    settle: float = 0.0,
+    orbits: int = ORBITS,
+    of: Sequence[str] = (),
+    seed: int = SEED,
+    report: Callable[[float], object] = lambda done: None,
+    **options: Any,
+) -> StroboscopicSection:
+    """The stroboscopic section of a plane scene that is driven by sines, from many starts.
+
+    Each of `orbits` motions begins as the scene does, all but the first with angles up to `spread_deg` aside, drawn by
+    `seed`, and is looked at once a period, at `phase_deg` of it, from `settle` (s) to the `duration` (s), by default
+    200 periods later.  `of` names the links to draw, "theta_1_1".  `options` are those of `ensemble`.  SceneError for a
+    scene without a common period of its drives, and where nothing would be seen.
+
+    >>> from modal import Bob, Pendulum, Scene
+    >>> from modal.scene import SineForce
+    >>> push = SineForce(on="pendulum[0].links[0]", amplitude=1.0, frequency_hz=0.5)
+    >>> links = [Bob(mass=1.0, length=1.0, damping=2.0)]
+    >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=links, start={"angles_deg": [20.0]})], force=[push])
+    >>> found = find_strobes(scene, 60.0, settle=20.0, orbits=2, workers=1)
+    >>> found.period, found.times.tolist()[:3], found.repeats.tolist()
+    (2.0, [20.0, 22.0, 24.0], [1, 1])
+    """
+    require(scene, "a stroboscopic section")
+    validate(
+        lambda: validate_whole(1, orbits=orbits),
+        lambda: validate_whole(0, seed=seed),
+        lambda: validate_strobes(phase_deg=phase_deg, spread_deg=spread_deg, settle=settle),
+    )
+    period, system = drive_period(scene).seconds, system_of(scene)
+    shown = links_named(of, system)
+    until = settle + STROBES * period if duration is None else duration
+    times = strobe_times(period, phase_deg, settle=settle, count=max(int((until - settle) / period) + 1, 1))
+    times = times[times <= until * (1 + 1e-12)]
+    if not len(times):
+        raise SceneError([f"duration {until:g} s: no strobe comes after {settle:g} s, at a period of {period:.4g} s"])
+    starts = nearby(usual_start(scene), orbits, radians(spread_deg), np.random.default_rng(seed))
+    found = ensemble(scene, max(until, times[-1]), starts=starts, output=times.tolist(), report=report, **options)
+    if found.interrupted:
+        raise KeyboardInterrupt
+    return StroboscopicSection(found, times, period, phase_deg, spread_deg, settle, shown)
+
+
+def links_named(names: Sequence[str], system: System) -> tuple[int, ...]:
+    """The links, from 0, of names such as "theta_1_2", by default the first; SceneError names every mistake."""
+    known = [f"theta_{place}" for place in places(system)]
+    if problems := [f"{name}: must be one of {', '.join(known)}" for name in names if name not in known]:
+        raise SceneError(problems)
+    return tuple(dict.fromkeys(map(known.index, names))) or (0,)
+
+
+def validate_strobes(*, phase_deg: float, spread_deg: float = 0.0, settle: float = 0.0) -> None:
+    """SceneError for a phase, a spread of starts or a transient that cannot be."""
+    problems = [] if isfinite(phase_deg) else [f"phase_deg {phase_deg!r}: must be a number of degrees"]
+    for name, value in (("spread_deg", spread_deg), ("settle", settle)):
+        problems += [] if 0 <= value < inf else [f"{name} {value!r}: must be a number of at least 0"]
+    if problems:
+        raise SceneError(problems)
+
+
+# ------------------------------------------------------------------------------------------------------- as text
+
+
+def strobes_table(found: StroboscopicSection, form: str) -> str:
+    """As text, csv (one line a strobe) or json, the `form`."""
+    if form == "csv":
+        return as_csv(_records(found))
+    if form == "json":
+        return as_json(_whole(found))
+    motions, times = counted(found.ensemble.size, "motion", "motions"), counted(len(found.times), "time", "times")
+    lines = [
+        f"{motions} of {found.ensemble.question.duration:.4g} s, looked at once a period of {found.period:.6g} s, at "
+        f"{found.phase_deg:g}°, {times} from {found.times[0]:.4g} s on",
+        f"starts within {found.spread_deg:g}° of the scene's",
+        repetition_words(found.repeats),
+        found.ensemble.words(),
+    ]
+    return titled(title_of(found.ensemble.question.scene), "stroboscopic section", ["\n".join(lines)], "text")
+
+
+def state_records(system: System, states: Sequence[Floats]) -> Iterator[dict[str, float]]:
+    """Of states (links, their rates, cart, its rate), (N, ...), a record each."""
+    named = places(system)
+    for links, rates, x, speed in zip(*(own.tolist() for own in states), strict=True):
+        yield (
+            {f"theta_{place}_rad": own for place, own in zip(named, links, strict=True)}
+            | {f"theta_dot_{place}_rad_per_s": own for place, own in zip(named, rates, strict=True)}
+            | ({"x_m": x, "x_dot_m_per_s": speed} if system.cart is not None else {})
+        )
+
+
+def _records(found: StroboscopicSection) -> list[dict[str, Any]]:
+    times, states = found.times.tolist(), found.states
+    return [
+        {"motion": motion + 1, "time_s": time} | record
+        for motion in range(found.ensemble.size)
+        for time, record in zip(times, state_records(found.system, [own[motion] for own in states]), strict=True)
+    ]
+
+
+def _whole(found: StroboscopicSection) -> dict[str, Any]:
+    own = found.ensemble
+    return {
+        "scene": describe(own.question.scene),
+        "period_s": found.period,
+        "phase_deg": found.phase_deg,
+        "spread_deg": found.spread_deg,
+        "settle_s": found.settle,
+        "motions": own.size,
+        "duration_s": own.question.duration,
+        "engine": own.engine,
+        "failed": len(own.failures),
+        "largest_energy_drift": finite(float(np.nanmax(own.energy_drift))),
+        "repeats_after_periods": found.repeats.tolist(),
+        "strobes": [{name: finite(value) for name, value in one.items()} for one in _records(found)],
+    }
