@@ -9,14 +9,14 @@ Start with `prescribed`; `random`, `shock` and `parametric` each answer one ques
 
 from modal.vibration.combination import correlation, cqc, srss
 from modal.vibration.oscillators import response_spectrum
-from modal.vibration.parametric import MOST_LINKS, ParametricStability, parametric_stability
+from modal.vibration.parametric import KINDS, ParametricStability, parametric_stability, stabilities
 from modal.vibration.prescribed import Course, PrescribedMotion, Record, prescribed_motion
 from modal.vibration.random import RandomResponse, random_response
 from modal.vibration.report import random_report, shock_report
 from modal.vibration.shock import ShockResponse, shock_response
 
 __all__ = [
-    "MOST_LINKS",
+    "KINDS",
     "Course",
     "ParametricStability",
     "PrescribedMotion",
@@ -33,4 +33,5 @@ __all__ = [
     "shock_report",
     "shock_response",
     "srss",
+    "stabilities",
 ]
