@@ -5,16 +5,16 @@ a displacement −A cos τ upwards,
 
     y'' + (D/Ω + A |sin τ| E) y' + (ω²/Ω² + A P cos τ + (A/Ω) S sin τ + A² Q |sin τ| sin τ) y = 0
 
-P are the weights of the masses, p_i = σ_i b_i; the air that streams past a centre presses on it with (d + q |v|) v, drag
-d and quadratic drag q, as its weight does: S and Q are P with d and q in place of masses, and E the damping of q |v|
-beside that of d in D.  Without springs at joints P = ω²/g is diagonal, and without dampers every mode obeys an
-equation of its own, Mathieu's.  Coordinates that nothing couples are separate systems here.
+P is that of the sums p_i = σ_i b_i; the air that streams past a centre presses on it with (d + q |v|) v, drag d and
+quadratic drag q, as its weight does: S and Q are P with d and q in place of masses, and E the damping of q |v| beside
+that of d in D.  Without springs at joints P = ω²/g is diagonal, and without dampers every mode obeys an equation of its
+own, Mathieu's.  Coordinates that nothing couples are separate systems here.
 
 The matrices are analytic on each half of the period: both halves are integrated by Taylor series, many pairs (A, Ω) at
-once, also complex ones, whose imaginary parts carry derivatives.  Without losses the motion is reversible and symplectic:
-with the first half N = [a b; c d], R = diag(1, −1), the monodromy matrix is R N⁻¹ R N, so that its half-traces, the
-(μ + 1/μ)/2, are the eigenvalues of dᵀa + bᵀc = 1 + 2 bᵀc = 2 dᵀa − 1 (Magnus & Winkler, Hill's Equation, 1966, §1.2, for
-one angle).
+once, also complex ones, whose imaginary parts carry derivatives.  Without losses the motion is reversible and
+symplectic: with the first half N = [a b; c d] and R = diag(1, −1), the monodromy matrix is R N⁻¹ R N, so that its
+half-traces, the (μ + 1/μ)/2, are the eigenvalues of dᵀa + bᵀc = 1 + 2 bᵀc = 2 dᵀa − 1 (of one angle: Magnus & Winkler,
+Hill's Equation, 1966, §1.2).
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import reduce
 from math import ceil, log2, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,20 +41,24 @@ APART = 1e-13
 """Coupling of two modes, relative to the largest entry, below which it is rounding."""
 MOST_NUMBERS = 1 << 20
 """Numbers of the series of one batch."""
-Numbers = NDArray[np.inexact]
+Numbers = NDArray[Any]
+"""Real ones, or complex ones with derivatives in their imaginary parts."""
 
 
 @dataclass(frozen=True, eq=False)
 class HillSystem:
-    """Modes of `count` equal pendula that couple to each other: ω² (m,), negative of those that stand; (m, m) all else."""
+    """Modes that couple to each other, of `count` equal pendula.
 
+    `square` are the ω² (m,), negative of those that fall over; P, D, S, Q and E are (m, m).
+    """
+
+    count: int
     square: Floats
     P: Floats
     D: Floats
     S: Floats
     Q: Floats
     E: Floats
-    count: int
 
     @property
     def size(self) -> int:
@@ -106,13 +111,14 @@ class HillSystem:
         A, rate = amplitude[:, None, None], 1 / omega[:, None, None]
         powers = np.cumprod(np.concatenate(([1.0], step / k[1:])))
         shifted = phase[:, None] + k * pi / 2 + (0.0 if sign > 0 else pi)
-        cosine, sine = np.cos(shifted) * powers, np.sin(shifted) * powers
+        cosine: Numbers = np.cos(shifted) * powers
+        sine: Numbers = np.sin(shifted) * powers
         absolute, stiffness = sign * sine, self.square[:, None] * rate**2
-        square = np.array([np.convolve(*both)[: ORDER + 1] for both in zip(absolute, sine, strict=True)])
+        square: Numbers = np.array([np.convolve(*both)[: ORDER + 1] for both in zip(absolute, sine, strict=True)])
         Y, V = np.zeros((2, len(phase), ORDER + 1, len(A), m, 2 * m), dtype=A.dtype)
         Y[:, 0, :, :, :m] = V[:, 0, :, :, m:] = np.eye(m)
         for j in range(ORDER):
-            force = stiffness * Y[:, j] + A * (self.P @ _product(cosine, Y, j))
+            force: Any = stiffness * Y[:, j] + A * (self.P @ _product(cosine, Y, j))
             if not self.is_reversible:
                 force += rate * (self.D @ V[:, j]) + A * rate * (self.S @ _product(sine, Y, j))
             if self.E.any():
@@ -120,19 +126,17 @@ class HillSystem:
             Y[:, j + 1], V[:, j + 1] = V[:, j] * (step / (j + 1)), force * (-step / (j + 1))
         return np.concatenate((Y.sum(axis=1), V.sum(axis=1)), axis=2)
 
-    def half_traces(self, amplitude: Floats, omega: Floats) -> Complexes:
-        """(μ + 1/μ)/2 of every pair of multipliers (B, m), where nothing takes energy out."""
-        a, b, c, d = quarters(self.half(amplitude, omega, 1))
-        if self.size > 1:
-            return np.linalg.eigvals(np.eye(self.size) + 2 * _t(b) @ c).astype(np.complex128)
-        return np.asarray(1 + 2 * b * c, dtype=np.complex128)[:, 0]
+    def traces(self, amplitude: Numbers, omega: Numbers) -> Numbers:
+        """Matrices (B, m, m) whose eigenvalues are (μ + 1/μ)/2 of all multipliers, where nothing takes energy out."""
+        _, b, c, _ = quarters(self.half(amplitude, omega, 1))
+        return np.asarray(np.eye(self.size) + 2 * _t(b) @ c)
 
     def multipliers(self, amplitude: Floats, omega: Floats) -> Complexes:
         """Floquet multipliers (B, 2m) at amplitudes (m) and Ω (rad/s), both (B,), in no order."""
         if not self.is_reversible:
             return np.linalg.eigvals(self.monodromy(amplitude, omega)).astype(np.complex128)
         if self.size > 1:
-            trace = self.half_traces(amplitude, omega)
+            trace = np.linalg.eigvals(self.traces(amplitude, omega)).astype(np.complex128)
             root = np.sqrt(trace - 1) * np.sqrt(trace + 1)
         else:
             a, b, c, d = (part[:, 0] for part in quarters(self.half(amplitude, omega, 1)))
@@ -147,7 +151,7 @@ def quarters(N: Numbers) -> tuple[Numbers, Numbers, Numbers, Numbers]:
     return N[..., :m, :m], N[..., :m, m:], N[..., m:, :m], N[..., m:, m:]
 
 
-def _product(series: Floats, Y: Numbers, j: int) -> Numbers:
+def _product(series: Numbers, Y: Numbers, j: int) -> Numbers:
     """Coefficient j of the product of series of numbers (K, J) and of matrices (K, J, ...)."""
     terms = Y[:, : j + 1].reshape(len(Y), j + 1, -1)
     return (series[:, None, j::-1] @ terms).reshape(len(Y), *Y.shape[2:])
@@ -197,7 +201,9 @@ def hill_systems(scene: Scene) -> tuple[HillSystem, ...]:
 
 def _systems(scene: Scene) -> Iterator[HillSystem]:
     whole, geometry, rig = matrices(scene), geometry_of(scene), rig_of(scene)
-    quadratic, counts, places, at = quadratic_drags(scene), {}, {}, 0
+    quadratic, at = quadratic_drags(scene), 0
+    counts: dict[tuple[int, int, bytes], int] = {}
+    places: dict[tuple[int, int, bytes], slice] = {}
     for block, column, copies in rig.members:
         n = rig.blocks[block].n
         kind = (block, column, quadratic[at : at + n].tobytes())
@@ -216,7 +222,7 @@ def _systems(scene: Scene) -> Iterator[HillSystem]:
         parts = (P, shapes.T @ whole.D[own, own] @ shapes, pressed(geometry.drag[own]), pressed(quadratic[own]), E)
         for alike in _coupled(parts):
             cut = np.ix_(alike, alike)
-            yield HillSystem(square[alike], *(part[cut] for part in parts), count=counts[kind])
+            yield HillSystem(counts[kind], square[alike], *(part[cut] for part in parts))
 
 
 def _modes(M: Floats, K: Floats) -> tuple[Floats, Floats]:

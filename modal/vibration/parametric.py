@@ -2,9 +2,9 @@
 
 About the equilibrium small angles obey Hill's equations (`modal.vibration.hill`).  Solutions grow where a Floquet
 multiplier μ, an eigenvalue of the matrix that takes (θ, θ') across one period, lies outside the unit circle: with the
-period of the support where μ > 1, with twice the period where μ < −1, and with two frequencies that add up to a multiple
-of the support's, or differ by one, where μ is complex (Yakubovich & Starzhinskii, Linear Differential Equations with
-Periodic Coefficients, 1975, chapter V).
+period of the support where μ > 1, with twice the period where μ < −1, and with two frequencies that add up to a
+multiple of the support's, or differ by one, where μ is complex (Yakubovich & Starzhinskii, Linear Differential
+Equations with Periodic Coefficients, 1975, chapter V).
 
 One undamped pendulum obeys Mathieu's equation, whose unstable regions are the tongues of the chart of Ince and Strutt
 (McLachlan, Theory and Application of Mathieu Functions, 1947, §4.10), and an inverted one stands where a²Ω² exceeds
@@ -25,8 +25,8 @@ from modal.types import Complexes, Floats
 from modal.vibration.hill import HillSystem, hill_systems, vertical_sine
 
 CERTAIN, COUPLED = 1e-9, 1e-7
-"""Distance from 1 above which |μ| counts as larger or smaller; of modes that couple without losses, whose multipliers have
-half of all digits where two are equal."""
+"""Distance from 1 above which |μ| counts as larger or smaller; of modes that couple without losses, whose multipliers
+have half of all digits where two are equal."""
 KINDS = {
     -1: "decays",
     0: "neutral",
@@ -34,8 +34,8 @@ KINDS = {
     2: "grows at half the frequency",
     3: "grows at a combination",
 }
-"""What small angles do, by number: periods of the support after which a growing motion repeats but for its size, 3 where
-it never does."""
+"""What small angles do, by number: the periods of the support after which a growing motion repeats but for its size, 3
+where it never does."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -126,6 +126,6 @@ def _multipliers(systems: Sequence[HillSystem], amplitude: Floats, omega: Floats
         values.append(np.tile(own, (1, system.count)))
         room = COUPLED if system.is_reversible and system.size > 1 else CERTAIN
         certain.append(np.full(values[-1].shape, room))
-    whole, room = np.concatenate(values, axis=1), np.concatenate(certain, axis=1)
+    whole, rooms = np.concatenate(values, axis=1), np.concatenate(certain, axis=1)
     order = np.argsort(-np.abs(whole), axis=1, kind="stable")
-    return np.take_along_axis(whole, order, 1), np.take_along_axis(room, order, 1)[:, 0]
+    return np.take_along_axis(whole, order, 1), np.take_along_axis(rooms, order, 1)[:, 0]

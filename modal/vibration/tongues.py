@@ -1,9 +1,9 @@
 """Tongues: the regions of amplitude and frequency of a vertical sine in which small angles grow, by their boundaries.
 
-On a boundary a multiplier μ of one of the systems of `modal.vibration.hill` is 1 (growth at the frequency), −1 (at half of
-it), or complex of size 1 (at a combination).  With losses, these are the curves det(M ∓ 1) = 0 and |μ| = 1.  Without them
-both edges of a tongue meet at amplitude 0, where det(M ∓ 1) has a double zero; its four factors have simple ones, since
-of the first half of a period [a b; c d]
+On a boundary a multiplier μ of one of the systems of `modal.vibration.hill` is 1 (growth at the frequency), −1 (at half
+of it), or complex of size 1 (at a combination).  With losses, these are the curves det(M ∓ 1) = 0 and |μ| = 1.  Without
+them both edges of a tongue meet at amplitude 0, where det(M ∓ 1) has a double zero; its four factors have simple ones,
+since of the first half of a period [a b; c d]
 
     det(M − 1) ∝ det b det c,    det(M + 1) ∝ det a det d,
 
@@ -51,6 +51,8 @@ TURN = 0.25
 NEWTON, SETTLED, ENOUGH = 12, 1e-8, 1e-10
 """Newton's steps; the length of one, in sides of the window, after which the next is below rounding; the longest of a
 slow approach to a double root."""
+NEAR_TIP = 1e-3
+"""Amplitude, in sides of the window, below which two curves that meet at amplitude 0 are extrapolated to it."""
 ON_CIRCLE = 1e-3
 """Distance from the unit circle of a seed that belongs to a crossing of it."""
 MOST_POINTS = 5000
@@ -108,9 +110,10 @@ class Tongues(Displayed):
 
     def edges(self, *, amplitude: float | None = None, frequency_hz: float | None = None) -> list[tuple[float, str]]:
         """Where the boundaries cross a line of one amplitude or one frequency: frequencies or amplitudes, and kinds."""
-        if (amplitude is None) == (frequency_hz is None):
+        lines = [(k, value) for k, value in enumerate((amplitude, frequency_hz)) if value is not None]
+        if len(lines) != 1:
             raise SceneError(["edges: needs an amplitude or a frequency_hz"])
-        fixed, value = (0, amplitude) if frequency_hz is None else (1, frequency_hz)
+        fixed, value = lines[0]
         found = []
         for boundary, window in zip(self.boundaries, self.windows, strict=True):
             points = np.column_stack((boundary.amplitude, boundary.frequency_hz))
@@ -140,8 +143,9 @@ class Tongues(Displayed):
 def tongues(scene: Scene, amplitude: ArrayLike, frequency_hz: ArrayLike) -> Tongues:
     """The boundaries of growth of a scene within the range of amplitudes (m) and frequencies (Hz), ascending grids.
 
-    Curves narrower than the grid are found where they pass a line of it, tongues of losses also where they lie between
-    two.  SceneError for a scene without vertical sine (`vertical_sine`) and for grids without extent.
+    Curves are found where they pass a line of the grid once, tongues of losses also where they lie between two.  Of a
+    single amplitude or frequency each boundary is one point.  SceneError for a scene without vertical sine
+    (`vertical_sine`) and for grids that do not ascend.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import Moved, SineMotion
@@ -157,16 +161,18 @@ def tongues(scene: Scene, amplitude: ArrayLike, frequency_hz: ArrayLike) -> Tong
     grid = [np.asarray(one, dtype=np.float64).ravel() for one in (amplitude, frequency_hz)]
     names = ("amplitude", "frequency_hz")
     problems = [
-        f"{name}: a grid of tongues needs two or more ascending numbers{', all above 0' * least}"
-        for name, one, least in zip(names, grid, (0, 1), strict=True)
-        if len(one) < 2 or not np.all(np.diff(one) > 0) or not np.isfinite(one).all() or one[0] < 0 or (least and one[0] == 0)
+        f"{name}: a grid of tongues needs ascending numbers {words}"
+        for name, one, least, words in zip(names, grid, (0.0, SHORTEST), ("from 0", "above 0"), strict=True)
+        if not len(one) or not np.all(np.diff(one) > 0) or not np.isfinite(one).all() or one[0] < least
     ]
+    if not problems and len(grid[0]) == len(grid[1]) == 1:
+        problems = ["a grid of tongues needs two or more amplitudes or frequencies"]
     if problems:
         raise SceneError(problems)
     systems = hill_systems(scene)
     found = [pair for system in systems for curve in _curves(system) for pair in _followed(curve, *grid)]
     found.sort(key=lambda pair: (pair[0].number, pair[0].least[1]))
-    return Tongues(*grid, tuple(one for one, _ in found), tuple(window for _, window in found))
+    return Tongues(grid[0], grid[1], tuple(one for one, _ in found), tuple(window for _, window in found))
 
 
 # ------------------------------------------------------------------------------------------- what is zero on a curve
@@ -194,7 +200,7 @@ class Curve(ABC):
 
 @dataclass(eq=False)
 class Singular(Curve):
-    """Where a matrix is singular: the quarter `part` of half a period, or without one M − 1 or M + 1 (`number` 1 or 2)."""
+    """Where a matrix is singular: the quarter `part` of half a period, without one M − 1 or M + 1 (`number` 1 or 2)."""
 
     part: int | None = None
 
@@ -211,7 +217,7 @@ class Singular(Curve):
 
     def side(self, amplitude: Floats, hertz: Floats) -> Floats:
         """The sign of the determinant."""
-        return np.sign(self.determinant(amplitude, hertz))
+        return np.asarray(np.sign(self.determinant(amplitude, hertz)))
 
     def begin(self, point: Point) -> Any:
         """The singular vectors of the smallest singular value."""
@@ -261,8 +267,7 @@ class Collision(Curve):
 
     def trace(self, amplitude: Any, hertz: Any) -> Any:
         """The matrices whose eigenvalues are the half-traces."""
-        _, b, c, _ = quarters(self.system.half(amplitude, tau * hertz, 1))
-        return np.eye(self.system.size) + 2 * np.swapaxes(b, 1, 2) @ c
+        return self.system.traces(amplitude, tau * hertz)
 
     def side(self, amplitude: Floats, hertz: Floats) -> Floats:
         """How many are complex."""
@@ -292,16 +297,16 @@ class Collision(Curve):
 
 
 def _subspace(X: Floats, middle: float, room: float) -> tuple[Floats, int]:
-    """An orthonormal basis of the invariant subspace of the eigenvalues within `room` of `middle`, and its dimension."""
+    """An orthonormal basis of the invariant subspace of eigenvalues within `room` of `middle`, and its dimension."""
     _, Z, size = schur(X, sort=lambda re, im=0.0: hypot(re - middle, im) <= room * (1 + 1e-9))
-    return Z[:, :size], size
+    return np.asarray(Z[:, :size]), int(size)
 
 
 def _slopes(matrix: Any, point: Point) -> tuple[Floats, Floats]:
     """A matrix at a point, and its derivatives by amplitude and frequency (2, s, s)."""
     amplitude, hertz = point[:, None] + 1j * STEP * np.eye(2)
     both = matrix(amplitude, hertz)
-    return both[0].real, both.imag / STEP
+    return np.asarray(both[0].real), np.asarray(both.imag / STEP)
 
 
 def _curves(system: HillSystem) -> Iterator[Curve]:
@@ -415,14 +420,25 @@ class Window:
                 step /= 2
                 continue
             if not self.inside(there.point):
-                return [*places, *self.leave(here, there.point)], False
+                return self.tip([*places, *self.leave(here, there.point)]), False
             places.append(there)
             back = start.point - there.point
-            if len(places) > 3 and hypot(*back) < step and sense * (back @ there.tangent) > 0 and there.normal @ start.normal > 0.5:
+            onward = sense * (back @ there.tangent) > 0 and there.normal @ start.normal > 0.5
+            if len(places) > 3 and hypot(*back) < step and onward:
                 return [*places, start], True
             if here.normal @ there.normal > cos(TURN / 3):
                 step = min(LONGEST, 1.5 * step)
-        return places, False
+        return self.tip(places), False
+
+    def tip(self, places: list[Place]) -> list[Place]:
+        """Places up to one where two collisions meet at amplitude 0, by the polynomial of those before: it is flat."""
+        last, before = places[-1], [place for place in places if place.point[0] > NEAR_TIP]
+        flat = isinstance(self.curve, Collision) and not self.low[0] and last.point[0] < NEAR_TIP
+        if not flat or len(before) < 4:
+            return places
+        amplitude, hertz = np.array([place.point for place in before[-4:]]).T
+        end = np.polynomial.polynomial.polyfit(amplitude / amplitude[0], hertz, 3)[0]
+        return [*before, Place(np.array([0.0, end]), last.normal, last.frame)]
 
     def leave(self, here: Place, beyond: Floats) -> list[Place]:
         """The place on the window's edge between one inside and a point outside."""
@@ -456,25 +472,30 @@ class Window:
 def _followed(curve: Curve, amplitude: Floats, hertz: Floats) -> Iterator[tuple[Boundary, Window]]:
     """Every boundary that a function has in the window."""
     low = np.array([amplitude[0], hertz[0]])
-    window = Window(curve, low, np.array([amplitude[-1], hertz[-1]]) - low)
+    extent = np.array([np.ptp(amplitude), np.ptp(hertz)])
+    line = np.eye(2)[int(np.argmax(extent > 0))] if np.any(extent == 0) else None
+    window = Window(curve, low, np.where(extent > 0, extent, 1.0))
     passed: list[list[Place]] = []
     for seed in _seeds(curve, amplitude, hertz):
         frame = curve.begin(seed)
-        start = None if frame is None else window.settle((seed - low) / window.extent, frame)
+        start = None if frame is None else window.settle((seed - low) / window.extent, frame, line)
         if start is None or not window.inside(start.point) or any(_holds(one, start) for one in passed):
             continue
-        places, closed = window.follow(start, 1.0)
+        places, closed = window.follow(start, 1.0) if line is None else ([start], True)
         if not closed:
             places = [*window.follow(start, -1.0)[0][:0:-1], *places]
         passed.append(places)
         points = np.clip([place.point for place in places], 0.0, 1.0) * window.extent + low
         least, turns = window.lowest(places)
-        yield Boundary(curve.number, *points.T, least=tuple((low + window.extent * least).tolist()), turns=turns), window
+        lowest = low + window.extent * least
+        yield Boundary(curve.number, points[:, 0], points[:, 1], (float(lowest[0]), float(lowest[1])), turns), window
 
 
 def _holds(places: Sequence[Place], place: Place) -> bool:
     """Whether a place is on a curve: beside it with what grows on the same side, which of its neighbours is not so."""
     points = np.array([one.point for one in places])
+    if len(points) == 1:
+        return hypot(*(points[0] - place.point)) < ENOUGH
     start, step = points[:-1], np.diff(points, axis=0)
     square = np.maximum(np.einsum("ij,ij->i", step, step), 1e-300)
     share = np.clip(np.einsum("ij,ij->i", place.point - start, step) / square, 0.0, 1.0)
