@@ -418,6 +418,18 @@ CAPABILITIES: dict[str, Capability] = {
                 LOSING: "an attractor needs losses: dampers, drag or friction",
             },
         ),
+        Capability(
+            "Floquet multipliers",
+            SHAPE - {"cart"} | LOSS | {"quadratic_drag", "moved_support", "space"},
+            refuses={
+                **_each(FORCED, "needs a scene without forces"),
+                **_each(FRICTION, "does not follow what sticks and slips"),
+                **_each(DRIVES, "is computed without drives"),
+                "hoist": "needs constant lengths",
+            },
+            beside={**UNLOADED, **_each(_of("cart massless_cart"), "a cart is no support that moves as prescribed")},
+            needs={_of("moved_support"): 'support.kind: Floquet multipliers need kind = "moved"'},
+        ),
         AVERAGED,
         replace(AVERAGED, name="a prediction of synchronization", needs=EXCITED),
         replace(AVERAGED, name="a branch of configurations", needs=EXCITED),

@@ -2,27 +2,31 @@
 
 In: a scene, and the motion of its support: prescribed, recorded, or random with a power spectral density.  Out: the
 motion as functions of time; PSD and RMS of every output and mode; exact histories, peaks and their combination by SRSS
-and CQC; Floquet multipliers under vertical motion.
+and CQC; Floquet multipliers under vertical motion, and the boundaries of growth.
 
-Start with `prescribed`; `random`, `shock` and `parametric` each answer one question.
+Start with `prescribed`; `random`, `shock`, `parametric` and `tongues` each answer one question.
 """
 
 from modal.vibration.combination import correlation, cqc, srss
+from modal.vibration.hill import vertical_sine
 from modal.vibration.oscillators import response_spectrum
-from modal.vibration.parametric import MOST_LINKS, ParametricStability, parametric_stability
+from modal.vibration.parametric import KINDS, ParametricStability, parametric_stability, stabilities
 from modal.vibration.prescribed import Course, PrescribedMotion, Record, prescribed_motion
 from modal.vibration.random import RandomResponse, random_response
 from modal.vibration.report import random_report, shock_report
 from modal.vibration.shock import ShockResponse, shock_response
+from modal.vibration.tongues import Boundary, Tongues, tongues
 
 __all__ = [
-    "MOST_LINKS",
+    "KINDS",
+    "Boundary",
     "Course",
     "ParametricStability",
     "PrescribedMotion",
     "RandomResponse",
     "Record",
     "ShockResponse",
+    "Tongues",
     "correlation",
     "cqc",
     "parametric_stability",
@@ -33,4 +37,7 @@ __all__ = [
     "shock_report",
     "shock_response",
     "srss",
+    "stabilities",
+    "tongues",
+    "vertical_sine",
 ]

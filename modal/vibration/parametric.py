@@ -1,37 +1,41 @@
 """Parametric excitation: a support that moves up and down as a sine makes gravity vary with time.
 
-About the equilibrium, with the support's velocity v(t) and acceleration a(t) upwards, small angles obey Hill's equation
+About the equilibrium small angles obey Hill's equations (`modal.vibration.hill`).  Solutions grow where a Floquet
+multiplier μ, an eigenvalue of the matrix that takes (θ, θ') across one period, lies outside the unit circle: with the
+period of the support where μ > 1, with twice the period where μ < −1, and with two frequencies that add up to a
+multiple of the support's, or differ by one, where μ is complex (Yakubovich & Starzhinskii, Linear Differential
+Equations with Periodic Coefficients, 1975, chapter V).
 
-    M θ'' + (D + D_v) θ' + (K + a(t) diag p + v(t) diag s) θ = 0,    p_i = σ_i b_i
-
-in which the air that streams past a centre presses on it with (d + q |v|) v, drag d and quadratic drag q, as its weight
-does: s are the sums p with d + q |v| in place of masses, and D_v the damping of q |v| beside that of d in D.
-
-Solutions grow where a Floquet multiplier, an eigenvalue of the matrix that takes (θ, θ') across one period, lies
-outside the unit circle.  One undamped pendulum obeys Mathieu's equation, whose unstable regions are the tongues of the
-chart of Ince and Strutt (McLachlan, Theory and Application of Mathieu Functions, 1947, §4.10), and an inverted one
-stands where a²Ω² exceeds about 2 g l (Kapitza, 1951; Landau & Lifshitz, Mechanics, §30).
+One undamped pendulum obeys Mathieu's equation, whose unstable regions are the tongues of the chart of Ince and Strutt
+(McLachlan, Theory and Application of Mathieu Functions, 1947, §4.10), and an inverted one stands where a²Ω² exceeds
+about 2 g l (Kapitza, 1951; Landau & Lifshitz, Mechanics, §30).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import log
+from math import log, tau
 
 import numpy as np
-import scipy
 
-from modal.assembly import matrices, quadratic_drags
-from modal.errors import SceneError
-from modal.report import Displayed
-from modal.scene import Moved, Scene, SineMotion
-from modal.statespace.signals import geometry_of
-from modal.types import Complexes
-from modal.vibration.prescribed import prescribed_motion
+from modal.report import Displayed, Summary, brief
+from modal.scene import Scene
+from modal.types import Complexes, Floats
+from modal.vibration.hill import HillSystem, hill_systems, vertical_sine
 
-TOLERANCE = 1e-12
-MOST_LINKS = 60
-CERTAIN = 1e-8  # distance from 1 above which a multiplier counts as larger or smaller
+CERTAIN, COUPLED = 1e-9, 1e-7
+"""Distance from 1 above which |μ| counts as larger or smaller; of modes that couple without losses, whose multipliers
+have half of all digits where two are equal."""
+KINDS = {
+    -1: "decays",
+    0: "neutral",
+    1: "grows at the frequency",
+    2: "grows at half the frequency",
+    3: "grows at a combination",
+}
+"""What small angles do, by number: the periods of the support after which a growing motion repeats but for its size, 3
+where it never does."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,61 +44,88 @@ class ParametricStability(Displayed):
 
     multipliers: Complexes
     period: float
+    certain: float = CERTAIN
+
+    @property
+    def largest(self) -> float:
+        """The largest |μ|."""
+        return float(abs(self.multipliers[0]))
 
     @property
     def growth_rate(self) -> float:
         """The rate (1/s) at which small angles grow, negative where they decay."""
-        return log(max(float(abs(self.multipliers[0])), 1e-300)) / self.period
+        return log(max(self.largest, 1e-300)) / self.period
+
+    @property
+    def number(self) -> int:
+        """What small angles do, by its number in KINDS."""
+        first = self.multipliers[0]
+        if self.largest <= 1 + self.certain:
+            return 0 if self.largest >= 1 - self.certain else -1
+        return 3 if abs(first.imag) > self.certain * abs(first) else 1 if first.real > 0 else 2
+
+    @property
+    def kind(self) -> str:
+        """What small angles do, in words."""
+        return KINDS[self.number]
 
     @property
     def grows(self) -> bool:
         """Whether small angles grow."""
-        return bool(abs(self.multipliers[0]) > 1 + CERTAIN)
+        return self.number > 0
 
     @property
     def words(self) -> str:
         """One line."""
-        size = abs(self.multipliers[0])
-        what = "grow" if self.grows else "decay" if size < 1 - CERTAIN else "neither grow nor decay"
-        return f"small angles {what}: the largest Floquet multiplier of a period is {size:.6g}"
+        what = self.kind if self.number else "neither grows nor decays"
+        return f"small motion {what}: the largest Floquet multiplier of a period is {self.largest:.6g}"
+
+    def _summary(self) -> Summary:
+        rows = [[brief(one.real), brief(one.imag), brief(abs(one))] for one in self.multipliers]
+        facts = [("period", f"{self.period:.6g} s"), ("growth rate", f"{self.growth_rate:.6g} 1/s")]
+        return Summary(self.words, facts, ("Re", "Im", "size"), rows, len(rows))
 
 
 def parametric_stability(scene: Scene) -> ParametricStability:
-    """Of a scene whose support moves up and down as a sine; SceneError for any other and for over MOST_LINKS links."""
-    support = scene.support
-    sine = support.motion if isinstance(support, Moved) else None
-    if not (isinstance(sine, SineMotion) and sine.direction == "vertical"):
-        raise SceneError(["support.motion: parametric stability needs a vertical sine"])
-    if scene.n_links > MOST_LINKS:
-        raise SceneError(
-            [f"the scene has {scene.n_links} links: Floquet multipliers are computed for at most {MOST_LINKS}"]
-        )
-    found, geometry, motion = matrices(scene), geometry_of(scene), prescribed_motion(sine)
-    n = len(found.M)
-    solved = np.linalg.solve(found.M, np.hstack([found.K, found.D, geometry.centres.T]))
-    K, D, forced = np.split(solved, [n, 2 * n], axis=1)
-    inverse, quadratic = np.linalg.inv(found.M), quadratic_drags(scene)
+    """Of a scene whose support moves up and down as a sine, hanging or standing, with any number of links.
 
-    def rate(time: float, y: np.ndarray) -> np.ndarray:
-        angles, rates = y.reshape(2, n, 2 * n)
-        speed = motion.velocity_at(time)
-        beside = quadratic * abs(speed)
-        pressed = geometry.centres.T @ (geometry.mass * motion.acceleration_at(time) + (geometry.drag + beside) * speed)
-        slowed = D @ rates + (forced * beside) @ (geometry.centres @ rates)
-        return np.concatenate((rates, -K @ angles - inverse * pressed @ angles - slowed)).ravel()
+    A motion along the rail beside it pushes small angles and does not change their growth.  SceneError for any other
+    motion, and for what Hill's equation has no place for: forces, friction, drives, hoists.
 
-    scale = max(float(np.sqrt(np.abs(K).max())), 1e-300)
-    size = np.diag(np.concatenate((np.ones(n), np.full(n, scale))))
-    period = 1 / sine.frequency_hz
-    run = scipy.integrate.solve_ivp(
-        rate,
-        (0.0, period),
-        size.ravel(),
-        "DOP853",
-        t_eval=[period],
-        rtol=TOLERANCE,
-        atol=TOLERANCE * np.outer(np.diag(size), np.ones(2 * n)).ravel(),
-    )
-    across = np.linalg.solve(size, run.y[:, -1].reshape(2 * n, 2 * n))
-    values = np.linalg.eigvals(across)
-    return ParametricStability(values[np.argsort(-np.abs(values))].astype(np.complex128), period)
+    >>> from modal import Bob, Pendulum, Scene
+    >>> from modal.scene import Moved, SineMotion
+    >>> shaken = Moved(motion=SineMotion(direction="vertical", amplitude=0.02, frequency_hz=1.0))
+    >>> scene = Scene(gravity=9.81, support=shaken, pendulum=[Pendulum(links=[Bob(mass=1, length=1)])])
+    >>> found = parametric_stability(scene)
+    >>> found.kind, round(found.growth_rate, 6)
+    ('grows at half the frequency', 0.060872)
+    """
+    return stabilities([scene])[0]
+
+
+def stabilities(scenes: Sequence[Scene]) -> list[ParametricStability]:
+    """Of several scenes, together where they differ in the motion of their support alone; SceneError as above."""
+    found: list[ParametricStability | None] = [None] * len(scenes)
+    groups: dict[tuple[object, ...], list[int]] = {}
+    sines = [vertical_sine(scene) for scene in scenes]
+    for at, scene in enumerate(scenes):
+        groups.setdefault((scene.gravity, scene.pendulum, scene.damping_ratio, scene.space), []).append(at)
+    for alike in groups.values():
+        systems = hill_systems(scenes[alike[0]])
+        amplitude, hertz = np.array([(sines[at].amplitude, sines[at].frequency_hz) for at in alike]).T
+        for at, values, certain in zip(alike, *_multipliers(systems, amplitude, tau * hertz), strict=True):
+            found[at] = ParametricStability(values, 1 / sines[at].frequency_hz, float(certain))
+    return [one for one in found if one]
+
+
+def _multipliers(systems: Sequence[HillSystem], amplitude: Floats, omega: Floats) -> tuple[Complexes, Floats]:
+    """All multipliers (B, 2n), largest first, and what is certain of the largest (B,)."""
+    values, certain = [], []
+    for system in systems:
+        own = system.multipliers(amplitude, omega)
+        values.append(np.tile(own, (1, system.count)))
+        room = COUPLED if system.is_reversible and system.size > 1 else CERTAIN
+        certain.append(np.full(values[-1].shape, room))
+    whole, rooms = np.concatenate(values, axis=1), np.concatenate(certain, axis=1)
+    order = np.argsort(-np.abs(whole), axis=1, kind="stable")
+    return np.take_along_axis(whole, order, 1), np.take_along_axis(rooms, order, 1)[:, 0]

@@ -6,15 +6,16 @@ The report describes the equations that were integrated and the packages that th
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from math import degrees, isfinite
 from typing import Any
 
 from modal.eigen import counted
-from modal.errors import ComputationError
+from modal.errors import ComputationError, SceneError
 from modal.modes.solution_report import loaded, not_loaded
 from modal.report import visible
-from modal.scene import Moved, SineMotion, title_of
+from modal.scene import Moved, SineMotion, refusals, title_of
 from nonlinear.dynamics import Dense, Generated, Reduced, Small, is_unstable_equilibrium
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
 from nonlinear.postprocessing.extents import Extent, extent_of, places_of
@@ -31,6 +32,7 @@ FORMS = {
     CORRECTED: "modes in closed form, each with the frequency of its amplitude",
 }
 MOST_EVENTS = 10
+FEW_LINKS = 60  # of which Floquet multipliers are computed beside a run
 DRIFT = 1e-3  # largest trusted energy drift over the range of the energies
 IMPLICIT = tuple(method for method in SCIPY if method not in EXPLICIT)
 
@@ -127,14 +129,15 @@ def _at(extent: Extent) -> str:
 
 
 def _parametric(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
-    """Whether small angles grow under a vertical sine."""
+    """Whether small angles grow under a vertical sine, of few links."""
     support = trajectory.scene.support
-    if not isinstance(support, Moved) or not isinstance(support.motion, SineMotion):
+    if trajectory.scene.n_links > FEW_LINKS or not isinstance(support, Moved):
         return
-    if support.motion.direction == "vertical" and "constant_force" not in trajectory.scene.features:
-        from modal.vibration import MOST_LINKS, parametric_stability
+    vertical = any(isinstance(one, SineMotion) and one.direction == "vertical" for one in support.motions)
+    if vertical and not refusals(trajectory.scene, "Floquet multipliers"):
+        from modal.vibration import parametric_stability
 
-        if trajectory.scene.n_links <= MOST_LINKS:
+        with suppress(SceneError, ComputationError):
             yield "parametric", parametric_stability(trajectory.scene).words
 
 

@@ -1,4 +1,4 @@
-"""Sweeps on disk: NPZ has every number over the grid, CSV one row per point for other programs.
+"""Sweeps on disk: NPZ has every number over the grid, CSV one row per point for other programs, JSON both and more.
 
 Both begin with a header in JSON: the scene, the variations, the measures and the points that failed.  A column of
 an axis is named by its path and unit.  Both carry a checksum, and a file that has been altered is refused.
@@ -14,26 +14,28 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.report import csv_cell
-from modal.scene import whole_file
+from modal.report import as_json, csv_cell, finite
+from modal.scene import kind_of, whole_file
 from modal.scene.sealed import index, reading, require_keys
 from modal.types import Floats
+from modal.vibration import KINDS as STABILITY
 from nonlinear.files import as_csv, as_npz, checked_kind, from_csv, from_npz
 from nonlinear.sweeps.running import Sweep
 from nonlinear.sweeps.study import Row, Study, study_from
 
 REASON = "reason"
+KINDS = ("npz", "csv", "json")
 
 
 def save(sweep: Sweep, path: str | os.PathLike[str]) -> None:
-    """Write a .npz or .csv file atomically; SceneError for any other file name."""
-    content = _npz(sweep) if checked_kind(path) == "npz" else _csv(sweep)
+    """Write a .npz, .csv or .json file atomically; SceneError for any other file name."""
+    content = {"npz": _npz, "csv": _csv, "json": _json}[kind_of(path, KINDS)](sweep)
     with whole_file(path) as stream:
         stream.write(content)
 
 
 def load(path: str | os.PathLike[str]) -> Sweep:
-    """Read a sweep from a file written by `save`; SceneError says what is wrong with any other file."""
+    """Read a sweep from a .npz or .csv file written by `save`; SceneError says what is wrong with any other file."""
     name, kind = os.fspath(path), checked_kind(path)
     with reading(name, "sweep"):
         return _read_npz(name) if kind == "npz" else _read_csv(name)
@@ -128,3 +130,14 @@ def _read_csv(name: str) -> Sweep:
             raise ValueError
         table[at] = list(map(float, numbers))
     return kept.sweep(table)
+
+
+# --------------------------------------------------------------------------------------------------------- JSON
+
+
+def _json(sweep: Sweep) -> bytes:
+    """The header, every column over the grid, and the boundaries of `floquet`."""
+    columns = {name: [finite(float(one)) for one in values] for name, values in sweep.to_dict().items()}
+    boundaries = [boundary.to_dict() for boundary in sweep.boundaries]
+    more = {"kinds": {str(number): words for number, words in STABILITY.items()}} if "kind" in columns else {}
+    return as_json(_header(sweep) | {"data": columns, **more, "boundaries": boundaries}).encode()

@@ -13,6 +13,7 @@ quantity beyond double precision is NaN.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
@@ -28,6 +29,7 @@ from modal.modes import UNCERTAIN, labelled, natural_frequencies, natural_modes
 from modal.report import counted
 from modal.scene import Scene
 from modal.types import Floats
+from modal.vibration import KINDS, ParametricStability, parametric_stability, stabilities, vertical_sine
 from nonlinear.chaos import lyapunov_exponent
 from nonlinear.ensembles import run_together
 from nonlinear.integration import Trajectory
@@ -47,7 +49,8 @@ class Measure:
 
     `words` describe the result. The function is at module level, so that other processes can import it.  `whole` marks
     a number that counts something, `numbered` a function whose third argument is the scene in whose table the modes are
-    numbered, `runs` one that reads a run of so many seconds.
+    numbered, `runs` one that reads a run of so many seconds.  With `most` 0 it takes no number.
+    `door` refuses a scene before anything is computed; `together` computes what the function needs of several scenes.
     """
 
     name: str
@@ -58,6 +61,8 @@ class Measure:
     most: float = 1000
     numbered: bool = False
     runs: bool = False
+    door: Callable[[Scene], object] | None = None
+    together: Callable[[Sequence[Scene]], object] | None = None
 
 
 @dataclass(frozen=True)
@@ -73,6 +78,8 @@ class RequestedMeasure:
 
     def validate(self) -> RequestedMeasure:
         """The measure itself; SceneError where its number is out of range."""
+        if not self.measure.most:
+            raise SceneError([f"{self.measure.name}:{self.number:g}: {self.measure.name} takes no number"])
         kind = f"a {'whole ' * self.measure.whole}number above 0 and at most {self.measure.most:g}"
         fits = isfinite(self.number) and 0 < self.number <= self.measure.most
         if not fits or (self.measure.whole and self.number != int(self.number)):
@@ -98,6 +105,7 @@ class Known(local):
     def __init__(self) -> None:
         self.runs: dict[tuple[Scene, float], Trajectory] = {}
         self.modes: dict[Scene, Swinging] = {}
+        self.stability: dict[Scene, ParametricStability] = {}
 
 
 _KNOWN = Known()
@@ -296,7 +304,36 @@ SYNC = tuple(
         (pendulum_energy, "the mean energies of pendula and cart after N seconds"),
     )
 )
-MEASURES: dict[str, Measure] = {measure.name: measure for measure in (*MODAL, *RUNS, *SYNC)}
+
+
+def multiply_together(scenes: Sequence[Scene]) -> None:
+    """Compute and cache the Floquet multipliers of these scenes, together where they differ in their motion alone."""
+    _KNOWN.stability = {}
+    with suppress(SceneError, ComputationError):  # each tells its own reason
+        _KNOWN.stability = dict(zip(scenes, stabilities(scenes), strict=True))
+
+
+def floquet(scene: Scene, number: float) -> dict[str, float]:
+    """The largest Floquet multiplier of small angles on a support that moves up and down, and what it means."""
+    stability = _KNOWN.stability.get(scene) or parametric_stability(scene)
+    return {
+        "largest_multiplier": stability.largest,
+        "growth_rate_per_s": stability.growth_rate,
+        "kind": float(stability.number),
+    }
+
+
+FLOQUET = Measure(
+    "floquet",
+    floquet,
+    0,
+    "the largest Floquet multiplier of a vertical sine, its growth rate, and what small motion does: "
+    + ", ".join(f"{number} {words}" for number, words in KINDS.items()),
+    most=0,
+    door=vertical_sine,
+    together=multiply_together,
+)
+MEASURES: dict[str, Measure] = {measure.name: measure for measure in (*MODAL, *RUNS, *SYNC, FLOQUET)}
 
 
 def parse_measures(texts: Sequence[str]) -> tuple[RequestedMeasure, ...]:

@@ -8,7 +8,7 @@ from concurrent.futures import BrokenExecutor
 from contextlib import closing, nullcontext, suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import islice
+from itertools import islice, product
 from time import monotonic
 from typing import Any
 
@@ -16,12 +16,14 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.report import HTML_ROWS, Displayed, Summary, brief, deferred, grid, visible
-from modal.scene import left_out, name_of
-from modal.scene.parameters import Variable
+from modal.scene import Scene, left_out, name_of
+from modal.scene.parameters import Place, Variable, find_places
 from modal.types import Floats
+from modal.vibration import Boundary, tongues, vertical_sine
 from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
 from nonlinear.integration import validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint
+from nonlinear.sweeps.measures import FLOQUET
 from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_each, measure_points
 
 PATIENCE = 0.5
@@ -70,6 +72,24 @@ class Sweep(Displayed):
         found = {own.column: grid.ravel() for own, grid in zip(self.study.variations, axes, strict=True)}
         return found | {name: self.values(name).ravel() for name in self.columns}
 
+    @cached_property
+    def boundaries(self) -> tuple[Boundary, ...]:
+        """Those of growth, where `floquet` is measured over the amplitude of a vertical sine, its frequency, or both.
+
+        Traced by continuation from the grid of the sweep, accurate beyond it; amplitudes in m, frequencies in Hz.
+        """
+        study = self.study
+        if FLOQUET not in [one.measure for one in study.measures]:
+            return ()
+        sine, places = vertical_sine(study.scene), vertical_places(study.scene)
+        values: dict[str, Any] = {"amplitude": sine.amplitude, "frequency_hz": sine.frequency_hz}
+        for own in study.variations:
+            varied = set(find_places(study.scene, own.path)) & places.keys()
+            if not varied:
+                return ()
+            values |= {places[place]: own.values for place in varied}
+        return tongues(study.scene, **values).boundaries
+
     def plot(self) -> Any:
         """A matplotlib figure of the measures over the grid."""
         return deferred("nonlinear.plotting.sweeps:sweep_figure")(self)
@@ -93,6 +113,19 @@ class Sweep(Displayed):
         for row in self.rows:
             found[row.index] = row.numbers.get(column, np.nan)
         return found.reshape(self.study.shape)
+
+
+def vertical_places(scene: Scene) -> dict[Place, str]:
+    """The places of the amplitude and the frequency of a scene's vertical sine, and their names."""
+    paths = ("support.motion", *(f"support.motion[{k}]" for k in range(2)))
+    places = {}
+    for path, name in product(paths, ("amplitude", "frequency_hz")):
+        with suppress(SceneError):
+            (place,) = find_places(scene, f"{path}.{name}")
+            index = place[2] if isinstance(place[2], int) else 0
+            if scene.support.motions[index].direction == "vertical":  # type: ignore[union-attr]
+                places[place] = name
+    return places
 
 
 def sweep(

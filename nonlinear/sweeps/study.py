@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from hashlib import sha256
 from math import prod
 from typing import Any
@@ -37,10 +38,15 @@ class Study(Displayed):
             problems.append(f"the sweep has {' × '.join(map(str, self.shape))} points: at most {MOST_POINTS}")
         if not self.measures:
             problems.append("a sweep needs a measure: frequencies, for example")
-        try:
-            validate_variations(self.scene, self.variations)
-        except SceneError as error:
-            problems += error.problems
+        doors: list[Callable[[], object]] = [
+            partial(one.measure.door, self.scene) for one in self.measures if one.measure.door
+        ]
+        checks: list[Callable[[], object]] = [partial(validate_variations, self.scene, self.variations), *doors]
+        for check in checks:
+            try:
+                check()
+            except SceneError as error:
+                problems += error.problems
         if problems:
             raise SceneError(problems)
 
@@ -117,6 +123,9 @@ def measure_each(task: Task, points: Points) -> Iterator[Row]:
     scenes = [_scene(variable, values) for _, values in points]
     if any(one.measure.numbered for one in task.measures):
         find_together([scene for scene in scenes if isinstance(scene, Scene)])
+    for one in task.measures:
+        if one.measure.together:
+            one.measure.together([scene for scene in scenes if isinstance(scene, Scene)])
     if seconds := task.durations:
         run_all_together([scene for scene in scenes if isinstance(scene, Scene)], seconds)
     for (index, _), scene in zip(points, scenes, strict=True):

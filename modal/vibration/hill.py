@@ -1,0 +1,247 @@
+"""Hill's equations: the small angles of pendula on a support that moves up and down as a sine.
+
+Pendula on such a support do not feel each other.  In the modal coordinates y of one, φᵀMφ = 1, over the phase τ = Ωt of
+a displacement −A cos τ upwards,
+
+    y'' + (D/Ω + A |sin τ| E) y' + (ω²/Ω² + A P cos τ + (A/Ω) S sin τ + A² Q |sin τ| sin τ) y = 0
+
+P is that of the sums p_i = σ_i b_i; the air that streams past a centre presses on it with (d + q |v|) v, drag d and
+quadratic drag q, as its weight does: S and Q are P with d and q in place of masses, and E the damping of q |v| beside
+that of d in D.  Without springs at joints P = ω²/g is diagonal, and without dampers every mode obeys an equation of its
+own, Mathieu's.  Coordinates that nothing couples are separate systems here.
+
+The matrices are analytic on each half of the period: both halves are integrated by Taylor series, many pairs (A, Ω) at
+once, also complex ones, whose imaginary parts carry derivatives.  Without losses the motion is reversible and
+symplectic: with the first half N = [a b; c d] and R = diag(1, −1), the monodromy matrix is R N⁻¹ R N, so that its
+half-traces, the (μ + 1/μ)/2, are the eigenvalues of dᵀa + bᵀc = 1 + 2 bᵀc = 2 dᵀa − 1 (of one angle: Magnus & Winkler,
+Hill's Equation, 1966, §1.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import reduce
+from math import ceil, log2, pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modal.assembly import matrices, quadratic_drags, rig_of
+from modal.errors import ComputationError, SceneError
+from modal.scene import Moved, Scene, SineMotion, require
+from modal.statespace.signals import geometry_of
+from modal.types import Booleans, Complexes, Floats
+
+ORDER, REACH, FEWEST = 28, 2.5, 4
+"""Terms of a series, the most radians of the fastest oscillation in a step, the fewest steps of half a period: the
+remainder, REACH^ORDER/ORDER! = 5e-19, is below rounding."""
+APART = 1e-13
+"""Coupling of two modes, relative to the largest entry, below which it is rounding."""
+MOST_NUMBERS = 1 << 20
+"""Numbers of the series of one batch."""
+Numbers = NDArray[Any]
+"""Real ones, or complex ones with derivatives in their imaginary parts."""
+
+
+@dataclass(frozen=True, eq=False)
+class HillSystem:
+    """Modes that couple to each other, of `count` equal pendula.
+
+    `square` are the ω² (m,), negative of those that fall over; P, D, S, Q and E are (m, m).
+    """
+
+    count: int
+    square: Floats
+    P: Floats
+    D: Floats
+    S: Floats
+    Q: Floats
+    E: Floats
+
+    @property
+    def size(self) -> int:
+        """Number of modes."""
+        return len(self.square)
+
+    @property
+    def is_reversible(self) -> bool:
+        """Whether nothing takes energy out."""
+        return not any(part.any() for part in (self.D, self.S, self.Q, self.E))
+
+    def monodromy(self, amplitude: Numbers, omega: Numbers) -> Numbers:
+        """The matrices (B, 2m, 2m) that take (y, y') across one period, of amplitudes (m) and Ω (rad/s), both (B,)."""
+        first = self.half(amplitude, omega, 1)
+        if not self.is_reversible:
+            return np.asarray(self.half(amplitude, omega, -1) @ first)
+        a, b, c, d = quarters(first)
+        return np.block([[_t(d) @ a + _t(b) @ c, 2 * _t(d) @ b], [2 * _t(c) @ a, _t(c) @ b + _t(a) @ d]])
+
+    def half(self, amplitude: Numbers, omega: Numbers, sign: int) -> Numbers:
+        """The matrices (B, 2m, 2m) across the first half of the period (sign 1) or the second (−1)."""
+        amplitude, omega = np.broadcast_arrays(amplitude, omega)
+        size = 2 * self.size
+        found = np.empty((amplitude.size, size, size), dtype=np.result_type(amplitude, omega, np.float64))
+        steps = self._steps(np.abs(amplitude), np.abs(omega))
+        for count in np.unique(steps):
+            alike, room = np.flatnonzero(steps == count), max(1, MOST_NUMBERS // (ORDER * size**2 * count))
+            for part in np.split(alike, range(room, len(alike), room)):
+                found[part] = self._across(amplitude[part], omega[part], sign, int(count))
+        return found
+
+    def _steps(self, amplitude: Floats, omega: Floats) -> NDArray[np.int64]:
+        """Steps of half a period, few different numbers of them."""
+        size = {name: _norm(getattr(self, name)) for name in "PSQE"}
+        square = np.abs(self.square).max() / omega**2 + amplitude * (size["P"] + size["S"] / omega)
+        rate = np.sqrt(square + amplitude**2 * size["Q"]) + _norm(self.D) / omega + amplitude * size["E"]
+        least = np.maximum(FEWEST, rate * pi / REACH)
+        return np.array([ceil(2 ** (ceil(2 * log2(one)) / 2)) for one in least], dtype=np.int64)
+
+    def _across(self, amplitude: Numbers, omega: Numbers, sign: int, count: int) -> Numbers:
+        """The product of the matrices of all steps, of which many are computed at once."""
+        room = max(1, MOST_NUMBERS // (ORDER * 4 * self.size**2 * amplitude.size))
+        portions = np.split(np.arange(count), range(room, count, room))
+        steps = (self._steps_at(portion * pi / count, pi / count, amplitude, omega, sign) for portion in portions)
+        return np.asarray(reduce(lambda before, after: after @ before, (one for portion in steps for one in portion)))
+
+    def _steps_at(self, phase: Floats, step: float, amplitude: Numbers, omega: Numbers, sign: int) -> Numbers:
+        """The matrices (K, B, 2m, 2m) across steps from these phases (K,) of the half period."""
+        m, k = self.size, np.arange(ORDER + 1)
+        A, rate = amplitude[:, None, None], 1 / omega[:, None, None]
+        powers = np.cumprod(np.concatenate(([1.0], step / k[1:])))
+        shifted = phase[:, None] + k * pi / 2 + (0.0 if sign > 0 else pi)
+        cosine: Numbers = np.cos(shifted) * powers
+        sine: Numbers = np.sin(shifted) * powers
+        absolute, stiffness = sign * sine, self.square[:, None] * rate**2
+        square: Numbers = np.array([np.convolve(*both)[: ORDER + 1] for both in zip(absolute, sine, strict=True)])
+        Y, V = np.zeros((2, len(phase), ORDER + 1, len(A), m, 2 * m), dtype=A.dtype)
+        Y[:, 0, :, :, :m] = V[:, 0, :, :, m:] = np.eye(m)
+        for j in range(ORDER):
+            force: Any = stiffness * Y[:, j] + A * (self.P @ _product(cosine, Y, j))
+            if not self.is_reversible:
+                force += rate * (self.D @ V[:, j]) + A * rate * (self.S @ _product(sine, Y, j))
+            if self.E.any():
+                force += A * (self.E @ _product(absolute, V, j)) + A**2 * (self.Q @ _product(square, Y, j))
+            Y[:, j + 1], V[:, j + 1] = V[:, j] * (step / (j + 1)), force * (-step / (j + 1))
+        return np.concatenate((Y.sum(axis=1), V.sum(axis=1)), axis=2)
+
+    def traces(self, amplitude: Numbers, omega: Numbers) -> Numbers:
+        """Matrices (B, m, m) whose eigenvalues are (μ + 1/μ)/2 of all multipliers, where nothing takes energy out."""
+        _, b, c, _ = quarters(self.half(amplitude, omega, 1))
+        return np.asarray(np.eye(self.size) + 2 * _t(b) @ c)
+
+    def multipliers(self, amplitude: Floats, omega: Floats) -> Complexes:
+        """Floquet multipliers (B, 2m) at amplitudes (m) and Ω (rad/s), both (B,), in no order."""
+        if not self.is_reversible:
+            return np.linalg.eigvals(self.monodromy(amplitude, omega)).astype(np.complex128)
+        if self.size > 1:
+            trace = np.linalg.eigvals(self.traces(amplitude, omega)).astype(np.complex128)
+            root = np.sqrt(trace - 1) * np.sqrt(trace + 1)
+        else:
+            a, b, c, d = (part[:, 0] for part in quarters(self.half(amplitude, omega, 1)))
+            trace, root = 1 + 2 * b * c + 0j, 2 * np.sqrt(a * b * c * d + 0j)
+        larger = np.where(np.abs(trace + root) >= np.abs(trace - root), trace + root, trace - root)
+        return np.concatenate((larger, 1 / larger), axis=1)
+
+
+def quarters(N: Numbers) -> tuple[Numbers, Numbers, Numbers, Numbers]:
+    """a, b, c and d of matrices [a b; c d]."""
+    m = N.shape[-1] // 2
+    return N[..., :m, :m], N[..., :m, m:], N[..., m:, :m], N[..., m:, m:]
+
+
+def _product(series: Numbers, Y: Numbers, j: int) -> Numbers:
+    """Coefficient j of the product of series of numbers (K, J) and of matrices (K, J, ...)."""
+    terms = Y[:, : j + 1].reshape(len(Y), j + 1, -1)
+    return (series[:, None, j::-1] @ terms).reshape(len(Y), *Y.shape[2:])
+
+
+def _t(part: Numbers) -> Numbers:
+    return np.swapaxes(part, -1, -2)
+
+
+def _norm(part: Floats) -> float:
+    return float(np.linalg.norm(part, 2))
+
+
+# ----------------------------------------------------------------------------------------------------- from a scene
+
+
+def vertical_sine(scene: Scene) -> SineMotion:
+    """The vertical motion of a scene's support; SceneError for what Floquet multipliers do not take.
+
+    >>> from modal import Bob, Pendulum, Scene
+    >>> from modal.scene import Moved, SineMotion
+    >>> shaken = Moved(motion=SineMotion(direction="vertical", amplitude=0.02, frequency_hz=2.0))
+    >>> vertical_sine(Scene(support=shaken, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])).amplitude
+    0.02
+    """
+    require(scene, "Floquet multipliers")
+    assert isinstance(scene.support, Moved)
+    vertical = next((one for one in scene.support.motions if one.direction == "vertical"), None)
+    if not isinstance(vertical, SineMotion):
+        what = "moves along the rail only" if vertical is None else f'moves vertically with kind = "{vertical.kind}"'
+        raise SceneError([f'support.motion: Floquet multipliers need a vertical motion of kind = "sine": this {what}'])
+    if len(scene.support.motions) > 1 and "quadratic_drag" in scene.features:
+        raise SceneError(
+            ["support.motion: quadratic drag couples both motions: Floquet multipliers take a vertical one alone"]
+        )
+    return vertical
+
+
+def hill_systems(scene: Scene) -> tuple[HillSystem, ...]:
+    """The systems of a scene, whatever the amplitude and the frequency of its support; equal pendula once.
+
+    SceneError for a scene without vertical sine, ComputationError for masses beyond double precision.
+    """
+    vertical_sine(scene)
+    return tuple(_systems(scene))
+
+
+def _systems(scene: Scene) -> Iterator[HillSystem]:
+    whole, geometry, rig = matrices(scene), geometry_of(scene), rig_of(scene)
+    quadratic, at = quadratic_drags(scene), 0
+    counts: dict[tuple[int, int, bytes], int] = {}
+    places: dict[tuple[int, int, bytes], slice] = {}
+    for block, column, copies in rig.members:
+        n = rig.blocks[block].n
+        kind = (block, column, quadratic[at : at + n].tobytes())
+        places.setdefault(kind, slice(at, at + n))
+        counts[kind] = counts.get(kind, 0) + copies
+        at += copies * n
+    for kind, own in places.items():
+        h, sprung = geometry.centres[own, own], bool(rig.blocks[kind[0]].stiffness[:, kind[1]].any())
+        square, shapes = _modes(whole.M[own, own], whole.K[own, own])
+
+        def pressed(strength: Floats, h: Floats = h, shapes: Floats = shapes) -> Floats:
+            return np.asarray(shapes.T @ ((h.T @ strength)[:, None] * shapes))
+
+        P = pressed(geometry.mass[own]) if sprung else np.diag(square / scene.gravity)
+        E = shapes.T @ (h.T * quadratic[own]) @ h @ shapes
+        parts = (P, shapes.T @ whole.D[own, own] @ shapes, pressed(geometry.drag[own]), pressed(quadratic[own]), E)
+        for alike in _coupled(parts):
+            cut = np.ix_(alike, alike)
+            yield HillSystem(counts[kind], square[alike], *(part[cut] for part in parts))
+
+
+def _modes(M: Floats, K: Floats) -> tuple[Floats, Floats]:
+    """ω² (n,) ascending and the shapes (n, n), columns with φᵀMφ = 1."""
+    scale = 1 / np.sqrt(np.diag(M))
+    try:
+        L = np.linalg.cholesky(M * scale * scale[:, None])
+    except np.linalg.LinAlgError:
+        raise ComputationError("the mass matrix of a pendulum is singular in double precision") from None
+    inner = np.linalg.solve(L, np.linalg.solve(L, K * scale * scale[:, None]).T)
+    square, v = np.linalg.eigh((inner + inner.T) / 2)
+    return square, np.linalg.solve(L.T, v) * scale[:, None]
+
+
+def _coupled(parts: tuple[Floats, ...]) -> list[Booleans]:
+    """The sets of coordinates that these matrices couple."""
+    linked = np.eye(len(parts[0]), dtype=bool)
+    for part in parts:
+        linked |= np.abs(part) > APART * np.abs(part).max()
+    for _ in range(ceil(log2(max(2, len(linked))))):
+        linked = linked.astype(np.float64) @ linked > 0
+    return list(np.unique(linked, axis=0)) if len(linked) else []
