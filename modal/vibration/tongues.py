@@ -337,7 +337,7 @@ def _seeds(curve: Curve, amplitude: Floats, hertz: Floats) -> Floats:
         middle = (low + high) / 2
         same = (curve.side(*middle.T) == reference)[:, None]
         low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return (low + high) / 2
+    return np.asarray((low + high) / 2)
 
 
 def _between(curve: Singular, amplitude: Floats, hertz: Floats) -> Floats:
