@@ -13,6 +13,7 @@ from scipy.linalg import eig
 
 from modal import Pendulum, SceneError, matrices, natural_modes
 from modal.assembly import equilibrium_of, matrices_at, rig_of
+from modal.modes import sensitivities
 from modal.modes.friction import damping_ratios
 from modal.scene import Scene, scene_from
 from modal.scene.points import parse_point
@@ -278,6 +279,11 @@ def started(pendulum: Pendulum) -> Pendulum:
     return scene_from(
         {"gravity": G, "pendulum": [{"links": [ROD, BOB], "start": {"angles_deg": [1.0, 2.0]}}]}
     ).pendulum[0].replace(links=pendulum.links, count=pendulum.count)  # fmt: skip
+
+
+def test_sensitivities_are_refused_in_a_sentence() -> None:
+    with pytest.raises(SceneError, match="a derivative of modes is computed about links that hang or stand straight"):
+        sensitivities(natural_modes(SCENES["wind"]), 0)
 
 
 def test_no_constant_force_changes_nothing() -> None:
