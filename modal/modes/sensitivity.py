@@ -87,8 +87,9 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
 
     All are 0 where ω = 0.  Raises ComputationError for a mode that grows, for one that a `damping_ratio` of the scene
     damps, for one beyond double precision and for a frequency that several modes share: it splits into branches, along
-    shapes that depend on the parameter changed; SceneError under constant forces.  Close to another frequency, or to critical damping, the derivative
-    holds for changes much smaller than the gap.  Raises IndexError for a mode that does not exist.
+    shapes that depend on the parameter changed; SceneError under constant forces.  Close to another frequency, or to
+    critical damping, the derivative holds for changes much smaller than the gap.  Raises IndexError for a mode that
+    does not exist.
 
     12 digits of the largest p ∂ω/∂p are right: z_i is a running sum, and comes from `modal.modes.displacements` where
     that sum cancels.
