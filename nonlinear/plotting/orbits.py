@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,8 +15,10 @@ from modal.modes import Mode
 from modal.plotting import HUES, WIDTH, axis_words, headline, key, muted, save, scale, sheet
 from modal.scene import Scene, title_of
 from modal.types import Floats
-from nonlinear.orbits import Branch, Special
 from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
+
+if TYPE_CHECKING:
+    from nonlinear.orbits import Branch, Special
 
 MARKS = {"fold": "o", "branch point": "D", "period doubling": "s", "torus": "^", "collision": "v"}
 NARROW = 0.05  # least width of the axis of frequencies over the linear frequency
