@@ -13,8 +13,10 @@ from modal.scene import Cart, Scene
 MOST = 20
 """Links up to which floats are quicker than arrays."""
 OTHERS = frozenset(
-    {"space", "copies", "inverted", "joint_springs", "dampers", "linear_drag", "damping_ratio", "massless_cart"}
-    | {"constant_force"}
+    {
+        *("space", "copies", "inverted", "joint_springs", "dampers", "linear_drag", "damping_ratio", "massless_cart"),
+        "constant_force",
+    }
 )
 """The features of scenes whose modes are not those of one plain chain."""
 

@@ -10,7 +10,7 @@ where a conjugate pair gives twice the real part; without dampers that is φ_x²
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -110,6 +110,20 @@ class FromMatrices:
         """Eigenvalues, shapes, errors."""
         if self.is_singular and (self.stands or self.is_damped):
             raise ComputationError(dense.SINGULAR)
+        found = self._solved()
+        return replace(found, error=found.error + self._turned_by_rounding) if self.leans else found
+
+    @property
+    def _turned_by_rounding(self) -> float:
+        """How far rounding may turn links (rad) whose equilibrium constant forces move, as near the balance of forces.
+
+        M and K change with the cosines of their angles.
+        """
+        first = 1 if self.cart else 0
+        held = np.abs(np.linalg.inv(self.matrices[1][first:, first:]))
+        return float(8 * dense.EPS * (held @ self._terms[first:]).max())
+
+    def _solved(self) -> dense.Eigen:
         M, K = self.matrices
         if self.is_damped:
             return quadratic.damped(M, K, self._terms, self._dampers, self._modal, free=self.is_free)

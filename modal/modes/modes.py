@@ -267,9 +267,8 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     [1.3758, 2.1569, 2.939]
 
     Raises SceneError where constant forces leave no equilibrium (`modal.assembly.equilibrium_of`), ComputationError
-    where double precision or memory does not suffice, ValueError for an accuracy that is not
-    positive or a slice with a step.  Methods and their sources are given in the modules that `modal.eigen.spectrum`
-    chooses from.
+    where double precision or memory does not suffice, ValueError for an accuracy that is not positive or a slice with a
+    step.  Methods and their sources are given in the modules that `modal.eigen.spectrum` chooses from.
     """
     limits = Limits(validate_accuracy(accuracy), _lowest(modes))
     if limits == EVERYTHING and modes is None and (short := Short.of(validate_scene(scene))):

@@ -24,13 +24,13 @@ from typing import NamedTuple
 import numpy as np
 
 from modal import pair
-from modal.errors import ComputationError
+from modal.errors import ComputationError, SceneError
 from modal.modes.displacements import centre_displacements
 from modal.modes.mode import UNCERTAIN
 from modal.modes.modes import Modes
 from modal.modes.shapes import Shape
 from modal.report import Displayed, Summary, brief, tabulated
-from modal.scene import Pendulum
+from modal.scene import Pendulum, refusals
 from modal.types import Complexes, Floats
 
 ULP, CANCELLED = 2.0**-52, 1e-13
@@ -87,8 +87,9 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
 
     All are 0 where ω = 0.  Raises ComputationError for a mode that grows, for one that a `damping_ratio` of the scene
     damps, for one beyond double precision and for a frequency that several modes share: it splits into branches, along
-    shapes that depend on the parameter changed.  Close to another frequency, or to critical damping, the derivative
-    holds for changes much smaller than the gap.  Raises IndexError for a mode that does not exist.
+    shapes that depend on the parameter changed; SceneError under constant forces.  Close to another frequency, or to
+    critical damping, the derivative holds for changes much smaller than the gap.  Raises IndexError for a mode that
+    does not exist.
 
     12 digits of the largest p ∂ω/∂p are right: z_i is a running sum, and comes from `modal.modes.displacements` where
     that sum cancels.
@@ -126,6 +127,8 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
 
 
 def _refuse(modes: Modes, number: int) -> None:
+    if modes.rig.leans:
+        raise SceneError(refusals(modes.scene, "a derivative of modes"))
     value, fold = modes.eigenvalue[number], modes.multiplicity[number]
     name = f"mode index {number} ({modes.omega[number]:.6g} rad/s)"
     if not modes.error[number] < UNCERTAIN:

@@ -118,7 +118,10 @@ def layout_of(modes: Modes) -> Layout:
     depth = max(aside, *(float(np.ptp(level)) for level in levels))
     pivots = side_by_side(len(picked), depth)
     below, above = (max(float((sign * level).max()) for level in levels) for sign in (1, -1))
-    half_width = float(pivots[-1] + max(0.6 * depth, aside + 0.4 * depth))
+    half_width = float(pivots[-1] + 0.6 * depth)
+    if modes.rig.leans:
+        below = max(sum(link.length for link in chain) for chain in chains)
+        half_width += aside + 0.2 * depth
     return Layout(chains, rests, offsets, pivots, depth, below, above, half_width)
 
 

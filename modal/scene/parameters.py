@@ -201,10 +201,8 @@ class Variation(Displayed):
 
     @property
     def unit(self) -> str:
-        """The unit of its values, "" for a count and for the size of a force, which may be a torque."""
+        """The unit of its values, "" for a count."""
         name = re.findall(r"[a-z_]+", self.path)[-1]
-        if self.path.startswith("force[") and name == "amplitude":
-            return ""
         return (CART_UNITS if self.path.startswith("support.") else {}).get(name) or UNITS.get(name, "")
 
     @property

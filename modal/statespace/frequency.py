@@ -21,7 +21,8 @@ from modal.assembly import Rig, rig_of
 from modal.eigen import FORCE, REPLICAS, Arithmetic, Hung, Load, Rounded, cart_of, evaluated, hung
 from modal.scene import Scene
 from modal.statespace.full_damping import full_response
-from modal.statespace.places import BASE, GROUND, POINT, PUSH, READ, Place, place_of, place_of_input
+from modal.statespace.places import BASE, GROUND, PUSH, READ, Place, place_of, place_of_input
+from modal.statespace.points import is_point
 from modal.statespace.signals import Signal
 from modal.types import Complexes, Floats
 
@@ -45,7 +46,7 @@ class Elimination:
         tips = [rig.blocks[block].n - 1 for block, _, copies in rig.members for _ in range(copies)]
         given = [place_of_input(scene, signal.name, tips) for signal in inputs]
         read = [place_of(READ, signal.name, tips) for signal in outputs]
-        whole = scene.has_modal_damping or rig.leans or any(one.what == POINT for one in given)
+        whole = is_whole(scene, inputs)
         self.is_real = not (rig.is_damped or scene.has_modal_damping)
         self.unit = float(np.sqrt(rig.gravity / min(float(block.length.min()) for block in rig.blocks)))
         self._evaluate = full_response(scene, given, read) if whole else _from_tips(rig, given, read)
@@ -83,6 +84,12 @@ class Elimination:
         parts = [omega[first : first + self._step] for first in range(0, len(omega), self._step)]
         found = [evaluated(self._evaluate, own, is_real=is_real, tolerance=tolerance) for own in parts]
         return np.concatenate(found, axis=-1) if found else np.zeros((*self._orders.shape[:2], 0), np.complex128)
+
+
+def is_whole(scene: Scene, inputs: Sequence[Signal]) -> bool:
+    """Whether a scene is eliminated as a whole for these inputs, and not from the tips of its pendula."""
+    leans = "constant_force" in scene.features
+    return scene.has_modal_damping or leans or any(is_point(signal.name) for signal in inputs)
 
 
 def _limits(found: Complexes, still: Any, at: Floats) -> Complexes:

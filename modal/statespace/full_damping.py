@@ -1,6 +1,6 @@
-"""Frequency responses by elimination of the whole: of a scene with damping ratios, whose D is full, and of any other.
+"""Frequency responses by elimination of the whole: of scenes with damping ratios, whose D is full, and of some others.
 
-Where the scene leans under constant forces, and for inputs at points.
+These are scenes that lean under constant forces, and any with inputs at points.
 
     (K + iωD − ω²M) q = F − (K + iωD − ω²M)_x x + ω²p s
 

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from modal.report import as_csv, as_json, finite, grid, titled
 from modal.scene import title_of
-from modal.statespace.frequency import TOLERANCE, Elimination
+from modal.statespace.frequency import TOLERANCE, Elimination, is_whole
 from modal.statespace.full_damping import is_small
 from modal.statespace.modal_form import Block, ModalForm
 from modal.types import Complexes, Floats
@@ -68,9 +68,9 @@ def frequency_response(
     """G(iω) (p, m, W) at the angular frequencies ω (W,) in rad/s: output's unit over input's.
 
     Of these outputs and inputs (indices; by default all), each entry to a relative error of `tolerance` for the numbers
-    of the scene as they are, however far ω is from the modes; of a scene with damping ratios and more coordinates than
-    `modal.statespace.full_damping.MOST` the sum over modes, to a part in 10¹² of its largest term.  Infinite exactly at
-    an undamped mode that the input reaches and the output sees, including ω = 0.
+    of the scene as they are, however far ω is from the modes; with damping ratios, constant forces or inputs at points
+    and more coordinates than `modal.statespace.full_damping.MOST` the sum over modes, to 1e-12 of its largest term.
+    Infinite exactly at an undamped mode that the input reaches and the output sees, including ω = 0.
     """
     at, model = np.atleast_1d(np.asarray(omega, dtype=np.float64)), form.model
     rows = range(len(model.outputs)) if outputs is None else outputs
@@ -78,7 +78,7 @@ def frequency_response(
     read, given = [model.outputs[k] for k in rows], [model.inputs[k] for k in columns]
     scene, chosen = model.scene or form.modes.scene, np.ix_(rows, columns)
     s = np.asarray(1j * at, dtype=np.complex128)
-    eliminated = not scene.has_modal_damping or is_small(scene)
+    eliminated = not is_whole(scene, given) or is_small(scene)
     response = np.repeat(model.D[chosen][..., None], len(at), axis=2).astype(np.complex128)
     if eliminated:
         response = Elimination(scene, given, read).along(at, tolerance)

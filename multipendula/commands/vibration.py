@@ -48,7 +48,7 @@ def _vibration_arguments(page: Page) -> None:
     page.rephrase(r"^input(?=[ :])", "--input")
     usual = "support_acceleration"
     known = (usual, "cart_force", "force:", "lift:", "torque:", "force[0]")
-    add_words(page.asked, "--input", known, comma="", metavar="WORD", default=usual, help=words)
+    add_words(page.asked, "--input", known, comma="", metavar="WORDS", default=usual, help=words)
     _add_written(page)
 
 

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import Matrices, rig_of
+from modal.assembly import Matrices, equilibrium_of
 from modal.errors import ComputationError
 from modal.modes import Modes
 from modal.report import Displayed
@@ -120,12 +120,16 @@ def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
 
 def rest_angles(scene: Scene) -> Floats:
     """Equilibrium angle (L,) of every link: 0 hanging, π inverted, or where constant forces move it."""
-    return rig_of(scene).rest_angles
+    if equilibrium := equilibrium_of(scene):
+        return equilibrium.rest.angle
+    ways = [way for pendulum in scene.pendulum for _ in range(pendulum.count) for way in pendulum.ways]
+    return np.where(np.array(ways) == "up", np.pi, 0.0)
 
 
 def rest_cart(scene: Scene) -> float:
     """The cart's displacement (m) at equilibrium: 0, or where constant forces move it."""
-    return rig_of(scene).cart_rest
+    equilibrium = equilibrium_of(scene)
+    return equilibrium.cart if equilibrium else 0.0
 
 
 def along_rail(modes: Modes, number: int) -> tuple[list[int], Any]:
@@ -160,8 +164,8 @@ def start_in_mode(scene: Scene, modes: Modes, number: int, copy: int = 0, amplit
     value = modes.eigenvalue[number] if scene.has_damping else 0.0
     cart, angles = amplitude * complex(shape.cart), amplitude * shape.angles
     return State(
-        links=rest_angles(scene) + angles.real,
+        links=modes.rig.rest_angles + angles.real,
         link_rates=(value * angles).real + np.zeros(len(angles)),
-        cart=rest_cart(scene) + cart.real,
+        cart=modes.rig.cart_rest + cart.real,
         cart_rate=(value * cart).real,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import asin, atan2, degrees, pi
 from typing import Any
 
+import mpmath as mp
 import numpy as np
 import pytest
 import sympy as sp
@@ -12,6 +13,7 @@ from scipy.linalg import eig
 
 from modal import Pendulum, SceneError, matrices, natural_modes
 from modal.assembly import equilibrium_of, matrices_at, rig_of
+from modal.modes import sensitivities
 from modal.modes.friction import damping_ratios
 from modal.scene import Scene, scene_from
 from modal.scene.points import parse_point
@@ -170,6 +172,54 @@ def test_modes_are_those_of_the_matrices(name: str) -> None:
                 assert shape.kinetic_energy_share.sum() == pytest.approx(1.0)
 
 
+def exact_frequencies(scene: Scene) -> list[Any]:
+    """ω (rad/s) of a chain on a fixed support without springs and torques, in 50 digits."""
+    links = [link for link in scene.pendulum[0].links for _ in range(link.count)]
+    n, mass = len(links), [mp.mpf(link.mass) for link in links]
+    b = [mass[i] * links[i].centre + links[i].length * sum(mass[i + 1 :]) for i in range(n)]
+    own = [mass[i] * mp.mpf(links[i].centre) ** 2 + links[i].inertia for i in range(n)]
+    own = [own[i] + mp.mpf(links[i].length) ** 2 * sum(mass[i + 1 :]) for i in range(n)]
+    along, down = [mp.mpf(0)] * n, [mp.mpf(scene.gravity) * one for one in b]
+    for force in scene.force:
+        point = parse_point(force.on)
+        assert point is not None
+        for i in range(point.link + 1):
+            arm = mp.mpf(links[i].length if i < point.link else links[i].centre)
+            if force.direction == "horizontal":
+                along[i] += force.amplitude * arm
+            else:
+                down[i] -= force.amplitude * arm
+    angle = [mp.atan2(x, z) for x, z in zip(along, down, strict=True)]
+    M, K = mp.matrix(n), mp.matrix(n)
+    for i in range(n):
+        K[i, i] = mp.hypot(along[i], down[i])
+        for j in range(n):
+            moment = own[i] if i == j else b[max(i, j)] * links[min(i, j)].length
+            M[i, j] = moment * mp.cos(angle[i] - angle[j])
+    return sorted(mp.sqrt(mp.re(square)) for square in mp.eig(M**-1 * K)[0])
+
+
+def test_errors_are_within_their_bounds() -> None:
+    """Of random chains, and near the balance of weight and lift, where rounding turns the links."""
+    rng, scenes = np.random.default_rng(1), []
+    for _ in range(12):
+        n = int(rng.integers(1, 6))
+        sizes = 10 ** rng.uniform(-1.5, 1.5, (n, 2))
+        links = [{"kind": "bob", "mass": mass, "length": length} for mass, length in sizes.tolist()]
+        on = [f"pendulum[0].links[{link}]" for link in rng.integers(n, size=3)]
+        sides, lift = rng.normal(0.0, 20.0, 2).tolist(), float(rng.normal())
+        forces = [constant(place, side) for place, side in zip(on, sides, strict=False)]
+        scenes.append(pushed(*forces, constant(on[2], lift, "vertical"), links=links))
+    for left in (1e-3, 1e-6, 1e-9):
+        lift = constant("pendulum[0].links[1]", 0.5 * G * (1 - left), "vertical")
+        scenes.append(pushed(lift, constant("pendulum[0].links[1]", 0.35 * G * left)))
+    with mp.workdps(50):
+        for scene in scenes:
+            modes = natural_modes(scene)
+            for omega, bound, exact in zip(modes.omega, modes.error, exact_frequencies(scene), strict=True):
+                assert abs(mp.mpf(float(omega)) / exact - 1) <= bound
+
+
 def test_effective_masses_add_up() -> None:
     """Of undamped modes along the rail: to pᵀM⁻¹p on a fixed support, with the momentum p at unit velocity."""
     modes = natural_modes(SCENES["wind"])
@@ -229,6 +279,11 @@ def started(pendulum: Pendulum) -> Pendulum:
     return scene_from(
         {"gravity": G, "pendulum": [{"links": [ROD, BOB], "start": {"angles_deg": [1.0, 2.0]}}]}
     ).pendulum[0].replace(links=pendulum.links, count=pendulum.count)  # fmt: skip
+
+
+def test_sensitivities_are_refused_in_a_sentence() -> None:
+    with pytest.raises(SceneError, match="a derivative of modes is computed about links that hang or stand straight"):
+        sensitivities(natural_modes(SCENES["wind"]), 0)
 
 
 def test_no_constant_force_changes_nothing() -> None:

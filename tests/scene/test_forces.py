@@ -9,7 +9,7 @@ import pytest
 
 from modal import SceneError, load
 from modal.scene import ConstantForce, SineForce, drive_period, dumps, parse, places_of, scene_from
-from modal.scene.parameters import parse_variations, vary
+from modal.scene.parameters import vary
 from modal.scene.points import Point, parse_point
 
 LINK = {"kind": "bob", "mass": 1.0, "length": 1.0}
@@ -128,7 +128,6 @@ def test_numbers_of_forces_have_places() -> None:
     assert vary(scene, {"force[0].amplitude": 3.0, "force[1].amplitude": 1.0}).force[1].amplitude == 1.0  # type: ignore[union-attr]
     assert scene.features >= {"force", "constant_force"}
     assert scene.unforced.features.isdisjoint({"force"})
-    assert parse_variations(["force[0].amplitude=1:2:2"])[0].column == "force[0].amplitude"
     with pytest.raises(SceneError, match=r"force\[0\].frequency"):
         vary(scene, {"force[0].frequency": 1.0})
 
