@@ -19,6 +19,7 @@ from modal.scene.parameters import parse_variations
 from modal.types import Floats
 from nonlinear.orbits import (
     Branch,
+    Flow,
     Orbit,
     Special,
     entered,
@@ -80,6 +81,21 @@ def along_the_rail(t: float, y: Any, hertz: float) -> Any:
 def resonance() -> Branch:
     (branch,) = followed(shaken([BOB | {"damping": 0.05}]), f"{HERTZ}=0.40:0.55:2")
     return branch
+
+
+@pytest.mark.slow
+def test_an_orbit_of_a_branch_takes_few_flows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Newton's steps from the tangent, two mostly, and the orbit itself, of one period each."""
+    count, flow = [0], Flow.__call__
+
+    def counted(self: Flow, *given: Any, **more: Any) -> Any:
+        count[0] += 1
+        return flow(self, *given, **more)
+
+    monkeypatch.setattr(Flow, "__call__", counted)
+    (branch,) = followed(shaken([BOB | {"damping": 0.05}]), f"{HERTZ}=0.47:0.48:2", longest=0.05)
+    assert len(branch.orbits) > 20
+    assert count[0] < 4 * len(branch.orbits)
 
 
 @pytest.mark.slow
