@@ -369,6 +369,7 @@ def test_bad_input_gets_one_clear_message(scene: Scene, words: str, message: str
         followed(scene, words)
 
 
+@pytest.mark.slow
 def test_where_nothing_repeats_a_message_says_where_it_was_looked_for() -> None:
     """A constant force moves a cart that nothing holds for ever."""
     push = {"on": "cart", "kind": "constant", "amplitude": 3.0}
