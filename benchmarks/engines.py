@@ -3,7 +3,9 @@
     OPENBLAS_NUM_THREADS=1 python benchmarks/engines.py [--quick]
 
 Two bobs with one feature each, over the same two bobs without; then runs of shipped scenes, that of `kapitza.toml`
-beside the ten lines that a user would write with SciPy's DOP853.  Process times, the best of several, all in one run.
+beside the ten lines that a user would write with SciPy's DOP853.  What time brings is listed by itself: one call in
+floats, one of a thousand times side by side, and a run over a whole record, whose steps end at its breaks.  Process
+times, the best of several, all in one run.
 """
 
 from __future__ import annotations
@@ -12,14 +14,17 @@ import argparse
 import time
 from collections.abc import Callable
 from math import pi, sin
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from modal import Bob, Cart, Fixed, InitialCondition, Pendulum, Scene, load
-from modal.scene import Hoist, Moved, RandomMotion, SineMotion
+from modal.scene import Hoist, Moved, RandomMotion, RecordMotion, SineMotion, SweepMotion
 from nonlinear import simulate
 from nonlinear.dynamics import Generated
+from nonlinear.dynamics.inputs import Inputs
 from nonlinear.system import AppliedForces, State, initial_state, system_of
 
 RUNS = {
@@ -40,6 +45,52 @@ def hoisted(scene: Scene) -> Scene:
     first, second = scene.pendulum[0].links
     links = (first.replace(hoist=Hoist(to=0.7, duration=3.0)), second)
     return scene.replace(pendulum=(scene.pendulum[0].replace(links=links),))
+
+
+def inputs_of_time(folder: Path) -> dict[str, Scene]:
+    """Scenes that time drives for ten seconds, records of 2,001 samples."""
+    times, rng = np.linspace(0.0, 10.0, 2001), np.random.default_rng(1)
+    lengths = {"smooth": 1.0 + 0.3 * np.cos(times), "noisy": 1.3 + 1e-4 * rng.standard_normal(2001)}
+    swaying = 0.05 * np.sin(3 * times)
+    samples = {"smooth": swaying, "noisy": swaying + 1e-5 * rng.standard_normal(2001)}
+    scenes = {
+        "sine": of(Moved(motion=SineMotion(amplitude=0.02, frequency_hz=2.0))),
+        "sweep": of(Moved(motion=SweepMotion(amplitude=0.02, from_hz=0.5, to_hz=5.0, duration=10.0))),
+        "1,498 sines": of(Moved(motion=RandomMotion(psd=(0.1, 0.1), frequency_hz=(0.05, 25.0), seed=3, duration=60.0))),
+    }
+    for name, own in samples.items():
+        record = RecordMotion(time_s=tuple(times.tolist()), displacement_m=tuple(own.tolist()))
+        scenes[f"record, {name}"] = of(Moved(motion=record))
+    for profile in ("smooth", "trapezoidal"):
+        scenes[f"hoist, {profile}"] = roped(Hoist(to=0.7, duration=10.0, profile=profile), 1.3)
+    for name, own in lengths.items():
+        path = folder / f"{name}.csv"
+        rows = [f"{time!r},{length!r}" for time, length in zip(times.tolist(), own.tolist(), strict=True)]
+        path.write_text("\n".join(["time_s,length_m", *rows]), encoding="utf-8")
+        scenes[f"hoist, {name} file"] = roped(Hoist(file=str(path)), float(own[0]))
+    return scenes
+
+
+def roped(hoist: Hoist, length: float) -> Scene:
+    bob = Bob(mass=1.0, length=length, hoist=hoist)
+    start = InitialCondition(angles_deg=(5.0,))
+    return Scene(gravity=9.81, support=Fixed(), pendulum=(Pendulum(links=(bob,), start=start),))
+
+
+def table_of_inputs(calls: int, share: float) -> None:
+    """Print what inputs of time cost."""
+    print("\ninputs of time         µs a call  ns side by side   s a run   steps   breaks")
+    times = np.random.default_rng(5).uniform(0.0, 10.0, 1000)
+    with TemporaryDirectory() as folder:
+        for name, scene in inputs_of_time(Path(folder)).items():
+            own = Inputs(system_of(scene))
+            at, some = own.of_time, times[: min(calls, 1000)].tolist()
+            one = best(lambda at=at, some=some: [at(time) for time in some], 1) / len(some)
+            beside = best(lambda own=own: own.beside(times), 5) / len(times)
+            seconds = best(lambda scene=scene: simulate(scene, 10.0 * share, method="DOP853"), 1)
+            steps = simulate(scene, 10.0 * share, method="DOP853").run.steps
+            row = f"{1e6 * one:9.2f}  {1e9 * beside:15.1f}  {seconds:8.4f}  {steps:6}  {len(own.breaks(1e-9)):7}"
+            print(f"{name:22} {row}")
 
 
 def push(time: float, state: State) -> AppliedForces:
@@ -118,6 +169,7 @@ def main() -> None:
         seconds = best(derivative(scene, loaded), calls)
         plain = plain or seconds
         print(f"{name:22}  {1e6 * seconds:7.2f}  {seconds / plain:7.2f}")
+    table_of_inputs(calls, share)
     print("\na run of                     s     steps  µs a derivative")
     for name, (scene, duration) in RUNS.items():
         own, length = load(scene), share * duration

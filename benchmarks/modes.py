@@ -31,7 +31,7 @@ import numpy as np
 import scipy
 from scipy.linalg import eigh
 
-from modal import Bob, Cart, Pendulum, Rod, Scene, load, natural_frequencies, natural_modes
+from modal import Bob, Cart, Pendulum, Rod, Scene, load, matrices, natural_frequencies, natural_modes
 from modal.eigen.kernels import Saved
 
 if TYPE_CHECKING:
@@ -198,29 +198,84 @@ def uneven(ratio: float) -> Scene:
     )
 
 
-def many(compiled: bool) -> tuple[str, ...]:
-    """Scenes of ten different rods on a cart, all at once and in a loop over the rival: times and their ratio."""
+def small() -> list[tuple[str, ...]]:
+    """One scene of few links: ours from a `Scene`, the rival's from K and M that are there already."""
+    Saved.seconds = -inf
+    rows = []
+    for n in (2, 10):
+        scene = chain(n)
+        M, K = matrices(scene).M, matrices(scene).K
+        each: dict[str, Callable[[], np.ndarray]] = {
+            RIVAL: lambda M=M, K=K: eigh(K, M, eigvals_only=True),
+            "natural_frequencies": lambda scene=scene: natural_frequencies(scene),
+            "natural_modes": lambda scene=scene: natural_modes(scene).omega,
+        }
+        found = timed(each)
+        times = (f"{1e6 * found[name][0]:.0f} µs" for name in each)
+        rows.append((str(n), *times, *(f"{found[name][1]:.1f}" for name in list(each)[1:])))
+    return rows
+
+
+def few() -> tuple[str, ...]:
+    """The first three modes of a thousand rods, and all of them."""
+    Saved.seconds = -inf
+    scene = chain(1000)
+    found = timed(
+        {RIVAL: lambda: natural_modes(scene).omega, "few": lambda: natural_modes(scene, modes=slice(3)).omega}
+    )
+    return f"{1e3 * found['few'][0]:.1f} ms", f"{1e3 * found[RIVAL][0]:.0f} ms"
+
+
+def stack_of(arrays: Sequence[tuple[np.ndarray, ...]], cart: float) -> np.ndarray:
+    """K^−½ M K^−½ (S, n, n) of chains on a cart, its momentum taken out, with g = 1."""
+    made = []
+    for m, l, c, inertia in arrays:
+        below = np.concatenate([np.cumsum(m[:0:-1])[::-1], [0.0]])
+        b = m * c + l * below
+        A = np.outer(b, l)
+        np.fill_diagonal(A, inertia + m * c * c + l * l * below)
+        A -= np.outer(b, b) / (cart + m.sum())
+        made.append(A / np.sqrt(b) / np.sqrt(b)[:, None])
+    return np.array(made)
+
+
+def many(n: int, compiled: bool) -> tuple[str, ...]:
+    """Scenes of n different rods on a cart: arrays of numbers beside NumPy's stack of matrices, which is there already.
+
+    Lists of scenes beside the loop over `eigh` that makes its matrices.
+    """
     Saved.seconds = -inf
     if compiled:
         importlib.import_module("modal.eigen.compiled")
-    random = np.random.default_rng(1)
-    scenes = [
-        on_cart([Pendulum(links=[Rod(mass=float(m), length=float(l)) for m, l in random.uniform(0.5, 2.0, (10, 2))])])
-        for _ in range(SCENES)
-    ]
-    each = {
-        RIVAL: lambda: np.array([by_eigh(numbers, 100.0, 9.81) for numbers in arrays]),
-        "ours": lambda: natural_frequencies(scenes),
+    numbers = np.random.default_rng(1).uniform(0.5, 2.0, (SCENES, n, 2))
+    scenes = [on_cart([Pendulum(links=[Rod(mass=float(m), length=float(l)) for m, l in own])]) for own in numbers]
+    places = {
+        f"pendulum[0].links[{k}].{name}": np.ascontiguousarray(numbers[:, k, column])
+        for k in range(n)
+        for column, name in enumerate(("mass", "length"))
     }
     arrays = [numbers_of(scene) for scene in scenes]
-    found = timed(each)
-    error = np.abs(each[RIVAL]() / each["ours"]()[:, 1:] - 1).max()
-    ours, rival = (1e3 * found[name][0] for name in ("ours", RIVAL))
+    stack = stack_of(arrays, 100.0)
+    by_stack = timed(
+        {
+            RIVAL: lambda: np.linalg.eigvalsh(stack),
+            "all": lambda: natural_frequencies(scenes[0], vary=places),
+            "rough": lambda: natural_frequencies(scenes[0], 1e-8, vary=places),
+        }
+    )
+    by_loop = timed(
+        {
+            RIVAL: lambda: np.array([by_eigh(own, 100.0, 9.81) for own in arrays]),
+            "list": lambda: natural_frequencies(scenes),
+        }
+    )
+    exact = natural_frequencies(scenes[0], vary=places)[:, 1:]
+    error = np.abs(np.sqrt(9.81 / np.linalg.eigvalsh(stack)[:, ::-1]) / exact - 1).max()
     return (
-        "compiled" if compiled else "default",
-        f"{ours:.0f} ms",
-        f"{rival:.0f} ms",
-        f"{rival / ours:.1f}",
+        f"{n}, {'compiled' if compiled else 'default'}",
+        f"{1e3 * by_stack[RIVAL][0]:.2f} ms",
+        *(f"{1e3 * by_stack[name][0]:.2f} ms ({by_stack[name][1]:.2f})" for name in ("all", "rough")),
+        f"{1e3 * by_loop['list'][0]:.0f} ms ({by_loop['list'][1]:.2f})",
         f"{error:.0e}",
     )
 
@@ -326,6 +381,8 @@ def page(
     lengths: Sequence[Row],
     ratios: Sequence[Row],
     together: Sequence[Sequence[str]],
+    alone_rows: Sequence[Sequence[str]],
+    some: Sequence[str],
     costs: Sequence[Sequence[str]],
     ratio: float,
 ) -> str:
@@ -348,9 +405,20 @@ arrays during the call. Errors are upper bounds for the worst of {SAMPLED} modes
 
 {comparison("ratio", ratios)}
 
-## {SCENES:,} scenes of ten different rods on a cart, every digit
+## One scene of few rods on a cart
 
-{markdown(("all at once", "ours", "loop over eigh", "times faster", "error of eigh"), together)}
+`scipy.linalg.eigh(K, M)` is given the matrices; ours begins with a `Scene`. In brackets of headings: over eigh.
+
+{markdown(("n", "eigh", "natural_frequencies", "natural_modes", "(frequencies)", "(modes)"), alone_rows)}
+
+The first three modes of a thousand rods take {some[0]}, all of them {some[1]}, without numba.
+
+## {SCENES:,} scenes of n different rods on a cart
+
+`natural_frequencies(scene, vary={{…}})` beside `np.linalg.eigvalsh` of a stack of matrices that is there already, and a
+list of scenes beside a loop over `eigh`; in brackets the time over the rival's.
+
+{markdown(("n", "eigvalsh of the stack", "every digit", "to 1e-8", "list, every digit", "error of eigvalsh"), together)}
 
 ## What the project promises
 
@@ -395,22 +463,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="up to 100 links, without the longest cost")
     parser.add_argument("--write", action="store_true", help="write docs/benchmarks/modes.md and the figure")
-    parser.add_argument("--many", choices=("default", "compiled"), help=argparse.SUPPRESS)
+    parser.add_argument("--many", nargs=2, metavar=("N", "HOW"), help=argparse.SUPPRESS)
     parser.add_argument("--cost", choices=COSTS, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.cost:
         report(options.cost)
         return
     if options.many:
-        print(*many(options.many == "compiled"), sep="\t")
+        print(*many(int(options.many[0]), options.many[1] == "compiled"), sep="\t")
         return
+    alone_rows, some = small(), few()  # before the compiled recursion is loaded
     mp.mp.dps = 50
     lengths = rows_of({n: chain(n) for n in LENGTHS if n <= 100 or not options.quick})
     mp.mp.dps = 250
     ratios = rows_of({ratio: uneven(ratio) for ratio in RATIOS})
-    together = [alone(["--many", how]) for how in ("default", *(["compiled"] if find_spec("numba") else []))]
+    hows = ("default", *(["compiled"] if find_spec("numba") else []))
+    together = [alone(["--many", str(n), how]) for n in (2, 10) for how in hows]
     costs = [cost(name) for name in COSTS if not (options.quick and name == "100,000 different pendula")]
-    text = page(lengths, ratios, together, costs, start_ratio())
+    text = page(lengths, ratios, together, alone_rows, some, costs, start_ratio())
     print(text)
     if options.write:
         (DOCS / "benchmarks" / "modes.md").write_text(text, encoding="utf-8")

@@ -25,6 +25,8 @@ from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.taylor import TaylorStepper, first_step
 from nonlinear.system import Equations, State, System, of_plane, system_of
 
+SAMPLES = 1000  # of what takes samples on its way
+
 Task = Callable[[], np.ndarray]
 Maker = Callable[[Problem, float], Task]
 
@@ -161,6 +163,29 @@ def numba_alone(problem: Problem, step: float) -> Task:
     return lambda: integrated(M, weight, on, y.copy(), step, round(problem.duration / step))[on : len(M)]
 
 
+def numba_dop853(problem: Problem, tolerance: float) -> Task:
+    """DOP853 of the equations of double pendula on a cart, or of a chain of bobs, written by hand for numba."""
+    import rival_numba as rival
+
+    system, found = system_of(problem.scene), matrices(problem.scene)
+    on, g, samples = int(system.cart is not None), system.gravity, np.linspace(0.0, problem.duration, SAMPLES + 1)[1:]
+    y = np.concatenate((np.zeros(on), problem.angles, np.zeros(on + len(problem.angles))))
+    rows = np.empty((SAMPLES, len(y)))
+    if on:
+        M = np.array(found.M, dtype=float)
+        run, p = rival.stepping(rival.doubles), (g, M[0, 0], M[1, 1], M[1, 2], M[2, 2], M[0, 1], M[0, 2])
+    else:
+        given = [np.ascontiguousarray(system.by_link(name)) for name in ("mass", "length")]
+        run, p = rival.stepping(rival.bobs), (g, *given, *np.empty((5, system.n_links)))
+
+    def task(end: float = problem.duration) -> np.ndarray:
+        run(y.copy(), p, end, tolerance, tolerance, samples, rows)
+        return rows[-1, on : len(y) // 2].copy()
+
+    task(1e-3)
+    return task
+
+
 def heyoka_alone(problem: Problem, tolerance: float) -> Task:
     """Heyoka alone, on the same expressions, from the start to the end without samples."""
     equations = Generated(system_of(problem.scene))
@@ -294,5 +319,6 @@ ROUTES = {
     "MuJoCo, RK4": Route(mujoco, STEPS, "mujoco", partial(colour, 1), "D", False),
     "heyoka alone": Route(heyoka_alone, SERIES, "heyoka", ink, "^", False),
     "numba alone, RK4": Route(numba_alone, STEPS, "numba", ink, "s", False),
+    "numba alone, DOP853": Route(numba_dop853, TOLERANCES, "numba", ink, "D", False),
     "Pinocchio, RK4": Route(pinocchio, STEPS, "pinocchio", ink, "v", False),
 }

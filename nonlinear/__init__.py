@@ -1,5 +1,7 @@
 """Nonlinear simulation of the scenes of `modal` at any angle, with checks of its accuracy.
 
+The names below are loaded on first use, so that a simulation does not wait for ensembles.
+
 >>> import modal
 >>> from nonlinear import simulate
 >>> run = simulate(modal.load("paper-cart-3"), 10.0)
@@ -10,26 +12,29 @@
 from typing import TYPE_CHECKING
 
 from modal._compatibility import exported
-from nonlinear.ensembles import Ensemble, ensemble
-from nonlinear.files import load, save
-from nonlinear.integration import SimulationError, SolverInfo, Trajectory
-from nonlinear.simulation import resume, simulate
-from nonlinear.system import (
-    AppliedForces,
-    Event,
-    EventRecord,
-    Motion,
-    State,
-    System,
-    initial_state,
-    level_crossing,
-    state_at_rest,
-    system_of,
-    turning_point,
-)
+
+if TYPE_CHECKING:
+    from nonlinear.ensembles import Compilation, Ensemble, compile_engines, ensemble
+    from nonlinear.files import load, save
+    from nonlinear.integration import SimulationError, SolverInfo, Trajectory
+    from nonlinear.simulation import resume, simulate
+    from nonlinear.system import (
+        AppliedForces,
+        Event,
+        EventRecord,
+        Motion,
+        State,
+        System,
+        initial_state,
+        level_crossing,
+        state_at_rest,
+        system_of,
+        turning_point,
+    )
 
 __all__ = [
     "AppliedForces",
+    "Compilation",
     "Ensemble",
     "Event",
     "EventRecord",
@@ -39,6 +44,7 @@ __all__ = [
     "State",
     "System",
     "Trajectory",
+    "compile_engines",
     "ensemble",
     "initial_state",
     "level_crossing",
@@ -66,4 +72,6 @@ if not TYPE_CHECKING:
             "start_of": "initial_state",
             "turning": "turning_point",
         },
+        homes=("system", "integration", "simulation", "files", "ensembles"),
     )
+    __dir__ = __all__.copy

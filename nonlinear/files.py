@@ -24,7 +24,7 @@ from modal.scene import Scene, describe, kind_of, scene_from, sealed, whole_file
 from modal.scene.sealed import finite_array, index, reading, require_keys
 from modal.types import Floats
 from nonlinear.dynamics import links_of_contacts
-from nonlinear.integration import FORMS, TRUNCATED, SolverInfo, Trajectory, choose
+from nonlinear.integration import FORMS, TRUNCATED, SolverInfo, Trajectory, validate_method
 from nonlinear.reduction import CORRECTED, LINEAR
 from nonlinear.system import (
     NO_FRICTION,
@@ -181,7 +181,7 @@ def _run(found: dict[str, Any], system: System, scene: Scene) -> SolverInfo:
         raise TypeError
     if run.form in FORMS:
         integrated = replace(system, spatial=system.spatial and run.form == "spatial")
-        choose(scene, 1.0, run.tolerance, run.method, run.form, system=integrated)
+        validate_method(scene, run.method, run.form, system=integrated)
     elif run.form not in REDUCED:
         raise ValueError
     return run

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from modal._compatibility import exported
 from modal.errors import SceneError
 from modal.scene import Scene, validate_scene
@@ -18,13 +16,13 @@ from nonlinear.integration import (
     Request,
     SimulationError,
     Trajectory,
-    choose,
     paced,
     sample_times,
     silent,
     validate,
     validate_accuracy,
     validate_forces,
+    validate_method,
     validate_numbers,
     validate_observable,
 )
@@ -35,7 +33,6 @@ from nonlinear.system import (
     Kicks,
     Load,
     State,
-    System,
     initial_state,
     system_of,
     validate_state,
@@ -137,7 +134,7 @@ def _request(
 ) -> Request:
     """The validated request; SceneError lists every mistake."""
     system, load = system_of(scene, more.pop("hoist", None)), more.get("load")
-    told = _with_support(system, {name: more.pop(name, None) for name in ("breaks", "max_step")})
+    told = {name: more.pop(name, None) for name in ("breaks", "max_step")}
     *_, pace = validate(
         lambda: validate_numbers(duration, tolerance, start_time),
         lambda: validate_accuracy(accuracy),
@@ -147,30 +144,13 @@ def _request(
     words = {name: more[name] for name in ("method", "form") if name in more}
     state, _, times = validate(
         lambda: validate_state(start if start is not None else initial_state(scene), system),
-        lambda: choose(scene, duration, tolerance, **words, driven=load is not None, system=system),
+        lambda: validate_method(scene, **words, driven=load is not None, system=system),
         lambda: sample_times(scene, duration, start_time, output),
     )
     validate_forces(load, system, state, start_time)
     if system.hoisting is not None:
         system.hoisting.at(times)
     return Request(scene, system, state, times, pace=pace, **more)
-
-
-def _with_support(system: System, told: dict[str, Any]) -> dict[str, Any]:
-    """The breaks and the longest step, with those of a moved support."""
-    if not system.prescribed:
-        return told
-    breaks = system.breaks if told["breaks"] is None else [*np.ravel(told["breaks"]), *system.breaks]
-    longest = told["max_step"]
-    return {"breaks": breaks, "max_step": _shorter(longest, system.shortest)}
-
-
-def _shorter(longest: Any, shortest: float) -> Any:
-    """The shorter of both, an invalid one as it is."""
-    try:
-        return shortest if longest is None else min(longest, shortest) if longest > 0 else longest
-    except TypeError:
-        return longest
 
 
 def certain(advice: Advice) -> Trajectory:

@@ -174,6 +174,57 @@ def test_the_main_job_loads_no_heavy_package(job: str) -> None:
     assert "numpy" in loaded
 
 
+COSTLY = {f"scipy.{room}" for room in ("integrate", "interpolate", "linalg", "optimize", "signal", "sparse", "stats")}
+COSTLY |= {*HEAVY, "modal.identification", "nonlinear.identification"} - {"scipy"}
+"""What takes so long to load that only those who need it wait for it."""
+NEEDED: dict[str, set[str]] = {
+    "import nonlinear": set(),
+    "import nonlinear; nonlinear.simulate, nonlinear.ensemble, nonlinear.load": set(),
+    "import nonlinear.plotting": {"matplotlib"},
+    "table paper-cart-2": set(),
+    "simulate paper-cart-2 --duration 0.1": set(),
+    "simulate chain-spatial --duration 0.1": set(),
+    "check paper-cart-2 --mode 1 --amplitude 1": set(),
+    "basins chain-1 --vary gravity=9:10:2 --vary pendulum[0].links[0].length=1:2:2 --duration 0.1 --workers 1": set(),
+    "sync huygens --duration 1": set(),
+    "orbits chain-2 --mode 1 --to 3": set(),
+    "plot paper-cart-2 --duration 0.1 -o run.svg": {"matplotlib"},
+    "simulate paper-cart-2 --duration 0.1 --method RK45": {
+        *("scipy.integrate", "scipy.linalg", "scipy.optimize", "scipy.sparse")
+    },
+}
+"""What an import or a command may load of it."""
+
+
+def loaded_by(job: str, folder: Path) -> set[str]:
+    """What of COSTLY is loaded after an import or a command."""
+    code = job if job.startswith("import") else f"from multipendula.cli import main; main({job.split()})"
+    code = f"{code}\nimport sys; print(*sys.modules, file=sys.stderr)"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=folder)
+    return COSTLY & set(ran.stderr.split())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("job", NEEDED)
+def test_a_command_loads_what_it_needs(job: str, tmp_path: Path) -> None:
+    assert loaded_by(job, tmp_path) <= NEEDED[job]
+
+
+@pytest.mark.slow
+def test_what_is_loaded_is_seen(tmp_path: Path) -> None:
+    job = "import scipy, nonlinear.identification; scipy.signal"
+    assert {"scipy.signal", "nonlinear.identification"} <= loaded_by(job, tmp_path)
+
+
+@pytest.mark.parametrize("name", sources())
+def test_rooms_of_scipy_are_loaded_when_they_are_used(name: str) -> None:
+    """`import scipy` loads none of them; numba's kernels alone extend a class of SciPy, and load more than that."""
+    body = ast.parse(sources()[name].read_text(encoding="utf-8")).body
+    rooms = [node.module for node in body if isinstance(node, ast.ImportFrom) and f"{node.module}".startswith("scipy")]
+    rooms += [own.name for node in body if isinstance(node, ast.Import) for own in node.names if "scipy." in own.name]
+    assert rooms == (["scipy.integrate"] if name == "nonlinear.integration.compiled" else [])
+
+
 OPTION = re.compile(r"(?<![\w-])--[a-z]|(?<![\w-])-[a-z] |--?[a-z]+ FILE")
 
 

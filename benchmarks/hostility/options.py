@@ -43,6 +43,7 @@ BASES = {
     "plot": "small.toml --duration 0.1 -o a.png",
     "animate": "small.toml --duration 0.1 --seconds 0.1 -o a.html",
     "play": "small.toml -o a.html",
+    "compile": "chain-spatial",
     "orbits": "small.toml --mode 1 --to 3",
     "check": "small.toml --mode 1 --amplitude 1",
     "tradeoff": "small.toml --duration 0.05",

@@ -5,7 +5,8 @@ In: a `Scene`.  Out: `Rig`, arrays of pendula with equal ones counted once, and 
     M q'' + D q' + K q = 0,    q = (x, θ_1, …, θ_n)
 
 Every other room works on these arrays and never asks what kind a link is.  Start with `arrays`; `stacks` are many
-scenes of one form, `linearization` is the dense form for printing, for small problems and for tests.
+scenes of one form, `single` is one short chain in floats, `linearization` is the dense form for printing, for small
+problems and for tests.
 """
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
@@ -22,7 +23,8 @@ from modal.assembly.hoisting import (
 )
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
-from modal.assembly.stacks import Group, Stack, can_stack, stacked
+from modal.assembly.single import Single, single
+from modal.assembly.stacks import Group, Stack, can_stack, keep_form, stacked, varied
 
 __all__ = [
     "ARRAYS",
@@ -36,6 +38,7 @@ __all__ = [
     "Matrices",
     "RatioAt",
     "Rig",
+    "Single",
     "Stack",
     "Units",
     "assembled",
@@ -49,6 +52,7 @@ __all__ = [
     "hoisting_of",
     "instants",
     "joints",
+    "keep_form",
     "masses_below",
     "matrices",
     "matrices_along",
@@ -59,5 +63,7 @@ __all__ = [
     "quadratic_drags",
     "ratio_at",
     "rig_of",
+    "single",
     "stacked",
+    "varied",
 ]

@@ -104,6 +104,16 @@ class Units:
     length: float
     gravity: float
 
+    @classmethod
+    def of(cls, heaviest: float, longest: float, gravity: float) -> Units:
+        """Those of a scene with this largest mass and length."""
+        return cls(2.0 ** frexp(heaviest)[1], 2.0 ** frexp(longest)[1], gravity)
+
+    @property
+    def stiffness(self) -> float:
+        """The natural unit of a cart's spring (N/m)."""
+        return self.mass * self.gravity / self.length
+
     @property
     def rate(self) -> float:
         """The natural unit of angular frequency, sqrt(g/L), in rad/s."""
@@ -167,9 +177,8 @@ class Rig(Displayed):
         """The same rig in its natural units, and these units in SI."""
         heaviest = max(float(block.mass.max()) for block in self.blocks)
         longest = max(float(block.length.max()) for block in self.blocks)
-        units = Units(2.0 ** frexp(heaviest)[1], 2.0 ** frexp(longest)[1], self.gravity)
+        units = Units.of(heaviest, longest, self.gravity)
         moment = units.mass * units.length**2
-        spring = units.mass * units.gravity
         blocks = tuple(
             replace(
                 block,
@@ -178,7 +187,7 @@ class Rig(Displayed):
                 centre=block.centre / units.length,
                 inertia=block.inertia / moment,
                 damping=block.damping / (moment * units.rate),
-                stiffness=block.stiffness / (spring * units.length),
+                stiffness=block.stiffness / (units.mass * units.gravity * units.length),
                 drag=block.drag / (units.mass * units.rate),
             )
             for block in self.blocks
@@ -186,7 +195,7 @@ class Rig(Displayed):
         cart = self.cart and CartNumbers(
             mass=self.cart.mass / units.mass,
             damping=self.cart.damping / (units.mass * units.rate),
-            stiffness=self.cart.stiffness / (spring / units.length),
+            stiffness=self.cart.stiffness / units.stiffness,
         )
         return replace(self, gravity=1.0, blocks=blocks, cart=cart), units
 

@@ -34,8 +34,6 @@ Hoists = Mapping[tuple[int, int], Any]
 
 
 POSITIVE = "hoist: a length must be a positive number of metres, with finite speed, at all times"
-MOST_KNOTS = 1000
-"""Knots of a law at which an integrator restarts; of more only the first and the last, since splines are smooth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +58,7 @@ class Hoisting:
     @cached_property
     def breaks(self) -> tuple[float, ...]:
         """The times (s) at which a derivative of a length may jump, ascending."""
-        found = [tuple(getattr(law, "breaks", ())) for _, law in self.laws]
-        few = (own if len(own) <= MOST_KNOTS else (own[0], own[-1]) for own in found)
-        return tuple(sorted({time for own in few for time in own}))
+        return tuple(sorted({time for _, law in self.laws for time in getattr(law, "breaks", ())}))
 
     def at(self, times: Any) -> tuple[Floats, Floats, Floats]:
         """Lengths (..., L) in m, their speeds (m/s) and accelerations (m/s²) at times (...) in s.

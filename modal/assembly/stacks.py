@@ -5,16 +5,21 @@ The natural units of every scene are powers of two as in `modal.assembly.arrays`
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import chain
 from operator import attrgetter
 
 import numpy as np
 
 from modal.scene import Cart, Pendulum, Scene
-from modal.types import Floats, Ints
+from modal.scene.parameters import Place
+from modal.types import Booleans, Floats, Ints
 
+ARRAYS = ("mass", "length", "centre", "inertia")
+SUPPORT = {("gravity",), ("support", "mass"), ("support", "stiffness")}
+CHANGING = {"centre", "inertia"}
+"""Numbers of a link at which zero is another form, as it is for both of a support."""
 KIND, SIZE = attrgetter("__class__", "count", "damping", "stiffness", "drag"), attrgetter("mass", "length")
 
 
@@ -32,6 +37,12 @@ class Group:
     def numbers(self) -> tuple[Floats, Floats, Floats, Floats]:
         """All arrays except the counts."""
         return self.mass, self.length, self.centre, self.inertia
+
+    @property
+    def heavier(self) -> Group:
+        """Each pendulum with the mass of all its copies."""
+        times = self.count[:, None, None]
+        return replace(self, mass=self.mass * times, inertia=self.inertia * times) if times.max() > 1 else self
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,37 +81,73 @@ def _is_plain(scene: Scene) -> bool:
 
 def stacked(scenes: Sequence[Scene]) -> Stack:
     """The arrays of scenes of one form."""
-    first = scenes[0]
-    mass, length, centre, inertia = _links(scenes)
-    gravity = np.array([scene.gravity for scene in scenes])
-    heaviest, longest = (2.0 ** np.frexp(values.max(1))[1] for values in (mass, length))
-    scaled = [
-        values / unit[:, None]
-        for values, unit in ((mass, heaviest), (length, longest), (centre, longest), (inertia, heaviest * longest**2))
-    ]
-    groups = tuple(_pendula_of(chosen, scaled) for chosen in _by_length(first))
-    cart = None, None
-    if isinstance(first.support, Cart):
-        numbers = np.array([(scene.support.mass, scene.support.stiffness) for scene in scenes])  # type: ignore[union-attr]
-        cart = numbers[:, 0] / heaviest, numbers[:, 1] / (heaviest * gravity / longest)
-    return Stack(groups, *cart, np.sqrt(gravity / longest), first.space == "space")
+    cart = None
+    if isinstance(scenes[0].support, Cart):
+        cart = np.array([(scene.support.mass, scene.support.stiffness) for scene in scenes]).T  # type: ignore[union-attr]
+    return _stack(scenes[0], _links(scenes), np.array([scene.gravity for scene in scenes]), cart)
+
+
+def varied(scene: Scene, numbers: Mapping[Place, Floats]) -> Stack | None:
+    """The arrays of one scene with other numbers (S,) at some places; None where these change more than numbers.
+
+    They must `keep_form`.
+    """
+    if not can_stack([scene]) or not all(place in SUPPORT or _is_of_link(place) for place in numbers):
+        return None
+    size = len(next(iter(numbers.values())))
+    where = [(i, j, link) for i, one in enumerate(scene.pendulum) for j, link in enumerate(one.links)]
+    links = [np.empty((len(where), size)) for _ in ARRAYS]
+    for row, (i, j, link) in enumerate(where):
+        at = ("pendulum", i, "links", j)
+        mass, length = (numbers.get((*at, name), getattr(link, name)) for name in ARRAYS[:2])
+        own = dict(zip(ARRAYS, (mass, length, *link.proportions(mass, length)), strict=True))
+        for values, name in zip(links, ARRAYS, strict=True):
+            values[row] = own[name] if link.is_uniform else numbers.get((*at, name), own[name])
+    gravity = np.broadcast_to(numbers.get(("gravity",), scene.gravity), size)
+    support, cart = scene.support, None
+    if isinstance(support, Cart):
+        cart = np.empty((2, size))
+        cart[0] = numbers.get(("support", "mass"), support.mass)
+        cart[1] = numbers.get(("support", "stiffness"), support.stiffness)
+    return _stack(scene, links, gravity, cart)
+
+
+def keep_form(numbers: Mapping[Place, Floats]) -> Booleans:
+    """Which members (S,) have a form in common: none of these numbers is a zero that makes it another one."""
+    kept = np.ones(len(next(iter(numbers.values()))), dtype=np.bool_)
+    for place, values in numbers.items():
+        if place in SUPPORT or place[-1] in CHANGING:
+            kept &= values > 0
+    return kept
+
+
+def _is_of_link(place: Place) -> bool:
+    return len(place) == 5 and place[2] == "links" and place[-1] in ARRAYS
+
+
+def _stack(scene: Scene, links: Sequence[Floats], gravity: Floats, cart: Floats | None) -> Stack:
+    """The arrays of scenes of the form of one, with these numbers (L, S) of all links and (2, S) of the cart."""
+    mass, length, centre, inertia = links
+    heaviest, longest = (np.ldexp(1.0, np.frexp(values.max(0))[1]) for values in (mass, length))
+    scaled = mass / heaviest, length / longest, centre / longest, inertia / (heaviest * longest**2)
+    groups = tuple(_pendula_of(chosen, scaled) for chosen in _by_length(scene))
+    rail = (None, None) if cart is None else (cart[0] / heaviest, cart[1] / (heaviest * gravity / longest))
+    return Stack(groups, rail[0], rail[1], np.sqrt(gravity / longest), scene.space == "space")
 
 
 def _links(scenes: Sequence[Scene]) -> list[Floats]:
-    """Mass, length, centre and inertia (S, L) of all links as specified."""
+    """Mass, length, centre and inertia (L, S) of all links as specified."""
     rows = [[link for pendulum in scene.pendulum for link in pendulum.links] for scene in scenes]
     sizes = np.fromiter(chain.from_iterable(map(SIZE, chain.from_iterable(rows))), float).reshape(len(rows), -1, 2)
-    mass, length = (np.ascontiguousarray(sizes[..., column]) for column in (0, 1))
-    centre, inertia = np.empty_like(mass), np.empty_like(mass)
-    kinds = [type(link) for link in rows[0]]
-    for kind in set(kinds):
-        own = [column for column, other in enumerate(kinds) if other is kind]
-        if kind.is_uniform:
-            centre[:, own], inertia[:, own] = rows[0][own[0]].proportions(mass[:, own], length[:, own])
+    found = [np.empty((len(rows[0]), len(rows))) for _ in ARRAYS]
+    mass, length, centre, inertia = found
+    mass[:], length[:] = sizes[..., 0].T, sizes[..., 1].T
+    for k, link in enumerate(rows[0]):
+        if link.is_uniform:
+            centre[k], inertia[k] = link.proportions(mass[k], length[k])
         else:
-            centre[:, own] = [[row[column].centre for column in own] for row in rows]
-            inertia[:, own] = [[row[column].inertia for column in own] for row in rows]
-    return [mass, length, centre, inertia]
+            centre[k], inertia[k] = np.array([(row[k].centre, row[k].inertia) for row in rows]).T
+    return found
 
 
 def _by_length(scene: Scene) -> list[list[tuple[Pendulum, int]]]:
@@ -119,5 +166,9 @@ def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) ->
         for pendulum, column in chosen
     ]
     at = np.array(columns).T
-    mass, length, centre, inertia = (np.ascontiguousarray(values.T[at])[:, :, None] for values in scaled)
+    if len(chosen) == 1 and at[-1] - at[0] == len(at) - 1:
+        rows = slice(at[0, 0], at[-1, 0] + 1)
+        mass, length, centre, inertia = (values[rows, None, None] for values in scaled)
+    else:
+        mass, length, centre, inertia = (values[at][:, :, None] for values in scaled)
     return Group(mass, length, centre, inertia, np.array([pendulum.count for pendulum, _ in chosen]))

@@ -4,9 +4,9 @@ In: a `Rig`.  Out: a `Spectrum`, the eigenvalues in ascending order, each with t
 
     K φ = ω² M φ,    with dampers  (λ² M + λ D + K) φ = 0
 
-A chain uses the effective-mass recursion and bisection (`chains`), with joint springs or inverted links
-`sprung_chains`; many different pendula on one cart the secular equation (`coupled`); dampers the quadratic problem
-(`quadratic`). Start with `spectrum`, which chooses.
+A chain uses the effective-mass recursion and bisection (`chains`, in floats `short`), with joint springs or inverted
+links `sprung_chains`; many different pendula on one cart the secular equation (`coupled`); dampers the quadratic
+problem (`quadratic`). Start with `spectrum`, which chooses.
 
 `elimination` is the recursion at any complex frequency, with loads, in the floats or decimals of `arithmetic`.
 """
@@ -14,7 +14,7 @@ A chain uses the effective-mass recursion and bisection (`chains`), with joint s
 from modal.eigen.amplitude import Swing, distortion, one_percent_amplitude
 from modal.eigen.arithmetic import REPLICAS, Arithmetic, Digits, Rounded, evaluated
 from modal.eigen.bisection import smallest_where
-from modal.eigen.chains import Limits, squares_of
+from modal.eigen.chains import EVERYTHING, Limits, squares_of
 from modal.eigen.counts import counted
 from modal.eigen.coupled import LIGHTEST
 from modal.eigen.degenerate import TOLERANCE, degenerate_modes
@@ -23,12 +23,14 @@ from modal.eigen.elimination import FORCE, TORQUE, Hung, Load, cart_of, hung
 from modal.eigen.matrix_source import LIGHT
 from modal.eigen.recursion import at_infinity
 from modal.eigen.secular import Poles, solve
-from modal.eigen.sources import Details, Rigid, largest_angle
+from modal.eigen.short import short_squares
+from modal.eigen.sources import Details, Rigid, largest_angle, structured_error
 from modal.eigen.spectrum import CLOSE, Part, Spectrum, find_spectrum, notes
 from modal.eigen.sturm import Suspension, chains_of
 
 __all__ = [
     "CLOSE",
+    "EVERYTHING",
     "FORCE",
     "LIGHT",
     "LIGHTEST",
@@ -61,7 +63,9 @@ __all__ = [
     "largest_angle",
     "notes",
     "one_percent_amplitude",
+    "short_squares",
     "smallest_where",
     "solve",
     "squares_of",
+    "structured_error",
 ]

@@ -36,16 +36,18 @@ INSTANTS = 33
 def quartic(block: Block, x: Floats, cart: Floats, angle: Floats) -> Floats:
     """Each chain's part (P, R) of Γ at g = 1, for x = ω², cart displacements (R,) and angles (n, P, R)."""
     b = (block.sigma * block.b)[:, :, None]
-    inertial = -cart / 2 * (b * angle**3).sum(0) - _pairs(block, angle, angle) / 2
-    part: Floats = x / 8 * inertial + (b * angle**4).sum(0) / 64
+    cube = b * (angle * angle * angle)
+    inertial = -cart / 2 * cube.sum(0) - _pairs(block, angle, angle) / 2
+    part: Floats = x / 8 * inertial + (cube * angle).sum(0) / 64
     return part
 
 
 def fourth_order(block: Block, angle: Floats, cart_speed: Floats, speed: Floats) -> Floats:
     """The contribution of each chain (P, R) to the fourth-order Lagrangian at g = 1, at one instant."""
     b = (block.sigma * block.b)[:, :, None]
-    inertial = cart_speed * (b * angle**2 * speed).sum(0) + _pairs(block, angle, speed)
-    found: Floats = (b * angle**4).sum(0) / 24 - inertial / 2
+    square = angle * angle
+    inertial = cart_speed * (b * square * speed).sum(0) + _pairs(block, angle, speed)
+    found: Floats = (b * square * square).sum(0) / 24 - inertial / 2
     return found
 
 

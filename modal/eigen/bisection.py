@@ -60,7 +60,7 @@ class Counting(Protocol):
     def count(self, x: Floats) -> Ints:
         """The number of eigenvalues below each x (R, S)."""
 
-    def take(self, supports: Ints) -> Counting:
+    def take(self, supports: Ints | slice) -> Counting:
         """A subset of the problems."""
 
 
@@ -118,7 +118,7 @@ def _between(problem: Counting, wanted: Ints, lo: Ints, hi: Ints) -> Floats:
 
 
 def _reached(problem: Counting, wanted: Ints, points: Ints) -> Booleans:
-    """Whether the count at points (K, R, S) has passed the indices (R,)."""
+    """Whether the count at points (K, R, S) has passed the indices (R,), or (R, S)."""
     x = np.ascontiguousarray(points).view(np.float64)
     counts = problem.count(x.reshape(-1, points.shape[-1])).reshape(points.shape)
-    return np.asarray(counts > wanted[:, None])
+    return np.asarray(counts > (wanted[:, None] if wanted.ndim == 1 else wanted))

@@ -19,32 +19,40 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.assembly import Block, CartNumbers
-from modal.eigen.bisection import confirmed, lies_within, located, searched
+from modal.eigen.bisection import NEAR, confirmed, lies_within, located, searched
 from modal.eigen.counts import Built, counted
 from modal.eigen.kernels import kernels
 from modal.eigen.rayleigh import at_pivot, twisted, without_each
 from modal.eigen.recursion import Swept, at_infinity, from_above, from_below, joint_masses, kinetic
-from modal.eigen.seeds import LARGEST, seed_matrices, seeds
-from modal.eigen.sturm import ROOM, Suspension
+from modal.eigen.seeds import LARGEST, seed_matrices, seeds, slow_seeds
+from modal.eigen.sturm import Suspension
 from modal.types import Booleans, Floats, Ints
 
 SEEDS = "dense seeds"
 ROUNDING = 1e-15
-LONG, FEW, LONG_COMPILED = 500, 20, 200
-"""Links above which seeds cost more than a search for one mode in FEW; than a compiled search for all."""
+LONG, FEW, LONG_COMPILED = 100, 20, 200
+"""Links above which seeds of all cost more than those of one mode in FEW; than a compiled search for all."""
 SEARCHED, CONFIRMED = 60, 8
 """Counts in a search, and after seeds with as many trials in each."""
 PER_LINK, PER_TRIAL = 5e-6, 1e-8
 """Seconds that the compiled recursion saves per link of a count, and per trial value of a link."""
+CACHED = 100_000
+"""Numbers of one array of many supports, few enough for all of them to stay in a processor's cache."""
+CLOSEST = 2.0**-51
+"""Relative distance of ω² that counts leave where there are many supports: two to four units in the last place."""
 FARTHER = 16
 """Distance from a second guess in units in the last place."""
 
 
 class Limits(NamedTuple):
-    """What is required of a spectrum: a relative accuracy of ω (0: every digit), and a number of the lowest modes."""
+    """What is required of a spectrum: a relative accuracy of ω (0: every digit), and a number of the lowest modes.
+
+    The oscillatory `squares` (R,) of a single chain may be known already.
+    """
 
     accuracy: float = 0.0
     lowest: int | None = None
+    squares: Floats | None = None
 
 
 EVERYTHING = Limits()
@@ -93,57 +101,101 @@ def squares_of(suspension: Suspension, wanted: Ints, modes: int, accuracy: float
     """
     if not wanted.size:
         return Squares.exact(np.zeros((0, suspension.supports)))
+    if _is_slow(suspension, wanted):
+        guess, error = slow_seeds(suspension, len(wanted))
+        near = guess, np.maximum(error, 3 * accuracy)  # nothing tells that none was missed, so that a count must
+        return _settled(suspension, wanted, _tried(suspension, wanted, accuracy, near), modes)
     counts = SEARCHED if suspension.size > LARGEST else CONFIRMED
     trials = suspension.supports * len(wanted)
     compiled = kernels(counts * suspension.size * (PER_LINK + PER_TRIAL * trials))
-    if suspension.size > (LONG_COMPILED if compiled else LARGEST) or FEW * len(wanted) < suspension.size - LONG:
+    if suspension.size > (LONG_COMPILED if compiled else LARGEST) or _are_few(suspension, wanted):
         return Squares.exact(located(suspension, wanted, modes))
-    step = max(1, ROOM // suspension.size**2)
-    if step >= suspension.supports:
-        return _near_seeds(suspension, wanted, modes, accuracy)
+    step = max(1, CACHED // suspension.size**2)
     starts = range(0, suspension.supports, step)
-    pieces = (suspension.take(np.arange(at, min(at + step, suspension.supports))) for at in starts)
-    found = zip(*(_near_seeds(piece, wanted, modes, accuracy) for piece in pieces), strict=True)
-    return Squares(*(np.concatenate(parts, axis=1) for parts in found))
+    pieces = [suspension.take(slice(at, at + step)) for at in starts] if len(starts) > 1 else [suspension]
+    tried = [_tried(piece, wanted, accuracy, seeds(piece)) for piece in pieces]
+    every = Tried(*(np.concatenate(parts, axis=1) for parts in zip(*tried, strict=True)))
+    return _settled(suspension, wanted, every, modes)
 
 
-def _near_seeds(suspension: Suspension, wanted: Ints, modes: int, accuracy: float) -> Squares:
-    try:
-        guess, error = (values[wanted] for values in seeds(suspension))
-    except np.linalg.LinAlgError:
-        return Squares.exact(located(suspension, wanted, modes))
-    if not accuracy:
-        return Squares.exact(_confirmed(suspension, wanted, guess, error, modes))
-    rough = (error > 2 * accuracy).any(1)
-    if rough.any():
-        inside = lies_within(suspension, wanted[rough], guess[rough], 2 * accuracy)
-        error[rough] = np.where(inside, 2 * accuracy, error[rough])
-        rough &= (error > 2 * accuracy).any(1)
-    if rough.any():
-        guess[rough] = _confirmed(suspension, wanted[rough], guess[rough], error[rough], modes)
-        error[rough] = 0.0
-    return Squares(guess, error)
+def _is_slow(suspension: Suspension, wanted: Ints) -> bool:
+    """Whether these are a few of the lowest modes of one long support without a spring."""
+    sprung = suspension.stiffness is not None and bool(suspension.stiffness[0] > 0)
+    lowest = bool(wanted[-1] == len(wanted) - 1)
+    return _are_few(suspension, wanted) and suspension.supports == 1 and lowest and not sprung
 
 
-def _confirmed(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
-    """A Rayleigh quotient step from each seed, and from another shape where the count does not confirm the first.
+def _are_few(suspension: Suspension, wanted: Ints) -> bool:
+    return FEW * len(wanted) < suspension.size - LONG
 
-    With compiled counts that second shape would take longer than a search.
+
+class Tried(NamedTuple):
+    """ω² of a first way, bounds on their errors beyond rounding, where counts refute it, the seeds and their errors."""
+
+    x: Floats
+    error: Floats
+    missed: Booleans
+    guess: Floats
+    known: Floats
+
+
+def _settled(suspension: Suspension, wanted: Ints, tried: Tried, modes: int) -> Squares:
+    """All ω², those that were missed found mode by mode another way."""
+    x, error, missed, guess, known = tried
+    rows, supports = np.nonzero(missed)
+    if not rows.size:
+        return Squares(x, error)
+    if suspension.supports == 1:
+        x[rows] = _otherwise(suspension, wanted[rows, None], guess[rows], known[rows], modes)
+        return Squares(x, error)
+    own, step = [], max(1, CACHED // suspension.size)
+    for at in range(0, len(rows), step):
+        row, support = rows[at : at + step], supports[at : at + step]
+        alone = wanted[None, row], guess[None, row, support], known[None, row, support]
+        own.append(_otherwise(suspension.take(support), *alone, modes)[0])
+    x[missed] = np.concatenate(own)
+    return Squares(x, error)
+
+
+def _tried(suspension: Suspension, wanted: Ints, accuracy: float, near: tuple[Floats, Floats]) -> Tried:
+    """Seeds `near` all modes where they are known to be accurate enough, else a Rayleigh quotient step from each."""
+    guess, known = (values[wanted] for values in near)
+    x, error, missed = guess.copy(), known.copy(), np.zeros(guess.shape, dtype=np.bool_)
+    rows = np.flatnonzero((known > 2 * accuracy).any(1))
+    if accuracy and rows.size:
+        inside = lies_within(suspension, wanted[rows], guess[rows], 2 * accuracy)
+        error[rows] = np.where(inside, 2 * accuracy, error[rows])
+        rows = np.flatnonzero((error > 2 * accuracy).any(1))
+    if rows.size:
+        x[rows], missed[rows] = _improved(suspension, wanted[rows], guess[rows])
+        error[rows] = 0.0
+    return Tried(x, error, missed, guess, known)
+
+
+def _improved(suspension: Suspension, wanted: Ints, guess: Floats) -> tuple[Floats, Booleans]:
+    """A Rayleigh quotient step at the pivot, and where the count does not confirm it.
+
+    Of one support the float at which the count steps, of many a float within CLOSEST of it.
     """
-    found, missed = confirmed(suspension, wanted, at_pivot(suspension, guess))
-    if missed.any() and not kernels():
-        part, rows, some = _part(suspension, missed)
-        found[part], missed[part] = confirmed(some, wanted[rows], twisted(some, guess[part]), FARTHER)
+    found = at_pivot(suspension, guess)
+    if suspension.supports == 1:
+        return confirmed(suspension, wanted, found, FARTHER if _are_few(suspension, wanted) else NEAR)
+    return found, ~lies_within(suspension, wanted, found, CLOSEST)
+
+
+def _otherwise(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
+    """The eigenvalues with these indices (R, S) from another shape, and by a search where that is not confirmed.
+
+    With compiled counts that shape would take longer than a search.
+    """
+    if kernels():
+        return searched(suspension, wanted, guess, error, modes)
+    found, missed = confirmed(suspension, wanted, twisted(suspension, guess), FARTHER)
     if missed.any():
-        part, rows, some = _part(suspension, missed)
-        found[part] = searched(some, wanted[rows], guess[part], error[part], modes)
+        rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))
+        part = np.ix_(rows, supports)
+        found[part] = searched(suspension.take(supports), wanted[part], guess[part], error[part], modes)
     return found
-
-
-def _part(suspension: Suspension, missed: Booleans) -> tuple[tuple[Ints, ...], Ints, Suspension]:
-    """The modes and supports with anything missing as indices (R, S), these modes, and these supports."""
-    rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))
-    return np.ix_(rows, supports), rows, suspension.take(supports)
 
 
 # ---------------------------------------------------------------------------------------------- fixed support
@@ -151,25 +203,28 @@ def _part(suspension: Suspension, missed: Booleans) -> tuple[tuple[Ints, ...], I
 
 def fixed_squares(block: Block, limits: Limits = EVERYTHING) -> Squares:
     """ω² of every chain on a fixed support, shape (n, P), ascending."""
+    if limits.squares is not None:
+        return Squares.exact(limits.squares[:, None])
     return squares_of(Suspension.fixed(block), np.arange(block.n)[: limits.lowest], block.n, limits.accuracy)
 
 
 def fixed_shapes(chains: Block, x: Floats) -> Motion:
-    """Shape r of chain r at x[r], for R chains (columns, repeated as needed): one block with arrays (n, 1, R)."""
-    below, above = from_below(chains, x[:, None]), from_above(chains, x[:, None], None)
+    """Shape r of chain r at x[r], for R chains (columns, repeated as needed) or one: a block with arrays (n, 1, R)."""
+    square = x[None] if chains.size == 1 else x[:, None]
+    below, above = from_below(chains, square), from_above(chains, square, None)
     gap, cost = _mismatch(below, above, joint_masses(chains.constants.p, chains.constants.r))
     cost[0] = np.inf
     twist = np.arange(chains.n + 1)[:, None, None] == cost.argmin(0)
-    y, a = _joined(below, _climb(above, twist), above.turn, twist, np.zeros(x[:, None].shape))
+    y, a = _joined(below, _climb(above, twist), above.turn, twist, np.zeros(square.shape))
     energies = kinetic(chains, y, a)
-    modal_mass = energies.sum(0)[:, 0]
+    modal_mass = energies.sum(0).ravel()
     return Motion(
         cart=np.zeros(len(x)),
-        turns=(a.swapaxes(1, 2),),
-        energies=(energies.swapaxes(1, 2),),
+        turns=(a.reshape(chains.n, 1, -1),),
+        energies=(energies.reshape(chains.n, 1, -1),),
         modal_mass=modal_mass,
-        momentum=a[0, :, 0] * (chains.constants.k[0] / x + chains.constants.q[0]),
-        residual=np.where(twist, gap, 0.0).sum(0)[:, 0] / modal_mass,
+        momentum=a[0].ravel() * (chains.constants.k[0] / x + chains.constants.q[0]),
+        residual=np.where(twist, gap, 0.0).sum(0).ravel() / modal_mass,
     )
 
 
@@ -219,6 +274,8 @@ class CartProblem:
     @cached_property
     def found(self) -> Squares:
         """ω² (R,) of every other oscillatory mode, ascending, within the limits."""
+        if self.limits.squares is not None:
+            return Squares.exact(self.limits.squares)
         wanted = np.delete(np.arange(self.n_modes), self.known)[: self.limits.lowest]
         suspension = Suspension.on_cart(self.blocks, self.cart)
         x, error = squares_of(suspension, wanted, self.n_modes, self.limits.accuracy)

@@ -14,23 +14,29 @@ def available() -> bool:
     return find_spec("numba") is not None
 
 
-def compiled(function: Any) -> Any:
+def compiled(function: Any, **options: Any) -> Any:
     """The compiled function, cached on disk where there is a folder for it; the function itself without numba."""
     try:
         from numba import njit
     except ImportError:
         return function
     try:
-        return njit(cache=True, error_model="numpy")(function)
+        return njit(cache=True, error_model="numpy", **options)(function)
     except RuntimeError:
-        return njit(error_model="numpy")(function)
+        return njit(error_model="numpy", **options)(function)
 
 
-def vectorized(function: Any) -> Any:
+def vectorized(function: Any, **options: Any) -> Any:
     """As `compiled`, with products and sums contracted and added up in any order, as vector instructions want it."""
-    from numba import njit
+    return compiled(function, fastmath={"contract", "nsz", "reassoc"}, **options)
 
-    return njit(cache=True, error_model="numpy", fastmath={"contract", "nsz", "reassoc"})(function)
+
+def in_place(function: Any, **options: Any) -> Any:
+    """As `vectorized`, for what makes no array of its own but reads and fills those of its caller.
+
+    Their references are not counted, which in small functions takes longer than what they compute.
+    """
+    return vectorized(function, _nrt=False, **options)
 
 
 def inner(function: Callable[..., Any], decorator: str) -> str:

@@ -50,21 +50,47 @@ def _chains(constants: tuple[Floats, ...]) -> Iterator[list[Any]]:
 
 
 def _count(links: list[Any], y: float, nudge: float) -> tuple[float, float]:
-    mu, below = 0.0, 0
     try:
-        for link in links:
-            D, mu = passed(*(*link, y, mu, nudge))
-            below += D < 0
+        return nudged(links, y, nudge) if nudge else swept(links, y)
     except ZeroDivisionError:
-        mu = nan
-    return below, mu
+        return 0, nan
 
 
 def _accumulate(links: list[Any], y: float) -> tuple[float, float]:
-    mu, energy = 0.0, 0.0
     try:
-        for link in links:
-            mu, energy = passed_with_energy(*(*link, y, mu, energy))
+        return swept_with_energy(links, y)
     except ZeroDivisionError:
         return nan, nan
+
+
+def swept(links: list[Any], y: float) -> tuple[int, float]:
+    """Pivots D < 0 and the mass at the pivot of links (1/k, r, p, m, m J), tip first: `passed`, without its calls."""
+    mu, below = 0.0, 0
+    for k, r, p, m, mJ in links:
+        t = y * k
+        D = 1.0 - (mu + r) * t
+        if D < 0.0:
+            below += 1
+        mu = (mu * (1.0 - p * t) + (m - mJ * t)) / D
+    return below, mu
+
+
+def nudged(links: list[Any], y: float, nudge: float) -> tuple[int, float]:
+    """The same with D less the nudge."""
+    mu, below = 0.0, 0
+    for k, r, p, m, mJ in links:
+        D, mu = passed(k, r, p, m, mJ, y, mu, nudge)
+        below += D < 0
+    return below, mu
+
+
+def swept_with_energy(links: list[Any], y: float) -> tuple[float, float]:
+    """Mass and energy at the pivot of links (1/k, r, p, m, m J, q), tip first: `passed_with_energy`, the same way."""
+    mu = energy = 0.0
+    for k, r, p, m, mJ, q in links:
+        t = y * k
+        D = 1.0 - r * t - t * mu
+        carried = (1.0 + q * t) / D
+        mu = (mu * (1.0 - p * t) + (m - mJ * t)) / D
+        energy = ((energy + r) * carried + 2.0 * q) * carried + p
     return mu, energy

@@ -12,8 +12,8 @@ LINKING, LOADING = 0.5, 1.5
 """Seconds to load the compiled recursion, with numba already loaded and without."""
 
 
-FEW = 60
-"""Links times trial values up to which Python floats are faster than arrays."""
+FEW, SIDE_BY_SIDE = 60, 16
+"""Links times trial values up to which Python floats are fastest; trial values up to which they surpass arrays."""
 
 
 class Saved:
@@ -35,4 +35,6 @@ def kernels(seconds: float = 0.0) -> ModuleType | None:
 
 def scalar_kernels(links: int, trials: int, supports: int) -> ModuleType | None:
     """The module that runs the recursion one number at a time, None where arrays do it sooner."""
-    return floats if supports == 1 and links * trials <= FEW else kernels()
+    if supports == 1 and links * trials <= FEW:
+        return floats
+    return kernels() or (floats if supports == 1 and trials <= SIDE_BY_SIDE else None)

@@ -57,13 +57,19 @@ def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
     mass, energy = (np.zeros((chains.m.shape[1], *x.shape)) for _ in range(2))
     D = np.empty_like(mass)
     step = max(1, ROOM // max(1, mass.size))
+    room = np.empty((5, min(step, chains.n), *mass.shape))
     for end in range(chains.n, 0, -step):
         some = slice(max(0, end - step), end)
-        m, mJ, near, far, q, t = (
-            values[some] for values in (chains.m, chains.mJ, chains.r, chains.p, chains.q, chains.inverse)
-        )
-        t = t * x
-        factors = t, near, far, 2 * q, 1.0 - near * t, 1.0 - far * t, m - mJ * t, 1.0 + q * t
+        m, mJ, near, far, q = (values[some] for values in (chains.m, chains.mJ, chains.r, chains.p, chains.q))
+        t, *products = room[:, : end - some.start]
+        np.multiply(chains.inverse[some], x, out=t)
+        for constant, product in zip((near, far, mJ, q), products, strict=True):
+            np.multiply(constant, t, out=product)
+        free, gains, masses, shares = products
+        for whole, less in ((1.0, free), (1.0, gains), (m, masses)):
+            np.subtract(whole, less, out=less)
+        shares += 1.0
+        factors = t, near, far, 2 * q, free, gains, masses, shares
         for own, r, p, twice, free, passed, added, carried in zip(*(values[::-1] for values in factors), strict=True):
             np.multiply(own, mass, out=D)
             np.subtract(free, D, out=D)

@@ -9,14 +9,18 @@ of the size of the largest eigenvalue, so each is known to N ε of that one (Par
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from modal.eigen.sturm import ROOM, Suspension
+from modal.eigen.sturm import Suspension
 from modal.types import Floats
 
 EPS = 2.0**-53
 ROUNDINGS = 4
 """Rounding of an entry, in units in the last place."""
+EACH, MORE = 4, 24
+"""Lanczos steps for each mode, and for all of them."""
 LARGEST = 1500
 """Links on a support up to which a dense matrix is used."""
 
@@ -25,7 +29,10 @@ def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
     """ω² (N, S), ascending, and bounds on the relative errors (N, S), infinite where nothing is known."""
     matrix = _scaled(suspension)
     size = matrix.shape[-1]
-    values: Floats = np.asarray(matrix[..., 0] if size == 1 else np.linalg.eigvalsh(matrix), dtype=np.float64)
+    try:
+        values = {1: _only, 2: _both}.get(size, np.linalg.eigvalsh)(matrix)
+    except np.linalg.LinAlgError:
+        values = np.full(matrix.shape[:2], np.nan)
     largest = values[:, -1:]
     with np.errstate(all="ignore"):
         error = ROUNDINGS * size * EPS * largest / values
@@ -33,37 +40,92 @@ def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
         return np.asarray((1.0 / values).T[::-1]), error.T[::-1]
 
 
+def slow_seeds(suspension: Suspension, number: int) -> tuple[Floats, Floats]:
+    """The `number` lowest ω² (R, 1) of one support without a spring, and estimates of their relative errors (R, 1).
+
+    They are the largest eigenvalues of the same matrix, by the Lanczos iteration with full orthogonalization (Parlett,
+    §13): its product with a vector is two running sums along each chain.  It may miss a mode, which a count tells.
+    """
+    product, size = _product(suspension), suspension.size
+    steps = min(size, EACH * number + MORE)
+    basis, small, beta = np.zeros((steps + 1, size)), np.zeros((steps, steps)), 0.0
+    start = np.random.default_rng(0).uniform(0.5, 1.0, size)
+    basis[0] = start / np.linalg.norm(start)
+    for k in range(steps):
+        w = product(basis[k])
+        small[k, k] = basis[k] @ w
+        for _ in range(2):
+            w -= (basis[: k + 1] @ w) @ basis[: k + 1]
+        small[k + 1 : k + 2, k] = beta = float(np.linalg.norm(w))
+        basis[k + 1] = w / beta if beta > 0 else w
+    values, vectors = np.linalg.eigh(small)
+    values, missed = values[: -number - 1 : -1, None], beta * np.abs(vectors[-1, : -number - 1 : -1, None])
+    error = (missed + ROUNDINGS * size * EPS * values[0]) / values
+    return 1.0 / values, np.where((values > 0) & np.isfinite(error), error, np.inf)
+
+
+def _product(suspension: Suspension) -> Callable[[Floats], Floats]:
+    """The product of K^−½ M K^−½ and a vector (N,), for one support without a spring."""
+    rows = [(chains, p) for chains in suspension.chains for p in range(chains.m.shape[1])]
+    b, length, diagonal = (
+        np.concatenate([getattr(chains, name)[:, p, 0, 0] for chains, p in rows])
+        for name in ("b", "length", "diagonal")
+    )
+    moment = np.sqrt(b)
+    reach, own = length / moment, diagonal / b
+    drawn = moment / suspension.total_mass[0] if suspension.mass is not None else np.zeros_like(moment)
+    ends = np.cumsum([chains.n for chains, _ in rows]).tolist()
+    pieces = [slice(end - chains.n, end) for end, (chains, _) in zip(ends, rows, strict=True)]
+
+    def product(v: Floats) -> Floats:
+        found: Floats = own * v - drawn * (moment @ v)
+        for piece in pieces:
+            along, across = (reach * v)[piece], (moment * v)[piece]
+            found[piece][1:] += moment[piece][1:] * np.cumsum(along[:-1])
+            found[piece][:-1] += reach[piece][:-1] * np.cumsum(across[:0:-1])[::-1]
+        return found
+
+    return product
+
+
 def seed_matrices(links: int, supports: int) -> tuple[tuple[str, int, int], ...]:
     """The matrices behind the seeds of `supports` supports, as (name, order, count)."""
     return (("seeds", links, supports),) if 1 < links <= LARGEST else ()
 
 
+def _only(matrix: Floats) -> Floats:
+    return matrix[..., 0]
+
+
+def _both(matrix: Floats) -> Floats:
+    """The eigenvalues (S, 2) of matrices of two rows, ascending, sooner than by LAPACK."""
+    first, last, beside = matrix[:, 0, 0], matrix[:, 1, 1], matrix[:, 1, 0]
+    middle, half = (first + last) / 2, np.hypot((first - last) / 2, beside)
+    return np.stack([middle - half, middle + half], axis=-1)
+
+
 def _scaled(suspension: Suspension) -> Floats:
-    """The lower triangle of each K^−½ M K^−½ (S, N, N)."""
+    """The lower triangle of each K^−½ M K^−½ (S, N, N); in memory the supports are next to each other."""
     supports, links = suspension.supports, suspension.size
     spring = suspension.stiffness is not None and bool(suspension.stiffness[0] > 0)
-    found = np.zeros((supports, links + spring, links + spring))
-    root = np.empty((supports, links))
+    free = suspension.stiffness is not None and not spring
+    found = np.zeros((links + spring, links + spring, supports))
+    moments = [np.sqrt(chains.b[:, :, 0]).swapaxes(0, 1).reshape(-1, supports) for chains in suspension.chains]
+    every = np.concatenate(moments)
+    drawn = every / suspension.total_mass if free else np.zeros((links, 1))
+    if free and links > suspension.chains[0].n:
+        np.multiply(every[:, None], -drawn, out=found)
     at = 0
     for chains in suspension.chains:
-        n = chains.n
-        moment, length, diagonal = (values[:, :, 0].T for values in (np.sqrt(chains.b), chains.length, chains.diagonal))
-        reach, diagonal = length / moment, diagonal / moment / moment
-        for p in range(moment.shape[1]):
-            own = slice(at + spring, at + spring + n)
-            np.multiply(moment[:, p, :, None], reach[:, p, None, :], out=found[:, own, own])
-            found[:, range(own.start, own.stop), range(own.start, own.stop)] = diagonal[:, p]
-            root[:, at : at + n] = moment[:, p]
-            at += n
-    if suspension.stiffness is None:
-        return found
-    if spring:
-        held = np.sqrt(suspension.stiffness)[:, None]
-        found[:, 0, 0] = suspension.total_mass / held[:, 0] / held[:, 0]
-        found[:, 1:, 0] = root / held
-        return found
-    root /= np.sqrt(suspension.total_mass)[:, None]
-    step = max(1, ROOM // (supports * links))
-    for at in range(0, links, step):
-        found[:, at : at + step] -= root[:, at : at + step, None] * root[:, None]
-    return found
+        for p in range(chains.m.shape[1]):
+            own = slice(at, at + chains.n)
+            moment, less = every[own], drawn[own]
+            at += chains.n
+            block = found[own.start + spring : at + spring, own.start + spring : at + spring]
+            np.multiply(moment[:, None], chains.length[:, p, 0] / moment - less, out=block)
+            np.einsum("iis->is", block)[:] = chains.diagonal[:, p, 0] / moment / moment - moment * less
+    if spring and suspension.stiffness is not None:
+        held = np.sqrt(suspension.stiffness)
+        found[0, 0] = suspension.total_mass / held / held
+        found[1:, 0] = every / held
+    return found.transpose(2, 0, 1)

@@ -109,7 +109,7 @@ def _oscillating(squares: Floats) -> NDArray[np.complex128]:
     return np.sqrt(np.abs(squares)) * np.where(squares < 0, 1.0, 1j)
 
 
-def _structured_error(links: int, chains: int) -> float:
+def structured_error(links: int, chains: int) -> float:
     """Bound on the relative error of ω: each step of a count perturbs the scene's data by a few roundings."""
     return (12 + 6 * links + log2(chains + 1)) * ROUNDOFF
 
@@ -178,14 +178,16 @@ class Alone:
     @property
     def error(self) -> Floats:
         """Relative error bounds."""
-        return self.found.error.ravel() / 2 + _structured_error(self.block.n, 1)
+        return self.found.error.ravel() / 2 + structured_error(self.block.n, 1)
 
     def details(self, rows: Ints) -> Details:
         """One copy's shape and momentum."""
-        chains, x = self.block.take(rows % self.block.size), self.squares.ravel()[rows]
+        several, x = self.block.size > 1, self.squares.ravel()[rows]
+        chains = self.block.take(rows % self.block.size) if several else self.block
         motion = fixed_shapes(chains, x)
         angle = motion.turns[0] / chains.length[:, None, :]
-        gamma = quartic(chains, x[:, None], np.zeros(1), angle.swapaxes(1, 2))[:, 0]
+        square, turned = (x[:, None], angle.swapaxes(1, 2)) if several else (x, angle)
+        gamma = quartic(chains, square, np.zeros(1), turned).ravel()
         return _details(motion, x, (angle,), gamma, motion.energies, np.inf)
 
 
@@ -220,7 +222,7 @@ class Together:
     def error(self) -> Floats:
         """Relative error bounds."""
         deepest, chains = max(block.n for block in self.blocks), sum(block.size for block in self.blocks)
-        rounding = self.problem.slack * _structured_error(deepest, chains)
+        rounding = self.problem.slack * structured_error(deepest, chains)
         return np.broadcast_to(self.problem.dense_error + rounding, self.problem.squares.shape)
 
     def details(self, rows: Ints) -> Details:

@@ -23,8 +23,10 @@ from modal.eigen.kernels import scalar_kernels
 from modal.eigen.recursion import NUDGE
 from modal.types import Floats, Ints
 
-ROOM = 200_000
+ROOM = 16_000
 """Size of an array of trials over links that fits a processor's cache."""
+MOST_COUNTED = 127
+"""Links of which an integer of eight bits is a count."""
 
 
 class Chains(NamedTuple):
@@ -50,7 +52,7 @@ class Chains(NamedTuple):
         """Number of links of all chains of one support."""
         return int(self.m.shape[0] * self.m.shape[1])
 
-    def take(self, supports: Ints) -> Chains:
+    def take(self, supports: Ints | slice) -> Chains:
         """The chains of some supports."""
         return Chains(*(values[..., supports] for values in self))
 
@@ -103,7 +105,7 @@ class Suspension:
         """Mass of each cart and everything on it, (S,)."""
         return np.asarray((0.0 if self.mass is None else self.mass) + sum(c.m.sum((0, 1, 2)) for c in self.chains))
 
-    def take(self, supports: Ints) -> Suspension:
+    def take(self, supports: Ints | slice) -> Suspension:
         """Some of the supports."""
         chains = tuple(one.take(supports) for one in self.chains)
         if self.mass is None or self.stiffness is None:
@@ -147,11 +149,17 @@ def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
         return scalar.count_and_mass((chains.inverse, chains.r, chains.p, chains.m, chains.mJ), x, nudge)  # type: ignore[no-any-return]
     mu = np.zeros((chains.m.shape[1], *x.shape))
     below = np.zeros(mu.shape, dtype=np.int64)
-    step = max(1, ROOM // max(1, mu.size))
+    step = min(MOST_COUNTED, max(1, ROOM // max(1, mu.size)))
+    room = np.empty((4, min(step, chains.n), *mu.shape))
     for end in range(chains.n, 0, -step):
         some = slice(max(0, end - step), end)
-        t = chains.inverse[some] * x
-        factors = t, 1.0 - chains.p[some] * t, chains.m[some] - chains.mJ[some] * t, chains.r[some], np.empty_like(t)
+        t, gains, masses, pivots = room[:, : end - some.start]
+        np.multiply(chains.inverse[some], x, out=t)
+        np.multiply(chains.p[some], t, out=gains)
+        np.subtract(1.0, gains, out=gains)
+        np.multiply(chains.mJ[some], t, out=masses)
+        np.subtract(chains.m[some], masses, out=masses)
+        factors = t, gains, masses, chains.r[some], pivots
         for own, gain, added, r, D in zip(*(values[::-1] for values in factors), strict=True):
             np.add(mu, r, out=D)
             np.multiply(D, own, out=D)
@@ -161,7 +169,7 @@ def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
             mu *= gain
             mu += added
             mu /= D
-        below += (factors[-1] < 0).sum(0)
+        below += np.add.reduce((pivots < 0).view(np.int8), axis=0, dtype=np.int8)
     return below, mu
 
 

@@ -14,7 +14,7 @@ from math import log, pi
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from modal.errors import ComputationError
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
@@ -115,7 +115,7 @@ def _square(one: Floats, other: Floats) -> float:
 def _pairs(measured: MeasuredModes, rows: tuple[Mode, ...], mac: Floats) -> list[Pair]:
     shaped = bool(np.isfinite(mac).all())
     cost = np.array([[abs(log(one.frequency / (mode.omega / (2 * pi)))) for mode in rows] for one in measured.modes])
-    left, right = linear_sum_assignment(-mac if shaped else cost)
+    left, right = scipy.optimize.linear_sum_assignment(-mac if shaped else cost)
     return [
         Pair(measured.modes[r], rows[s], None if np.isnan(mac[r, s]) else float(mac[r, s]))
         for r, s in zip(left.tolist(), right.tolist(), strict=True)

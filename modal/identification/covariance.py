@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import fftconvolve
+import scipy
 
 from modal.types import Floats
 
@@ -52,7 +52,9 @@ def covariance(G: Floats, blocks: Sequence[tuple[slice, float, Floats]]) -> Floa
         own = G[rows]
         weights = rho * (1 - np.arange(len(rho)) / len(rho))
         weights[0] = 1.0
-        smoothed = own if len(rho) == 1 else fftconvolve(own, _two_sided(weights)[:, None], mode="same", axes=0)
+        smoothed = (
+            own if len(rho) == 1 else scipy.signal.fftconvolve(own, _two_sided(weights)[:, None], mode="same", axes=0)
+        )
         found += variance * own.T @ smoothed
     return (found + found.T) / 2
 

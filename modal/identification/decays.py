@@ -24,8 +24,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.signal import find_peaks
+import scipy
 
 from modal.errors import ComputationError
 from modal.identification.covariance import autocorrelation, covariance, influence
@@ -302,7 +301,7 @@ def _fitted(series: Sequence[Series], model: Model, weights: Floats) -> Decays:
     start = np.concatenate((poles.real, poles.imag, model.shifts.real, model.shifts.imag)) / scale
     low, high = start - 0.5, start + 0.5
     high[:R] = np.minimum(high[:R], np.maximum(start[:R] + 1e-9, 3 / longest / scale[:R]))
-    solution: Any = least_squares(
+    solution: Any = scipy.optimize.least_squares(
         residuals, start, jacobian, bounds=(low, high), ftol=CLOSE, xtol=CLOSE, gtol=CLOSE, max_nfev=60
     )
     return _described(series, model_of(solution.x), weights)
@@ -377,7 +376,7 @@ def log_decrement(times: Floats, values: Floats) -> Decrement:
     spectrum = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values)), 8 * len(values)))
     rate = float(np.fft.rfftfreq(8 * len(values), step)[int(np.argmax(spectrum))])
     apart = max(1, int(0.7 / max(rate, 1e-300) / step))
-    tops, bottoms = (find_peaks(sign * middle, height=high, distance=apart)[0] for sign in (1, -1))
+    tops, bottoms = (scipy.signal.find_peaks(sign * middle, height=high, distance=apart)[0] for sign in (1, -1))
     peaks = np.sort(np.concatenate((tops, bottoms)))
     peaks = peaks[(peaks > 0) & (peaks < len(values) - 1)]
     found = [_vertex(times, values, int(k), max(1, int(0.08 / rate / step))) for k in peaks]

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr
+import scipy
 
 from modal.identification.parameters import Parameter
 from modal.report import Displayed, listed
@@ -77,7 +77,7 @@ def find_determined(
         null = (singular < LOST * singular[0]) | (singular * vague < 1)
         if not null.any():
             break
-        pivots = qr(V[null], mode="economic", pivoting=True)[2]
+        pivots = scipy.linalg.qr(V[null], mode="economic", pivoting=True)[2]
         worst = kept[np.sort(pivots[: int(null.sum())])]
         lost += worst.tolist()
         kept = np.setdiff1d(kept, worst)

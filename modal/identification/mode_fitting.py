@@ -20,8 +20,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.stats import chi2
+import scipy
 
 from modal.errors import ComputationError, SceneError
 from modal.identification.derivatives import ModeDerivatives, matrix_derivatives, polar
@@ -341,7 +340,7 @@ def _solved(problem: _Problem, z: Floats, loss: str, most: int = MOST, close: fl
     size = len(problem.residuals(z))
     steps = [0.1 if one.log else 0.1 * max(one.start, 0.05) for one in problem.parameters]
     jacobian: Callable[[Floats], Floats] = lambda x: problem.jacobian(whole(x))[:, columns]  # noqa: E731
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         residuals,
         np.maximum(z[columns], least + 1e-12),
         jacobian,
@@ -386,7 +385,7 @@ def _rise(problem: _Problem, z: Floats) -> float:
 
 def _reach(problem: _Problem, z: Floats, steps: Floats, k: int) -> float:
     """By how much the standard deviation along the step (p,) number k differs from its length, that of a linear fit."""
-    rise = float(chi2.ppf(CONFIDENCE, 1))
+    rise = _quantile(1)
     normal, level = np.sqrt(rise), _square(problem, z) + rise
     furthest = FURTHEST / max(float(np.abs(steps[:, k]).max()), 1e-300)
 
@@ -436,7 +435,7 @@ def _least_beside(problem: _Problem, z: Floats, steps: Floats, y: Floats, k: int
 
 def _solutions(problem: _Problem, z: Floats, cov: Floats, minima: Sequence[Floats]) -> list[Solution]:
     """Those of other minima that fit as well as z and differ from it, and from each other."""
-    most = _square(problem, z) + float(chi2.ppf(CONFIDENCE, max(1, int(np.count_nonzero(problem.kept)))))
+    most = _square(problem, z) + _quantile(max(1, int(np.count_nonzero(problem.kept))))
     found: list[Solution] = []
     known = [(z, cov)]
     for other in minima:
@@ -446,6 +445,11 @@ def _solutions(problem: _Problem, z: Floats, cov: Floats, minima: Sequence[Float
         known.append((other, _covariance(problem, other)))
         found.append(Solution(problem.parameters, *known[-1], square))
     return found
+
+
+def _quantile(freedom: int) -> float:
+    """The χ² of this many degrees of freedom that is not exceeded with probability CONFIDENCE."""
+    return float(2 * scipy.special.gammaincinv(freedom / 2, CONFIDENCE))
 
 
 def _same(one: Floats, other: Floats, cov: Floats) -> bool:
@@ -510,7 +514,7 @@ def _words(found: Solution, fitted: Sequence[int]) -> str:
 def _verdict(problem: _Problem, found: ModeFit, loss: str) -> list[str]:
     words = []
     if found.freedom > 0:
-        chance = float(chi2.sf(found.chi_square, found.freedom))
+        chance = float(scipy.special.chdtrc(found.freedom, found.chi_square))
         told = f"chi-square {short(found.chi_square)} with {found.freedom} degrees of freedom"
         if chance < UNLIKELY:
             words.append(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from math import isfinite, log10, nan, pi, radians
 from textwrap import wrap
 
@@ -29,7 +30,7 @@ class Column:
     """A key with its unit, its value and, if it is printed, a heading, plain and in LaTeX, and a format.
 
     `only_if` tells of which scenes it says something.  Where a value takes more than its own row, `of_rows` computes
-    those of the modes with these indices.  A column that is not `usual` is there for those who choose it.
+    those of these modes.  A column that is not `usual` is there for those who choose it.
     """
 
     key: str
@@ -38,7 +39,7 @@ class Column:
     latex: str = ""
     shown: Callable[[Mode], str] | None = None
     only_if: Callable[[Modes], bool] = lambda modes: True
-    of_rows: Callable[[Modes, Sequence[int]], Floats] | None = None
+    of_rows: Callable[[Modes, Sequence[Mode]], Floats] | None = None
     digits: int = 0
     usual: bool = True
 
@@ -48,14 +49,17 @@ class Column:
         return self.latex or self.heading
 
     def computed(self, modes: Modes, rows: Sequence[Mode]) -> Column:
-        """The same with the values of these rows."""
+        """The same with the values of these rows, computed when the first of them is asked for."""
         if self.of_rows is None:
             return self
-        values = self.of_rows(modes, [modes.index_of(row) for row in rows])
-        found: dict[int, float] = dict(zip([row.number for row in rows], values.tolist(), strict=True))
+        of_rows = self.of_rows
+
+        @cache
+        def found() -> dict[int, float]:
+            return dict(zip([row.number for row in rows], of_rows(modes, rows).tolist(), strict=True))
 
         def value(mode: Mode) -> float:
-            return found[mode.number]
+            return found()[mode.number]
 
         return replace(self, value=value, shown=_digits(self.digits, value))
 
@@ -96,7 +100,7 @@ def _number(
 
 def _of_rows(
     key: str,
-    of_rows: Callable[[Modes, Sequence[int]], Floats],
+    of_rows: Callable[[Modes, Sequence[Mode]], Floats],
     heading: str,
     latex: str,
     digits: int,
@@ -116,23 +120,33 @@ def _has_own_mass(modes: Modes) -> bool:
     return not on_free_cart(modes.rig)
 
 
-def _participation(modes: Modes, rows: Sequence[int]) -> Floats:
-    return np.array([modes.shape(row).participation_factor + 0.0 for row in rows])
+def _indices(modes: Modes, rows: Sequence[Mode]) -> list[int]:
+    return [modes.index_of(row) for row in rows]
 
 
-def _cumulative(modes: Modes, rows: Sequence[int]) -> Floats:
+def _fixed_base(modes: Modes, rows: Sequence[Mode]) -> Floats:
+    return fixed_base_masses(modes, _indices(modes, rows), [row.effective_mass for row in rows])
+
+
+def _participation(modes: Modes, rows: Sequence[Mode]) -> Floats:
+    return np.array([modes.shape(row).participation_factor + 0.0 for row in _indices(modes, rows)])
+
+
+def _cumulative(modes: Modes, rows: Sequence[Mode]) -> Floats:
     """The share of the total mass in each of these modes and all below it."""
-    last = max(rows, default=-1) + 1
+    indices = _indices(modes, rows)
+    last = max(indices, default=-1) + 1
     lower = np.full(last, nan) if modes.first else [one.effective_mass_share for one in modes.rows(range(last))]
-    return np.asarray(np.cumsum(lower)[list(rows)])
+    return np.asarray(np.cumsum(lower)[indices])
 
 
-def _cumulative_held(modes: Modes, rows: Sequence[int]) -> Floats:
+def _cumulative_held(modes: Modes, rows: Sequence[Mode]) -> Floats:
     """The same of the fixed-base modes, of the mass of the pendula."""
-    last = max(rows, default=-1) + 1
+    indices = _indices(modes, rows)
+    last = max(indices, default=-1) + 1
     lower = np.full(last, nan) if modes.first else fixed_base_masses(modes, range(last))
     hanging = modes.rig.total_mass - (modes.rig.cart.mass if modes.rig.cart else 0.0)
-    return np.asarray(np.cumsum(lower)[list(rows)] / hanging)
+    return np.asarray(np.cumsum(lower)[indices] / hanging)
 
 
 COLUMNS = (
@@ -157,7 +171,7 @@ COLUMNS = (
     _number("effective_mass_share", lambda m: m.effective_mass_share, "share", "", 4, _has_own_mass),
     _of_rows(
         "fixed_base_effective_mass_kg",
-        fixed_base_masses,
+        _fixed_base,
         "fixed-base mass (kg)",
         r"fixed-base $m_\mathrm{eff}$ (kg)",
         6,

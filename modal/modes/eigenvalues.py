@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Rig, Units
-from modal.eigen import LIGHT, Spectrum
+from modal.assembly import Rig, Units, rig_of, single
+from modal.eigen import EVERYTHING, LIGHT, Limits, Spectrum, find_spectrum, short_squares, structured_error
 from modal.modes.mode import UNCERTAIN, hertz, oscillating, swing_period
 from modal.scene import Scene
 from modal.types import Booleans, Floats, Ints
@@ -18,23 +18,100 @@ from modal.types import Booleans, Floats, Ints
 A = TypeVar("A", bound=NDArray[Any])
 
 
+class Short(NamedTuple):
+    """All that a short chain is asked for at first: its ω² (R,) in natural units, found before its rig is made.
+
+    A free cart's rigid translation is not among the squares.
+    """
+
+    squares: Floats
+    units: Units
+    links: int
+    is_free: bool
+
+    @classmethod
+    def of(cls, scene: Scene) -> Short | None:
+        """Those of a scene that is one short chain with distinct modes, None for any other."""
+        chain = single(scene)
+        squares = short_squares(chain.links, chain.cart) if chain else None
+        if chain is None or squares is None:
+            return None
+        return cls(squares, chain.units, len(chain.links), chain.cart is not None and chain.cart.stiffness == 0)
+
+    @property
+    def omega(self) -> Floats:
+        """ω (R,) in rad/s, with that of a free cart."""
+        found: Floats = np.sqrt(self.squares) * self.units.rate
+        return np.concatenate(([0.0], found)) if self.is_free else found
+
+    @property
+    def error(self) -> Floats:
+        """Bounds on the relative errors of ω, (R,); that of a free cart is exact."""
+        found = np.full(len(self.squares) + self.is_free, structured_error(self.links, 1))
+        found[: self.is_free] = 0.0
+        return found
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Eigenvalues:
     """The eigenvalues of a scene in ascending order of natural frequency, and the columns that follow from them.
 
-    `rig` is the scene as arrays, `spectrum` the source of each mode in natural `units`; `first` is the index of the
-    first of them among all modes of the scene, of which only some were `selected`.
+    Those `which` are chosen, or all.  `rig` is the scene as arrays, `spectrum` the source of each mode in natural
+    `units`: for a `short` chain both wait until a shape is asked for.
     """
 
     scene: Scene
-    rig: Rig
-    units: Units
-    spectrum: Spectrum
-    first: int = 0
-    selected: bool = False
+    limits: Limits = EVERYTHING
+    which: slice | None = None
+    short: Short | None = None
+
+    @cached_property
+    def rig(self) -> Rig:
+        """The scene as arrays, in SI units."""
+        return rig_of(self.scene)
+
+    @cached_property
+    def _scaled(self) -> tuple[Rig, Units]:
+        with np.errstate(all="ignore"):
+            return self.rig.natural()
+
+    @property
+    def natural(self) -> Rig:
+        """The scene as arrays in natural units."""
+        return self._scaled[0]
+
+    @property
+    def units(self) -> Units:
+        """The natural units."""
+        return self.short.units if self.short else self._scaled[1]
+
+    @cached_property
+    def _whole(self) -> Spectrum:
+        limits = self.limits._replace(squares=self.short.squares) if self.short else self.limits
+        with np.errstate(all="ignore"):
+            return find_spectrum(self.natural, limits)
+
+    @cached_property
+    def spectrum(self) -> Spectrum:
+        """The eigenvalues in natural units, each with the source of its shape."""
+        return self._whole.take(slice(self.first, self.first + len(self._range))) if self.selected else self._whole
+
+    @property
+    def _range(self) -> range:
+        return range(len(self._whole.eigenvalue))[self.which or slice(None)]
+
+    @property
+    def selected(self) -> bool:
+        """Whether only some of the modes were asked for."""
+        return self.which is not None
+
+    @property
+    def first(self) -> int:
+        """The index of the first of these among all modes of the scene."""
+        return self._range.start if self.selected else 0
 
     def __len__(self) -> int:
-        return len(self.spectrum.eigenvalue)
+        return len(self.short.squares) + self.short.is_free if self.short else len(self.spectrum.eigenvalue)
 
     @property
     def is_classical(self) -> bool:
@@ -54,22 +131,23 @@ class Eigenvalues:
     @cached_property
     def eigenvalue(self) -> NDArray[np.complex128]:
         """λ (R,) in rad/s: iω for undamped modes, −ζω + iω√(1−ζ²) for damped ones."""
-        return kept(self.spectrum.eigenvalue * self.units.rate)
+        found = self.short.omega * 1j if self.short else self.spectrum.eigenvalue * self.units.rate
+        return kept(found.astype(np.complex128, copy=False))
 
     @cached_property
     def omega(self) -> Floats:
         """Natural frequencies |λ| (R,) in rad/s."""
-        return kept(np.abs(self.eigenvalue))
+        return kept(self.short.omega if self.short else np.abs(self.eigenvalue))
 
     @property
     def multiplicity(self) -> Ints:
         """The number of independent modes with each frequency, (R,)."""
-        return kept(self.spectrum.multiplicity.view())
+        return kept(np.ones(len(self), dtype=np.int64) if self.short else self.spectrum.multiplicity.view())
 
     @property
     def error(self) -> Floats:
         """Bounds on the relative errors of `eigenvalue`, (R,)."""
-        return kept(self.spectrum.error.view())
+        return kept(self.short.error if self.short else self.spectrum.error.view())
 
     @property
     def relative_error_bound(self) -> Floats:
@@ -112,11 +190,6 @@ class Eigenvalues:
     def lightly_damped(self) -> Booleans:
         """The modes that are at most lightly damped, ζ < 0.1, (R,)."""
         return kept(np.abs(self.eigenvalue.real) < LIGHT * np.abs(self.eigenvalue))
-
-    @cached_property
-    def natural(self) -> Rig:
-        """The scene as arrays in natural units."""
-        return self.rig.natural()[0]
 
 
 def kept(values: A) -> A:

@@ -30,12 +30,12 @@ def on_free_cart(rig: Rig) -> bool:
     return rig.cart is not None and not rig.cart.stiffness
 
 
-def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None) -> Floats:
+def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None, own: Sequence[float] | None = None) -> Floats:
     """Modal effective mass in kg of the fixed-base mode that each mode belongs to, along the rail.
 
     Of the modes with these indices (from 0), by default all (R,).  On a fixed support that is the mode's own; NaN where
     modes do not belong to fixed-base modes one to one: on a cart with a spring, with dampers and about an inverted
-    equilibrium; 0 for the rigid translation.
+    equilibrium; 0 for the rigid translation.  `own` (R,) are the modes' own masses in kg, where they are known.
 
     >>> from modal import load, natural_modes
     >>> fixed_base_masses(natural_modes(load("paper-cart-2"))).round(6).tolist()
@@ -44,9 +44,11 @@ def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None) -> Flo
     rig, rows = modes.rig, np.arange(len(modes)) if numbers is None else np.asarray(numbers, dtype=np.int64)
     if rig.is_damped or modes.scene.stands or (rig.cart and not on_free_cart(rig)):
         return np.full(len(rows), np.nan)
+    if own is not None and not rig.cart:
+        return np.asarray(own, dtype=np.float64)
     with np.errstate(all="ignore"):
-        own = _own(modes, rows) if not rig.cart else _held(modes, rows)
-    return np.where(modes.error[rows] < UNCERTAIN, own * modes.units.mass, np.nan)
+        found = _own(modes, rows) if not rig.cart else _held(modes, rows)
+    return np.where(modes.error[rows] < UNCERTAIN, found * modes.units.mass, np.nan)
 
 
 def _own(modes: Modes, rows: Ints) -> Floats:

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Matrices, matrices_of, rig_of
-from modal.eigen import Limits, find_spectrum, notes
-from modal.modes.eigenvalues import Eigenvalues, kept
+from modal.assembly import Matrices, matrices_of
+from modal.eigen import EVERYTHING, Limits, notes
+from modal.modes.eigenvalues import Eigenvalues, Short, kept
 from modal.modes.modal_matrix import ModalMatrix, all_shapes, stacked
 from modal.modes.mode import UNCERTAIN, Mode
 from modal.modes.rows import described
 from modal.modes.shapes import Shape, expand, validate_normalisation
 from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, deferred, more, scrolled
-from modal.scene import Scene, left_out
+from modal.scene import Scene, left_out, validate_scene
 from modal.types import Floats
 
 if TYPE_CHECKING:
@@ -268,14 +268,11 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     chooses from.
     """
     limits = Limits(validate_accuracy(accuracy), _lowest(modes))
-    rig = rig_of(scene)
-    with np.errstate(all="ignore"):
-        natural, units = rig.natural()
-        found = find_spectrum(natural, limits)
-    if modes is None:
-        return Modes(scene, rig, units, found)
-    first, last, _ = modes.indices(len(found.eigenvalue))
-    return Modes(scene, rig, units, found.take(slice(first, last)), first, selected=True)
+    if limits == EVERYTHING and modes is None and (short := Short.of(validate_scene(scene))):
+        return Modes(scene, short=short)
+    found = Modes(scene, limits, modes)
+    _ = found.spectrum  # what cannot be computed is told here
+    return found
 
 
 def validate_accuracy(accuracy: float | None) -> float:

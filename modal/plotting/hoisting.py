@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 from matplotlib.figure import Figure
 
@@ -10,7 +10,9 @@ from modal.errors import ComputationError
 from modal.plotting.layout import framed, headline, legend
 from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, save, sheet
 from modal.scene import title_of
-from modal.statespace.hoisting import Along
+
+if TYPE_CHECKING:
+    from modal.statespace.hoisting import Along
 
 
 def draw_hoist(found: Along, stream: IO[bytes], form: str = "png") -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import IO, Literal
+from typing import IO, TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,11 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.loci import CloseApproach, Loci
 from modal.plotting.layout import NUMBER, headline, key, log_ticks
 from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, ink, paper, save, sheet
 from modal.scene import title_of
 from modal.scene.parameters import Variation
+
+if TYPE_CHECKING:
+    from modal.loci import CloseApproach, Loci
 
 MARKS = {"crossing": "X", "veering": "o"}
 MOST_NAMED = 6

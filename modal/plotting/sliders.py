@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from matplotlib import pyplot
 from matplotlib.figure import Figure
 
 from modal.plotting.themes import CHOICE, Pair, pair_of
@@ -73,6 +72,8 @@ def slide(draw: Callable[[float], Figure], values: Sequence[float], label: str, 
 
 
 def _pictured(figure: Figure, words: str) -> Pair:
+    from matplotlib import pyplot
+
     pair = pair_of(figure, words)
     pyplot.close(figure)
     return pair

@@ -11,7 +11,10 @@ from modal.report.fitting import breadth, broken, columns, folded, padded
 
 T = TypeVar("T")
 
-LEFT = {"at", "description", "event", "lines", "loci", "meeting", "method", "number", "pendula", "stability"}
+LEFT = {
+    *("action", "at", "description", "engine", "event", "lines", "loci", "meeting", "method", "number", "pendula"),
+    *("runs", "stability"),
+}
 """Headings of columns of text."""
 NOTHING = "–"
 """Printed in place of an undefined quantity."""

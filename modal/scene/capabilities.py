@@ -103,14 +103,13 @@ ENDS: Sentences = {"massless_cart": HANGS_STRAIGHT}
 STOPS: Sentences = {"massless_cart": "the step needed is smaller than the spacing between numbers"}
 NO_INERTIA: Sentences = {"massless_cart": "has no equation of motion where all that pulls the cart hangs straight down"}
 NO_SMOOTH: Sentences = {"escapement": "needs smooth motion, without kicks"}
-NO_SERIES = "has a series of a sine or of few polynomials only"
+NO_SERIES = "has a series of a sine or of polynomials only"
 KINK: Sentences = {"quadratic_drag": "has no series across the kink of |v| v at rest"}
 ALONE = _each(FRICTION | _of("space escapement"), "has no place for it, and engine simulate has")
 TOGETHER = {"escapement", "joint_friction", "rail_friction", "rail_coefficient"}
 BESIDE_NONE = {name: words for name, words in ALONE.items() if name not in TOGETHER}
 HOISTING = {
     ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
-    ("hoist", "moved_support"): "a hoist hangs from a cart or a fixed support",
 }
 MINIMAL = ("form minimal", "form minimal takes it")
 EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}

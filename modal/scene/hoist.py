@@ -14,6 +14,8 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from io import StringIO
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -56,7 +58,7 @@ class Hoist(Part):
 
     def law(self, length: float) -> LengthLaw:
         """The length as a function of time, from `length` (m) on; SceneError for a record that cannot be used."""
-        return _law(self, length)
+        return _recorded(self.file, length) if self.file is not None else _law(self, length)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -109,19 +111,19 @@ class LengthLaw(Displayed):
     @property
     def extremes(self) -> tuple[float, float]:
         """The shortest and the longest length (m)."""
-        found = [*self(self.knots)[0].tolist()]
-        for first, last, own in zip(self.knots, self.knots[1:], self.coefficients, strict=False):
+        found, spans, pieces = [*self(self.knots)[0].tolist()], np.diff(self.knots), self.coefficients
+        reach = np.sum(np.abs(pieces[:, 1:]) * spans[:, None] ** np.arange(1, pieces.shape[1]), axis=1)
+        beyond = (pieces[:, 0] - reach < min(found)) | (pieces[:, 0] + reach > max(found))
+        for span, own in zip(spans[beyond], pieces[beyond], strict=True):
             slope = np.polynomial.Polynomial(own).deriv()
             roots = slope.roots() if np.any(slope.coef[1:]) else np.empty(0)
-            inside = roots.real[(abs(roots.imag) < SAME) & (roots.real > 0) & (roots.real < last - first)]
+            inside = roots.real[(abs(roots.imag) < SAME) & (roots.real > 0) & (roots.real < span)]
             found += [float(np.polynomial.Polynomial(own)(root)) for root in inside]
         return min(found), max(found)
 
 
 @lru_cache(maxsize=256)
 def _law(hoist: Hoist, length: float) -> LengthLaw:
-    if hoist.file is not None:
-        return _recorded(hoist.file, length)
     assert hoist.to is not None
     assert hoist.duration is not None
     begin, span, change = hoist.begin, hoist.duration, hoist.to - length
@@ -139,8 +141,16 @@ def _law(hoist: Hoist, length: float) -> LengthLaw:
 
 
 def _recorded(name: str, length: float) -> LengthLaw:
-    """The law of a record, which begins at `length`."""
-    times, lengths = _read(name)
+    """The law of a record, which begins at `length`, as the file is now."""
+    try:
+        return _law_of(name, Path(name).read_bytes(), length)
+    except OSError as error:
+        raise SceneError([f"hoist.file {name}: cannot be read: {error.strerror or error}"]) from None
+
+
+@lru_cache(maxsize=64)
+def _law_of(name: str, content: bytes, length: float) -> LengthLaw:
+    times, lengths = _read(name, content)
     problems = []
     if len(times) < 2 or not np.all(np.isfinite((times, lengths))) or np.any(np.diff(times) <= 0):
         problems.append("needs at least two finite rows with ascending times")
@@ -153,12 +163,12 @@ def _recorded(name: str, length: float) -> LengthLaw:
     return law
 
 
-def _read(name: str) -> tuple[Floats, Floats]:
+def _read(name: str, content: bytes) -> tuple[Floats, Floats]:
     try:
-        with open(name, encoding="utf-8-sig", newline="") as stream:
-            rows = [row for row in csv.reader(stream) if row and not row[0].startswith("#")]
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError([f"hoist.file {name}: cannot be read: {getattr(error, 'strerror', None) or error}"]) from None
+        rows = [row for row in csv.reader(StringIO(content.decode("utf-8-sig"), newline="")) if row]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise SceneError([f"hoist.file {name}: cannot be read: {error}"]) from None
+    rows = [row for row in rows if not row[0].startswith("#")]
     if not rows or [word.strip() for word in rows[0]] != COLUMNS:
         raise SceneError([f"hoist.file {name}: the first row must be {','.join(COLUMNS)}"])
     try:

@@ -10,18 +10,22 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from modal.errors import SceneError, meant
 from modal.report import Displayed, Summary
 from modal.scene.model import Scene, describe, scene_from
-from modal.scene.validation import LARGEST, Part
+from modal.scene.validation import LARGEST, SMALLEST, Part
+from modal.types import Floats
 
 STEP = r"[a-z_]+(\[([0-9]{1,9}|\*)\])*"
 WRITTEN = re.compile(rf"{STEP}(\.{STEP})*", re.ASCII)
+WORD = re.compile(r"[a-z_]+|[0-9]+|\*", re.ASCII)
 NEAR = 0.8  # similarity of a misspelt place required for a suggestion
 Step = str | int
 Place = tuple[Step, ...]
@@ -61,13 +65,13 @@ def find_places(scene: Scene, path: str) -> list[Place]:
     """Every number of a scene that a path denotes; SceneError where there is none or it is something else."""
     if not WRITTEN.fullmatch(path):
         raise SceneError([f"{path}: is not a place such as support.mass or pendulum[0].links[1].length"])
-    found: list[Place] = [()]
-    for word in re.findall(r"[a-z_]+|[0-9]+|\*", path):
-        found = [(*place, step) for place in found for step in _steps(scene, place, word)]
-    missing = next((place for place in found if not _is_number(_at(scene, place))), None)
+    found: list[tuple[Place, Any]] = [((), scene)]
+    for word in WORD.findall(path):
+        found = [((*place, step), value) for place, at in found for step, value in _steps(at, word)]
+    missing = next((place for place, value in found if not _is_number(value)), None)
     if missing is not None or not found:
         raise SceneError([_unknown(scene, path if missing is None else with_numbers(missing), path)])
-    return found
+    return [place for place, _ in found]
 
 
 def number_at(scene: Scene, place: Place) -> float:
@@ -99,12 +103,16 @@ class Variable:
     """A scene whose numbers at these paths are varied repeatedly; SceneError for an invalid place."""
 
     def __init__(self, scene: Scene, paths: Iterable[str]) -> None:
-        self._data = describe(scene)
-        self._places = {path: find_places(scene, path) for path in paths}
+        self.scene = scene
+        self.places = {path: find_places(scene, path) for path in paths}
+
+    @cached_property
+    def _data(self) -> Any:
+        return describe(self.scene)
 
     def at(self, values: Mapping[str, float]) -> Scene:
         """The scene with these numbers at all its paths, checked anew; SceneError names every mistake."""
-        for path, places in self._places.items():
+        for path, places in self.places.items():
             value = float(values[path])
             for place in places:
                 _put(self._data, place, int(value) if place[-1] == "count" and value.is_integer() else value)
@@ -117,23 +125,26 @@ def _put(data: Any, place: Place, value: float) -> None:
     data[place[-1]] = value
 
 
-def _steps(scene: Scene, place: Place, word: str) -> list[Step]:
-    """The steps that a word denotes there, for "*" all possible ones."""
-    if word != "*":
-        return [int(word) if word.isdigit() else word]
-    entries = _at(scene, place)
-    return list(range(len(entries))) if isinstance(entries, tuple) else []
+def _steps(at: Any, word: str) -> list[tuple[Step, Any]]:
+    """The steps from a part or a list that a word denotes, for "*" all possible ones, and where they lead."""
+    if word == "*":
+        return list(enumerate(at)) if isinstance(at, tuple) else []
+    step: Step = int(word) if word.isdigit() else word
+    return [(step, _stepped(at, step))]
 
 
 def _at(scene: Scene, place: Place) -> Any:
     """The value at a place, None where there is none."""
     at: Any = scene
     for step in place:
-        if isinstance(at, tuple) and isinstance(step, int):
-            at = at[step] if step < len(at) else None
-        else:
-            at = getattr(at, str(step)) if isinstance(at, Part) and step in at.fields else None
+        at = _stepped(at, step)
     return at
+
+
+def _stepped(at: Any, step: Step) -> Any:
+    if isinstance(step, int):
+        return at[step] if isinstance(at, tuple) and step < len(at) else None
+    return getattr(at, step) if isinstance(at, Part) and step in at.fields else None
 
 
 def _is_number(found: object) -> bool:
@@ -160,6 +171,10 @@ def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
         yield at
 
 
+Vary = Mapping[str, ArrayLike] | Sequence[str] | Sequence["Variation"]
+"""What is varied: numbers at places, or a grid of the texts `PLACE=VALUES`."""
+ANY_POSITIVE = {"gravity", "mass", "length", "centre", "inertia", "stiffness"}
+"""Numbers that may be anything from SMALLEST to LARGEST."""
 MOST_SHOWN = 5
 """Values that a variation shows one by one."""
 
@@ -279,18 +294,72 @@ def validate_variations(scene: Scene, variations: Sequence[Variation]) -> None:
             problems |= dict.fromkeys(error.problems)
             continue
         problems |= dict.fromkeys(f"{with_numbers(place)}: is varied twice" for place in own if place in taken)
-        problems |= dict.fromkeys(_refused(scene, variation, own))
+        values = variation.values
+        telling = values if own[0][-1] == "count" else (values[0], values[-1])
+        problems |= dict.fromkeys(_refused(scene, variation.path, telling, own))
         taken |= set(own)
     if problems:
         raise SceneError(tuple(problems))
 
 
-def _refused(scene: Scene, variation: Variation, own: Sequence[Place]) -> Iterator[str]:
-    """The scene's objections to the values themselves: to both ends, and to all where they must be whole."""
-    starts = tuple(f"{with_numbers(place)} =" for place in own)
-    ends = dict.fromkeys((variation.values[0], variation.values[-1]))
-    for value in variation.values if own[0][-1] == "count" else ends:
+def _refused(scene: Scene, path: str, values: Iterable[float], own: Sequence[Place]) -> Iterator[str]:
+    """The scene's objections to these values themselves."""
+    starts = tuple(with_numbers(place) + sign for place in own for sign in (" =", ":"))
+    for value in dict.fromkeys(values):
         try:
-            vary(scene, {variation.path: value})
+            vary(scene, {path: value})
         except SceneError as error:
             yield from (problem for problem in error.problems if problem.startswith(starts))
+
+
+def parse_vary(scene: Scene, given: Vary) -> tuple[tuple[Variation, ...], dict[str, Floats]]:
+    """The axes of a grid, or arrays of finite numbers by their places; SceneError names every mistake."""
+    if isinstance(given, Mapping):
+        return (), parse_arrays(scene, given)[1]
+    if not isinstance(given, list | tuple) or not all(isinstance(own, str | Variation) for own in given):
+        raise SceneError([f"vary {given!r}: must be a list of PLACE=VALUES, or a mapping of places to values"])
+    axes = tuple(own if isinstance(own, Variation) else parse_variations([own])[0] for own in given)
+    validate_variations(scene, axes)
+    return axes, {}
+
+
+def parse_arrays(scene: Scene, given: Mapping[str, ArrayLike]) -> tuple[Variable, dict[str, Floats]]:
+    """Arrays of finite numbers by their places, and the scene that they vary; SceneError names every mistake."""
+    variable, found = Variable(scene, ()), dict[str, Floats]()
+    problems: list[str] = []
+    taken: set[Place] = set()
+    for path, own in given.items():
+        try:
+            places = find_places(scene, path)
+            found[path] = np.asarray(own, dtype=float)
+        except SceneError as error:
+            problems += error.problems
+        except (TypeError, ValueError):
+            problems.append(f"vary {path!r}: must be a place of the scene with its numbers")
+        else:
+            variable.places[path] = places
+            problems += [f"{path}: must be finite"] * (not np.isfinite(found[path]).all())
+            problems += [f"{with_numbers(place)}: is varied twice" for place in places if place in taken]
+            taken.update(places)
+    if problems:
+        raise SceneError(problems)
+    return variable, found
+
+
+def validate_arrays(variable: Variable, arrays: Mapping[str, Floats]) -> None:
+    """SceneError that lists every number of arrays that the scene cannot have, whatever its other numbers are."""
+    problems: dict[str, None] = {}
+    for path, own in arrays.items():
+        places = variable.places[path]
+        if own.size and not (places[0][-1] in ANY_POSITIVE and own.min() >= SMALLEST and own.max() <= LARGEST):
+            problems |= dict.fromkeys(_refused(variable.scene, path, _telling(places[0][-1], own), places))
+    if problems:
+        raise SceneError(tuple(problems))
+
+
+def _telling(name: Step, values: Floats) -> list[float]:
+    """Values of which one is refused if any is: all that must be whole, else both ends and the least above 0."""
+    if name == "count":
+        return list(np.unique(values).tolist())
+    least = values[values > 0].min(initial=np.inf)
+    return [float(values.min()), *([float(least)] if np.isfinite(least) else []), float(values.max())]

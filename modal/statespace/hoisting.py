@@ -18,8 +18,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.linalg import expm
+import scipy
 
 from modal.assembly import Matrices, hoisting_of, matrices, matrices_along
 from modal.errors import ComputationError, SceneError
@@ -304,10 +303,10 @@ def _integrated(
         looks = np.linspace(begin, end, PUSHES + 2)[1:-1].tolist()
         if not ((command and any(map(command, looks))) or any(own[0] < end and begin < own[-1] for own in spans)):
             A = (constant or _pushed(along(looks[0]), held))[0]
-            y = np.asarray(expm(np.vstack((np.eye(n, 2 * n, n), A)) * (end - begin)) @ y, dtype=np.float64)
+            y = np.asarray(scipy.linalg.expm(np.vstack((np.eye(n, 2 * n, n), A)) * (end - begin)) @ y, dtype=np.float64)
             continue
         before = float(np.nextafter(end, begin))
-        found = solve_ivp(
+        found = scipy.integrate.solve_ivp(
             lambda time, state, before=before: slope(min(time, before), state),
             (begin, end),
             y,

@@ -19,7 +19,7 @@ from dataclasses import replace
 from math import isfinite
 
 import numpy as np
-from scipy.linalg import expm, matrix_balance
+import scipy
 
 from modal.errors import ComputationError, SceneError
 from modal.statespace.model import StateSpace
@@ -49,7 +49,7 @@ def sample(model: StateSpace, dt: float, method: str = "zoh") -> StateSpace:
 
 def reach(A: Floats) -> float:
     """A bound on the fastest rate of the model, 1/s: a norm of A with its states rescaled."""
-    return float(np.linalg.norm(matrix_balance(A, permute=False)[0], 1)) if A.size else 0.0
+    return float(np.linalg.norm(scipy.linalg.matrix_balance(A, permute=False)[0], 1)) if A.size else 0.0
 
 
 def _held(model: StateSpace, dt: float) -> tuple[Floats, ...]:
@@ -85,8 +85,8 @@ def _exponential(matrix: Floats) -> Floats:
     """The exponential of a matrix, with rows and columns scaled by powers of two so that units cost no digits."""
     if not matrix.size:
         return matrix
-    balanced, (scale, _) = matrix_balance(matrix, permute=False, separate=True)
-    return np.asarray(scale[:, None] * expm(balanced) / scale, dtype=np.float64)
+    balanced, (scale, _) = scipy.linalg.matrix_balance(matrix, permute=False, separate=True)
+    return np.asarray(scale[:, None] * scipy.linalg.expm(balanced) / scale, dtype=np.float64)
 
 
 METHODS = {"zoh": _held, "foh": _linear, "tustin": _trapezoidal}

@@ -19,8 +19,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.linalg import eigvals
 
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief, counted
@@ -186,7 +186,7 @@ def _zeros(kept: dict[tuple[float, float, float], tuple[float, float]], d: float
     b, c = (np.concatenate([piece[k] for piece in pieces]) for k in (1, 2))
     pencil = np.block([[A, b[:, None]], [c[None], np.array([[d]])]])
     unit = np.diag(np.append(np.ones(len(A)), 0.0))
-    above, below = eigvals(pencil, unit, homogeneous_eigvals=True)
+    above, below = scipy.linalg.eigvals(pencil, unit, homogeneous_eigvals=True)
     finite = np.argsort(np.abs(below) / np.hypot(np.abs(above), np.abs(below)))[degree + 1 :]
     return np.asarray(above[finite] / below[finite], dtype=np.complex128)
 

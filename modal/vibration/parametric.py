@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from math import log
 
 import numpy as np
-from scipy.integrate import solve_ivp
+import scipy
 
 from modal.assembly import matrices, quadratic_drags
 from modal.errors import SceneError
@@ -86,7 +86,7 @@ def parametric_stability(scene: Scene) -> ParametricStability:
     scale = max(float(np.sqrt(np.abs(K).max())), 1e-300)
     size = np.diag(np.concatenate((np.ones(n), np.full(n, scale))))
     period = 1 / sine.frequency_hz
-    run = solve_ivp(
+    run = scipy.integrate.solve_ivp(
         rate,
         (0.0, period),
         size.ravel(),

@@ -12,6 +12,7 @@ multiples f_k of Δf = 1/duration within the PSD, with independent uniform phase
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from functools import cached_property, lru_cache
@@ -20,9 +21,8 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.interpolate import PPoly, make_interp_spline
-from scipy.optimize import brentq
 
 from modal.scene import (
     ConstantForce,
@@ -64,6 +64,41 @@ class Polynomials(NamedTuple):
     coefficients: Floats
     period: float = inf
 
+    def beside(self, times: Floats) -> Floats:
+        """The function at times of any shape (s), where it does not repeat."""
+        piece = np.searchsorted(self.knots, times, side="right")
+        s, found = times - self.origins[piece], np.zeros(np.shape(times))
+        for coefficient in self.coefficients.T[::-1]:
+            found = found * s + coefficient[piece]
+        return found
+
+    @property
+    def in_floats(self) -> Callable[[float], float]:
+        """The function at one time (s) in plain floats, where it does not repeat."""
+        knots, origins, falling = self.knots.tolist(), self.origins.tolist(), self.coefficients[:, ::-1].tolist()
+
+        def at(time: float) -> float:
+            piece = bisect_right(knots, time)
+            s, found = time - origins[piece], 0.0
+            for coefficient in falling[piece]:
+                found = found * s + coefficient
+            return found
+
+        return at
+
+    @property
+    def kinks(self) -> Floats:
+        """How far the polynomials on both sides of each knot are apart half a piece away from it, at most, (K − 1,)."""
+        before, after = self.coefficients[:-1], self.coefficients[1:].copy()
+        moved, s = before.copy(), (self.knots - self.origins[:-1])[:, None]
+        for lowest in range(moved.shape[1] - 1):
+            for k in reversed(range(lowest, moved.shape[1] - 1)):
+                moved[:, k] += s[:, 0] * moved[:, k + 1]
+        wide = np.diff(self.knots, prepend=-inf, append=inf)
+        wide = np.where(np.isfinite(wide), wide, 0.0)
+        reach = np.maximum(wide[:-1], wide[1:])[:, None] / 2
+        return np.asarray(np.sum(np.abs(after - moved) * reach ** np.arange(moved.shape[1]), axis=1))
+
 
 class PrescribedMotion(ABC):
     """A support's displacement (m), velocity (m/s) and acceleration (m/s²) in its direction.
@@ -90,9 +125,8 @@ class PrescribedMotion(ABC):
         """The motion with other constants, of any type that takes plain arithmetic and a sine."""
         raise NotImplementedError
 
-    @property
-    def polynomials(self) -> Polynomials | None:
-        """The acceleration piece by piece; None where it is no polynomial."""
+    def polynomials(self, order: int) -> Polynomials | None:
+        """The velocity (order 1) or the acceleration (2) piece by piece; None where it is no polynomial."""
         return None
 
     @abstractmethod
@@ -147,7 +181,7 @@ class Course(NamedTuple):
     @property
     def polynomials(self) -> Polynomials | None:
         """The value piece by piece; None where it is no polynomial."""
-        return self.motion.polynomials if self.order == 2 else None
+        return self.motion.polynomials(self.order) if self.order else None
 
 
 class Sine(PrescribedMotion):
@@ -225,6 +259,25 @@ class Sweep(PrescribedMotion):
         self.breaks = (0.0, motion.duration)
         self.shortest = 0.5 / max(motion.from_hz, motion.to_hz)
 
+    def acceleration_at(self, time: float) -> float:
+        """In plain floats."""
+        omega, phase, bent = self._turning(time)
+        return self.amplitude * (bent * cos(phase) - omega * omega * sin(phase))
+
+    def velocity_at(self, time: float) -> float:
+        """In plain floats."""
+        omega, phase, _ = self._turning(time)
+        return self.amplitude * omega * cos(phase)
+
+    def _turning(self, time: float) -> tuple[float, float, float]:
+        """Angular frequency (rad/s), phase (rad) and the change of the former (rad/s²) at one time (s)."""
+        if time < 0.0:
+            return self.first, self.first * time, 0.0
+        rate, within = (self.last - self.first) / self.duration, min(time, self.duration)
+        omega = self.first + rate * within
+        phase = (self.first + omega) / 2 * within + omega * (time - within)
+        return omega, phase, rate if time <= self.duration else 0.0
+
     def derivative(self, time: Any, order: int) -> Any:
         """By the chain rule."""
         within = np.clip(time, 0.0, self.duration)
@@ -247,7 +300,7 @@ class Record(PrescribedMotion):
         times = np.array(motion.time_s)
         self.first, self.last, self.of = float(times[0]), float(times[-1]), ORDERS[of]
         self.degree = DEGREE if len(times) > DEGREE else 3
-        spline = make_interp_spline(times, np.array(values), k=self.degree)
+        spline = scipy.interpolate.make_interp_spline(times, np.array(values), k=self.degree)
         splines = {self.of: spline}
         for order in range(self.of + 1, 3):
             splines[order] = splines[order - 1].derivative()
@@ -277,20 +330,48 @@ class Record(PrescribedMotion):
     @cached_property
     def pieces(self) -> tuple[Floats, Floats]:
         """Times (J + 1,) between which the acceleration is a polynomial, and all its derivatives after each (K, J)."""
-        found = PPoly.from_spline(self._splines[2])
+        found = scipy.interpolate.PPoly.from_spline(self._splines[2])
         wide = np.diff(found.x) > 0
         wide &= (found.x[:-1] >= self.first) & (found.x[1:] <= self.last)
         derivatives = found.c[::-1, wide] * np.array([factorial(k) for k in range(len(found.c))])[:, None]
         derivatives[0] -= self.steady
         return np.append(found.x[:-1][wide], self.last), derivatives
 
-    @property
-    def polynomials(self) -> Polynomials:
-        """Those of the spline, zero outside the record."""
+    def polynomials(self, order: int) -> Polynomials:
+        """Those of the spline; outside the record none, at constant velocity."""
+        return self._polynomials[order - 1]
+
+    @cached_property
+    def _polynomials(self) -> tuple[Polynomials, Polynomials]:
+        """Velocity and acceleration."""
         knots, derivatives = self.pieces
-        inside = (derivatives / np.array([factorial(k) for k in range(len(derivatives))])[:, None]).T
-        none = np.zeros((1, inside.shape[1]))
-        return Polynomials(knots, np.concatenate((knots[:1], knots)), np.concatenate((none, inside, none)))
+        begun = np.asarray(self.derivative(knots, 1))
+        powers = np.array([factorial(k) for k in range(len(derivatives) + 1)])[:, None]
+        inside = np.vstack((begun[:-1], derivatives)) / powers
+        found = []
+        for first, last, own in (
+            (begun[0], begun[-1], inside),
+            (0.0, 0.0, inside[1:] * np.arange(1, len(inside))[:, None]),
+        ):
+            ends = np.zeros((2, len(own)))
+            ends[:, 0] = first, last
+            origins = np.concatenate((knots[:1], knots))
+            found.append(Polynomials(knots, origins, np.concatenate((ends[:1], own.T, ends[1:]))))
+        return found[0], found[1]
+
+    @cached_property
+    def acceleration_at(self) -> Callable[[float], float]:
+        """In plain floats, from the polynomials."""
+        return self.polynomials(2).in_floats
+
+    @cached_property
+    def velocity_at(self) -> Callable[[float], float]:
+        """In plain floats, from the polynomials."""
+        return self.polynomials(1).in_floats
+
+    def beside(self, times: Any, order: int) -> Floats:
+        """From the polynomials."""
+        return self.polynomials(order).beside(np.asarray(times, dtype=float))
 
     def derivative(self, time: Any, order: int) -> Any:
         """Of the spline less its baseline; at constant velocity outside the record."""
@@ -358,10 +439,9 @@ class RandomProcess(PrescribedMotion):
             found = found * s + coefficient
         return found
 
-    @property
-    def polynomials(self) -> Polynomials:
+    def polynomials(self, order: int) -> Polynomials:
         """Those of the table."""
-        own = self._arrays[1].T[:, ::-1]
+        own = self._arrays[order - 1].T[:, ::-1]
         places = np.multiply(np.arange(len(own) + 1), self.duration / len(own), dtype=np.float64)
         return Polynomials((places[:-1] + places[1:]) / 2, places, np.concatenate((own, own[:1])), self.duration)
 
@@ -388,10 +468,8 @@ class RandomProcess(PrescribedMotion):
         place = time % self.duration * (len(table) / self.duration)
         at = int(place + 0.5)
         s = (place - at) * (self.duration / len(table))
-        found = 0.0
-        for coefficient in table[at % len(table)]:
-            found = found * s + coefficient
-        return found
+        k, j, i, h, g, f, e, d, c, b, a = table[at % len(table)]
+        return ((((((((((k * s + j) * s + i) * s + h) * s + g) * s + f) * s + e) * s + d) * s + c) * s + b) * s) + a
 
     def _summed(self, lines: Any, times: Floats) -> Floats:
         turned = np.multiply.outer(times, self.omega)
@@ -426,4 +504,4 @@ def band(degree: int, derivatives: int) -> float:
         images = own * weights * ((f - IMAGES) / f) ** derivatives
         return float(np.sqrt((own - 1) ** 2 + np.sum(images**2))) - WITHIN
 
-    return float(brentq(excess, 1e-3, 0.49))
+    return float(scipy.optimize.brentq(excess, 1e-3, 0.49))

@@ -149,7 +149,9 @@ def _scene(options: argparse.Namespace) -> Scene:
 
 
 def _add_engine(page: Page) -> None:
-    page.computed.add_argument("--engine", choices=ENGINES, default="auto", help="default: the fastest installed")
+    page.computed.add_argument(
+        "--engine", choices=ENGINES, default="auto", help="default: the fastest, counting what is still to be compiled"
+    )
     words = "of the integrator (default 1e-9)"
     numbers = number("from 1e-13 to 1e-3", 1e-3, 1e-13)
     page.computed.add_argument("--integrator-tolerance", metavar="TOL", type=numbers, default=1e-9, help=words)

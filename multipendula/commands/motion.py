@@ -1,4 +1,4 @@
-"""The commands about motion at large angles: simulate, plot, animate."""
+"""The commands about motion at large angles: simulate, plot, animate, compile."""
 
 from __future__ import annotations
 
@@ -8,16 +8,27 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
-from multipendula.commands.runs import add_run_arguments, in_few_modes, run_of, shown_of, start_of, whole
-from multipendula.commands.shared import bar, drawn, estimate_of, film_form, in_a_folder, picture, say
+from multipendula.commands.runs import (
+    add_run_arguments,
+    add_tolerance,
+    in_few_modes,
+    run_of,
+    shown_of,
+    start_of,
+    whole,
+)
+from multipendula.commands.shared import bar, drawn, estimate_of, film_form, in_a_folder, output, picture, say
 from multipendula.options import (
     FILMS,
     PICTURES,
     add_covariance,
     add_explain,
     add_file,
+    add_format,
     add_motion,
     add_picture,
+    add_scene,
+    add_text,
     add_theme,
     number,
 )
@@ -152,6 +163,24 @@ def _animate_arguments(page: Page) -> None:
     add_theme(page)
 
 
+def compile_ahead(options: argparse.Namespace) -> None:
+    """Compile what the fast integrators need for a scene, and keep it for later commands."""
+    from modal.scene import load
+    from nonlinear.ensembles import compilation_table, compile_engines
+
+    more = {"tolerance": options.tolerance} if options.tolerance else {}
+    found = compile_engines(load(options.scene), **more)
+    with output(options.output) as write:
+        write(compilation_table(found, options.format))
+
+
+def _compile_arguments(page: Page) -> None:
+    add_scene(page)
+    add_tolerance(page)
+    add_format(page, ("text", "json"))
+    add_text(page)
+
+
 COMMANDS = (
     Command(
         name="simulate",
@@ -206,6 +235,23 @@ COMMANDS = (
             ("simulate chain-2 --start angles:90,90 --duration 4 -o run.npz", "a run to film"),
             ("animate run.npz --seconds 2 -o run.gif", "the first two seconds of film"),
             ("animate run.npz --speed 4 --fps 15 -o fast.html", "all of it at four times real speed, with controls"),
+        ),
+    ),
+    Command(
+        name="compile",
+        topic="motion",
+        run=compile_ahead,
+        arguments=_compile_arguments,
+        details=(
+            "numba (extra `fast`) and heyoka (extra `taylor`) run many times as fast as Python once they have "
+            "compiled, which takes seconds for each form of scene. Other commands wait for that only where it pays, "
+            "but take what is kept. The scene's numbers may change afterwards, as long as none becomes or ceases to "
+            "be zero; heyoka's code is for one tolerance. Reported are what was done for each engine, how long it "
+            "took, where it is kept, and which engines do not take the scene."
+        ),
+        examples=(
+            ("compile chain-2", "before many runs of double pendulums"),
+            ("compile chain-2 -o compiled.json", "the report as a file"),
         ),
     ),
 )

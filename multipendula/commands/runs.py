@@ -46,11 +46,15 @@ def add_run_arguments(page: Page, duration: float) -> None:
     forms = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
     words = "auto (default), minimal, maximal, hamiltonian or spatial"
     add_words(page.computed, "--form", forms, comma="", metavar="NAME", help=words)
-    page.computed.add_argument(
-        "--tolerance", metavar="T", type=number("1e-15 to 0.01", 0.01, 1e-15), help="default 1e-9"
-    )
+    add_tolerance(page)
     add_accuracy(page, "of every angle, instead of a tolerance")
     add_samples(page)
+
+
+def add_tolerance(page: Page) -> None:
+    """The tolerance of the integrator."""
+    numbers = number("1e-15 to 0.01", 0.01, 1e-15)
+    page.computed.add_argument("--tolerance", metavar="T", type=numbers, help="default 1e-9")
 
 
 def recorded(name: str) -> bool:
@@ -62,8 +66,8 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
     """A new run of a scene, or the continuation of a saved one, once `target` has accepted the file to write."""
     from modal.scene import load
     from nonlinear import files as recordings
-    from nonlinear.integration import choose, validate
-    from nonlinear.simulation import USUAL, resume
+    from nonlinear.integration import validate, validate_method
+    from nonlinear.simulation import resume
     from nonlinear.simulation import simulate as run
 
     duration = options.duration or options.usual
@@ -83,7 +87,7 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
         target,
         lambda: in_a_folder(options.output),
         lambda: start_of(scene, options.start),
-        lambda: choose(scene, duration, given.get("tolerance", USUAL), **words),
+        lambda: validate_method(scene, **words),
     )
     with bar(duration) as report:
         return run(scene, duration, start=start, output=options.samples, report=report, **given)

@@ -61,6 +61,7 @@ def _check_arguments(page: Page) -> None:
 
 def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
     from modal.modes import natural_modes
+    from modal.report import deferred
     from nonlinear.verification import AMPLITUDES_DEG, check_table
     from nonlinear.verification import check as checked
 
@@ -68,12 +69,11 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
     numbers = chosen(options.mode, len(natural_modes(scene)), "--mode")
     with bar(len(numbers), "mode") as report:
         found = checked(scene, list(numbers), options.amplitude or AMPLITUDES_DEG, report=report)
-    from nonlinear.plotting import draw_check
-
-    return found, check_table, draw_check
+    return found, check_table, deferred("nonlinear.plotting:draw_check")
 
 
 def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
+    from modal.report import deferred
     from modal.scene import require
     from nonlinear.simulation import simulate as run
     from nonlinear.verification import compare, comparison_table
@@ -83,9 +83,7 @@ def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
     duration = options.duration or USUAL
     with bar(duration) as report:
         trajectory = whole(run(scene, duration, start=start_of(scene, options.start), report=report))
-    from nonlinear.plotting import draw_spectrum
-
-    return compare(trajectory), comparison_table, draw_spectrum
+    return compare(trajectory), comparison_table, deferred("nonlinear.plotting:draw_spectrum")
 
 
 def _kind(options: argparse.Namespace) -> str:

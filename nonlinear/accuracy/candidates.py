@@ -23,7 +23,7 @@ from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.scene import Scene, require
 from modal.types import Floats
-from nonlinear.integration import CLOSED, Choice, Request, SolverInfo, Trajectory, choose, taylor
+from nonlinear.integration import CLOSED, Choice, Request, SolverInfo, Trajectory, taylor, validate_method
 from nonlinear.reduction import CORRECTED, LINEAR, superpose
 from nonlinear.system import State, system_of
 
@@ -104,7 +104,7 @@ class Candidate:
 
     def _integrated(self, question: Question) -> Task:
         request = question.request
-        choose(question.scene, request.duration, self.tolerance, self.method, self.kind)
+        validate_method(question.scene, self.method, self.kind)
         if self.compiled:
             require(question.scene, "compiled equations")
         request = replace(request, form=self.kind)

@@ -18,7 +18,7 @@ from functools import lru_cache
 from math import factorial, prod
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from modal.scene import Scene
 from modal.types import Booleans, Complexes, Floats, Ints
@@ -74,7 +74,9 @@ def order_of(averaged: AveragedEquations, one: Complexes, z: Complexes) -> Ints:
     best, order = -np.inf, np.arange(len(kind))
     for turn in _turns(own, other, kind):
         gain = np.einsum("pnb,qnb->pq", own.conj(), other * turn).real
-        rows, columns = linear_sum_assignment(np.where(kind[:, None] == kind, gain, -1e9 * np.abs(gain).max()), True)
+        rows, columns = scipy.optimize.linear_sum_assignment(
+            np.where(kind[:, None] == kind, gain, -1e9 * np.abs(gain).max()), True
+        )
         if (total := float(gain[rows, columns].sum())) > best:
             best, order = total, columns
     return order

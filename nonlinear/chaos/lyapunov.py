@@ -17,7 +17,7 @@ from math import ceil, log, sqrt
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, visible
@@ -122,7 +122,7 @@ class Exponent(Displayed):
     @property
     def coverage(self) -> float:
         """Student's t: half a 95 % confidence interval in standard uncertainties."""
-        return float(stdtrit((self.ensemble if self.by_starts else BLOCKS) - 1, (1 + CONFIDENCE) / 2))
+        return float(scipy.special.stdtrit((self.ensemble if self.by_starts else BLOCKS) - 1, (1 + CONFIDENCE) / 2))
 
     @property
     def half_width(self) -> float:

@@ -28,7 +28,7 @@ from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
 from nonlinear.dynamics.minimal import Arranged, Body, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
 from nonlinear.dynamics.symmetries import Reduced, Symmetry, exactly_symmetric, find_symmetries, symmetrize, synchronous
-from nonlinear.dynamics.text import Module
+from nonlinear.dynamics.text import Module, sincos
 
 __all__ = [
     "Arranged",
@@ -70,6 +70,7 @@ __all__ = [
     "loses_digits",
     "module_of",
     "refuse_jam",
+    "sincos",
     "sine_steps",
     "support_steps",
     "symmetrize",

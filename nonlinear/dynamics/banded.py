@@ -19,7 +19,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.linalg import lapack
+import scipy
 
 from modal.errors import ComputationError
 from modal.types import Floats
@@ -98,7 +98,7 @@ class Banded:
     @staticmethod
     def _solved(band: Floats, sides: Floats) -> Floats:
         columns, rows = band.reshape(-1, band.shape[-1]).T, sides.reshape(2, -1).T
-        *_, found, info = lapack.dgbsv(REACH, REACH, columns, rows, overwrite_ab=1, overwrite_b=1)
+        *_, found, info = scipy.linalg.lapack.dgbsv(REACH, REACH, columns, rows, overwrite_ab=1, overwrite_b=1)
         if info:
             raise ComputationError(f"equation {info} of the chain's joint forces is singular in double precision")
         return np.asarray(found.T.reshape(sides.shape))

@@ -7,28 +7,45 @@ arrays; what it does at each link is `nonlinear.dynamics.recursion`, as it stand
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
-from modal.eigen.compiling import available, compiled
+from modal.eigen.compiling import available, in_place
 from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
 from nonlinear.dynamics.inputs import NOTHING
 from nonlinear.dynamics.joints import joint_law
 from nonlinear.dynamics.minimal import Minimal
-from nonlinear.dynamics.recursion import Answer, Link, Turn, hung, links_of, passed
+from nonlinear.dynamics.recursion import Answer, Link, Turn, ended, hung, links_of, passed
+from nonlinear.dynamics.text import sincos
 from nonlinear.system import System
 
-CONSTANTS = 12
+CONSTANTS, TURNS = 12, 5
+NEAR = 1e6  # rad, up to which `sincos` reduces angles exactly
 LOOSE = np.empty(0)
 
 
-_joint_law, _passed, _hung = compiled(joint_law), compiled(passed), compiled(hung)
+_joint_law, _sincos = in_place(joint_law), in_place(sincos)
+_ended, _passed, _hung = in_place(ended), in_place(passed), in_place(hung)
 
 
-@compiled
+@in_place
+def _sines(angles, sin, cos):  # type: ignore[no-untyped-def]
+    """Sines and cosines, several at once where no angle is so large that its reduction would lose digits."""
+    within = True
+    for i in range(angles.size):
+        within &= abs(angles[i]) < NEAR
+    if within:
+        for i in range(angles.size):
+            sin[i], cos[i] = _sincos(angles[i])
+    else:
+        for i in range(angles.size):
+            sin[i], cos[i] = np.sin(angles[i]), np.cos(angles[i])
+
+
+@in_place
 def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
     """Moment (N m) on link i of the spring, damper and drive above it, and the power (W) of the latter two."""
     stiffness, damping, bent, strength, curb = links[i, 7], links[i, 8], links[i, 9], links[i, 10], links[i, 11]
@@ -39,57 +56,58 @@ def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
     return kept + working, working * speed
 
 
-@compiled
+@in_place
 def _link(links, i):  # type: ignore[no-untyped-def]
     return Link(links[i, 0], links[i, 1], links[i, 2], links[i, 3], links[i, 4], links[i, 5], links[i, 6])
 
 
-@compiled
-def _upward(links, start, stop, angles, rates, moments, turns):  # type: ignore[no-untyped-def]
-    """One pendulum: fills `turns` (hx, hz, e, D, sin, cos); the load on its first joint, and the joints' power."""
-    below, hung, power = Answer(0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0
-    for i in range(stop - 1, start - 1, -1):
-        s, c = np.sin(angles[i]), np.cos(angles[i])
-        hinge, lost = _joint(links, angles, rates, i, i == start)
-        Q, hung, power = hinge - hung, hinge, power + lost
-        if moments.size:
-            Q = moments[i] + Q
-        below, turn = _passed(_link(links, i), below, s, c, rates[i], Q)
-        turns[i, 0], turns[i, 1], turns[i, 2], turns[i, 3] = turn.hx, turn.hz, turn.e, turn.D
-        turns[i, 4], turns[i, 5] = s, c
-    return below, power
+@partial(in_place, forceinline=True)
+def rate(y, links, first, cart, gravity, hinged, works, push, moments, turns, found):  # type: ignore[no-untyped-def]
+    """The whole of `Minimal.derivative`, into `found`.
 
-
-@compiled
-def _downward(links, start, stop, rates, turns, ax, az, turned):  # type: ignore[no-untyped-def]
-    """One pendulum: fills θ'' under the acceleration (ax, az) of its first joint less gravity."""
-    for i in range(start, stop):
-        turn = Turn(turns[i, 0], turns[i, 1], turns[i, 2], turns[i, 3], turns[i, 4], turns[i, 5], rates[i])
-        turned[i], ax, az = _hung(_link(links, i), turn, ax, az)
-
-
-@compiled
-def rate(y, links, first, cart, gravity, works, push, moments, turns, found):  # type: ignore[no-untyped-def]
-    """The whole of `Minimal.derivative`, into `found`; `cart` holds mass, damper and spring, or is empty."""
+    `first` are the first links of the pendula, `cart` holds mass, damper and spring, or is empty; where no joint is
+    `hinged`, none has a spring, a damper or a drive.  `turns` (5, L) is room for sin, cos, and hx, hz, e over D, whose
+    divisions overlap on the way up.
+    """
     on_cart = int(cart.size > 0)
     half = on_cart + len(links)
     angles, rates, turned = y[on_cart:half], y[half + on_cart : 2 * half], found[half + on_cart : 2 * half]
-    found[:half] = y[half : 2 * half]
+    sin, cos, hx, hz, e = turns[0], turns[1], turns[2], turns[3], turns[4]
+    _sines(angles, sin, cos)
+    slopes = y[half : 2 * half]
+    for i in range(half):
+        found[i] = slopes[i]
     mass, force, power, x2 = 0.0, 0.0, 0.0, 0.0
     for p in range(len(first) - 1):
-        answer, lost = _upward(links, first[p], first[p + 1], angles, rates, moments, turns)
-        mass, force, power = mass + answer[0], force + (answer[3] - gravity * answer[1]), power + lost
+        below, hinge_below = Answer(0.0, 0.0, 0.0, 0.0, 0.0), 0.0
+        for i in range(first[p + 1] - 1, first[p] - 1, -1):
+            Q = 0.0
+            if hinged:
+                hinge, lost = _joint(links, angles, rates, i, i == first[p])
+                Q, hinge_below, power = hinge - hinge_below, hinge, power + lost
+            if moments.size:
+                Q = moments[i] + Q
+            if i == first[p + 1] - 1:
+                below, turn = _ended(_link(links, i), sin[i], cos[i], rates[i], Q)
+            else:
+                below, turn = _passed(_link(links, i), below, sin[i], cos[i], rates[i], Q)
+            share = 1.0 / turn.D
+            hx[i], hz[i], e[i] = share * turn.hx, share * turn.hz, share * turn.e
+        mass, force = mass + below.xx, force + (below.px - gravity * below.xz)
     if on_cart:
         kept, working = _joint_law(y[0], y[half], cart[2], cart[1])
         x2 = (push + working + kept - force) / (cart[0] + mass)
         found[half] = x2
         power += y[half] * (push + working)
     for p in range(len(first) - 1):
-        _downward(links, first[p], first[p + 1], rates, turns, x2, -gravity, turned)
+        ax, az = x2, -gravity
+        for i in range(first[p], first[p + 1]):
+            turn = Turn(hx[i], hz[i], e[i], 1.0, sin[i], cos[i], rates[i])
+            turned[i], ax, az = _hung(_link(links, i), turn, ax, az)
     if works:
         for i in range(moments.size):
             power += moments[i] * rates[i]
-        found[-1] = power
+        found[2 * half] = power
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,14 +121,15 @@ class Compiled(Minimal):
             raise MissingExtraError("numba", "fast")
 
     @cached_property
-    def scene(self) -> tuple[Floats, Ints, Floats, float, bool]:
-        """Arguments of the kernels: link constants, first links of pendula, cart, gravity, whether y has work."""
+    def scene(self) -> tuple[Floats, Ints, Floats, float, bool, bool]:
+        """Arguments of `rate`: constants and first links of pendula, cart, gravity, whether joints act, y has work."""
         cart = self.system.cart
         return (
             _rows(self.system),
             np.append(np.flatnonzero(np.diff(self.system.pendulum, prepend=-1)), self.system.n_links),
             np.array(cart or (), dtype=float),
             self.system.gravity,
+            any(group.hinged for group in self.system.groups),
             self.layout.works,
         )
 
@@ -118,7 +137,7 @@ class Compiled(Minimal):
         """The derivative y' of one y (size,)."""
         push, moments = self.load(time, self.layout.state(y)) if self.load else NOTHING
         loose = LOOSE if moments is None else np.ascontiguousarray(moments, dtype=float)
-        found, turns = np.empty(self.layout.size), np.empty((self.system.n_links, 6))
+        found, turns = np.empty(self.layout.size), np.empty((TURNS, self.system.n_links))
         rate(np.ascontiguousarray(y, dtype=float), *self.scene, float(push), loose, turns, found)
         return found
 

@@ -5,6 +5,7 @@ A whole scene is one matrix,
     M_ij = A_ij cos(θ_i − θ_j),   M_0i = b_i cos θ_i,   M_00 = m_c + Σ m
     M (x'', θ'') = (F + Σ b_i sin θ_i θ_i'²,  Q_i − g b_i sin θ_i − Σ_j A_ij sin(θ_i − θ_j) θ_j'²)
 
+(solved by Cholesky's method; sin(θ_i − θ_j) = sin θ_i cos θ_j − cos θ_i sin θ_j makes two products with A of the sum),
 or every pendulum of a group has a matrix of its own, and all are solved at once:
 
     Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i cos θ_i x'' + g b_i sin θ_i = Q_i
@@ -19,6 +20,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 
 from modal import pair
 from modal.errors import ComputationError
@@ -48,8 +50,8 @@ class Small(Minimal):
     bodies: tuple[()] = ()
 
     @cached_property
-    def _pair(self) -> tuple[Floats, Floats]:
-        """A (L, L), zero between pendula, and b (L,), in the order of the file."""
+    def _arrays(self) -> tuple[int, int, Floats, Floats, Floats]:
+        """Coordinates before the links and in all; A (L, L), zero between pendula, b and g b (L,), as in the file."""
         size = self.system.n_links
         A, b = np.zeros((size, size)), np.zeros(size)
         for group in self.system.groups:
@@ -58,10 +60,10 @@ class Small(Minimal):
             for column, places in enumerate(group.index.T):
                 A[np.ix_(places, places)] = inertia[..., column]
             b[group.index] = block.b
-        return A, b
+        return int(self.layout.on_cart), self.layout.half, A, b, self.system.gravity * b
 
     @cached_property
-    def _acts(self) -> bool:
+    def acts(self) -> bool:
         """Whether any force acts besides gravity."""
         cart, groups = self.system.cart, self.system.groups
         held = cart is not None and (cart.stiffness or cart.damping)
@@ -74,24 +76,25 @@ class Small(Minimal):
 
     def derivative(self, time: float, y: Any) -> Any:
         """The time derivative of one y, (size,)."""
-        layout, (A, b) = self.layout, self._pair
-        first, half = int(layout.on_cart), layout.half
+        first, half, A, b, weight = self._arrays
         angles, squared = y[first:half], y[half + first : 2 * half] ** 2
         sin, cos = np.sin(angles), np.cos(angles)
-        turned = sin[:, None] * cos
-        M, force, found = np.empty((half, half)), np.empty(half), np.zeros_like(y)
-        M[first:, first:] = A * (cos[:, None] * cos + sin[:, None] * sin)
-        force[first:] = -self.system.gravity * b * sin - (A * (turned - turned.T)) @ squared
+        M, force, found = np.empty((half, half)), np.empty(half), np.zeros(y.size)
+        inner = M[first:, first:]
+        np.multiply(sin[:, None], sin, out=inner)
+        inner += cos[:, None] * cos
+        inner *= A
+        force[first:] = cos * (A @ (sin * squared)) - sin * (A @ (cos * squared) + weight)
         if first:
             M[0, 0], M[0, 1:] = self._total, b * cos
-            M[1:, 0], force[0] = M[0, 1:], (b * sin) @ squared
+            force[0] = (b * sin) @ squared
         found[:half] = y[half : 2 * half]
-        if self._acts:
+        if self.acts:
             self._push(time, y, force, found)
-        try:
-            found[half : 2 * half] = np.linalg.solve(M, force)
-        except np.linalg.LinAlgError:
-            raise ComputationError(SINGULAR) from None
+        *_, accelerations, failed = scipy.linalg.lapack.dposv(M.T, force, lower=1, overwrite_a=1, overwrite_b=1)
+        if failed:
+            raise ComputationError(SINGULAR)
+        found[half : 2 * half] = accelerations
         return found
 
     def _push(self, time: float, y: Floats, force: Floats, found: Floats) -> None:

@@ -18,16 +18,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal.scene.hoist import LengthLaw
-from modal.vibration.prescribed import Polynomials
+from modal.vibration.prescribed import Course, Polynomials
 from nonlinear.dynamics.contacts import Gripping
 from nonlinear.system import AppliedForces, Group, Layout, Load, System
 
 NOTHING = AppliedForces()
+CLOCK = Polynomials(np.empty(0), np.zeros(1), np.array([[0.0, 1.0]]))
+"""The time itself."""
+LEAST_BEND = 10.0
+"""Bends of accelerations over the tolerance, in gravity, that steps may pass over: they then add less than the method
+itself errs by, for smooth records, noisy ones and such with jumps, of 201 to 20,001 samples."""
 
 
 class Lengths(NamedTuple):
@@ -112,27 +118,61 @@ class Inputs:
 
     def beside(self, times: Any) -> list[Any]:
         """The inputs of time alone at times of any shape (s), each of that shape."""
-        if self.is_analytic:
-            return [times]
-        prescribed = [course.beside(times) for course in self.system.courses]
-        return prescribed + [part for _, law in self.laws for part in law(times)]
+        laws = [part for _, law in self.laws for part in law(times)]
+        return [times, *laws] if self.is_analytic else [course.beside(times) for course in self.system.courses] + laws
 
     @cached_property
     def polynomials(self) -> list[Polynomials] | None:
         """Every input of time alone piece by piece; none where the time is the only one; None where any has none."""
-        if self.is_analytic:
+        if self.is_analytic and not self.laws:
             return []
         moved = [own for course in self.system.courses if (own := course.polynomials)]
+        moved = [CLOCK] if self.is_analytic else moved
         if len(moved) < self._moved or not all(isinstance(law, LengthLaw) for _, law in self.laws):
             return None
         return [*moved, *(own for _, law in self.laws for own in _derivatives(law))]
 
     @cached_property
     def pieces(self) -> list[Polynomials] | None:
-        """The `polynomials` where each piece begins and ends at a break of the system, so at the end of a step."""
-        breaks = {*self.system.hoisting.breaks} if self.system.hoisting else set()
+        """The `polynomials` where every knot is one of the `breaks`, at which a step may end."""
         own = self.polynomials
-        return own if own is not None and all(breaks.issuperset(one.knots.tolist()) for one in own) else None
+        return own if own is not None and all(one.period == inf for one in own) else None
+
+    def breaks(self, accuracy: float = 0.0) -> list[float]:
+        """The times (s), ascending, at which an acceleration of the support or of a length, or a force, jumps or bends.
+
+        Steps that end there keep the order of their method.  For an `accuracy`, a relative tolerance, a knot counts
+        where it bends by LEAST_BEND times that part of gravity, or of a force as heavy as the lightest link, or of the
+        largest value if that is less.
+        """
+        gravity, times = float(np.min(self.system.gravity)), set[float]()
+        accuracy *= LEAST_BEND
+        for course in self.system.courses:
+            times |= {*course.motion.breaks}
+        for course, unit in self._bending(gravity):
+            if (own := course.polynomials) and own.period == inf:
+                times |= _bends(own, accuracy * min(unit, float(np.abs(own.coefficients[:, 0]).max())))
+        for _, law in self.laws:
+            if isinstance(law, LengthLaw):
+                *_, own = _derivatives(law)
+                times |= {*law.knots[[0, -1]].tolist()} | _bends(own, accuracy * gravity)
+            else:
+                times |= {*getattr(law, "breaks", ())}
+        return sorted(times)
+
+    def _bending(self, gravity: float) -> Iterator[tuple[Course, float]]:
+        """Accelerations of the support (m/s²) and forces (N, N m), with the unit of each."""
+        system = self.system
+        forces, moved = len(system.forces), len(system.support.motions) if system.support else 0
+        yield from ((course, gravity) for course in system.courses[:moved])
+        weight = gravity * float(np.min(system.by_link("mass"))) if forces else 0.0
+        for force, course in zip(system.forces, system.courses[len(system.courses) - forces :], strict=True):
+            yield course, weight if force.direction else weight * float(np.min(system.by_link("length")))
+
+    @property
+    def shortest(self) -> float:
+        """The time (s) in which the support's acceleration or a force may change substantially; inf without any."""
+        return self.system.shortest
 
     def instant(self, u: Sequence[Any]) -> Instant:
         """The instant of these inputs."""
@@ -211,6 +251,11 @@ def _derivatives(law: LengthLaw) -> Iterator[Polynomials]:
         first[0, 0], last[0, 0] = ends if order == 0 else (0.0, 0.0)
         yield Polynomials(law.knots, origins, np.concatenate((first, own, last)))
         own = np.append(own[:, 1:] * np.arange(1, own.shape[1]), np.zeros((len(own), 1)), axis=1)
+
+
+def _bends(own: Polynomials, least: float) -> set[float]:
+    """The knots (s) at which a function bends by at least so much."""
+    return {*own.knots[own.kinks >= least].tolist()}
 
 
 def _filled(values: Sequence[Any]) -> Any:

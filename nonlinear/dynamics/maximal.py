@@ -30,8 +30,7 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array
-from scipy.sparse.linalg import splu
+import scipy
 
 from modal.errors import ComputationError
 from modal.types import Floats, Ints
@@ -308,7 +307,7 @@ class Saddle:
         self.weight = self.scale[self.rows] * self.scale[self.columns]
         self.masses = masses
         order = np.arange(1, len(self.rows) + 1)
-        self.pattern = coo_array((order, (self.rows, self.columns)), shape=(self.size, self.size)).tocsc()
+        self.pattern = scipy.sparse.coo_array((order, (self.rows, self.columns)), shape=(self.size, self.size)).tocsc()
 
     @property
     def is_dense(self) -> bool:
@@ -335,8 +334,10 @@ class Saddle:
     def _solved(self, values: Floats, right: Floats) -> Floats:
         if not self.is_dense:
             pattern = self.pattern
-            matrix = csc_array((values[pattern.data - 1], pattern.indices, pattern.indptr), shape=pattern.shape)
-            return np.asarray(splu(matrix).solve(right))
+            matrix = scipy.sparse.csc_array(
+                (values[pattern.data - 1], pattern.indices, pattern.indptr), shape=pattern.shape
+            )
+            return np.asarray(scipy.sparse.linalg.splu(matrix).solve(right))
         dense = np.zeros((self.size, self.size))
         dense[self.rows, self.columns] = values
         return np.asarray(np.linalg.solve(dense, right), dtype=np.float64)

@@ -199,7 +199,8 @@ class Suspended(Arranged):
             for place, group, _, _, external in solved:
                 winding = [part[group.index] for part in instant.lengths[1:]]
                 moved = links[place], rates[place], turned[place]
-                force = transmitted(group, winding, *moved, (x2, -gravity), external)
+                # without the support's acceleration: with the work of its inertial forces on what the ropes move
+                force = transmitted(group, winding, *moved, (x2 if cart else 0.0, -system.gravity), external)
                 rope = np.stack((np.sin(links[place]), np.cos(links[place])))
                 power = power + (winding[0] * (rope * force).sum(0)).sum((0, 1))
         if layout.works:

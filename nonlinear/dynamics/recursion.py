@@ -92,12 +92,31 @@ def upward(
     lengths, 0 for all links but bobs.
     """
     extra = [None] * len(links) if bias is None else bias
-    below = Answer(*[0 * sin[-1]] * 5)
-    turns: list[Turn] = []
-    for link, s, c, w, Q, own in reversed(list(zip(links, sin, cos, rate, torque, extra, strict=True))):
+    *above, last = zip(links, sin, cos, rate, torque, extra, strict=True)
+    below, turn = ended(*last)
+    turns = [turn]
+    for link, s, c, w, Q, own in reversed(above):
         below, turn = passed(link, below, s, c, w, Q, own)
         turns.append(turn)
     return below, turns[::-1]
+
+
+def ended(link: Link, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None) -> tuple[Answer, Turn]:
+    """The same as `passed` of the last link, below which there is nothing."""
+    if bias is not None:
+        Q = Q - link.mc * bias.across
+    pn, pu = link.mc / link.J * Q, -link.mc * (w * w)
+    if bias is not None:
+        pn, pu = pn + link.m * bias.across, pu + link.m * bias.along
+    nn, uu = link.m * link.I / link.J, link.m
+    answer = Answer(
+        xx=c * c * nn + s * s * uu,
+        xz=s * c * (uu - nn),
+        zz=s * s * nn + c * c * uu,
+        px=c * pn + s * pu,
+        pz=c * pu - s * pn,
+    )
+    return answer, Turn(c * link.mc, -s * link.mc, -Q, link.J, s, c, w)
 
 
 def passed(link: Link, below: Answer, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None) -> tuple[Answer, Turn]:

@@ -98,6 +98,8 @@ def _vectors(motion: Motion) -> Motion:
 
 def synchronous(system: System, start: State) -> Symmetry | None:
     """One pendulum for each set of equal pendula with equal starts; None where no two match."""
+    if system.n_pendula == len(system.groups):
+        return None
     groups: list[Group] = []
     kept, whole = np.zeros(0, dtype=np.int64), np.empty(system.n_links, dtype=np.int64)
     for group in system.groups:

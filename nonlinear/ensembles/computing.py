@@ -17,7 +17,7 @@ from nonlinear.ensembles.measures import Columns, Context
 from nonlinear.ensembles.members import RATIO, Block, Part
 from nonlinear.ensembles.plain import STATES
 from nonlinear.ensembles.question import COMPILED, LANES, PLAIN, Question
-from nonlinear.integration.costs import reproducible
+from nonlinear.integration.readiness import reproducible
 from nonlinear.simulation import simulate
 from nonlinear.system import Layout, Numbers, apart, numbers_of
 

@@ -4,64 +4,85 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib.util import find_spec
-from math import inf
+from typing import NamedTuple
+
+import numpy as np
 
 from modal.errors import SceneError
 from modal.scene import CAPABILITIES, Scene, refusals
+from nonlinear.dynamics import Lanes
 from nonlinear.dynamics.inputs import Inputs
+from nonlinear.dynamics.lanes import WRITTEN
 from nonlinear.ensembles.members import Members
-from nonlinear.ensembles.question import (
-    COMPILED,
-    LANES,
-    ONE_BY_ONE,
-    PLAIN,
-    SERIES,
-    Question,
-    seconds_each,
-    switching_features,
-)
-from nonlinear.integration import taylor_takes
-from nonlinear.system import system_of
+from nonlinear.ensembles.question import COMPILED, LANES, ONE_BY_ONE, PLAIN, SERIES, Question, seconds_each, steps_of
+from nonlinear.ensembles.series import SEEN, series_of
+from nonlinear.integration import kernels, taylor_takes
+from nonlinear.integration.crowds import Crowd
+from nonlinear.integration.readiness import Code, Forgone, Offer, best_of, forgone_by
+from nonlinear.system import Numbers, numbers_of, system_of
 
 ENGINES = (LANES, COMPILED, SERIES, PLAIN)
 SOONER = {LANES: 1.0, COMPILED: 5.0, SERIES: 7.0}
 SOONER_WITHIN = {LANES: 1.0, COMPILED: 7.0, SERIES: 4.0}
 """How many times as fast as lanes in NumPy an engine is once it runs, also where much is looked for within steps."""
 WITHIN = {"largest_angle", "section"}
-BEFORE = {LANES: 0.05, COMPILED: 7.0, SERIES: 3.0}
-"""Seconds to load and compile."""
-CHANGING = 20.0
-"""And to compile what happens at switches."""
+TANGENT = "lyapunov"
+"""The measure that needs tangent equations beside the others."""
+BESIDE = {COMPILED: 0.02, SERIES: 0.01}
+"""Seconds that a few members take as well."""
+CALLING = 1.5e-4, 6e-5
+"""Seconds that a step of lanes in NumPy takes for a few members as well: for each link, and for its square."""
 RECORDED = {name: CAPABILITIES[f"engine {name}"].unless["moved_support"] for name in (COMPILED, SERIES)}
 """What of the functions of time an engine takes."""
-NEEDS = {LANES: "numpy", COMPILED: "numba", SERIES: "heyoka"}
+
+
+class Decision(NamedTuple):
+    """An engine, why it is taken, and what ones that are not ready would save."""
+
+    engine: str
+    reason: str
+    forgone: Forgone = ()
 
 
 def choose_engine(
-    asked: str, why_not: str, members: Members, duration: float, tolerance: float, measures: Sequence[str] = ()
-) -> tuple[str, str]:
-    """The engine for these members, and why; SceneError for one that cannot take them."""
+    asked: str,
+    why_not: str,
+    members: Members,
+    duration: float,
+    tolerance: float,
+    measures: Sequence[str] = (),
+    *,
+    begun: str = "",
+    anew: bool = False,
+) -> Decision:
+    """The engine for these members; SceneError for one that cannot take them.
+
+    Where the choice is free it is that of the engine by which a folder was `begun`; `anew` it does not depend on what
+    is ready, so that processes that know nothing of each other choose alike.
+    """
     if asked not in ("auto", *ENGINES):
         raise SceneError([f"engine {asked}: must be one of auto, {', '.join(ENGINES)}"])
     if asked == PLAIN:
-        return PLAIN, "as asked for, one by one"
+        return Decision(PLAIN, "as asked for, one by one")
     if asked != "auto" and (found := refusals(members.scene, f"engine {asked}", *members.varied)):
         raise SceneError(found)
     if why_not:
         if asked != "auto":
             raise SceneError([f"engine {asked}: {why_not}; simulate takes its members one by one"])
-        return PLAIN, f"one by one, for {why_not}"
+        return Decision(PLAIN, f"one by one, for {why_not}")
     if not _recorded(asked, members.scene):
         where = "hoist" if members.scene.is_hoisted else "support.motion" if members.scene.is_moved else "force"
         raise SceneError([f"{where}: engine {asked} {RECORDED[asked]}: take engine numpy"])
     if asked == SERIES and find_spec("heyoka") and not taylor_takes(members.scene):
         raise SceneError([f"engine {asked}: takes shorter chains and fewer links"])
     if asked != "auto":
-        return asked, "as asked for"
-    sooner = SOONER_WITHIN if WITHIN & set(measures) else SOONER
-    seconds = {name: _seconds(name, members, duration, tolerance, sooner[name]) for name in SOONER}
-    best = min(seconds, key=seconds.__getitem__)
-    return best, f"the fastest for so many, about {seconds[best]:.2g} s on one core"
+        return Decision(asked, "as asked for")
+    if begun in SOONER and _takes(begun, members):
+        return Decision(begun, "by which this folder was begun")
+    offers = _offers(members, duration, tolerance, measures)
+    best = best_of(offers, anew=anew)
+    seconds = offers[best].price(anew=True) if anew else offers[best].seconds
+    return Decision(best, f"the fastest for so many, about {seconds:.2g} s on one core", forgone_by(offers, best))
 
 
 def _recorded(name: str, scene: Scene) -> bool:
@@ -71,14 +92,47 @@ def _recorded(name: str, scene: Scene) -> bool:
     return needed is None or getattr(inputs, needed) is not None
 
 
-def _seconds(name: str, members: Members, duration: float, tolerance: float, sooner: float) -> float:
-    absent = not find_spec(NEEDS[name]) or (name == SERIES and not taylor_takes(members.scene))
-    if not _recorded(name, members.scene):
-        return inf
-    if absent or refusals(members.scene, f"engine {name}", *members.varied):
-        return inf
-    before = BEFORE[name] + (CHANGING if name == COMPILED and switching_features(members) else 0.0)
-    return before + members.size * seconds_each(members.scene, duration, tolerance) / sooner
+def _offers(members: Members, duration: float, tolerance: float, measures: Sequence[str]) -> dict[str, Offer]:
+    """What every engine that takes these members would take for them."""
+    sooner = SOONER_WITHIN if WITHIN & set(measures) else SOONER
+    scene, whole = members.scene, members.size * seconds_each(members.scene, duration, tolerance)
+    links, steps = scene.n_links, steps_of(scene, duration, tolerance)
+    beside = BESIDE | {LANES: steps * (CALLING[0] * links + CALLING[1] * links**2)}
+    numbers = first_numbers(members)
+    return {
+        name: Offer(beside[name] + whole / sooner[name], code_of(name, numbers, tolerance, measures))
+        for name in SOONER
+        if _takes(name, members)
+    }
+
+
+def _takes(name: str, members: Members) -> bool:
+    """Whether it is a choice: equations that are not written out in a few lines numba compiles for minutes."""
+    if not _recorded(name, members.scene) or refusals(members.scene, f"engine {name}", *members.varied):
+        return False
+    return members.scene.n_links <= WRITTEN if name == COMPILED else name == LANES or taylor_takes(members.scene)
+
+
+def first_numbers(members: Members) -> Numbers:
+    """The numbers of the first member, as an engine is given those of many; of the scene where that cannot be."""
+    part = members.part(0, 1)
+    try:
+        return part.numbers(np.arange(1))
+    except SceneError:
+        return numbers_of(members.scene)
+
+
+def code_of(name: str, numbers: Numbers, tolerance: float, measures: Sequence[str] = ()) -> Code | None:
+    """What an engine compiles for members with such numbers, and how far it is; None where it compiles nothing.
+
+    Where exponents are measured it is the tangent equations, which come after the others.
+    """
+    if name == LANES:
+        return None
+    lanes = Lanes(numbers, tangent=TANGENT in measures)
+    if name == COMPILED:
+        return kernels.code_of(lanes, Crowd(lanes) if numbers.switching else None)
+    return series_of(lanes, tolerance, SEEN & set(measures))
 
 
 def seconds_of(question: Question, chunks: int) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
 from math import prod
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -23,10 +23,10 @@ from modal.scene.parameters import (
     Place,
     Variable,
     Variation,
+    Vary,
     find_places,
     is_of_switch,
-    parse_variations,
-    validate_variations,
+    parse_vary,
 )
 from modal.types import Floats, Ints
 from nonlinear.integration import validate
@@ -34,7 +34,6 @@ from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.system import Layout, Motion, Numbers, State, initial_state, numbers_of, system_of, validate_state
 
 Starts = Floats | Sequence[Sequence[float]] | Sequence[State] | Motion
-Vary = Sequence[str] | Sequence[Variation] | Mapping[str, Sequence[float] | Floats]
 STARTING = {"angles_deg": 0, "rates_deg": 1}
 """The numbers of a start that are angles and rates (deg)."""
 RATIO = "damping_ratio"
@@ -89,14 +88,7 @@ class Part:
         """The members in arrays."""
         reasons = self._reasons()
         good = np.array([place for place in range(self.size) if place not in reasons], dtype=np.int64)
-        given = {place: own[good] for place, own in self._at.items()}
-        others = {place: own for place, own in given.items() if "start" not in place}
-        entries = {place: own for place, own in others.items() if not is_of_switch(place)}
-        numbers = numbers_of(self.scene, entries, modal=self._dampers(entries, good))
-        if (system := numbers.system).kicked or system.rubs:
-            every = [self.scene_of(int(place)) for place in good] if others else [self.scene]
-            own = np.array([switching_of(system_of(scene)) for scene in every]).T
-            numbers = replace(numbers, switching=tuple(own if others else own[:, 0]))
+        given, numbers = {place: own[good] for place, own in self._at.items()}, self.numbers(good)
         states = self.states.at(good) if self.states is not None else self._begun(given, len(good))
         y = np.zeros((layout.size, len(good)))
         first, half = int(layout.on_cart), layout.half
@@ -104,6 +96,17 @@ class Part:
         if first:
             y[0], y[half] = states.cart, states.cart_rate
         return Block(good, numbers, y, reasons)
+
+    def numbers(self, good: Ints) -> Numbers:
+        """The numbers of the members at these places; SceneError where switches cannot be."""
+        others = {place: own[good] for place, own in self._at.items() if "start" not in place}
+        entries = {place: own for place, own in others.items() if not is_of_switch(place)}
+        numbers = numbers_of(self.scene, entries, modal=self._dampers(entries, good))
+        if (system := numbers.system).kicked or system.rubs:
+            every = [self.scene_of(int(place)) for place in good] if others else [self.scene]
+            own = np.array([switching_of(system_of(scene)) for scene in every]).T
+            numbers = replace(numbers, switching=tuple(own if others else own[:, 0]))
+        return numbers
 
     def _dampers(self, others: Mapping[Place, Floats], good: Ints) -> Floats | None:
         """D_modal (S, n, n) where it belongs to what differs between these members, else None."""
@@ -227,44 +230,14 @@ def members_of(scene: Scene, starts: Starts | None, vary: Vary | None) -> Member
 def _varied(scene: Scene, vary: Vary | None, started: bool) -> tuple[tuple[Variation, ...], dict[str, Floats]]:
     if not vary:
         return (), {}
-    axes: tuple[Variation, ...] = ()
-    lists: dict[str, Floats] = {}
-    if isinstance(vary, Mapping):
-        lists = {path: _numbers(path, own) for path, own in vary.items()}
-        _check_lists(scene, lists)
-    else:
-        given = cast("Any", vary)
-        if not isinstance(given, list | tuple) or not all(isinstance(own, str | Variation) for own in given):
-            raise SceneError([f"vary {vary!r}: must be a list of PLACE=VALUES, or a mapping of places to values"])
-        texts = [own for own in vary if isinstance(own, str)]
-        axes = parse_variations(texts) if len(texts) == len(vary) else tuple(vary)  # type: ignore[arg-type]
-        validate_variations(scene, axes)
+    axes, arrays = parse_vary(scene, vary)
+    lists = {path: own.ravel() for path, own in arrays.items()}
+    if lists and (len({len(own) for own in lists.values()}) != 1 or not len(next(iter(lists.values())))):
+        raise SceneError(["vary: needs as many values at every place, at least one"])
     paths = (*(axis.path for axis in axes), *lists)
     if started and (own := [path for path in paths if ".start." in path]):
         raise SceneError([f"{path}: cannot be varied where starts are given" for path in own])
     return axes, lists
-
-
-def _numbers(path: object, own: object) -> Floats:
-    try:
-        if not isinstance(path, str):
-            raise TypeError
-        return np.asarray(own, dtype=float).ravel()
-    except (TypeError, ValueError):
-        raise SceneError([f"vary {path!r}: must be a place of the scene with one number for each member"]) from None
-
-
-def _check_lists(scene: Scene, lists: Mapping[str, Floats]) -> None:
-    problems = [f"{path}: must be finite" for path, own in lists.items() if not np.all(np.isfinite(own))]
-    if len({len(own) for own in lists.values()}) != 1 or not len(next(iter(lists.values()))):
-        problems.append("vary: needs as many values at every place, at least one")
-    for path in lists:
-        try:
-            find_places(scene, path)
-        except SceneError as error:
-            problems += error.problems
-    if problems:
-        raise SceneError(problems)
 
 
 def _states(scene: Scene, starts: Starts) -> Motion:

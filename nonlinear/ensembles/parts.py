@@ -20,6 +20,14 @@ from nonlinear.files import as_npz, from_npz
 HEADER = "ensemble.json"
 
 
+def engine_of_folder(folder: str | os.PathLike[str] | None) -> str:
+    """The engine by which a folder was begun; "" where there is no header that says so."""
+    try:
+        return str(json.loads((Path(folder or "") / HEADER).read_text(encoding="utf-8"))["engine"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""
+
+
 class Parts:
     """The chunks of a question in a folder, which is made if it is not there.
 

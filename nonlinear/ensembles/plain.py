@@ -13,8 +13,8 @@ from nonlinear.ensembles.found import Found, Section
 from nonlinear.ensembles.measures import Columns, Context, places
 from nonlinear.ensembles.question import Question
 from nonlinear.integration import Trajectory
-from nonlinear.integration.costs import reproducible
 from nonlinear.integration.passages import Level, Passages, counted, level_of, starts_of
+from nonlinear.integration.readiness import reproducible
 from nonlinear.postprocessing import largest_angle
 from nonlinear.simulation import simulate
 from nonlinear.system import Event, Layout, Motion, State, numbers_of

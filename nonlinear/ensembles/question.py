@@ -114,11 +114,14 @@ class Question(Displayed):
 
 
 def seconds_each(scene: Scene, duration: float, tolerance: float) -> float:
-    """Roughly how long a member takes by lanes in NumPy (s), as benchmarks/ensembles.py finds it."""
-    system = system_of(scene)
+    """Roughly how long one of many members takes by lanes in NumPy (s), as benchmarks/ensembles.py finds it."""
+    return float(steps_of(scene, duration, tolerance) * system_of(scene).n_links * 5e-7)
+
+
+def steps_of(scene: Scene, duration: float, tolerance: float) -> float:
+    """Roughly how many steps a member takes."""
     periods = duration * estimate_timescales(scene).swing / (2 * pi)
-    steps = 10 + periods * PER_PERIOD * (1e-6 / tolerance) ** (1 / 8)
-    return float(steps * system.n_links * 5e-7)
+    return float(10 + periods * PER_PERIOD * (1e-6 / tolerance) ** (1 / 8))
 
 
 def chunk_of(scene: Scene, duration: float, tolerance: float, samples: int, engine: str) -> int:

@@ -22,16 +22,18 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, counted
 from modal.scene import Scene, name_of, require, validate_scene
+from modal.scene.parameters import Vary
 from modal.types import Floats
 from nonlinear.ensembles.computing import Chunk, compute, engine_of
-from nonlinear.ensembles.costs import choose_engine, seconds_of
+from nonlinear.ensembles.costs import Decision, choose_engine, seconds_of
 from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
 from nonlinear.ensembles.measures import asked, validate_measures
-from nonlinear.ensembles.members import Members, Starts, Vary, members_of
-from nonlinear.ensembles.parts import Parts
+from nonlinear.ensembles.members import Members, Starts, members_of
+from nonlinear.ensembles.parts import Parts, engine_of_folder
 from nonlinear.ensembles.plain import STATES, validate_plain
 from nonlinear.ensembles.question import CHECKED, PLAIN, Question, chunk_of, refused, sample_of
 from nonlinear.integration import sample_times, validate, validate_numbers, validate_whole
+from nonlinear.integration.readiness import Forgone, lose, rented
 from nonlinear.system import Motion, system_of
 
 USUAL = 1e-9  # tolerance
@@ -217,10 +219,11 @@ def ensemble(
         lambda: _validate_share(share),
         lambda: _validate_folder(folder),
     )
-    question, reason = _question(scene, duration, starts, vary, output, tolerance, measures, engine, check, chunk)
+    choice = partial(choose_engine, engine, begun=engine_of_folder(folder) if folder else "", anew=share is not None)
+    question, decision = _question(scene, duration, starts, vary, output, tolerance, measures, choice, check, chunk)
     parts = None if folder is None else Parts(folder, question)
     left = _left(question, parts, share)
-    return _run(question, reason, parts, left, workers, crew, report)
+    return _run(question, decision, parts, left, workers, crew, report)
 
 
 def _left(question: Question, parts: Parts | None, share: tuple[int, int] | None) -> list[int]:
@@ -257,10 +260,10 @@ def _question(
     output: Output,
     tolerance: float,
     measures: Sequence[str],
-    engine: str,
+    choice: Callable[..., Decision],
     check: int,
     chunk: int | None,
-) -> tuple[Question, str]:
+) -> tuple[Question, Decision]:
     """What is asked and why by this engine; SceneError names every mistake."""
     require(scene, "an ensemble")
     system = system_of(scene)
@@ -272,7 +275,8 @@ def _question(
     )
     duration, tolerance = float(duration), float(tolerance)
     why_not = refused(members, duration, tolerance)
-    chosen, reason = choose_engine(engine, why_not, members, duration, tolerance, wanted.names)
+    decision = choice(why_not, members, duration, tolerance, wanted.names)
+    chosen = decision.engine
     if chosen == PLAIN:
         validate_plain(wanted.names, scene)
     if chosen != PLAIN:
@@ -284,7 +288,7 @@ def _question(
     fitting = chunk or chunk_of(scene, duration, tolerance, len(question.wanted.times), chosen)
     if (numbers := members.size * len(times) * 2 * scene.n_links) > MOST_NUMBERS:
         raise SceneError([f"output: {numbers:.3g} numbers are too many to keep: use fewer samples, or measures"])
-    return replace(question, chunk=fitting), reason
+    return replace(question, chunk=fitting), decision
 
 
 def _times(scene: Scene, duration: float, output: Output) -> tuple[float, ...]:
@@ -297,7 +301,7 @@ def _times(scene: Scene, duration: float, output: Output) -> tuple[float, ...]:
 
 def _run(
     question: Question,
-    reason: str,
+    decision: Decision,
     parts: Parts | None,
     left: Sequence[int],
     workers: int | None,
@@ -309,7 +313,7 @@ def _run(
     report(done)
     interrupted = False
     try:
-        with closing(_chunks(question, left, workers, crew)) as found:
+        with closing(_chunks(question, decision.forgone, left, workers, crew)) as found:
             for number, chunk in found:
                 if parts:
                     parts.keep(number, chunk)
@@ -319,7 +323,7 @@ def _run(
                 report(done)
     except KeyboardInterrupt:
         interrupted = True
-    return Ensemble(question, parts or [kept[number] for number in sorted(kept)], reason, interrupted)
+    return Ensemble(question, parts or [kept[number] for number in sorted(kept)], decision.reason, interrupted)
 
 
 def _size(question: Question, number: int) -> int:
@@ -327,15 +331,18 @@ def _size(question: Question, number: int) -> int:
 
 
 def _chunks(
-    question: Question, left: Sequence[int], workers: int | None, crew: WorkerPool | None
+    question: Question, forgone: Forgone, left: Sequence[int], workers: int | None, crew: WorkerPool | None
 ) -> Generator[Numbered, None, None]:
-    """The chunks that are left, by their numbers, as they come."""
+    """The chunks that are left, by their numbers, as they come, without what an engine that is not ready would save."""
     count = min(workers or cores(), max(len(left), 1))
     few = workers is None and seconds_of(question, len(left)) < AT_ONCE
     if crew is None and (count == 1 or few):
         for number in left:
-            yield number, compute(question, question.part(number))
+            with rented(forgone):
+                chunk = compute(question, question.part(number))
+            yield number, chunk
         return
+    lose(forgone, seconds_of(question, len(left)) / count)
     tasks: Iterator[Task] = (Task(number, _lean(question), question.part(number)) for number in left)
     while True:
         with nullcontext(crew) if crew else processes(count) as used:

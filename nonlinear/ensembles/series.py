@@ -6,7 +6,7 @@ all scenes of the same form.  What happens within steps is found by heyoka's own
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import ceil, floor, inf, log10, pi
@@ -23,10 +23,12 @@ from nonlinear.ensembles.lanes import slope_of, stretched, task_of
 from nonlinear.integration import taylor
 from nonlinear.integration.lanes import Task
 from nonlinear.integration.passages import Level, Passages, counted, level_of, starts_of
+from nonlinear.integration.readiness import Code, made
 from nonlinear.integration.watches import ROUNDING, UNKNOWN
 from nonlinear.system import Layout, Numbers
 
-SEEN = 0.12  # places a radian of the fastest motion from which the growth of errors is seen
+SEEN = frozenset({"first_turn", "largest_angle", "section"})  # measures that are found within steps
+PLACES = 0.12  # places a radian of the fastest motion from which the growth of errors is seen
 SHARED = 0.7  # of the speed of the lightest link if it had all the energy: what is reckoned with
 SEGMENT = 20.0  # radians of it after which a tangent vector is brought back to length 1
 AT_ONCE = 1024  # members between whose places in memory no time is lost
@@ -133,7 +135,7 @@ def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     task, scale, local = task_of(lanes, numbers, y, wanted)
     events = Events(lanes.layout, y, slope_of(lanes, numbers, y))
     pace = max(_pace(numbers, lanes.layout, y), pi / task.longest)
-    places = np.linspace(0.0, wanted.duration, max(1, ceil(SEEN * wanted.duration * pace)) + 1)
+    places = np.linspace(0.0, wanted.duration, max(1, ceil(PLACES * wanted.duration * pace)) + 1)
     grid = np.unique(np.concatenate((places, wanted.times)))
     seen, kept = np.searchsorted(grid, places), np.searchsorted(grid, wanted.times)
     tolerance = wanted.tolerance * 10.0 ** floor(log10(np.min(_fineness(task, local, y), initial=1.0)))
@@ -161,6 +163,12 @@ def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     if wanted.stretching:
         found.stretching = _stretching(numbers, y[: 2 * lanes.layout.half], wanted)
     return found
+
+
+def series_of(lanes: Lanes, tolerance: float, seen: Set[str] = frozenset()) -> Code:
+    """What is compiled for members of this form of which such is SEEN on the way, and how far it is."""
+    kind = f"side by side {'tangent' if lanes.tangent else sorted(seen)}"
+    return taylor.code_of(lanes.form, taylor.pieces_of(lanes), tolerance, kind)
 
 
 def _pace(numbers: Numbers, layout: Layout, y: Floats) -> float:
@@ -193,7 +201,11 @@ def _integrator(task: Task, tolerance: float, events: Events | None, wanted: Wan
         if section := wanted.section:
             level = level_of(layout, section.row, section.level)
             seen.append(("sin" if level.turns else "level", level.row, level.value, events.passing(level)))
-    return taylor.batch_integrator(task.lanes.module, task.lanes.size, tolerance, seen, taylor.pieces_of(task.lanes))
+    lanes, pieces = task.lanes, taylor.pieces_of(task.lanes)
+    integrator = taylor.batch_integrator(lanes.module, lanes.size, tolerance, seen, pieces)
+    kinds = {"first_turn": wanted.first_turns, "largest_angle": wanted.largest, "section": wanted.section}
+    made(series_of(lanes, tolerance, {name for name in SEEN if kinds[name]}))
+    return integrator
 
 
 def _propagated(integrator: Any, task: Task, own: slice, grid: Floats, events: Events | None, found: Found) -> Floats:
@@ -203,7 +215,7 @@ def _propagated(integrator: Any, task: Task, own: slice, grid: Floats, events: E
     rows = np.empty((len(grid), len(task.begun), len(members)))
     given = task.lanes.constants(task.numbers.at(members))
     constants = np.array([np.broadcast_to(one, len(members)) for one in given]).reshape(len(given), len(members))
-    stretches, pieces = [*_stretches(grid, task.breaks)], taylor.pieces_of(task.lanes)
+    stretches, pieces = [*_stretches(grid, np.array(task.lanes.inputs.breaks()))], taylor.pieces_of(task.lanes)
     for at in range(0, len(members), width):
         taken = np.minimum(np.arange(at, at + width), len(members) - 1)
         count = min(width, len(members) - at)

@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from math import exp
 
 import numpy as np
-from scipy.ndimage import median_filter
-from scipy.signal import find_peaks, savgol_filter
-from scipy.stats import spearmanr
+import scipy
 
 from modal.identification import autocorrelation
 from modal.modes import natural_modes
@@ -72,7 +70,7 @@ def outliers(miss: Floats) -> int:
     >>> outliers(np.array([0.0, 0.1, -0.1, 0.1, 9.0, -0.1, 0.0, 0.1, -0.1, 0.0]))
     1
     """
-    off = miss - median_filter(miss, NEIGHBOURS, mode="nearest")
+    off = miss - scipy.ndimage.median_filter(miss, NEIGHBOURS, mode="nearest")
     spread = float(np.median(np.abs(off[off != 0]))) if np.any(off) else 0.0
     return int(np.count_nonzero(np.abs(off) > FAR * 1.4826 * spread))
 
@@ -223,7 +221,7 @@ def _growth(found: Fit) -> Iterator[str]:
                 sizes.append(np.std(values[at : at + window]))
                 misses.append(np.sqrt(np.mean(miss[at : at + window] ** 2)))
         if len(sizes) >= STRETCHES:
-            rank = spearmanr(sizes, misses)
+            rank = scipy.stats.spearmanr(sizes, misses)
             if rank.statistic > GROWS and rank.pvalue < CERTAIN:
                 yield f"{sensor.name}: the residuals grow with the amplitude: a loss or a length of the model is wrong"
 
@@ -252,11 +250,13 @@ def turning_points(times: Floats, values: Floats, rate: float) -> float | None:
         return None
     step = float(np.median(np.diff(times)))
     window = min(len(values) - 1, max(5, int(0.4 / rate / step))) | 1
-    smooth = savgol_filter(values, window, 2) if window < len(values) else values
+    smooth = scipy.signal.savgol_filter(values, window, 2) if window < len(values) else values
     smooth = smooth - np.median(smooth[-max(5, len(smooth) // 20) :])
     apart = max(1, int(1.2 / rate / step))
     high = 0.04 * np.abs(smooth).max()
-    peaks = np.sort(np.concatenate([find_peaks(sign * smooth, height=high, distance=apart)[0] for sign in (1, -1)]))
+    peaks = np.sort(
+        np.concatenate([scipy.signal.find_peaks(sign * smooth, height=high, distance=apart)[0] for sign in (1, -1)])
+    )
     size = np.abs(smooth[peaks])
     if len(size) < TURNS or np.any(np.diff(size) > 0.05 * size[:-1]) or size[-1] > 0.6 * size[0]:
         return None

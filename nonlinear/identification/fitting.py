@@ -12,9 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import qr
-from scipy.optimize import least_squares
-from scipy.sparse import csr_array
+import scipy
 
 from modal.errors import ComputationError, SceneError
 from modal.identification import (
@@ -349,7 +347,7 @@ class Search:
             rows[np.arange(len(steady)), where] = 1 / STEADY
             found = np.vstack((problem.jacobian(whole(x))[:, columns], rows))
             if many or self.loss != "linear":
-                return csr_array(found) if many else found
+                return scipy.sparse.csr_array(found) if many else found
             square, promised = float(now[0] @ now[0]), _decrement(found[:, x > low + BOUND], now[0])
             fell, before = last[0] - square, last[1]
             if promised < SLIGHT or fell < SLIGHT or (not rough and fell < KEPT * before):
@@ -365,7 +363,7 @@ class Search:
         if not np.all(np.isfinite(begun)):
             raise ComputationError("the scene's motion cannot be followed from the first samples of the record")
         try:
-            found: Any = least_squares(
+            found: Any = scipy.optimize.least_squares(
                 residuals,
                 start,
                 jacobian,
@@ -406,7 +404,7 @@ def _decrement(J: Floats, residuals: Floats) -> float:
     """By how much the sum of squares can still fall, to first order: the part of the residuals that J can make up."""
     size = np.linalg.norm(J, axis=0)
     size[size == 0] = 1.0
-    Q, R, _ = qr(J / size, mode="economic", pivoting=True)
+    Q, R, _ = scipy.linalg.qr(J / size, mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(R))
     return float(np.sum(np.square(Q[:, diagonal > 1e-10 * diagonal[0]].T @ residuals))) if len(diagonal) else 0.0
 
@@ -417,7 +415,7 @@ def _projected(J: Floats, nuisances: Booleans, numbers: int) -> Floats:
     if not other.shape[1]:
         return own
     size = np.linalg.norm(other, axis=0)
-    Q, R, _ = qr(other[:, size > 0] / size[size > 0], mode="economic", pivoting=True)
+    Q, R, _ = scipy.linalg.qr(other[:, size > 0] / size[size > 0], mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(R))
     Q = Q[:, diagonal > 1e-10 * diagonal[0]]
     once = own - Q @ (Q.T @ own)

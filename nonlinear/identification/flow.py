@@ -13,16 +13,17 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.types import Floats
+from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics import Lanes
 from nonlinear.integration.analytic import Analytic
 from nonlinear.integration.lanes import Task, integrate
-from nonlinear.integration.within import Inside, Step
+from nonlinear.integration.method import within_shares
+from nonlinear.integration.within import Step
 from nonlinear.system import Numbers
 
 MOST_STEPS = 100_000
 Parts = tuple[tuple[int, float], ...]
-FIRST = 0.02  # of sqrt(l/g), the first step
+FIRST = 0.1  # of sqrt(l/g), the first step
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,15 +36,14 @@ class Channel:
     parts: Parts
     times: Floats
 
-    @property
-    def rows(self) -> list[int]:
-        """The components of y that it reads."""
-        return [row for row, _ in self.parts]
+    def rates(self, half: int) -> Parts:
+        """The components of y that its rate is the sum of; velocities have none there."""
+        return tuple((row + half * (row < half), sign) for row, sign in self.parts)
 
 
 @dataclass(eq=False)
 class Readings:
-    """A watch: readings of every channel, (C, S, K, P) complex, and the `rates` of the motion's own, (C, S, K).
+    """A watch: `values` that every channel reads, (C, S, K, P), and their `rates` of the motion alone, (C, S, K).
 
     NaN stands where a segment has no sample.  ComputationError after so many steps.
     """
@@ -58,47 +58,60 @@ class Readings:
 
     def begin(self, starts: Floats, y: Any) -> None:
         """The readings at the beginning, of y (size, S, P)."""
-        self.times = np.array([channel.times for channel in self.channels])
-        self.values = np.full((*self.times.shape, y.shape[2]), np.nan, dtype=complex)
-        self.rates, due = np.full(self.times.shape, np.nan), self.times <= starts[:, None]
-        self.next = np.count_nonzero(due, axis=2)
+        times = np.array([channel.times for channel in self.channels])
+        self.values = np.full((*times.shape, y.shape[2]), np.nan, dtype=y.dtype)
+        self.rates, due = np.full(times.shape, np.nan), times <= starts[:, None]
+        self.next, self.ahead = np.count_nonzero(due, axis=2), 1
+        self.times = np.pad(times, ((0, 0), (0, 0), (0, 1)), constant_values=np.inf)
         for c, channel in enumerate(self.channels):
             s, k = np.nonzero(due[c])
             self.values[c, s, k] = sum(sign * y[row][s] for row, sign in channel.parts)
-            self.rates[c, s, k] = sum(sign * y[row][s, 0].real for row, sign in self._rates(channel))
+            self.rates[c, s, k] = sum(sign * y[row][s, 0].real for row, sign in channel.rates(self.half))
 
     def see(self, step: Step) -> None:
         """Samples that fall into the step."""
         self.steps += 1
         if self.steps > self.most:
             raise ComputationError("a segment needs too many steps to be followed")
-        member, end, last = step.member, step.start + step.length, self.ends[step.member]
-        until = np.where(end >= last - 4e-16 * np.abs(last), np.finfo(float).max, end)
-        begin = self.next[:, member]
-        passed = np.count_nonzero(self.times[:, member] <= until[:, None], axis=2)
-        passed = np.where(step.taken & (step.length > 0), np.maximum(passed, begin), begin)
-        columns = np.flatnonzero((passed > begin).any(0))
-        if not len(columns):
+        begin = self.next[:, step.member]
+        times, due = self._due(step, begin)
+        count = np.count_nonzero(due, axis=2)
+        lanes, most = np.flatnonzero(count.any(0)), count.max()
+        if not most:
             return
-        inside, start, length = step.within(columns), step.start[columns], step.length[columns]
+        if 2 * len(lanes) > len(step.member):
+            lanes = np.arange(len(step.member))
+        member, start, length = step.member[lanes], step.start[lanes, None], step.length[lanes, None]
+        due, begin = due[:, lanes, :most], begin[:, lanes]
+        shares = length[..., None] * within_shares(np.where(due, (times[:, lanes, :most] - start) / length, 0.0))
+        stages, before = step.extended(lanes).view(float), step.before[:, lanes].view(float)
+        values = self.values.view(float)
         for c, channel in enumerate(self.channels):
-            count = (passed - begin)[c, columns]
-            lane = np.repeat(np.arange(len(columns)), count)
-            k = np.arange(len(lane)) - np.repeat(np.cumsum(count) - count - begin[c, columns], count)
-            s = member[columns][lane]
-            part = (self.times[c, s, k] - start[lane]) / length[lane]
-            self.values[c, s, k] = _read(inside.take(lane, channel.rows), part, channel.parts)
-            rates = self._rates(channel)
-            self.rates[c, s, k] = _read(inside.motion.take(lane, [row for row, _ in rates]), part, rates)
-        self.next[:, member] = passed
+            lane, k = np.nonzero(due[c])
+            at = c, member[lane], begin[c, lane] + k
+            values[at] = _read(channel.parts, shares[c], before, stages)[lane, k]
+            rates = _read(channel.rates(self.half), shares[c], before[..., :1], stages[..., :1])
+            self.rates[at] = rates[lane, k, 0]
+        self.next[:, step.member] += count
 
-    def _rates(self, channel: Channel) -> Parts:
-        """The components of y that a rate is made of; velocities have none there."""
-        return tuple((row + self.half * (row < self.half), sign) for row, sign in channel.parts)
+    def _due(self, step: Step, begin: Ints) -> tuple[Floats, Booleans]:
+        """The next times (C, W, ...) of all lanes, and which of them fall into the step."""
+        end, last = step.start + step.length, self.ends[step.member]
+        until = np.where(end >= last - 4e-16 * np.abs(last), np.finfo(float).max, end)
+        until = np.where(step.taken & (step.length > 0), until, -np.inf)
+        channel = np.arange(len(self.channels))[:, None, None]
+        while True:
+            index = np.minimum(begin[..., None] + np.arange(self.ahead), self.times.shape[2] - 1)
+            times = self.times[channel, step.member[:, None], index]
+            due = times <= until[:, None]
+            if not due[..., -1].any():
+                return times, due
+            self.ahead *= 2
 
 
-def _read(inside: Inside, part: Floats, parts: Parts) -> Any:
-    return sum(sign * one for one, (_, sign) in zip(inside.at(part), parts, strict=True))
+def _read(parts: Parts, shares: Floats, before: Floats, stages: Floats) -> Any:
+    """The sum of components (A, m, Q) at parts of a step, by the shares (A, m, 16) of all stages (16, size, A, Q)."""
+    return sum(sign * (before[row][:, None] + shares @ stages[:, row].swapaxes(0, 1)) for row, sign in parts)
 
 
 @dataclass(frozen=True, eq=False)

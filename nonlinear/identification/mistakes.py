@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.ndimage import median_filter
+import scipy
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import natural_modes
@@ -121,7 +121,7 @@ def require_radians(recording: Recording, rate: float, misfit: Callable[[Recordi
 def _speed(recording: Recording, sensor: int) -> float:
     """How fast (rad/s) a sensor's angle turns at most, but for a twentieth of the samples and for outliers."""
     found = [
-        np.abs(np.diff(median_filter(one.values[:, sensor], 3, mode="nearest")) / np.diff(one.times))
+        np.abs(np.diff(scipy.ndimage.median_filter(one.values[:, sensor], 3, mode="nearest")) / np.diff(one.times))
         for one in recording.segments
     ]
     speeds = np.concatenate(found)

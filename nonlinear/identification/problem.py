@@ -317,14 +317,14 @@ class Problem(Displayed):
     def _flow(self, u: Floats, columns: int) -> Readings:
         """The motions of all segments; with `columns` the derivatives by numbers and states in so many of them."""
         layout, segments = self.layout, self.recording.segments
-        P, S = max(columns, 1), len(segments)
+        P, S, kind = max(columns, 1), len(segments), complex if columns else float
         real, steps = {}, {}
         for k, one in enumerate(self.parameters):
             real[one.place] = one.at(float(u[k]))
-            steps[one.place] = np.zeros((S, P), dtype=complex)
+            steps[one.place] = np.zeros((S, P), dtype=kind)
             if columns:
                 steps[one.place][:, k] = 1j * EPSILON * one.slope(float(u[k]))
-        y = np.empty((layout.width, S, P), dtype=complex)
+        y = np.empty((layout.width, S, P), dtype=kind)
         for s in range(S):
             y[:, s] = u[layout.state(s), None]
         if columns:

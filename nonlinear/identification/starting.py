@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.signal import find_peaks
+import scipy
 
 from modal.errors import ComputationError, SceneError
 from modal.identification import Parameter, numbers_at, scene_with, starts_of
@@ -61,7 +60,7 @@ def spectral_lines(recording: Recording) -> Floats:
                 window = np.hanning(len(even))
                 spectrum = np.fft.rfft((even_values - even_values.mean()) * window, count)
                 power += np.abs(spectrum) ** 2
-    peaks, _ = find_peaks(power, height=LINE * power.max(), prominence=LINE * power.max())
+    peaks, _ = scipy.signal.find_peaks(power, height=LINE * power.max(), prominence=LINE * power.max())
     resolved = frequency[peaks] > 2 * np.pi / longest
     return np.asarray(frequency[peaks][resolved])
 
@@ -95,7 +94,7 @@ def starting_numbers(scene: Scene, parameters: Sequence[Parameter], recording: R
             return np.full(len(chosen) + len(movable), 1e3)
         return np.concatenate((np.log(now[taken] / chosen) / 0.02, (moved - own[movable]) / RESERVE))
 
-    found = least_squares(missed, own[movable], x_scale=0.1, diff_step=1e-4, max_nfev=40)
+    found = scipy.optimize.least_squares(missed, own[movable], x_scale=0.1, diff_step=1e-4, max_nfev=40)
     moved = own.copy()
     moved[movable] = found.x
     return moved

@@ -21,7 +21,7 @@ from nonlinear.integration.arguments import (
 )
 from nonlinear.integration.driver import Drive, silent
 from nonlinear.integration.escapements import Escaping, escaping
-from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equations_of, taylor_takes
+from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equations_of, taylor_takes, validate_method
 from nonlinear.integration.run import Request, SimulationError, prepare
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST, Pace, SciPyStepper, Stepper
 from nonlinear.integration.timescales import estimate_timescales, modes_of, sample_count
@@ -66,6 +66,7 @@ __all__ = [
     "validate",
     "validate_accuracy",
     "validate_forces",
+    "validate_method",
     "validate_numbers",
     "validate_observable",
     "validate_whole",

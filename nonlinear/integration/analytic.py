@@ -44,17 +44,17 @@ class _Columns(Some):
 
     def change(self, t: float, j: int, y: Any, f: Any, state: Floats) -> Any:
         """The y (size, 1 + k) of one member after switch j, with its state changed in place."""
-        one, told = self.crowd.of(int(self.members)), state.tolist()
+        one, told, derivatives = self.crowd.of(int(self.members)), state.tolist(), np.iscomplexobj(y)
         u, seen = self.crowd.inputs.of_time(t), len(one.happened)
         begun, slope = y[:, 0].real.tolist(), f[:, 0].real.tolist()
         kicks, before = j < 2 * one.places.K, one.inputs(state.tolist())
-        after, moved = one.change(t, j, begun, slope, told, [] if kicks else y.imag.T.tolist(), u)
-        if kicks:
+        after, moved = one.change(t, j, begun, slope, told, y.imag.T.tolist() if derivatives and not kicks else [], u)
+        if derivatives and kicks:
             own = self.columns
             numbers = one.form.numbers(own.entries, own.prescribed), own.switching
             moved = kicked(one, numbers, j, y, slope, impulses_since(one, seen), [*u, *before], told, u).T
         state[:] = told
-        return np.array(after)[:, None] + 1j * np.reshape(moved, y.T.shape).T
+        return np.array(after)[:, None] + (1j * np.reshape(moved, y.T.shape).T if derivatives else 0.0)
 
 
 def impulses_since(one: Switches, count: int) -> dict[int, float]:

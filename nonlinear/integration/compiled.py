@@ -1,8 +1,9 @@
 """DOP853 compiled by numba (extra `fast`): steps, error control and samples in one kernel, for any plane scene.
 
-Its coefficients and its control of steps are those of `method`, so that it takes the steps of SciPy's.  Scenes are
-passed as arrays: one kernel serves all, and is cached on disk.  numba's cache depends on the date of this file alone:
-whoever changes `nonlinear.dynamics.compiled`, `controlled` or `joint_law` must touch this file as well.
+Its sums over stages are written out from the data of `method`, where its control of steps stands too, so that it takes
+the steps of SciPy's.  Scenes are passed as arrays: one kernel serves all, and is cached on disk.
+numba's cache depends on the date of this file alone: whoever changes `method` or, in `nonlinear.dynamics`, `compiled`,
+`recursion`, `sincos` or `joint_law` must touch this file as well.
 """
 
 from __future__ import annotations
@@ -15,101 +16,76 @@ from typing import Any, cast
 import numpy as np
 from scipy.integrate import DOP853
 
-from modal.eigen.compiling import compiled
-from modal.types import Floats, Ints
+from modal.eigen.compiling import compiled, in_place
+from modal.types import Floats
 from nonlinear.dynamics import undisturbed
-from nonlinear.dynamics.compiled import LOOSE, Compiled, rate
-from nonlinear.integration.costs import kept
-from nonlinear.integration.method import FIFTH, MORE, POWERS, ROWS, STAGES, THIRD, controlled
+from nonlinear.dynamics.compiled import LOOSE, TURNS, Compiled, rate
+from nonlinear.integration.costs import integrator
+from nonlinear.integration.method import (
+    EXTRA,
+    FIFTH,
+    MORE,
+    POWERS,
+    ROWS,
+    STAGES,
+    THIRD,
+    begun,
+    controlled,
+    gained,
+    weighted,
+)
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
 
 SMALL_STEP = DOP853.TOO_SMALL_STEP
 COMPILING = "Compiling the integrator, which takes some ten seconds; the result is saved for later runs."
 NOTHING_DUE = np.empty(0)
+TERMS = len(POWERS) + 3  # of the interpolant
 MOST, NUMBERS = 256, 200_000  # steps in one call of the kernel, and numbers of y that it returns
 
 
-def _table() -> tuple[Ints, Ints, Floats]:
-    """Sparse rows: where each begins among all shares, the stages that these are of, and the shares."""
-    rows = [*ROWS, *MORE, *POWERS, FIFTH, THIRD]
-    columns, shares = zip(*(own for row in rows for own in row), strict=True)
-    return np.cumsum([0, *map(len, rows)]), np.array(columns), np.array(shares)
+def _texts() -> str:
+    """The sums over stages, written out: `stage`, `errors`, `terms`; and `inside`, from the terms."""
+    own = "K[{}, i]"
+    lines = ["def stage(number, y, h, K, z):"]
+    for number, row in enumerate([*ROWS[1:], *MORE], 1):
+        lines += [
+            f" if number == {number}:",
+            "  for i in range(y.size):",
+            f"   z[i] = y[i] + h * ({weighted(row, own)})",
+        ]
+    lines += ["def errors(y, K, z, relative, absolute):", " fifth = third = 0.0", " for i in range(y.size):"]
+    lines += ["  scale = 1.0 / (absolute[i] + relative * max(abs(y[i]), abs(z[i])))"]
+    lines += [f"  a, b = ({weighted(FIFTH, own)}) * scale, ({weighted(THIRD, own)}) * scale"]
+    lines += ["  fifth, third = fifth + a * a, third + b * b", " return fifth, third"]
+    lines += ["def terms(y, h, K, z, F):", " for i in range(y.size):"]
+    lines += [f"  F[0, i], F[1, i], F[2, i] = begun(z[i] - y[i], h * K[0, i], h * K[{STAGES}, i])"]
+    lines += [f"  F[{number}, i] = h * ({weighted(row, own)})" for number, row in enumerate(POWERS, 3)]
+    every = ", ".join(f"F[{number}, i]" for number in range(TERMS))
+    lines += ["def inside(part, y, F, rows, row):", " for i in range(y.size):"]
+    lines += [f"  rows[row, i] = y[i] + gained(part, ({every}))"]
+    return "\n".join(lines)
 
 
-TABLE = _table()
-WEIGHTS, EXTRA, DENSE, ERRORS = STAGES, STAGES + 1, STAGES + 4, STAGES + 8  # rows of it
-"""Rows of the table: end of a step, three more stages and four terms for samples, both error estimates."""
+def _written(text: str, *names: str) -> list[Any]:
+    space: dict[str, Any] = {"begun": in_place(begun), "gained": in_place(gained)}
+    exec(compile(text, "<method>", "exec"), space)
+    return [in_place(space[name]) for name in names]
 
 
 _controlled = compiled(controlled)
+_stage, _errors, _terms, _inside = _written(_texts(), "stage", "errors", "terms", "inside")
+
+
+@in_place
+def _stages(first, last, y, h, K, z, scene, turns):  # type: ignore[no-untyped-def]
+    """The rates K at these stages of a step from y, whose last ends at z."""
+    for number in range(first, last):
+        _stage(number, y, h, K, z)
+        rate(z, *scene, 0.0, LOOSE, turns, K[number])
 
 
 @compiled
-def _weighted(table, row, stages, found):  # type: ignore[no-untyped-def]
-    """Add the weighted stages of one row of the table."""
-    begins, columns, shares = table
-    for m in range(begins[row], begins[row + 1]):
-        share, stage = shares[m], stages[columns[m]]
-        for i in range(found.size):
-            found[i] += share * stage[i]
-
-
-@compiled
-def _stage(table, row, into, y, length, stages, z, scene, turns):  # type: ignore[no-untyped-def]
-    """One stage: z = y + length (its row of the table), and the derivative there."""
-    z[:] = 0.0
-    _weighted(table, row, stages, z)
-    for i in range(z.size):
-        z[i] = y[i] + length * z[i]
-    rate(z, *scene, 0.0, LOOSE, turns, stages[into])
-
-
-@compiled
-def _error(table, y, z, stages, relative, absolute, work):  # type: ignore[no-untyped-def]
-    """The sums of squares of both errors of a step over their tolerances."""
-    fifth = third = 0.0
-    for row in range(ERRORS, ERRORS + 2):
-        work[:] = 0.0
-        _weighted(table, row, stages, work)
-        total = 0.0
-        for i in range(y.size):
-            share = work[i] / (absolute[i] + relative * max(abs(y[i]), abs(z[i])))
-            total += share * share
-        if row == ERRORS:
-            fifth = total
-        else:
-            third = total
-    return fifth, third
-
-
-@compiled
-def _terms(table, y, z, length, stages, terms, work, scene, turns):  # type: ignore[no-untyped-def]
-    """The seven terms of the interpolation within a step, after three more stages."""
-    for k in range(3):
-        _stage(table, EXTRA + k, STAGES + 1 + k, y, length, stages, work, scene, turns)
-    for i in range(y.size):
-        moved, first, last = z[i] - y[i], length * stages[0, i], length * stages[STAGES, i]
-        terms[0, i], terms[1, i], terms[2, i] = moved, first - moved, 2 * moved - last - first
-    for k in range(4):
-        terms[3 + k] = 0.0
-        _weighted(table, DENSE + k, stages, terms[3 + k])
-        terms[3 + k] *= length
-
-
-@compiled
-def _within(x, y, terms, found):  # type: ignore[no-untyped-def]
-    """The y at the fraction x of a step."""
-    found[:] = 0.0
-    for k in range(6, -1, -1):
-        part = x if k % 2 == 0 else 1 - x
-        for i in range(y.size):
-            found[i] = (found[i] + terms[k, i]) * part
-    for i in range(y.size):
-        found[i] += y[i]
-
-
-@compiled
-def _steps(table, scene, clock, relative, absolute, y, stages, due, rows, ends, states):  # type: ignore[no-untyped-def]
+def _steps(scene, clock, relative, absolute, y, stages, due, rows, ends, states):  # type: ignore[no-untyped-def]
     """Up to len(ends) steps to the end of `clock` (time, length to try, longest, end, length of the last step).
 
     `y` and the first of the `stages` are those of the beginning, then of the end.  Fills `rows` at the times `due`, and
@@ -117,40 +93,40 @@ def _steps(table, scene, clock, relative, absolute, y, stages, due, rows, ends, 
     step are kept.
     """
     time, tried, longest, end, _ = clock
-    z, work, begun = np.empty_like(y), np.empty_like(y), y.copy()
-    turns, terms = np.empty((len(scene[0]), 6)), np.empty((7, y.size))
+    z, work, terms = np.empty_like(y), np.empty_like(y), np.empty((TERMS, y.size))
+    turns = np.empty((TURNS, len(scene[0])))
     steps = filled = calls = 0
     while steps < len(ends) and time < end and (filled < len(due) or not len(due)):
-        least, rejected, accepted = 10 * abs(np.nextafter(time, end) - time), False, False
+        least, refused, accepted = 10 * abs(np.nextafter(time, end) - time), False, False
         length = min(max(tried, least), longest)
-        if steps:
-            stages[0] = stages[STAGES]
-        begun[:] = y
+        for i in range(y.size if steps else 0):
+            stages[0, i] = stages[STAGES, i]
         while length >= least:
             until = min(time + length, end)
             length = until - time
-            for row in range(1, STAGES + 1):
-                _stage(table, row, row, begun, length, stages, z, scene, turns)
+            _stages(1, STAGES + 1, y, length, stages, z, scene, turns)
+            fifth, third = _errors(y, stages, z, relative, absolute)
             calls += STAGES
-            fifth, third = _error(table, begun, z, stages, relative, absolute, work)
-            error, factor = _controlled(fifth, third, length, y.size, rejected)
+            error, factor = _controlled(fifth, third, length, y.size, refused)
             if error < 1:
                 tried, accepted = length * factor, True
                 break
-            length, rejected = length * factor, True
+            length, refused = length * factor, True
         if not accepted:
             break
-        y[:] = z
         if filled < len(due) and due[filled] <= until:
-            _terms(table, begun, y, length, stages, terms, work, scene, turns)
-            calls += 3
+            _stages(STAGES + 1, STAGES + EXTRA + 1, y, length, stages, work, scene, turns)
+            _terms(y, length, stages, z, terms)
+            calls += EXTRA
             while filled < len(due) and due[filled] <= until:
                 if due[filled] == until:
-                    rows[filled] = y
+                    rows[filled] = z
                 else:
-                    _within((due[filled] - time) / length, begun, terms, rows[filled])
+                    _inside((due[filled] - time) / length, y, terms, rows, filled)
                 filled += 1
-        ends[steps], states[steps] = until, y
+        for i in range(y.size):
+            y[i] = states[steps, i] = z[i]
+        ends[steps] = until
         clock[0], clock[1], clock[4] = until, tried, length
         time, steps = until, steps + 1
     return steps, filled, calls
@@ -167,7 +143,7 @@ def announced() -> Iterator[None]:
     if loaded():
         yield
         return
-    if not kept() and sys.stderr.isatty():
+    if not integrator().kept and sys.stderr.isatty():
         print(COMPILING, file=sys.stderr)
     with undisturbed():
         yield
@@ -194,7 +170,7 @@ class CompiledDOP853(DOP853):  # type: ignore[misc]
         y, self.K_extended[0] = self.y.copy(), self.f
         given = (self.rtol, self.absolute, y, self.K_extended, due, rows, ends, states)
         with announced():
-            steps, filled, calls = _steps(TABLE, self.scene, clock, *given)
+            steps, filled, calls = _steps(self.scene, clock, *given)
         self.nfev += calls
         if steps:
             self.t_old, self.y_old = (self.t, self.y) if steps == 1 else (float(ends[steps - 2]), states[steps - 2])

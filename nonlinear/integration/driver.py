@@ -11,10 +11,11 @@ from math import isfinite
 from typing import Any, cast
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+import scipy
 
 from modal.errors import ComputationError
 from modal.types import Floats
+from nonlinear.dynamics import Arranged
 from nonlinear.integration.escapements import Due, Escapements
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.friction import StickSlip, Transition
@@ -115,6 +116,11 @@ class Drive:
         if isinstance(self.equations, Switched):
             return self.equations.rests and not self._sweeps
         return bool(self.friction and self.friction.rest == self.friction.rest)
+
+    @property
+    def _at_once(self) -> bool:
+        """Whether many y are projected at once."""
+        return isinstance(self.equations, Arranged)
 
     @property
     def _sweeps(self) -> bool:
@@ -232,7 +238,8 @@ class Drive:
             times = self.times[record.filled : record.filled + count]
             rows = self.stepper.inside(times)
             rows[times == self.stepper.time] = self.stepper.y
-            record.keep(np.array([self.equations.project(row)[0] for row in rows]))
+            project = self.equations.project
+            record.keep(project(rows)[0] if self._at_once else np.array([project(row)[0] for row in rows]))
 
     def _happenings(self, before: float, now: float) -> Iterator[tuple[EventRecord, bool]]:
         if not self.events:
@@ -270,7 +277,9 @@ class Drive:
             return float(side * self._value(event, time))
 
         if height(start + aside) < abs(values[0]) and height(end - aside) < abs(values[1]):
-            found = minimize_scalar(height, bounds=ends, method="bounded", options={"xatol": SHARP * (end - start)})
+            found = scipy.optimize.minimize_scalar(
+                height, bounds=ends, method="bounded", options={"xatol": SHARP * (end - start)}
+            )
             if found.fun < 0:
                 yield float(found.x), float(side * found.fun)
 
@@ -283,7 +292,7 @@ class Drive:
     def _refined(self, event: Event, start: float, end: float) -> float:
         """The root on the interpolant, then one secant step with the integrator's own value there."""
         within = partial(self._value, event)
-        time = float(brentq(within, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
+        time = float(scipy.optimize.brentq(within, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
         width = (end - start) / 1000
         slope = (within(time + width) - within(time - width)) / (2 * width)
         moved = time - event.value(self._state(self.stepper.exact(time))) / slope if slope else time

@@ -19,7 +19,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics import Recursion
@@ -186,7 +186,7 @@ def escapements(system: System, layout: Layout, y: Floats, before: Kicks = NO_KI
 
 def root(value: Callable[[float], float], start: float, end: float) -> float:
     """Where a value between two times of either sign is zero, to the last digits."""
-    return float(brentq(value, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
+    return float(scipy.optimize.brentq(value, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
 
 
 def _largest(values: Floats | Booleans) -> tuple[int, int]:

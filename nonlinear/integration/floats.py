@@ -9,11 +9,10 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from math import nan, nextafter
+from math import inf, nan, nextafter
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-from scipy.integrate import DOP853
 
 from modal.errors import SceneError
 from modal.types import Floats
@@ -38,6 +37,7 @@ from nonlinear.integration.method import (
     weighted,
 )
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
+from nonlinear.integration.steppers import first_step as first_step_of
 from nonlinear.integration.switched import Switched
 from nonlinear.system import Equations
 
@@ -60,27 +60,60 @@ class FloatStep(NamedTuple):
     held: Numbers = ()
 
 
-class FloatDOP853(DOP853):  # type: ignore[misc]
-    """SciPy's method for a `rate` of y and the `inputs` at a time and y, all lists of floats.
+class FloatDOP853:
+    """The method for a `rate` of y and the `inputs` at a time and y, all lists of floats, with SciPy's names.
 
-    They are None where there are none, and the time itself where `clocked`.  Steps end at the switches of `switched`.
+    Inputs are None where there are none, and the time itself where `clocked`; `derivative` is that of arrays.  Steps
+    end at the switches of `switched`.
     """
 
-    t: float
-    y: Floats
-    f: Floats
-    t_old: float
-    y_old: Floats
-    h_abs: float
+    TOO_SMALL_STEP = "Required step size is less than spacing between numbers."
     switched: Switched | None = None
+    beyond: Callable[[float], tuple[float, float] | None] = staticmethod(lambda time: None)
+    """The next end (s) and the longest step (s) after a break at this time; None at the end of the run."""
 
-    def __init__(self, rate: Rate, inputs: Listed | None, clocked: bool, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
+    def __init__(
+        self,
+        rate: Rate,
+        inputs: Listed | None,
+        clocked: bool,
+        derivative: Derivative,
+        t: float,
+        y: Floats,
+        t_bound: float,
+        *,
+        rtol: float,
+        atol: Floats,
+        first_step: float | None = None,
+        max_step: float = inf,
+    ) -> None:
         beside = "" if inputs is None else ", (t + {} * h,)" if clocked else ", inputs(t + {} * h, z)"
-        self.rate, self.inputs, self.attempt = rate, inputs, attempt_of(self.n, beside)
-        self.passed = FloatStep(self.t, self.t, self.y.tolist(), self.y.tolist(), [self.f.tolist()])
-        self.smallest = np.broadcast_to(self.atol, self.y.shape).tolist()
+        self.rate, self.inputs, self.attempt = rate, inputs, attempt_of(len(y), beside)
+        self.derivative, self.n, self.nfev, self.status = derivative, len(y), 0, "running"
+        self.t, self.t_bound, self.max_step, self.rtol = t, t_bound, max_step, rtol
+        self.y, self.f = y, self.fun(t, y)
+        self.t_old, self.y_old, self.smallest = t, y, np.broadcast_to(atol, y.shape).tolist()
+        self.h_abs = first_step or first_step_of(y, self.f, atol + rtol * np.abs(y), min(max_step, t_bound - t))
+        self.passed = FloatStep(t, t, y.tolist(), y.tolist(), [self.f.tolist()])
         self._which, self._low, self._high, self._tried, self._usual = [-1], [0.0], [np.inf], [0.0], [0.0]
+
+    def fun(self, time: float, y: Floats) -> Floats:
+        """The derivative, counted."""
+        self.nfev += 1
+        return self.derivative(time, y)
+
+    def step(self) -> str | None:
+        """Take one step; the message where that fails."""
+        steps, _, _ = self.advance((), 1)
+        self.status = "failed" if not steps else "finished" if self.t >= self.t_bound else "running"
+        return None if steps else self.TOO_SMALL_STEP
+
+    def dense_output(self) -> Callable[[Floats], Floats]:
+        """The y (size, T) at times within the last step."""
+        start, end, before, after, stages, _ = self.passed
+        y, length = np.array(before)[:, None], end - start
+        terms = _terms(start, length, np.array(before), np.array(after), [*np.array(stages)], self.fun)
+        return lambda times: y + gained((times - start) / length, [term[:, None] for term in terms])
 
     def advance(self, due: Numbers, most: int) -> tuple[list[FloatStep], list[FloatStep], int]:
         """Up to this many steps, none if the first fails, until the last time that is `due` (all that, if none is).
@@ -92,7 +125,11 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         steps: list[FloatStep] = []
         wanted: list[FloatStep] = []
         switched = self.switched
-        while len(steps) < most and self.t < self.t_bound and (at < len(due) or not due):
+        while len(steps) < most and (at < len(due) or not due):
+            if self.t >= self.t_bound:
+                if (slope := self.carried_on(y)) is None:
+                    break
+                f = slope
             if switched and switched.met is not None:
                 y, f = self._changed(y, f)
             step = None if switched and switched.rests else self._passed(y, f)
@@ -109,6 +146,13 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         self.y, self.f = np.array(y), np.array(f)
         return steps, wanted, at
 
+    def carried_on(self, y: Numbers) -> Numbers | None:
+        """The derivative after a break, from which steps go on as long as before; None at the end of the run."""
+        if (stretch := self.beyond(self.t)) is None:
+            return None
+        (self.t_bound, self.max_step), self.status = stretch, "running"
+        return self._slope(y)
+
     def switch(self, V: list[list[float]] | None = None) -> None:
         """Go on as things are after the switch at which the last step ended, if it did; so do columns V (k, size)."""
         if self.switched and self.switched.met is not None:
@@ -119,7 +163,11 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         switched = cast("Switched", self.switched)
         after = switched.change(self.t, y, f, V)
         self.rate = switched.rate
-        return after, self.rate(after, self.inputs(self.t, after)) if self.inputs else self.rate(after)
+        return after, self._slope(after)
+
+    def _slope(self, y: Numbers) -> Numbers:
+        """The derivative at the present time."""
+        return self.rate(y, self.inputs(self.t, y)) if self.inputs else self.rate(y)
 
     def _passed(self, y: Numbers, f: Numbers) -> FloatStep | None:
         """The next step, None where it would be too short."""
@@ -139,14 +187,14 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
                 length, refused = max(self._tried[0], least), False
                 continue
             if switched is None:
-                self.h_abs, self.h_previous = length * factor, length
+                tried = 0.0 if refused or end < self.t_bound else self.h_abs
+                self.h_abs = max(length * factor, tried)
                 return FloatStep(t, end, y, after, stages)
             if answer == STANDS:
                 self.h_abs = self._tried[0]
             else:
                 after, end = self._ended(switched, after, stages[-1], end)
             switched.level(after)
-            self.h_previous = end - t
             return FloatStep(t, end, y, after, stages, switched.held)
         return None
 
@@ -183,10 +231,6 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
     def _seek_none(self) -> None:
         self._which[0], self._low[0], self._high[0] = -1, 0.0, np.inf
 
-    def _step_impl(self) -> tuple[bool, str | None]:
-        steps, _, _ = self.advance((), 1)
-        return (True, None) if steps else (False, self.TOO_SMALL_STEP)
-
     def _attempted(
         self, length: float, y: Numbers, f: Numbers, refused: bool
     ) -> tuple[float, float, list[float], Sequence[Numbers], Any]:
@@ -201,10 +245,6 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
             return nan, SHRINKS, [*y], [f], ()
         return *controlled(fifth, third, length, self.n, refused), after, stages, looks
 
-    def _dense_output_impl(self) -> Any:
-        self.K[:] = self.passed.stages
-        return super()._dense_output_impl()
-
 
 class FloatStepper(DOP853Stepper[Written]):
     """DOP853 in floats for generated equations, with the arguments of `DOP853Stepper`."""
@@ -215,14 +255,30 @@ class FloatStepper(DOP853Stepper[Written]):
         clocked = self.equations.is_clocked and not self.pace.breaks
         return FloatDOP853(self.equations.rate, inputs, clocked, f, time, y, end, **options)
 
+    def _beyond(self, time: float) -> tuple[float, float] | None:
+        """Go on after a break: to the next one or the end of the run (s), in steps that are no longer than so (s)."""
+        if time >= self.end:
+            return None
+        self._low, self._high = self.pace.stretch(time)
+        until = min(self._high, self.end)
+        return until, self.pace.most(max(self._low, self.start), until)
+
     def _off_breaks(self, listed: Listed) -> Listed:
         """The inputs, seen strictly between the surrounding breaks."""
         return lambda time, y: listed(self.clear_of_breaks(time), y)
 
     def _begun(self, time: float, y: Floats, first: float | None) -> FloatDOP853:
         solver = cast("FloatDOP853", super()._begun(time, y, first))
+        solver.beyond = self._beyond
         if isinstance(self.equations, Switched):
             solver.switched, self.equations.look = self.equations, None
+        return solver
+
+    def _on_its_way(self) -> FloatDOP853:
+        """The integrator, after a break that has been reached."""
+        solver = cast("FloatDOP853", self._solver)
+        if self._high <= self.time < self.end:
+            solver.f = np.array(solver.carried_on(solver.y.tolist()))
         return solver
 
     @property
@@ -252,7 +308,7 @@ class FloatStepper(DOP853Stepper[Written]):
         due, reached, mends = times.tolist(), 0, self._arranged.system.spatial
         switched = self.equations if isinstance(self.equations, Switched) else None
         alone = mends or (switched is not None and switched.presses)
-        solver = cast("FloatDOP853", self._on_its_way())
+        solver = self._on_its_way()
         begun = solver.t
         ends: list[tuple[float, Numbers | Floats]] = []
         wanted: list[FloatStep] = []
@@ -297,14 +353,19 @@ def interpolated(steps: Sequence[FloatStep], times: Floats, derivative: Any) -> 
     before, after = (np.array([getattr(step, name) for step in steps]).T for name in ("before", "after"))
     stages = [*np.array([step.stages for step in steps]).transpose(1, 2, 0)]
     length = end - start
-    for stage, shares in enumerate(MORE, STAGES + 1):
-        moved = sum(share * stages[earlier] for earlier, share in shares)
-        stages.append(derivative(start + length * NODES[stage], before + length * moved))
-    terms = terms_of(length, after - before, stages)
+    terms = _terms(start, length, before, after, stages, derivative)
     at = np.searchsorted(end, times)
     part = (times - start[at]) / length[at]
     inside = before[:, at] + gained(part, [term[:, at] for term in terms])
     return np.where(times == end[at], after[:, at], inside).T
+
+
+def _terms(start: Any, length: Any, before: Floats, after: Floats, stages: list[Floats], derivative: Any) -> list[Any]:
+    """The terms of the interpolant of one step or of many side by side, after three more stages."""
+    for stage, shares in enumerate(MORE, STAGES + 1):
+        moved = sum(share * stages[own] for own, share in shares)
+        stages.append(derivative(start + length * NODES[stage], before + length * moved))
+    return terms_of(length, after - before, stages)
 
 
 # ------------------------------------------------------------------------------------------------- one attempted step

@@ -18,7 +18,7 @@ from math import nan
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import Frictional, links_of_contacts, refuse_jam
@@ -100,7 +100,7 @@ class StickSlip:
         """The look before a positive maximum near look k, its time, and which of those `near` has it; None without."""
         for j in np.flatnonzero(near).tolist():
             value = partial(self._value, stepper, j)
-            found = minimize_scalar(
+            found = scipy.optimize.minimize_scalar(
                 lambda time, value=value: -value(time),
                 bounds=(looks[k - 1], looks[k + 1]),
                 method="bounded",

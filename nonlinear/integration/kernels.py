@@ -8,25 +8,28 @@ form alone, not on its numbers: it is kept on disk, where numba keeps what it co
 from __future__ import annotations
 
 import inspect
-import os
 import sys
-from functools import lru_cache
+from collections.abc import Callable
+from functools import cache, lru_cache
 from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from tempfile import mkdtemp
 from threading import Lock
 from types import ModuleType
+from typing import Any
 
 from modal.eigen.compiling import inner
 from modal.scene import whole_file
-from nonlinear.dynamics import Lanes, undisturbed
+from nonlinear.dynamics import Lanes, sincos, undisturbed
 from nonlinear.integration import loops, meeting
 from nonlinear.integration.crowds import Crowd
-from nonlinear.integration.loops import CLOCK, SIZES, TABLES, looping, sincos
+from nonlinear.integration.loops import CLOCK, SIZES, TABLES, looping
 from nonlinear.integration.method import FIFTH, NODES, ROWS, SEEN, STAGES, THIRD, weighted
+from nonlinear.integration.readiness import Code, cached, folder
 
 COMPILING = "Compiling the equations of this form, which takes some ten seconds; the result is saved for later runs."
+COMPILING_ANY, COMPILING_LINK, COMPILING_SWITCHES = 7.0, 0.55, 13.0  # s to compile any module, each link, switches
 MAKING = Lock()
 HEAD = '"""Written by multipendula, which writes it again if it is changed."""'
 IMPORTED = """from math import floor, inf, log, sqrt
@@ -57,8 +60,8 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
     sizes |= {"D": lanes.size, "SIZE": layout.size, "HALF": layout.half, "FIRST": int(layout.on_cart)}
     sizes |= {"CONSTANTS": len(module.names), "TIMED": lanes.inputs.count}
     if lanes.inputs.count:
-        sizes["DRIVEN"] = CLOCK if lanes.inputs.is_analytic else TABLES
-    texts = [_vectorized(inspect.getsource(sincos))]
+        sizes["DRIVEN"] = CLOCK if lanes.inputs.polynomials == [] else TABLES
+    texts = [_vectorized(_source_of(sincos))]
     if switches:
         at = switches.places
         sizes |= {
@@ -70,7 +73,7 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
             "PRESSES": int(at.presses),
         }
         functions = filter(inspect.isfunction, vars(meeting).values())
-        texts += [*(f"@compiled\n{inspect.getsource(function)}" for function in functions), switches.source()]
+        texts += [*(f"@compiled\n{_source_of(function)}" for function in functions), switches.source()]
         texts += [_vectorized(switches.module.looped("values"))]
     texts += [_vectorized(module.looped(name, "rates")), _attempt(sizes["DRIVEN"] > 0, switches is not None)]
     texts += [
@@ -80,7 +83,17 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
     ]
     named = {name: value for name, value in (vars(meeting) | vars(loops) | sizes).items() if name.isupper()}
     numbers = [f"{name} = {value!r}" for name, value in named.items() if isinstance(value, int | float | tuple)]
-    return "\n".join((HEAD, IMPORTED, *numbers, *texts, inner(looping, "compiled"))) + "\n"
+    return "\n".join((HEAD, IMPORTED, *numbers, *texts, _loop())) + "\n"
+
+
+@cache
+def _source_of(function: Callable[..., Any]) -> str:
+    return inspect.getsource(function)
+
+
+@cache
+def _loop() -> str:
+    return inner(looping, "compiled")
 
 
 def _vectorized(text: str) -> str:
@@ -99,20 +112,20 @@ def _attempt(driven: bool, switches: bool) -> str:
     return "\n".join((*lines, " errors(y, z, K, rel, ab, h, err)")) + "\n"
 
 
-def folder() -> Path:
-    """Where the modules are kept."""
-    home = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(home) / "multipendula"
-
-
 def path_of(text: str) -> Path:
     """The file of a module."""
     return folder() / f"lanes_{sha256(text.encode()).hexdigest()[:20]}.py"
 
 
-def compiled_at(path: Path) -> bool:
-    """Whether the module of this name has been compiled on this machine."""
-    return path.exists() and any(path.parent.parent.rglob(f"{path.stem}.run-*.nbi"))
+def code_of(lanes: Lanes, crowd: Crowd | None = None) -> Code:
+    """The module for this form of scene and its switches, and how far it is."""
+    path = path_of(source(lanes, crowd))
+    compiling = COMPILING_ANY + COMPILING_LINK * lanes.system.n_links + COMPILING_SWITCHES * (crowd is not None)
+
+    def run() -> Any:
+        return getattr(sys.modules.get(path.stem), "run", None)
+
+    return Code("numba", path.stem, compiling, bool(getattr(run(), "signatures", ())), cached(path, "run"), run)
 
 
 def module_of(text: str) -> ModuleType:
@@ -124,7 +137,7 @@ def module_of(text: str) -> ModuleType:
 @lru_cache(maxsize=32)
 def _module_of(text: str) -> ModuleType:
     path = path_of(text)
-    if not compiled_at(path) and sys.stderr.isatty():
+    if not cached(path, "run") and sys.stderr.isatty():
         print(COMPILING, file=sys.stderr)
     try:
         path = _written(path, text)

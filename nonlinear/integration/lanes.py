@@ -29,18 +29,19 @@ from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.lanes import Rates
 from nonlinear.integration.meeting import AGAIN, MET, meet
 from nonlinear.integration.method import (
+    EXTRA,
     FIFTH,
     LOOKS,
     NODES,
-    ROWS,
     SEEN,
     STAGES,
     THIRD,
+    advance,
     steered,
     summed,
 )
 from nonlinear.integration.steppers import BESIDE
-from nonlinear.integration.within import Step, beside, fill, squared
+from nonlinear.integration.within import Step, beside, fill, spread, squared
 
 NUMBERS, NARROWEST, WIDEST = 20_480, 128, 2048  # numbers of y in work at once; lanes
 LEAVING = 8  # the part of all lanes that are through when they leave
@@ -103,7 +104,7 @@ class Task:
     @cached_property
     def longest(self) -> float:
         """The time (s) in which a moved support may change."""
-        return float(self.lanes.system.shortest)
+        return float(self.lanes.inputs.shortest)
 
     @cached_property
     def ends(self) -> Floats:
@@ -117,8 +118,9 @@ class Task:
 
     @cached_property
     def breaks(self) -> Floats:
-        """Where a support or a length may change suddenly, before the end."""
-        return np.array(sorted(time for time in self.lanes.system.breaks if self.starts.min() < time < self.ends.max()))
+        """Where a support or a length may change suddenly, as far as the tolerances tell, before the end."""
+        times = np.array(self.lanes.inputs.breaks(float(self.relative.min())))
+        return np.asarray(times[(times > self.starts.min()) & (times < self.ends.max())])
 
     def ahead(self, times: Floats) -> Floats:
         """The next break after each of some times (s), infinite after the last."""
@@ -174,7 +176,8 @@ class Front:
         self.numbers, self.until = task.numbers.at(members), task.ends[members]
         self.rates = self._held(task.lanes.rates(self.numbers), ALL)
         self.relative, self.absolute = task.relative[members], task.absolute[:, members]
-        self.stages = np.empty((STAGES + 1, *self.y.shape), self.y.dtype)
+        self.room = np.empty((STAGES + 1 + EXTRA, *self.y.shape), self.y.dtype)
+        self.stages = self.room[: STAGES + 1]
         self.next, self.work = np.empty_like(self.y), np.empty_like(self.y)
         self.sums = np.empty((3, *self._judged(self.y).shape))
         if task.switches:
@@ -220,12 +223,11 @@ class Front:
         y, z, work, stages = self.y, self.next, self.work, self.stages
         step = Step(self.member, self.refused, self.t, self.h, y, z, stages, self.rates, self.rates_of)
         step.held = self.switches.inputs(self.state) if self.task.switches else ()
-        step.breaks, timed = bool(len(self.task.breaks)), self.task.lanes.inputs.count > 0
-        length, looks = beside(self.h, y), []
+        step.room, step.breaks, timed = self.room, bool(len(self.task.breaks)), self.task.lanes.inputs.count > 0
+        begun, *others = (own.view(float) for own in (y, stages, z, work))
+        length, looks = spread(self.h, begun), []
         for stage in range(1, STAGES + 1):
-            summed(ROWS[stage], stages, z, work)
-            z *= length
-            z += y
+            advance(stage, begun, length, *others)
             fill(self.rates(z, beside(step.times(NODES[stage]), y)) if timed else self.rates(z), stages[stage])
             if self.task.switches and stage in (*SEEN, STAGES):
                 own = self._motion(z), self._motion(stages[stage]), self.state

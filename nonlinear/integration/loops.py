@@ -42,24 +42,6 @@ and what of it enters texts; inputs of contacts, and those before these; what dr
 friction of the rail has a coefficient."""
 
 
-def sincos(x: Any) -> Any:
-    """Sine and cosine of one angle (rad), reduced by Cody and Waite in three parts, then by Cephes's polynomials."""
-    q = floor(x * 0.6366197723675814 + 0.5)
-    r = ((x - q * 1.5707963267341256) - q * 6.077100506303966e-11) - q * 2.0222662487959506e-21
-    z = r * r
-    a = -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
-    a = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 + z * a))
-    s = r + r * z * (-1.66666666666666324348e-01 + z * a)
-    b = 2.08757232129817482790e-09 - z * 1.13596475577881948265e-11
-    b = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * (-2.75573143513906633035e-07 + z * b))
-    c = 1.0 - (0.5 * z - z * z * (4.16666666666666019037e-02 + z * b))
-    m = q - 4.0 * floor(q * 0.25)
-    high = floor(m * 0.5)
-    odd, sign = m - 2.0 * high, 1.0 - 2.0 * high
-    even = 1.0 - odd
-    return sign * (even * s + odd * c), sign * (even * c - odd * s)
-
-
 def looping(
     attempt: Any,
     rates: Any,
@@ -403,9 +385,13 @@ def looping(
                 if wants[2]:
                     for i in range(FIRST, HALF):
                         front[LARGEST, k] = max(front[LARGEST, k], abs(z[i, k]))
-                ahead = 0
-                while ahead < len(ends) - 1 and ends[ahead] <= front[TIME, k]:
-                    ahead += 1
+                ahead, last = 0, len(ends) - 1
+                while ahead < last:
+                    middle = (ahead + last) // 2
+                    if ends[middle] <= front[TIME, k]:
+                        ahead = middle + 1
+                    else:
+                        last = middle
                 front[TIME, k] += h[k]
                 if ahead < len(ends) - 1 and front[TIME, k] >= ends[ahead] - CLEAR * spacing(ends[ahead]):
                     front[TIME, k], front[FRESH, k] = ends[ahead], 1.0

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from importlib.util import find_spec
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,10 +27,11 @@ from nonlinear.dynamics import (
     undisturbed,
 )
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.integration.costs import WRITTEN, costs
+from nonlinear.integration import taylor
+from nonlinear.integration.costs import WRITTEN, offers
+from nonlinear.integration.readiness import Forgone, Offer, best_of, forgone_by
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.integration.switched import Switched
-from nonlinear.integration.taylor import LONGEST_CHAIN, MOST_LINKS, TIGHTEST
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.system import Equations, Group, Load, System, system_of
 
@@ -42,7 +42,11 @@ STIFF = 30.0  # fastest decay over the fastest oscillation
 SHORTEST = 1e-13  # link length over the longest, below which positions in maximal coordinates cannot resolve it
 ROOM = 1e140  # largest moment of inertia, and inverse of the smallest, whose square does not overflow
 RUBBED = 8  # contacts with dry friction up to which the equations are written out
-FEWEST = 24  # links of a scene up to which it is one dense matrix
+FEWEST = 96  # links of a scene up to which it is one dense matrix
+CHAINS, PAIRS = 12, 28  # links, in pendula of three or more and of one or two, up to which it is slower than floats
+"""Where nothing acts but gravity, by benchmarks/forms.py and in runs of 1000 samples: one derivative, with SciPy's
+steps, takes 21 µs as a matrix of 12 and 22 µs of 20, in floats 25 µs and 43 µs for chains, 15 µs and 24 µs for pairs.
+Springs, dampers, drag and loads cost the matrix 30 µs more: there floats go up to WRITTEN."""
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
 ABREAST, LARGEST = 16, 128  # pendula side by side in space, and links there, up to which equations are written out
 FINEST = 1e-13  # tolerance below which only Taylor series gain accuracy
@@ -50,13 +54,62 @@ FINEST = 1e-13  # tolerance below which only Taylor series gain accuracy
 
 @dataclass(frozen=True)
 class Choice:
-    """The form of the equations, their solver, the integrator and its tolerance, and the reason for the choice."""
+    """The form of the equations, their solver, the integrator and its tolerance, and the reason for the choice.
+
+    `forgone` is what compiled code that is not ready would save.
+    """
 
     form: str
     method: str
     compiled: bool
     reason: str
     tolerance: float = 1e-9
+    forgone: Forgone = field(default=(), compare=False, repr=False)
+
+
+def validate_method(
+    scene: Scene,
+    method: str = "auto",
+    form: str = "auto",
+    *,
+    driven: bool = False,
+    system: System | None = None,
+) -> str:
+    """The form of the equations; SceneError lists every unknown or unsuitable value.
+
+    `driven` says whether a load acts; `system` is what is integrated, where that is less than the whole scene.
+    """
+    system = system or system_of(scene)
+    problems = [] if method in METHODS else [f"method {method}: must be one of {', '.join(METHODS)}"]
+    if form not in FORMS:
+        problems.append(f"form {form}: must be one of {', '.join(FORMS)}")
+        form = "auto"
+    scene = scene if system.spatial or scene.space == "plane" else scene.in_plane
+    more = _added(system, driven)
+    whole = form if form != "auto" else "spatial" if system.spatial else "minimal"
+    problems += refusals(scene, f"form {whole}", *more)
+    if form == "maximal" and (least := float(np.min(system.by_link("length"))) / system.length) < SHORTEST:
+        problems.append(f"form maximal: cannot tell the ends of a link {least:.1g} times as long as the longest apart")
+    form = whole
+    if method == "taylor":
+        problems += refusals(scene, "method taylor", *more)
+        problems += [] if form == "minimal" else [f"method taylor: has no series in form {form}: choose minimal"]
+        where = "support.motion" if system.support else "force" if system.forces else "hoist"
+        if Inputs(system).pieces is None:
+            words = CAPABILITIES["method taylor"].unless["moved_support"]
+            problems.append(f"{where}: method taylor {words}: method DOP853 takes it")
+    if method in SCIPY and method not in EXPLICIT:
+        problems += refusals(scene, "an implicit method", *more)
+    if form == "maximal" and method in SCIPY and method not in EXPLICIT:
+        problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
+    if problems:
+        raise SceneError(problems)
+    return form
+
+
+def _added(system: System, driven: bool) -> list[str]:
+    """What a run has beside its scene."""
+    return [name for name, has in (("load", driven), ("hoist", system.hoisting)) if has]
 
 
 def choose(
@@ -75,71 +128,54 @@ def choose(
     `system` is what is integrated, where that is less than the whole scene.
     """
     system = system or system_of(scene)
-    space = system.spatial
-    problems = [] if method in METHODS else [f"method {method}: must be one of {', '.join(METHODS)}"]
-    if form not in FORMS:
-        problems.append(f"form {form}: must be one of {', '.join(FORMS)}")
-        form = "auto"
-    scene = scene if space or scene.space == "plane" else scene.in_plane
-    more = [name for name, has in (("load", driven), ("hoist", system.hoisting)) if has]
-    whole = form if form != "auto" else "spatial" if space else "minimal"
-    problems += refusals(scene, f"form {whole}", *more)
-    if form == "maximal" and (least := float(np.min(system.by_link("length"))) / system.length) < SHORTEST:
-        problems.append(f"form maximal: cannot tell the ends of a link {least:.1g} times as long as the longest apart")
-    form = whole
-    if method == "taylor":
-        problems += refusals(scene, "method taylor", *more)
-        problems += [] if form == "minimal" else [f"method taylor: has no series in form {form}: choose minimal"]
-        where = "support.motion" if system.support else "force" if system.forces else "hoist"
-        if Inputs(system).pieces is None:
-            words = CAPABILITIES["method taylor"].unless["moved_support"]
-            problems.append(f"{where}: method taylor {words}: method DOP853 takes it")
-    if method in SCIPY and method not in EXPLICIT:
-        problems += refusals(scene, "an implicit method", *more)
-    if form == "maximal" and method in SCIPY and method not in EXPLICIT:
-        problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
-    if problems:
-        raise SceneError(problems)
-    plain = form == "minimal" and not refusals(scene, "compiled equations", *more)
-    seconds = costs(scene, system, duration, tolerance, size) if plain else {}
-    if method == "auto":
-        method, why = _automatic(
-            scene, system, duration, tolerance, form, seconds if tolerance * size >= TIGHTEST else {}
-        )
-    else:
-        why = ASKED
-    written = system.n_links <= WRITTEN and (method != "DOP853" or system.kicked)
-    compiled = method in SCIPY and not written and bool(seconds) and seconds["compiled"] < seconds["DOP853"]
-    finest = SMALLEST if method in SCIPY else TIGHTEST / size
-    return Choice(form, method, compiled, why + (", compiled" if compiled else ""), max(tolerance, finest))
+    form = validate_method(scene, method, form, driven=driven, system=system)
+    scene = scene if system.spatial or scene.space == "plane" else scene.in_plane
+    more = _added(system, driven)
+    plain = form == "minimal" and method != "taylor" and not refusals(scene, "compiled equations", *more)
+    ways = offers(scene, system, duration, tolerance, size) if plain else {}
+    written = system.n_links <= WRITTEN
+    if written and system.kicked:
+        ways.pop("compiled", None)
+    if method != "auto" or tolerance * size < taylor.TIGHTEST:
+        ways.pop("taylor", None)
+    method, why = _automatic(scene, duration, tolerance, form, ways) if method == "auto" else (method, ASKED)
+    if written and method != "DOP853":
+        ways.pop("compiled", None)
+    stepping = {name: way for name, way in ways.items() if name != "taylor"} if method in SCIPY else {}
+    compiled = bool(stepping) and best_of(stepping) == "compiled"
+    finest = SMALLEST if method in SCIPY else taylor.TIGHTEST / size
+    rivals = ways if method == "DOP853" else stepping
+    forgone = forgone_by(rivals, "compiled" if compiled else "DOP853") if stepping else ()
+    return Choice(form, method, compiled, why + (", compiled" if compiled else ""), max(tolerance, finest), forgone)
 
 
 def _automatic(
-    scene: Scene, system: System, duration: float, tolerance: float, form: str, seconds: Mapping[str, float]
+    scene: Scene, duration: float, tolerance: float, form: str, ways: Mapping[str, Offer]
 ) -> tuple[str, str]:
-    """The method and the reason; `seconds` is empty where Taylor series are out of the question."""
+    """The method and the reason."""
     found = estimate_timescales(scene)
     if found.decay * duration > STIFF * max(found.swing * duration, 1.0):
         fast = f"the fastest decay, about {found.decay:.3g}/s, is far faster than the fastest oscillation"
         if form == "minimal":
             return "Radau", fast
         return "DOP853", f"{fast}, but the {form} form has only explicit methods: this takes many steps"
-    if seconds and _takes_series(system):
-        if tolerance < FINEST:
-            return "taylor", "an accuracy near that of double precision, which takes a method of high order"
-        if seconds["taylor"] < min(seconds["DOP853"], seconds["compiled"]):
-            return "taylor", "a run long enough to pay for compiling its series"
+    if "taylor" in ways and tolerance < FINEST:
+        return "taylor", "an accuracy near that of double precision, which takes a method of high order"
+    if ways and best_of(ways) == "taylor":
+        return "taylor", _why_series(ways["taylor"])
     return "DOP853", "no part of the motion decays far faster than it oscillates"
+
+
+def _why_series(way: Offer) -> str:
+    if way.code and way.code.loaded:
+        return "its series are compiled already, and faster"
+    paid = way.code and way.code.saved > 0.0
+    return f"a run long enough{', after others,' if paid else ''} to pay for compiling its series"
 
 
 def taylor_takes(scene: Scene) -> bool:
     """Whether Taylor series can be had for so many links."""
-    return _takes_series(system_of(scene))
-
-
-def _takes_series(system: System) -> bool:
-    longest = max(group.n for group in system.groups)
-    return find_spec("heyoka") is not None and longest <= LONGEST_CHAIN and system.n_links <= MOST_LINKS
+    return taylor.takes(system_of(scene))
 
 
 def body_of(group: Group, system: System) -> Body:
@@ -214,7 +250,20 @@ def _in_space(system: System, load: Load | None) -> Arranged:
 
 def _free(system: System, load: Load | None) -> Arranged:
     """The equations in minimal coordinates in the plane, without dry friction."""
-    return Generated(system, load=load) if system.n_links <= WRITTEN else _numeric(system, load)
+    most = WRITTEN if _acted_on(system, load) else min(WRITTEN, _bare(system))
+    return Generated(system, load=load) if system.n_links <= most else _numeric(system, load)
+
+
+def _acted_on(system: System, load: Load | None) -> bool:
+    """Whether anything acts besides gravity, or switches."""
+    return bool(system.rubs or system.kicked or system.hoisting) or Small(system, load=load).acts
+
+
+def _bare(system: System) -> int:
+    """Links up to which floats beat a dense matrix where only gravity acts; all where that would lose digits."""
+    if any(loses_digits(group, system) for group in system.groups):
+        return WRITTEN
+    return CHAINS if max(group.n for group in system.groups) > 2 else PAIRS
 
 
 def _numeric(system: System, load: Load | None) -> Arranged:

@@ -21,12 +21,14 @@ from nonlinear.dynamics import (
     Written,
     find_symmetries,
 )
+from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration.arguments import extent, shaken
 from nonlinear.integration.driver import Drive, Record, silent
 from nonlinear.integration.escapements import escapements
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.friction import StickSlip
 from nonlinear.integration.methods import Choice, choose, equations_of, validate_room
+from nonlinear.integration.readiness import rented
 from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step, sharpened
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.timescales import estimate_timescales
@@ -203,15 +205,17 @@ class Request:
         """The run prepared with this choice."""
         validate_room(self.scene, self.integrated)
         equations, pace = equations_of(self.system, choice, self.load, self.smaller), self.pace
-        if self.system.hoisting is not None:
-            pace = replace(pace, breaks=tuple(sorted({*pace.breaks, *self.system.hoisting.breaks})))
+        inputs = Inputs(self.system)
+        own = inputs.breaks(0.0 if choice.method == "taylor" else choice.tolerance)
+        pace = replace(pace, longest=min(pace.longest, inputs.shortest), breaks=tuple(sorted({*pace.breaks, *own})))
         if (self.load or self.system.prescribed) and self.system.rubs:
             pace = replace(pace, longest=min(pace.longest, LOOKED / estimate_timescales(self.scene).swing))
         return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, pace)
 
     def run(self, choice: Choice) -> Trajectory:
         """The motion computed with this choice; SimulationError where the integrator fails."""
-        return self.prepared(choice).go(self.events, self.report)
+        with rented(choice.forgone):
+            return self.prepared(choice).go(self.events, self.report)
 
 
 def _stepper(

@@ -9,15 +9,16 @@ from math import inf, sqrt, ulp
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-from scipy import integrate
+import scipy
 
 from modal.errors import ComputationError
 from modal.types import Floats
 
 Derivative = Callable[[float, Floats], Floats]
-EXPLICIT = {"DOP853": integrate.DOP853, "RK45": integrate.RK45, "RK23": integrate.RK23}
-OTHERS = {"Radau": integrate.Radau, "BDF": integrate.BDF, "LSODA": integrate.LSODA}
-SCIPY = {**EXPLICIT, **OTHERS}
+EXPLICIT = ("DOP853", "RK45", "RK23")
+OTHERS = ("Radau", "BDF", "LSODA")
+SCIPY = EXPLICIT + OTHERS
+"""Methods by their names in `scipy.integrate`, which is loaded when the first of its own takes a step."""
 SMALLEST = 2.3e-14  # relative tolerance that SciPy accepts
 FEW = 32  # components up to which those at rest hide no significant error
 BESIDE = 4  # distance of a time from a break, in units in the last place
@@ -153,24 +154,24 @@ class SciPyStepper:
         self.method, self.f, self.tolerance, self.absolute, self.pace = method, f, tolerance, absolute, pace
         self.start, self.end, self._done = start, end, 0
         self.before, self.y_before = start, y
-        self._within: integrate.DenseOutput | None = None
+        self._within: Callable[[Floats], Floats] | None = None
         with np.errstate(all="ignore"):
             self._solver = self._begun(start, y, pace.first)
 
-    def _begun(self, time: float, y: Floats, first: float | None) -> integrate.OdeSolver:
+    def _begun(self, time: float, y: Floats, first: float | None) -> Any:
         """An integrator from here to the next break or the end."""
         self._low, self._high = self.pace.stretch(time)
         return self._made(time, y, min(self._high, self.end), first)
 
-    def _made(self, time: float, y: Floats, end: float, first: float | None) -> integrate.OdeSolver:
+    def _made(self, time: float, y: Floats, end: float, first: float | None) -> Any:
         tried = None if first is None or self.method == "LSODA" else min(first, end - time) or None
         longest = self.pace.most(max(self._low, self.start), min(self._high, self.end))
         options = {"rtol": max(self.tolerance, SMALLEST), "atol": self.absolute, "first_step": tried}
         f = self._beside if self.pace.breaks else self.f
         return self._solver_of(f, time, y, end, max_step=longest, **options)
 
-    def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> integrate.OdeSolver:
-        return SCIPY[self.method](f, time, y, end, **options)
+    def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> Any:
+        return getattr(scipy.integrate, self.method)(f, time, y, end, **options)
 
     def _beside(self, time: float, y: Floats) -> Floats:
         """The derivative, evaluated strictly between the surrounding breaks."""
@@ -209,7 +210,7 @@ class SciPyStepper:
         if message or self._solver.status == "failed" or not np.all(np.isfinite(self.y)):
             raise self._stopped(message or "not finite")
 
-    def _on_its_way(self) -> integrate.OdeSolver:
+    def _on_its_way(self) -> Any:
         """The integrator, a new one where a break has been reached."""
         if self._high <= self.time < self.end:
             self._done += self._solver.nfev

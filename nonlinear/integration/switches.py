@@ -199,7 +199,8 @@ class Switches:
 
     @cached_property
     def _rates_of_inputs(self) -> list[float]:
-        return [float(self.form.system.is_analytic)] * self.places.timed
+        timed = self.places.timed
+        return [float(self.form.system.is_analytic and timed == 1)] * timed
 
     @cached_property
     def _given(self) -> list[Any]:

@@ -13,10 +13,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from copy import deepcopy
 from importlib import import_module
-from importlib.util import find_spec
 from math import ceil, exp, inf, log, pi
 from threading import Lock
 from typing import Any, Protocol
+from weakref import finalize
 
 import numpy as np
 
@@ -24,7 +24,9 @@ from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats
 from modal.vibration.prescribed import Polynomials
 from nonlinear.dynamics import Arranged, Generated, Module, module_of, undisturbed
+from nonlinear.dynamics.forms import Form
 from nonlinear.dynamics.inputs import Inputs, at_time
+from nonlinear.integration.readiness import Code, installed, made, series
 from nonlinear.integration.steppers import Pace
 from nonlinear.system import System
 
@@ -32,14 +34,20 @@ FIRST = 0.05
 TIGHTEST = 1e-15
 LONGEST_CHAIN, MOST_LINKS = 24, 400
 UNROLLED = 4  # links up to which the series is compiled as one function: faster, longer to compile
-MOST_KEPT, AT_ONCE = 32, 256  # integrators kept; steps at once
+MOST_KEPT, MOST_IDLE, AT_ONCE = 32, 4, 256  # integrators kept, idle copies of each; steps at once
 GOES_ON = {"success", "time_limit", "step_limit"}
 GIVES_UP = {"err_nf_state": "its series overflow; choose another method"}
 
 
 def available() -> bool:
     """Whether heyoka is installed."""
-    return find_spec("heyoka") is not None
+    return installed("heyoka")
+
+
+def takes(system: System) -> bool:
+    """Whether heyoka is installed and compiles for so many links in less time than other methods take to run."""
+    longest = max(group.n for group in system.groups)
+    return available() and longest <= LONGEST_CHAIN and system.n_links <= MOST_LINKS
 
 
 def first_step(omega: float) -> float:
@@ -60,7 +68,7 @@ class TaylorStepper:
     def __init__(self, equations: Arranged, y: Floats, start: float, end: float, tolerance: float, pace: Pace) -> None:
         begun = np.array(y, dtype=float)
         self.start, self.end, self.pace, self.calls = start, end, pace, 0
-        self.integrator = integrator_of(_admitted(equations), uneven(tolerance))
+        self.integrator = integrator_of(_admitted(equations), uneven(tolerance), self)
         self.pieces = pieces_of(equations)
         self.integrator.state[:], self.integrator.time = begun, start
         self._coefficients, self._from = begun[None], start
@@ -168,35 +176,49 @@ class Originals(dict[Any, Any]):
     """What has been compiled in this process, by what it was compiled from: a copy for everyone who asks.
 
     Integrators and compiled functions of heyoka write into memory of their own while they work, and let Python's other
-    threads run: no two threads may use the same one.  A copy has its own memory and is not compiled again.
+    threads run: no two threads may use the same one.  A copy has its own memory and is not compiled again; as it takes
+    longer than a short run, the copies of users that are gone serve others.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self._lock = Lock()
 
-    def copy_of(self, key: Any, compiled: Callable[[], Any]) -> Any:
-        """A copy of what is kept under this key, which is compiled first where there is nothing."""
+    def copy_of(self, key: Any, compiled: Callable[[], Any], user: object = None) -> Any:
+        """A copy of what is kept under this key, which is compiled first where there is nothing.
+
+        Nobody else gets it while its `user` lives, nor ever if none is told.
+        """
         with self._lock:
             if key not in self:
                 with undisturbed():
                     made = compiled()
                 while len(self) >= MOST_KEPT:
                     del self[next(iter(self))]
-                self[key] = made
-            return deepcopy(self[key])
+                self[key] = made, []
+            original, idle = self[key]
+            found = idle.pop() if idle else deepcopy(original)
+        if user is not None:
+            finalize(user, _leave, idle, found).atexit = False
+        return found
+
+
+def _leave(idle: list[Any], copy: Any) -> None:
+    """Without a lock, for it may be called at any time, also in the thread that holds it."""
+    if len(idle) < MOST_IDLE:
+        idle.append(copy)
 
 
 _COMPILED = Originals()
 """By the text of their equations and what else they were compiled for."""
 
 
-def ready(system: System, tolerance: float) -> bool:
-    """Whether a series of this order has been compiled for such a scene in this process."""
-    if not _COMPILED:
-        return False
-    own = Generated(system)
-    return (_text(module_of(own.form), pieces_of(own)), uneven(tolerance)) in _COMPILED
+def code_of(form: Form, pieces: Sequence[Polynomials], tolerance: float, kind: str = "") -> Code:
+    """The series of this order for such scenes, and how far it is; the `kind` tells others than those of one motion."""
+    links, longest = form.system.n_links, max(group.n for group in form.system.groups)
+    compiling = 0.05 * longest**2 if links <= UNROLLED else 0.2 * longest + 0.025 * links
+    degrees = [one.coefficients.shape[1] for one in pieces]
+    return series(f"{form} {degrees} {tolerance} {kind}", compiling)
 
 
 class Timed(Protocol):
@@ -220,8 +242,11 @@ def _text(module: Module, pieces: Sequence[Polynomials]) -> str:
     return f"{module.python('rates')}\n{[one.coefficients.shape[1] for one in pieces]}"
 
 
-def integrator_of(equations: Generated, tolerance: float) -> Any:
-    """Heyoka's integrator for these equations, compiled once per process for all constants of such a scene."""
+def integrator_of(equations: Generated, tolerance: float, user: object = None) -> Any:
+    """Heyoka's integrator for these equations, compiled once per process for all constants of such a scene.
+
+    Once its `user` is gone others get it.
+    """
     module, size, pieces = module_of(equations.form), equations.layout.size, pieces_of(equations)
     pars = [*equations.constants, *at_time(pieces, 0.0)]
 
@@ -229,7 +254,8 @@ def integrator_of(equations: Generated, tolerance: float) -> Any:
         options = {"tol": tolerance, "compact_mode": equations.system.n_links > UNROLLED}
         return _heyoka().taylor_adaptive(expressions(module, size, pieces), np.zeros(size), pars=pars, **options)
 
-    found = _COMPILED.copy_of((_text(module, pieces), tolerance), compiled)
+    found = _COMPILED.copy_of((_text(module, pieces), tolerance), compiled, user)
+    made(code_of(equations.form, pieces, tolerance))
     found.pars[:] = pars
     return found
 

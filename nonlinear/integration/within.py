@@ -11,7 +11,7 @@ import numpy as np
 
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.lanes import Rates
-from nonlinear.integration.method import EXTRA, MORE, NODES, STAGES, gained, summed, terms_of
+from nonlinear.integration.method import EXTRA, NODES, STAGES, advance, gained, terms_of
 from nonlinear.integration.steppers import BESIDE
 
 PIECES = 16  # parts of a step, within each of which a component turns back once at most
@@ -24,7 +24,8 @@ class Step:
     """One step of W lanes: `member` in each, whether it was `taken`, from when (s), how long, y before and after.
 
     `stages` (13, size, W) are the rates on the way; the first and the last those at the ends.  All of these have the
-    columns of segments as a last axis where they have any.  `held` (2 J, W) are the inputs of contacts.
+    columns of segments as a last axis where they have any.  `held` (2 J, W) are the inputs of contacts.  Where the
+    stages are the first of a longer array, further ones have `room` there.
     """
 
     member: Ints
@@ -38,6 +39,7 @@ class Step:
     rates_of: Callable[[Ints], Rates]
     breaks: bool = False
     held: Any = ()
+    room: Floats | None = None
 
     def times(self, part: float, columns: Any = ALL) -> Floats:
         """The times (s) of a part of the step, strictly within it where it may begin or end at a break."""
@@ -54,15 +56,25 @@ class Step:
 
     def within(self, columns: Ints) -> Inside:
         """The motion inside the step of the lanes in these columns."""
-        before, length = self.before[:, columns], self.length[columns]
-        stages = np.empty((STAGES + 1 + EXTRA, *before.shape), before.dtype)
-        np.take(self.stages, columns, axis=2, out=stages[: STAGES + 1])
-        rates, work, rows = self.rates_of(columns), np.empty_like(before), np.empty_like(before)
-        along = beside(length, before)
-        for more, shares in enumerate(MORE, STAGES + 1):
-            summed(shares, stages, rows, work)
-            fill(rates(before + along * rows, beside(self.times(NODES[more], columns), before)), stages[more])
-        return Inside(before, np.array(terms_of(along, self.after[:, columns] - before, stages)))
+        before, along = self.before[:, columns], beside(self.length[columns], self.before)
+        moved = self.after[:, columns] - before
+        return Inside(before, np.array(terms_of(along, moved, self.extended(columns))))
+
+    def extended(self, columns: Ints) -> Floats:
+        """The rates (16, size, A) at all stages of the lanes in these columns, and at further ones."""
+        if self.room is not None and len(columns) == len(self.member):
+            stages, before, rates = self.room, self.before, self.rates
+        else:
+            before, rates = np.ascontiguousarray(self.before[:, columns]), self.rates_of(columns)
+            stages = np.empty((STAGES + 1 + EXTRA, *before.shape), before.dtype)
+            np.take(self.stages, columns, axis=2, out=stages[: STAGES + 1])
+        y = np.empty_like(before)
+        begun, *others = (own.view(float) for own in (before, stages, y, np.empty_like(y)))
+        length = spread(self.length[columns], begun)
+        for stage in range(STAGES + 1, len(stages)):
+            advance(stage, begun, length, *others)
+            fill(rates(y, beside(self.times(NODES[stage], columns), before)), stages[stage])
+        return stages
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +149,11 @@ def crossing(function: Callable[[Floats], Floats], low: Floats, high: Floats) ->
 def beside(values: Any, y: Floats) -> Any:
     """Values of lanes (..., S), ready to be combined with y (size, S) or (size, S, 1 + k)."""
     return values if y.ndim < 3 else np.asarray(values)[..., None]
+
+
+def spread(values: Floats, y: Floats) -> Floats:
+    """Values (S,) of lanes, as often as y (size, S) or (size, S, 1 + k) has columns: NumPy is slow in short rows."""
+    return values if y.ndim < 3 else np.repeat(values, y.shape[2]).reshape(y.shape[1:])
 
 
 def squared(rows: Floats) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -47,13 +48,11 @@ def periodic_orbit(
     Raises ComputationError where the method finds none.
     """
     probe = shooting(scene, tolerance=tolerance, segments=segments, force=force)
-    flow = probe.first
-    y = flow.equations.begin(start)
+    y = probe.first.equations.begin(start)
     if force is not None:
-        problem = shooting(scene, tolerance=tolerance, segments=segments, period=period, force=force)
-        return solved(problem, y, period)
+        return solved(replace(probe, period=period), y, period)
     y, leader = turning(probe, y, period)
-    return solved(shooting(scene, leader=leader, tolerance=tolerance, segments=segments), y, period)
+    return solved(replace(probe, leader=leader), y, period)
 
 
 def solved(problem: Shooting, y: Floats, period: float, value: float | None = None) -> Orbit:
@@ -134,8 +133,9 @@ def near(problem: Shooting, one: RelativeEquilibrium) -> tuple[Floats, float, in
 
 def cycle_of(scene: Scene, one: RelativeEquilibrium, *, tolerance: float = TOLERANCE) -> Orbit:
     """The limit cycle close to an averaged configuration; ComputationError where there is none."""
-    y, period, leader = near(shooting(scene, tolerance=tolerance), one)
-    return solved(shooting(scene, leader=leader, tolerance=tolerance), y, period)
+    problem = shooting(scene, tolerance=tolerance)
+    y, period, leader = near(problem, one)
+    return solved(replace(problem, leader=leader), y, period)
 
 
 def limit_cycles(scene: Scene, *, tolerance: float = TOLERANCE) -> tuple[Orbit, ...]:

@@ -16,7 +16,7 @@ from math import ceil
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
+import scipy
 
 from modal.errors import ComputationError
 from modal.report import Displayed
@@ -139,7 +139,7 @@ class Flow(Displayed):
         solver.switch(S)
         if self.change is None:
             return np.array(S).T
-        saltation: Floats = block_diag(np.array(S).T, 1.0)
+        saltation: Floats = scipy.linalg.block_diag(np.array(S).T, 1.0)
         if j < 2 * switches.places.K:
             parts = zip((self.equations.numbers, switches.numbers), self.change, strict=True)
             form, kicks = ([np.array([a + 1j * TINY * b]) for a, b in zip(*pair, strict=True)] for pair in parts)
@@ -161,13 +161,13 @@ class Flow(Displayed):
                 self.switched.resume([*state])
             else:
                 self.switched.release(start, y)
-        options: dict[str, Any] = {"first_step": whole * FIRST, "rtol": 1.0, "atol": self.tolerance * self.scale}
+        options: Any = {"first_step": whole * FIRST, "rtol": self.tolerance, "atol": self.tolerance * self.scale}
         rates = (equations.rate, equations.listed, equations.is_clocked, equations.derivative)
         try:
             solver = FloatDOP853(*rates, start, y, start + whole, **options)
         except UNDEFINED:
             raise ComputationError(SINGULAR) from None
-        solver.switched, solver.rtol = self.switched, self.tolerance
+        solver.switched = self.switched
         if not np.all(np.isfinite(solver.f)):
             raise ComputationError(SINGULAR)
         return solver
@@ -196,7 +196,7 @@ class Flow(Displayed):
         few = max(1, AT_ONCE // (STAGES * size**2))
         maps = (each for k in range(0, len(steps), few) for each in self._mapped(steps[k : k + few]))
         if self.change is not None:
-            V = block_diag(V, 1.0)
+            V = scipy.linalg.block_diag(V, 1.0)
         for part in parts:
             V = (next(maps) if isinstance(part, FloatStep) else part) @ V
         return V[:size]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import ceil, pi
 from textwrap import fill
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -33,7 +33,9 @@ from modal.types import Floats
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.artists import Gauges, Scenery
 from nonlinear.plotting.scene import energies_of, stage_of
-from nonlinear.synchronization import Phases
+
+if TYPE_CHECKING:
+    from nonlinear.synchronization import Phases
 
 TRAIL = 0.8
 """Length of a tip's trail in seconds of film."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +14,9 @@ from modal.plotting import HUES, WIDTH, axis_words, headline, key, save, scale, 
 from modal.scene import title_of
 from modal.types import Floats
 from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
-from nonlinear.synchronization import Branch, Branches
+
+if TYPE_CHECKING:
+    from nonlinear.synchronization import Branch, Branches
 
 MOST_CURVES = HUES
 

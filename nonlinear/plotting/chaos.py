@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,14 +12,17 @@ from matplotlib.ticker import MaxNLocator
 
 from modal.plotting import QUIET, WIDE, WIDTH, colour, headline, legend, muted, save, sheet
 from modal.scene import Scene, title_of
-from nonlinear.chaos import Case, Exponent, Finding
+
+if TYPE_CHECKING:
+    from nonlinear.chaos import Case, Exponent, Finding
+
+    Rows = Sequence[tuple[Case, Exponent]]
 
 MARKERS = ("o", "s", "D", "^")
 MOST_LINES = 24
 """Number of single starts drawn behind their mean."""
 NUDGE = 1.06
 """Factor by which series of carts are offset, to separate their error bars."""
-Rows = Sequence[tuple[Case, Exponent]]
 
 
 def draw_running(exponent: Exponent, stream: IO[bytes], *, kind: str = "png") -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,8 +13,10 @@ from matplotlib.patches import Patch
 from modal.plotting import WIDTH, axis_words, colour, headline, legend, rest, save, scale, sheet, thickness
 from modal.scene import title_of
 from modal.types import Floats
-from nonlinear.ensembles import Basins, PoincareSection, Spread
 from nonlinear.plotting.sweeps import edges, label
+
+if TYPE_CHECKING:
+    from nonlinear.ensembles import Basins, PoincareSection, Spread
 
 DECADES = 5.0  # the ratio of largest to smallest from which colours go by ratios
 WIDEST = 60.0  # and no more of first turns, some of which begin at the top

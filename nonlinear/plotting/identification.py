@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rcParams
@@ -10,7 +10,9 @@ from matplotlib.figure import Figure
 
 from modal.plotting import WIDTH, colour, headline, legend, rest, save, sheet
 from modal.scene import title_of
-from nonlinear.identification import Fit
+
+if TYPE_CHECKING:
+    from nonlinear.identification import Fit
 
 MOST_SEGMENTS = 4
 MOST_SENSORS = 6

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
 from modal.modes import Modes
 from modal.types import Floats
 from nonlinear.integration import CLOSED, SolverInfo, Trajectory
-from nonlinear.orbits import Orbit
 from nonlinear.plotting.animation import Shown, animate
 from nonlinear.reduction import start_in_mode, superpose
 from nonlinear.system import Motion
+
+if TYPE_CHECKING:
+    from nonlinear.orbits import Orbit
 
 PERIODS, SAMPLES = 4, 200
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,9 +17,10 @@ from modal.plotting import HUES, WIDTH, axis_words, headline, key, muted, save, 
 from modal.scene import Scene, title_of
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
-from nonlinear.orbits import Branch, Special, linear_response, nonlinear_mode
-from nonlinear.orbits.shooting import Shooting
 from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
+
+if TYPE_CHECKING:
+    from nonlinear.orbits import Branch, Special
 
 MARKS = {"fold": "o", "branch point": "D", "period doubling": "s", "torus": "^", "collision": "v"}
 POINTS, WIDEST = 200, 170.0  # of a linear response; the largest angle (deg) of a backbone
@@ -100,7 +101,7 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
             there = np.rad2deg(near + np.angle(np.exp(1j * (special.orbit.phase - near))))
             lower.plot([special.orbit.value], [there], **mark(MARKS[special.kind]))
     widest = max(float(np.rad2deg(branch.amplitude.max())) for branch in branches)
-    clock = branches[0].problem.clock if isinstance(branches[0].problem, Shooting) else None
+    clock = getattr(branches[0].problem, "clock", None)
     is_frequency = clock is not None and clock.value is not None
     values, linear = _linear(scene, variation)
     upper.plot(values, linear, color=muted(), lw=1.1, ls=":", zorder=1, label="linear response")
@@ -117,6 +118,8 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
 
 def _linear(scene: Scene, variation: Variation) -> tuple[Floats, Floats]:
     """The largest angle (deg) of the linear response at POINTS values of a number; NaN where it has none."""
+    from nonlinear.orbits import linear_response
+
     space = np.geomspace if variation.log else np.linspace
     values, found = space(variation.values[0], variation.values[-1], POINTS), np.full(POINTS, np.nan)
     for k, value in enumerate(values.tolist()):
@@ -127,6 +130,8 @@ def _linear(scene: Scene, variation: Variation) -> tuple[Floats, Floats]:
 
 def _backbones_of(scene: Scene, variation: Variation, widest: float) -> Iterator[tuple[Floats, Floats]]:
     """Frequency (Hz) and largest angle (deg) of the modes that swing near the range, without drives and losses."""
+    from nonlinear.orbits import nonlinear_mode
+
     free = scene.still.replace(force=())
     low, high = variation.values[0], variation.values[-1]
     for number, omega in enumerate(natural_modes(free).omega, start=1):

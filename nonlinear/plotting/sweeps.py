@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,7 +30,9 @@ from modal.plotting import (
 from modal.scene import title_of
 from modal.scene.parameters import Variation
 from modal.types import Floats
-from nonlinear.sweeps import Sweep
+
+if TYPE_CHECKING:
+    from nonlinear.sweeps import Sweep
 
 MOST_MAPS = 6
 MOST_TICKS = 12  # most colour bar ticks of a map with integer values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import groupby
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,8 +11,10 @@ from matplotlib.figure import Figure
 from modal.errors import ComputationError
 from modal.plotting import HUES, QUIET, SMALL, WIDTH, colour, headline, ink, key, paper, rest, save, sheet
 from modal.scene import title_of
-from nonlinear.accuracy import Candidate, Row, WorkPrecision
 from nonlinear.reduction import CORRECTED, LINEAR
+
+if TYPE_CHECKING:
+    from nonlinear.accuracy import Candidate, Row, WorkPrecision
 
 METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
 LOOKS = {"minimal": ("o", "-"), "spatial": ("o", "-"), "compiled": ("D", "--"), "maximal": ("s", ":")}

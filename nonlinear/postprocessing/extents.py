@@ -8,22 +8,23 @@ is integrated anew from one sample to the next.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.optimize import minimize_scalar
 
 from modal.types import Floats
-from nonlinear.integration import EXPLICIT, Choice, Trajectory, equations_of
+from nonlinear.integration import EXPLICIT, Choice, Trajectory, equations_of, prepare
 from nonlinear.postprocessing.resampling import extremes
 from nonlinear.system import Equations, Motion
 
 FORMS = {"minimal", "maximal", "hamiltonian", "spatial"}
 PLACES, LOOKS, CLOSE = 8, 64, 1e-9  # on each cubic; in a stretch integrated anew, and its tolerance
+CLOSER = 8  # times that the stretch between the looks beside the extreme is integrated in its turn
 STRETCHES, MOST = 24, 2_000_000  # integrated anew for each extreme; places on cubics
 TURNED = 1.5  # rad from one sample to the next, from which on cubics do not tell where extremes are
 Measured = Callable[[Motion], Floats]
+WAY = Choice("minimal", "DOP853", compiled=False, reason="", tolerance=CLOSE)
 
 
 class Extent(NamedTuple):
@@ -89,7 +90,7 @@ def _known(trajectory: Trajectory) -> bool:
 def _equations(trajectory: Trajectory) -> Equations:
     load = trajectory.equations.load if trajectory.equations else None
     form = "spatial" if trajectory.system.spatial else "minimal"
-    return equations_of(trajectory.system, Choice(form, "", compiled=False, reason=""), load)
+    return equations_of(trajectory.system, replace(WAY, form=form), load)
 
 
 def _on_cubics(trajectory: Trajectory, measured: Measured) -> Floats:
@@ -126,17 +127,16 @@ def _turning(
 ) -> float:
     """The largest of side · quantity from one sample to the next."""
     start, end = trajectory.times[row : row + 2].tolist()
-    y = equations.begin(trajectory.motion[row])
-    options = {"method": "DOP853", "rtol": CLOSE, "atol": CLOSE * equations.scale, "dense_output": True}
-    within = solve_ivp(equations.derivative, (start, end), y, **options).sol
-
-    def value(times: Floats) -> Floats:
-        return np.asarray(side * measured(equations.read(within(times).T))[:, column])
-
-    looks = np.linspace(start, end, LOOKS)
-    seen = value(looks)
-    best = int(np.argmax(seen))
-    around = looks[max(best - 1, 0)], looks[min(best + 1, LOOKS - 1)]
-    narrow = {"xatol": 1e-9 * (end - start)}
-    sharp = minimize_scalar(lambda t: -value(np.array([t]))[0], bounds=around, method="bounded", options=narrow)
-    return float(max(seen[best], -sharp.fun))
+    state, found = trajectory.motion[row], -np.inf
+    for _ in range(CLOSER):
+        looks = np.linspace(start, end, LOOKS)
+        anew = prepare(trajectory.scene, equations, WAY, state, looks, 1.0).go()
+        if anew.run.interrupted:
+            raise KeyboardInterrupt
+        seen = side * measured(anew.motion)[:, column]
+        best = int(np.argmax(seen))
+        found, low, high = max(found, float(seen[best])), max(best - 1, 0), min(best + 1, LOOKS - 1)
+        if found - min(seen[low], seen[high]) < CLOSE:
+            break
+        start, end, state = looks[low], looks[high], anew.motion[low]
+    return found

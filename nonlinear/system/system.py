@@ -315,13 +315,7 @@ class System(Displayed):
     @cached_property
     def is_analytic(self) -> bool:
         """Whether all that time brings is plain arithmetic of constants and of the time."""
-        return bool(self.prescribed) and not self.hoisting and all(motion.constants for motion in self.prescribed)
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        """The times (s) at which a support, a force or a length may change suddenly."""
-        laws = self.hoisting.breaks if self.hoisting else ()
-        return tuple(sorted({*laws, *(time for motion in self.prescribed for time in motion.breaks)}))
+        return bool(self.prescribed) and all(motion.constants for motion in self.prescribed)
 
     @property
     def shortest(self) -> float:

@@ -176,16 +176,12 @@ def test_a_long_chain_in_its_lowest_mode_moves_in_a_few() -> None:
     assert "mode shapes" not in asked.attempts[-1].way
 
 
-CHAOTIC = pytest.mark.xdist_group("a chaotic run")
-
-
 @cache
 def chaotic() -> Advice:
     """A run that lasts longer than its digits."""
     return advise(load("paper-cart-3"), 25.0, 1e-3)
 
 
-@CHAOTIC
 @pytest.mark.slow
 def test_beyond_the_horizon_nothing_is_promised() -> None:
     scene, advice = load("paper-cart-3"), chaotic()
@@ -317,7 +313,6 @@ def test_the_command(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:  # t
     assert main(["advise", "nowhere.toml", "--accuracy", "1e-3", "-o", "a.txt"]) == 2
 
 
-@CHAOTIC
 @pytest.mark.slow
 def test_the_horizon_does_not_depend_on_the_instants_kept() -> None:
     every, few = chaotic(), advise(load("paper-cart-3"), 25.0, 1e-3, output=[23.0, 25.0])

@@ -37,8 +37,6 @@ from nonlinear.reduction.two_planes import join, split
 from nonlinear.simulation import simulate
 from nonlinear.system import Motion, State, apart, initial_state, of_plane, system_of
 
-pytestmark = pytest.mark.xdist_group("work precision")  # one result serves several tests
-
 PAPER = load("paper-cart-2")
 MODES = natural_modes(PAPER)
 ENDS = (Candidate(LINEAR), Candidate(CORRECTED))

@@ -19,6 +19,9 @@ from modal import Cart, Pendulum, Rod, Scene, load, matrices, natural_modes, pai
 from modal.assembly import rig_of
 from modal.scene import Body
 from nonlinear import simulate, system_of
+from nonlinear.averaging import average, relative_equilibria
+from nonlinear.integration import choose
+from nonlinear.orbits import cycle_of
 from nonlinear.synchronization import study_synchronization
 
 SEEDS = range(60)
@@ -159,11 +162,16 @@ def calls(job: Callable[[], object], *functions: Any) -> Counter[str]:
 
 @pytest.mark.slow
 def test_arrays_and_modes_are_handed_on() -> None:
-    """Each is built once for the motion and once for the modes of a scene; one more pair is of its undamped modes."""
-    counted = rig_of, system_of, natural_modes
+    """Each is built once for the motion and once for the modes of a scene; one more pair is of its undamped modes.
+
+    The method is chosen once, and the limit cycle beside a prediction has one set of equations.
+    """
+    counted = rig_of, system_of, natural_modes, choose
     double = load("paper-cart-2").replace(title="a scene of which nothing is kept")
     found = calls(lambda: simulate(double, 1.0), *counted)
-    assert found == {"system_of": 1, "rig_of": 2, "natural_modes": 1}
+    assert found == {"system_of": 1, "rig_of": 2, "natural_modes": 1, "choose": 1}
     clocks = load("metronomes").replace(title="clocks of which nothing is kept")
     found = calls(lambda: study_synchronization(clocks, 20.0), *counted)
-    assert found == {"system_of": 2, "rig_of": 4, "natural_modes": 2}
+    assert found == {"system_of": 2, "rig_of": 4, "natural_modes": 2, "choose": 1}
+    (settled,) = relative_equilibria(average(load("huygens")))
+    assert calls(lambda: cycle_of(load("huygens"), settled), *counted)["system_of"] == 1

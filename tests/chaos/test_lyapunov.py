@@ -23,8 +23,6 @@ from nonlinear.plotting import draw_finding, draw_running
 from nonlinear.sweeps import parse_measures
 from nonlinear.system import State, system_of
 
-pytestmark = pytest.mark.xdist_group("exponents")  # one result serves several tests
-
 G = 9.81
 
 

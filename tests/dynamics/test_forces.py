@@ -97,13 +97,14 @@ REEL = [BOB | {"hoist": {"to": 1.5, "duration": 2.0}}, BOB | {"mass": 0.3}]
         (CART, AIRY, PUSH_LOWER),
         ({"kind": "moved", "motion": SHAKEN}, AIRY, []),
         ({"kind": "moved", "motion": SHAKEN}, AIRY, PUSH_LOWER),
+        ({"kind": "moved", "motion": SHAKEN}, REEL, PUSH_LOWER),
         (
             {"kind": "moved", "motion": [DISPLACED, SHAKEN[1]]},
             AIRY,
             PUSH_LOWER,
         ),
     ],
-    ids=["hoist", "drag", "both-ways", "both-ways-and-forces", "record-and-sine"],
+    ids=["hoist", "drag", "both-ways", "both-ways-and-forces", "hoist-and-both-ways", "record-and-sine"],
 )  # fmt: skip
 def test_forces_act_beside_hoists_drag_and_a_support_that_moves_both_ways(
     support: dict[str, Any], links: list[dict[str, Any]], forces: list[dict[str, Any]]

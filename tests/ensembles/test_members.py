@@ -194,20 +194,3 @@ def test_all_wrong_arguments_are_named_at_once() -> None:
     with pytest.raises(SceneError) as told:
         ensemble(load("chain-2"), 1.0, starts=[[0.1, 0.2]], check=-1, chunk=0, share=(2, 1), workers=-3)
     assert [problem.split()[0] for problem in told.value.problems] == ["check", "chunk", "workers", "share"]
-
-
-def test_the_engine_is_chosen_by_its_cost() -> None:
-    """Few members are not worth compiling for, many are; what looks within steps prefers kernels to events."""
-    from nonlinear.ensembles.costs import ENGINES, choose_engine
-
-    pytest.importorskip("numba")
-    pytest.importorskip("heyoka")
-    scene = load("chain-2")
-    few, many = (members_of(scene, np.zeros((size, 2)), None) for size in (10, 1_000_000))
-    assert choose_engine("auto", "", few, 10.0, 1e-9)[0] == "numpy"
-    assert choose_engine("auto", "", many, 10.0, 1e-9)[0] == "heyoka"
-    assert choose_engine("auto", "", many, 10.0, 1e-9, ["section"])[0] == "numba"
-    assert choose_engine("auto", "the scene is in space", many, 10.0, 1e-9)[0] == "simulate"
-    with pytest.raises(SceneError, match="one by one"):
-        choose_engine("numba", "the scene is in space", many, 10.0, 1e-9)
-    assert set(ENGINES) == {"numpy", "numba", "heyoka", "simulate"}

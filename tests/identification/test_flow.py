@@ -49,6 +49,15 @@ SCENES |= {
     name: load(Path(__file__).parents[1] / "combinations" / "scenes" / f"{name}.toml").model_dump()
     for name in ("escapement", "rail_coefficient", "moved_vertical_and_drag", "moved_horizontal", "hoist_and_drag")
 }
+SHAKEN = 0.05 * np.sin(3.0 * np.linspace(-1.0, 4.0, 51))
+SCENES["recorded"] = {
+    "gravity": 9.81,
+    "support": {
+        "kind": "moved",
+        "motion": {"kind": "record", "time_s": np.linspace(-1.0, 4.0, 51).tolist(), "displacement_m": SHAKEN.tolist()},
+    },
+    "pendulum": [{"links": [{**own, "quadratic_drag": 0.3} for own in TWO]}],
+}
 SCENES["struck"] = {
     "gravity": 9.81,
     "support": {**CART, "friction": 0.3},
@@ -60,9 +69,14 @@ SCENES["struck"] = {
 FREE = {
     "escapement": ["pendulum[0].links[0].drive.impulse", "pendulum[0].links[*].mass", "pendulum[0].links[1].damping"],
     "rail_coefficient": ["support.friction_coefficient", "pendulum[0].links[0].mass"],
-    "moved_vertical_and_drag": ["pendulum[0].links[*].drag", "pendulum[0].links[0].length"],
+    "moved_vertical_and_drag": [
+        "pendulum[0].links[*].drag",
+        "pendulum[0].links[*].quadratic_drag",
+        "pendulum[0].links[0].length",
+    ],
+    "recorded": ["pendulum[0].links[*].quadratic_drag", "pendulum[0].links[0].length", "gravity"],
     "moved_horizontal": ["gravity", "pendulum[0].links[1].mass"],
-    "hoist_and_drag": ["pendulum[0].links[0].drag", "gravity"],
+    "hoist_and_drag": ["pendulum[0].links[0].drag", "pendulum[0].links[*].quadratic_drag", "gravity"],
     "struck": [
         "pendulum[0].links[0].drive.angle_deg",
         "pendulum[1].links[0].drive.impulse",
@@ -133,6 +147,23 @@ def test_derivatives_are_those_of_differences(name: str) -> None:
     wide = [(problem.residuals(u + f * step) - problem.residuals(u - f * step)) / (2e-5 * f) for f in (1, 2)]
     told = (4 * wide[0] - wide[1]) / 3
     assert J @ along == pytest.approx(told, abs=2e-6 * max(1.0, float(np.abs(told).max())))
+
+
+@pytest.mark.parametrize("name", ["cart", "drag", "struck"])
+def test_many_segments_have_the_derivatives_of_each_alone(name: str) -> None:
+    """Wide columns are computed to first order, narrow ones as complex numbers."""
+    one = problem_of(scene_from(SCENES[name]), FREE[name], tolerance=1e-9)
+    u, count = unknowns_of(one), 40
+    segment = replace(one.recording.segments[0], times=one.recording.segments[0].times[:26], values=np.zeros((26, 3)))
+    one = replace(one, recording=replace(one.recording, segments=(segment,)))
+    many = replace(one, recording=replace(one.recording, segments=(segment,) * count))
+    v = np.concatenate((u[: one.layout.state(0).start], np.tile(u[one.layout.state(0)], count)))
+    alone = one.jacobian(u)
+    J = many.jacobian(v).reshape(count, len(alone), -1)
+    for s in (0, count - 1):
+        kept = np.r_[0 : one.layout.state(0).start, many.layout.state(s)]
+        assert J[s][:, kept] == pytest.approx(alone, abs=1e-8 * float(np.abs(alone).max()))
+    assert not J[0][:, many.layout.state(1).start :].any()
 
 
 def test_half_swings_lose_what_coulomb_says() -> None:

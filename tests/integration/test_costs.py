@@ -1,38 +1,48 @@
-"""What each way costs, and that what a process has paid for is not counted again."""
+"""Which way of running is taken, given what is loaded, what is kept on disk and what runs have cost so far."""
 
 from __future__ import annotations
 
 import os
 import sys
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from support.fresh import Process
 
 from modal import Bob, Pendulum, Scene, load
 from nonlinear.dynamics import compiled as kernels
-from nonlinear.integration import choose, costs, methods, taylor
-from nonlinear.integration.costs import COMPILED, HEYOKA, LINKED, NUMBA
+from nonlinear.integration import choose, costs, readiness, taylor
+from nonlinear.integration.costs import COMPILING
+from nonlinear.integration.readiness import (
+    LINKING,
+    LOADING,
+    Code,
+    Offer,
+    best_of,
+    cached,
+    forgone_by,
+    lose,
+    made,
+    rented,
+    reproducible,
+    series,
+)
 from nonlinear.simulation import simulate
 from nonlinear.system import state_at_rest, system_of
 
 fast = pytest.mark.skipif(not kernels.available(), reason="numba is not installed")
-series = pytest.mark.skipif(not taylor.available(), reason="heyoka is not installed")
+heyoka = pytest.mark.skipif(not taylor.available(), reason="heyoka is not installed")
 CART = load("paper-cart-2")
+INTEGRATOR = "nonlinear.integration.compiled", "_steps"
+CHAIN = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=100)])])
 
 
 @pytest.fixture
-def fresh(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
-    """A process that has loaded nothing yet, with both extras installed."""
-    for name in ("numba", "heyoka", "nonlinear.integration.compiled"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    monkeypatch.setattr(taylor, "_COMPILED", taylor.Originals())
-    monkeypatch.setattr(taylor, "available", lambda: True)
-    for module in (costs, methods):
-        monkeypatch.setattr(module, "find_spec", lambda name: SimpleNamespace())
-    monkeypatch.setattr(costs, "kept", lambda: True)
-    return monkeypatch
+def process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Process:
+    return Process(monkeypatch, tmp_path)
 
 
 def chosen(scene: Scene, duration: float, tolerance: float = 1e-9) -> tuple[str, bool]:
@@ -40,52 +50,115 @@ def chosen(scene: Scene, duration: float, tolerance: float = 1e-9) -> tuple[str,
     return found.method, found.compiled
 
 
-def test_loading_and_compiling_count_where_they_are_still_to_be_paid(fresh: pytest.MonkeyPatch) -> None:
-    assert costs.owed_to_numba() == NUMBA + LINKED
-    fresh.setattr(costs, "kept", lambda: False)
-    assert costs.owed_to_numba() == NUMBA + LINKED + COMPILED
-    fresh.setitem(sys.modules, "numba", SimpleNamespace())
-    assert costs.owed_to_numba() == LINKED + COMPILED
-    fresh.setitem(sys.modules, "nonlinear.integration.compiled", SimpleNamespace(loaded=lambda: True))
-    assert costs.owed_to_numba() == 0.0
-    first = costs.owed_to_heyoka(system_of(CART), 1e-9)
-    fresh.setitem(sys.modules, "heyoka", SimpleNamespace())
-    assert costs.owed_to_heyoka(system_of(CART), 1e-9) == pytest.approx(first - HEYOKA)
-    fresh.setattr(taylor, "ready", lambda system, tolerance: True)
-    assert costs.owed_to_heyoka(system_of(CART), 1e-9) == 0.0
+def test_what_is_owed_depends_on_what_is_loaded_and_kept(process: Process) -> None:
+    code = Code("numba", "kernel", 7.0)
+    loading, linking = LOADING["numba"], LINKING["numba"]
+    assert code.owed == pytest.approx(loading + linking + 7.0)
+    assert replace(code, kept=True).owed == loading + linking
+    process.load("numba")
+    assert code.owed == linking + 7.0
+    assert replace(code, loaded=True).owed == 0.0
+    assert replace(code, loaded=True, kept=True).anew == loading + 7.0
+    with reproducible():
+        assert replace(code, loaded=True).owed == inf
+    process.install()
+    assert code.owed == code.anew == inf
 
 
-def test_what_is_not_installed_is_never_taken(fresh: pytest.MonkeyPatch) -> None:
-    fresh.setattr(taylor, "available", lambda: False)
-    for module in (costs, methods):
-        fresh.setattr(module, "find_spec", lambda name: None)
-    assert costs.owed_to_numba() == costs.owed_to_heyoka(system_of(CART), 1e-9) == inf
+def test_who_rents_buys_once_the_rent_has_paid_the_price(process: Process) -> None:
+    """Runs of one second that would take a tenth: compiling for nine seconds pays after nine of them."""
+    process.load("numba")
+    code = Code("numba", "kernel", 9.0 - LINKING["numba"] - 0.05)
+    ways = {"plain": Offer(1.0), "fast": Offer(0.1, code), "slow": Offer(2.0, Code("numba", "other", 0.0, loaded=True))}
+    taken = [best_of(ways)]
+    while taken[-1] == "plain" and len(taken) < 20:
+        forgone = forgone_by(ways, "plain")
+        assert forgone == (("kernel", pytest.approx(0.9)),)
+        lose(forgone, 1.0)
+        taken.append(best_of(ways))
+    assert taken == ["plain"] * 9 + ["fast"]
+    assert best_of(ways, anew=True) == "plain"
+    assert forgone_by(ways, "fast") == ()
+    with reproducible():
+        assert forgone_by(ways, "plain") == ()
+
+
+def test_rent_is_what_a_run_takes(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([3.0, 5.0])
+    monkeypatch.setattr(readiness, "thread_time", lambda: next(clock))
+    with rented((("kernel", 0.5),)):
+        pass
+    assert Code("numba", "kernel", 1.0).saved == 1.0
+
+
+def test_a_run_takes_what_is_ready_and_compiles_what_pays(process: Process) -> None:
+    assert chosen(CART, 0.1) == ("DOP853", False)
+    assert chosen(CART, 1000.0) != ("DOP853", False)
+    assert chosen(CHAIN, 10.0) == ("DOP853", False)
+    process.keep(*INTEGRATOR)
+    assert chosen(CHAIN, 10.0) == ("DOP853", True)
+    process.load("nonlinear.integration.compiled", loaded=lambda: True)
+    assert chosen(CART, 0.1) == ("DOP853", True)
+    assert choose(CART, 10.0, 1e-9, "RK45").compiled is False
+    with reproducible():
+        assert chosen(CART, 1e6) == ("DOP853", False)
+
+
+def test_a_kept_kernel_serves_a_double_pendulum(process: Process) -> None:
+    process.install("numba")
+    scene = load("chain-2")
+    assert chosen(scene, 1000.0) == ("DOP853", False)
+    process.keep(*INTEGRATOR)
+    assert chosen(scene, 1000.0) == ("DOP853", True)
+    assert chosen(scene, 10.0) == ("DOP853", False)
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_runs_in_a_loop_come_to_take_the_kernel(process: Process, kept: bool) -> None:
+    """Each is too short for it; what they forgo together is not."""
+    process.install("numba")
+    if kept:
+        process.keep(*INTEGRATOR)
+    choice = choose(CART, 10.0, 1e-9)
+    assert not choice.compiled
+    ((name, share),) = choice.forgone
+    assert name == costs.integrator().name
+    assert 0.5 < share < 1
+    price = LOADING["numba"] + LINKING["numba"] + (0.0 if kept else COMPILING)
+    lose(choice.forgone, 0.5 * price / share)
+    assert not choose(CART, 10.0, 1e-9).compiled
+    lose(choice.forgone, 0.5 * price / share)
+    assert choose(CART, 10.0, 1e-9).compiled
+
+
+def test_what_is_not_installed_is_never_taken(process: Process) -> None:
+    process.install()
     assert chosen(CART, 1e6) == ("DOP853", False)
 
 
-def test_a_short_run_takes_floats_and_a_long_one_what_pays(fresh: pytest.MonkeyPatch) -> None:
-    chain = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=100)])])
-    assert chosen(CART, 10.0) == ("DOP853", False)
-    assert chosen(CART, 1000.0) != ("DOP853", False)
-    assert chosen(chain, 10.0) == ("DOP853", True)
-    fresh.setattr(costs, "kept", lambda: False)
-    assert chosen(chain, 10.0) == ("DOP853", False)
-    fresh.setitem(sys.modules, "nonlinear.integration.compiled", SimpleNamespace(loaded=lambda: True))
-    assert chosen(CART, 10.0) == ("DOP853", True)
-    assert choose(CART, 10.0, 1e-9, "RK45").compiled is False
-
-
-def test_a_file_that_numba_keeps_is_found_and_one_older_than_the_source_is_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert not costs.kept()
-    file = tmp_path / "integration_0" / "compiled._steps-1.py3.nbi"
-    file.parent.mkdir()
-    file.touch()
-    assert costs.kept()
+def test_a_file_that_numba_keeps_is_found_and_one_older_than_the_source_is_none(process: Process) -> None:
+    module = Path(costs.__file__).parent / "compiled.py"
+    assert not cached(module, "_steps")
+    file = process.keep(*INTEGRATOR)
+    assert cached(module, "_steps")
+    assert not cached(module.with_name("none.py"), "_steps")
     os.utime(file, (0, 0))
-    assert not costs.kept()
+    assert not cached(module, "_steps")
+
+
+def test_what_heyoka_keeps_is_noted_for_other_processes(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
+    code = series("some equations", 2.0)
+    assert not code.loaded
+    assert not code.kept
+    process.load("heyoka", llvm_state=SimpleNamespace(get_diskcache_enabled=lambda: True))
+    assert made(code).loaded
+    assert series("some equations", 2.0).loaded
+    monkeypatch.setattr(readiness, "_made", set())
+    later = series("some equations", 2.0)
+    assert (later.loaded, later.kept) == (False, True)
+    assert not series("other equations", 2.0).kept
+    process.load("heyoka")
+    assert not series(made(series("third", 2.0)).name, 2.0).kept
 
 
 @fast
@@ -93,14 +166,13 @@ def test_numba_keeps_the_integrator_where_it_is_looked_for() -> None:
     from nonlinear.integration import compiled
 
     scene = load("chain-3")
-    simulate(scene, 0.1, method="DOP853")
     equations = kernels.Compiled(system_of(scene))
     start = equations.begin(state_at_rest(scene, [10.0, 20.0, 30.0]))
     stepper = compiled.CompiledStepper(equations, 0.0, start, 1.0, 1e-6, 1e-6 * equations.scale)
     stepper.step()
-    assert compiled.loaded()
-    assert costs.owed_to_numba() == 0.0
-    assert costs.kept() == bool(compiled._steps.stats.cache_path)
+    assert costs.integrator().loaded
+    kept = cached(Path(compiled.__file__), "_steps")
+    assert kept == bool(compiled._steps.stats.cache_path)
 
 
 @fast
@@ -116,18 +188,27 @@ def test_compiling_is_announced_on_a_terminal_where_nothing_is_kept(
         (True, False, True),
     ):
         monkeypatch.setattr(compiled, "loaded", lambda there=there: there)
-        monkeypatch.setattr(compiled, "kept", lambda kept=kept: kept)
+        monkeypatch.setattr(costs, "cached", lambda module, function, kept=kept: kept)
         monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
         with compiled.announced():
             pass
         assert bool(capsys.readouterr().err) == (not there and not kept and terminal)
 
 
-@series
-def test_a_series_that_is_compiled_counts_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(taylor, "_COMPILED", taylor.Originals())
+@heyoka
+def test_a_series_that_is_compiled_is_ready(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(readiness, "_made", set())
     scene, tolerance = load("chain-2"), 1e-13
-    before = costs.costs(scene, system_of(scene), 1.0, tolerance)["taylor"]
+
+    def code() -> Code | None:
+        return costs.offers(scene, system_of(scene), 1.0, tolerance)["taylor"].code
+
+    before = code()
     simulate(scene, 0.1, method="taylor", tolerance=tolerance, start=state_at_rest(scene, [100.0, 100.0]))
-    after = costs.costs(scene, system_of(scene), 1.0, tolerance)["taylor"]
-    assert after < 0.1 < before
+    after = code()
+    assert before
+    assert after
+    assert (before.loaded, after.loaded) == (False, True)
+    assert after.kept
+    assert choose(scene, 1.0, tolerance).method == "taylor"

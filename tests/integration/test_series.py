@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 import pytest
 
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, load
-from nonlinear.dynamics import Generated
-from nonlinear.integration import Pace, SimulationError, silent, taylor
+from nonlinear.dynamics import Generated, form_of
+from nonlinear.integration import Pace, SimulationError, readiness, silent, taylor
 from nonlinear.integration.steppers import Sweeper
 from nonlinear.integration.taylor import TaylorStepper
 from nonlinear.simulation import simulate
@@ -56,7 +57,12 @@ def test_samples_of_many_steps_are_those_of_each(name: str, pace: Pace) -> None:
     assert np.abs(inside[-1] - far.y).max() < NEARLY
 
 
-def test_scenes_that_differ_in_numbers_alone_share_one_series() -> None:
+def loaded(scene: Scene, tolerance: float) -> bool:
+    return taylor.code_of(form_of(system_of(scene)), (), taylor.uneven(tolerance)).loaded
+
+
+def test_scenes_that_differ_in_numbers_alone_share_one_series(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(readiness, "_made", set())
     taylor._COMPILED.clear()
     for mass, length in ((1.3, 0.7), (2.9, 1.9)):
         scene = double(mass, length)
@@ -65,13 +71,14 @@ def test_scenes_that_differ_in_numbers_alone_share_one_series() -> None:
         assert np.abs(run.motion.links - sure.motion.links).max() < 1e-9
         assert run.energy_drift() < 1e-12
     assert len(taylor._COMPILED) == 1
-    assert taylor.ready(system_of(double(0.9, 1.1)), 1e-13)
-    assert not taylor.ready(system_of(double(0.9, 1.1)), 1e-3)
-    assert not taylor.ready(system_of(load("chain-3")), 1e-13)
+    assert loaded(double(0.9, 1.1), 1e-13)
+    assert not loaded(double(0.9, 1.1), 1e-3)
+    assert not loaded(load("chain-3"), 1e-13)
 
 
 def test_only_so_many_series_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(taylor, "MOST_KEPT", 2)
+    monkeypatch.setattr(readiness, "_made", set())
     taylor._COMPILED.clear()
     for tolerance in (1e-3, 1e-6, 1e-9):
         simulate(
@@ -81,8 +88,21 @@ def test_only_so_many_series_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
             method="taylor",
             tolerance=tolerance,
         )
-        assert taylor.ready(system_of(double(1.0, 1.0)), tolerance)
+        assert loaded(double(1.0, 1.0), tolerance)
     assert len(taylor._COMPILED) == 2
+
+
+def test_a_series_serves_one_run_after_another_and_no_two_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    copies: list[Any] = []
+    monkeypatch.setattr(taylor, "deepcopy", lambda original: copies.append(deepcopy(original)) or copies[-1])
+    monkeypatch.setattr(taylor, "_COMPILED", taylor.Originals())
+    runs = [simulate(load("paper-cart-3"), 3.0, method="taylor", output=20) for _ in range(3)]
+    assert len(copies) == 1
+    assert all(np.array_equal(run.motion.links, runs[0].motion.links) for run in runs)
+    one, other = (stepper("paper-cart-3", Pace(0.05), 4.0) for _ in range(2))
+    one.step()
+    assert one.integrator is not other.integrator
+    assert other.time == 0.0
 
 
 @pytest.mark.parametrize("name", ["paper-cart-3", "chain-3"])

@@ -138,7 +138,7 @@ def test_scenes_of_one_form_are_not_solved_one_by_one(monkeypatch: pytest.Monkey
     def alone(*_: object) -> None:
         raise AssertionError("one by one")
 
-    monkeypatch.setattr(frequencies, "_alone", alone)
+    monkeypatch.setattr(frequencies, "_one", alone)
     assert natural_frequencies(varied("chain-3")).shape == (7, 3)
     assert natural_frequencies(varied("paper-cart-2", 4)).shape == (4, 5)
     with pytest.raises(AssertionError, match="one by one"):

@@ -13,8 +13,6 @@ from modal.errors import ComputationError
 from nonlinear.orbits import Branch, Orbit, entered, nonlinear_mode
 from nonlinear.simulation import simulate
 
-pytestmark = pytest.mark.xdist_group("entering")  # several tests look at one branch
-
 
 @cache
 def backbone() -> Branch:

@@ -12,7 +12,7 @@ from chromium import Chromium
 from live import BROWSER, axe
 from manual import PART, manual, mathjax
 
-pytestmark = [pytest.mark.site, pytest.mark.slow, BROWSER, pytest.mark.xdist_group("manual")]
+pytestmark = [pytest.mark.site, pytest.mark.slow, BROWSER]
 
 LESSON = "tutorial/lessons/05_small_angles"
 LOOKS = usually([(360, True), (1280, False)], [(width, dark) for width in (360, 768, 1280) for dark in (False, True)])

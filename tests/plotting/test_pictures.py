@@ -285,10 +285,7 @@ IN_TURN = [(kind, THEMES[index % 2]) for index, kind in enumerate(FIGURES)]
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "name"),
-    [
-        pytest.param(kind, name, marks=pytest.mark.xdist_group(kind))
-        for kind, name in usually(IN_TURN, [(kind, name) for kind in FIGURES for name in THEMES])
-    ],
+    usually(IN_TURN, [(kind, name) for kind in FIGURES for name in THEMES]),
 )
 def test_nothing_is_wrong_with_the_figure(kind: str, name: str) -> None:
     with theme(name):
@@ -308,14 +305,13 @@ SHARED = (
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [pytest.param(kind, marks=pytest.mark.xdist_group(kind)) for kind in SHARED])
+@pytest.mark.parametrize("kind", SHARED)
 def test_no_curve_is_hidden_under_others(kind: str) -> None:
     with theme("light"):
         assert hidden_curves(FIGURES[kind]()) == []
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("branches")
 def test_branches_upon_each_other_all_show() -> None:
     found = branching()
     with theme("light"):

@@ -10,6 +10,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from scipy.signal import periodogram
 
 import modal
 from modal import Bob, Cart, Pendulum, Scene
@@ -84,6 +85,17 @@ def test_the_power_spectrum_keeps_the_mean_square() -> None:
     times = np.linspace(0, 100, 5001)
     omega, power = power_spectrum(times, 3 * np.sin(7 * times))
     assert np.sum(power) * omega[1] / (2 * np.pi) == pytest.approx(4.5, rel=1e-2)
+
+
+@pytest.mark.parametrize("count", [7, 500])
+def test_the_power_spectrum_is_that_of_scipy(count: int) -> None:
+    times = np.linspace(2.0, 9.0, count)
+    values = np.random.default_rng(0).normal(size=count) + 3 * times
+    omega, power = power_spectrum(times, values)
+    options = {"fs": (count - 1) / 7, "window": "blackmanharris", "detrend": "linear", "nfft": 8 * count}
+    frequency, density = periodogram(values, **options)
+    np.testing.assert_allclose(omega, 2 * np.pi * frequency, rtol=1e-14)
+    np.testing.assert_allclose(power, density, atol=1e-12 * density.max())
 
 
 def test_a_link_that_goes_round_stays_in_the_portrait() -> None:

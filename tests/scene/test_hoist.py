@@ -68,6 +68,21 @@ def test_a_record_is_found_beside_its_scene(tmp_path: Path) -> None:
     assert parse(dumps(scene).encode()) == scene
 
 
+def test_a_record_that_changes_in_one_process_is_read_again(tmp_path: Path) -> None:
+    path = written(tmp_path, "time_s,length_m\n0,5\n2,3\n")
+    scene = load(path)
+    assert scene.at(2.0).pendulum[0].links[0].length == 3.0
+    written(tmp_path, "time_s,length_m\n0,5\n2,4\n")
+    assert [one.at(2.0).pendulum[0].links[0].length for one in (scene, load(path))] == [4.0, 4.0]
+
+
+def test_extremes_of_many_pieces_are_those_of_a_fine_grid() -> None:
+    times = np.linspace(0.0, 6.0, 61)
+    law = spline(times, 3 + np.sin(5 * times) * np.exp(-0.2 * times))
+    fine = law(np.linspace(0.0, 6.0, 200_001))[0]
+    assert law.extremes == pytest.approx((fine.min(), fine.max()), rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("rows", "words"),
     [

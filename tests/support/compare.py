@@ -8,12 +8,20 @@ import mpmath as mp
 import numpy as np
 from oracle import Dense, dense
 
+from modal.eigen import Spectrum
 from modal.modes import Modes
 
 
 def flat_omega(modes: Modes) -> list[float]:
     """Every frequency as often as its multiplicity, the zero of a free cart left out."""
     return [omega for omega, fold in zip(modes.omega, modes.multiplicity, strict=True) for _ in range(fold) if omega]
+
+
+def with_spectrum(modes: Modes, spectrum: Spectrum) -> Modes:
+    """The modes of the same scene with another spectrum."""
+    found = Modes(modes.scene)
+    vars(found)["spectrum"] = spectrum
+    return found
 
 
 def assert_certified(modes: Modes, tolerance: float) -> Dense:

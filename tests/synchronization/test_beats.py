@@ -23,8 +23,6 @@ from nonlinear.synchronization import (
 )
 from nonlinear.synchronization.certificates import certified, uncertified
 
-pytestmark = pytest.mark.xdist_group("beats")  # several tests look at one study
-
 
 def clocks(*angles: float) -> Scene:
     """Two clocks, of which one starts below the angle of its escapement, 2°, or not."""

@@ -37,8 +37,6 @@ from nonlinear.synchronization.continuation import RESOLUTION, Walk
 from nonlinear.synchronization.patterns import own_amplitudes
 from nonlinear.system import State
 
-pytestmark = pytest.mark.xdist_group("branches")  # several tests look at one branch
-
 GRAVITY, ANGLE = 9.81, 5.0
 GENTLE = 0.01  # N m s/rad: a drive that leaves no trace of e/ω in what first order says
 KICKS = Escapement(impulse=3e-7, angle_deg=1.0)

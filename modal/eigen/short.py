@@ -1,0 +1,116 @@
+"""All frequencies of one short chain, in floats: arrays of so few numbers take longer to make than to use.
+
+The route is that of `chains`: dense seeds, a Rayleigh quotient step at the pivot, and counts on either side of the
+float at which they step, link by link with the arithmetic of `floats`.  Where counts do not confirm that float there is
+no answer, and the general route has its further ways.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from math import inf, nextafter
+from operator import lt
+from typing import Any
+
+import numpy as np
+
+from modal import pair
+from modal.assembly import CartNumbers
+from modal.eigen.chains import FARTHER
+from modal.eigen.floats import nudged, swept, swept_with_energy
+from modal.eigen.recursion import NUDGE
+from modal.types import Floats
+
+Link = tuple[float, float, float, float]
+Count = Callable[[list[Any], float], tuple[int, float]]
+Constants = tuple[float, float, float, float, float]
+"""1/k, r, p, m and m J of a link."""
+
+STEPS = 3
+"""Rayleigh quotient steps that a seed is given."""
+
+
+def short_squares(links: Sequence[Link], cart: CartNumbers | None) -> Floats | None:
+    """ω² (R,) of the oscillatory modes, ascending, of a chain of links (mass, length, centre, inertia), with g = 1.
+
+    The same floats as `squares_of`; None where counts confirm none near a seed, or two modes meet.
+    """
+    try:
+        found = list(_found(links, cart))
+    except (ZeroDivisionError, np.linalg.LinAlgError):
+        return None
+    return np.array(found) if all(map(lt, [0.0, *found], found)) else None
+
+
+def _found(links: Sequence[Link], cart: CartNumbers | None) -> Iterator[float]:
+    """ω² of mode after mode, 0 for one that is not confirmed."""
+    constants, scaled, below = [], [], 0.0
+    for m, length, c, inertia in reversed(links):
+        _, mJ, r, p, q, _, _, k = pair.link_constants(m, length, c, inertia, below)
+        constants.append((1 / k, r, p, m, mJ, q))
+        scaled.append((k, length, r + below))
+        below += m
+    counted = [own[:5] for own in constants]
+    seeds = _seeds(scaled, below, cart)
+    if cart:
+        mass, stiffness = cart.mass, cart.stiffness
+        rail, spring, before = mass, stiffness, int(stiffness == 0)
+    else:  # the first link is to the others what a cart and its spring are to a whole chain
+        mass, stiffness = constants.pop()[1], scaled[-1][0]
+        rail, spring, before = -inf, 0.0, 0
+    for j, seed in enumerate(seeds, before):
+        x = seed
+        for _ in range(STEPS):
+            mu, energy = swept_with_energy(constants, x)
+            x *= 1.0 - (mu + mass - stiffness / x) / (energy + mass)
+            if found := _stepped(counted, rail, spring, j, x):
+                break
+        yield found
+
+
+@np.errstate(all="ignore")
+def _seeds(scaled: list[tuple[float, float, float]], hanging: float, cart: CartNumbers | None) -> list[float]:
+    """Approximate ω², ascending, as in `modal.eigen.seeds`, from k, l and r + Σ m below of each link, tip first."""
+    k, length, held = np.array(scaled).T
+    root, n = np.sqrt(k), len(scaled)
+    moment = root * length
+    at = 1 if cart and cart.stiffness else 0
+    matrix = np.empty((n + at, n + at))
+    chain = matrix[at:, at:]
+    np.divide(moment, root[:, None], out=chain)
+    chain.flat[:: n + 1] = held / k
+    if cart:
+        total = cart.mass + hanging
+        if at:
+            matrix[0, 0] = total / cart.stiffness
+            matrix[1:, 0] = moment / cart.stiffness**0.5
+        else:
+            chain -= moment[:, None] * (moment / total)
+    found: list[float] = (1.0 / np.linalg.eigvalsh(matrix)[::-1]).tolist()
+    return found
+
+
+def _stepped(links: list[Constants], mass: float, stiffness: float, before: int, x: float) -> float:
+    """The float within FARTHER of x at which the count passes the number `before`, 0 without one.
+
+    The count is that of a chain on a cart with a rigid translation; a `mass` of −∞ is a fixed support.
+    """
+    if not 0 < x < inf:
+        return 0.0
+    try:
+        return _neighbour(swept, links, mass, stiffness, before, x)
+    except ZeroDivisionError:
+        return _neighbour(partial(nudged, nudge=NUDGE), links, mass, stiffness, before, x)
+
+
+def _neighbour(count: Count, links: list[Constants], mass: float, stiffness: float, before: int, x: float) -> float:
+    below, mu = count(links, x)
+    high = below + (mu + mass > stiffness / x) > before
+    way = 0.0 if high else inf
+    for _ in range(FARTHER):
+        last, x = x, nextafter(x, way)
+        below, mu = count(links, x)
+        if (below + (mu + mass > stiffness / x) > before) != high:
+            return last if high else x
+    return 0.0

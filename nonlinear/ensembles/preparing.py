@@ -1,0 +1,158 @@
+"""Compile, ahead of time, what a scene can use, and keep it for later processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import pi
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from modal.errors import MultipendulaError, SceneError
+from modal.report import Displayed, Summary, as_json, by_column, grid, tabulated, titled
+from modal.scene import Scene, refusals, title_of, validate_scene
+from nonlinear.ensembles.costs import code_of, first_numbers
+from nonlinear.ensembles.measures import asked, validate_measures
+from nonlinear.ensembles.members import members_of
+from nonlinear.ensembles.question import COMPILED, SERIES
+from nonlinear.ensembles.running import USUAL, ensemble
+from nonlinear.integration import ASKED, Choice, Request, choose, estimate_timescales, validate, validate_numbers
+from nonlinear.integration.costs import WRITTEN, integrator, offers
+from nonlinear.integration.readiness import Code, kept_in
+from nonlinear.system import state_at_rest, system_of
+
+ONE, MANY = "one motion", "many motions"
+TILT = 0.1  # angle (rad) from which the motions start that are run for the sake of compiling
+PART = 0.01  # and how long these are, in periods of the fastest oscillation
+
+
+@dataclass(frozen=True, repr=False)
+class CompiledCode(Displayed):
+    """What an engine needs for "one motion" or "many motions" of a scene.
+
+    The `action` was "compiled", "loaded from disk", or none as it "was ready" in this process; `seconds` is how long it
+    took, `kept_in` the folder from which later processes load it, "" where there is none.  Where an engine cannot run
+    the scene, `why_not` says so, and the action is "".
+    """
+
+    runs: str
+    engine: str
+    action: str = ""
+    seconds: float = 0.0
+    kept_in: str = ""
+    why_not: str = ""
+
+
+@dataclass(frozen=True, repr=False)
+class Compilation(Displayed):
+    """What was compiled for a scene, engine by engine.
+
+    >>> from modal import load
+    >>> from nonlinear.ensembles import Compilation
+    >>> Compilation(load("chain-2"), ()).to_dict()
+    {}
+    """
+
+    scene: Scene
+    codes: tuple[CompiledCode, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The columns of its table, one entry each for every engine and use."""
+        return by_column([vars(code) for code in self.codes])
+
+    def _summary(self) -> Summary:
+        words = {name for name in CompiledCode.__dataclass_fields__ if name != "seconds"}
+        return tabulated(f"{title_of(self.scene)}: compiled code", [], self.to_dict(), words)
+
+
+def compile_engines(scene: Scene, tolerance: float = USUAL, measures: Sequence[str] = ()) -> Compilation:
+    """Compile what this scene can use at this tolerance, by running it for a moment, and keep it for later processes.
+
+    `simulate` and `ensemble` would do the same where it pays, at the price of seconds while someone waits.  `measures`
+    are those of `ensemble`: exponents need equations of their own, and heyoka compiles what is found within steps.
+    numba's code depends on the form of the scene and not on its numbers, heyoka's on the tolerance as well.  Raises
+    SceneError for a scene, a tolerance or measures that cannot be.
+
+    >>> from modal import load
+    >>> from nonlinear import compile_engines
+    >>> [code.runs for code in compile_engines(load("chain-spatial")).codes if code.why_not]
+    ['one motion', 'one motion', 'many motions', 'many motions']
+    """
+    validate_scene(scene)
+    system = system_of(scene)
+    wanted, _ = validate(lambda: asked(measures, system), lambda: validate_numbers(1.0, tolerance, 0.0))
+    validate_measures(wanted, scene)
+    return Compilation(scene, tuple(_codes(scene, float(tolerance), measures)))
+
+
+def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[CompiledCode]:
+    system, duration = system_of(scene), PART * 2 * pi / estimate_timescales(scene).swing
+    begun = state_at_rest(scene, [np.degrees(TILT)] * scene.n_links)
+    request = Request(scene, system, begun, np.array([0.0, duration]))
+
+    def series() -> Code | None:
+        return getattr(offers(scene, system, duration, tolerance, request.size).get("taylor"), "code", None)
+
+    def compiled() -> object:
+        return request.run(Choice("minimal", "DOP853", True, ASKED, tolerance))
+
+    def expanded() -> object:
+        return request.run(choose(scene, duration, tolerance, "taylor"))
+
+    problems = refusals(scene, "compiled equations")
+    if system.kicked and system.n_links <= WRITTEN:
+        problems += [f"escapement: kicks of up to {WRITTEN} links are found by plain DOP853"]
+    yield _ready(ONE, COMPILED, problems, integrator, compiled)
+    yield _ready(ONE, SERIES, refusals(scene, "method taylor"), series, expanded)
+    starts = [[TILT] * scene.n_links] * 2
+    for engine in (COMPILED, SERIES):
+
+        def code(engine: str = engine) -> Code | None:
+            return code_of(engine, first_numbers(members_of(scene, starts, None)), tolerance, measures)
+
+        def together(engine: str = engine) -> object:
+            more: dict[str, Any] = {"tolerance": tolerance, "measures": measures, "workers": 1, "check": 0}
+            return ensemble(scene, duration, starts=starts, engine=engine, **more)
+
+        problems = refusals(scene, f"engine {engine}")
+        if engine == COMPILED and scene.n_links > WRITTEN:
+            problems += [f"engine numba: takes minutes to compile for more than {WRITTEN} links"]
+        yield _ready(MANY, engine, problems, code, together)
+
+
+def _ready(
+    runs: str, engine: str, problems: Sequence[str], code: Callable[[], Code | None], run: Callable[[], object]
+) -> CompiledCode:
+    """What an engine has once it has run, and how it was before; why it cannot run where there are problems."""
+    try:
+        if problems:
+            raise SceneError(problems)
+        before, begun = code(), perf_counter()
+        run()
+        seconds = perf_counter() - begun
+        assert before
+    except MultipendulaError as error:
+        return CompiledCode(runs, engine, why_not="; ".join(str(error).splitlines()))
+    action = "was ready" if before.loaded else "loaded from disk" if before.kept else "compiled"
+    return CompiledCode(runs, engine, action, seconds, kept_in(before))
+
+
+def compilation_table(found: Compilation, form: str) -> str:
+    """As text or json, the `form`.
+
+    >>> from modal import load
+    >>> from nonlinear.ensembles import Compilation, compilation_table
+    >>> print(compilation_table(Compilation(load("chain-2"), ()), "text"), end="")
+    Chain of 2 equal bobs: compiled code
+    """
+    if form == "json":
+        return as_json({"scene": found.scene.title or None, "codes": [vars(code) for code in found.codes]})
+    ready = [code for code in found.codes if code.action]
+    rows = [(code.runs, code.engine, code.action, f"{code.seconds:.2g}") for code in ready]
+    homes = dict.fromkeys(code.kept_in for code in ready if code.kept_in)
+    parts = [grid(rows, ("runs", "engine", "action", "seconds"))]
+    parts += ["\n".join(f"{code.runs} by {code.engine}: {code.why_not}" for code in found.codes if code.why_not)]
+    parts += ["\n".join(["kept in", *(f"  {home}" for home in homes)]) if homes else ""]
+    return titled(title_of(found.scene), "compiled code", parts, form)

@@ -1,0 +1,232 @@
+"""What time brings: fast evaluations against the functions themselves, and records within the tolerance of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from functools import partial
+from itertools import pairwise
+from math import cos, inf, sin
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline, make_interp_spline
+from support.loops import interpreted
+
+from modal import Bob, InitialCondition, Pendulum, Scene
+from modal.scene import Fixed, Hoist, Moved, RandomMotion, RecordMotion, SineMotion, SweepMotion
+from modal.vibration import prescribed_motion
+from modal.vibration.prescribed import Polynomials
+from nonlinear import ensemble, simulate
+from nonlinear.dynamics import inputs
+from nonlinear.dynamics.inputs import Inputs
+from nonlinear.postprocessing import reaction_forces_of
+from nonlinear.system import system_of
+
+G, L, START, TOLERANCE = 9.81, 1.2, 0.4, 1e-9
+TIMES = np.linspace(0.0, 2.0, 401)
+NOISE = np.random.default_rng(7).standard_normal(len(TIMES))
+RECORDS = {
+    "smooth": 0.3 * np.sin(4 * TIMES),
+    "noisy": 0.3 * np.sin(4 * TIMES) + 0.05 * NOISE,
+    "steps": 0.3 * np.sign(np.sin(4 * TIMES)),
+}
+SOME = np.arange(40) * 0.05 + 0.3
+MOTIONS = {
+    "sine": SineMotion(amplitude=0.1, frequency_hz=2.0, phase_deg=20.0),
+    "sweep": SweepMotion(amplitude=0.1, from_hz=0.5, to_hz=4.0, duration=1.7),
+    "random": RandomMotion(psd=(1.0, 1.0), frequency_hz=(0.5, 8.0), seed=3, duration=2.0),
+    "acceleration": RecordMotion(
+        time_s=tuple(SOME), acceleration_m_per_s2=tuple(np.cos(5 * SOME)), baseline="velocity"
+    ),
+    "velocity": RecordMotion(time_s=tuple(SOME), velocity_m_per_s=tuple(np.cos(5 * SOME))),
+    "displacement": RecordMotion(time_s=tuple(SOME**1.3), displacement_m=tuple(np.cos(5 * SOME))),
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_floats_and_arrays_are_the_derivatives_of_a_motion(name: str) -> None:
+    motion = prescribed_motion(MOTIONS[name])
+    times = np.concatenate((np.random.default_rng(1).uniform(-1.0, 4.0, 200), [0.0, 1.7, SOME[0], SOME[7]]))
+    for order, at in ((1, motion.velocity_at), (2, motion.acceleration_at)):
+        exact = np.asarray(motion.derivative(times, order))
+        near = 2e-12 * np.abs(exact).max()
+        assert np.allclose([at(time) for time in times.tolist()], exact, rtol=0, atol=near)
+        assert np.allclose(motion.beside(times[:, None], order)[:, 0], exact, rtol=0, atol=near)
+
+
+def test_kinks_are_what_truncated_powers_add() -> None:
+    """x³ + 2 (x − 1)²₊ − 5 (x − 3)³₊ in pieces of 1, 2 and 2: half the longer neighbour away, 2·1² and 5·1³ more."""
+    knots = np.array([0.0, 1.0, 3.0, 5.0])
+    rows = [[0, 0, 0, 0], [0, 0, 0, 1], [1, 3, 5, 1], [35, 35, 11, -4], [141, 0, 0, 0]]
+    own = Polynomials(knots, np.array([0.0, 0.0, 1.0, 3.0]), np.array(rows[:4], dtype=float))
+    own = Polynomials(knots, np.append(own.origins, 5.0), np.array(rows, dtype=float))
+    assert own.kinks[1:3] == pytest.approx([2.0, 5.0], rel=1e-14)
+    assert own.kinks[0] == pytest.approx(0.5**3)
+    assert own.beside(np.array([-1.0, 2.0, 4.0, 9.0])) == pytest.approx([0.0, 10.0, 77.0, 141.0])
+
+
+def swinging(**link: object) -> Pendulum:
+    angle = InitialCondition(angles_deg=(float(np.degrees(START)),))
+    return Pendulum(links=(Bob(mass=1.0, length=L, **link),), start=angle)
+
+
+def by_hand(rate: Callable[[float, float, float, int], float]) -> float:
+    """The last angle of θ'' = rate(s, θ, θ', piece) by the classical Runge-Kutta method, extrapolated."""
+    coarse, fine = (_by_hand(rate, steps) for steps in (16, 32))
+    return fine + (fine - coarse) / 15
+
+
+def _by_hand(rate: Callable[[float, float, float, int], float], steps: int) -> float:
+    a, p, h = START, 0.0, (TIMES[1] - TIMES[0]) / steps
+    for piece in range(len(TIMES) - 1):
+        for step in range(steps):
+            s, half = step * h, h / 2
+            k1, m1 = p, rate(s, a, p, piece)
+            k2, m2 = p + half * m1, rate(s + half, a + half * k1, p + half * m1, piece)
+            k3, m3 = p + half * m2, rate(s + half, a + half * k2, p + half * m2, piece)
+            k4, m4 = p + h * m3, rate(s + h, a + h * k3, p + h * m3, piece)
+            a, p = a + h / 6 * (k1 + 2 * (k2 + k3) + k4), p + h / 6 * (m1 + 2 * (m2 + m3) + m4)
+    return a
+
+
+def lifted(lengths: np.ndarray, folder: Path) -> tuple[Scene, float]:
+    """A bob on a rope of these lengths, and its last angle by l θ'' + 2 l' θ' + g sin θ = 0."""
+    path = folder / "lengths.csv"
+    rows = [f"{time!r},{length!r}" for time, length in zip(TIMES.tolist(), lengths.tolist(), strict=True)]
+    path.write_text("\n".join(["time_s,length_m", *rows]), encoding="utf-8")
+    pieces = CubicSpline(TIMES, lengths, bc_type="clamped").c.T.tolist()
+
+    def rate(s: float, a: float, p: float, piece: int) -> float:
+        d, c, b, length = pieces[piece]
+        return -(2 * ((3 * d * s + 2 * c) * s + b) * p + G * sin(a)) / (((d * s + c) * s + b) * s + length)
+
+    scene = Scene(gravity=G, support=Fixed(), pendulum=(swinging(hoist=Hoist(file=str(path))),))
+    return scene, by_hand(rate)
+
+
+def shaken(displacements: np.ndarray) -> Scene:
+    """A bob on a support with this record."""
+    motion = RecordMotion(time_s=tuple(TIMES.tolist()), displacement_m=tuple(displacements.tolist()))
+    return Scene(gravity=G, support=Moved(motion=motion), pendulum=(swinging(),))
+
+
+def last_angle(displacements: np.ndarray) -> float:
+    """Its last angle by l θ'' + g sin θ + s'' cos θ = 0."""
+    spline = make_interp_spline(TIMES, displacements, k=5).derivative(2)
+    inner = np.linspace(0.0, TIMES[1] - TIMES[0], 65)[:-1]
+    values = spline(TIMES[:-1, None] + inner).tolist()
+    values = [[*row, after[0]] for row, after in zip(values, [*values[1:], [float(spline(TIMES[-1]))]], strict=True)]
+    part = inner[1]
+
+    def rate(s: float, a: float, p: float, piece: int) -> float:
+        return -(G * sin(a) + values[piece][round(s / part)] * cos(a)) / L
+
+    return by_hand(rate)
+
+
+HOISTS = {
+    "smooth": Hoist(to=0.6, begin=0.2, duration=1.5),
+    "trapezoidal": Hoist(to=1.6, begin=0.2, duration=1.5, profile="trapezoidal"),
+}
+SHAKEN = {
+    "sine": SineMotion(direction="vertical", amplitude=0.3, frequency_hz=0.9, phase_deg=20.0),
+    "sweep": SweepMotion(amplitude=0.1, from_hz=0.5, to_hz=2.0, duration=1.7),
+    "random": RandomMotion(direction="vertical", psd=(1.0, 1.0), frequency_hz=(0.5, 8.0), seed=3, duration=2.0),
+    "record": RecordMotion(time_s=tuple(SOME), acceleration_m_per_s2=tuple(np.cos(5 * SOME))),
+}
+
+
+def hoisted(motion: str, hoist: str, **more: float) -> Scene:
+    """Two bobs of 1.3 and 0.7 kg on ropes of 1.2 m, which is hoisted, and 0.6 m, below a support that moves."""
+    links = (Bob(mass=1.3, length=L, hoist=HOISTS[hoist], **more), Bob(mass=0.7, length=0.6, **more))
+    start = InitialCondition(angles_deg=(30.0, -50.0), rates_deg=(10.0, 5.0))
+    return Scene(gravity=G, support=Moved(motion=SHAKEN[motion]), pendulum=(Pendulum(links=links, start=start),))
+
+
+@pytest.mark.parametrize(("motion", "hoist"), [*zip(SHAKEN, [*HOISTS, *HOISTS], strict=True)])
+def test_hoists_on_a_moved_support_obey_newtons_law(motion: str, hoist: str) -> None:
+    """Of both bobs in the laboratory, projected on what the ropes leave free; the books of energy close."""
+    scene = hoisted(motion, hoist)
+    support, law = prescribed_motion(SHAKEN[motion]), HOISTS[hoist].law(L)
+    vertical = SHAKEN[motion].direction == "vertical"
+
+    def rate(t: float, y: np.ndarray) -> list[float]:
+        a, b, p, q = y
+        size, (length, speed, bend) = float(support.derivative(t, 2)), (float(part) for part in law(t))
+        along, down = (0.0, -size) if vertical else (size, 0.0)
+        left = np.array([[2.0 * length, 0.42 * cos(a - b)], [length * cos(a - b), 0.6]])
+        first = -0.42 * q * q * sin(a - b) - 2.0 * (2 * speed * p + along * cos(a) + (G - down) * sin(a))
+        second = (length * p * p - bend) * sin(a - b) - 2 * speed * p * cos(a - b)
+        return [p, q, *np.linalg.solve(left, [first, second - along * cos(b) - (G - down) * sin(b)])]
+
+    y = np.radians([30.0, -50.0, 10.0, 5.0])
+    edges = sorted({0.0, 2.0, *(time for time in (*law.breaks, *support.breaks) if 0 < time < 2.0)})
+    for begin, end in pairwise(edges):
+        inside = partial(np.clip, a_min=begin + 1e-12, a_max=end - 1e-12)
+        run = solve_ivp(
+            lambda t, y, to=inside: rate(float(to(t)), y), (begin, end), y, "DOP853", rtol=1e-11, atol=1e-12
+        )
+        y = run.y[:, -1]
+    found = simulate(scene, 2.0, tolerance=1e-11, output=9)
+    assert found.motion.links[-1] == pytest.approx(y[:2], abs=1e-8)
+    assert found.energy_drift() < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("motion", "hoist"), [("sine", "trapezoidal"), ("record", "smooth")])
+def test_hoists_on_a_moved_support_in_air_move_alike_in_all_forms(motion: str, hoist: str) -> None:
+    scene = hoisted(motion, hoist, drag=0.2, quadratic_drag=0.1, damping=0.05)
+    run = simulate(scene, 0.4, tolerance=1e-11, output=5)
+    other = simulate(scene, 0.4, form="maximal", tolerance=1e-11, output=5)
+    assert run.motion.links == pytest.approx(other.motion.links, abs=1e-8)
+    assert max(run.energy_drift(), other.energy_drift()) < 1e-9
+    assert reaction_forces_of(run).pivots == pytest.approx(reaction_forces_of(other).pivots, abs=1e-6)
+
+
+@pytest.mark.parametrize("engine", ["numpy", "numba", pytest.param("heyoka", marks=pytest.mark.slow)])
+def test_hoists_on_a_moved_support_go_side_by_side(engine: str) -> None:
+    if engine == "heyoka":
+        pytest.importorskip(engine)
+    scene, masses = hoisted("sine", "smooth", drag=0.2), [0.5, 0.7]
+    options = {"workers": 1, "check": 0, "output": 5, "tolerance": 1e-10}
+    with interpreted() if engine == "numba" else nullcontext():
+        found = ensemble(scene, 1.0, vary={"pendulum[0].links[1].mass": masses}, engine=engine, **options)
+    run = simulate(scene, 1.0, tolerance=1e-11, output=5)
+    assert found.engine == engine
+    assert found.column("links_rad")[1] == pytest.approx(run.motion.links, abs=2e-8)
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_records_of_lengths_are_followed_within_the_tolerance(name: str, tmp_path: Path) -> None:
+    scene, exact = lifted(L + 0.3 * (RECORDS[name] - RECORDS[name][0]) / 4, tmp_path)
+    run = simulate(scene, 2.0, tolerance=TOLERANCE, output=2)
+    assert abs(run.motion.links[-1, 0] - exact) < 5 * TOLERANCE
+    assert abs(simulate(scene, 2.0, tolerance=1e-12, output=2).motion.links[-1, 0] - exact) < TOLERANCE / 3
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_records_of_a_support_are_followed_within_the_tolerance(name: str) -> None:
+    run = simulate(shaken(0.01 * RECORDS[name]), 2.0, tolerance=TOLERANCE, output=2)
+    assert abs(run.motion.links[-1, 0] - last_angle(0.01 * RECORDS[name])) < 5 * TOLERANCE
+
+
+@pytest.mark.slow
+def test_steps_that_pass_over_knots_would_not_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(inputs, "LEAST_BEND", inf)
+    run = simulate(shaken(0.01 * RECORDS["noisy"]), 2.0, tolerance=TOLERANCE, output=2)
+    assert abs(run.motion.links[-1, 0] - last_angle(0.01 * RECORDS["noisy"])) > 20 * TOLERANCE
+
+
+def test_a_bend_below_the_tolerance_ends_no_step() -> None:
+    """Of a smooth record only its ends are breaks; of one with a jump those near it; of noise every knot."""
+    counts = {}
+    for name, values in RECORDS.items():
+        own = Inputs(system_of(shaken(0.01 * values)))
+        counts[name] = [len(own.breaks(accuracy)) for accuracy in (1e-6, TOLERANCE, 0.0)]
+    assert counts["smooth"][0] == 2
+    assert counts["noisy"][1:] == [397, 397]
+    assert 2 < counts["steps"][0] < counts["steps"][1] < 300
+    assert {own[2] for own in counts.values()} == {397}

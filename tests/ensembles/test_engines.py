@@ -1,0 +1,208 @@
+"""Which engine runs: what is loaded, kept on disk and spent so far decide; folders and shares do not depend on it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from support.fresh import Process
+
+from modal import Bob, Pendulum, Scene, load
+from modal.errors import SceneError
+from modal.scene import refusals
+from nonlinear.dynamics import compiled as single
+from nonlinear.ensembles import (
+    Members,
+    compilation_table,
+    compile_engines,
+    compiled,
+    costs,
+    ensemble,
+    members_of,
+)
+from nonlinear.ensembles.costs import ENGINES, choose_engine, code_of, first_numbers
+from nonlinear.ensembles.parts import HEADER, engine_of_folder
+from nonlinear.integration import taylor
+from nonlinear.integration.kernels import path_of, source
+from nonlinear.integration.readiness import Code, lose, made
+
+CHAIN, HUYGENS = load("chain-2"), load("huygens")
+
+
+@pytest.fixture
+def process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Process:
+    return Process(monkeypatch, tmp_path)
+
+
+def members(size: int) -> Members:
+    return members_of(CHAIN, np.zeros((size, 2)), None)
+
+
+def chosen(size: int, *measures: str, **more: object) -> str:
+    return choose_engine("auto", "", members(size), 10.0, 1e-9, measures, **more).engine
+
+
+def code(engine: str, *measures: str) -> Code:
+    found = code_of(engine, first_numbers(members(1)), 1e-9, measures)
+    assert found
+    return found
+
+
+def test_an_engine_is_chosen_by_its_cost(process: Process) -> None:
+    """Few members are not worth compiling for, many are; what looks within steps prefers kernels to events."""
+    assert chosen(10) == "numpy"
+    assert chosen(1_000_000) == "heyoka"
+    assert chosen(1_000_000, "section") == "numba"
+    many = members(1_000_000)
+    assert choose_engine("auto", "the scene is in space", many, 10.0, 1e-9).engine == "simulate"
+    with pytest.raises(SceneError, match="one by one"):
+        choose_engine("numba", "the scene is in space", many, 10.0, 1e-9)
+    process.install("numba")
+    assert chosen(1_000_000) == "numba"
+    process.install()
+    assert chosen(1_000_000) == "numpy"
+    assert set(ENGINES) == {"numpy", "numba", "heyoka", "simulate"}
+
+
+def test_the_engine_that_is_ready_runs(process: Process) -> None:
+    """4000 double pendulums: with numba alone nothing compiled is worth waiting for, but what is there is taken."""
+    process.install("numba")
+    assert chosen(4000) == "numpy"
+    kernel = code("numba")
+    process.home.joinpath("multipendula").mkdir()
+    path_of(source_of()).write_text("")
+    process.keep(f"multipendula.{kernel.name}", "run")
+    assert code("numba") == replace(kernel, kept=True)
+    assert chosen(4000) == "numba"
+    assert chosen(4000, "lyapunov") == "numpy"
+    process.load("numba")
+    process.load(kernel.name, run=SimpleNamespace(signatures=["one"]))
+    assert code("numba").loaded
+    assert chosen(1) == "numba"
+    process.install("numba", "heyoka")
+    process.load("heyoka")
+    made(code("heyoka"))
+    assert chosen(4000) == "heyoka"
+    assert chosen(4000, "first_turn") != "numpy"
+
+
+def source_of() -> str:
+    from nonlinear.dynamics import Lanes
+
+    return source(Lanes(first_numbers(members(1))))
+
+
+def test_ensembles_in_a_loop_come_to_be_compiled(process: Process) -> None:
+    process.install("numba")
+    decision = choose_engine("auto", "", members(1000), 10.0, 1e-9)
+    assert decision.engine == "numpy"
+    assert [name for name, _ in decision.forgone] == [code("numba").name]
+    lose(decision.forgone, 2.0)
+    assert chosen(1000) == "numpy"
+    lose(decision.forgone, 10.0)
+    assert chosen(1000) == "numba"
+    assert chosen(1000, anew=True) == "numpy"
+
+
+def test_what_an_ensemble_has_taken_is_recorded(process: Process) -> None:
+    process.install("numba")
+    found = ensemble(CHAIN, 5.0, starts=np.zeros((3, 2)), workers=1, check=0)
+    assert found.engine == "numpy"
+    assert code("numba").saved > 0.0
+    assert code("numba", "lyapunov").saved == 0.0
+
+
+def test_codes_are_those_of_the_form_of_the_members(process: Process) -> None:
+    """A number that differs belongs to the form where the scene has none; switches make kernels of their own."""
+    first = code("numba")
+    damped = members_of(CHAIN, None, {"pendulum[0].links[0].damping": [0.1, 0.2]})
+    other = code_of("numba", first_numbers(damped), 1e-9)
+    assert other
+    assert other.name != first.name
+    clocks = code_of("numba", first_numbers(members_of(HUYGENS, np.zeros((2, 2)), None)), 1e-9)
+    assert clocks
+    assert clocks.compiling > first.compiling + 5.0
+    assert code("heyoka").name != code("heyoka", "first_turn").name
+    assert code("heyoka", "order") == code("heyoka")
+
+
+@pytest.mark.parametrize("engine", ["numba", "heyoka"])
+@pytest.mark.slow
+def test_an_engine_that_has_run_is_ready(engine: str) -> None:
+    pytest.importorskip(engine)
+    ensemble(CHAIN, 0.2, starts=np.ones((3, 2)), engine=engine, workers=1, check=0)
+    assert code(engine).loaded
+
+
+def test_a_folder_goes_on_by_the_engine_it_was_begun_by(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    options = {"starts": np.ones((6, 2)), "chunk": 2, "workers": 1, "check": 0}
+    folder = tmp_path / "begun"
+    ensemble(CHAIN, 0.2, folder=folder, engine="numpy", **options)
+    (folder / "part-000001.npz").unlink()
+    monkeypatch.setattr(costs, "best_of", lambda offers, **more: "numba")
+    found = ensemble(CHAIN, 0.2, folder=folder, **options)
+    assert (found.engine, found.reason) == ("numpy", "by which this folder was begun")
+    assert engine_of_folder(folder) == "numpy"
+    assert engine_of_folder(tmp_path) == ""
+    for text in ("", "[]", "{}"):
+        (tmp_path / HEADER).write_text(text)
+        assert engine_of_folder(tmp_path) == ""
+    with pytest.raises(SceneError, match="another ensemble"):
+        ensemble(HUYGENS, 0.2, folder=folder, engine="numpy", **options)
+
+
+def test_shares_do_not_depend_on_what_is_ready(process: Process) -> None:
+    process.load("numba")
+    process.load("heyoka")
+    made(code("heyoka"))
+    options = {"starts": np.ones((6, 2)), "chunk": 2, "workers": 1, "check": 0}
+    assert chosen(6) == "heyoka"
+    assert ensemble(CHAIN, 0.2, share=(0, 2), **options).engine == "numpy"
+
+
+# -------------------------------------------------------------------------------------------- compiled ahead of time
+
+
+def test_what_cannot_be_compiled_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the extras each is named; a scene that an engine does not take keeps its sentence from the table."""
+    monkeypatch.setattr(single, "available", lambda: False)
+    monkeypatch.setattr(compiled, "available", lambda: False)
+    monkeypatch.setitem(sys.modules, "heyoka", None)
+    monkeypatch.setattr(taylor, "_COMPILED", taylor.Originals())
+    found = compile_engines(CHAIN)
+    assert [code.engine for code in found.codes] == ["numba", "heyoka"] * 2
+    assert [code.runs for code in found.codes] == ["one motion"] * 2 + ["many motions"] * 2
+    for code, extra in zip(found.codes, ["fast", "taylor"] * 2, strict=True):
+        assert code.action == code.kept_in == ""
+        assert f"multipendula[{extra}]" in code.why_not
+    long = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=33)])])
+    assert "minutes" in compile_engines(long).codes[2].why_not
+    clocks = compile_engines(HUYGENS)
+    assert clocks.codes[0].why_not.startswith("escapement: ")
+    assert clocks.codes[3].why_not in "; ".join(refusals(HUYGENS, "engine heyoka"))
+    table = json.loads(compilation_table(clocks, "json"))
+    assert [code["why_not"] for code in table["codes"]] == clocks.to_dict()["why_not"].tolist()
+    with pytest.raises(SceneError, match="no such measure"):
+        compile_engines(CHAIN, measures=["nothing"])
+
+
+def test_a_long_chain_is_not_compiled_for_minutes(process: Process) -> None:
+    rope = load("rope")
+    many = members_of(rope, np.zeros((10**4, rope.n_links)), None)
+    assert choose_engine("auto", "", many, 100.0, 1e-9).engine == "numpy"
+
+
+@pytest.mark.slow
+def test_what_is_compiled_is_ready_afterwards() -> None:
+    pytest.importorskip("numba")
+    pytest.importorskip("heyoka")
+    first, second = compile_engines(CHAIN), compile_engines(CHAIN)
+    assert [code.action for code in second.codes] == ["was ready"] * 4
+    for found in (first, second):
+        assert all(Path(code.kept_in).is_dir() for code in found.codes)
+    assert "many motions  numba   was ready" in compilation_table(second, "text")
