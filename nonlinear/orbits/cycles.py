@@ -18,7 +18,7 @@ from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import Point, corrected, follow, level, located, tangent_of
 from nonlinear.orbits.orbit import Orbit
-from nonlinear.orbits.shooting import SEGMENTS, Shooting, shooting, spread
+from nonlinear.orbits.shooting import SEGMENTS, Clock, Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles
 from nonlinear.system import Motion, State
 
@@ -50,7 +50,7 @@ def periodic_orbit(
     probe = shooting(scene, tolerance=tolerance, segments=segments, force=force)
     y = probe.first.equations.begin(start)
     if force is not None:
-        return solved(replace(probe, period=period), y, period)
+        return solved(replace(probe, clock=Clock(period)), y, period)
     y, leader = turning(probe, y, period)
     return solved(replace(probe, leader=leader), y, period)
 

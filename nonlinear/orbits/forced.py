@@ -11,7 +11,7 @@ else where the motion from there settles.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -202,7 +202,7 @@ def _beside(problem: Shooting, y: Floats, value: float | None, words: str) -> tu
     y[links] -= 2 * np.pi * np.round(middle / (2 * np.pi))
     if problem.free:
         y[0] = 0.0
-    problem = problem.turned(tuple(turns.tolist()) if turns.any() else ())
+    problem = replace(problem, turns=tuple(turns.tolist()) if turns.any() else ())
     u = solution(problem, y, period, value)
     if problem.orbit(u).residual > CLOSED:
         raise ComputationError("the motion beside this one does not close")
