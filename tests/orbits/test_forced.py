@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from math import exp, pi
@@ -367,6 +368,15 @@ RECORD = {"kind": "record", "time_s": [0, 1, 2, 3], "displacement_m": [0, 1, 0, 
 def test_bad_input_gets_one_clear_message(scene: Scene, words: str, message: str) -> None:
     with pytest.raises(SceneError, match=message):
         followed(scene, words)
+
+
+def test_an_end_of_the_range_without_a_motion_is_named() -> None:
+    (branch,) = followed(shaken([BOB | {"damping": 0.05}]), "support.motion.amplitude=0.001:0.0011:2")
+    cut = replace(branch, points=branch.points[:-1], complete=False)
+    texts = [" ".join(orbits_text(branch.orbits[0].scene, [one]).split()) for one in (branch, cut)]
+    assert "at support.motion.amplitude = 0.0011 m no motion was found" in texts[1]
+    assert "was followed no further than support.motion.amplitude = 0.00" in texts[1]
+    assert "no motion was found" not in texts[0]
 
 
 @pytest.mark.slow
