@@ -1,5 +1,8 @@
 """Time of a branch of 100 periodic orbits with their multipliers: three different double pendula on a cart.
 
+Then that of two folded resonances, of one link on a shaken support and of such pendula on a cart that is pushed,
+with the flows of one period that an orbit of them takes.
+
     python benchmarks/orbits.py
 
 Times are processor seconds of one core.  The rival is
@@ -14,13 +17,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from math import degrees
 from time import process_time
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from modal import Cart, Pendulum, Rod, Scene
+from modal import Bob, Cart, Pendulum, Rod, Scene
+from modal.scene import Moved, SineForce, SineMotion
+from modal.scene.parameters import parse_variations
 from modal.types import Floats
-from nonlinear.orbits import Branch, nonlinear_mode
+from nonlinear.orbits import Branch, Flow, follow_forced, nonlinear_mode
 
 LENGTHS = ((1.0, 1.0), (1.05, 0.97), (0.9, 1.1))
 SCENE = Scene(
@@ -51,6 +57,41 @@ def by_scipy(found: Branch) -> float:
     return process_time() - begun
 
 
+LINK = Bob(mass=1.0, length=1.0, damping=0.05)
+ONE = Scene(
+    gravity=9.81,
+    support=Moved(motion=SineMotion(amplitude=0.02, frequency_hz=0.5)),
+    pendulum=[Pendulum(links=[LINK])],
+)
+PAIRS = [Pendulum(links=[LINK.replace(length=1 + k / 50, damping=0.03)] * 2) for k in range(3)]
+PUSHED = Scene(
+    gravity=9.81,
+    support=Cart(mass=5.0, damping=0.5),
+    pendulum=PAIRS,
+    force=[SineForce(on="cart", amplitude=1.0, frequency_hz=0.5)],
+)
+RESONANCES = {
+    "one link": (ONE, "support.motion.frequency_hz=0.40:0.55:2"),
+    "three double pendula": (PUSHED, "force[0].frequency_hz=0.30:0.50:2"),
+}
+
+
+def resonance(name: str) -> tuple[float, int, int, int]:
+    """Seconds, orbits, flows and folds of one of the resonances."""
+    flows, plain = [0], Flow.__call__
+
+    def counted(self: Flow, *words: Any, **more: Any) -> Any:
+        flows[0] += 1
+        return plain(self, *words, **more)
+
+    scene, words = RESONANCES[name]
+    Flow.__call__ = counted  # type: ignore[method-assign]
+    begun = process_time()
+    branches = follow_forced(scene, parse_variations([words])[0])
+    spent, Flow.__call__ = process_time() - begun, plain  # type: ignore[method-assign]
+    return spent, sum(len(own.orbits) for own in branches), flows[0], sum(len(own.special) for own in branches)
+
+
 def main() -> None:
     nonlinear_mode(SCENE, 2, 0.05)
     print(f"{'mode':>4} {'orbits':>7} {'s':>7} {'orbits/s':>9} {'to (deg)':>9} {'closes to':>10}")
@@ -68,6 +109,10 @@ def main() -> None:
     own = process_time() - begun
     rival = by_scipy(found)
     print(f"a quarter period with its derivative: {own:.3f} s; by SciPy {rival / own:.1f} times")
+    for name in RESONANCES:
+        spent, orbits, flows, folds = resonance(name)
+        told = f"{orbits} orbits, {flows / orbits:.1f} flows of a period each, {folds} folds"
+        print(f"resonance of {name}: {spent:.1f} s, {told}")
 
 
 if __name__ == "__main__":

@@ -164,5 +164,7 @@ def _interpolated(nodes: Sequence[Node], lengths: Floats) -> Floats:
         for name in ("M", "right", "left")
     )
     kind = nodes[0].map
+    if not (kind.conservative or right.size or left.size):  # all at once
+        return np.asarray(1 - np.abs(np.linalg.eigvals(M)).max(axis=1, keepdims=True))
     parts = zip(M, right, left, strict=True)
     return np.array([replace(kind, M=m, right=r, left=l).margins for m, r, l in parts])

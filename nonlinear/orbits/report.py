@@ -120,7 +120,8 @@ def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
         rows = [_cells(branch, branch.orbits[at], linear) for at in kept]
         yield grid(rows, _headings(branch, linear))
         yield "\n".join(_notes(branch))
-    if any(branch.is_forced for branch in branches):
+    if branches[0].is_forced:
+        yield from _unreached(branches)
         yield fill(PHASES, line_width())
     yield fill(STABLE, line_width())
 
@@ -165,6 +166,18 @@ def _notes(branch: Branch) -> Iterator[str]:
         yield from _forced_notes(branch)
     if not branch.complete:
         yield f"the branch was followed no further than {_place(branch, branch.orbits[-1])}."
+
+
+def _unreached(branches: Sequence[Branch]) -> Iterator[str]:
+    """The ends of the range at which no branch of forced motions begins or ends, unless a run was the beginning."""
+    variation = branches[0].variation
+    if variation is None or branches[0].origin == "start":
+        return
+    reached = np.concatenate([branch.value[[0, -1]] for branch in branches])
+    for value in (variation.values[0], variation.values[-1]):
+        if not np.any(np.isclose(reached, value, rtol=1e-9)):
+            place = f"{variation.path} = {value:g} {variation.unit}".rstrip()
+            yield fill(f"at {place} no motion was found: begin with a run that settles there.", line_width())
 
 
 def _forced_notes(branch: Branch) -> Iterator[str]:

@@ -105,10 +105,6 @@ class Shooting:
         cart = self.first.system.cart
         return bool(cart and not cart.stiffness and not self.first.force)
 
-    def turned(self, turns: tuple[int, ...]) -> Shooting:
-        """The equations of motions in which links gain these whole turns in a period, (L,) or none."""
-        return replace(self, turns=turns)
-
     # -------------------------------------------------------------------------------------------------- unknowns
 
     def unknown(self, states: Floats, period: float, value: float | None = None) -> Floats:
@@ -273,13 +269,11 @@ def shooting(
     leader: int = 0,
     tolerance: float = 1e-12,
     segments: int = SEGMENTS,
-    period: float | None = None,
     force: Force | None = None,
     variation: Variation | None = None,
     cycles: int = 0,
-    turns: tuple[int, ...] = (),
 ) -> Shooting:
-    """The equations of a scene in the plane, with a period (s) or with so many `cycles` of its drives, if any.
+    """The equations of a scene in the plane, with the period of so many `cycles` of its drives, if any.
 
     SceneError in space, and where the scene has what periodic orbits do not follow.
     """
@@ -298,8 +292,8 @@ def shooting(
         flow = Flow(system_of(varied), tolerance, force=force)
         return flow if value is None or variation is None else replace(flow, change=_change(scene_at, value, flow))
 
-    clock = _clock(scene, variation, cycles) if cycles else Clock(period) if period else None
-    return Shooting(scene, flow_at, leader, segments, clock, variation, cycles, turns)
+    clock = _clock(scene, variation, cycles) if cycles else None
+    return Shooting(scene, flow_at, leader, segments, clock, variation, cycles)
 
 
 def _clock(scene: Scene, variation: Variation | None, cycles: int) -> Clock:

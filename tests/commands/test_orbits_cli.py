@@ -122,3 +122,69 @@ def test_what_the_orbits_of_a_mode_leave_out_is_said(capsys: pytest.CaptureFixtu
     assert "Drives are left out" in said
     assert main(["orbits", "chain-2", "--mode", "1", "--to", "2"]) == 0
     assert not capsys.readouterr().err
+
+
+SHAKEN = str(Path(__file__).parents[2] / "examples" / "shaken.toml")
+KAPITZA = str(Path(__file__).parents[2] / "examples" / "kapitza.toml")
+GENTLE = ("--vary", "support.motion.amplitude=0.001:0.0012:2")
+
+
+def test_motions_under_drives_have_columns_of_their_own(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = list(csv.DictReader(io.StringIO(told(capsys, SHAKEN, *GENTLE, "--format", "csv"))))
+    assert [float(rows[at]["support.motion.amplitude_m"]) for at in (0, -1)] == pytest.approx([0.001, 0.0012])
+    for row in rows:
+        assert (row["cycles"], row["whole_turns"], row["neutral"]) == ("1", "0", "0")
+        assert float(row["period_s"]) == pytest.approx(1 / 0.47)
+        assert -12 < float(row["phase_deg"]) < -6
+        assert float(row["fed_J"]) > 0
+    ((branch,), special) = json.loads(told(capsys, SHAKEN, *GENTLE, "--format", "json")).values()
+    assert special == []
+    assert [point["fed_J"] for point in branch["points"]] == [float(row["fed_J"]) for row in rows]
+    assert branch["points"][0]["whole_turns"] == [0]
+
+
+@pytest.mark.slow
+def test_a_run_that_settles_on_twice_the_period_begins_a_branch(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = tmp_path / "vertical.toml"
+    text = Path(SHAKEN).read_text().replace('"sine"', '"sine", direction = "vertical"').replace("0.47", "1.0")
+    scene.write_text(text)
+    begun = ("--start", "angles:30", "--duration", "150", "--periods", "2", "--format", "json")
+    record = json.loads(told(capsys, str(scene), "--vary", "support.motion.amplitude=0.05:0.051:2", *begun))
+    first = record["branches"][0]["points"][0]
+    assert (first["cycles"], first["stable"], first["phase_deg"]) == (2, True, None)
+    assert first["period_s"] == pytest.approx(2.0)
+    assert first["amplitude_deg"] > 10
+
+
+@pytest.mark.slow
+def test_branches_that_leave_a_motion_under_drives_are_entered_and_told(capsys: pytest.CaptureFixture[str]) -> None:
+    text = told(capsys, KAPITZA, "--vary", "support.motion.amplitude=0.01:0.0101:2", "--enter", "--depth", "2")
+    assert [word.split()[1] for word in text.splitlines() if word.startswith("branch ")] == ["1,", "point", "2,"]
+    assert "branch point" in text
+    assert "0.010074551" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((SHAKEN, *GENTLE, "--depth", "2"), "--depth: needs --enter"),
+        ((SHAKEN, "--mode", "1", "--periods", "2"), "--periods: needs --vary"),
+        (("chain-2", "--vary", "gravity=9:10:2", "--periods", "2"), "--periods: needs a [[force]]"),
+    ],
+)
+def test_options_of_drives_need_drives(words: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["orbits", *words]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_film_begins_on_the_motion_that_repeats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "run.csv"
+    words = ["simulate", SHAKEN, "--start", "orbit", "--duration", str(1 / 0.47), "--samples", "2", "-o", str(path)]
+    assert main([*words, "--tolerance", "1e-11", "-q"]) == 0
+    first, last = list(csv.DictReader(path.read_text().splitlines()[1:]))
+    for name in ("theta_1_1_rad", "theta_dot_1_1_rad_per_s"):
+        assert float(last[name]) == pytest.approx(float(first[name]), abs=1e-9)
+    assert main(["simulate", "chain-2", "--start", "orbit", "--duration", "1"]) == 2
+    assert "nothing drives this scene" in capsys.readouterr().err

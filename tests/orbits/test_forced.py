@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from math import exp, pi
@@ -19,6 +20,7 @@ from modal.scene.parameters import parse_variations
 from modal.types import Floats
 from nonlinear.orbits import (
     Branch,
+    Flow,
     Orbit,
     Special,
     entered,
@@ -80,6 +82,21 @@ def along_the_rail(t: float, y: Any, hertz: float) -> Any:
 def resonance() -> Branch:
     (branch,) = followed(shaken([BOB | {"damping": 0.05}]), f"{HERTZ}=0.40:0.55:2")
     return branch
+
+
+@pytest.mark.slow
+def test_an_orbit_of_a_branch_takes_few_flows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Newton's steps from the tangent, two mostly, and the orbit itself, of one period each."""
+    count, flow = [0], Flow.__call__
+
+    def counted(self: Flow, *given: Any, **more: Any) -> Any:
+        count[0] += 1
+        return flow(self, *given, **more)
+
+    monkeypatch.setattr(Flow, "__call__", counted)
+    (branch,) = followed(shaken([BOB | {"damping": 0.05}]), f"{HERTZ}=0.47:0.48:2", longest=0.05)
+    assert len(branch.orbits) > 20
+    assert count[0] < 4 * len(branch.orbits)
 
 
 @pytest.mark.slow
@@ -353,6 +370,16 @@ def test_bad_input_gets_one_clear_message(scene: Scene, words: str, message: str
         followed(scene, words)
 
 
+def test_an_end_of_the_range_without_a_motion_is_named() -> None:
+    (branch,) = followed(shaken([BOB | {"damping": 0.05}]), "support.motion.amplitude=0.001:0.0011:2")
+    cut = replace(branch, points=branch.points[:-1], complete=False)
+    texts = [" ".join(orbits_text(branch.orbits[0].scene, [one]).split()) for one in (branch, cut)]
+    assert "at support.motion.amplitude = 0.0011 m no motion was found" in texts[1]
+    assert "was followed no further than support.motion.amplitude = 0.00" in texts[1]
+    assert "no motion was found" not in texts[0]
+
+
+@pytest.mark.slow
 def test_where_nothing_repeats_a_message_says_where_it_was_looked_for() -> None:
     """A constant force moves a cart that nothing holds for ever."""
     push = {"on": "cart", "kind": "constant", "amplitude": 3.0}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from math import radians
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +12,11 @@ import pytest
 from modal import load, natural_modes
 from modal.errors import ComputationError
 from modal.scene.parameters import parse_variations
-from nonlinear.orbits import follow_cycles, nonlinear_mode
+from nonlinear.orbits import follow_cycles, follow_forced, nonlinear_mode
 from nonlinear.plotting import draw_orbits, orbits_figure
 
 PAIR = load("chain-2")
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def test_a_backbone_has_the_orbits_the_linear_frequency_and_the_kappa_curve() -> None:
@@ -45,6 +47,23 @@ def test_limit_cycles_are_drawn_along_their_number_and_written() -> None:
     stream = io.BytesIO()
     draw_orbits(scene, branches, stream, "svg")
     assert b"support.mass" in stream.getvalue() or len(stream.getvalue()) > 10_000
+
+
+def test_a_resonance_is_drawn_beside_its_linear_response_and_backbone() -> None:
+    scene = load(EXAMPLES / "shaken.toml")
+    branches = follow_forced(scene, parse_variations(["support.motion.frequency_hz=0.52:0.55:2"])[0])
+    upper, lower = orbits_figure(scene, branches).axes
+    assert lower.get_xlabel() == "frequency of the drive (Hz)"
+    curves = {str(line.get_label()): np.array(line.get_xydata()) for line in upper.lines}
+    linear = curves["linear response"]
+    rate = 2 * np.pi * linear[:, 0]
+    told = 0.02 * rate**2 / np.abs(9.81 - rate**2 + 0.05j * rate)
+    assert np.radians(linear[:, 1]) == pytest.approx(told, rel=2e-3)
+    hertz, angle = curves["backbone"][0]
+    assert hertz == pytest.approx(np.sqrt(9.81) / (2 * np.pi) * (1 - np.radians(angle) ** 2 / 16), rel=1e-6)
+    assert upper.get_ylabel() == "largest angle (°)"
+    phases = np.concatenate([np.ravel(line.get_ydata()) for line in lower.lines])
+    assert np.all((phases > -180) & (phases < -160))
 
 
 def test_too_many_branches_are_refused() -> None:
