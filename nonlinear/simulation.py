@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -168,7 +169,9 @@ def _with_support(system: System, told: dict[str, Any]) -> dict[str, Any]:
 def _shorter(longest: Any, shortest: float) -> Any:
     """The shorter of both, an invalid one as it is."""
     try:
-        return shortest if longest is None else min(longest, shortest) if longest > 0 else longest
+        if longest is None:
+            return shortest if shortest < inf else None
+        return min(longest, shortest) if longest > 0 else longest
     except TypeError:
         return longest
 
