@@ -7,6 +7,7 @@ from fractions import Fraction
 from math import lcm
 
 from modal.errors import SceneError
+from modal.report import Displayed, Summary
 from modal.scene.model import Scene
 from modal.scene.motion import Force, Moved, SineForce, SineMotion, SupportMotion
 
@@ -15,13 +16,17 @@ MOST, SAME = 64, 1e-12
 """The largest denominator of a ratio of two frequencies, and how far from it that ratio may be, relative."""
 
 
-@dataclass(frozen=True)
-class DrivePeriod:
+@dataclass(frozen=True, repr=False)
+class DrivePeriod(Displayed):
     """The common period (s) of sines; `places` are their frequencies' in the scene, `cycles` those in one period."""
 
     seconds: float
     places: tuple[str, ...]
     cycles: tuple[int, ...]
+
+    def _summary(self) -> Summary:
+        facts = [(place, f"{count} in it") for place, count in zip(self.places, self.cycles, strict=True)]
+        return Summary(f"Common period of {self.seconds:g} s", facts)
 
 
 def frequencies_of(scene: Scene) -> dict[str, float]:
