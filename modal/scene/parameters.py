@@ -54,7 +54,6 @@ UNITS = {
     "to_hz": "Hz",
 }
 CART_UNITS = {"damping": "N s/m", "stiffness": "N/m", "friction": "N"}
-FORCE_UNITS = {"amplitude": "N or N m"}
 SPELT = {"m/s²": "m_per_s2", "kg m²": "kg_m2", "N s²/m²": "N_s2_per_m2"}
 
 
@@ -187,16 +186,17 @@ class Variation(Displayed):
 
     @property
     def unit(self) -> str:
-        """The unit of its values, "" for a count."""
+        """The unit of its values, "" for a count and for the size of a force or torque."""
         name = re.findall(r"[a-z_]+", self.path)[-1]
-        special = {"support": CART_UNITS, "force": FORCE_UNITS}.get(re.split(r"[.\[]", self.path)[0], {})
-        return special.get(name) or UNITS.get(name, "")
+        if self.path.startswith("force") and name == "amplitude":  # N, or N m of a torque
+            return ""
+        return (CART_UNITS if self.path.startswith("support.") else {}).get(name) or UNITS.get(name, "")
 
     @property
     def column(self) -> str:
-        """Its name in a file: the place and the unit, `support.mass_kg`, unless the place has it or leaves it open."""
+        """Its name in a file: the place and the unit, `support.mass_kg`, unless the place already includes it."""
         unit = SPELT.get(self.unit) or self.unit.replace("/", "_per_").replace(" ", "_")
-        told = re.search(r"_deg|_hz$", self.path) or self.unit in FORCE_UNITS.values()
+        told = "_deg" in self.path or self.path.endswith("_hz")
         return f"{self.path}_{unit}" if unit and not told else self.path
 
 
