@@ -159,6 +159,14 @@ PERIODIC = Capability(
     beside=UNLOADED,
 )
 
+SIDE_BY_SIDE = Capability(
+    "engine numpy",
+    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | {"moved_support", "hoist"},
+    refuses=BESIDE_NONE,
+    unless=STOPS,
+    beside=UNLOADED,
+)
+
 STROBED = Capability(
     "a stroboscopic section",
     SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | {"moved_support"},
@@ -166,14 +174,6 @@ STROBED = Capability(
     unless=STOPS,
     beside=UNLOADED,
     needs={DRIVEN_IN_TIME: "a stroboscopic section needs a period: a sine that moves the support or acts"},
-)
-
-SIDE_BY_SIDE = Capability(
-    "engine numpy",
-    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | {"moved_support", "hoist"},
-    refuses=BESIDE_NONE,
-    unless=STOPS,
-    beside=UNLOADED,
 )
 
 CAPABILITIES: dict[str, Capability] = {

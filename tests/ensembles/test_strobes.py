@@ -32,6 +32,7 @@ from nonlinear.ensembles import (
     find_bifurcations,
     find_section,
     find_strobes,
+    grid_of,
     strobes_table,
 )
 from nonlinear.ensembles.attractors import clustered
@@ -232,6 +233,15 @@ def test_attractors_do_not_depend_on_who_computes_them() -> None:
         names.append(([found.names[int(k)] for k in found.values.ravel()], found.names))
     assert names[0] == names[1] == names[2]
     assert names[0][1] == ("none of these", "period 1, largest angle 0°", "period 1, turns 1 a period")
+
+
+def test_the_usual_grid_of_one_driven_link_is_its_angle_and_its_rate() -> None:
+    scene = SHAKEN.replace(pendulum=[SHAKEN.pendulum[0].replace(start=None)])
+    angle, rate = grid_of(scene)
+    assert (angle.path, rate.path) == (ANGLE, RATE)
+    assert rate.values[-1] == pytest.approx(np.degrees(2 * np.sqrt(9.81)), rel=5e-3)
+    found = find_basins(scene, 0.5, vary=[f"{ANGLE}=0,1", f"{RATE}=0,300"], measure="largest_angle", workers=1)
+    assert found.values[0, 1] > 10.0 > found.values[0, 0]
 
 
 @pytest.mark.parametrize(
