@@ -333,7 +333,15 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "motion in a few modes",
             SHAPE | LOSS | {"quadratic_drag"},
-            refuses={**STILL, **CONSTANT, **PLANE, **STICKS, **_each(DRIVES, "has no drives"), **NO_INERTIA},
+            refuses={
+                **STILL,
+                **_each(DRIVEN_IN_TIME, "has no error estimate where what acts in time moves modes that are left out"),
+                **CONSTANT,
+                **PLANE,
+                **STICKS,
+                **_each(DRIVES, "has no drives"),
+                **NO_INERTIA,
+            },
             beside=UNLOADED,
         ),
         Capability(

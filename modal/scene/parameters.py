@@ -201,13 +201,15 @@ class Variation(Displayed):
 
     @property
     def unit(self) -> str:
-        """The unit of its values, "" for a count."""
+        """The unit of its values, "" for a count and for the size of a force or torque."""
         name = re.findall(r"[a-z_]+", self.path)[-1]
+        if self.path.startswith("force") and name == "amplitude":  # N, or N m of a torque
+            return ""
         return (CART_UNITS if self.path.startswith("support.") else {}).get(name) or UNITS.get(name, "")
 
     @property
     def column(self) -> str:
-        """Its name in a file: the place and the unit, `support.mass_kg`, unless the place has it or leaves it open."""
+        """Its name in a file: the place and the unit, `support.mass_kg`, unless the place already includes it."""
         unit = SPELT.get(self.unit) or self.unit.replace("/", "_per_").replace(" ", "_")
         told = "_deg" in self.path or self.path.endswith("_hz")
         return f"{self.path}_{unit}" if unit and not told else self.path

@@ -52,8 +52,9 @@ def basins(options: argparse.Namespace) -> None:
 
 def _basins_arguments(page: Page) -> None:
     add_scene(page)
-    words = "two numbers, such as pendulum[0].start.angles_deg[0]=-180:180:512 (default: two starting angles)"
+    words = "two numbers, such as pendulum[0].start.angles_deg[0]=-180:180:512 (default: angles, or angle and rate)"
     offer(page.asked.add_argument("--vary", metavar="PLACE=VALUES", action="append", help=words), places)
+    page.rephrase(r"by find_bifurcations$", "by sweep --strobe")
     words = f"{', '.join(RHYTHMS)} (default: configuration of a scene with drives, else first_turn)"
     add_words(page.asked, "--measure", RHYTHMS, comma="", choices=RHYTHMS, metavar="NAME", help=words)
     add_duration(page, "default 30 sqrt(l/g), for a rhythm as long as sync needs, for attractors ten slowest decays")

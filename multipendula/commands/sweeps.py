@@ -50,10 +50,10 @@ def _sweep_arguments(page: Page) -> None:
     words = "follow all frequencies along one --vary by their mode shapes"
     page.asked.add_argument("--loci", action="store_true", help=words)
     page.rephrase(r"(loci need an undamped scene .*)$", r"\1; without --loci, --measure frequencies takes dampers")
-    words = "draw the bifurcation diagram along one --vary: the last 50 strobes, once a period of the drives"
+    words = "a bifurcation diagram along one --vary: the last 50 strobes, once a period of the drives (-o: .csv, .json)"
     page.asked.add_argument("--strobe", action="store_true", help=words)
     add_strobes(page, "ten times the slowest decay, at least 200 periods")
-    add_file(page, "--output", "-o", words="save the numbers in {} (loci: .csv; strobes: .csv, .json)", kinds=RUNS)
+    add_file(page, "--output", "-o", words="save the numbers in {} (loci: .csv)", kinds=RUNS)
     add_picture(page, "--picture")
     page.computed.add_argument("--workers", metavar="N", type=whole(1000), help="processes (default: one per core)")
     words = "a Dask cluster instead, such as tcp://192.168.0.2:8786"

@@ -112,7 +112,7 @@ def form_of(
         tuple(tuple(places.tolist()) for places, _ in hoisting.laws) if hoisting else (),
         support.directions if support else (),
         tuple((force.places, force.direction) for force in system.forces),
-        len(beside) - np.size(D) if system.is_analytic else None,
+        len(beside) - len(D) if system.is_analytic else None,
         pushed,
         system.works or pushed if works is None else works,
         (),

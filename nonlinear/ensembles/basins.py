@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from math import prod
+from math import degrees, prod, sqrt
 from typing import Any
 
 import numpy as np
@@ -141,9 +141,9 @@ def find_basins(
     if measure not in RHYTHMS:
         raise SceneError([f"measure {measure}: must be one of {', '.join(RHYTHMS)}"])
     if measure == ATTRACTOR:
-        members, attractors, numbers = find_attractors(with_starts(scene), axes, duration, report, **options)
+        members, attractors, numbers = find_attractors(with_starts(scene, axes), axes, duration, report, **options)
         return Basins(members, ATTRACTOR, (NONE, *(one.name for one in attractors)), attractors, numbers)
-    own, starts = with_starts(scene), None
+    own, starts = with_starts(scene, axes), None
     if begins_in_mode(scene, axes):
         own, starts = scene, [usual_start(scene)] * prod(len(axis.values) for axis in axes)
     found = ensemble(
@@ -192,23 +192,36 @@ def begins_in_mode(scene: Scene, axes: Sequence[Variation]) -> bool:
     return not has_start(scene) and not any(".start." in axis.path for axis in axes)
 
 
-def with_starts(scene: Scene) -> Scene:
-    """The scene with a start of every pendulum; those without one are at rest."""
+def with_starts(scene: Scene, axes: Sequence[Variation] = ()) -> Scene:
+    """The scene with a start of every pendulum; those without one are at rest, with rates where these are varied."""
+    rates = any(".start.rates_deg" in axis.path for axis in axes)
 
     def started(one: Pendulum) -> Pendulum:
         angles = tuple(0.0 if way == "down" else 180.0 for way in one.ways)
-        return one if one.start else one.replace(start=InitialCondition(angles_deg=angles))
+        start = one.start or InitialCondition(angles_deg=angles)
+        if rates and start.rates_deg is None:
+            start = start.replace(rates_deg=(0.0,) * one.n_links)
+        return one.replace(start=start)
 
     return scene.replace(pendulum=tuple(map(started, scene.pendulum)))
 
 
 def usual_axes(scene: Scene) -> list[str]:
-    """The first angles of the first two pendula, or of the first two links where there is but one entry."""
+    """The first angles of the first two pendula, or of the first two links where there is but one entry.
+
+    Of a driven scene of one link they are its angle and its rate, up to that which takes it over the top.
+    """
     first = scene.pendulum[0]
     if len(scene.pendulum) > 1:
         places = ["pendulum[0].start.angles_deg[0]", "pendulum[1].start.angles_deg[0]"]
     elif first.n_links > 1:
         places = [f"pendulum[0].start.angles_deg[{link}]" for link in range(2)]
+    elif scene.is_forced:
+        most = 2 * degrees(sqrt(scene.gravity / first.links[0].length))
+        return [
+            f"pendulum[0].start.angles_deg[0]={-WIDEST:g}:{WIDEST:g}:{SIZE}",
+            f"pendulum[0].start.rates_deg[0]={-most:.3g}:{most:.3g}:{SIZE}",
+        ]
     else:
         raise SceneError(["this scene has one starting angle: choose two numbers to vary"])
     size = SIZE if form_of(scene) is not None else SIZE_ONE_BY_ONE

@@ -16,7 +16,7 @@ import numpy as np
 from modal.errors import MultipendulaError, SceneError
 from modal.report import Displayed, Summary, as_csv, as_json, by_column, counted, deferred, finite, grid, titled
 from modal.scene import Scene, describe, drive_period, name_of, require, title_of
-from modal.scene.parameters import Variable, Variation, parse_variations, validate_variations
+from modal.scene.parameters import Variable, Variation, find_places, parse_variations, validate_variations
 from modal.types import Floats, Ints
 from nonlinear.ensembles.running import ensemble
 from nonlinear.ensembles.strobes import (
@@ -60,6 +60,14 @@ class BifurcationDiagram(Displayed):
     def system(self) -> System:
         """The scene as arrays."""
         return system_of(self.scene)
+
+    @property
+    def unit(self) -> str:
+        """That of the values; of the amplitude of a force N, of a torque N m."""
+        _, k, *_ = (*find_places(self.scene, self.variation.path)[0], 0)
+        if self.variation.unit or not self.variation.path.startswith("force"):
+            return self.variation.unit
+        return "N m" if self.scene.force[int(k)].direction == "torque" else "N"
 
     @property
     def repeats(self) -> Ints:
@@ -237,7 +245,7 @@ def _whole(found: BifurcationDiagram) -> dict[str, Any]:
     return {
         "scene": describe(found.scene),
         "place": found.variation.path,
-        "unit": found.variation.unit,
+        "unit": found.unit,
         "values": list(found.variation.values),
         "phase_deg": found.phase_deg,
         "settle_s": [finite(own) for own in found.settle.tolist()],

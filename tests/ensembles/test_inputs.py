@@ -117,7 +117,7 @@ def test_members_are_those_of_the_maximal_form() -> None:
 @pytest.mark.parametrize(
     ("name", "path", "words"),
     [
-        ("sweep", "support.motion.amplitude", "no sine"),
+        ("sweep", "support.motion.amplitude", "not all are sines"),
         ("smooth", "pendulum[0].links[0].hoist.to", "law of a hoist"),
         ("smooth", "pendulum[0].links[0].length", "law of a hoist"),
     ],

@@ -18,7 +18,7 @@ from seen import flaws
 from modal.errors import SceneError
 from modal.plotting.style import theme
 from modal.scene import Bob, Cart, ConstantForce, Moved, Pendulum, RecordMotion, Scene, SineForce, SineMotion, load
-from modal.scene.parameters import parse_variations, vary
+from modal.scene.parameters import vary
 from modal.types import Floats
 from multipendula.cli import main
 from nonlinear import simulate
@@ -32,6 +32,7 @@ from nonlinear.ensembles import (
     find_bifurcations,
     find_section,
     find_strobes,
+    grid_of,
     strobes_table,
 )
 from nonlinear.ensembles.attractors import clustered
@@ -234,6 +235,15 @@ def test_attractors_do_not_depend_on_who_computes_them() -> None:
     assert names[0][1] == ("none of these", "period 1, largest angle 0°", "period 1, turns 1 a period")
 
 
+def test_the_usual_grid_of_one_driven_link_is_its_angle_and_its_rate() -> None:
+    scene = SHAKEN.replace(pendulum=[SHAKEN.pendulum[0].replace(start=None)])
+    angle, rate = grid_of(scene)
+    assert (angle.path, rate.path) == (ANGLE, RATE)
+    assert rate.values[-1] == pytest.approx(np.degrees(2 * np.sqrt(9.81)), rel=5e-3)
+    found = find_basins(scene, 0.5, vary=[f"{ANGLE}=0,1", f"{RATE}=0,300"], measure="largest_angle", workers=1)
+    assert found.values[0, 1] > 10.0 > found.values[0, 0]
+
+
 @pytest.mark.parametrize(
     ("scene", "options", "words"),
     [
@@ -268,6 +278,7 @@ def test_periods_double_where_they_are_known_to() -> None:
     found = find_bifurcations(DRIVEN, text, workers=1, engine=QUICK)
     assert found.repeats.tolist() == [1, 2, 4, 8, 0]
     assert found.settle.tolist() == [200.0] * 5
+    assert found.unit == "N m"
     for k, count in enumerate([1, 2, 4, 8]):
         assert len(np.unique(np.round(found.states[0][k, :, 0], 3))) == count
     assert len(np.unique(np.round(found.states[0][4, :, 0], 3))) > 40
@@ -303,6 +314,7 @@ def test_values_without_a_common_period_fail_alone() -> None:
     assert np.isfinite(found.states[0][[0, 2]]).all()
     assert found.times[2, 1] - found.times[2, 0] == pytest.approx(4.0)
     told = json.loads(bifurcation_table(found, "json"))
+    assert told["unit"] == "Hz"
     assert told["settle_s"] == [5.0, None, 5.0]
     assert len(told["strobes"]) == 100
 
@@ -340,8 +352,6 @@ def test_every_mistake_is_named_at_once() -> None:
         find_bifurcations(DRIVEN, "pendulum[0].count=1:2:2")
     with pytest.raises(SceneError, match="find_strobes takes it"):
         find_section(DRIVEN)
-    variation = parse_variations(["force[0].amplitude=1,2"])[0]
-    assert (variation.unit, variation.column) == ("N or N m", "force[0].amplitude")
 
 
 # ------------------------------------------------------------------------------------------------------- pictures

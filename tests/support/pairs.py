@@ -248,16 +248,11 @@ LOADED = tuple(name for name in ATTEMPTS if name.startswith("simulate"))
 """What takes a load, which a scene file has not."""
 
 
-def doors(scene: Scene, capability: str) -> tuple[str, ...]:
-    """The capabilities that are asked of a scene; none where that depends on the form of the equations alone."""
-    return (DRIVEN if scene.is_forced else {}).get(capability) or ASKS.get(capability, ())
-
-
 def declared(kind: str, capability: str) -> tuple[str, tuple[str, ...]]:
     """What the table says of a pair, works, refused or unless, and words that the answer has."""
     scene, more = load(kinds()[kind]), ("load",) if kind == "load" else ()
     form = "form spatial" if scene.space == "space" else "form minimal"
-    asked = doors(scene, capability) or (form,)
+    asked = (DRIVEN if scene.is_forced else ASKS).get(capability, ASKS.get(capability, (form,)))
     if (kind, capability) in BEYOND:
         return "refused", (BEYOND[kind, capability],)
     if found := next(filter(None, (refusals(scene, name, *more) for name in asked)), []):
@@ -310,7 +305,8 @@ def guarded() -> list[tuple[str, str]]:
 
 def entry(kind: str, capability: str) -> str:
     """What the table says of the feature of a kind: takes, singly or leaves."""
-    asked = doors(load(kinds()[kind]), capability) or ("form minimal",)
+    forced = DRIVEN if load(kinds()[kind]).is_forced else ASKS
+    asked = forced.get(capability, ASKS.get(capability, ("form minimal",)))
     return CAPABILITIES[asked[-1]].entries(OFF[kind][0])[0][0]
 
 
