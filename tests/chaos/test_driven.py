@@ -14,8 +14,9 @@ from modal.scene.parameters import parse_variations, vary
 from modal.types import Floats
 from nonlinear import ensemble, simulate
 from nonlinear.chaos import lyapunov_exponent
+from nonlinear.chaos.tangent import Tangent
 from nonlinear.sweeps import Study, parse_measures, sweep
-from nonlinear.system import State
+from nonlinear.system import State, system_of
 
 DRIVEN = load(Path(__file__).parents[2] / "examples" / "driven_pendulum.toml")
 BETA, OMEGA_0, OMEGA = 0.375 * np.pi * 2, 3 * np.pi, 2 * np.pi
@@ -74,6 +75,15 @@ def test_a_weak_drive_leaves_the_exponent_half_the_damping() -> None:
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=links, start={"angles_deg": [5.0]})], force=[force])
     found = lyapunov_exponent(scene, 50.0, ensemble=2)
     assert found.value == pytest.approx(-0.3, abs=0.01)
+
+
+def test_all_exponents_add_up_to_the_loss_of_area_in_chaos_too() -> None:
+    """Their sum is the mean of the trace of the tangent equations, which is −2β wherever the motion goes."""
+    tangent = Tangent(system_of(DRIVEN)).equations
+    assert tangent.listed is not None
+    for time, y in enumerate(np.random.default_rng(2).uniform(-9, 9, (5, 2))):
+        _, J = tangent.linearized(y, tangent.listed(0.37 * time, y))
+        assert np.trace(J) == pytest.approx(-2 * BETA, rel=1e-13)
 
 
 @pytest.mark.slow
