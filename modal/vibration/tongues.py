@@ -29,6 +29,7 @@ from math import cos, hypot, inf, tau
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 from scipy.linalg import schur
 from scipy.optimize import brentq
@@ -55,7 +56,7 @@ NEAR_TIP = 1e-3
 """Amplitude, in sides of the window, below which two curves that meet at amplitude 0 are extrapolated to it."""
 ON_CIRCLE = 1e-3
 """Distance from the unit circle of a seed that belongs to a crossing of it."""
-MOST_POINTS = 5000
+MOST_POINTS = 1000
 GROWING = "grows "
 
 Point = Floats
@@ -337,7 +338,7 @@ def _seeds(curve: Curve, amplitude: Floats, hertz: Floats) -> Floats:
         middle = (low + high) / 2
         same = (curve.side(*middle.T) == reference)[:, None]
         low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return (low + high) / 2
+    return np.asarray((low + high) / 2)
 
 
 def _between(curve: Singular, amplitude: Floats, hertz: Floats) -> Floats:
@@ -420,7 +421,7 @@ class Window:
                 step /= 2
                 continue
             if not self.inside(there.point):
-                return self.tip([*places, *self.leave(here, there.point)]), False
+                return [*places, *self.leave(here, there.point)], False
             places.append(there)
             back = start.point - there.point
             onward = sense * (back @ there.tangent) > 0 and there.normal @ start.normal > 0.5
@@ -428,7 +429,7 @@ class Window:
                 return [*places, start], True
             if here.normal @ there.normal > cos(TURN / 3):
                 step = min(LONGEST, 1.5 * step)
-        return self.tip(places), False
+        return places, False
 
     def tip(self, places: list[Place]) -> list[Place]:
         """Places up to one where two collisions meet at amplitude 0, by the polynomial of those before: it is flat."""
@@ -436,8 +437,14 @@ class Window:
         flat = isinstance(self.curve, Collision) and not self.low[0] and last.point[0] < NEAR_TIP
         if not flat or len(before) < 4:
             return places
-        amplitude, hertz = np.array([place.point for place in before[-4:]]).T
-        end = np.polynomial.polynomial.polyfit(amplitude / amplitude[0], hertz, 3)[0]
+        some = [place.point for place in before[-4:]]
+        for amplitude in NEAR_TIP * np.arange(1.0, 5.0):
+            start = np.array([amplitude, Polynomial.fit(*np.transpose(some), 3)(amplitude)])
+            place = self.settle(start, before[-1].frame, np.eye(2)[1])
+            if place is None:
+                return before
+            some = [*some[1:], place.point]
+        end = Polynomial.fit(*np.transpose(some), 3)(0.0)
         return [*before, Place(np.array([0.0, end]), last.normal, last.frame)]
 
     def leave(self, here: Place, beyond: Floats) -> list[Place]:
@@ -483,7 +490,8 @@ def _followed(curve: Curve, amplitude: Floats, hertz: Floats) -> Iterator[tuple[
             continue
         places, closed = window.follow(start, 1.0) if line is None else ([start], True)
         if not closed:
-            places = [*window.follow(start, -1.0)[0][:0:-1], *places]
+            places = window.tip([*window.follow(start, -1.0)[0][:0:-1], *places])
+            places = window.tip(places[::-1])[::-1]
         passed.append(places)
         points = np.clip([place.point for place in places], 0.0, 1.0) * window.extent + low
         least, turns = window.lowest(places)
