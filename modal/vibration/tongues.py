@@ -286,7 +286,7 @@ class Collision(Curve):
         """Of the two nearest to the mean of the frame, by their invariant subspaces."""
         X, slopes = _slopes(self.trace, point)
         near = np.sort(np.abs(np.linalg.eigvals(X) - frame))
-        room = near[1] if len(near) < 3 else (near[1] + near[2]) / 2
+        room = inf if len(near) < 3 else (near[1] + near[2]) / 2
         (right, some), (left, same) = (_subspace(one, frame, room) for one in (X, X.T))
         if some != 2 or same != 2:
             raise np.linalg.LinAlgError
@@ -299,7 +299,7 @@ class Collision(Curve):
 
 def _subspace(X: Floats, middle: float, room: float) -> tuple[Floats, int]:
     """An orthonormal basis of the invariant subspace of eigenvalues within `room` of `middle`, and its dimension."""
-    _, Z, size = schur(X, sort=lambda re, im=0.0: hypot(re - middle, im) <= room * (1 + 1e-9))
+    _, Z, size = schur(X, sort=lambda re, im=0.0: hypot(re - middle, im) <= room)
     return np.asarray(Z[:, :size]), int(size)
 
 
@@ -465,14 +465,15 @@ class Window:
         for here, there in pairwise(places):
             if here.tangent[0] * there.tangent[0] < 0:
 
-                def rise(share: float, here: Place = here, there: Place = there) -> float:
+                def between(share: float, here: Place = here, there: Place = there) -> Place:
                     place = self.settle(here.point + share * (there.point - here.point), here.frame)
+                    place = place and self.settle(place.point, place.frame)  # the slope at the point itself
                     if place is None:
                         raise ComputationError("the least amplitude of a tongue was not found")
-                    found.append((place.point, True))
-                    return float(place.tangent[0])
+                    return place
 
-                brentq(rise, 0.0, 1.0, xtol=1e-13, rtol=1e-13)
+                share = brentq(lambda at, between=between: float(between(at).tangent[0]), 0.0, 1.0, xtol=1e-13)
+                found.append((between(share).point, True))
         return min(found, key=lambda one: (one[0][0], not one[1]))
 
 

@@ -14,7 +14,6 @@ from matplotlib.patheffects import Normal, Stroke
 
 from modal.errors import ComputationError
 from modal.plotting import (
-    DASHES,
     MOST_CURVES,
     NUMBER,
     WIDE,
@@ -85,7 +84,8 @@ def sweep_figure(sweep: Sweep) -> Figure:
     most = MOST_CURVES if len(axes) == 1 else MOST_MAPS
     if len(known) > most:
         raise ComputationError(f"{len(known)} quantities do not fit in a figure: measure at most {most}")
-    figure = _curves(sweep, known) if len(axes) == 1 else _maps(sweep, known)
+    drawn = [name for name in known if name != "largest_multiplier"]  # its map is that of the growth rate
+    figure = _curves(sweep, known) if len(axes) == 1 else _maps(sweep, drawn)
     headline(figure, title_of(sweep.study.scene), "sweep")
     return figure
 
@@ -223,8 +223,7 @@ def _boundaries(axis: Axes, sweep: Sweep) -> None:
     turned = sweep.study.variations[0].path.endswith("frequency_hz")
     for boundary in sweep.boundaries:
         places = (boundary.frequency_hz, boundary.amplitude)
-        style = DASHES[boundary.number - 1]
-        axis.plot(*(places[::-1] if turned else places), color=ink(), lw=1.0, ls=style, path_effects=around)
+        axis.plot(*(places[::-1] if turned else places), color=ink(), lw=1.0, path_effects=around)
 
 
 def edges(variation: Variation) -> Floats:
