@@ -174,7 +174,7 @@ def vertical_sine(scene: Scene) -> SineMotion:
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import Moved, SineMotion
     >>> shaken = Moved(motion=SineMotion(direction="vertical", amplitude=0.02, frequency_hz=2.0))
-    >>> vertical_sine(Scene(support=shaken, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])).amplitude
+    >>> vertical_sine(Scene(gravity=9.81, support=shaken, pendulum=[Pendulum(links=[Bob(mass=1, length=1)])])).amplitude
     0.02
     """
     require(scene, "Floquet multipliers")

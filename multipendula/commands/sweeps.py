@@ -174,8 +174,8 @@ COMMANDS = (
             "One to three numbers of a scene, named by their place in the file, are set to every combination of "
             "values, on all cores. Finished points are saved beside --output; after Ctrl-C the same command resumes. "
             "With --loci the frequencies are followed by their mode shapes along one number, and crossings are "
-            "distinguished from veerings. With --measure floquet over the amplitude and the frequency of a vertical sine, "
-            "the boundaries of growth are traced and drawn."
+            "distinguished from veerings. With --measure floquet over the amplitude and the frequency of a vertical "
+            "sine, the boundaries of growth are traced and drawn."
         ),
         examples=(
             (
