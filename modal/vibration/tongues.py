@@ -439,13 +439,12 @@ class Window:
             return places
         some = [place.point for place in before[-4:]]
         for amplitude in NEAR_TIP * np.arange(1.0, 5.0):
-            start = np.array([amplitude, Polynomial.fit(*np.transpose(some), 3)(amplitude)])
+            start = np.array([amplitude, _cubic(some, amplitude)])
             place = self.settle(start, before[-1].frame, np.eye(2)[1])
             if place is None:
                 return before
             some = [*some[1:], place.point]
-        end = Polynomial.fit(*np.transpose(some), 3)(0.0)
-        return [*before, Place(np.array([0.0, end]), last.normal, last.frame)]
+        return [*before, Place(np.array([0.0, _cubic(some, 0.0)]), last.normal, last.frame)]
 
     def leave(self, here: Place, beyond: Floats) -> list[Place]:
         """The place on the window's edge between one inside and a point outside."""
@@ -475,6 +474,12 @@ class Window:
                 share = brentq(lambda at, between=between: float(between(at).tangent[0]), 0.0, 1.0, xtol=1e-13)
                 found.append((between(share).point, True))
         return min(found, key=lambda one: (one[0][0], not one[1]))
+
+
+def _cubic(points: Sequence[Floats], amplitude: float) -> float:
+    """The frequency at an amplitude on the cubic through four points."""
+    x, y = np.array(points).T
+    return float(Polynomial.fit(x, y, 3)(amplitude))
 
 
 def _followed(curve: Curve, amplitude: Floats, hertz: Floats) -> Iterator[tuple[Boundary, Window]]:

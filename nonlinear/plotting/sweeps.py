@@ -130,6 +130,9 @@ def _curves(sweep: Sweep, known: list[str]) -> Figure:
         if len(names) > 1:
             legend(axis, 4)
         axis.set(ylabel=label(kind if len(names) > 1 else names[0]))
+        for boundary in sweep.boundaries:
+            over = boundary.frequency_hz if variation.path.endswith("_hz") else boundary.amplitude
+            axis.axvline(over[0], color=rest(), lw=1.0, zorder=0)
     scale(axes[-1], "x", variation)
     axes[-1].set(xlabel=axis_words(variation), xlim=(variation.values[0], variation.values[-1]))
     return figure
