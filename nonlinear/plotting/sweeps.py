@@ -130,6 +130,9 @@ def _curves(sweep: Sweep, known: list[str]) -> Figure:
         if len(names) > 1:
             legend(axis, 4)
         axis.set(ylabel=label(kind if len(names) > 1 else names[0]))
+        if kind == "kind":
+            axis.set_yticks(list(KINDS), labels=[said.replace(" at ", "\nat ") for said in KINDS.values()])
+            axis.set_ylim(min(KINDS) - 0.3, max(KINDS) + 0.3)
         for boundary in sweep.boundaries:
             over = boundary.frequency_hz if variation.path.endswith("_hz") else boundary.amplitude
             axis.axvline(over[0], color=rest(), lw=1.0, zorder=0)
