@@ -206,7 +206,7 @@ ASKS: dict[str, tuple[str, ...]] = {
     "basins": ("an ensemble",),
     "fit": ("a fit of motions",),
     "sweep": ("the table of modes",),
-    "sweep floquet": ("Floquet multipliers",),
+    "sweep floquet": ("a Floquet multiplier",),
     **dict.fromkeys(("response", "gains"), ("a constant linear model",)),
     "export": ("a constant linear model",),
     "vibration": ("random vibration",),
@@ -226,6 +226,7 @@ BEYOND = {
     ("count_100", "play"): "at most",
     ("count_100", "derive"): "at most",
     **dict.fromkeys((("hoist", "export"), ("hoist_and_drag", "export")), "holds a constant model"),
+    ("moved_horizontal", "sweep floquet"): "along the rail only",
     ("count_100", "section"): "no motion of this energy",
     **dict.fromkeys((("escapement", "orbits vary"), ("van_der_Pol", "orbits vary")), "no limit cycle was found"),
 }
