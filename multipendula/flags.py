@@ -110,7 +110,7 @@ OTHERWISE: dict[tuple[str, str], str] = {
     ("shapes", "--amplitude"): "one largest angle, of the drawing",
     ("shaper", "--tolerance"): "residual swing that is allowed (%)",
     ("spread", "--tolerance"): "an uncertain number and its width",
-    ("sweep", "--output"): "the numbers; the picture is --picture",
+    ("sweep", "--output"): "the numbers, or a picture in place of --picture",
     ("table", "--accuracy"): "relative error of the frequencies",
     ("table", "--amplitude"): "one largest angle, that of the damping ratio",
 }

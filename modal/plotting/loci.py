@@ -87,7 +87,8 @@ def encounter_words(meeting: CloseApproach, found: Loci) -> str:
 
 def axis_words(variation: Variation) -> str:
     """The label of an axis over a variation."""
-    return f"{variation.path} ({variation.unit or NUMBER})"
+    unit = variation.unit or ("Hz" if variation.path.endswith("_hz") else NUMBER)
+    return f"{variation.path} ({unit})"
 
 
 def scale(axis: Axes, which: Literal["x", "y"], variation: Variation) -> None:

@@ -427,7 +427,7 @@ CAPABILITIES: dict[str, Capability] = {
             },
         ),
         Capability(
-            "Floquet multipliers",
+            "a Floquet multiplier",
             SHAPE - {"cart"} | LOSS | {"quadratic_drag", "moved_support", "space"},
             refuses={
                 **_each(FORCED, "needs a scene without forces"),
@@ -436,7 +436,7 @@ CAPABILITIES: dict[str, Capability] = {
                 "hoist": "needs constant lengths",
             },
             beside={**UNLOADED, **_each(_of("cart massless_cart"), "a cart is no support that moves as prescribed")},
-            needs={_of("moved_support"): 'support.kind: Floquet multipliers need kind = "moved"'},
+            needs={_of("moved_support"): 'support.kind: a Floquet multiplier needs kind = "moved"'},
         ),
         AVERAGED,
         replace(AVERAGED, name="a prediction of synchronization", needs=EXCITED),

@@ -174,18 +174,20 @@ def vertical_sine(scene: Scene) -> SineMotion:
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import Moved, SineMotion
     >>> shaken = Moved(motion=SineMotion(direction="vertical", amplitude=0.02, frequency_hz=2.0))
-    >>> vertical_sine(Scene(support=shaken, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])).amplitude
+    >>> vertical_sine(Scene(gravity=9.81, support=shaken, pendulum=[Pendulum(links=[Bob(mass=1, length=1)])])).amplitude
     0.02
     """
-    require(scene, "Floquet multipliers")
+    require(scene, "a Floquet multiplier")
     assert isinstance(scene.support, Moved)
     vertical = next((one for one in scene.support.motions if one.direction == "vertical"), None)
     if not isinstance(vertical, SineMotion):
         what = "moves along the rail only" if vertical is None else f'moves vertically with kind = "{vertical.kind}"'
-        raise SceneError([f'support.motion: Floquet multipliers need a vertical motion of kind = "sine": this {what}'])
+        raise SceneError(
+            [f'support.motion: a Floquet multiplier needs a vertical motion of kind = "sine": this {what}']
+        )
     if len(scene.support.motions) > 1 and "quadratic_drag" in scene.features:
         raise SceneError(
-            ["support.motion: quadratic drag couples both motions: Floquet multipliers take a vertical one alone"]
+            ["support.motion: quadratic drag couples both motions: a Floquet multiplier takes a vertical one alone"]
         )
     return vertical
 

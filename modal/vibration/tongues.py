@@ -29,9 +29,9 @@ from math import cos, hypot, inf, tau
 from typing import Any
 
 import numpy as np
+import scipy
+from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
-from scipy.linalg import schur
-from scipy.optimize import brentq
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, brief, counted
@@ -55,7 +55,7 @@ NEAR_TIP = 1e-3
 """Amplitude, in sides of the window, below which two curves that meet at amplitude 0 are extrapolated to it."""
 ON_CIRCLE = 1e-3
 """Distance from the unit circle of a seed that belongs to a crossing of it."""
-MOST_POINTS = 5000
+MOST_POINTS = 1000
 GROWING = "grows "
 
 Point = Floats
@@ -285,7 +285,7 @@ class Collision(Curve):
         """Of the two nearest to the mean of the frame, by their invariant subspaces."""
         X, slopes = _slopes(self.trace, point)
         near = np.sort(np.abs(np.linalg.eigvals(X) - frame))
-        room = near[1] if len(near) < 3 else (near[1] + near[2]) / 2
+        room = inf if len(near) < 3 else (near[1] + near[2]) / 2
         (right, some), (left, same) = (_subspace(one, frame, room) for one in (X, X.T))
         if some != 2 or same != 2:
             raise np.linalg.LinAlgError
@@ -298,7 +298,7 @@ class Collision(Curve):
 
 def _subspace(X: Floats, middle: float, room: float) -> tuple[Floats, int]:
     """An orthonormal basis of the invariant subspace of eigenvalues within `room` of `middle`, and its dimension."""
-    _, Z, size = schur(X, sort=lambda re, im=0.0: hypot(re - middle, im) <= room * (1 + 1e-9))
+    _, Z, size = scipy.linalg.schur(X, sort=lambda re, im=0.0: hypot(re - middle, im) <= room)
     return np.asarray(Z[:, :size]), int(size)
 
 
@@ -420,7 +420,7 @@ class Window:
                 step /= 2
                 continue
             if not self.inside(there.point):
-                return self.tip([*places, *self.leave(here, there.point)]), False
+                return [*places, *self.leave(here, there.point)], False
             places.append(there)
             back = start.point - there.point
             onward = sense * (back @ there.tangent) > 0 and there.normal @ start.normal > 0.5
@@ -428,7 +428,7 @@ class Window:
                 return [*places, start], True
             if here.normal @ there.normal > cos(TURN / 3):
                 step = min(LONGEST, 1.5 * step)
-        return self.tip(places), False
+        return places, False
 
     def tip(self, places: list[Place]) -> list[Place]:
         """Places up to one where two collisions meet at amplitude 0, by the polynomial of those before: it is flat."""
@@ -436,9 +436,14 @@ class Window:
         flat = isinstance(self.curve, Collision) and not self.low[0] and last.point[0] < NEAR_TIP
         if not flat or len(before) < 4:
             return places
-        amplitude, hertz = np.array([place.point for place in before[-4:]]).T
-        end = np.polynomial.polynomial.polyfit(amplitude / amplitude[0], hertz, 3)[0]
-        return [*before, Place(np.array([0.0, end]), last.normal, last.frame)]
+        some = [place.point for place in before[-4:]]
+        for amplitude in NEAR_TIP * np.arange(1.0, 5.0):
+            start = np.array([amplitude, _cubic(some, amplitude)])
+            place = self.settle(start, before[-1].frame, np.eye(2)[1])
+            if place is None:
+                return before
+            some = [*some[1:], place.point]
+        return [*before, Place(np.array([0.0, _cubic(some, 0.0)]), last.normal, last.frame)]
 
     def leave(self, here: Place, beyond: Floats) -> list[Place]:
         """The place on the window's edge between one inside and a point outside."""
@@ -458,15 +463,24 @@ class Window:
         for here, there in pairwise(places):
             if here.tangent[0] * there.tangent[0] < 0:
 
-                def rise(share: float, here: Place = here, there: Place = there) -> float:
+                def between(share: float, here: Place = here, there: Place = there) -> Place:
                     place = self.settle(here.point + share * (there.point - here.point), here.frame)
+                    place = place and self.settle(place.point, place.frame)  # the slope at the point itself
                     if place is None:
                         raise ComputationError("the least amplitude of a tongue was not found")
-                    found.append((place.point, True))
-                    return float(place.tangent[0])
+                    return place
 
-                brentq(rise, 0.0, 1.0, xtol=1e-13, rtol=1e-13)
+                share = scipy.optimize.brentq(
+                    lambda at, between=between: float(between(at).tangent[0]), 0.0, 1.0, xtol=1e-13
+                )
+                found.append((between(share).point, True))
         return min(found, key=lambda one: (one[0][0], not one[1]))
+
+
+def _cubic(points: Sequence[Floats], amplitude: float) -> float:
+    """The frequency at an amplitude on the cubic through four points."""
+    x, y = np.array(points).T
+    return float(Polynomial.fit(x, y, 3)(amplitude))
 
 
 def _followed(curve: Curve, amplitude: Floats, hertz: Floats) -> Iterator[tuple[Boundary, Window]]:
@@ -483,7 +497,8 @@ def _followed(curve: Curve, amplitude: Floats, hertz: Floats) -> Iterator[tuple[
             continue
         places, closed = window.follow(start, 1.0) if line is None else ([start], True)
         if not closed:
-            places = [*window.follow(start, -1.0)[0][:0:-1], *places]
+            places = window.tip([*window.follow(start, -1.0)[0][:0:-1], *places])
+            places = window.tip(places[::-1])[::-1]
         passed.append(places)
         points = np.clip([place.point for place in places], 0.0, 1.0) * window.extent + low
         least, turns = window.lowest(places)

@@ -13,7 +13,18 @@ from multipendula.commands.ensembles import names_of, refuse
 from multipendula.commands.runs import tell_of_start
 from multipendula.commands.shared import bar, drawn, in_a_folder, picture, say
 from multipendula.completion import places
-from multipendula.options import RUNS, add_file, add_picture, add_scene, add_strobes, add_words, offer, whole
+from multipendula.options import (
+    PICTURES,
+    RUNS,
+    add_file,
+    add_picture,
+    add_scene,
+    add_strobes,
+    add_words,
+    endings,
+    offer,
+    whole,
+)
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -25,12 +36,23 @@ BY_STROBES = ("phase_deg", "settle", "of")
 
 def sweep(options: argparse.Namespace) -> None:
     """Compute measures of a scene over a parameter grid, or follow its frequencies or strobes along one parameter."""
+    if options.output and options.output.lower().endswith(endings(PICTURES)):
+        refuse_both(options)
+        options.picture, options.output = options.output, None
     kind = picture(options.picture, "--picture") if options.picture else ""
     for path in (options.picture, options.output):
         in_a_folder(path)
     if not options.strobe:
         refuse(options, BY_STROBES, "needs --strobe")
     (_loci if options.loci else _strobes if options.strobe else _map)(options, kind)
+
+
+def refuse_both(options: argparse.Namespace) -> None:
+    """SceneError where two pictures are asked for."""
+    from modal.errors import SceneError
+
+    if options.picture:
+        raise SceneError([f"-o {options.output}: is a picture beside --picture {options.picture}"])
 
 
 def _sweep_arguments(page: Page) -> None:
@@ -40,11 +62,12 @@ def _sweep_arguments(page: Page) -> None:
     offer(vary, places)
     measures = (
         *("frequencies", "damping", "splitting", "beat", "amplitude", "energy_drift", "lyapunov"),
-        *("order", "survivor", "locking", "pendulum_energy"),
+        *("order", "survivor", "locking", "pendulum_energy", "floquet"),
     )
     words = (
         "frequencies (default), damping, splitting or beat of the modes, amplitude, energy_drift or lyapunov of a run, "
-        "order, survivor, locking or pendulum_energy of a scene with drives; repeat for several"
+        "order, survivor, locking or pendulum_energy of a scene with drives, floquet under a vertical sine; repeat for "
+        "several"
     )
     add_words(page.asked, "--measure", measures, comma="", metavar="NAME[:N]", action="append", help=words)
     words = "follow all frequencies along one --vary by their mode shapes"
@@ -53,7 +76,7 @@ def _sweep_arguments(page: Page) -> None:
     words = "a bifurcation diagram along one --vary: the last 50 strobes, once a period of the drives (-o: .csv, .json)"
     page.asked.add_argument("--strobe", action="store_true", help=words)
     add_strobes(page, "ten times the slowest decay, at least 200 periods")
-    add_file(page, "--output", "-o", words="save the numbers in {} (loci: .csv)", kinds=RUNS)
+    add_file(page, "--output", "-o", words="save the numbers in {} (loci: .csv)", kinds=(*RUNS, "json", *PICTURES))
     add_picture(page, "--picture")
     page.computed.add_argument("--workers", metavar="N", type=whole(1000), help="processes (default: one per core)")
     words = "a Dask cluster instead, such as tcp://192.168.0.2:8786"
@@ -65,16 +88,15 @@ def _sweep_arguments(page: Page) -> None:
 def _map(options: argparse.Namespace, kind: str) -> None:
     from modal.errors import ComputationError
     from modal.report import visible
-    from modal.scene import load
+    from modal.scene import kind_of, load
     from modal.scene.parameters import parse_variations
-    from nonlinear.files import checked_kind
     from nonlinear.integration import validate
-    from nonlinear.sweeps import Study, parse_measures, reasons, save, sweep_text
+    from nonlinear.sweeps import KINDS, Study, parse_measures, reasons, save, sweep_text
     from nonlinear.sweeps import sweep as swept
     from nonlinear.system import has_start
 
     _, scene, axes, measures = validate(
-        lambda: checked_kind(options.output) if options.output else "",
+        lambda: kind_of(options.output, KINDS) if options.output else "",
         lambda: load(options.scene),
         lambda: parse_variations(options.vary),
         lambda: parse_measures(options.measure or ["frequencies"]),
@@ -206,7 +228,8 @@ COMMANDS = (
             "With --loci the frequencies are followed by their mode shapes along one number, and crossings are "
             "distinguished from veerings. With --strobe every value has a run of its own, of which, after a transient, "
             "50 states are kept, one in each period of the drives: one point is a motion of that period, two and four "
-            "are doublings of it, many chaos."
+            "are doublings of it, many chaos. With --measure floquet over the amplitude and the frequency of a "
+            "vertical sine, the boundaries of growth are traced and drawn."
         ),
         examples=(
             (
@@ -220,6 +243,11 @@ COMMANDS = (
             (
                 "sweep driven_pendulum.toml --vary 'force[0].amplitude=1.06:1.09:60' --strobe --picture cascade.png",
                 "doublings of the period of a scene of the folder examples",
+            ),
+            (
+                "sweep kapitza.toml --vary support.motion.amplitude=0.005:0.03:26 "
+                "--vary support.motion.frequency_hz=10:40:31 --measure floquet -o held.png",
+                "where an inverted pendulum is held up, with the boundaries of growth",
             ),
             (
                 "sweep chain-2 --vary gravity=1:10:4 --vary 'pendulum[*].links[*].mass=1,2,3' --picture map.png",

@@ -132,6 +132,7 @@ def choose(
     scene = scene if system.spatial or scene.space == "plane" else scene.in_plane
     more = _added(system, driven)
     plain = form == "minimal" and method != "taylor" and not refusals(scene, "compiled equations", *more)
+    plain = plain and "massless_cart" not in scene.features  # only floats pass close by the rest, where M is singular
     ways = offers(scene, system, duration, tolerance, size) if plain else {}
     written = system.n_links <= WRITTEN
     if written and system.kicked:

@@ -8,8 +8,9 @@ from typing import IO, TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.patheffects import Normal, Stroke
 
 from modal.errors import ComputationError
 from modal.plotting import (
@@ -18,18 +19,24 @@ from modal.plotting import (
     WIDE,
     WIDTH,
     axis_words,
+    colour,
     draw_curves,
     headline,
+    ink,
     legend,
     log_ticks,
+    mixed,
+    paper,
     rest,
     save,
     scale,
+    shade,
     sheet,
 )
 from modal.scene import title_of
 from modal.scene.parameters import Variation
 from modal.types import Floats
+from modal.vibration import KINDS
 
 if TYPE_CHECKING:
     from nonlinear.sweeps import Sweep
@@ -38,6 +45,8 @@ MOST_MAPS = 6
 MOST_TICKS = 12  # most colour bar ticks of a map with integer values
 DECADES = 30.0
 """The ratio of largest to smallest from which scales are logarithmic."""
+KIND_COLOURS = 0, 1, 2
+"""Of growth at the frequency, at half of it and at a combination."""
 FRACTIONS = {"order", "survivor_share"}
 """Quantities from 0 to 1, whose scales are linear however small they get."""
 STILL, WINDOW = 1e-6, 0.01
@@ -77,7 +86,8 @@ def sweep_figure(sweep: Sweep) -> Figure:
     most = MOST_CURVES if len(axes) == 1 else MOST_MAPS
     if len(known) > most:
         raise ComputationError(f"{len(known)} quantities do not fit in a figure: measure at most {most}")
-    figure = _curves(sweep, known) if len(axes) == 1 else _maps(sweep, known)
+    drawn = [name for name in known if name != "largest_multiplier"]  # its map is that of the growth rate
+    figure = _curves(sweep, known) if len(axes) == 1 else _maps(sweep, drawn)
     headline(figure, title_of(sweep.study.scene), "sweep")
     return figure
 
@@ -122,6 +132,12 @@ def _curves(sweep: Sweep, known: list[str]) -> Figure:
         if len(names) > 1:
             legend(axis, 4)
         axis.set(ylabel=label(kind if len(names) > 1 else names[0]))
+        if kind == "kind":
+            axis.set_yticks(list(KINDS), labels=[said.replace(" at ", "\nat ") for said in KINDS.values()])
+            axis.set_ylim(min(KINDS) - 0.3, max(KINDS) + 0.3)
+        for boundary in sweep.boundaries:
+            over = boundary.frequency_hz if variation.path.endswith("_hz") else boundary.amplitude
+            axis.axvline(over[0], color=rest(), lw=1.0, zorder=0)
     scale(axes[-1], "x", variation)
     axes[-1].set(xlabel=axis_words(variation), xlim=(variation.values[0], variation.values[-1]))
     return figure
@@ -169,6 +185,9 @@ def _map(figure: Figure, axis: Axes, sweep: Sweep, name: str) -> None:
     y, x = sweep.study.variations
     values = sweep.values(name)
     known = values[np.isfinite(values)]
+    if name == "kind" and "growth_rate_per_s" in sweep.columns:
+        _kinds(figure, axis, sweep, values)
+        return
     by_ratio = known.min() > 0 and known.max() > DECADES * known.min() and name not in FRACTIONS
     norm = (LogNorm if by_ratio else Normalize)(known.min(), known.max())
     axis.patch.set(edgecolor=rest(), hatch="////", lw=0)
@@ -184,6 +203,35 @@ def _map(figure: Figure, axis: Axes, sweep: Sweep, name: str) -> None:
     elif np.all(known == np.round(known)) and len(rows := np.unique(known)) <= MOST_TICKS:
         bar.set_ticks(rows.tolist(), labels=[f"{row:g}" for row in rows])
     bar.outline.set_visible(False)
+    _boundaries(axis, sweep)
+
+
+def _kinds(figure: Figure, axis: Axes, sweep: Sweep, values: Floats) -> None:
+    """What small motion does, a colour for each kind, named in the colour bar."""
+    y, x = sweep.study.variations
+    numbers = sorted(KINDS)
+    colours = ListedColormap([shade(0.04), shade(0.16), *(mixed(colour(k), 0.75) for k in KIND_COLOURS)])
+    norm = BoundaryNorm([number - 0.5 for number in (*numbers, numbers[-1] + 1)], len(numbers))
+    axis.patch.set(edgecolor=rest(), hatch="////", lw=0)
+    mesh = axis.pcolormesh(
+        edges(x), edges(y), np.ma.masked_invalid(values), cmap=colours, norm=norm, rasterized=True, lw=0
+    )
+    scale(axis, "x", x)
+    scale(axis, "y", y)
+    axis.grid(visible=False)
+    bar = figure.colorbar(mesh, ax=axis, pad=0.02)
+    bar.set_ticks(numbers, labels=[KINDS[number].replace(" at ", "\nat ") for number in numbers])
+    bar.outline.set_visible(False)
+    _boundaries(axis, sweep)
+
+
+def _boundaries(axis: Axes, sweep: Sweep) -> None:
+    """The boundaries of growth over a map of amplitude and frequency, outlined to be seen on every colour."""
+    around = [Stroke(linewidth=2.4, foreground=paper()), Normal()]
+    turned = sweep.study.variations[0].path.endswith("frequency_hz")
+    for boundary in sweep.boundaries:
+        places = (boundary.frequency_hz, boundary.amplitude)
+        axis.plot(*(places[::-1] if turned else places), color=ink(), lw=1.0, path_effects=around)
 
 
 def edges(variation: Variation) -> Floats:

@@ -134,7 +134,7 @@ def _parametric(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if trajectory.scene.n_links > FEW_LINKS or not isinstance(support, Moved):
         return
     vertical = any(isinstance(one, SineMotion) and one.direction == "vertical" for one in support.motions)
-    if vertical and not refusals(trajectory.scene, "Floquet multipliers"):
+    if vertical and not refusals(trajectory.scene, "a Floquet multiplier"):
         from modal.vibration import parametric_stability
 
         with suppress(SceneError, ComputationError):

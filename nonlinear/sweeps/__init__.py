@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 from modal._compatibility import renamed
 from nonlinear.ensembles.executors import WorkerPool
 from nonlinear.sweeps.checkpoint import Checkpoint, open_checkpoint
-from nonlinear.sweeps.files import load, save
+from nonlinear.sweeps.files import KINDS, load, save
 from nonlinear.sweeps.measures import MEASURES, parse_measures
 from nonlinear.sweeps.running import Sweep, reasons, sweep, sweep_text
 from nonlinear.sweeps.study import Study
 
 __all__ = [
+    "KINDS",
     "MEASURES",
     "Checkpoint",
     "Study",

@@ -38,10 +38,8 @@ class Study(Displayed):
             problems.append(f"the sweep has {' × '.join(map(str, self.shape))} points: at most {MOST_POINTS}")
         if not self.measures:
             problems.append("a sweep needs a measure: frequencies, for example")
-        doors: list[Callable[[], object]] = [
-            partial(one.measure.door, self.scene) for one in self.measures if one.measure.door
-        ]
-        checks: list[Callable[[], object]] = [partial(validate_variations, self.scene, self.variations), *doors]
+        checks: list[Callable[[], object]] = [partial(validate_variations, self.scene, self.variations)]
+        checks += [partial(one.measure.door, self.scene) for one in self.measures if one.measure.door]
         for check in checks:
             try:
                 check()

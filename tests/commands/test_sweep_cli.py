@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from argparse import Namespace
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,15 @@ import pytest
 import sweep_measures as own
 
 from modal import ComputationError, SceneError, load
-from modal.scene.parameters import vary
+from modal.scene.parameters import parse_variations, vary
 from multipendula.commands.sweeps import sweep
 from nonlinear.reduction import usual_start
 from nonlinear.simulation import simulate
-from nonlinear.sweeps import MEASURES
+from nonlinear.sweeps import MEASURES, Study, parse_measures
 from nonlinear.sweeps import files as sweep_files
+from nonlinear.sweeps import sweep as swept
+
+KAPITZA = str(Path(__file__).parents[2] / "examples" / "kapitza.toml")
 
 
 def options(*places: str, **given: Any) -> Namespace:
@@ -69,10 +73,10 @@ def test_loci_are_told_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixt
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"output": "m.txt"}, "must end in .npz or .csv"),
+        ({"output": "m.txt"}, "must end in .npz, .csv or .json"),
         ({"picture": "m.bmp"}, "must end in .png"),
         ({"output": "/nowhere/m.npz"}, "there is no folder"),
-        ({"measure": ["beet"], "output": "m.txt"}, "must end in .npz or .csv\nbeet: no such measure"),
+        ({"measure": ["beet"], "output": "m.txt"}, "must end in .npz, .csv or .json\nbeet: no such measure"),
         ({"loci": True, "measure": ["beat"]}, "--measure: "),
         ({"loci": True, "workers": None, "output": "l.npz"}, "-o l.npz: .*csv"),
         ({"loci": True, "workers": None, "vary": ["gravity=1:2:3"] * 2}, "--loci: .*one --vary"),
@@ -125,3 +129,30 @@ def test_points_without_a_start_begin_in_their_first_mode_that_swings(
 def test_modes_need_no_start(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sweep(options("gravity=9,10", scene=unstarted(tmp_path), measure=["frequencies:1"]))
     assert capsys.readouterr().err == ""
+
+
+def test_tongues_are_kept_and_drawn(tmp_path: Path) -> None:
+    grid = ("support.motion.amplitude=0.01:0.03:3", "support.motion.frequency_hz=10:40:4")
+    kept, drawn = tmp_path / "t.json", tmp_path / "t.png"
+    for path in (kept, drawn):
+        sweep(options(*grid, scene=KAPITZA, measure=["floquet"], output=str(path)))
+    told = json.loads(kept.read_text())
+    assert list(told["data"]) == [
+        *("support.motion.amplitude_m", "support.motion.frequency_hz"),
+        *("largest_multiplier", "growth_rate_per_s", "kind"),
+    ]
+    assert told["data"]["kind"][:4] == [1, 1, 1, -1]
+    assert [(one["kind"], one["turns"]) for one in told["boundaries"]] == [("at the frequency", False)]
+    assert drawn.read_bytes().startswith(b"\x89PNG")
+    line = swept(Study(load(KAPITZA), parse_variations(grid[1:]), parse_measures(["floquet"])), workers=1)
+    held = np.interp(0.02, told["boundaries"][0]["amplitude_m"][::-1], told["boundaries"][0]["frequency_hz"][::-1])
+    assert [one.frequency_hz.tolist() for one in line.boundaries] == [[pytest.approx(held, rel=1e-3)]]
+
+
+def test_floquet_is_refused_before_anything_is_computed() -> None:
+    with pytest.raises(SceneError, match='kind = "moved"'):
+        sweep(options("gravity=9,10", measure=["floquet"]))
+    with pytest.raises(SceneError, match="takes no number"):
+        sweep(options("gravity=9,10", scene=KAPITZA, measure=["floquet:3"]))
+    with pytest.raises(SceneError, match=r"beside --picture"):
+        sweep(options("gravity=9,10", picture="a.png", output="b.png"))

@@ -468,11 +468,14 @@ def test_a_run_in_floats_is_the_run_in_numpy(seed: int, monkeypatch: pytest.Monk
     monkeypatch.setattr(methods, "LARGEST", 0)
     numbers = simulate(scene, 1.1, **how)
     assert [type(run.equations) for run in (written, watched, numbers)] == [Generated, Generated, Spatial]
+    same = numbers.times < 1.0 if push else slice(None)  # floats keep the length of their steps over a break
     for run in (written, watched):
-        assert (run.run.steps, run.run.drift) == (numbers.run.steps, pytest.approx(numbers.run.drift, rel=1e-3))
+        if not push:
+            assert (run.run.steps, run.run.drift) == (numbers.run.steps, pytest.approx(numbers.run.drift, rel=1e-3))
         for part in ("links", "link_rates", "cart", "work"):
             one, other = getattr(run.motion, part), getattr(numbers.motion, part)
-            assert np.abs(one - other).max() < 1e-10 * max(1.0, np.abs(other).max())
+            assert np.abs(one - other)[same].max() < 1e-10 * max(1.0, np.abs(other).max())
+            assert np.abs(one - other).max() < 1e-7 * max(1.0, np.abs(other).max())
         assert np.abs(np.linalg.norm(run.motion.links, axis=-1) - 1).max() < 1e-15
         assert run.energy_drift() < 1.01 * numbers.energy_drift() + 1e-13
     assert 0 < written.run.drift < 1e-8

@@ -175,6 +175,7 @@ ATTEMPTS: dict[str, Attempt] = {
     "basins": _by(f"basins @ {GRID} --measure largest_angle --duration 1 --workers 1"),
     "fit": _fit,
     "sweep": _by("sweep @ --vary gravity=9:10:2 --workers 1 -o #.csv"),
+    "sweep floquet": _by("sweep @ --vary gravity=9:10:2 --measure floquet --workers 1 -o #.csv"),
     "response": _by("response @ --at 0.1,1"),
     "gains": _by("gains @"),
     "shaper": _by("shaper @"),
@@ -217,6 +218,7 @@ ASKS: dict[str, tuple[str, ...]] = {
     "basins": ("an ensemble",),
     "fit": ("a fit of motions",),
     "sweep": ("the table of modes",),
+    "sweep floquet": ("a Floquet multiplier",),
     **dict.fromkeys(("response", "gains"), ("a constant linear model",)),
     "export": ("a constant linear model",),
     "vibration": ("random vibration",),
@@ -238,6 +240,7 @@ BEYOND = {
     ("count_100", "play"): "at most",
     ("count_100", "derive"): "at most",
     **dict.fromkeys((("hoist", "export"), ("hoist_and_drag", "export")), "holds a constant model"),
+    ("moved_horizontal", "sweep floquet"): "along the rail only",
     ("count_100", "section"): "no motion of this energy",
     **dict.fromkeys((("escapement", "orbits vary"), ("van_der_Pol", "orbits vary")), "no limit cycle was found"),
 }

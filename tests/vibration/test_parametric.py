@@ -82,5 +82,8 @@ def test_damping_lifts_the_tongue() -> None:
 
 
 def test_other_motions_are_refused() -> None:
-    with pytest.raises(SceneError, match="vertical sine"):
+    along = SineMotion(direction="horizontal", amplitude=0.1, frequency_hz=1.0)
+    with pytest.raises(SceneError, match='kind = "moved"'):
         parametric_stability(shaken(0.1, 1.0).still)
+    with pytest.raises(SceneError, match="along the rail only"):
+        parametric_stability(shaken(0.1, 1.0).replace(support=Moved(motion=along)))
