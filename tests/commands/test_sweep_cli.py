@@ -24,11 +24,9 @@ KAPITZA = str(Path(__file__).parents[2] / "examples" / "kapitza.toml")
 
 
 def options(*places: str, **given: Any) -> Namespace:
-    usual = dict.fromkeys(("measure", "output", "picture", "scheduler"))
-    return Namespace(
-        theme="light",
-        **{"scene": "paper-cart-2", "vary": list(places), "loci": False, "workers": 1, "fresh": False} | usual | given,
-    )
+    usual = dict.fromkeys(("measure", "output", "picture", "scheduler", "phase_deg", "settle", "of"))
+    usual |= {"scene": "paper-cart-2", "vary": list(places), "loci": False, "strobe": False, "workers": 1}
+    return Namespace(theme="light", fresh=False, **usual | given)
 
 
 def test_a_map_is_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
