@@ -4,7 +4,7 @@ In: a scene, and the motion of its support: prescribed, recorded, or random with
 motion as functions of time; PSD and RMS of every output and mode; exact histories, peaks and their combination by SRSS
 and CQC; Floquet multipliers under vertical motion, and the boundaries of growth.
 
-Start with `prescribed`; `random`, `shock`, `parametric` and `tongues` each answer one question.
+Start with `prescribed`; `random`, `shock`, `parametric` and `boundaries` (of growth) each answer one question.
 """
 
 from modal.vibration.combination import correlation, cqc, srss
@@ -15,7 +15,7 @@ from modal.vibration.prescribed import Course, PrescribedMotion, Record, prescri
 from modal.vibration.random import RandomResponse, random_response
 from modal.vibration.report import random_report, shock_report
 from modal.vibration.shock import ShockResponse, shock_response
-from modal.vibration.tongues import Boundary, Tongues, tongues
+from modal.vibration.boundaries import Boundary, Tongues, tongues
 
 __all__ = [
     "KINDS",
