@@ -7,6 +7,7 @@ and CQC; Floquet multipliers under vertical motion, and the boundaries of growth
 Start with `prescribed`; `random`, `shock`, `parametric` and `boundaries` (of growth) each answer one question.
 """
 
+from modal.vibration.boundaries import Boundary, Tongues, tongues
 from modal.vibration.combination import correlation, cqc, srss
 from modal.vibration.hill import vertical_sine
 from modal.vibration.oscillators import response_spectrum
@@ -15,7 +16,6 @@ from modal.vibration.prescribed import Course, PrescribedMotion, Record, prescri
 from modal.vibration.random import RandomResponse, random_response
 from modal.vibration.report import random_report, shock_report
 from modal.vibration.shock import ShockResponse, shock_response
-from modal.vibration.boundaries import Boundary, Tongues, tongues
 
 __all__ = [
     "KINDS",
