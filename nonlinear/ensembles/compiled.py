@@ -32,15 +32,16 @@ REASONS = {SHORT: TOO_SHORT, INFINITE: NOT_FINITE, JAMMED: STUCK}
 
 @dataclass(eq=False)
 class Ran:
-    """Of S members: y (size, S) at the end, errors, horizons and ln |v| (S,), why some failed.
+    """Of S members: y (size, S) at the end, errors, horizons, ln |v| and largest angles at ends of steps, (S,).
 
-    With switches also their state (m, S).
+    With switches also their state (m, S); `reasons` tell why some failed.
     """
 
     y: Floats
     error: Floats
     horizon: Floats
     gain: Floats
+    largest: Floats
     state: Floats
     reasons: dict[int, str] = field(default_factory=dict)
 
@@ -86,7 +87,7 @@ def integrate(
     lanes = [np.zeros((size, WIDTH)) for _ in range(2)]
     held = 2 * switches.places.J if switches else 0
     final = np.zeros((switches.places.length if switches else 0, count))
-    ran = Ran(np.full((size, count), np.nan), np.zeros(count), np.zeros(count), np.zeros(count), final)
+    ran = Ran(np.full((size, count), np.nan), *(np.zeros(count) for _ in range(4)), final)
     status = np.zeros(count, dtype=np.int64)
     which, marks = np.zeros(BUFFER, dtype=np.int64), np.zeros((2, BUFFER))
     before, after, stages = np.zeros((size, BUFFER)), np.zeros((size, BUFFER)), np.zeros((STAGES + 1, size, BUFFER))
@@ -100,7 +101,7 @@ def integrate(
         *(np.ones((size, WIDTH)), np.ones((size, WIDTH)), np.zeros(WIDTH)),
         *(np.zeros((size, WIDTH)) for _ in range(3)),
         *(np.zeros(WIDTH) for _ in range(3)),
-        *(ran.y, ran.error, ran.horizon, ran.gain, status, which, marks, before, after, stages, acting),
+        *(ran.y, ran.error, ran.horizon, ran.gain, ran.largest, status, which, marks, before, after, stages, acting),
         *(np.zeros((max(task.lanes.inputs.count + held, 1), WIDTH)), _switching(switches, final)),
     )
     rates = crowd.rates if crowd else task.lanes.rates
@@ -112,6 +113,8 @@ def integrate(
         if watches and kept:
             seen = (own[..., :kept] for own in (marks, before, after, stages, acting))
             _see(task, [*beside, *watches.all], rates, which[:kept], *seen)
+    if watches and watches.largest:
+        watches.largest.angle = np.maximum(watches.largest.angle, ran.largest)
     for member in np.flatnonzero(status):
         ran.reasons[int(member)] = f"stopped at {ran.horizon[member]:.9g} s: {REASONS[int(status[member])]}"
         ran.horizon[member] = np.nan

@@ -107,7 +107,12 @@ def _offers(members: Members, duration: float, tolerance: float, measures: Seque
 
 
 def _takes(name: str, members: Members) -> bool:
-    """Whether it is a choice: equations that are not written out in a few lines numba compiles for minutes."""
+    """Whether it is a choice: equations that are not written out in a few lines numba compiles for minutes.
+
+    By series a massless cart overflows at its rest already.
+    """
+    if name == SERIES and "massless_cart" in members.scene.features:
+        return False
     if not _recorded(name, members.scene) or refusals(members.scene, f"engine {name}", *members.varied):
         return False
     return members.scene.n_links <= WRITTEN if name == COMPILED else name == LANES or taylor_takes(members.scene)

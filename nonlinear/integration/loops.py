@@ -165,7 +165,7 @@ def looping(
             [u[i, k] for i in range(TIMED)],
         )
         now, slope = [y[i, k] for i in range(SIZE)], [f[i, k] for i in range(SIZE)]
-        told, happened = [state[i, k] for i in range(M)], [(0.0, 0.0, 0.0, 0.0)]
+        told, happened = [0.0 if begins else state[i, k] for i in range(M)], [(0.0, 0.0, 0.0, 0.0)]
         if begins:
             begin(front[TIME, k], now, [0.0] * len(own), told, own, constants, held, happened)
         else:
@@ -277,6 +277,7 @@ def looping(
         error: Any,
         horizon: Any,
         gain: Any,
+        largest: Any,
         status: Any,
         which: Any,
         marks: Any,
@@ -385,6 +386,7 @@ def looping(
                 if wants[2]:
                     for i in range(FIRST, HALF):
                         front[LARGEST, k] = max(front[LARGEST, k], abs(z[i, k]))
+                    largest[member] = front[LARGEST, k]
                 ahead, last = 0, len(ends) - 1
                 while ahead < last:
                     middle = (ahead + last) // 2

@@ -238,6 +238,7 @@ DRIVEN = {"section": ("a stroboscopic section",), "orbits vary": ("a forced peri
 BEYOND = {
     ("count_100", "fit"): "at most",
     ("count_100", "play"): "at most",
+    ("moved_both_ways", "play"): "moves a support in one direction",
     ("count_100", "derive"): "at most",
     **dict.fromkeys((("hoist", "export"), ("hoist_and_drag", "export")), "holds a constant model"),
     ("moved_horizontal", "sweep floquet"): "along the rail only",
