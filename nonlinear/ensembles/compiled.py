@@ -87,7 +87,8 @@ def integrate(
     lanes = [np.zeros((size, WIDTH)) for _ in range(2)]
     held = 2 * switches.places.J if switches else 0
     final = np.zeros((switches.places.length if switches else 0, count))
-    ran = Ran(np.full((size, count), np.nan), *(np.zeros(count) for _ in range(4)), final)
+    error, horizon, gain, largest = np.zeros((4, count))
+    ran = Ran(np.full((size, count), np.nan), error, horizon, gain, largest, final)
     status = np.zeros(count, dtype=np.int64)
     which, marks = np.zeros(BUFFER, dtype=np.int64), np.zeros((2, BUFFER))
     before, after, stages = np.zeros((size, BUFFER)), np.zeros((size, BUFFER)), np.zeros((STAGES + 1, size, BUFFER))
