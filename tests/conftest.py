@@ -22,3 +22,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Files with slow tests first, so that no worker waits for another at the end."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
+
+
+@pytest.fixture(autouse=True)
+def nothing_rented() -> None:
+    """No test begins with what others have spent: it would decide which engine runs."""
+    if readiness := sys.modules.get("nonlinear.integration.readiness"):
+        readiness._saved.clear()
