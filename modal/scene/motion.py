@@ -52,7 +52,7 @@ def _numbers(value: object) -> object:
     return value
 
 
-class Sine(Part):
+class SineSignal(Part):
     """The value A sin(2π f t + φ), at all times t of the run."""
 
     kind: Literal["sine"] = field(one_of("sine"), default="sine")
@@ -61,7 +61,7 @@ class Sine(Part):
     phase_deg: float = field(REAL, default=0.0)
 
 
-class Sweep(Part):
+class SweepSignal(Part):
     """The value A sin(phase) with a frequency that rises or falls evenly over `duration` (s) from t = 0.
 
     Before and afterwards the frequency is constant.
@@ -74,7 +74,7 @@ class Sweep(Part):
     duration: float = field(POSITIVE)
 
 
-class Record(Part):
+class RecordSignal(Part):
     """Samples at `time_s`, joined by a spline."""
 
     kind: Literal["record"] = field(one_of("record"), default="record")
@@ -99,7 +99,7 @@ class Record(Part):
             yield ".time_s: must be strictly ascending"
 
 
-class Random(Part):
+class RandomSignal(Part):
     """One realization of a stationary random process with the one-sided power spectral density (PSD) `psd`.
 
     The PSD is interpolated by straight lines over logarithmic axes and is zero outside `frequency_hz`.  The realization
@@ -138,18 +138,18 @@ class Movement(Part):
     direction: Direction = field(one_of("horizontal", "vertical"), default="horizontal")
 
 
-class SineMotion(Sine, Movement):
+class SineMotion(SineSignal, Movement):
     """The displacement A sin(2π f t + φ), at all times t of the run."""
 
 
-class SweepMotion(Sweep, Movement):
+class SweepMotion(SweepSignal, Movement):
     """The displacement A sin(phase) with a frequency that rises or falls evenly over `duration` (s) from t = 0.
 
     Before and afterwards the frequency is constant.
     """
 
 
-class RecordMotion(Record, Movement):
+class RecordMotion(RecordSignal, Movement):
     """Samples at `time_s` of the displacement, of the velocity or of the acceleration, joined by a spline.
 
     Before the first sample and after the last one the support moves on at a constant velocity.  `baseline` "velocity"
@@ -171,7 +171,7 @@ class RecordMotion(Record, Movement):
         return self.recorded_problems(tuple(RECORDED))
 
 
-class RandomMotion(Random, Movement):
+class RandomMotion(RandomSignal, Movement):
     """One realization of a stationary random process with the one-sided power spectral density (PSD) `psd`.
 
     `psd` is that of the acceleration, in (m/s²)²/Hz, or of the quantity named by `of`; it is interpolated by straight
@@ -238,7 +238,7 @@ class AppliedForce(Part):
             yield f'.direction = "{self.direction}": a force on the cart is horizontal'
 
 
-class SineForce(Sine, AppliedForce):
+class SineForce(SineSignal, AppliedForce):
     """The force A sin(2π f t + φ) in N, or a torque in N m.
 
     >>> from modal.scene import SineForce
@@ -247,11 +247,11 @@ class SineForce(Sine, AppliedForce):
     """
 
 
-class SweepForce(Sweep, AppliedForce):
+class SweepForce(SweepSignal, AppliedForce):
     """The force A sin(phase) in N, or a torque in N m, with a frequency that changes evenly over `duration` (s)."""
 
 
-class RecordForce(Record, AppliedForce):
+class RecordForce(RecordSignal, AppliedForce):
     """Samples at `time_s` of a force (`force_n`) or a torque (`moment_nm`), joined by a spline; zero outside them."""
 
     force_n: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
@@ -271,7 +271,7 @@ class RecordForce(Record, AppliedForce):
         yield from self.recorded_problems((wanted,)) if getattr(self, other) is None else ()
 
 
-class RandomForce(Random, AppliedForce):
+class RandomForce(RandomSignal, AppliedForce):
     """One realization of a random force with a PSD in N²/Hz, or of a torque in (N m)²/Hz; it repeats."""
 
 
