@@ -19,8 +19,7 @@ from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, loa
 from modal.scene.hoist import Hoist, LengthLaw
 from modal.scene.links import AnyLink, Bob, Body, Escapement, Rod, VanDerPol
 from modal.scene.model import (
-    Cart,
-    Fixed,
+    Ground,
     InitialCondition,
     Pendulum,
     Scene,
@@ -46,6 +45,8 @@ from modal.scene.parameters import parse_variations
 from modal.scene.periods import DrivePeriod, drive_period, frequencies_of, sines_of
 from modal.scene.points import places_of
 from modal.scene.records import Spectrum
+from modal.scene.springs import Spring
+from modal.scene.supports import Carrier, Cart, Fixed, Heave, ModalSupport, Platform, Swing, Tilt
 from modal.scene.titles import name_of, title_of, what_hangs
 
 __all__ = [
@@ -55,17 +56,22 @@ __all__ = [
     "AnyLink",
     "Bob",
     "Body",
+    "Carrier",
     "Cart",
     "ConstantForce",
     "DrivePeriod",
     "Escapement",
     "Fixed",
     "Force",
+    "Ground",
+    "Heave",
     "Hoist",
     "InitialCondition",
     "LengthLaw",
+    "ModalSupport",
     "Moved",
     "Pendulum",
+    "Platform",
     "RandomForce",
     "RandomMotion",
     "RecordForce",
@@ -75,9 +81,12 @@ __all__ = [
     "SineForce",
     "SineMotion",
     "Spectrum",
+    "Spring",
     "SupportMotion",
     "SweepForce",
     "SweepMotion",
+    "Swing",
+    "Tilt",
     "VanDerPol",
     "describe",
     "drive_period",

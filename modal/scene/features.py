@@ -93,6 +93,10 @@ def _ratio(given: float | tuple[float, ...]) -> bool:
     return any(given) if isinstance(given, tuple) else given > 0
 
 
+def _is_structure(support: Any) -> bool:
+    return isinstance(support, tuple) or support.kind not in {"fixed", "cart", "moved"}
+
+
 def _changes(forces: Sequence[Any]) -> bool:
     return any(force.kind != "constant" for force in forces)
 
@@ -106,6 +110,10 @@ FEATURES: dict[str, Feature] = {
     "massless_cart": Feature(
         "a massless cart above bobs", "give the cart a mass", (0.0).__eq__, support="mass", only=_stays_behind
     ),
+    "structure": Feature(
+        "a structure", "hang the pendula from one cart or a fixed support", _is_structure, scene="support"
+    ),
+    "springs": Feature("springs between points", "remove the springs", scene="spring"),
     "moved_support": Feature("a moved support", 'write kind = "fixed" or "cart"', "moved".__eq__, support="kind"),
     "hoist": Feature("a hoist", "remove the hoist", link="hoist"),
     "space": Feature("motion in space", 'set space = "plane"', "space".__eq__, scene="space"),

@@ -17,11 +17,22 @@ from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
 from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features
 from modal.scene.links import AnyLink, Bob, Body, Rod
-from modal.scene.motion import FORCE, ConstantForce, Force, Moved
+from modal.scene.motion import FORCE, MOTION, ConstantForce, Force, Moved, SupportMotion
 from modal.scene.points import point_problems
+from modal.scene.springs import Spring
+from modal.scene.supports import (
+    PAIR,
+    Cart,
+    Fixed,
+    Heave,
+    ModalSupport,
+    Pair,
+    Platform,
+    Swing,
+    Tilt,
+)
 from modal.scene.validation import (
     COUNT,
-    NON_NEGATIVE,
     POSITIVE,
     REAL,
     Part,
@@ -46,7 +57,8 @@ RATIO = number(ge=0, lt=1)
 class InitialCondition(Part):
     """The initial condition of a simulation: one angle (deg) and one rate (deg/s) per link, top to bottom.
 
-    `azimuths_deg` turns each link's plane about the vertical; only a scene in space may have it.
+    `azimuths_deg` turns each link's plane about the vertical; only a scene in space may have it.  With `spread`, copy j
+    starts at the phase ψ = 2πj/count of the pendulum's own first mode: the angles A cos ψ and the rates −A ω₁ sin ψ.
 
     >>> from modal import Bob, InitialCondition, Pendulum
     >>> start = InitialCondition(angles_deg=[30.0, 0.0])
@@ -57,12 +69,15 @@ class InitialCondition(Part):
     angles_deg: tuple[float, ...] = field(list_of(REAL))
     rates_deg: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
     azimuths_deg: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    spread: bool = field({"type": "bool", "strict": True}, default=False)
 
 
 class Pendulum(Part):
     """A chain of links, top to bottom, in `count` copies.
 
     `equilibrium` gives for each link whether it points down or up; the scene is linearized about that equilibrium.
+    `on` names the support that it hangs from, required where there are several; `position` is that of its first joint,
+    (along, below) the support's origin as drawn (m).
 
     >>> from modal import Bob, Pendulum, Rod
     >>> pendulum = Pendulum(links=[Rod(mass=1.0, length=0.5), Bob(mass=1.0, length=1.0)], count=3)
@@ -74,6 +89,8 @@ class Pendulum(Part):
     count: int = field(COUNT, default=1)
     equilibrium: tuple[Way, ...] | None = field(optional(list_of(one_of("down", "up"))), default=None)
     start: InitialCondition | None = field(optional(InitialCondition.schema()), default=None)
+    on: str | None = field(optional({"type": "str", "max_length": 100}), default=None)
+    position: Pair = field(PAIR, default=(0.0, 0.0))
 
     @property
     def n_links(self) -> int:
@@ -94,52 +111,11 @@ class Pendulum(Part):
         if self.links[-1].centre == 0:
             at = f".links[{len(self.links) - 1}].centre = 0.0"
             yield f"{at}: must be positive in the last link, or gravity does not act on it"
-        lists = [("equilibrium", self.equilibrium), *((f"start.{name}", values) for name, values in self.start or ())]
+        started = [(f"start.{name}", values) for name, values in self.start or () if name != "spread"]
+        lists = [("equilibrium", self.equilibrium), *started]
         for name, values in lists:
             if values is not None and len(values) != self.n_links:
                 yield f".{name}: has {len(values)} values for {self.n_links} links"
-
-
-class Fixed(Part):
-    """A support that does not move.
-
-    >>> from modal import Bob, Fixed, Pendulum, Scene
-    >>> scene = Scene(gravity=9.81, support=Fixed(), pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
-    >>> scene.support == Scene(gravity=9.81, pendulum=scene.pendulum).support  # supports are fixed unless given
-    True
-    """
-
-    kind: Literal["fixed"] = field(one_of("fixed"), default="fixed")
-
-
-class Cart(Part):
-    """A cart on the rail: mass (kg, may be 0), damper (N s/m) and spring (N/m) to the ground, and dry friction.
-
-    Friction is either a force, `friction` (N), or `friction_coefficient` times the size of the rail's reaction: the
-    rail holds the cart from above and below.
-
-    >>> from modal import Bob, Cart, Pendulum, Scene, natural_frequencies
-    >>> scene = Scene(gravity=9.0, support=Cart(mass=1.0), pendulum=[Pendulum(links=[Bob(mass=3.0, length=1.0)])])
-    >>> [round(float(omega), 12) for omega in natural_frequencies([scene])[0]]  # 0 and √(g/l (1 + 3/1))
-    [0.0, 6.0]
-    """
-
-    kind: Literal["cart"] = field(one_of("cart"), default="cart")
-    mass: float = field(NON_NEGATIVE)
-    damping: float = field(NON_NEGATIVE, default=0.0)
-    stiffness: float = field(NON_NEGATIVE, default=0.0)
-    friction: float = field(NON_NEGATIVE, default=0.0)
-    friction_coefficient: float = field(NON_NEGATIVE, default=0.0)
-
-    @property
-    def has_friction(self) -> bool:
-        """Whether dry friction acts on the rail."""
-        return self.friction > 0 or self.friction_coefficient > 0
-
-    def problems(self) -> Iterator[str]:
-        """Friction given twice."""
-        if self.friction and self.friction_coefficient:
-            yield f".friction_coefficient = {self.friction_coefficient!r}: cannot be combined with friction"
 
 
 def _one_line(title: str) -> str:
@@ -148,8 +124,23 @@ def _one_line(title: str) -> str:
     return title
 
 
+Support = Fixed | Cart | Swing | Tilt | Heave | Platform | ModalSupport
+SUPPORTS = (Fixed, Cart, Swing, Tilt, Heave, Platform, ModalSupport)
+
+
+class Ground(Part):
+    """The ground under everything, which moves as prescribed, by one motion or a horizontal and a vertical one."""
+
+    motion: SupportMotion | tuple[SupportMotion, ...] = field(one_or_list(MOTION))
+
+    @property
+    def motions(self) -> tuple[SupportMotion, ...]:
+        """Its motions, also where there is one."""
+        return self.motion if isinstance(self.motion, tuple) else (self.motion,)
+
+
 class Scene(Displayed, Part):
-    """Gravity (m/s²), a support and at least one pendulum, in the vertical plane or in space.
+    """Gravity (m/s²), one or several supports and at least one pendulum, in the vertical plane or in space.
 
     `damping_ratio` ζ is that of all modes of the scene without dampers, or of each by its number in the table; it is
     added to the dampers (`modal.assembly.modal_damping`).
@@ -167,10 +158,24 @@ class Scene(Displayed, Part):
     title: str = field(after(_one_line, {"type": "str", "max_length": 200}), default="")
     gravity: float = field(POSITIVE)
     space: Literal["plane", "space"] = field(one_of("plane", "space"), default="plane")
-    support: Fixed | Cart | Moved = field(any_kind(Fixed, Cart, Moved), default=Fixed())
+    support: Support | Moved | tuple[Support | Moved, ...] = field(
+        one_or_list(any_kind(*SUPPORTS, Moved)), default=Fixed()
+    )
     damping_ratio: float | tuple[float, ...] = field(one_or_list(RATIO), default=0.0)
     pendulum: tuple[Pendulum, ...] = field(parts(Pendulum.schema()))
     force: tuple[Force, ...] = field(parts_or_none(FORCE), default=())
+    spring: tuple[Spring, ...] = field(parts_or_none(Spring.schema()), default=())
+    ground: Ground | None = field(optional(Ground.schema()), default=None)
+
+    @property
+    def supports(self) -> tuple[Support | Moved, ...]:
+        """All supports, also where there is one."""
+        return self.support if isinstance(self.support, tuple) else (self.support,)
+
+    @property
+    def is_structured(self) -> bool:
+        """Whether pendula hang from more than a fixed support, a moved one, or one cart, or springs join points."""
+        return not self.features.isdisjoint({"structure", "springs"})
 
     @property
     def features(self) -> frozenset[str]:

@@ -6,8 +6,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import accumulate, islice
 
 from modal.report import Summary, brief
-from modal.scene.model import Cart, Pendulum, Scene
+from modal.scene.model import Pendulum, Scene
 from modal.scene.motion import Moved
+from modal.scene.supports import Cart
 from modal.scene.titles import plural, runs_of, what_hangs
 
 MOST_RUNS = 4

@@ -7,7 +7,8 @@ from itertools import groupby
 
 from modal.report import capital, listed
 from modal.scene.links import AnyLink, Body
-from modal.scene.model import Cart, Pendulum, Scene
+from modal.scene.model import Pendulum, Scene
+from modal.scene.supports import Cart
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 SINGLE = {"bob": "simple ", "rod": "rod ", "rigid body": "compound "}

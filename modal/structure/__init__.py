@@ -1,0 +1,36 @@
+"""Structures: what pendula hang from where it is more than a fixed support or one cart, and springs between points.
+
+In: a `Scene`.  Out: its `Structure`, carriers whose points move exactly, at any angle, with their coordinates η.
+
+    (M_s(η) + Σ J_pᵀ R_p J_p) η'' = Q_s − Σ J_pᵀ [p_p + R_p (J_p' η' − g e_z)]
+
+Start with `carriers`; equations of motion and matrices are made elsewhere from what is here.
+"""
+
+from modal.structure.carriers import CarrierNumbers, Moving, carrier_numbers
+from modal.structure.structure import (
+    CarrierEnd,
+    End,
+    GroundEnd,
+    LinkEnd,
+    Pivot,
+    SpringNumbers,
+    Structure,
+    Where,
+    structure_of,
+)
+
+__all__ = [
+    "CarrierEnd",
+    "CarrierNumbers",
+    "End",
+    "GroundEnd",
+    "LinkEnd",
+    "Moving",
+    "Pivot",
+    "SpringNumbers",
+    "Structure",
+    "Where",
+    "carrier_numbers",
+    "structure_of",
+]
