@@ -19,7 +19,7 @@ import numpy as np
 from modal import pair
 from modal.assembly.equilibrium import Rest, equilibrium_of
 from modal.report import Displayed
-from modal.scene import Cart, Pendulum, Scene, validate_scene
+from modal.scene import Pendulum, Scene, validate_scene
 from modal.types import Booleans, Floats, Ints
 
 ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "sigma")
@@ -256,8 +256,8 @@ def rig_of(scene: Scene) -> Rig:
         for index, column in zip(indices, columns, strict=True):
             members[index] = (len(blocks), int(column), entries[index].copies)
         blocks.append(block)
-    support = scene.support
-    cart = CartNumbers(support.mass, support.damping, support.stiffness) if isinstance(support, Cart) else None
+    own = scene.cart
+    cart = CartNumbers(own.mass, own.damping, own.stiffness) if own else None
     moved = equilibrium.cart if equilibrium else 0.0
     return Rig(scene.gravity, tuple(blocks), tuple(members), cart, scene.space == "space", scene.damping_ratio, moved)
 
