@@ -19,6 +19,7 @@ from modal.structure.structure import (
     Where,
     structure_of,
 )
+from modal.structure.weights import Weight, carried, hung_masses, unbalanced, weights
 
 __all__ = [
     "CarrierEnd",
@@ -30,7 +31,12 @@ __all__ = [
     "Pivot",
     "SpringNumbers",
     "Structure",
+    "Weight",
     "Where",
+    "carried",
     "carrier_numbers",
+    "hung_masses",
     "structure_of",
+    "unbalanced",
+    "weights",
 ]
