@@ -62,7 +62,7 @@ class Stack:
 def can_stack(scenes: Sequence[Scene]) -> bool:
     """Whether all scenes have the same form, and equations that stacks have.
 
-    Those are without dampers, drag, joint springs, massless carts, inverted links and constant forces.
+    Those are without dampers, drag, joint springs, massless carts, inverted links, structures and constant forces.
     """
     form = _form(scenes[0])
     return _is_plain(scenes[0]) and all(_form(scene) == form for scene in scenes)
@@ -80,7 +80,7 @@ def _is_plain(scene: Scene) -> bool:
     cart = scene.cart
     still = not any(link.damping or link.stiffness or link.drag for link in scene.links())
     straight = not scene.stands and "constant_force" not in scene.features
-    return still and straight and not (cart and (cart.damping or not cart.mass))
+    return still and straight and not scene.is_structured and not (cart and (cart.damping or not cart.mass))
 
 
 def stacked(scenes: Sequence[Scene]) -> Stack:

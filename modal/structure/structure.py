@@ -86,7 +86,9 @@ class Structure:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The name of every coordinate with its unit: NAME_m, NAME_rad, NAME_sway_m and so on."""
+        """The name of every coordinate with its unit: NAME_m, NAME_rad, NAME_sway_m, …; x of one cart alone."""
+        if [carrier.kind for carrier in self.carriers] == ["cart"]:
+            return ("x",)
         return tuple(f"{carrier.name}_{suffix}" for carrier in self.carriers for suffix in carrier.suffixes)
 
     def own(self, carrier: int, values: Sequence[Any]) -> Sequence[Any]:
