@@ -55,12 +55,16 @@ End = LinkEnd | CarrierEnd | GroundEnd
 
 
 class SpringNumbers(NamedTuple):
-    """A spring and damper between two ends, N/m and N s/m; `torsion` N m/rad and N m s/rad between their angles."""
+    """A spring and damper between two ends, N/m and N s/m; `torsion` N m/rad and N m s/rad between their angles.
+
+    It belongs to this `entry` of the file.
+    """
 
     ends: tuple[End, End]
     torsion: bool
     stiffness: Any
     damping: Any
+    entry: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +93,12 @@ class Structure:
         """The name of every coordinate with its unit: NAME_m, NAME_rad, NAME_sway_m and so on."""
         return tuple(f"{carrier.name}_{suffix}" for carrier in self.carriers for suffix in carrier.suffixes)
 
+    @cached_property
+    def turning(self) -> tuple[int, ...]:
+        """Which of η are angles by which carriers turn."""
+        angles = (self.angle_of(carrier) for carrier in range(len(self.carriers)))
+        return tuple(angle for angle in angles if angle is not None)
+
     def own(self, carrier: int, values: Sequence[Any]) -> Sequence[Any]:
         """Those of η that belong to a carrier."""
         return values[self.offsets[carrier] : self.offsets[carrier + 1]]
@@ -111,11 +121,12 @@ def structure_of(scene: Scene) -> Structure:
         where: Where = pendulum.position if point.point is None else point.point
         pivots += [Pivot(carrier, where)] * pendulum.count
     springs = []
-    for spring in scene.spring:
+    for entry, spring in enumerate(scene.spring):
         ends = [_ends(scene, text, named) for text in spring.between]
         count = max(map(len, ends))
         pairs = zip(*(each * (count if len(each) == 1 else 1) for each in ends), strict=True)
-        springs += [SpringNumbers(pair, spring.kind == "torsion", spring.stiffness, spring.damping) for pair in pairs]
+        law = spring.kind == "torsion", spring.stiffness, spring.damping, entry
+        springs += [SpringNumbers(pair, *law) for pair in pairs]
     return Structure(carriers, tuple(pivots), tuple(springs))
 
 

@@ -51,7 +51,7 @@ class Form:
     """
 
     chains: tuple[tuple[Table, Table, bool], ...]
-    on_cart: bool
+    first: int
     present: tuple[bool, ...]
     ends: tuple[bool, ...]
     ratios: tuple[bool, ...]
@@ -105,7 +105,7 @@ def form_of(
     D = beside[: 0 if system.modal_damping is None else np.size(system.modal_damping)]
     return Form(
         chains,
-        system.cart is not None,
+        system.first,
         _present(own),
         tuple(l is c or bool(np.array_equal(l, c)) for l, c in zip(length, centre, strict=True)),
         _present(D),
@@ -218,7 +218,7 @@ def responding(own: Equations, form: Form) -> list[Any]:
     """
     minimal, half = own.minimal, own.minimal.layout.half
     free = minimal.rates(own.y, own.instant._replace(gripping=None))
-    columns = minimal.responses(own.y[form.on_cart : half], own.instant)
+    columns = minimal.responses(own.y[form.first : half], own.instant)
     found = [*free.tolist(), *columns.ravel().tolist()]
     if not form.presses:
         return found

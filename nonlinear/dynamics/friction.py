@@ -143,7 +143,7 @@ class Frictional:
         """The derivative without friction, and the responses to it."""
         free = cast("Minimal", self.free)
         instant = free.inputs.at(time, y, self.layout)
-        links, forces = y[int(self.layout.on_cart) : self.layout.half], self._jacobian.T
+        links, forces = y[self.layout.first : self.layout.half], self._jacobian.T
         solvers = [(group, Recursion(group, 1)) for group in free.lengthened(instant)]
         columns = inverted(self.system, solvers, np.repeat(links[:, None], forces.shape[1], 1), forces)
         rates = free.derivative(time, y)

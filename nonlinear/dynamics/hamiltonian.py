@@ -89,7 +89,7 @@ class Hamiltonian:
     def layout(self) -> Layout:
         """The arrangement of y, with momenta in place of velocities."""
         system, works = self.system, self.system.works or self.load is not None
-        return Layout(system.n_links, 1, system.cart is not None, works)
+        return Layout.of(system, works=works)
 
     def derivative(self, time: float, y: Floats) -> Floats:
         """The derivative y' (size,): q', then p' = −∂H/∂q plus the forces of dampers and loads."""
@@ -113,7 +113,7 @@ class Hamiltonian:
 
     def read(self, rows: Floats) -> Motion:
         """The motion in vectors (T, size), momenta converted to velocities."""
-        first, half = int(self.layout.on_cart), self.layout.half
+        first, half = self.layout.first, self.layout.half
         found = np.array(rows)
         found[:, half : 2 * half] = velocities(self.system, rows[:, first:half].T, rows[:, half : 2 * half].T).T
         return self.layout.read(found)

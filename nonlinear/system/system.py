@@ -26,6 +26,7 @@ from modal.assembly import (
 )
 from modal.report import Displayed, Summary, counted
 from modal.scene import Cart, Escapement, Moved, Pendulum, Scene, VanDerPol
+from modal.structure import Structure
 from modal.types import Floats, Ints
 from nonlinear.system.forces import ActingForce, acting_forces
 
@@ -181,7 +182,9 @@ class System(Displayed):
     `modal_damping` (n, n) is the D_modal of a plane scene's damping ratios in the coordinates (x, links), or None;
     `hoisting` the lengths that change in time, of which the groups hold the first; `support` the motion of a support
     that moves as prescribed, in whose frame the scene is then described; `rail` the dry friction on the rail; `forces`
-    act on points of links and on the cart.
+    act on points of links and on the cart.  `structure` is what carries the pendula where that is more than a fixed
+    support or one cart; its coordinates then stand in the place of x, and `slack` tells which of its springs have no
+    length as drawn.
 
     >>> from modal import load
     >>> from nonlinear import system_of
@@ -200,12 +203,29 @@ class System(Displayed):
     support: MovingSupport | None = None
     rail: Rail | None = None
     forces: tuple[ActingForce, ...] = ()
+    structure: Structure | None = None
+    slack: tuple[bool, ...] = ()
 
     def _summary(self) -> Summary:
         where = "on a cart" if self.cart else "on a support that moves" if self.support else "on a fixed support"
+        where = f"on a structure of {counted(self.first, 'coordinate', 'coordinates')}" if self.structure else where
         space = " in space" if self.spatial else ""
         links, pendula = counted(self.n_links, "link", "links"), counted(self.n_pendula, "pendulum", "pendula")
         return Summary(f"System of {links} in {pendula} {where}{space}", [("gravity", f"{self.gravity:g} m/s²")])
+
+    @property
+    def first(self) -> int:
+        """How many coordinates there are before those of links: 1 of a cart, those of a structure."""
+        return self.structure.size if self.structure else int(self.cart is not None)
+
+    @property
+    def first_units(self) -> Any:
+        """Natural units of these, (first,): the longest link for displacements (m), 1 for angles (rad)."""
+        if self.structure is None:
+            return self.length
+        units = np.full(self.first, self.length)
+        units[list(self.structure.turning)] = 1.0
+        return units
 
     @cached_property
     def n_links(self) -> int:
