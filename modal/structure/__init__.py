@@ -17,6 +17,7 @@ from modal.structure.structure import (
     SpringNumbers,
     Structure,
     Where,
+    carrier_end,
     structure_of,
 )
 
@@ -31,6 +32,7 @@ __all__ = [
     "SpringNumbers",
     "Structure",
     "Where",
+    "carrier_end",
     "carrier_numbers",
     "structure_of",
 ]

@@ -130,6 +130,13 @@ def structure_of(scene: Scene) -> Structure:
     return Structure(carriers, tuple(pivots), tuple(springs))
 
 
+def carrier_end(scene: Scene, text: str) -> CarrierEnd | None:
+    """The point of a carrier that a text names, None for any other point."""
+    named = {support.name: index for index, support in enumerate(scene.supports) if support.name}  # type: ignore[union-attr]
+    ends = _ends(scene, text, named)
+    return ends[0] if len(ends) == 1 and isinstance(ends[0], CarrierEnd) else None
+
+
 def _ends(scene: Scene, text: str, named: dict[str, int]) -> list[End]:
     """All points that the name of one end of a spring means: one, or one of every copy."""
     point = parse_point(text)

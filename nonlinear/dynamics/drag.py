@@ -27,7 +27,7 @@ class External(NamedTuple):
     """External forces on a group: generalized ones on u (d, n, P, ...) or torques on angles (n, P, ...), and the rest.
 
     The force (N) on the cart and the power (W) are (...), the force (N) on every centre is (d, n, P, ...), that which
-    every pendulum hands on to its first joint (d, P, ...).
+    every pendulum hands on to its first joint (d, P, ...), and the torques (N m) that act, reversed, on what carries it.
     """
 
     generalized: Any
@@ -35,6 +35,7 @@ class External(NamedTuple):
     power: Any
     forces: Any
     at_joints: Any
+    at_base: Any = 0.0
 
     def plus(self, other: External) -> External:
         """Both together."""

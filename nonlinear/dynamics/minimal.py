@@ -25,7 +25,8 @@ from nonlinear.dynamics.contacts import Rubbed
 from nonlinear.dynamics.drag import External, plane_drag
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
 from nonlinear.dynamics.joints import Base, bending_torques, inertial_torques, modal_drag
-from nonlinear.dynamics.recursion import Bias, downward, links_of, upward
+from nonlinear.dynamics.recursion import Answer, Bias, downward, links_of, upward
+from nonlinear.dynamics.structure import Carriers, CarriersAt, inverted_on_carriers
 from nonlinear.system import Group, Layout, Load, Motion, State, System
 
 
@@ -156,8 +157,15 @@ class Suspended(Arranged):
         """The time derivative of y, (size, ...), from what time brings at this instant."""
         return self.rubbed(y, instant)[0]
 
+    @cached_property
+    def carriers(self) -> Carriers | None:
+        """The structure, if there is one."""
+        return None if self.system.structure is None else Carriers(self.system)
+
     def bearing(self, q: Any, v: Any, instant: Instant) -> Bearing:
         """What carries the first joints, at this instant."""
+        if self.carriers is not None:
+            return CarriersAt(self.carriers, q, v, instant)
         cart = self.system.cart is not None
         return RailAt(self.system, q[0], v[0] if cart else 0.0, instant)
 
@@ -200,7 +208,7 @@ class Suspended(Arranged):
         rubbed = Rubbed(accelerations, ())
         if instant.gripping is not None:
             normal = partial(self.reaction, y, instant)
-            rubbed = instant.gripping.rubbed(accelerations, self.responses(links, instant), normal)
+            rubbed = instant.gripping.rubbed(accelerations, self.responses(q, instant), normal)
             accelerations[:] = rubbed.accelerations
             if isinstance(bearing, RailAt) and system.cart:
                 bearing.acceleration = accelerations[0]
@@ -230,7 +238,7 @@ class Suspended(Arranged):
         push = applied(group, self.system.forces, instant.forces, links, rates, cart_rate, winding)
         return push if drag is None else drag.plus(push)
 
-    def responses(self, links: Any, instant: Instant) -> Any:
+    def responses(self, q: Any, instant: Instant) -> Any:
         """M⁻¹Jᵀ, the accelerations (half, J) by a unit of friction at every contact, at the lengths of an instant."""
         gripping = instant.gripping
         assert gripping is not None
@@ -239,7 +247,7 @@ class Suspended(Arranged):
             instant = instant._replace(lengths=instant.lengths._replace(speed=still, acceleration=still))
         solvers = self.hung(instant)
         forces = gripping.forces(self.layout.half).T
-        return np.stack([inverted(self.system, solvers, links, one) for one in forces], axis=1)
+        return np.stack([inverted(self.system, solvers, q, one) for one in forces], axis=1)
 
     def reaction(self, y: Any, instant: Instant, accelerations: Any, whole: bool = True) -> Any:
         """The rail's push N up on the cart (N), or if not `whole` its part that is linear in the accelerations."""
@@ -261,9 +269,12 @@ class Suspended(Arranged):
         return found
 
 
-def inverted(system: System, solvers: Sequence[tuple[Group, Body]], links: Any, p: Any) -> Any:
-    """M⁻¹ p (half, ...), the accelerations by generalized forces p alone, at the angles (L, ...)."""
-    first, found = system.first, np.zeros(np.shape(p), dtype=np.result_type(links, p))
+def inverted(system: System, solvers: Sequence[tuple[Group, Body]], q: Any, p: Any) -> Any:
+    """M⁻¹ p (half, ...), the accelerations by generalized forces p alone, at the coordinates q (half, ...)."""
+    if system.structure is not None:
+        return inverted_on_carriers(Carriers(system), solvers, q, p)
+    first, found = system.first, np.zeros(np.shape(p), dtype=np.result_type(q, p))
+    links = q[first:]
     solved, mass, force = [], 0.0, 0.0
     for group, body in solvers:
         angles = links[group.index]
@@ -292,12 +303,26 @@ class Recursion:
 
     def pull(self, angles: Any, rates: Any, torques: Any, gravity: float) -> tuple[Any, Any, Any]:
         """Mass (kg) and force (N) of the pull along the rail, summed over the pendula."""
-        bias = None
-        if self.winding is not None:
-            speed, acceleration = self.winding
-            bias = [Bias(*own) for own in zip(2 * speed * rates, acceleration, strict=True)]
+        bias = self._bias(rates)
         answer, turns = upward(self.links, self.sine(angles), self.cosine(angles), rates, torques, bias)
         return answer.xx.sum(0), (answer.px - gravity * answer.xz).sum(0), (turns, gravity, bias)
+
+    def response(self, angles: Any, rates: Any, torques: Any) -> tuple[Answer, Any]:
+        """What the pendula answer to accelerations of their first joints, and intermediate results for `fall`."""
+        bias = self._bias(rates)
+        answer, turns = upward(self.links, self.sine(angles), self.cosine(angles), rates, torques, bias)
+        return answer, (turns, bias)
+
+    def fall(self, memory: Any, ax: Any, az: Any) -> Any:
+        """θ'' (n, P, ...) under accelerations (m/s²) of first joints along the rail and down, less gravity."""
+        turns, bias = memory
+        return np.array(downward(self.links, turns, ax, az, bias))
+
+    def _bias(self, rates: Any) -> list[Bias] | None:
+        if self.winding is None:
+            return None
+        speed, acceleration = self.winding
+        return [Bias(*own) for own in zip(2 * speed * rates, acceleration, strict=True)]
 
     def turn(self, memory: Any, push: Any) -> Any:
         """θ'' (n, P, ...)."""

@@ -7,7 +7,7 @@ order of the file, pendulum by pendulum, top to bottom, which is the order of al
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import inf, radians
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -26,7 +26,7 @@ from modal.assembly import (
 )
 from modal.report import Displayed, Summary, counted
 from modal.scene import Cart, Escapement, Moved, Pendulum, Scene, VanDerPol
-from modal.structure import Structure
+from modal.structure import Structure, structure_of
 from modal.types import Floats, Ints
 from nonlinear.system.forces import ActingForce, acting_forces
 
@@ -252,8 +252,9 @@ class System(Displayed):
 
     @cached_property
     def total_mass(self) -> float:
-        """Total mass of all links and the cart (kg)."""
-        return float(self.mass.sum()) + (self.cart.mass if self.cart else 0.0)
+        """Total mass of all links and of the cart or the carriers, modal ones excepted (kg)."""
+        carried = sum(float(one.mass) for one in self.structure.carriers) if self.structure else 0.0
+        return float(self.mass.sum()) + (self.cart.mass if self.cart else 0.0) + carried
 
     @cached_property
     def pendulum(self) -> Ints:
@@ -282,6 +283,7 @@ class System(Displayed):
     def dissipates(self) -> bool:
         """Whether there is any damper, drag or dry friction."""
         damped = bool(self.cart and np.any(self.cart.damping)) or any(group.damped for group in self.groups)
+        damped = damped or (self.structure is not None and _is_damped(self.structure))
         return self.modal_damping is not None or damped or self.dragged or self.rubs
 
     @property
@@ -350,6 +352,12 @@ class System(Displayed):
         return found
 
 
+def _is_damped(structure: Structure) -> bool:
+    """Whether any carrier or spring has a damper."""
+    own = any(np.any(part) for carrier in structure.carriers for part in (*carrier.damping, carrier.D) if part is not None)
+    return own or any(np.any(spring.damping) for spring in structure.springs)
+
+
 @lru_cache(maxsize=4)
 def _modal_dampers(scene: Scene) -> Floats:
     """D_modal of a scene, computed once for all that ask for its system."""
@@ -383,15 +391,26 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     modal = _modal_dampers(scene) if scene.has_modal_damping and not rig.spatial else None
     labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
     prescribed = modal, hoisting, _support(scene), _rail(scene), acting_forces(scene)
-    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, *prescribed)
+    found = System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, *prescribed)
+    return _on_structure(found, scene) if scene.is_structured else found
+
+
+def _on_structure(system: System, scene: Scene) -> System:
+    from nonlinear.system.springs import slack_of
+
+    structure = structure_of(scene)
+    angles = tuple(label for label in system.labels if label.startswith("theta"))
+    found = replace(system, cart=None, rail=None, structure=structure, labels=(*structure.names, *angles))
+    return replace(found, slack=slack_of(found))
 
 
 def _support(scene: Scene) -> MovingSupport | None:
-    if not isinstance(scene.support, Moved):
+    motions = scene.support.motions if isinstance(scene.support, Moved) else scene.ground.motions if scene.ground else ()
+    if not motions:
         return None
     from nonlinear.system.support import moving_support
 
-    return moving_support(scene.support)
+    return moving_support(motions)
 
 
 def _rail(scene: Scene) -> Rail | None:
