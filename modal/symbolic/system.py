@@ -25,7 +25,7 @@ import sympy as sp
 from modal import pair
 from modal.errors import SceneError
 from modal.exact import exact, exact_links
-from modal.scene import Cart, Pendulum, Scene, require, title_of
+from modal.scene import Pendulum, Scene, require, title_of
 from modal.symbolic.lagrange import Coordinate, coordinate
 
 SYMBOLIC = ("masses", "lengths", "gravity", "cart")
@@ -210,9 +210,9 @@ def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicSystem:
         prefix = f"{len(chains) + 1}_" if len(scene.pendulum) > 1 else ""
         chains += [_chain_of(pendulum, prefix, symbolic)] * pendulum.count
     support = None
-    if isinstance(scene.support, Cart):
-        mass = _symbol("m_c") if "cart" in symbolic else _rational(scene.support.mass)
-        support = SymbolicCart(mass, _rational(scene.support.damping), _rational(scene.support.stiffness))
+    if (cart := scene.cart) is not None:
+        mass = _symbol("m_c") if "cart" in symbolic else _rational(cart.mass)
+        support = SymbolicCart(mass, _rational(cart.damping), _rational(cart.stiffness))
     gravity = _gravity() if "gravity" in symbolic else _rational(scene.gravity)
     return SymbolicSystem(title_of(scene), gravity, tuple(chains), support, scene.space == "space")
 

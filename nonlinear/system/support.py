@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.scene.motion import SupportMotion
+from modal.scene import SupportMotion
 from modal.types import Floats
 from modal.vibration import PrescribedMotion, prescribed_motion
 from nonlinear.system.forces import DIRECTIONS, Direction
@@ -75,5 +75,5 @@ class MovingSupport:
 
 
 def moving_support(motions: Sequence[SupportMotion]) -> MovingSupport:
-    """The motion of a moved support, or of the ground, as functions of time."""
+    """The motions of a support or of the ground as functions of time."""
     return MovingSupport(tuple((DIRECTIONS[one.direction], prescribed_motion(one)) for one in motions))

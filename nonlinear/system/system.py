@@ -25,8 +25,8 @@ from modal.assembly import (
     rig_of,
 )
 from modal.report import Displayed, Summary, counted
-from modal.scene import Cart, Escapement, Moved, Pendulum, Scene, VanDerPol
-from modal.structure import Structure, structure_of
+from modal.scene import Escapement, Pendulum, Scene, VanDerPol
+from modal.structure import Structure, is_damped
 from modal.types import Floats, Ints
 from nonlinear.system.forces import ActingForce, acting_forces
 
@@ -283,7 +283,7 @@ class System(Displayed):
     def dissipates(self) -> bool:
         """Whether there is any damper, drag or dry friction."""
         damped = bool(self.cart and np.any(self.cart.damping)) or any(group.damped for group in self.groups)
-        damped = damped or (self.structure is not None and _is_damped(self.structure))
+        damped = damped or (self.structure is not None and is_damped(self.structure))
         return self.modal_damping is not None or damped or self.dragged or self.rubs
 
     @property
@@ -352,12 +352,6 @@ class System(Displayed):
         return found
 
 
-def _is_damped(structure: Structure) -> bool:
-    """Whether any carrier or spring has a damper."""
-    own = any(np.any(part) for carrier in structure.carriers for part in (*carrier.damping, carrier.D) if part is not None)
-    return own or any(np.any(spring.damping) for spring in structure.springs)
-
-
 @lru_cache(maxsize=4)
 def _modal_dampers(scene: Scene) -> Floats:
     """D_modal of a scene, computed once for all that ask for its system."""
@@ -391,30 +385,22 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     modal = _modal_dampers(scene) if scene.has_modal_damping and not rig.spatial else None
     labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
     prescribed = modal, hoisting, _support(scene), _rail(scene), acting_forces(scene)
-    found = System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, *prescribed)
-    return _on_structure(found, scene) if scene.is_structured else found
-
-
-def _on_structure(system: System, scene: Scene) -> System:
+    found = System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, *prescribed, rig.structure)
+    if rig.structure is None:
+        return found
     from nonlinear.system.springs import slack_of
 
-    structure = structure_of(scene)
-    angles = tuple(label for label in system.labels if label.startswith("theta"))
-    found = replace(system, cart=None, rail=None, structure=structure, labels=(*structure.names, *angles))
     return replace(found, slack=slack_of(found))
 
 
 def _support(scene: Scene) -> MovingSupport | None:
-    motions = scene.support.motions if isinstance(scene.support, Moved) else scene.ground.motions if scene.ground else ()
-    if not motions:
+    if not scene.is_moved:
         return None
     from nonlinear.system.support import moving_support
 
-    return moving_support(motions)
+    return moving_support(scene.motions)
 
 
 def _rail(scene: Scene) -> Rail | None:
-    support = scene.support
-    if not (isinstance(support, Cart) and support.has_friction):
-        return None
-    return Rail(support.friction, support.friction_coefficient)
+    cart = scene.cart
+    return Rail(cart.friction, cart.friction_coefficient) if cart and cart.has_friction else None
