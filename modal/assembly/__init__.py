@@ -26,14 +26,18 @@ from modal.assembly.linearization import Matrices, coordinate_labels, matrices, 
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.single import Single, single
 from modal.assembly.stacks import Group, Stack, can_stack, keep_form, stacked, varied
+from modal.assembly.structure import Element, Elements, Hanging, on_structure
 
 __all__ = [
     "ARRAYS",
     "Block",
     "CartNumbers",
     "Columns",
+    "Element",
+    "Elements",
     "Equilibrium",
     "Group",
+    "Hanging",
     "Hoisting",
     "Hoists",
     "Instant",
@@ -64,6 +68,7 @@ __all__ = [
     "matrices_of",
     "modal_dampers",
     "modal_factor",
+    "on_structure",
     "quadratic_drags",
     "ratio_at",
     "rig_of",

@@ -21,7 +21,7 @@ import numpy as np
 
 from modal.errors import SceneError, meant
 from modal.report import Displayed, counted
-from modal.scene import Cart, Scene
+from modal.scene import Scene
 from modal.scene.files import limited
 from modal.types import Complexes, Floats, Ints
 
@@ -142,7 +142,7 @@ def _header_problems(scene: Scene, header: Sequence[str]) -> Iterator[str]:
     for column in header:
         if COMPONENT.fullmatch(column):
             pendulum, link = _component(column)
-            if not pendulum and not isinstance(scene.support, Cart):
+            if not pendulum and scene.cart is None:
                 yield f"column {column}: the scene has no cart"
             elif pendulum > len(sizes):
                 yield f"column {column}: the scene has {counted(len(sizes), 'pendulum', 'pendula')}"
@@ -201,7 +201,7 @@ def _mode(line: int, row: dict[str, str], components: Sequence[str]) -> Measured
 def component_rows(scene: Scene, components: Sequence[tuple[int, int]]) -> Ints:
     """The place of every component in a column of modes."""
     sizes = [one.n_links for one in scene.pendulum for _ in range(one.count)]
-    first = np.cumsum([int(isinstance(scene.support, Cart)), *sizes])
+    first = np.cumsum([int(scene.cart is not None), *sizes])
     return np.array([0 if not p else first[p - 1] + l - 1 for p, l in components], dtype=np.int64)
 
 

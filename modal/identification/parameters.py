@@ -17,7 +17,7 @@ import numpy as np
 
 from modal.errors import SceneError, meant
 from modal.report import Displayed, Summary
-from modal.scene import Cart, Scene
+from modal.scene import Scene
 from modal.scene.parameters import Place, Variable, Variation, find_places, number_at, with_numbers
 from modal.types import Floats, Ints
 
@@ -152,8 +152,8 @@ def natural_unit(scene: Scene, place: Place) -> float:
     links = [*scene.links()]
     mass, length = sum(link.mass * link.count for link in links), max(link.length for link in links)
     rate, on_rail = sqrt(scene.gravity / length), place[0] == "support"
-    if on_rail and isinstance(scene.support, Cart):
-        mass += scene.support.mass
+    if on_rail and scene.cart is not None:
+        mass += scene.cart.mass
     joint = 1.0 if on_rail else length
     units = {
         "mass": mass,

@@ -29,7 +29,7 @@ from modal.identification.derivatives import (
 from modal.identification.estimate import Estimate
 from modal.modes import Modes
 from modal.report import percent
-from modal.scene import Fixed, Scene
+from modal.scene import Scene
 from modal.statespace.model import StateSpace
 from modal.statespace.points import is_point, push_of
 from modal.statespace.shapers import Drive, Shaper, residual_vibration, swing_rows
@@ -76,7 +76,7 @@ def mode_stds(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> list[Mod
 def _matrices_by(scene: Scene, estimate: Estimate) -> tuple[Floats, Floats, Floats]:
     """Derivatives of M, K and D by the estimate's numbers, on the support of this scene."""
     dM, dK, dD = matrix_derivatives(estimate.scene, estimate.places, estimate.units)
-    first = int(isinstance(scene.support, Fixed) and not isinstance(estimate.scene.support, Fixed))
+    first = int(scene.cart is None and estimate.scene.cart is not None)
     return dM[:, first:, first:], dK[:, first:, first:], dD[:, first:, first:]
 
 

@@ -14,7 +14,7 @@ from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.modes.sensitivity import Sensitivities, sensitivities
 from modal.report import NOTHING, folded, grid, listed
-from modal.scene import Body, Cart
+from modal.scene import Body
 from modal.types import Floats
 
 MOST_NUMBERS = 200_000
@@ -55,10 +55,10 @@ def of_mode(modes: Modes, row: Mode) -> dict[str, Sensitivity]:
 
 def _places(modes: Modes, omega: float, found: Sensitivities) -> Iterator[tuple[str, Sensitivity]]:
     scene, at = modes.scene, 0
-    if isinstance(scene.support, Cart):
-        yield "support.mass", _sensitivity(scene.support.mass, found.cart_mass, omega)
-        yield from _one("support.damping", scene.support.damping, found.cart_damping, omega)
-        yield from _one("support.stiffness", scene.support.stiffness, found.cart_stiffness, omega)
+    if (cart := scene.cart) is not None:
+        yield "support.mass", _sensitivity(cart.mass, found.cart_mass, omega)
+        yield from _one("support.damping", cart.damping, found.cart_damping, omega)
+        yield from _one("support.stiffness", cart.stiffness, found.cart_stiffness, omega)
     for p, pendulum in enumerate(scene.pendulum):
         own = slice(at, at + pendulum.count * pendulum.n_links)
         at, first = own.stop, 0

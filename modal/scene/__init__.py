@@ -19,7 +19,6 @@ from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, loa
 from modal.scene.hoist import Hoist, LengthLaw
 from modal.scene.links import AnyLink, Bob, Body, Escapement, Rod, VanDerPol
 from modal.scene.model import (
-    Ground,
     InitialCondition,
     Pendulum,
     Scene,
@@ -30,6 +29,7 @@ from modal.scene.model import (
 from modal.scene.motion import (
     ConstantForce,
     Force,
+    Ground,
     Moved,
     RandomForce,
     RandomMotion,

@@ -186,8 +186,21 @@ SIDE_BY_SIDE = Capability(
     beside=UNLOADED,
 )
 
+STRUCTURES: Sentences = {
+    "structure": "has no place for structures yet",
+    "springs": "has no place for springs between points yet",
+}
+"""What a capability refuses that says nothing else of structures."""
+
+
+def _told(one: Capability) -> Capability:
+    """A capability with the entries of `STRUCTURES` that it has none of its own for."""
+    more = {name: words for name, words in STRUCTURES.items() if not one.entries(name)}
+    return replace(one, refuses={**one.refuses, **more})
+
+
 CAPABILITIES: dict[str, Capability] = {
-    one.name: one
+    one.name: _told(one)
     for one in (
         Capability("the table of modes", LINEAR, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
         Capability(
@@ -218,7 +231,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a derivation",
-            SHAPE | {"dampers", "massless_cart", "space"},
+            SHAPE | {"dampers", "massless_cart", "space", "structure", "springs"},
             leaves=_each(DRIVES, UNDRIVEN),
             refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG, "has no symbols for it")},
             beside=UNLOADED,

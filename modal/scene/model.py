@@ -8,7 +8,7 @@ sliding with a constant force, and holds what is at rest up to that limit.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from os import PathLike, fspath
 from typing import Any, Literal
 from unicodedata import category
@@ -17,7 +17,7 @@ from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
 from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features
 from modal.scene.links import AnyLink, Bob, Body, Rod
-from modal.scene.motion import FORCE, MOTION, ConstantForce, Force, Moved, SupportMotion
+from modal.scene.motion import FORCE, ConstantForce, Force, Ground, Moved, SupportMotion
 from modal.scene.points import point_problems
 from modal.scene.springs import Spring
 from modal.scene.supports import (
@@ -27,6 +27,7 @@ from modal.scene.supports import (
     Heave,
     ModalSupport,
     Pair,
+    Planar,
     Platform,
     Swing,
     Tilt,
@@ -128,15 +129,9 @@ Support = Fixed | Cart | Swing | Tilt | Heave | Platform | ModalSupport
 SUPPORTS = (Fixed, Cart, Swing, Tilt, Heave, Platform, ModalSupport)
 
 
-class Ground(Part):
-    """The ground under everything, which moves as prescribed, by one motion or a horizontal and a vertical one."""
-
-    motion: SupportMotion | tuple[SupportMotion, ...] = field(one_or_list(MOTION))
-
-    @property
-    def motions(self) -> tuple[SupportMotion, ...]:
-        """Its motions, also where there is one."""
-        return self.motion if isinstance(self.motion, tuple) else (self.motion,)
+def _alone(supports: Any) -> Any:
+    """One support of a list that has no other."""
+    return supports[0] if isinstance(supports, tuple) and len(supports) == 1 else supports
 
 
 class Scene(Displayed, Part):
@@ -159,7 +154,7 @@ class Scene(Displayed, Part):
     gravity: float = field(POSITIVE)
     space: Literal["plane", "space"] = field(one_of("plane", "space"), default="plane")
     support: Support | Moved | tuple[Support | Moved, ...] = field(
-        one_or_list(any_kind(*SUPPORTS, Moved)), default=Fixed()
+        after(_alone, one_or_list(any_kind(*SUPPORTS, Moved))), default=Fixed()
     )
     damping_ratio: float | tuple[float, ...] = field(one_or_list(RATIO), default=0.0)
     pendulum: tuple[Pendulum, ...] = field(parts(Pendulum.schema()))
@@ -173,9 +168,37 @@ class Scene(Displayed, Part):
         return self.support if isinstance(self.support, tuple) else (self.support,)
 
     @property
+    def support_names(self) -> tuple[str, ...]:
+        """The name of every support, the kind of one that has none."""
+        return tuple(getattr(support, "name", "") or support.kind for support in self.supports)
+
+    @property
     def is_structured(self) -> bool:
-        """Whether pendula hang from more than a fixed support, a moved one, or one cart, or springs join points."""
+        """Whether pendula hang from more than a fixed support, a moved one, or one cart, or springs join points.
+
+        A cart is a structure where springs join points or the ground moves.
+        """
         return not self.features.isdisjoint({"structure", "springs"})
+
+    @property
+    def cart(self) -> Cart | None:
+        """The cart of a scene that is not structured, None where there is none."""
+        return self.support if isinstance(self.support, Cart) and not self.is_structured else None
+
+    @property
+    def motions(self) -> tuple[SupportMotion, ...]:
+        """How the support or the ground moves as prescribed; none where both are at rest."""
+        return next((one.motions for one in (self.ground, self.support) if isinstance(one, Ground)), ())
+
+    @property
+    def motion_places(self) -> tuple[tuple[str | int, ...], ...]:
+        """Where each of `motions` stands, as ("ground", "motion", 1)."""
+        if not self.motions:
+            return ()
+        prescribed = self.ground or self.support
+        at = ("ground" if self.ground else "support", "motion")
+        several = isinstance(prescribed, Ground) and isinstance(prescribed.motion, tuple)
+        return tuple((*at, k) if several else at for k in range(len(self.motions)))
 
     @property
     def features(self) -> frozenset[str]:
@@ -228,11 +251,7 @@ class Scene(Displayed, Part):
     @property
     def frictionless(self) -> Scene:
         """The same scene without dry friction."""
-        if not self.has_friction:
-            return self
-        still = self._with(friction=0.0)
-        rail = {"friction": 0.0, "friction_coefficient": 0.0}
-        return still.replace(support=self.support.replace(**rail)) if isinstance(self.support, Cart) else still
+        return self._with(friction=0.0)._with_supports(_slippery) if self.has_friction else self
 
     @property
     def linearizable(self) -> Scene:
@@ -260,17 +279,19 @@ class Scene(Displayed, Part):
 
     @property
     def is_moved(self) -> bool:
-        """Whether the support moves as prescribed."""
+        """Whether the support or the ground moves as prescribed."""
         return "moved_support" in self.features
 
     @property
     def still(self) -> Scene:
-        """The same scene with its support at rest."""
-        return self.replace(support=Fixed()) if self.is_moved else self
+        """The same scene with its support and the ground at rest."""
+        if not self.is_moved:
+            return self
+        return self.replace(ground=None, support=Fixed() if isinstance(self.support, Moved) else self.support)
 
     @property
     def is_forced(self) -> bool:
-        """Whether the support moves, or forces act that change in time."""
+        """Whether the support or the ground moves, or forces act that change in time."""
         return not self.features.isdisjoint({"moved_support", "force"})
 
     @property
@@ -288,9 +309,8 @@ class Scene(Displayed, Part):
     def conservative(self) -> Scene:
         """The same scene without drives, dampers, dry friction and drag."""
         loose = self._with(drive=None, damping=0.0, friction=0.0, drag=0.0, quadratic_drag=0.0)
-        still, cart = loose.replace(damping_ratio=0.0), self.support
-        rail = {"damping": 0.0, "friction": 0.0, "friction_coefficient": 0.0}
-        return still.replace(support=cart.replace(**rail)) if isinstance(cart, Cart) else still
+        springs = tuple(one.replace(damping=0.0) for one in self.spring)
+        return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_undamped)
 
     @property
     def in_plane(self) -> Scene:
@@ -303,6 +323,11 @@ class Scene(Displayed, Part):
         links = (tuple(link.replace(**joint) for link in one.links) for one in self.pendulum)
         pendula = (one.replace(links=own) for one, own in zip(self.pendulum, links, strict=True))
         return self.replace(pendulum=tuple(pendula))
+
+    def _with_supports(self, change: Callable[[Support | Moved], Support | Moved]) -> Scene:
+        """The same scene with every support changed."""
+        changed = tuple(map(change, self.supports))
+        return self.replace(support=_alone(changed)) if changed != self.supports else self
 
     @property
     def stands(self) -> bool:
@@ -338,14 +363,29 @@ class Scene(Displayed, Part):
                 yield f'.force[{at}]: needs space = "plane"'
 
     def _rail_problems(self) -> Iterator[str]:
-        if not isinstance(self.support, Cart) or not self.support.has_friction:
+        cart = self.cart
+        if cart is None or not cart.has_friction:
             return
-        name = "friction" if self.support.friction else "friction_coefficient"
-        at = f".support.{name} = {getattr(self.support, name)!r}"
+        name = "friction" if cart.friction else "friction_coefficient"
+        at = f".support.{name} = {getattr(cart, name)!r}"
         if self.space == "space":
             yield f'{at}: needs space = "plane"'
         if {"rail_coefficient", "escapement"} <= self.features:
             yield f"{at}: cannot be combined with escapements, whose kicks the rail would feel: give friction"
+
+
+def _slippery(support: Support | Moved) -> Support | Moved:
+    """A support without dry friction."""
+    return support.replace(friction=0.0, friction_coefficient=0.0) if isinstance(support, Cart) else support
+
+
+def _undamped(support: Support | Moved) -> Support | Moved:
+    """A support without damper and dry friction."""
+    if isinstance(support, ModalSupport):
+        return support.replace(D=None)
+    if isinstance(support, Platform):
+        return support.replace(damping=Planar())
+    return _slippery(support).replace(damping=0.0) if isinstance(support, Cart | Swing | Tilt | Heave) else support
 
 
 def validate_scene(given: object) -> Scene:

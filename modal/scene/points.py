@@ -17,6 +17,7 @@ import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from modal.errors import meant
 from modal.scene.features import Described
 
 CART = "cart"
@@ -110,6 +111,8 @@ def point_problems(scene: Described, text: str) -> Iterator[str]:
         if getattr(scene.support, "kind", "") != CART:
             yield f'the support is {scene.support.kind}, and there is no cart: give it kind = "cart", or name a link'
         return
+    if isinstance(point, CarrierPoint):
+        yield from _carrier_problems(scene, point)
     if not isinstance(point, Point):
         return
     if point.pendulum >= len(scene.pendulum):
@@ -127,6 +130,21 @@ def point_problems(scene: Described, text: str) -> Iterator[str]:
         yield "the length of this rope changes: leave out @, and the force acts on its bob"
     elif point.below is not None and point.below > reach:
         yield f"the link reaches {reach:g} m below its upper joint"
+
+
+def _carrier_problems(scene: Described, point: CarrierPoint) -> Iterator[str]:
+    """Why a scene has no such point of a support."""
+    names = scene.support_names
+    if point.name not in names:
+        yield f'there is no support "{point.name}"{meant(point.name, names)}'
+        return
+    support = scene.supports[names.index(point.name)]
+    if support.kind == "modal" and point.point is None:
+        yield f"a modal support has numbered points: write {point.name}[0]"
+    elif support.kind != "modal" and point.point is not None:
+        yield f"only a modal support has numbered points: write {point.name}@s,h"
+    elif support.kind == "modal" and support.points and (point.point or 0) >= len(support.points):
+        yield f'support "{point.name}" has {len(support.points)} points, numbered from 0'
 
 
 def places_of(scene: Described, text: str) -> list[Place]:

@@ -7,8 +7,6 @@ from itertools import accumulate, islice
 
 from modal.report import Summary, brief
 from modal.scene.model import Pendulum, Scene
-from modal.scene.motion import Moved
-from modal.scene.supports import Cart
 from modal.scene.titles import plural, runs_of, what_hangs
 
 MOST_RUNS = 4
@@ -30,12 +28,11 @@ def summarize(scene: Scene) -> Summary:
 
 
 def _support(scene: Scene) -> Iterator[tuple[str, str]]:
-    support = scene.support
-    if isinstance(support, Cart):
-        values = ((name, getattr(support, name), unit) for name, unit in CART)
+    if (cart := scene.cart) is not None:
+        values = ((name, getattr(cart, name), unit) for name, unit in CART)
         yield "cart", ", ".join(f"{name} {value:g} {unit}".rstrip() for name, value, unit in values if value)
-    elif isinstance(support, Moved):
-        yield "motion", " and ".join(motion.kind for motion in support.motions)
+    elif scene.is_moved:
+        yield "motion", " and ".join(motion.kind for motion in scene.motions)
     if scene.force:
         yield "forces", ", ".join(f"{force.kind} on {force.on}" for force in scene.force[:MOST_RUNS])
 

@@ -8,7 +8,6 @@ from itertools import groupby
 from modal.report import capital, listed
 from modal.scene.links import AnyLink, Body
 from modal.scene.model import Pendulum, Scene
-from modal.scene.supports import Cart
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 SINGLE = {"bob": "simple ", "rod": "rod ", "rigid body": "compound "}
@@ -48,10 +47,9 @@ def name_of(scene: Scene) -> str:
 
 
 def _support(scene: Scene) -> str:
-    support = scene.support
-    if isinstance(support, Cart):
-        what = "cart" if support.mass else "massless cart"
-        return f"a {what} with a spring" if support.stiffness else f"a {what}"
+    if (cart := scene.cart) is not None:
+        what = "cart" if cart.mass else "massless cart"
+        return f"a {what} with a spring" if cart.stiffness else f"a {what}"
     return "a moved support" if scene.is_moved else "a fixed support"
 
 

@@ -75,7 +75,7 @@ def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -
 
 def is_small(scene: Scene) -> bool:
     """Whether D_modal of this scene can be computed in decimals in seconds."""
-    return scene.n_links + (scene.support.kind == "cart") <= MOST
+    return scene.n_links + (scene.cart is not None) <= MOST
 
 
 class Links:

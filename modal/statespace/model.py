@@ -186,7 +186,7 @@ def assembled(
 
 def fixed(scene: Scene) -> Scene:
     """The same pendula on a fixed support; SceneError for damping ratios by mode, which are those of other modes."""
-    if isinstance(scene.damping_ratio, tuple) and scene.support.kind == "cart":
+    if isinstance(scene.damping_ratio, tuple) and scene.cart is not None:
         raise SceneError(
             [
                 "damping_ratio: is listed by the modes with the cart free, but under a prescribed motion of the cart "

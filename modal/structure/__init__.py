@@ -8,6 +8,8 @@ Start with `carriers`; equations of motion and matrices are made elsewhere from 
 """
 
 from modal.structure.carriers import CarrierNumbers, Moving, carrier_numbers
+from modal.structure.rest import Phi, Row, bends, is_damped, phi, slopes, tied, turning
+from modal.structure.scaling import scaled
 from modal.structure.structure import (
     CarrierEnd,
     End,
@@ -27,10 +29,19 @@ __all__ = [
     "GroundEnd",
     "LinkEnd",
     "Moving",
+    "Phi",
     "Pivot",
+    "Row",
     "SpringNumbers",
     "Structure",
     "Where",
+    "bends",
     "carrier_numbers",
+    "is_damped",
+    "phi",
+    "scaled",
+    "slopes",
     "structure_of",
+    "tied",
+    "turning",
 ]

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from modal.scene import Scene, places_of
 from modal.scene.points import CarrierPoint, GroundPoint, parse_point
@@ -86,7 +86,9 @@ class Structure:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The name of every coordinate with its unit: NAME_m, NAME_rad, NAME_sway_m and so on."""
+        """The name of every coordinate with its unit: NAME_m, NAME_rad, NAME_sway_m, …; x of one cart alone."""
+        if [carrier.kind for carrier in self.carriers] == ["cart"]:
+            return ("x",)
         return tuple(f"{carrier.name}_{suffix}" for carrier in self.carriers for suffix in carrier.suffixes)
 
     def own(self, carrier: int, values: Sequence[Any]) -> Sequence[Any]:
@@ -102,13 +104,13 @@ class Structure:
 def structure_of(scene: Scene) -> Structure:
     """The structure of a scene that is structured (`Scene.is_structured`)."""
     carriers = tuple(carrier_numbers(support) for support in scene.supports)
-    named = {support.name: index for index, support in enumerate(scene.supports) if support.name}  # type: ignore[union-attr]
+    named = {name: index for index, name in enumerate(scene.support_names)}
     pivots = []
     for pendulum in scene.pendulum:
-        point = CarrierPoint("") if pendulum.on is None else parse_point(pendulum.on)
-        assert isinstance(point, CarrierPoint)
-        carrier = named.get(point.name, 0)
-        where: Where = pendulum.position if point.point is None else point.point
+        point = None if pendulum.on is None else parse_point(pendulum.on)
+        carrier, where = 0, cast("Where", pendulum.position)
+        if isinstance(point, CarrierPoint):
+            carrier, where = named[point.name], where if point.point is None else point.point
         pivots += [Pivot(carrier, where)] * pendulum.count
     springs = []
     for spring in scene.spring:
@@ -127,5 +129,5 @@ def _ends(scene: Scene, text: str, named: dict[str, int]) -> list[End]:
     if isinstance(point, GroundPoint):
         return [GroundEnd(point.place)]
     if isinstance(point, CarrierPoint):
-        return [CarrierEnd(named.get(point.name, 0), point.place if point.point is None else point.point)]
+        return [CarrierEnd(named[point.name], point.place if point.point is None else point.point)]
     return [LinkEnd(place.link, place.below) for place in places_of(scene, text)]

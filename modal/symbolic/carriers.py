@@ -38,6 +38,7 @@ Where = tuple[Any, Any] | int
 class SymbolicCarrier:
     """A carrier: its kind and name, the origin as drawn, and its numbers or symbols in SymPy.
 
+    `index` is what follows the letters of its coordinates: its name, or nothing for one cart alone.
     `stiffness` and `damping` are matrices (d, d), diagonal but for a modal support, whose masses are `masses` (d, d)
     and whose `points` (P, 2, d) move with its coordinates.  `carries` tells for each coordinate whether the own spring
     carries the weight as drawn.
@@ -45,6 +46,7 @@ class SymbolicCarrier:
 
     kind: str
     name: str
+    index: tuple[str, ...]
     position: tuple[Any, Any]
     stiffness: Any
     damping: Any
@@ -60,8 +62,8 @@ class SymbolicCarrier:
     def coordinates(self) -> tuple[Coordinate, ...]:
         """Its coordinates, such as x_left, s_left, phi_board, or eta_frame_1 of a modal one."""
         if self.kind == "modal":
-            return tuple(coordinate("eta", self.name, k + 1) for k in range(self.masses.rows))
-        return tuple(coordinate(letter, self.name) for letter in LETTERS[self.kind])
+            return tuple(coordinate("eta", *self.index, k + 1) for k in range(self.masses.rows))
+        return tuple(coordinate(letter, *self.index) for letter in LETTERS[self.kind])
 
     @property
     def angle(self) -> Coordinate | None:

@@ -70,8 +70,7 @@ def matrices(system: SymbolicStructure) -> Section:
     lines = [Line("small deviations from equilibrium", sp.Matrix([c.q for c in system.coordinates]))]
     lines += [
         Line(f"the scene as drawn is an equilibrium where, by {q}", equal(slope, 0))
-        for q, slope in system.unbalanced.items()
-        if slope.free_symbols
+        for q, slope in system.conditions.items()
     ]
     lines.append(Line("mass matrix", equal(sp.Symbol("M"), M)))
     lines.append(Line("stiffness matrix", equal(sp.Symbol("K"), K)))

@@ -28,9 +28,6 @@ from modal.symbolic.carriers import SymbolicCarrier, Where
 from modal.symbolic.lagrange import Coordinate, coordinate, time_derivative
 from modal.symbolic.system import MOST_LINKS, Chain, chains_of, rational, symbol
 
-ROUNDED = 1e-12
-"""A force at rest is zero below this share of the weights."""
-
 
 class OnCarrier(NamedTuple):
     """A point of a carrier by its index: where a chain hangs, or a spring ends."""
@@ -260,7 +257,7 @@ class SymbolicStructure:
 
     @cached_property
     def dissipation(self) -> Any:
-        """R = ½ η'ᵀ D η' of all carriers + Σ ½ d (rate)² of joints and springs, of a stretched one by the symbol of ℓ'."""
+        """R = ½ η'ᵀ D η' of all carriers + Σ ½ d (rate)² of joints and springs; of a stretched one by the symbol ℓ'."""
         return sp.Add(*self._lost())
 
     def _lost(self) -> Iterator[Any]:
@@ -323,8 +320,7 @@ class SymbolicStructure:
         return form
 
     def matrices(self) -> tuple[Any, Any, Any]:
-        """M, K and D about the drawn rest, over `coordinates`; SceneError if it is no equilibrium."""
-        self.require_rest()
+        """M, K and D about the drawn rest, over `coordinates`."""
         n = len(self.coordinates)
         M, K, D = (sp.zeros(n, n) for _ in range(3))
         self._inertial(M)
@@ -376,27 +372,13 @@ class SymbolicStructure:
                 A[i, j] += sp.diff(slope, getattr(other, by)).subs(self.rest)
 
     @cached_property
-    def unbalanced(self) -> dict[Any, Any]:
-        """What is not zero of ∂V/∂q as drawn, by coordinate: forces that nothing holds, or in symbols a condition."""
-        found = {}
-        scale = float(sum(self.gravity * m for m, _ in self.masses())) if not self.symbols else 1.0
-        for c in self.coordinates:
-            slopes = (sp.diff(part.V, c.q).subs(self.rest) for part in self.parts if c.q in part.V.free_symbols)
-            slope = sp.simplify(sp.Add(*slopes))
-            if slope.free_symbols or abs(float(slope)) > ROUNDED * scale:
-                found[c.q] = slope
-        return found
-
-    def require_rest(self) -> None:
-        """SceneError with every force that nothing holds as drawn."""
-        bare = {q: slope for q, slope in self.unbalanced.items() if not slope.free_symbols}
-        if bare:
-            raise SceneError(
-                [
-                    f"{q}: the drawn scene is no equilibrium: {-float(slope):g} is not balanced"
-                    for q, slope in bare.items()
-                ]
-            )
+    def conditions(self) -> dict[Any, Any]:
+        """What symbols must make zero for an equilibrium as drawn: ∂V/∂q by coordinate."""
+        slopes = {
+            c.q: sp.factor(sp.Add(*(sp.diff(part.V, c.q).subs(self.rest) for part in self.parts)))
+            for c in (self.coordinates if self.symbols else ())
+        }
+        return {q: slope for q, slope in slopes.items() if slope.free_symbols}
 
 
 def force_symbol(spring: SymbolicSpring) -> Any:
@@ -426,7 +408,9 @@ def of_structured(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicStruc
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: at most {MOST_LINKS} are written in exact numbers"])
     gravity = symbol("g") if "gravity" in symbolic else rational(scene.gravity)
-    carriers = tuple(_carrier(support, symbolic) for support in scene.supports)
+    alone = [support.kind for support in scene.supports] == ["cart"]
+    named = zip(scene.supports, scene.support_names, strict=True)
+    carriers = tuple(_carrier(support, name, () if alone else (name,), symbolic) for support, name in named)
     hung = tuple(_hung(scene, pendulum) for pendulum in scene.pendulum for _ in range(pendulum.count))
     joined = tuple(
         joined for entry, spring in enumerate(scene.spring) for joined in _joined(scene, entry, spring, symbolic)
@@ -434,18 +418,18 @@ def of_structured(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicStruc
     return SymbolicStructure(title_of(scene), gravity, carriers, chains_of(scene, symbolic), hung, joined)
 
 
-def _carrier(support: Any, symbolic: tuple[str, ...]) -> SymbolicCarrier:
-    name, position = support.name or support.kind, _rationals(support.position)
+def _carrier(support: Any, name: str, index: tuple[str, ...], symbolic: tuple[str, ...]) -> SymbolicCarrier:
+    position = _rationals(support.position)
     if isinstance(support, Fixed):
-        return SymbolicCarrier("fixed", name, position, sp.zeros(0), sp.zeros(0), ())
+        return SymbolicCarrier("fixed", name, index, position, sp.zeros(0), sp.zeros(0), ())
     if isinstance(support, ModalSupport):
         M, K, D = (_matrix(rows, len(support.M or ())) for rows in (support.M, support.K, support.D))
         points = tuple(tuple(tuple(map(rational, row)) for row in point) for point in support.points or ())
-        return SymbolicCarrier("modal", name, position, K, D, (True,) * M.rows, masses=M, points=points)
+        return SymbolicCarrier("modal", name, index, position, K, D, (True,) * M.rows, masses=M, points=points)
 
-    def number(letter: str, value: float, *index: str) -> Any:
+    def number(letter: str, value: float, *way: str) -> Any:
         kept = "supports" in symbolic or ("cart" in symbolic and (support.kind, letter) == ("cart", "m"))
-        return symbol("_".join((letter, name, *index))) if value and kept else rational(value)
+        return symbol("_".join((letter, name, *way))) if value and kept else rational(value)
 
     def diagonal(letter: str, values: float | Planar) -> Any:
         if isinstance(values, Planar):
@@ -456,6 +440,7 @@ def _carrier(support: Any, symbolic: tuple[str, ...]) -> SymbolicCarrier:
     return SymbolicCarrier(
         support.kind,
         name,
+        index,
         position,
         stiffness,
         damping,
@@ -472,14 +457,11 @@ def _matrix(rows: Any, size: int) -> Any:
 
 
 def _hung(scene: Scene, pendulum: Any) -> OnCarrier:
-    point = CarrierPoint("") if pendulum.on is None else parse_point(pendulum.on)
-    assert isinstance(point, CarrierPoint)
-    return OnCarrier(_index(scene, point.name), _rationals(pendulum.position) if point.point is None else point.point)
-
-
-def _index(scene: Scene, name: str) -> int:
-    names = [getattr(support, "name", "") for support in scene.supports]
-    return names.index(name) if name in names else 0
+    point = None if pendulum.on is None else parse_point(pendulum.on)
+    if not isinstance(point, CarrierPoint):
+        return OnCarrier(0, _rationals(pendulum.position))
+    where = _rationals(pendulum.position) if point.point is None else point.point
+    return OnCarrier(scene.support_names.index(point.name), where)
 
 
 def _joined(scene: Scene, entry: int, spring: Spring, symbolic: tuple[str, ...]) -> Iterator[Joined]:
@@ -499,9 +481,10 @@ def _ends(scene: Scene, text: str) -> Iterator[End]:
     if isinstance(point, GroundPoint):
         yield OnGround(None if point.place is None else _rationals(point.place))
     elif isinstance(point, CarrierPoint):
-        yield OnCarrier(_index(scene, point.name), _rationals(point.place) if point.point is None else point.point)
+        where = _rationals(point.place) if point.point is None else point.point
+        yield OnCarrier(scene.support_names.index(point.name), where)
     elif point is None:
-        yield OnCarrier(0, (sp.S.Zero, sp.S.Zero))
+        yield OnCarrier(scene.support_names.index("cart"), (sp.S.Zero, sp.S.Zero))
     else:
         for place in places_of(scene, text):
             yield OnLink(place.link, None if place.below is None else rational(place.below))

@@ -25,7 +25,7 @@ import sympy as sp
 from modal import pair
 from modal.errors import SceneError
 from modal.exact import exact, exact_links
-from modal.scene import Cart, Pendulum, Scene, require, title_of
+from modal.scene import Pendulum, Scene, require, title_of
 from modal.symbolic.lagrange import Coordinate, coordinate
 
 SYMBOLIC = ("masses", "lengths", "gravity", "cart", "supports", "springs")
@@ -206,9 +206,9 @@ def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicSystem:
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: at most {MOST_LINKS} are written in exact numbers"])
     support = None
-    if isinstance(scene.support, Cart):
-        mass = symbol("m_c") if "cart" in symbolic else rational(scene.support.mass)
-        support = SymbolicCart(mass, rational(scene.support.damping), rational(scene.support.stiffness))
+    if (cart := scene.cart) is not None:
+        mass = symbol("m_c") if "cart" in symbolic else rational(cart.mass)
+        support = SymbolicCart(mass, rational(cart.damping), rational(cart.stiffness))
     gravity = _gravity() if "gravity" in symbolic else rational(scene.gravity)
     return SymbolicSystem(title_of(scene), gravity, chains_of(scene, symbolic), support, scene.space == "space")
 

@@ -113,7 +113,7 @@ class Part:
         if not others or not (self.scene.has_modal_damping or any(place[0] == RATIO for place in others)):
             return None
         own = [system_of(self.scene_of(int(place))).modal_damping for place in good]
-        size = system_of(self.scene).n_links + (self.scene.support.kind == "cart")
+        size = system_of(self.scene).n_links + (self.scene.cart is not None)
         none = np.zeros((size, size))
         return np.array([none if D is None else D for D in own]).reshape(len(own), size, size)
 

@@ -17,7 +17,7 @@ from modal.errors import SceneError
 from modal.identification import Parameter, scene_with
 from modal.identification.parameters import numbers_at
 from modal.report import Displayed
-from modal.scene import Cart, Scene, refusals
+from modal.scene import Scene, refusals
 from modal.scene.parameters import Place, is_of_switch, number_at
 from modal.types import Booleans, Floats
 from nonlinear.dynamics.inputs import Inputs
@@ -166,9 +166,9 @@ class Problem(Displayed):
         found[layout.scales] = self.scaled
         if len(self.recording.sensors):
             found[layout.delays.start] = False
-        cart = self.scene.support
+        cart = self.scene.cart
         for k, sensor in enumerate(self.recording.sensors):
-            if not sensor.pendulum and isinstance(cart, Cart) and not cart.stiffness:
+            if not sensor.pendulum and cart and not cart.stiffness:
                 found[layout.offsets.start + k] = False
         return found
 

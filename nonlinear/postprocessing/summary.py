@@ -15,7 +15,7 @@ from modal.eigen import counted
 from modal.errors import ComputationError, SceneError
 from modal.modes.solution_report import loaded, not_loaded
 from modal.report import visible
-from modal.scene import Moved, SineMotion, refusals, title_of
+from modal.scene import SineMotion, refusals, title_of
 from nonlinear.dynamics import Dense, Generated, Reduced, Small, is_unstable_equilibrium
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
 from nonlinear.postprocessing.extents import Extent, extent_of, places_of
@@ -130,15 +130,15 @@ def _at(extent: Extent) -> str:
 
 def _parametric(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     """Whether small angles grow under a vertical sine, of few links."""
-    support = trajectory.scene.support
-    if trajectory.scene.n_links > FEW_LINKS or not isinstance(support, Moved):
+    scene = trajectory.scene
+    if scene.n_links > FEW_LINKS or not scene.is_moved:
         return
-    vertical = any(isinstance(one, SineMotion) and one.direction == "vertical" for one in support.motions)
-    if vertical and not refusals(trajectory.scene, "a Floquet multiplier"):
+    vertical = any(isinstance(one, SineMotion) and one.direction == "vertical" for one in scene.motions)
+    if vertical and not refusals(scene, "a Floquet multiplier"):
         from modal.vibration import parametric_stability
 
         with suppress(SceneError, ComputationError):
-            yield "parametric", parametric_stability(trajectory.scene).words
+            yield "parametric", parametric_stability(scene).words
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ import numpy as np
 
 from modal.assembly import CartNumbers
 from modal.report import Displayed
-from modal.scene import AnyLink, Body, Cart, Escapement, Moved, Scene
+from modal.scene import AnyLink, Body, Escapement, Scene
 from modal.scene.parameters import Place
 from modal.types import Floats
 from nonlinear.system.system import Group, System, system_of
@@ -102,9 +102,9 @@ def numbers_of(
 ) -> Numbers:
     """The numbers of a scene, with arrays (S,) of `values` at some of its places and D_modal (S, n, n)."""
     given: Values = values or {}
-    support, cart = scene.support, [0.0, 0.0, 0.0]
-    if isinstance(support, Cart):
-        cart = [given.get(("support", name), getattr(support, name)) for name in ("mass", "damping", "stiffness")]
+    cart = [0.0, 0.0, 0.0]
+    if scene.cart is not None:
+        cart = [given.get(("support", name), getattr(scene.cart, name)) for name in ("mass", "damping", "stiffness")]
     rows = [
         row
         for p, pendulum in enumerate(scene.pendulum)
@@ -125,12 +125,7 @@ def numbers_of(
 
 def _places_of_prescribed(scene: Scene) -> list[Place]:
     """Where a scene has its motions and forces, in the order of `System.prescribed`."""
-    motions: list[Place] = []
-    if isinstance(scene.support, Moved):
-        single = not isinstance(scene.support.motion, tuple)
-        places: list[Place] = [(k,) for k in range(len(scene.support.motions))]
-        motions = [("support", "motion", *(() if single else place)) for place in places]
-    return [*motions, *(("force", k) for k in range(len(scene.force)))]
+    return [*scene.motion_places, *(("force", k) for k in range(len(scene.force)))]
 
 
 def _prescribed(system: System, places: Sequence[Place], given: Values, modal: Floats | None) -> tuple[Any, ...]:

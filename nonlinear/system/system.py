@@ -25,7 +25,7 @@ from modal.assembly import (
     rig_of,
 )
 from modal.report import Displayed, Summary, counted
-from modal.scene import Cart, Escapement, Moved, Pendulum, Scene, VanDerPol
+from modal.scene import Escapement, Pendulum, Scene, VanDerPol
 from modal.types import Floats, Ints
 from nonlinear.system.forces import ActingForce, acting_forces
 
@@ -367,15 +367,13 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
 
 
 def _support(scene: Scene) -> MovingSupport | None:
-    if not isinstance(scene.support, Moved):
+    if not scene.is_moved:
         return None
     from nonlinear.system.support import moving_support
 
-    return moving_support(scene.support)
+    return moving_support(scene.motions)
 
 
 def _rail(scene: Scene) -> Rail | None:
-    support = scene.support
-    if not (isinstance(support, Cart) and support.has_friction):
-        return None
-    return Rail(support.friction, support.friction_coefficient)
+    cart = scene.cart
+    return Rail(cart.friction, cart.friction_coefficient) if cart and cart.has_friction else None

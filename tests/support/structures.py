@@ -171,6 +171,8 @@ class Oracle:
         self.carried = self.firsts[-1]
         self.size = self.carried + self.scene.n_links
         self.names = [name for support in self.scene.supports for name in _names(support)]
+        if [support.kind for support in self.scene.supports] == ["cart"]:
+            self.names = ["x"]
 
     # ------------------------------------------------------------------------------------------------------ answers
 
@@ -315,10 +317,11 @@ class _Assembled:
             self.parts.turning.append((mp.mpf(support.inertia), body.angle))
 
     def _chain(self, pendulum: Any) -> None:
-        point = CarrierPoint("") if pendulum.on is None else parse_point(pendulum.on)
-        assert isinstance(point, CarrierPoint)
-        body = self.bodies[self._named(point.name)]
-        joint = body.at(pendulum.position if point.point is None else point.point)
+        point = None if pendulum.on is None else parse_point(pendulum.on)
+        body, where = self.bodies[0], pendulum.position
+        if isinstance(point, CarrierPoint):
+            body, where = self._named(point.name), where if point.point is None else point.point
+        joint = body.at(where)
         above = body.angle
         rest = iter(self.oracle.rest[self.oracle.carried + len(self.links) :])
         turned = mp.mpf(0)
@@ -342,9 +345,8 @@ class _Assembled:
         law = link.hoist.law(link.length)(float(self.time.value))
         return self.time.through(*(mp.mpf(float(value)) for value in law))
 
-    def _named(self, name: str) -> int:
-        names = [getattr(support, "name", "") for support in self.scene.supports]
-        return names.index(name) if name in names else 0
+    def _named(self, name: str) -> _Body:
+        return self.bodies[self.scene.support_names.index(name)]
 
     # ---------------------------------------------------------------------------------------------- springs, forces
 
@@ -396,9 +398,9 @@ class _Assembled:
                 hung.at(self._centre(hung) if point.below is None else mp.mpf(point.below))
                 for hung in self._hung(point)
             ]
-        name, place = ("", (0.0, 0.0)) if point is None else (point.name, point.place)
+        name, place = ("cart", (0.0, 0.0)) if point is None else (point.name, point.place)
         where = place if point is None or point.point is None else point.point
-        return [self.bodies[self._named(name)].at(where)]
+        return [self._named(name).at(where)]
 
     def _angles(self, text: str) -> list[Jet]:
         point = parse_point(text)
@@ -406,7 +408,7 @@ class _Assembled:
             return [hung.theta for hung in self._hung(point)]
         if isinstance(point, GroundPoint):
             return [Jet(mp.mpf(0))]
-        angle = self.bodies[self._named("" if point is None else point.name)].angle
+        angle = self._named("cart" if point is None else point.name).angle
         return [angle or Jet(mp.mpf(0))]
 
     def _hung(self, point: Point) -> Iterator[_Hung]:
@@ -507,9 +509,7 @@ def _swung(support: Any, place: At, eta: list[Jet]) -> _Body:
 
 
 def _motions(scene: Scene) -> tuple[Any, ...]:
-    if scene.ground is not None:
-        return scene.ground.motions
-    return scene.supports[0].motions if scene.supports[0].kind == "moved" else ()
+    return next((one.motions for one in (scene.ground, scene.support) if hasattr(one, "motions")), ())
 
 
 def _phase(signal: Any, time: Jet) -> Jet:
