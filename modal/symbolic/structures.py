@@ -333,7 +333,7 @@ class SymbolicStructure:
                 self._added(D, spring.damping, ell)
         for lost in self._lost():
             self._curved(D, lost, "v")
-        return (M, K, D) if not self.symbols else tuple(A.applyfunc(sp.factor) for A in (M, K, D))  # type: ignore[return-value]
+        return (M, K, D) if not self.symbols else tuple(A.applyfunc(sp.factor) for A in (M, K, D))
 
     def _inertial(self, M: Any) -> None:
         for m, place in self.masses():

@@ -419,7 +419,7 @@ class _Assembled:
                 yield from self.links[first + before : first + before + links[point.link].count]
 
     def _centre(self, hung: _Hung) -> Number | Jet:
-        return _geometry(hung.link, self._length(hung.links))[0]
+        return _geometry(hung.link, self._length(hung.link))[0]
 
     def drives(self, rates: Sequence[mp.mpf]) -> None:
         """Van der Pol torques at joints, and quadratic drag at centres."""
