@@ -19,6 +19,7 @@ from modal.structure.structure import (
     SpringNumbers,
     Structure,
     Where,
+    carrier_end,
     structure_of,
 )
 from modal.structure.weights import Weight, carried, hung_masses, unbalanced, weights
@@ -39,6 +40,7 @@ __all__ = [
     "Where",
     "bends",
     "carried",
+    "carrier_end",
     "carrier_numbers",
     "hung_masses",
     "is_damped",
