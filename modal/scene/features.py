@@ -34,6 +34,10 @@ class Described(Protocol):
         """The pendula."""
 
     @property
+    def force(self) -> Sequence[Any]:
+        """The forces."""
+
+    @property
     def spring(self) -> Sequence[Any]:
         """The springs between points."""
 

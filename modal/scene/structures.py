@@ -239,6 +239,9 @@ def _limits(scene: Described) -> Iterator[str]:
         for name in ("friction", "friction_coefficient"):
             if value := getattr(support, name):
                 yield f"{at}.{name} = {value!r}: dry friction does not act in a structure: give damping"
+    for k, force in enumerate(scene.force):
+        if force.kind == "constant":
+            yield f'.force[{k}].kind = "constant": constant forces do not act in a structure, which they would move'
     for p, pendulum in enumerate(scene.pendulum):
         for i, link in enumerate(pendulum.links):
             if link.friction:

@@ -113,6 +113,10 @@ MISTAKES = {
     "sideways": (pushed("left"), "a support of kind heave moves only along a vertical force"),
     "which cart": (pushed("cart"), 'force[0].on = "cart": there are several supports: write the name of one'),
     "the ground": (pushed("ground"), 'force[0].on = "ground": the ground does not yield to a force'),
+    "constant": (
+        pushed("right") | {"force": [{"on": "right", "kind": "constant", "amplitude": 1.0}]},
+        'force[0].kind = "constant": constant forces do not act in a structure',
+    ),
     "no support": (pushed("rihgt"), 'there is no support "rihgt" (did you mean right?)'),
     "space": (described(support=TILT | {"stiffness": 1.0}, space="space"), 'write space = "plane"'),
     "friction": (
