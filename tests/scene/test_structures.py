@@ -106,6 +106,12 @@ MISTAKES = {
     ),
     "one body": (springy("pendulum[0].links[0]@0.5", "pendulum[0].links[0]@0.2"), "both ends are on one body"),
     "at rest": (springy("ground@1,0", "fixed"), "spring[0].between: both ends are at rest"),
+    "far": (springy("ground@1e200,0", "pendulum[0].links[0]"), "a place is at most 1e+100 m away"),
+    "hoisted": (
+        springy("ground@1,0", "pendulum[0].links[0]")
+        | {"pendulum": [{"links": [BOB | {"hoist": {"to": 2.0, "duration": 1.0}}]}]},
+        "the length of this rope changes, and no spring can end on it",
+    ),
     "turning": (springy("fixed", "pendulum[0].links[0]", kind="torsion"), "a support of kind fixed does not turn"),
     "angles": (springy("ground", "pendulum[0].links[0]@1", kind="torsion"), "an angle has no place: leave out @"),
     "torque": (pushed("right", direction="torque"), "a support of kind cart does not turn"),
