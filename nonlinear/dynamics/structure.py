@@ -28,7 +28,7 @@ from nonlinear.dynamics.bearing import Bearing, Joints
 from nonlinear.dynamics.drag import External
 from nonlinear.dynamics.inputs import QUIET, Instant
 from nonlinear.dynamics.recursion import Answer
-from nonlinear.dynamics.springs import Springs, Strained, filled, versed
+from nonlinear.dynamics.springs import Springs, Strained, Tension, filled, versed
 from nonlinear.system import Group, System
 
 Vector = tuple[Any, Any]
@@ -256,6 +256,51 @@ class CarriersAt(Bearing):
             vx, vz = centre.velocity(rates)
             along, down = self.instant.support
             self.power = self.power - carrier.mass * (along * vx + down * vz)
+
+    @property
+    def kinetic(self) -> Any:
+        """Kinetic energy (J) of the carriers, before anything has been taken."""
+        found: Any = 0.0
+        for number, block in enumerate(self.blocks):
+            rates = self.structure.own(number, self.rates)
+            for k, row in enumerate(block):
+                for j, inertia in enumerate(row):
+                    share = inertia * (rates[k] * rates[j])
+                    found = found + (share / 2 if j == k else share)
+        return found
+
+    @property
+    def potential(self) -> Any:
+        """Potential energy (J) of the carriers' weights and own springs.
+
+        It is 0 as drawn; that of the pendula is in the heights of their pivots, that of springs in `tensions`.
+        """
+        found: Any = 0.0
+        for number, carrier in enumerate(self.structure.carriers):
+            eta = self.structure.own(number, self.eta)
+            kept, _ = held(carrier, eta, eta)
+            for k, (own, force) in enumerate(zip(eta, kept, strict=True)):
+                weight = self.carriers.weights[self.structure.offsets[number] + k]
+                found = found + (weight * own - own * force / 2)
+            if carrier.M is None:
+                _, down = displacement(carrier, carrier.centre, eta)
+                found = found - carrier.mass * self.system.gravity * down
+        return found
+
+    @property
+    def momentum(self) -> Any:
+        """Momentum (kg m/s) of the carriers along the rail, modal ones excepted."""
+        found: Any = 0.0
+        for number, carrier in enumerate(self.structure.carriers):
+            if carrier.M is None and carrier.size:
+                moving = self.carriers.centre(number, self.eta, self.rates)
+                found = found + carrier.mass * moving.velocity(self.structure.own(number, self.rates))[0]
+        return found
+
+    def tensions(self, q: Any, v: Any) -> list[tuple[Ints, Tension]]:
+        """What springs between points do, with their numbers, kind by kind."""
+        springs = self.carriers.springs
+        return springs.tensions(q, v, self) if springs else []
 
     def push(self, number: int, moving: Moving, force: Vector) -> None:
         """A force (N), along the rail and down, on a point of a carrier that moves like this."""
