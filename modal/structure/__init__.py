@@ -22,6 +22,7 @@ from modal.structure.structure import (
     carrier_end,
     structure_of,
 )
+from modal.structure.weights import Weight, carried, hung_masses, unbalanced, weights
 
 __all__ = [
     "CarrierEnd",
@@ -35,10 +36,13 @@ __all__ = [
     "Row",
     "SpringNumbers",
     "Structure",
+    "Weight",
     "Where",
     "bends",
+    "carried",
     "carrier_end",
     "carrier_numbers",
+    "hung_masses",
     "is_damped",
     "phi",
     "scaled",
@@ -46,4 +50,6 @@ __all__ = [
     "structure_of",
     "tied",
     "turning",
+    "unbalanced",
+    "weights",
 ]
