@@ -183,9 +183,10 @@ STROBED = Capability(
 
 SIDE_BY_SIDE = Capability(
     "engine numpy",
-    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | {"moved_support", "hoist"},
+    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | STRUCTURED | {"moved_support", "hoist"},
     refuses=BESIDE_NONE,
     unless=STOPS,
+    apart=UNRUBBED,
     beside=UNLOADED,
 )
 
@@ -307,7 +308,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "method taylor",
-            SHAPE | LOSS | DRIVES | {"constant_force"},
+            SHAPE | LOSS | DRIVES | STRUCTURED | {"constant_force"},
             refuses={
                 **PLANE,
                 **STICKS,
