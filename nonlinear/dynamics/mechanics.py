@@ -122,6 +122,17 @@ class Mechanics(Displayed):
                     part[:, group.index, k] = own[:, None]
         return found[0], found[1], found[2]
 
+    def pivot_accelerations(self, carried: Floats) -> Floats:
+        """Those (m/s²) of the pivot above every link, (T, L, 2), from η'' (T, d)."""
+        bearing = self.bearing
+        assert bearing is not None
+        bearing.solution = list(carried.T)
+        found = np.empty((len(carried), self.system.n_links, 2))
+        for number, group in enumerate(self.system.groups):
+            for k, own in enumerate(bearing.start(number, 0.0)):
+                found[:, group.index, k] = own.T[:, None]
+        return found
+
     @cached_property
     def springs(self) -> tuple[Floats, Floats, Floats]:
         """Of every spring between points extension (m or rad), pull (N or N m) and energy (J), (T, E) each."""
@@ -266,8 +277,8 @@ class Mechanics(Displayed):
     ) -> Floats:
         """Force (N) on every link from above at its upper joint, (T, L, d).
 
-        `accelerations` are x'' (T,) and the second derivatives of the unit vectors (T, L, d), `support` the
-        acceleration and the velocity of a moved support (T, d): Newton's second law for the link and all below it, on
+        `accelerations` are x'' (T,), or on a structure those of the pivot above every link (T, L, d), and the second
+        derivatives of the unit vectors (T, L, d), `support` the acceleration and the velocity of a moved support (T, d): Newton's second law for the link and all below it, on
         which their drag acts as well.
         """
         u, w = self.vectors
@@ -283,6 +294,8 @@ class Mechanics(Displayed):
             needed -= [
                 resultants(self.system, angles, t)[0] for angles, t in zip(self.motion.links, self.times, strict=True)
             ]
+        if self.bearing is not None:
+            needed -= self.bearing.pulled(*self._coordinates).transpose(2, 1, 0)
         for group in self.system.groups:
             own = needed[:, group.index]
             needed[:, group.index] = np.cumsum(own[:, ::-1], axis=1)[:, ::-1]

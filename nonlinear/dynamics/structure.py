@@ -301,6 +301,12 @@ class CarriersAt(Bearing):
         springs = self.carriers.springs
         return springs.tensions(q, v, self) if springs else []
 
+    def pulled(self, q: Any, v: Any) -> Any:
+        """The force (2, L, ...) of springs between points on every link."""
+        springs = self.carriers.springs
+        none = np.zeros((2, *np.shape(q[self.structure.size :])))
+        return springs.forces(q, v, CarriersAt(self.carriers, q, v, bare=True)).on_links if springs else none
+
     def push(self, number: int, moving: Moving, force: Vector) -> None:
         """A force (N), along the rail and down, on a point of a carrier that moves like this."""
         first = self.structure.offsets[number]
