@@ -194,19 +194,21 @@ class Carriers:
 
     def _moved(self, eta: Sequence[Any], rates: Sequence[Any]) -> list[list[Moving]]:
         """How the pivots of all bundles move."""
-        return [[self.moving(one.carrier, one.where, eta, rates) for one in bundles] for bundles in self.bundles]
+        return [
+            [self.moving(one.carrier, self.where(one, eta), eta, rates) for one in bundles] for bundles in self.bundles
+        ]
 
     def moving(self, number: int, where: Any, eta: Sequence[Any], rates: Sequence[Any]) -> Moving:
         """How a point of a carrier moves."""
         structure = self.structure
         carrier, own, speeds = structure.carriers[number], structure.own(number, eta), structure.own(number, rates)
-        return carrier.moving(self.spread(where, own), own, speeds)
+        return carrier.moving(where, own, speeds)
 
-    def spread(self, where: Any, like: Sequence[Any]) -> Any:
-        """Points (P,) as (P, 1) where coordinates are arrays."""
-        if isinstance(where, tuple) and isinstance(where[0], np.ndarray) and where[0].ndim == 1 and np.ndim(like[0]):
-            return tuple(part[:, None] for part in where)
-        return where
+    def where(self, one: Bundle, eta: Sequence[Any]) -> Any:
+        """Where the pendula of a bundle hang: points (P,) as (P, 1) where coordinates are arrays."""
+        if one.together or one.where[0].ndim > 1 or not np.ndim(eta[0]):
+            return one.where
+        return tuple(part[:, None] for part in one.where)
 
     def centre(self, number: int, eta: Sequence[Any], rates: Sequence[Any]) -> Moving:
         """How the centre of mass of a carrier moves."""
@@ -327,7 +329,7 @@ class CarriersAt(Bearing):
         """How far the first joints of a group are from where they are drawn, and their velocities."""
         structure, places = self.structure, []
         for one in self.carriers.bundles[group]:
-            where = self.carriers.spread(one.where, self.eta)
+            where = self.carriers.where(one, self.eta)
             places.append(displacement(structure.carriers[one.carrier], where, structure.own(one.carrier, self.eta)))
         return tuple(self._joined(group, [each[k] for each in places]) for k in (0, 1)), self._velocities(group)  # type: ignore[return-value]
 
