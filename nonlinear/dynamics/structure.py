@@ -6,8 +6,8 @@ found by one pass from its tip (`nonlinear.dynamics.recursion`), so that
     (M_s(η) + Σ J_pᵀ R_p J_p) η'' = Q_s − Σ J_pᵀ [p_p + R_p (J_p' η' − g e_z)] − Σ (torques of first joints)
 
 with a block for each carrier, which elimination solves; then one pass goes down each chain.  Q_s has the carriers'
-springs and dampers, their weights, and the terms of M_s'(η).  Where a carrier has a spring this carries the weight at the
-drawn rest: its potential is ½ k η² + W η with W = g Σ m ∂z/∂η there.  The torque of a first joint on a carrier that
+springs and dampers, their weights, and the terms of M_s'(η).  Where a carrier has a spring this carries the weight at
+the drawn rest: its potential is ½ k η² + W η with W = g Σ m ∂z/∂η there.  The torque of a first joint on a carrier that
 turns acts on the angle of the link relative to it, and reversed on the carrier.
 
 Every line is plain arithmetic: it accepts floats, arrays with further axes, complex numbers and recorded symbols.
@@ -170,7 +170,7 @@ class Carriers:
 
     @cached_property
     def weights(self) -> list[Any]:
-        """The weights' generalized forces W (first,) at the drawn rest, where springs of carriers carry them; else 0."""
+        """The weights' generalized forces W (first,) at the drawn rest where carriers' springs carry them, else 0."""
         structure, gravity = self.structure, self.system.gravity
         found: list[Any] = [0.0] * structure.size
         none = [0.0] * structure.size
@@ -390,15 +390,14 @@ class CarriersAt(Bearing):
     def _add(self, one: Bundle, moving: Moving, block: Any, force: Any, pulled: Sequence[Any]) -> None:
         """The inertia and the force of a bundle, and forces on its first joints."""
         own, first = self.blocks[one.carrier], self.structure.offsets[one.carrier]
-        self.blocks[one.carrier] = [[a + b for a, b in zip(*rows, strict=True)] for rows in zip(own, block, strict=True)]
+        self.blocks[one.carrier] = [
+            [a + b for a, b in zip(*rows, strict=True)] for rows in zip(own, block, strict=True)
+        ]
         for k, (x, z) in enumerate(moving.slopes):
             self.right[first + k] = self.right[first + k] - force[k]
             for each in pulled:
                 fx, fz = each[0][one.columns], each[1][one.columns]
-                if one.together:
-                    pushed = x * fx.sum(0) + z * fz.sum(0)
-                else:
-                    pushed = (x * fx + z * fz).sum(0)
+                pushed = x * fx.sum(0) + z * fz.sum(0) if one.together else (x * fx + z * fz).sum(0)
                 self.right[first + k] = self.right[first + k] + pushed
 
     def _react(self, one: Bundle, reaction: Any, external: External | None) -> None:
