@@ -207,7 +207,7 @@ class Inputs:
         if not acting:
             return NOTHING
         if self.system.structure is not None:
-            return AppliedForces(0.0, _filled(acting[first:]), acting[:first])
+            return AppliedForces(0.0, _filled(acting[first:]), _filled(acting[:first]))
         return AppliedForces(acting[0] if first else 0.0, _filled(acting[first:]))
 
     def _lengths(self, laws: Sequence[tuple[Any, Any, Any]]) -> Lengths:

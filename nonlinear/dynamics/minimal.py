@@ -375,7 +375,8 @@ class Recursed:
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
         """θ'' (n, P, ...) under accelerations (m/s²) of first joints along the rail and down, less gravity."""
-        return np.array(downward(self.body.links, self.turns, *accelerations, self.bias))
+        ax, az = accelerations
+        return np.array(downward(self.body.links, self.turns, ax, az, self.bias))
 
 
 def _itself(value: Any) -> Any:

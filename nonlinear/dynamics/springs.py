@@ -129,19 +129,20 @@ class Springs:
     @cached_property
     def nodes(self) -> tuple[Nodes, Ints]:
         """The points, and the two of every spring (2, E), −1 for the ground; those between angles have none."""
-        ends = [
-            (k, side, end) for k, spring in enumerate(self.structure.springs) for side, end in enumerate(spring.ends)
-        ]
-        ends = [each for each in ends if not self.structure.springs[each[0]].torsion]
-        links = [each for each in ends if isinstance(each[2], LinkEnd)]
-        carriers = [each for each in ends if isinstance(each[2], CarrierEnd)]
+        links: list[tuple[int, int, LinkEnd]] = []
+        carriers: list[tuple[int, int, CarrierEnd]] = []
+        for k in np.concatenate(self.kinds[:2]).tolist():
+            for side, end in enumerate(self.structure.springs[k].ends):
+                if isinstance(end, LinkEnd):
+                    links.append((side, k, end))
+                elif isinstance(end, CarrierEnd):
+                    carriers.append((side, k, end))
         pairs = np.full((2, len(self.structure.springs)), GROUND)
-        for number, (k, side, _) in enumerate([*links, *carriers]):
+        for number, (side, k, _) in enumerate([*links, *carriers]):
             pairs[side, k] = number
-        link = np.array([end.link for _, _, end in links], dtype=np.int64)
-        return Nodes(
-            link, filled([self.below(end) for _, _, end in links]), tuple(end for _, _, end in carriers)
-        ), pairs
+        link = np.array([end.link for *_, end in links], dtype=np.int64)
+        below = filled([self.below(end) for *_, end in links])
+        return Nodes(link, below, tuple(end for *_, end in carriers)), pairs
 
     def below(self, end: LinkEnd) -> Any:
         """The distance (m) of an end from the upper joint of its link."""

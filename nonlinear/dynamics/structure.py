@@ -331,7 +331,7 @@ class CarriersAt(Bearing):
         for one in self.carriers.bundles[group]:
             where = self.carriers.where(one, self.eta)
             places.append(displacement(structure.carriers[one.carrier], where, structure.own(one.carrier, self.eta)))
-        return tuple(self._joined(group, [each[k] for each in places]) for k in (0, 1)), self._velocities(group)  # type: ignore[return-value]
+        return tuple(self._joined(group, [each[k] for each in places]) for k in (0, 1)), self._velocities(group)
 
     def point(self, end: CarrierEnd) -> tuple[Vector, Moving, Vector]:
         """The displacement of a point of a carrier, how it moves, and its velocity."""
@@ -355,7 +355,7 @@ class CarriersAt(Bearing):
             moving.velocity(self.structure.own(one.carrier, self.rates))
             for one, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True)
         ]
-        return tuple(self._joined(group, [each[k] for each in own]) for k in (0, 1))  # type: ignore[return-value]
+        return tuple(self._joined(group, [each[k] for each in own]) for k in (0, 1))
 
     def _joined(self, group: int, values: Sequence[Any]) -> Any:
         """Values of the bundles of a group, (P, ...)."""

@@ -284,8 +284,8 @@ def structure_with(structure: Structure, numbers: Sequence[Any]) -> Structure:
     springs = []
     for spring in structure.springs:
         stiffness, damping = take(2)
-        ends = tuple(_end_with(end, take(len(_of_end(end)))) for end in spring.ends)
-        springs.append(spring._replace(stiffness=stiffness, damping=damping, ends=ends))
+        first, second = (_end_with(end, take(len(_of_end(end)))) for end in spring.ends)
+        springs.append(spring._replace(stiffness=stiffness, damping=damping, ends=(first, second)))
     return Structure(tuple(carriers), tuple(pivots[id(own)] for own in structure.pivots), tuple(springs))
 
 
@@ -315,12 +315,13 @@ def _end_with(end: End, numbers: tuple[Any, ...]) -> End:
         return end
     if isinstance(end, LinkEnd):
         return end._replace(below=numbers[0])
-    return end._replace(where=numbers) if isinstance(end, CarrierEnd) else GroundEnd(numbers)  # type: ignore[arg-type]
+    return end._replace(where=numbers) if isinstance(end, CarrierEnd) else GroundEnd(numbers)
 
 
 def _dampers(structure: Structure) -> list[int]:
     """Which of its numbers are those of dampers."""
-    found, at = [], 0
+    found: list[int] = []
+    at = 0
     for carrier in structure.carriers:
         at += 7 + len(carrier.stiffness)
         found += range(at, at + len(carrier.damping))
