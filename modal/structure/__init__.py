@@ -9,7 +9,7 @@ Start with `carriers`; equations of motion and matrices are made elsewhere from 
 
 from modal.structure.carriers import CarrierNumbers, Moving, carrier_numbers
 from modal.structure.rest import Phi, Row, bends, is_damped, phi, slopes, tied, turning
-from modal.structure.scaling import scaled
+from modal.structure.scaling import coordinate_units, scaled
 from modal.structure.structure import (
     CarrierEnd,
     End,
@@ -37,6 +37,7 @@ __all__ = [
     "Where",
     "bends",
     "carrier_numbers",
+    "coordinate_units",
     "is_damped",
     "phi",
     "scaled",
