@@ -127,5 +127,25 @@ def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArra
     return ", ".join(f"{structure.carriers[owner].name} {_listed(verbs)}" for owner, verbs in told.items())
 
 
+def following(
+    angles: tuple[NDArray[np.inexact], ...],
+    shares: tuple[NDArray[np.float64], ...],
+    pivots: list[NDArray[np.inexact]],
+    at: int,
+) -> str:
+    """Whether all pendula with a fair share of the energy swing with their pivots (P,) or against; "" for neither."""
+    if not pivots:
+        return ""
+    energy = energies(shares, at)
+    top = np.concatenate([angle[0, :, at] for angle in angles])
+    signs = np.sign((top * np.conj(np.concatenate(pivots))).real)[energy >= NEGLIGIBLE * energy.max()]
+    if not (signs > 0).all() and not (signs < 0).all():
+        return ""
+    many = len(top) > 1
+    return (
+        ("pendula follow" if many else "pendulum follows") if signs[0] > 0 else f"pendul{'a' if many else 'um'} opposed"
+    )
+
+
 def _listed(words: list[str]) -> str:
     return " and ".join((", ".join(words[:-1]), words[-1])) if len(words) > 1 else words[0]

@@ -21,6 +21,7 @@ from modal.modes.labels import (
     STRUCTURE_STILL,
     agreement,
     family,
+    following,
     motion_words,
     moving_words,
 )
@@ -181,7 +182,9 @@ def _on_structure(modes: Eigenvalues, number: int, head: _Piece, ratio: float) -
     elif any(angle[:, :, at].any() for angle in details.angles):
         several = sum(count for _, _, count in modes.rig.members) > 1
         names = list(modes.rig.names.values())
-        told = agreement(details.angles, details.shares, at, names, several=several, still=not words)
+        told = agreement(details.angles, details.shares, at, names, several=several, still=True)
+        pivots = [rows @ eta for rows in source.reduced.carried.pivots] if words else []  # type: ignore[attr-defined]
+        told = following(details.angles, details.shares, pivots, at) or told
         motion = motion_words(details.angles, details.shares, at, told)
     where = words or (STRUCTURE_STILL if structure.size else FIXED)
     return family(where=where, folds=folds, motion=motion, ratio=ratio)
