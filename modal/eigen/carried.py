@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly import ARRAYS, Block, Hanging, Rig, add_modal
+from modal.assembly import ARRAYS, Block, Hanging, Rig, add_modal, null_space
 from modal.eigen.product import Factor
 from modal.eigen.recursion import at_infinity
 from modal.eigen.sturm import chains_of
@@ -26,7 +26,7 @@ from modal.types import Floats, Ints
 ROUNDED = 2.0**-52
 """Singular values below this, times the number of rows and columns, of the largest one are 0."""
 CANCELLED = 2.0**-48
-"""Entries of a row that is eliminated below this fraction of their terms are 0."""
+"""A push along the rail below this fraction of its terms is 0."""
 
 
 class Share(NamedTuple):
@@ -513,25 +513,3 @@ def square_root(S: Floats) -> tuple[Floats, Floats]:
         kept = np.abs(values) > 4 * len(S) * ROUNDED * np.abs(values).max(initial=0.0)
         rows = np.sqrt(np.abs(values[kept]))[:, None] * vectors.T[kept] / scale
         return rows, np.sign(values[kept])
-
-
-def null_space(rows: Floats) -> Floats:
-    """Vectors (d, f) that all rows (E, d) leave unstretched, by elimination: entries that cancel to rounding are 0."""
-    A, terms, pivots = rows.copy(), np.abs(rows), dict[int, int]()
-    for i in range(len(A)):
-        if not A[i].any():
-            continue
-        c = int(np.abs(A[i]).argmax())
-        pivots[c] = i
-        A[i], terms[i] = A[i] / A[i, c], terms[i] / abs(A[i, c])
-        factor = A[:, c].copy()
-        factor[i] = 0.0
-        terms = terms + np.abs(factor)[:, None] * terms[i]
-        A = A - factor[:, None] * A[i]
-        A[np.abs(A) <= CANCELLED * terms] = 0.0
-    loose = [c for c in range(rows.shape[1]) if c not in pivots]
-    basis = np.zeros((rows.shape[1], len(loose)))
-    basis[loose, range(len(loose))] = 1.0
-    for c, i in pivots.items():
-        basis[c] = -A[i, loose]
-    return basis
