@@ -19,8 +19,10 @@ from modal.structure.structure import (
     SpringNumbers,
     Structure,
     Where,
+    carrier_end,
     structure_of,
 )
+from modal.structure.weights import Weight, carried, hung_masses, unbalanced, weights
 
 __all__ = [
     "CarrierEnd",
@@ -34,10 +36,14 @@ __all__ = [
     "Row",
     "SpringNumbers",
     "Structure",
+    "Weight",
     "Where",
     "bends",
+    "carried",
+    "carrier_end",
     "carrier_numbers",
     "coordinate_units",
+    "hung_masses",
     "is_damped",
     "phi",
     "scaled",
@@ -45,4 +51,6 @@ __all__ = [
     "structure_of",
     "tied",
     "turning",
+    "unbalanced",
+    "weights",
 ]
