@@ -202,7 +202,9 @@ def _told(one: Capability) -> Capability:
 CAPABILITIES: dict[str, Capability] = {
     one.name: _told(one)
     for one in (
-        Capability("the table of modes", LINEAR, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
+        Capability(
+            "the table of modes", LINEAR | {"structure", "springs"}, leaves=OMITTED, unless=LEANING, beside=UNLOADED
+        ),
         Capability(
             "the explanation of the coupling",
             LINEAR - {"inverted"},
