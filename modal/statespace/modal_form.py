@@ -128,8 +128,8 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
         raise ComputationError("drag couples the modes with the cart's velocity: prescribe that, not its acceleration")
     found = held(modes) if given & DRIVES.keys() else modes
     driven = bool(given & {*DRIVES, *SUPPORT} - {"support_displacement"})
-    n, on_cart = len(model.A), int(found.on_cart)
-    size = found.scene.n_links + on_cart
+    n = len(model.A)
+    size = found.scene.n_links + found.rig.leading
     if n - 2 * size not in ((1, 2) if driven else (0,)):
         raise ValueError(f"the model has {n} states: it does not belong to this scene, which has {size} coordinates")
     blocks = [*(_cart(model, n - 2 * size, size) if driven else ()), *_own(found, n, size, first=int(driven))]
@@ -147,7 +147,7 @@ def plot_model(model: StateSpace, **options: Any) -> Any:
 
 def held(modes: Modes) -> Modes:
     """The modes with a fixed support: those excited by a prescribed motion of the cart."""
-    return natural_modes(fixed(modes.scene)) if modes.on_cart else modes
+    return natural_modes(fixed(modes.scene)) if modes.rig.leading else modes
 
 
 def _cart(model: StateSpace, states: int, size: int) -> Iterator[Block]:

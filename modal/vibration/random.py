@@ -184,7 +184,7 @@ def exact_terms(form: ModalForm) -> Iterator[Term]:
     modes, geometry, name = form.modes, geometry_of(form.modes.scene), form.model.inputs[0].name
     shaken = int(name == INPUT)
     if shaken:
-        p = modes.matrices.M[:, 0] if modes.on_cart else geometry.centres.T @ geometry.mass
+        p = modes.matrices.M[:, 0] if modes.on_cart else geometry.momentum
     else:
         p = push_of(modes.scene, geometry, name).F[:, 0]
     for block, term in zip(form.blocks, terms(form), strict=True):

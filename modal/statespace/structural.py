@@ -1,0 +1,238 @@
+"""Frequency responses of scenes on structures, by elimination of the whole, in any arithmetic.
+
+    (K + iωD − ω²M) q = F,      y = (Y0 + iω Y1 − ω² Y2) q + thrust
+
+over q = (η, θ_1, …): for a force F of each input, ω²p for the ground displaced by 1 m, p being the momentum of everything
+at unit velocity along the rail, and −(K + iωD − ω²M)_x for a prescribed cart x, whose row is left out.  The elements of
+the structure (`modal.assembly.structure`) and the matrices of chains are assembled from the numbers of the scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modal import pair
+from modal.assembly import Hanging, Rig
+from modal.eigen import Arithmetic
+from modal.scene import Scene
+from modal.statespace.points import is_point, point_input, pushed
+from modal.statespace.signals import PUSHES, READINGS, SUPPORT, Geometry, OutputGroup, Signal
+from modal.types import Floats
+
+MOVES = {name: order for order, name in enumerate(SUPPORT)} | {"cart_velocity": 1, "cart_acceleration": 2}
+"""How often the displacement that moves a support or the cart is differentiated in each input."""
+
+
+class Given(NamedTuple):
+    """An input: its generalized force (q,) and that on every pendulum, or what it moves, and its order."""
+
+    F: Floats
+    thrust: Floats
+    moves: str = ""
+    order: int = 0
+
+
+class Reading(NamedTuple):
+    """An output: rows (q,) that multiply q, q' and q'', the lowest being of `order`; `moved` is added by the ground."""
+
+    rows: tuple[Floats | None, ...]
+    order: int
+    moved: tuple[float, int]
+    pendulum: int | None
+
+
+def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal]) -> list[Given]:
+    """What these inputs are; KeyError for an unknown name."""
+    none = np.zeros(geometry.size), np.zeros(len(geometry.tips))
+    every: dict[str, Given] = {}
+    for group in (make(geometry) for name, make in PUSHES.items() if name != "cart_force"):
+        for k, signal in enumerate(group.signals):
+            every[signal.name] = Given(group.F[:, k], group.thrust[:, k])
+    for name, order in MOVES.items():
+        every[name] = Given(*none, "ground" if name in SUPPORT else "cart", order)
+    found = []
+    for signal in signals:
+        if is_point(signal.name):
+            own = pushed(geometry, point_input(scene, signal.name))
+            found.append(Given(own.F[:, 0], own.thrust[:, 0]))
+        else:
+            found.append(every[signal.name])
+    return found
+
+
+def outputs_named(geometry: Geometry, signals: Sequence[Signal]) -> list[Reading]:
+    """What these outputs are; KeyError for an unknown name."""
+    left_out = () if geometry.on_cart else ("cart_position", "cart_velocity")
+    every: dict[str, Reading] = {}
+    for group in (make(geometry) for name, make in READINGS.items() if name not in left_out):
+        for k, signal in enumerate(group.signals):
+            every[signal.name] = _reading(group, k)
+    return [every[signal.name] for signal in signals]
+
+
+def _reading(group: OutputGroup, k: int) -> Reading:
+    parts = (group.position, group.rate, group.acceleration)
+    rows = tuple(None if part is None or not part[k].any() else part[k] for part in parts)
+    translation = 0.0 if group.translation is None else float(group.translation[k])
+    lowest = next((order for order, row in enumerate(rows) if row is not None), 0)
+    return Reading(rows, 0 if group.pushed else lowest, (translation, group.order), k if group.pushed else None)
+
+
+def structural_response(
+    geometry: Geometry, rig: Rig, given: Sequence[Given], read: Sequence[Reading], dampers: Any = None
+) -> Callable[[Arithmetic], Any]:
+    """The evaluation (p, m, W) of outputs for inputs, each divided by the power of iω that its order is.
+
+    `dampers` are those of modes (n, n), in decimals.
+    """
+    held = int(any(one.moves == "cart" for one in given))
+    is_damped = rig.is_damped or dampers is not None
+
+    def evaluate(numbers: Arithmetic) -> Any:
+        M, K, D = matrices_in(rig, numbers)
+        omega, felt = numbers.omega, numbers.felt
+        square = omega * omega
+        if dampers is not None:
+            D = D + numbers.exact(dampers)[..., None]
+        A = felt(K + numbers.imaginary(D) * omega - square * M if is_damped else K - square * M)
+        zero, none = 0 * omega, 0 * A[:, :1]
+        momentum = numbers.number(geometry.momentum)[:, None]
+        columns = [
+            square * momentum if one.moves == "ground"
+            else -A[:, 0] if one.moves == "cart"
+            else numbers.number(one.F)[:, None]
+            for one in given
+        ]  # fmt: skip
+        F = np.stack([column + none[:, 0] for column in columns], axis=1)
+        q = np.array(F)
+        q[held:] = solved(A[held:, held:], F[held:], numbers)
+        if held:
+            q[0] = np.array([zero + int(one.moves == "cart") for one in given])
+        carried = np.array([zero + int(one.moves == "ground") for one in given])
+        powers = [1, numbers.imaginary(omega) if is_damped else None, -square]
+        found = []
+        for row in read:
+            own = 0 * q[0]
+            for order, part in enumerate(row.rows):
+                if part is not None:
+                    moved = (numbers.number(part)[:, None, None] * q).sum(0)
+                    own = own + powers[order - row.order] * moved
+            translation, order = row.moved
+            if translation:
+                own = own + powers[order - row.order] * numbers.number(translation) * carried
+            if row.pendulum is not None:
+                own = own + numbers.number(np.array([one.thrust[row.pendulum] for one in given]))[:, None]
+            found.append(felt(own))
+        return np.array(found)
+
+    return evaluate
+
+
+def matrices_in(rig: Rig, numbers: Arithmetic) -> tuple[Any, Any, Any]:
+    """M, K and D (n, n, 1) of a scene on a structure, without the dampers of modes."""
+    hanging = Hanging(rig)
+    structure, number = hanging.structure, numbers.number
+    d, first = structure.size, hanging.first.tolist()
+    zero = number(np.zeros((d + first[-1],) * 2 + (1,)))
+    M, K, D = zero + 0, zero + 0, zero + 0
+    gravity, phi = number(rig.gravity), [number(part) for part in hanging.phi]
+
+    def add(S: Any, row: dict[int, float], size: Any) -> None:
+        at, entries = list(row), number(list(row.values()))
+        S[np.ix_(at, at)] = S[np.ix_(at, at)] + (size * entries[:, None] * entries)[..., None]
+
+    for element in hanging.elements.inertia:
+        add(M, dict(zip(element.at, element.row, strict=True)), number(element.size))
+    for spring in hanging.spring_rows:
+        add(K, spring.row, number(spring.stiffness))
+        add(D, spring.row, number(spring.damping))
+    for own, start in zip(structure.carriers, structure.offsets, strict=False):
+        at = slice(start, start + own.size)
+        if own.M is not None:
+            for S, part in ((M, own.M), (K, own.K), (D, own.D)):
+                S[at, at, 0] = S[at, at, 0] + number(part)
+            continue
+        for k in range(own.size):
+            add(K, {start + k: 1.0}, number(float(own.stiffness[k])))
+            add(D, {start + k: 1.0}, number(float(own.damping[k])))
+    for place, mass, bend in hanging.bends:
+        add(K, {place: 1.0}, gravity * number(mass) * number(bend))
+    chains: dict[tuple[int, int], _Chain] = {}
+    for p, (block, column) in enumerate(hanging.kinds.tolist()):
+        if (block, column) not in chains:
+            chains[block, column] = _chain(rig, block, column, numbers)
+        chain = chains[block, column]
+        own = slice(d + first[p], d + first[p + 1])
+        along, down, turning = (part[p][:, None] for part in phi)
+        for S, part in ((M, chain.M), (K, chain.K), (D, chain.D)):
+            S[own, own, 0] = S[own, own, 0] + part
+        if not d:
+            continue
+        M[:d, own, 0] = M[:d, own, 0] + along * chain.b
+        M[:d, :d, 0] = M[:d, :d, 0] + chain.mass * (along * along.T + down * down.T)
+        for S, strength in ((K, chain.stiffness), (D, chain.damping)):
+            S[:d, own.start, 0] = S[:d, own.start, 0] - strength * turning[:, 0]
+            S[:d, :d, 0] = S[:d, :d, 0] + strength * (turning * turning.T)
+        D[:d, own, 0] = D[:d, own, 0] + along * chain.dragged
+        D[:d, :d, 0] = D[:d, :d, 0] + chain.drag * (along * along.T + down * down.T)
+    for S in (M, K, D):
+        S[d:, :d] = S[:d, d:].swapaxes(0, 1)
+    return M, K, D
+
+
+class _Chain(NamedTuple):
+    """A chain on a support at rest: matrices (n, n), b and the sum of rows of dragged centres (n,), and single numbers."""
+
+    M: Any
+    K: Any
+    D: Any
+    b: Any
+    mass: Any
+    stiffness: Any
+    damping: Any
+    dragged: Any
+    drag: Any
+
+
+def _chain(rig: Rig, block: int, column: int, numbers: Arithmetic) -> _Chain:
+    own = rig.blocks[block]
+    names = ("mass", "length", "centre", "inertia", "across", "stiffness", "damping", "drag")
+    m, l, c, inertia, way, k, e, drag = (numbers.number(getattr(own, name)[:, column]) for name in names)
+    n = len(m)
+    M = np.array(pair.inertia_matrix(m, l, c, inertia)) * (way[:, None] * way)
+    b = np.array(pair.first_moments(m, l, c)) * way
+    zero = 0 * M
+    K, D = zero + 0, zero + 0
+    for i in range(n):
+        K[i, i] = K[i, i] + numbers.number(rig.gravity) * b[i]
+        for S, strength in ((K, k[i]), (D, e[i])):
+            S[i, i] = S[i, i] + strength
+            if i:
+                S[i - 1, i - 1] = S[i - 1, i - 1] + strength
+                S[i, i - 1], S[i - 1, i] = S[i, i - 1] - strength, S[i - 1, i] - strength
+    rows = zero + 0
+    for i in range(n):
+        rows[i, :i], rows[i, i] = (way * l)[:i], way[i] * c[i]
+    if own.drag[:, column].any():
+        D = D + (rows[:, :, None] * (drag[:, None] * rows)[:, None]).sum(0)
+    return _Chain(M, K, D, b, m.sum(), k[0], e[0], (drag[:, None] * rows).sum(0), drag.sum())
+
+
+def solved(A: Any, F: Any, numbers: Arithmetic) -> Any:
+    """A⁻¹ F (n, m, W) of a symmetric A (n, n, W), the last row first."""
+    A, F, size = np.array(A), np.array(F), len(A)
+    rows, diagonal = [], [A[k, k] for k in range(size)]
+    for k in range(size - 1, -1, -1):
+        P = numbers.pivot(A[k, k], diagonal[k])
+        row = numbers.felt(A[k, :k] / P)
+        A[:k, :k] = numbers.felt(A[:k, :k] - A[:k, k][:, None] * row)
+        F[:k] = numbers.felt(F[:k] - row[:, None] * F[k])
+        F[k] = numbers.felt(F[k] / P)
+        rows.append(row)
+    for k, row in enumerate(rows[::-1]):
+        if k:
+            F[k] = numbers.felt(F[k] - (row[:, None] * F[:k]).sum(0))
+    return F
