@@ -26,7 +26,7 @@ from modal.assembly.linearization import Matrices, coordinate_labels, matrices, 
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.single import Single, single
 from modal.assembly.stacks import Group, Stack, can_stack, keep_form, stacked, varied
-from modal.assembly.structure import Element, Elements, Hanging, SpringRow, on_structure
+from modal.assembly.structure import Element, Elements, Hanging, SpringRow, on_structure, own_inertia
 
 __all__ = [
     "ARRAYS",
@@ -70,6 +70,7 @@ __all__ = [
     "modal_dampers",
     "modal_factor",
     "on_structure",
+    "own_inertia",
     "quadratic_drags",
     "ratio_at",
     "rig_of",

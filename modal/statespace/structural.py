@@ -15,11 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal import pair
-from modal.assembly import Hanging, Rig
+from modal.assembly import Hanging, Rig, own_inertia
 from modal.eigen import Arithmetic
 from modal.scene import Scene
 from modal.statespace.points import is_point, point_input, pushed
 from modal.statespace.signals import PUSHES, READINGS, SUPPORT, Geometry, OutputGroup, Signal
+from modal.structure import bends
 from modal.types import Floats
 
 MOVES = {name: order for order, name in enumerate(SUPPORT)} | {"cart_velocity": 1, "cart_acceleration": 2}
@@ -144,13 +145,13 @@ def matrices_in(rig: Rig, numbers: Arithmetic) -> tuple[Any, Any, Any]:
         at, entries = list(row), number(list(row.values()))
         S[np.ix_(at, at)] = S[np.ix_(at, at)] + (size * entries[:, None] * entries)[..., None]
 
-    for element in hanging.elements.inertia:
-        add(M, dict(zip(element.at, element.row, strict=True)), number(element.size))
     for spring in hanging.spring_rows:
         add(K, spring.row, number(spring.stiffness))
         add(D, spring.row, number(spring.damping))
-    for own, start in zip(structure.carriers, structure.offsets, strict=False):
+    for carrier, (own, start) in enumerate(zip(structure.carriers, structure.offsets, strict=False)):
         at = slice(start, start + own.size)
+        for element in own_inertia(structure, carrier):
+            add(M, dict(zip(element.at, element.row, strict=True)), number(element.size))
         if own.M is not None:
             for S, part in ((M, own.M), (K, own.K), (D, own.D)):
                 S[at, at, 0] = S[at, at, 0] + number(part)
@@ -158,8 +159,8 @@ def matrices_in(rig: Rig, numbers: Arithmetic) -> tuple[Any, Any, Any]:
         for k in range(own.size):
             add(K, {start + k: 1.0}, number(float(own.stiffness[k])))
             add(D, {start + k: 1.0}, number(float(own.damping[k])))
-    for place, mass, bend in hanging.bends:
-        add(K, {place: 1.0}, gravity * number(mass) * number(bend))
+        for k, bend in bends(own, own.centre):
+            add(K, {start + k: 1.0}, gravity * number(float(own.mass)) * number(bend))
     chains: dict[tuple[int, int], _Chain] = {}
     for p, (block, column) in enumerate(hanging.kinds.tolist()):
         if (block, column) not in chains:
@@ -171,6 +172,9 @@ def matrices_in(rig: Rig, numbers: Arithmetic) -> tuple[Any, Any, Any]:
             S[own, own, 0] = S[own, own, 0] + part
         if not d:
             continue
+        pivot = structure.pivots[p]
+        for k, bend in bends(structure.carriers[pivot.carrier], pivot.where):
+            add(K, {structure.offsets[pivot.carrier] + k: 1.0}, gravity * chain.mass * number(bend))
         M[:d, own, 0] = M[:d, own, 0] + along * chain.b
         M[:d, :d, 0] = M[:d, :d, 0] + chain.mass * (along * along.T + down * down.T)
         for S, strength in ((K, chain.stiffness), (D, chain.damping)):
