@@ -224,7 +224,9 @@ def fixed(scene: Scene) -> Scene:
     forces = tuple(force for force, point in kept if point is not None and not isinstance(point, CarrierPoint))
     position = getattr(cart, "position", (0.0, 0.0))
     held = scene.replace(support=Fixed(name=getattr(cart, "name", ""), position=position), spring=(), force=forces)
-    springs = [spring.replace(between=tuple(_held_end(text, position) for text in spring.between)) for spring in scene.spring]
+    springs = [
+        spring.replace(between=tuple(_held_end(text, position) for text in spring.between)) for spring in scene.spring
+    ]
     return held.replace(spring=tuple(one for one in springs if any("pendulum" in text for text in one.between)))
 
 
@@ -398,12 +400,9 @@ def _support_displaced(found: Matrices, geometry: Geometry, F: Floats) -> _Motio
 def _smooth(geometry: Geometry) -> list[Signal]:
     """Rates that do not jump with the support."""
     return [
-        Signal(_freed(s.name), s.unit, s.meaning + ", less what a jump of the support adds") for s in _rates(geometry)
+        Signal(s.name.replace("_dot", "_dot_free"), s.unit, s.meaning + ", less what a jump of the support adds")
+        for s in _rates(geometry)
     ]
-
-
-def _freed(rate: str) -> str:
-    return rate.replace("_dot", "_dot_free") if "_dot" in rate else f"{rate}_free"
 
 
 MOTIONS: dict[str | None, Callable[[Matrices, Geometry, Floats], _Motion]] = {

@@ -93,26 +93,34 @@ class Geometry:
 
 
 class Coordinate(NamedTuple):
-    """A coordinate of a structure: its `name` (`lower_m`), the name of a force or torque on it, what it is, its unit.
+    """A coordinate of a structure: its `name` (`lower_m`), its unit, what it is.
 
     `along` is how far the origin of its carrier moves along the rail with it.
     """
 
     name: str
-    force: str
-    meaning: str
     unit: str
+    meaning: str
     along: float
 
     @property
-    def rate(self) -> str:
-        """The name of its rate."""
-        return "x_dot" if self.name == "x" else f"{self.name}_per_s"
+    def force(self) -> str:
+        """The name of the force or torque on it."""
+        if self.name == "x":
+            return "cart_force"
+        return f"{self.name.removesuffix(f'_{self.unit}')}_{'torque' if self.unit == 'rad' else 'force'}"
 
     @property
     def force_unit(self) -> str:
         """N or N m; none of a coordinate of a modal support."""
         return {"m": "N", "rad": "N m"}.get(self.unit, "")
+
+    def derivative(self, order: int) -> str:
+        """The name of its rate or its second derivative, as `lower_dot_m_per_s`."""
+        dots, unit = "_dot" if order == 1 else "_ddot", f"_{self.unit}_per_s{'' if order == 1 else order}"
+        if self.name == "x":
+            return self.name + dots
+        return self.name.removesuffix(f"_{self.unit}") + dots + unit * bool(self.unit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +175,7 @@ WORDS = {
 def coordinates_of(structure: Structure) -> tuple[Coordinate, ...]:
     """The coordinates of a structure in their order."""
     if structure.names == ("x",):
-        return (Coordinate("x", "cart_force", "position of the cart", "m", 1.0),)
+        return (Coordinate("x", "m", "position of the cart", 1.0),)
     found = []
     for number, own in enumerate(structure.carriers):
         still = (0.0,) * own.size
@@ -175,10 +183,9 @@ def coordinates_of(structure: Structure) -> tuple[Coordinate, ...]:
         for k, suffix in enumerate(own.suffixes):
             name = structure.names[structure.offsets[number] + k]
             unit = "" if own.M is not None else suffix.rpartition("_")[2]
-            kind = "torque" if unit == "rad" else "force"
             what = f"{WORDS.get(suffix) or WORDS[own.kind]} {own.name}"
             along = 0.0 if own.M is not None or unit == "rad" else float(origin[k][0])
-            found.append(Coordinate(name, f"{name.removesuffix(f'_{unit}')}_{kind}", what, unit, along))
+            found.append(Coordinate(name, unit, what, along))
     return tuple(found)
 
 
@@ -411,7 +418,7 @@ def _coordinates(geometry: Geometry) -> OutputGroup:
 
 def _coordinate_rates(geometry: Geometry) -> OutputGroup:
     found = coordinates_in(geometry)
-    signals = [Signal(one.rate, f"{one.unit or '1'}/s", f"rate of the {one.meaning}") for one in found]
+    signals = [Signal(one.derivative(1), f"{one.unit or '1'}/s", f"rate of the {one.meaning}") for one in found]
     return OutputGroup(signals, rate=np.eye(geometry.size)[: len(found)], translation=_in_laboratory(found))
 
 
@@ -423,8 +430,7 @@ def _in_laboratory(coordinates: Sequence[Coordinate]) -> Floats:
 def _coordinate_accelerations(geometry: Geometry) -> OutputGroup:
     found = coordinates_in(geometry)
     signals = [
-        Signal(f"{one.name}_per_s2", f"{one.unit or '1'}/s^2", f"second derivative of the {one.meaning}")
-        for one in found
+        Signal(one.derivative(2), f"{one.unit or '1'}/s^2", f"second derivative of the {one.meaning}") for one in found
     ]
     along = np.array([one.along for one in found])
     return OutputGroup(signals, acceleration=np.eye(geometry.size)[: len(found)], translation=along)
@@ -482,9 +488,11 @@ def reading_in(geometry: Geometry, name: str) -> OutputGroup:
         return READINGS[name](geometry)
     every = next(group for group in _named_readings(geometry) if name in {signal.name for signal in group.signals})
     at = [[signal.name for signal in every.signals].index(name)]
-    parts = (None if part is None else part[at] for part in (every.position, every.rate, every.acceleration))
-    moved = None if every.translation is None else every.translation[at]
-    return OutputGroup([every.signals[at[0]]], *parts, translation=moved)
+    position, rate, second, moved = (
+        None if part is None else part[at]
+        for part in (every.position, every.rate, every.acceleration, every.translation)
+    )
+    return OutputGroup([every.signals[at[0]]], position, rate, second, translation=moved)
 
 
 def _named_readings(geometry: Geometry) -> list[OutputGroup]:

@@ -148,19 +148,19 @@ def matrices_in(rig: Rig, numbers: Arithmetic) -> tuple[Any, Any, Any]:
     for spring in hanging.spring_rows:
         add(K, spring.row, number(spring.stiffness))
         add(D, spring.row, number(spring.damping))
-    for carrier, (own, start) in enumerate(zip(structure.carriers, structure.offsets, strict=False)):
-        at = slice(start, start + own.size)
+    for carrier, (numbers_of, start) in enumerate(zip(structure.carriers, structure.offsets, strict=False)):
+        at = slice(start, start + numbers_of.size)
         for element in own_inertia(structure, carrier):
             add(M, dict(zip(element.at, element.row, strict=True)), number(element.size))
-        if own.M is not None:
-            for S, part in ((M, own.M), (K, own.K), (D, own.D)):
+        if numbers_of.M is not None and numbers_of.K is not None and numbers_of.D is not None:
+            for S, part in ((M, numbers_of.M), (K, numbers_of.K), (D, numbers_of.D)):
                 S[at, at, 0] = S[at, at, 0] + number(part)
             continue
-        for k in range(own.size):
-            add(K, {start + k: 1.0}, number(float(own.stiffness[k])))
-            add(D, {start + k: 1.0}, number(float(own.damping[k])))
-        for k, bend in bends(own, own.centre):
-            add(K, {start + k: 1.0}, gravity * number(float(own.mass)) * number(bend))
+        for k in range(numbers_of.size):
+            add(K, {start + k: 1.0}, number(float(numbers_of.stiffness[k])))
+            add(D, {start + k: 1.0}, number(float(numbers_of.damping[k])))
+        for k, bend in bends(numbers_of, numbers_of.centre):
+            add(K, {start + k: 1.0}, gravity * number(float(numbers_of.mass)) * number(bend))
     chains: dict[tuple[int, int], _Chain] = {}
     for p, (block, column) in enumerate(hanging.kinds.tolist()):
         if (block, column) not in chains:
