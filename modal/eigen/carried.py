@@ -196,7 +196,9 @@ class Carried:
         first = [self._columns[block, column] for column in columns]
         if rank == len(columns):
             each = zip(columns, counts.tolist(), rows, first, strict=True)
-            return [Heavy(block, c, float(n), *np.split(row, 2), (Share(c, n, 1.0, p),)) for c, n, row, p in each], []
+            return [
+                Heavy(block, c, float(n), *np.split(row, 2), (Share(c, n, 1.0, p),)) for c, n, row, p in each
+            ], []
         heavies = []
         for combination in U.T[:rank]:
             amplitude = (combination / np.sqrt(counts)).tolist()

@@ -247,9 +247,7 @@ class OnStructure:
             terms = [(K, 0), (D, 1), (M, 2)]
             push = sum(part.rows.T @ (part.size[:, None] * (part.rows @ shape)) * value**p for part, p in terms)
             size = sum(
-                np.abs(part.rows.T)
-                @ (np.abs(part.size)[:, None] * (np.abs(part.rows) @ np.abs(shape)))
-                * np.abs(value) ** p
+                np.abs(part.rows.T) @ (np.abs(part.size)[:, None] * (np.abs(part.rows) @ np.abs(shape))) * np.abs(value) ** p
                 for part, p in terms
             )
             residual = (np.abs(push) / np.where(size > 0, size, 1.0)).max(0)
@@ -365,10 +363,7 @@ class Still:
         own, blocks = self.balanced, self.carried.rig.blocks
         alone = self.source.details(self.rows[rows // own.number])
         amplitude = own.vectors(rows % own.number) / np.sqrt(own.counts)
-        angles, shares = (
-            tuple(np.zeros((*b.mass.shape, len(rows)), part.dtype) for b in blocks)
-            for part in (alone.angles[0], alone.shares[0])
-        )
+        angles, shares = (tuple(np.zeros((*b.mass.shape, len(rows)), part.dtype) for b in blocks) for part in (alone.angles[0], alone.shares[0]))
         angles[own.block][:, own.columns] = alone.angles[0][:, 0][:, None] * amplitude.T
         shares[own.block][:, own.columns] = alone.shares[0][:, 0][:, None] * amplitude.T**2
         pushes = np.where(rows % own.number < own.pushes, amplitude @ own.counts, 0.0)

@@ -128,8 +128,8 @@ class Carried:
     """A structure over q: its d `coordinates`, and `momentum` (q,), that of its own masses at unit velocity along.
 
     `down` and `turning` (links, q) are the displacement downwards of every link's pivot and the angle of its carrier;
-    `springs` the rows of springs between points and angles; `first_links` (pendula + 1,) the first link of each pendulum
-    and the number of links.
+    `springs` the rows of springs between points and angles; `first_links` (pendula + 1,) the first link of each
+    pendulum and the number of links.
     """
 
     structure: Structure

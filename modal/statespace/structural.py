@@ -2,9 +2,10 @@
 
     (K + iωD − ω²M) q = F,      y = (Y0 + iω Y1 − ω² Y2) q + thrust
 
-over q = (η, θ_1, …): for a force F of each input, ω²p for the ground displaced by 1 m, p being the momentum of everything
-at unit velocity along the rail, and −(K + iωD − ω²M)_x for a prescribed cart x, whose row is left out.  The elements of
-the structure (`modal.assembly.structure`) and the matrices of chains are assembled from the numbers of the scene.
+over q = (η, θ_1, …): for a force F of each input, ω²p for the ground displaced by 1 m, p being the momentum of
+everything at unit velocity along the rail, and −(K + iωD − ω²M)_x for a prescribed cart x, whose row is left out.  The
+elements of the structure (`modal.assembly.structure`) and the matrices of chains are assembled from the numbers of the
+scene.
 """
 
 from __future__ import annotations
@@ -135,60 +136,71 @@ def structural_response(
 def matrices_in(rig: Rig, numbers: Arithmetic) -> tuple[Any, Any, Any]:
     """M, K and D (n, n, 1) of a scene on a structure, without the dampers of modes."""
     hanging = Hanging(rig)
-    structure, number = hanging.structure, numbers.number
-    d, first = structure.size, hanging.first.tolist()
-    zero = number(np.zeros((d + first[-1],) * 2 + (1,)))
+    d, first = hanging.structure.size, hanging.first.tolist()
+    zero = numbers.number(np.zeros((d + first[-1],) * 2))
     M, K, D = zero + 0, zero + 0, zero + 0
-    gravity, phi = number(rig.gravity), [number(part) for part in hanging.phi]
-
-    def add(S: Any, row: dict[int, float], size: Any) -> None:
-        at, entries = list(row), number(list(row.values()))
-        S[np.ix_(at, at)] = S[np.ix_(at, at)] + (size * entries[:, None] * entries)[..., None]
-
+    _add_carriers(hanging, numbers, M, K, D)
     for spring in hanging.spring_rows:
-        add(K, spring.row, number(spring.stiffness))
-        add(D, spring.row, number(spring.damping))
-    for carrier, (numbers_of, start) in enumerate(zip(structure.carriers, structure.offsets, strict=False)):
-        at = slice(start, start + numbers_of.size)
-        for element in own_inertia(structure, carrier):
-            add(M, dict(zip(element.at, element.row, strict=True)), number(element.size))
-        if numbers_of.M is not None and numbers_of.K is not None and numbers_of.D is not None:
-            for S, part in ((M, numbers_of.M), (K, numbers_of.K), (D, numbers_of.D)):
-                S[at, at, 0] = S[at, at, 0] + number(part)
-            continue
-        for k in range(numbers_of.size):
-            add(K, {start + k: 1.0}, number(float(numbers_of.stiffness[k])))
-            add(D, {start + k: 1.0}, number(float(numbers_of.damping[k])))
-        for k, bend in bends(numbers_of, numbers_of.centre):
-            add(K, {start + k: 1.0}, gravity * number(float(numbers_of.mass)) * number(bend))
-    chains: dict[tuple[int, int], _Chain] = {}
+        _add(K, spring.row, numbers.number(spring.stiffness), numbers)
+        _add(D, spring.row, numbers.number(spring.damping), numbers)
+    chains = {(block, column): _chain(rig, block, column, numbers) for block, column in rig.names}
     for p, (block, column) in enumerate(hanging.kinds.tolist()):
-        if (block, column) not in chains:
-            chains[block, column] = _chain(rig, block, column, numbers)
-        chain = chains[block, column]
-        own = slice(d + first[p], d + first[p + 1])
-        along, down, turning = (part[p][:, None] for part in phi)
+        chain, own = chains[block, column], slice(d + first[p], d + first[p + 1])
         for S, part in ((M, chain.M), (K, chain.K), (D, chain.D)):
-            S[own, own, 0] = S[own, own, 0] + part
-        if not d:
-            continue
-        pivot = structure.pivots[p]
-        for k, bend in bends(structure.carriers[pivot.carrier], pivot.where):
-            add(K, {structure.offsets[pivot.carrier] + k: 1.0}, gravity * chain.mass * number(bend))
-        M[:d, own, 0] = M[:d, own, 0] + along * chain.b
-        M[:d, :d, 0] = M[:d, :d, 0] + chain.mass * (along * along.T + down * down.T)
-        for S, strength in ((K, chain.stiffness), (D, chain.damping)):
-            S[:d, own.start, 0] = S[:d, own.start, 0] - strength * turning[:, 0]
-            S[:d, :d, 0] = S[:d, :d, 0] + strength * (turning * turning.T)
-        D[:d, own, 0] = D[:d, own, 0] + along * chain.dragged
-        D[:d, :d, 0] = D[:d, :d, 0] + chain.drag * (along * along.T + down * down.T)
+            S[own, own] = S[own, own] + part
+        if d:
+            _add_pivot(hanging, numbers, p, chain, own.start, M, K, D)
     for S in (M, K, D):
-        S[d:, :d] = S[:d, d:].swapaxes(0, 1)
-    return M, K, D
+        S[d:, :d] = S[:d, d:].T
+    return M[..., None], K[..., None], D[..., None]
+
+
+def _add(S: Any, row: dict[int, float], size: Any, numbers: Arithmetic) -> None:
+    """Add `size` times the square of a row to a matrix in place."""
+    at, entries = list(row), numbers.number(list(row.values()))
+    S[np.ix_(at, at)] = S[np.ix_(at, at)] + size * entries[:, None] * entries
+
+
+def _add_carriers(hanging: Hanging, numbers: Arithmetic, M: Any, K: Any, D: Any) -> None:
+    """Add the own inertia, springs, dampers and weights of all carriers."""
+    structure, number, gravity = hanging.structure, numbers.number, numbers.number(hanging.rig.gravity)
+    for carrier, (own, start) in enumerate(zip(structure.carriers, structure.offsets, strict=False)):
+        if own.M is not None:
+            at = slice(start, start + own.size)
+            for S, part in ((M, own.M), (K, own.K), (D, own.D)):
+                S[at, at] = S[at, at] + number(np.asarray(part))
+            continue
+        for element in own_inertia(structure, carrier):
+            _add(M, dict(zip(element.at, element.row, strict=True)), number(element.size), numbers)
+        for k in range(own.size):
+            _add(K, {start + k: 1.0}, number(float(own.stiffness[k])), numbers)
+            _add(D, {start + k: 1.0}, number(float(own.damping[k])), numbers)
+        for k, bend in bends(own, own.centre):
+            _add(K, {start + k: 1.0}, gravity * number(float(own.mass)) * number(bend), numbers)
+
+
+def _add_pivot(
+    hanging: Hanging, numbers: Arithmetic, p: int, chain: _Chain, first: int, M: Any, K: Any, D: Any
+) -> None:
+    """Add what a pendulum, whose angles begin at row `first`, does to the structure through its pivot."""
+    structure, gravity, d = hanging.structure, numbers.number(hanging.rig.gravity), hanging.structure.size
+    pivot, own = structure.pivots[p], slice(first, first + len(chain.b))
+    for k, bend in bends(structure.carriers[pivot.carrier], pivot.where):
+        held = gravity * chain.mass * numbers.number(bend)
+        _add(K, {structure.offsets[pivot.carrier] + k: 1.0}, held, numbers)
+    along, down, turning = (numbers.number(part[p])[:, None] for part in hanging.phi)
+    moved = along * along.T + down * down.T
+    M[:d, own] = M[:d, own] + along * chain.b
+    M[:d, :d] = M[:d, :d] + chain.mass * moved
+    for S, strength in ((K, chain.stiffness), (D, chain.damping)):
+        S[:d, first] = S[:d, first] - strength * turning[:, 0]
+        S[:d, :d] = S[:d, :d] + strength * (turning * turning.T)
+    D[:d, own] = D[:d, own] + along * chain.dragged
+    D[:d, :d] = D[:d, :d] + chain.drag * moved
 
 
 class _Chain(NamedTuple):
-    """A chain on a support at rest: matrices (n, n), b and the sum of rows of dragged centres (n,), and single numbers."""
+    """A chain on a support at rest: matrices (n, n), b and the sum of rows of dragged centres (n,), single numbers."""
 
     M: Any
     K: Any

@@ -68,13 +68,7 @@ class Oracle:
         x, z = support.position
         if isinstance(support, ModalSupport):
             point, eta = np.array(support.points[where]), q[at : at + len(support.M)]
-            return (
-                *(
-                    base + sum(s * e for s, e in zip(row, eta, strict=True))
-                    for base, row in zip((x, z), point, strict=True)
-                ),
-                0.0,
-            )
+            return (*(base + sum(s * e for s, e in zip(row, eta, strict=True)) for base, row in zip((x, z), point, strict=True)), 0.0)
         s, h, phi = *where, 0.0
         if isinstance(support, Cart):
             x = x + q[at]
@@ -194,19 +188,13 @@ class Oracle:
                 if rest == 0:
                     yield from ((k, d, lambda q, a=a, b=b, w=w: b(q)[w] - a(q)[w]) for w in (0, 1))
                 else:
-                    yield (
-                        k,
-                        d,
-                        lambda q, a=a, b=b, r=rest: np.sqrt((b(q)[0] - a(q)[0]) ** 2 + (b(q)[1] - a(q)[1]) ** 2) - r,
-                    )
+                    yield k, d, lambda q, a=a, b=b, r=rest: np.sqrt(
+                        (b(q)[0] - a(q)[0]) ** 2 + (b(q)[1] - a(q)[1]) ** 2
+                    ) - r
         for p, copy in self.pendula:
             for i, link in enumerate(self.links(p)):
                 at = self.first[p, copy] + i
-                yield (
-                    link.stiffness,
-                    link.damping,
-                    lambda q, p=p, c=copy, i=i, at=at: q[at] - self.angle_above(p, c, i, q),
-                )
+                yield link.stiffness, link.damping, lambda q, p=p, c=copy, i=i, at=at: q[at] - self.angle_above(p, c, i, q)
         for k, support in enumerate(self.scene.supports):
             if not isinstance(support, ModalSupport):
                 for j, (stiff, damp) in enumerate(zip(*self.own(k), strict=True)):
@@ -297,11 +285,7 @@ EVERYTHING: dict[str, Any] = {
         },
     ],
     "pendulum": [
-        {
-            "on": "a",
-            "count": 2,
-            "links": [{**BOB, "stiffness": 0.3, "damping": 0.1, "drag": 0.1}, {**ROD, "stiffness": 0.2}],
-        },
+        {"on": "a", "count": 2, "links": [{**BOB, "stiffness": 0.3, "damping": 0.1, "drag": 0.1}, {**ROD, "stiffness": 0.2}]},
         {"on": "b", "position": [0.3, 0.2], "links": [{**ROD, "stiffness": 2.0, "damping": 0.1}]},
         {"on": "b", "position": [-0.4, 0.1], "count": 2, "links": [{**ROD, "damping": 0.1, "drag": 0.2}]},
         {"on": "c", "position": [-0.4, 0.1], "links": [{**ROD, "damping": 0.1}, {**ROD, "stiffness": 3.0}]},
