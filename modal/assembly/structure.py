@@ -194,8 +194,7 @@ class Hanging:
     def _ways(self, spring: SpringNumbers) -> Iterator[tuple[Row, float, str]]:
         """The extension of a spring in each of the ways in which it acts, the part of that along the rail, its name."""
         if spring.torsion:
-            first, second = map(self._angle, spring.ends)
-            yield _difference(second, first), 0.0, ""
+            yield _difference(*map(self._angle, spring.ends[::-1])), 0.0, ""
             return
         places = [self._place(end) for end in spring.ends]
         first, second = (place if place is not None else places[1 - k] for k, place in enumerate(places))
