@@ -62,6 +62,7 @@ def _of(words: str) -> frozenset[str]:
 # ------------------------------------------------------------------------------------------------------- features
 
 SHAPE = _of("cart copies inverted joint_springs")
+STRUCTURED = _of("structure springs")
 LINEAR = SHAPE | LOSS | {"massless_cart", "space"}
 FORCED = _of("force constant_force")
 ACTING = SHAPE | LOSS | DRAG | FORCED | {"moved_support", "load"}
@@ -123,7 +124,7 @@ EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; gi
 AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, Scene.at(seconds)"}
 CONSTANT_MODEL = Capability(
     "a constant linear model",
-    LINEAR - {"massless_cart"},
+    LINEAR - {"massless_cart"} | STRUCTURED,
     leaves=ABOUT,
     refuses=AT_ONE_TIME,
     unless={"massless_cart": "the mass matrix is singular", **LEANING},
@@ -224,7 +225,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a derivative of modes",
-            LINEAR - NO_RATIO.keys(),
+            LINEAR - NO_RATIO.keys() | STRUCTURED,
             leaves=ABOUT,
             refuses={**CONSTANT, **NO_RATIO, **SHIFTED},
             beside=UNLOADED,
