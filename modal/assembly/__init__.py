@@ -26,7 +26,16 @@ from modal.assembly.linearization import Matrices, coordinate_labels, matrices, 
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.single import Single, single
 from modal.assembly.stacks import Group, Stack, can_stack, keep_form, stacked, varied
-from modal.assembly.structure import Element, Elements, Hanging, SpringRow, on_structure, own_inertia
+from modal.assembly.structure import (
+    Element,
+    Elements,
+    Hanging,
+    SpringRow,
+    add_modal,
+    null_space,
+    on_structure,
+    own_inertia,
+)
 
 __all__ = [
     "ARRAYS",
@@ -49,6 +58,7 @@ __all__ = [
     "SpringRow",
     "Stack",
     "Units",
+    "add_modal",
     "assembled",
     "can_stack",
     "centres",
@@ -69,6 +79,7 @@ __all__ = [
     "matrices_of",
     "modal_dampers",
     "modal_factor",
+    "null_space",
     "on_structure",
     "own_inertia",
     "quadratic_drags",

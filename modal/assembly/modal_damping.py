@@ -17,7 +17,7 @@ import numpy as np
 
 from modal.assembly.arrays import Rig
 from modal.assembly.dense import Columns, assembled
-from modal.assembly.structure import on_structure
+from modal.assembly.structure import Hanging, on_structure
 from modal.errors import ComputationError, SceneError
 from modal.types import Floats, Ints
 
@@ -27,8 +27,6 @@ LARGEST = 2500
 """Coordinates of different pendula up to which D_modal is computed."""
 BEYOND = "damping_ratio: the ratios in this scene are beyond double precision on the dense route of modal dampers"
 NOISE = 4 * float(np.finfo(float).eps)
-HELD = 1e-5
-"""Least pivot of K over the root of its diagonal from which the modes of a structure come from the factors of K."""
 Kind = tuple[int, int]
 Ratios = float | tuple[float, ...]
 RatioAt = Callable[[Floats], Floats]
@@ -52,15 +50,20 @@ def ratio_at(rig: Rig) -> RatioAt:
 
 def frequencies(rig: Rig) -> Floats:
     """The different |λ| of the rig without dampers, ascending: 0 of a free cart, growth rates where it is unstable."""
-    found = [np.zeros(int(rig.cart is not None and rig.cart.stiffness == 0))]
     if rig.structure:
-        found.append(_eigen_of_structure(rig)[0])
-    for block, column in () if rig.structure else rig.names:
+        return _different(_on_structure(rig)[0])
+    found = [np.zeros(int(rig.cart is not None and rig.cart.stiffness == 0))]
+    for block, column in rig.names:
         if rig.cart is None or rig.spatial or rig.blocks[block].count[column] > 1:
             found.append(_eigen(*_chain(rig, (block, column)))[0])
     if rig.cart:
         found.append(_eigen(*_heavy(rig))[0])
-    each = np.sort(np.abs(np.concatenate(found)))
+    return _different(np.concatenate(found))
+
+
+def _different(rates: Floats) -> Floats:
+    """The finite ones of these rates by size, those that agree once."""
+    each = np.sort(np.abs(rates))
     each = each[np.isfinite(each)]
     return np.asarray(each[np.append(True, np.diff(each) > SAME * each[1:])])
 
@@ -70,24 +73,20 @@ def modal_factor(M: Floats, K: Floats, free: bool, ratio: RatioAt) -> Floats:
 
     ComputationError for more than LARGEST coordinates and beyond double precision.
     """
-    found = _factor(*_eigen(M, K, free), ratio)
-    return np.hstack([np.zeros((len(found), int(free))), found])
-
-
-def _factor(rate: Floats, momentum: Floats, ratio: RatioAt) -> Floats:
-    """C (R, n) from all ω (R,) and Mφ (n, R)."""
+    rate, momentum = _eigen(M, K, free)
     swings = (rate > 0) & np.isfinite(rate)
     omega = rate[swings]
     found: Floats = np.sqrt(2 * ratio(omega) * omega)[:, None] * momentum.T[swings]
-    return found
+    return np.hstack([np.zeros((len(found), int(free))), found])
 
 
 def modal_dampers(rig: Rig) -> Floats:
     """D_modal (n, n) of a whole rig, in the coordinates of its matrices."""
     ratio, first = ratio_at(rig), int(rig.cart is not None)
     if rig.structure:
-        C = _factor(*_eigen_of_structure(rig), ratio)
-        return np.asarray(C.T @ C, dtype=np.float64)
+        rate, momentum = _on_structure(rig)
+        C = np.sqrt(2 * ratio(rate[rate > 0]) * rate[rate > 0])[:, None] * momentum.T[rate > 0]
+        return np.asarray(C.T @ C)
     places = _places(rig, first)
     D = np.zeros((first + sum(index.size for index in places.values()),) * 2)
     for kind, index in places.items():
@@ -108,6 +107,21 @@ def modal_dampers(rig: Rig) -> Floats:
             at += size
         D += common.T @ common
     return D
+
+
+def _on_structure(rig: Rig) -> tuple[Floats, Floats]:
+    """ω (n,), 0 of free motions and negative of growing ones, and Mφ (n, n) with φᵀMφ = 1 of a rig on a structure."""
+    hanging = Hanging(rig)
+    _refuse_large(hanging.structure.size + int(hanging.first[-1]))
+    M, K, _ = on_structure(rig)
+    scale = 1 / np.sqrt(np.diag(M))
+    try:
+        L = np.asarray(np.linalg.cholesky(M * scale * scale[:, None]), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        raise ComputationError(BEYOND) from None
+    square, v = np.linalg.eigh(_in_factors(L, K * scale * scale[:, None]))
+    square[np.argsort(np.abs(square))[: hanging.free]] = 0.0
+    return np.sign(square) * np.sqrt(np.abs(square)), L @ v / scale[:, None]
 
 
 def _places(rig: Rig, first: int) -> dict[Kind, Ints]:
@@ -143,7 +157,7 @@ def _refuse_large(size: int) -> None:
         )
 
 
-def _eigen(M: Floats, K: Floats, free: bool = False) -> tuple[Floats, Floats]:
+def _eigen(M: Floats, K: Floats, free: bool) -> tuple[Floats, Floats]:
     """ω (R,), negative of growing modes and infinite of massless ones, and Mφ (n − free, R) with φᵀMφ = 1.
 
     Of a `free` cart the rows of the pendula alone: as the total momentum is 0, so is the cart's row of Mφ.
@@ -167,33 +181,6 @@ def _eigen(M: Floats, K: Floats, free: bool = False) -> tuple[Floats, Floats]:
         raise ComputationError(BEYOND) from None
     square, v = np.linalg.eigh(_in_factors(L, stiffness))
     return np.sign(square) * np.sqrt(np.abs(square)), L @ v / scale[:, None]
-
-
-def _eigen_of_structure(rig: Rig) -> tuple[Floats, Floats]:
-    """ω (R,), 0 of free motions and negative of growing modes, and Mφ (n, R) of a rig on a structure, φᵀMφ = 1."""
-    _refuse_large(rig.leading + sum(rig.blocks[block].n * copies for block, _, copies in rig.members))
-    M, K, _ = on_structure(rig)
-    if _is_held(K):
-        return _eigen(M, K)
-    scale = 1 / np.sqrt(np.diag(M))
-    try:
-        L = np.asarray(np.linalg.cholesky(M * scale * scale[:, None]), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        raise ComputationError(BEYOND) from None
-    square, v = np.linalg.eigh(_in_factors(L, K * scale * scale[:, None]))
-    square = np.where(np.abs(square) > len(M) * NOISE * np.abs(square).max(), square, 0.0)
-    return np.sign(square) * np.sqrt(np.abs(square)), np.asarray(L @ v / scale[:, None], dtype=np.float64)
-
-
-def _is_held(K: Floats) -> bool:
-    """Whether K is positive definite by far."""
-    if np.any(np.diag(K) <= 0):
-        return False
-    scale = 1 / np.sqrt(np.diag(K))
-    try:
-        return bool(np.diag(np.linalg.cholesky(K * scale * scale[:, None])).min() > HELD)
-    except np.linalg.LinAlgError:
-        return False
 
 
 def _in_factors(L: Floats, S: Floats) -> Floats:
