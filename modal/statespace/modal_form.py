@@ -34,6 +34,10 @@ DEFECTIVE = 1e-7
 """|φᵀ(2λM + D)φ| over the sum of its absolute terms, below which two damped modes nearly coincide."""
 
 
+RIGID = 2.0**-40
+"""Of the sum of the absolute terms: what rounding leaves of the forces of dampers in a free motion."""
+
+
 class Block(NamedTuple):
     """One mode: its states are left z, and z = right w for states w; A (k, k), right (n, k), left (k, n), k = 1 or 2.
 
@@ -168,7 +172,9 @@ def _own(modes: Modes, n: int, size: int, first: int) -> Iterator[Block]:
                 continue
             phi: Numbers = modes.column(shape)
             name = f"{number + 1}" if modes.multiplicity[number] == 1 else f"{number + 1}_{copy + 1}"
-            vectors: tuple[Numbers, Numbers, Numbers] = phi, found.M @ phi, found.D @ phi
+            forces = found.D @ phi
+            coasts = value == 0 and not np.any(np.abs(forces) > RIGID * (np.abs(found.D) @ np.abs(phi)))
+            vectors: tuple[Numbers, Numbers, Numbers] = phi, found.M @ phi, 0 * forces if coasts else forces
             alone = np.isrealobj(phi) and (not value.imag if modes.is_classical else not vectors[2].any())
             make = _swing if alone else _pair if value.imag else _single
             made = make(name, f"coordinate of {'fixed-base ' if first else ''}mode {name}", value, *vectors)
