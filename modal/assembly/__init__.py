@@ -11,6 +11,7 @@ problems and for tests.
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
 from modal.assembly.dense import Columns, assembled, centres, dampers, displacements, drag_of, joints
+from modal.assembly.derivatives import Arrays, differences
 from modal.assembly.equilibrium import Equilibrium, Rest, equilibrium_of
 from modal.assembly.hoisting import (
     Hoisting,
@@ -39,6 +40,7 @@ from modal.assembly.structure import (
 
 __all__ = [
     "ARRAYS",
+    "Arrays",
     "Block",
     "CartNumbers",
     "Columns",
@@ -64,6 +66,7 @@ __all__ = [
     "centres",
     "coordinate_labels",
     "dampers",
+    "differences",
     "displacements",
     "drag_of",
     "equilibrium_of",
