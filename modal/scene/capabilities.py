@@ -187,6 +187,10 @@ SIDE_BY_SIDE = Capability(
     beside=UNLOADED,
 )
 
+BODILESS: Sentences = {
+    "structure": "has no place for carriers that move by themselves",
+    "springs": "has no place for springs between points",
+}
 STRUCTURES: Sentences = {
     "structure": "has no place for structures yet",
     "springs": "has no place for springs between points yet",
@@ -203,7 +207,7 @@ def _told(one: Capability) -> Capability:
 CAPABILITIES: dict[str, Capability] = {
     one.name: _told(one)
     for one in (
-        Capability("the table of modes", LINEAR, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
+        Capability("the table of modes", LINEAR | STRUCTURED, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
         Capability(
             "the explanation of the coupling",
             LINEAR - {"inverted"},
@@ -241,7 +245,7 @@ CAPABILITIES: dict[str, Capability] = {
             "a polynomial in ω²",
             LINEAR - LOSS,
             leaves=ABOUT,
-            refuses={**CONSTANT, **LOSSES, **SHIFTED},
+            refuses={**CONSTANT, **LOSSES, **SHIFTED, **BODILESS},
             beside=UNLOADED,
         ),
         Capability(
@@ -254,6 +258,7 @@ CAPABILITIES: dict[str, Capability] = {
                 **SHIFTED,
                 "inverted": "counts modes of hanging links",
                 "joint_springs": "counts modes of free joints",
+                **BODILESS,
             },
             beside=UNLOADED,
         ),
@@ -285,12 +290,13 @@ CAPABILITIES: dict[str, Capability] = {
                 **_each(FRICTION | DRIVES, "acts on angles of the plane"),
             },
             unless=ENDS,
+            beside=_each(STRUCTURED, "a structure moves in the plane"),
             needs={_of("space"): 'form spatial: works in space only: set space = "space"'},
         ),
         Capability(
             "form maximal",
             ACTING | {"hoist", "van_der_pol"},
-            refuses={**PLANE, **STICKS, **NO_SMOOTH},
+            refuses={**PLANE, **STICKS, **NO_SMOOTH, **BODILESS},
             unless=ENDS,
             apart=HOISTING,
             instead=MINIMAL,
@@ -298,7 +304,7 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "form hamiltonian",
             ACTING | {"van_der_pol"},
-            refuses={**PLANE, **STICKS, **NO_SMOOTH, **CONSTANT},
+            refuses={**PLANE, **STICKS, **NO_SMOOTH, **CONSTANT, **BODILESS},
             unless=ENDS,
             instead=MINIMAL,
         ),
