@@ -135,7 +135,9 @@ def shape_of(system: System) -> tuple[Any, ...]:
     if structure is None:
         return ()
     each = {own: k for k, own in enumerate(dict.fromkeys(map(id, structure.pivots)))}
-    carriers = tuple((one.kind, one.size, None if one.points is None else len(one.points)) for one in structure.carriers)
+    carriers = tuple(
+        (one.kind, one.size, None if one.points is None else len(one.points)) for one in structure.carriers
+    )
     pivots = tuple((each[id(own)], own.carrier, _numbered(own.where)) for own in structure.pivots)
     springs = tuple((*map(_end, one.ends), one.torsion) for one in structure.springs)
     return carriers, pivots, springs, system.slack

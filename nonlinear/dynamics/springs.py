@@ -127,7 +127,9 @@ class Springs:
     @cached_property
     def nodes(self) -> tuple[Nodes, Ints]:
         """The points, and the two of every spring (2, E), −1 for the ground; those between angles have none."""
-        ends = [(k, side, end) for k, spring in enumerate(self.structure.springs) for side, end in enumerate(spring.ends)]
+        ends = [
+            (k, side, end) for k, spring in enumerate(self.structure.springs) for side, end in enumerate(spring.ends)
+        ]
         ends = [each for each in ends if not self.structure.springs[each[0]].torsion]
         links = [each for each in ends if isinstance(each[2], LinkEnd)]
         carriers = [each for each in ends if isinstance(each[2], CarrierEnd)]
@@ -135,7 +137,9 @@ class Springs:
         for number, (k, side, _) in enumerate([*links, *carriers]):
             pairs[side, k] = number
         link = np.array([end.link for _, _, end in links], dtype=np.int64)
-        return Nodes(link, filled([self.below(end) for _, _, end in links]), tuple(end for _, _, end in carriers)), pairs
+        return Nodes(
+            link, filled([self.below(end) for _, _, end in links]), tuple(end for _, _, end in carriers)
+        ), pairs
 
     def below(self, end: LinkEnd) -> Any:
         """The distance (m) of an end from the upper joint of its link."""
@@ -281,4 +285,6 @@ def filled(values: Sequence[Any]) -> Any:
 
 def _spread(constant: Any, like: Any) -> Any:
     """Constants (…, N) as (…, N, 1) where what they meet has further axes."""
-    return constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim)) if like.ndim > constant.ndim else constant
+    return (
+        constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim)) if like.ndim > constant.ndim else constant
+    )

@@ -345,7 +345,9 @@ def _places_of_structure(scene: Scene, structure: Structure) -> list[list[Place]
         names: list[Place] = [("position", 0), ("position", 1), ("mass",), ("inertia",), ("length",)]
         names += [("centre", 0), ("centre", 1)]
         for law in ("stiffness", "damping"):
-            names += [(law, way) for way in PLATFORM] if carrier.kind == "platform" else [(law,)] * len(carrier.stiffness)
+            names += (
+                [(law, way) for way in PLATFORM] if carrier.kind == "platform" else [(law,)] * len(carrier.stiffness)
+            )
         found += [[(*head, *name) for head in heads] for name in names]
         found += [[] for part in _modal(carrier) for _ in range(part.size)]
     first = 0
