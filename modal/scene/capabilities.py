@@ -127,7 +127,7 @@ EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; gi
 AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, Scene.at(seconds)"}
 CONSTANT_MODEL = Capability(
     "a constant linear model",
-    LINEAR - {"massless_cart"},
+    LINEAR - {"massless_cart"} | STRUCTURED,
     leaves=ABOUT,
     refuses=AT_ONE_TIME,
     unless={"massless_cart": "the mass matrix is singular", **LEANING},
@@ -233,7 +233,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a derivative of modes",
-            LINEAR - NO_RATIO.keys(),
+            LINEAR - NO_RATIO.keys() | STRUCTURED,
             leaves=ABOUT,
             refuses={**CONSTANT, **NO_RATIO, **SHIFTED},
             beside=UNLOADED,
