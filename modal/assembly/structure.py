@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from math import fsum
 from typing import NamedTuple
 
 import numpy as np
@@ -55,7 +56,10 @@ class Element(NamedTuple):
 
 
 class Elements(NamedTuple):
-    """The elements of M, K and D beside those of hanging chains, and of K what its diagonal is a sum of, (d,)."""
+    """The elements of M, K and D beside those of hanging chains along the rail.
+
+    `terms` (d,) are the sums of the absolute terms of which each coordinate's own stiffness is the sum.
+    """
 
     inertia: tuple[Element, ...]
     stiffness: tuple[Element, ...]
@@ -93,14 +97,10 @@ class Hanging:
         return np.concatenate([[0], np.cumsum(sizes)])
 
     @cached_property
-    def masses(self) -> Floats:
-        """The mass of every pendulum, (P,)."""
-        each = [block.mass.sum(0) for block in self.rig.blocks]
-        found: Floats = np.empty(len(self.kinds))
-        for number, mass in enumerate(each):
-            own = self.kinds[:, 0] == number
-            found[own] = mass[self.kinds[own, 1]]
-        return found
+    def starts(self) -> Ints:
+        """The first pendulum of every entry of `Rig.members`."""
+        copies = np.array([copies for *_, copies in self.rig.members])
+        return np.asarray(np.cumsum(copies) - copies)
 
     def owner(self, link: int) -> int:
         """The pendulum of a link."""
@@ -115,21 +115,26 @@ class Hanging:
 
     @cached_property
     def elements(self) -> Elements:
-        """All elements but those of the chains themselves; modal supports have `matrices` of their own."""
-        inertia, held, lost = [], list[Element](), list[Element]()
-        structure, size = self.structure, self.structure.size
-        own, terms = np.zeros((2, size))
+        """All elements but those of the chains along the rail; modal supports have matrices of their own."""
+        structure, inertia, lost = self.structure, list[Element](), list[Element]()
+        parts: list[list[float]] = [[] for _ in range(structure.size)]
         for carrier, numbers in enumerate(structure.carriers):
             inertia += list(_inertia(structure, carrier))
             first = structure.offsets[carrier]
             for k, (stiffness, damping) in enumerate(zip(numbers.stiffness, numbers.damping, strict=True)):
-                own[first + k] += stiffness
+                parts[first + k].append(float(stiffness))
                 lost += [Element((first + k,), (1.0,), float(damping))] * bool(damping)
-        terms += own
-        for place, bend in self._bends:
-            own[place] += bend
-            terms[place] += abs(bend)
-        held += [Element((k,), (1.0,), float(value)) for k, value in enumerate(own) if value]
+            for k, bend in bends(numbers, numbers.centre):
+                parts[first + k].append(self.rig.gravity * float(numbers.mass) * bend)
+        for (carrier, where), (mass, drag) in self._hung.items():
+            first = structure.offsets[carrier]
+            for k, bend in bends(structure.carriers[carrier], where):
+                parts[first + k].append(self.rig.gravity * mass * bend)
+            if down := _element(slopes(structure, carrier, where)[1], 1.0):
+                inertia.append(down._replace(size=mass))
+                lost += [down._replace(size=drag)] * bool(drag)
+        own, terms = [fsum(each) for each in parts], np.array([fsum(map(abs, each)) for each in parts])
+        held = [Element((k,), (1.0,), value) for k, value in enumerate(own) if value]
         for row, stiffness, damping in self._springs:
             if element := _element(row, 1.0):
                 held += [element._replace(size=stiffness)] * bool(stiffness)
@@ -137,20 +142,15 @@ class Hanging:
         return Elements(tuple(inertia), tuple(held), tuple(lost), terms)
 
     @property
-    def _bends(self) -> Iterator[tuple[int, float]]:
-        """−g m ∂²z/∂η_k² of carriers and pivots, by coordinates."""
-        structure, gravity = self.structure, self.rig.gravity
-        for carrier, own in enumerate(structure.carriers):
-            for k, bend in bends(own, own.centre):
-                yield structure.offsets[carrier] + k, gravity * float(own.mass) * bend
-        hung: dict[tuple[int, Where], float] = {}
-        for pivot, mass in zip(structure.pivots, self.masses.tolist(), strict=True):
-            key = pivot.carrier, pivot.where
-            hung[key] = hung.get(key, 0.0) + mass
-        for (carrier, where), mass in hung.items():
-            own = structure.carriers[carrier]
-            for k, bend in bends(own, where):
-                yield structure.offsets[carrier] + k, gravity * mass * bend
+    def _hung(self) -> dict[tuple[int, Where], tuple[float, float]]:
+        """The mass (kg) and the drag (N s/m) of all pendula that hang from one point."""
+        found: dict[tuple[int, Where], list[tuple[float, float]]] = {}
+        each = [(block.mass.sum(0), block.drag.sum(0)) for block in self.rig.blocks]
+        for (block, column, copies), pendulum in zip(self.rig.members, self.starts.tolist(), strict=True):
+            pivot = self.structure.pivots[pendulum]
+            mass, drag = (float(part[column]) * copies for part in each[block])
+            found.setdefault((pivot.carrier, pivot.where), []).append((mass, drag))
+        return {point: (fsum(m for m, _ in own), fsum(d for _, d in own)) for point, own in found.items()}
 
     @property
     def _springs(self) -> Iterator[tuple[Row, float, float]]:
@@ -261,8 +261,6 @@ def on_structure(rig: Rig) -> tuple[Floats, Floats, Floats]:
         for element in each:
             element.add_to(S)
     chains = {(block, column): _chain(rig, block, column) for block, column in rig.names}
-    down = (hanging.phi.down * hanging.masses[:, None]).T @ hanging.phi.down
-    M[:d, :d] += down
     for p, (block, column) in enumerate(hanging.kinds.tolist()):
         along, turning = hanging.phi.along[p], hanging.phi.turning[p]
         own, chain = slice(d + int(hanging.first[p]), d + int(hanging.first[p + 1])), chains[block, column]
@@ -277,7 +275,7 @@ def on_structure(rig: Rig) -> tuple[Floats, Floats, Floats]:
         if chain.drag is not None:
             drag, rows = chain.drag
             D[:d, own] += np.multiply.outer(along, drag @ rows)
-            D[:d, :d] += drag.sum() * (np.multiply.outer(along, along) + np.multiply.outer(*[hanging.phi.down[p]] * 2))
+            D[:d, :d] += drag.sum() * np.multiply.outer(along, along)
     for S in (M, K, D):
         S[d:, :d] = S[:d, d:].T
     return M, K, D

@@ -231,7 +231,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a derivation",
-            SHAPE | {"dampers", "massless_cart", "space"},
+            SHAPE | {"dampers", "massless_cart", "space", "structure", "springs"},
             leaves=_each(DRIVES, UNDRIVEN),
             refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG, "has no symbols for it")},
             beside=UNLOADED,

@@ -41,6 +41,14 @@ class Described(Protocol):
     def ground(self) -> Any:
         """The ground, where it moves."""
 
+    @property
+    def space(self) -> str:
+        """In the plane or in space."""
+
+    @property
+    def is_structured(self) -> bool:
+        """Whether it is a structure."""
+
     def links(self) -> Iterator[AnyLink]:
         """Every link."""
 

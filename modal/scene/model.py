@@ -20,6 +20,7 @@ from modal.scene.links import AnyLink, Bob, Body, Rod
 from modal.scene.motion import FORCE, ConstantForce, Force, Ground, Moved, SupportMotion
 from modal.scene.points import point_problems
 from modal.scene.springs import Spring
+from modal.scene.structures import force_problems, structure_problems
 from modal.scene.supports import (
     PAIR,
     Cart,
@@ -117,6 +118,11 @@ class Pendulum(Part):
         for name, values in lists:
             if values is not None and len(values) != self.n_links:
                 yield f".{name}: has {len(values)} values for {self.n_links} links"
+        if self.start and self.start.spread:
+            if self.start.rates_deg is not None:
+                yield ".start.rates_deg: cannot be combined with spread, which gives the rates"
+            if "up" in self.ways:
+                yield ".start.spread: belongs to swings, and inverted links have no first mode to spread over"
 
 
 def _one_line(title: str) -> str:
@@ -343,7 +349,14 @@ class Scene(Displayed, Part):
         return found
 
     def problems(self) -> Iterator[str]:
-        """Too many links, and features that this space does not allow."""
+        """Too many links, what this space does not allow, supports and springs that do not fit; then what falls."""
+        own = list(self._own_problems())
+        yield from own
+        if self.is_structured and not own:
+            unbalanced: Iterator[str] = deferred("modal.structure:unbalanced")(self)
+            yield from (f".{words}" for words in unbalanced)
+
+    def _own_problems(self) -> Iterator[str]:
         if self.n_links > MAX_LINKS:
             yield f"the scene has {self.n_links} links in all: at most {MAX_LINKS}"
         if self.has_modal_damping and self.is_hoisted:
@@ -351,14 +364,18 @@ class Scene(Displayed, Part):
         for index, pendulum in enumerate(self.pendulum):
             if self.space == "plane" and pendulum.start and pendulum.start.azimuths_deg:
                 yield f'.pendulum[{index}].start.azimuths_deg: needs space = "space"'
+            if self.space == "space" and pendulum.start and pendulum.start.spread:
+                yield f'.pendulum[{index}].start.spread: needs space = "plane"'
             for at, link in enumerate(pendulum.links if self.space == "space" else ()):
                 if link.drive:
                     yield f'.pendulum[{index}].links[{at}].drive: needs space = "plane"'
                 if link.friction:
                     yield f'.pendulum[{index}].links[{at}].friction = {link.friction!r}: needs space = "plane"'
         yield from self._rail_problems()
+        yield from structure_problems(self)
         for at, force in enumerate(self.force):
-            yield from (f'.force[{at}].on = "{force.on}": {words}' for words in point_problems(self, force.on))
+            words = [*point_problems(self, force.on), *force_problems(self, force)]
+            yield from (f'.force[{at}].on = "{force.on}": {why}' for why in words)
             if self.space == "space":
                 yield f'.force[{at}]: needs space = "plane"'
 

@@ -108,8 +108,11 @@ def point_problems(scene: Described, text: str) -> Iterator[str]:
     """Why a scene has no such point."""
     point = parse_point(text)
     if point is None:
-        if getattr(scene.support, "kind", "") != CART:
-            yield f'the support is {scene.support.kind}, and there is no cart: give it kind = "cart", or name a link'
+        kinds = [support.kind for support in scene.supports]
+        if len(kinds) > 1:
+            yield f"there are several supports: write the name of one{meant(text, scene.support_names)}"
+        elif kinds[0] != CART:
+            yield f'the support is {kinds[0]}, and there is no cart: give it kind = "cart", or name a link'
         return
     if isinstance(point, CarrierPoint):
         yield from _carrier_problems(scene, point)
@@ -143,7 +146,7 @@ def _carrier_problems(scene: Described, point: CarrierPoint) -> Iterator[str]:
         yield f"a modal support has numbered points: write {point.name}[0]"
     elif support.kind != "modal" and point.point is not None:
         yield f"only a modal support has numbered points: write {point.name}@s,h"
-    elif support.kind == "modal" and support.points and (point.point or 0) >= len(support.points):
+    elif support.kind == "modal" and (point.point or 0) >= len(support.points):
         yield f'support "{point.name}" has {len(support.points)} points, numbered from 0'
 
 

@@ -15,10 +15,11 @@ import re
 from collections.abc import Iterator
 from typing import Literal
 
+from modal.scene.matrices import matrix_problems
+from modal.scene.motion import UNREAD
 from modal.scene.validation import NON_NEGATIVE, POSITIVE, REAL, Part, after, field, list_of, one_of, optional
 
 NAME = re.compile(r"[A-Za-z0-9_]+", re.ASCII)
-RESERVED = frozenset({"ground", "pendulum"})
 Pair = tuple[float, float]
 PAIR = {"type": "tuple", "items_schema": [REAL, REAL]}
 ROWS = list_of(list_of(REAL))
@@ -27,8 +28,6 @@ ROWS = list_of(list_of(REAL))
 def _name(text: str) -> str:
     if text and not NAME.fullmatch(text):
         raise ValueError("must consist of letters, digits and _")
-    if text in RESERVED:
-        raise ValueError("is reserved")
     return text
 
 
@@ -193,6 +192,20 @@ class ModalSupport(Placed):
     D: tuple[tuple[float, ...], ...] | None = field(optional(ROWS), default=None)
     points: tuple[tuple[tuple[float, ...], ...], ...] | None = field(optional(list_of(ROWS)), default=None)
     start: Combined | None = field(optional(Combined.schema()), default=None)
+
+    def problems(self) -> Iterator[str]:
+        """A file that is not read, arrays that are missing or do not fit, a start that does not."""
+        if self.file is not None:
+            yield f".file: {UNREAD}"
+            return
+        if self.M is None or self.K is None or self.points is None:
+            missing = [name for name in ("M", "K", "points") if getattr(self, name) is None]
+            yield f"needs a file, or {', '.join(missing)}"
+            return
+        yield from matrix_problems(self.M, self.K, self.D, self.points)
+        for name, values in self.start or ():
+            if values is not None and len(values) != len(self.M):
+                yield f".start.{name}: has {len(values)} values for {len(self.M)} coordinates"
 
 
 Carrier = Cart | Swing | Tilt | Heave | Platform | ModalSupport

@@ -19,8 +19,10 @@ from modal.structure.structure import (
     SpringNumbers,
     Structure,
     Where,
+    carrier_end,
     structure_of,
 )
+from modal.structure.weights import Weight, carried, hung_masses, unbalanced, weights
 
 __all__ = [
     "CarrierEnd",
@@ -34,9 +36,13 @@ __all__ = [
     "Row",
     "SpringNumbers",
     "Structure",
+    "Weight",
     "Where",
     "bends",
+    "carried",
+    "carrier_end",
     "carrier_numbers",
+    "hung_masses",
     "is_damped",
     "phi",
     "scaled",
@@ -44,4 +50,6 @@ __all__ = [
     "structure_of",
     "tied",
     "turning",
+    "unbalanced",
+    "weights",
 ]

@@ -131,7 +131,7 @@ class CarrierNumbers:
 
 def _combined(position: tuple[Any, Any], point: Floats, eta: Sequence[Any]) -> Moving:
     """A point (2, d) of a modal support."""
-    slopes = tuple((float(x), float(z)) for x, z in point.T)
+    slopes = tuple((x, z) for x, z in point.T.tolist())
     x, z = (sum((slope[k] * value for slope, value in zip(slopes, eta, strict=True)), position[k]) for k in (0, 1))
     return Moving((x, z), slopes, (0.0, 0.0))
 

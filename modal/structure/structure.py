@@ -55,12 +55,16 @@ End = LinkEnd | CarrierEnd | GroundEnd
 
 
 class SpringNumbers(NamedTuple):
-    """A spring and damper between two ends, N/m and N s/m; `torsion` N m/rad and N m s/rad between their angles."""
+    """A spring and damper between two ends, N/m and N s/m; `torsion` N m/rad and N m s/rad between their angles.
+
+    It belongs to this `entry` of the file.
+    """
 
     ends: tuple[End, End]
     torsion: bool
     stiffness: Any
     damping: Any
+    entry: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +95,12 @@ class Structure:
             return ("x",)
         return tuple(f"{carrier.name}_{suffix}" for carrier in self.carriers for suffix in carrier.suffixes)
 
+    @cached_property
+    def turning(self) -> tuple[int, ...]:
+        """Which of η are angles by which carriers turn."""
+        angles = (self.angle_of(carrier) for carrier in range(len(self.carriers)))
+        return tuple(angle for angle in angles if angle is not None)
+
     def own(self, carrier: int, values: Sequence[Any]) -> Sequence[Any]:
         """Those of η that belong to a carrier."""
         return values[self.offsets[carrier] : self.offsets[carrier + 1]]
@@ -113,12 +123,19 @@ def structure_of(scene: Scene) -> Structure:
             carrier, where = named[point.name], where if point.point is None else point.point
         pivots += [Pivot(carrier, where)] * pendulum.count
     springs = []
-    for spring in scene.spring:
+    for entry, spring in enumerate(scene.spring):
         ends = [_ends(scene, text, named) for text in spring.between]
         count = max(map(len, ends))
         pairs = zip(*(each * (count if len(each) == 1 else 1) for each in ends), strict=True)
-        springs += [SpringNumbers(pair, spring.kind == "torsion", spring.stiffness, spring.damping) for pair in pairs]
+        law = spring.kind == "torsion", spring.stiffness, spring.damping, entry
+        springs += [SpringNumbers(pair, *law) for pair in pairs]
     return Structure(carriers, tuple(pivots), tuple(springs))
+
+
+def carrier_end(scene: Scene, text: str) -> CarrierEnd | None:
+    """The point of a carrier that a text names, None for any other point."""
+    ends = _ends(scene, text, {name: index for index, name in enumerate(scene.support_names)})
+    return ends[0] if len(ends) == 1 and isinstance(ends[0], CarrierEnd) else None
 
 
 def _ends(scene: Scene, text: str, named: dict[str, int]) -> list[End]:

@@ -44,7 +44,7 @@ def _derive_arguments(page: Page) -> None:
         "paper:000, paper:001 or paper:002 (as printed and corrected), or a scene",
     )
     offer(target, scenes((".toml",), TARGETS))
-    symbols = ("masses", "lengths", "gravity", "cart")
+    symbols = ("masses", "lengths", "gravity", "cart", "supports", "springs")
     words = f"quantities to keep as symbols, one for each link, shared by copies: {','.join(symbols)}"
     add_words(page.asked, "--symbolic", symbols, metavar="WORDS", help=words)
     sections = ("lagrangian", "equations", "matrices", "polynomial", "modes")

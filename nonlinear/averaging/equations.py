@@ -87,7 +87,7 @@ class AveragedEquations(Displayed):
     @property
     def link_shapes(self) -> Floats:
         """The shapes without the cart, (L, C)."""
-        return self.shapes[int(self.system.cart is not None) :]
+        return self.shapes[self.system.first :]
 
     @cached_property
     def centre(self) -> Floats:

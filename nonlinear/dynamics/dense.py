@@ -60,7 +60,7 @@ class Small(Minimal):
             for column, places in enumerate(group.index.T):
                 A[np.ix_(places, places)] = inertia[..., column]
             b[group.index] = block.b
-        return int(self.layout.on_cart), self.layout.half, A, b, self.system.gravity * b
+        return self.layout.first, self.layout.half, A, b, self.system.gravity * b
 
     @cached_property
     def acts(self) -> bool:
@@ -99,7 +99,7 @@ class Small(Minimal):
 
     def _push(self, time: float, y: Floats, force: Floats, found: Floats) -> None:
         """Add the forces of springs, dampers and loads."""
-        first, state = int(self.layout.on_cart), self.layout.state(y)
+        first, state = self.layout.first, self.layout.state(y)
         push = self.load(time, state) if self.load else NOTHING
         on_cart, on_links, power = acting(
             self.system, state, push, frame_of(self.system, time), sizes_at(self.system, time)

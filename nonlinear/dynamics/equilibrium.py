@@ -22,7 +22,7 @@ def is_unstable_equilibrium(system: System, start: State) -> bool:
     Nothing moves, the moments of gravity and springs balance, and V has no minimum there.  Where dry friction holds
     every coordinate nothing is unstable.
     """
-    if system.rubs and len(contacts_of(system).below) == system.n_links + (system.cart is not None):
+    if system.rubs and len(contacts_of(system).below) == system.n_links + system.first:
         return False
     angles = np.arctan2(np.hypot(*start.links.T[:2]), start.links[:, 2]) if system.spatial else start.links
     still = ~np.any(start.link_rates.reshape(system.n_links, -1), axis=1)

@@ -187,7 +187,7 @@ class Inputs:
                 velocity = moving.combined(sizes[count : 2 * count])
         forces = tuple(sizes[len(sizes) - len(self.system.forces) :])
         lengths = self._lengths([(next(given), next(given), next(given)) for _ in self.laws]) if self.laws else None
-        first = int(self.system.cart is not None)
+        first = self.system.first
         acting = [next(given) for _ in range(first + self._moments)] if self.load else []
         if not self.contacts:
             return Instant(support, velocity, lengths, self._push(acting), None, forces)
@@ -202,7 +202,7 @@ class Inputs:
         return Instant(support, velocity, lengths, self._push(acting), gripping, forces)
 
     def _push(self, acting: Sequence[Any]) -> AppliedForces:
-        first = int(self.system.cart is not None)
+        first = self.system.first
         return AppliedForces(acting[0] if first else 0.0, _filled(acting[first:])) if acting else NOTHING
 
     def _lengths(self, laws: Sequence[tuple[Any, Any, Any]]) -> Lengths:

@@ -163,7 +163,7 @@ class Variational(Generated):
 def _gradients(form: Form) -> Module:
     """The functions "energy" and "momentum" of a form: the derivatives of both by y."""
     own = Symbolic(form)
-    system, on_cart = own.system, form.on_cart
+    system, on_cart = own.system, form.first
     half = system.n_links + on_cart
     y = own.tape.inputs("y", 2 * half)
     links, rates, cart, speed = y[on_cart:half], y[half + on_cart :], y[0] if on_cart else 0.0, y[half]

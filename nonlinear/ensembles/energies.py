@@ -51,7 +51,7 @@ class Accounts:
 
     def _parts(self, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Angles, their rates, and the cart's place and speed."""
-        first, half, none = int(self.layout.on_cart), self.layout.half, np.zeros(y.shape[1])
+        first, half, none = self.layout.first, self.layout.half, np.zeros(y.shape[1])
         cart = (y[0], y[half]) if first else (none, none)
         return y[first:half], y[half + first : 2 * half], *cart
 

@@ -110,7 +110,7 @@ def own_amplitudes(context: Context, rows: Floats) -> tuple[Complexes, Floats]:
     """
     system, layout = context.system, context.layout
     count = min(group.n for group in system.groups)
-    first, half = int(layout.on_cart), layout.half
+    first, half = layout.first, layout.half
     members, times = rows.shape[:2]
     flat = rows.reshape(-1, rows.shape[2])
     turned, rates = from_rest(system, flat[:, first:half]), flat[:, half + first : 2 * half]
@@ -154,7 +154,7 @@ def _modal(averaged: AveragedEquations, context: Context, rows: Floats) -> Compl
     """The amplitudes (C, S) of many states."""
     layout = context.layout
     q = rows[:, : layout.half].copy()
-    first = int(layout.on_cart)
+    first = layout.first
     q[:, first:] = from_rest(context.system, q[:, first:])
     v = rows[:, layout.half : 2 * layout.half]
     return np.asarray((q @ averaged.dual - 1j * (v @ averaged.dual) / averaged.omega).T)

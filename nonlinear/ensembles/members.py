@@ -91,7 +91,7 @@ class Part:
         given, numbers = {place: own[good] for place, own in self._at.items()}, self.numbers(good)
         states = self.states.at(good) if self.states is not None else self._begun(given, len(good))
         y = np.zeros((layout.size, len(good)))
-        first, half = int(layout.on_cart), layout.half
+        first, half = layout.first, layout.half
         y[first:half], y[half + first : 2 * half] = states.links.T, states.link_rates.T
         if first:
             y[0], y[half] = states.cart, states.cart_rate

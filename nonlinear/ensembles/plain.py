@@ -79,7 +79,7 @@ def _measured(question: Question, scene: Scene, run: Trajectory, sampled: Trajec
     names = question.measures.names
     if run.system.spatial:
         return _in_space(question, run, sampled)
-    layout = Layout(run.system.n_links, 1, run.system.cart is not None, run.system.works)
+    layout = Layout.of(run.system, works=run.system.works)
     rows = _rows(layout, sampled)
     ending = rows[np.searchsorted(sampled.times, question.ending)][None] if question.ending else rows[None, :0]
     whole = Found(rows[-1:].T, np.full(1, np.nan), np.full(1, np.nan))
@@ -97,7 +97,7 @@ def _measured(question: Question, scene: Scene, run: Trajectory, sampled: Trajec
 
 def _turns(run: Trajectory, layout: Layout) -> list[Passages]:
     """What goes over the top, of each link."""
-    first = int(layout.on_cart)
+    first = layout.first
     tops = [Level(first + link, np.pi, turns=True) for link in range(layout.links)]
     return [_counted(run, f"{TURNS} {place}", top, layout) for place, top in zip(places(run.system), tops, strict=True)]
 
@@ -126,13 +126,13 @@ def _in_space(question: Question, run: Trajectory, sampled: Trajectory) -> Colum
 def _rows(layout: Layout, run: Trajectory) -> Floats:
     """The y of a run, (T, size)."""
     motion = run.motion
-    cart = ([motion.cart[:, None]], [motion.cart_rate[:, None]]) if layout.on_cart else ([], [])
+    cart = ([motion.cart[:, None]], [motion.cart_rate[:, None]]) if layout.first else ([], [])
     work = [motion.work[:, None]] if layout.works else []
     return np.hstack([*cart[0], motion.links, *cart[1], motion.link_rates, *work])
 
 
 def _events(question: Question, scene: Scene) -> list[Event]:
-    found, first = [], int(question.system.cart is not None)
+    found, first = [], question.system.first
     if question.wanted.first_turns:
         for link, place in enumerate(places(question.system)):
             found.append(Event(f"{TURNS} {place}", _passing(Section(first + link, np.pi, 0), first)))

@@ -123,7 +123,7 @@ def starts_at(scene: Scene, section: Section, energy: float, count: int) -> list
     """So many states on a section with this energy (J); SceneError where none is found."""
     numbers = numbers_of(scene)
     layout = Lanes(numbers).layout
-    rng, first, half = np.random.default_rng(SEED), int(layout.on_cart), layout.half
+    rng, first, half = np.random.default_rng(SEED), layout.first, layout.half
     found: list[State] = []
     for _ in range(20):
         y = np.zeros((layout.size, TRIES // 20 * max(1, count // 10)))

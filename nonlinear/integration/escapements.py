@@ -54,7 +54,7 @@ class Escaping:
     @property
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """The coordinates of v below and above every joint, −1 standing for the support."""
-        first = int(self.system.cart is not None)
+        first = self.system.first
         above = np.where(self.above < 0, -1, self.above + first)
         return tuple(zip((self.below + first).tolist(), above.tolist(), strict=True))
 
@@ -63,7 +63,7 @@ class Escaping:
         pushes = np.zeros(self.system.n_links + 1)
         np.add.at(pushes, self.below, kicked)
         np.add.at(pushes, self.above, -kicked)
-        pushes = np.append(np.zeros(int(self.system.cart is not None)), pushes[:-1])
+        pushes = np.append(np.zeros(self.system.first), pushes[:-1])
         solvers = [(group, Recursion(group)) for group in self.system.groups]
         return np.asarray(inverted(self.system, solvers, links, pushes))
 
@@ -128,7 +128,7 @@ class Escapements:
         kick = side * joints.impulse
         self.side = np.where(side, -side, self.side)
         found = y.copy()
-        found[layout.half : 2 * layout.half] += joints.jump(y[layout.on_cart : layout.half], kick)
+        found[layout.half : 2 * layout.half] += joints.jump(y[layout.first : layout.half], kick)
         fed = kick * joints.gamma((y + found)[self._rates]) / 2
         found[-1] += fed.sum()
         which = np.flatnonzero(side)
@@ -137,14 +137,14 @@ class Escapements:
 
     @property
     def _rates(self) -> slice:
-        return slice(self.layout.half + self.layout.on_cart, 2 * self.layout.half)
+        return slice(self.layout.half + self.layout.first, 2 * self.layout.half)
 
     def _out(self, rows: Floats) -> tuple[Floats, Floats]:
         """How far (rad) every joint is beyond the angle of its next kick, −inf on an inactive side, and its rate.
 
         Both (2, T, J): to the right and to the left.
         """
-        gamma = self.joints.gamma(rows[:, self.layout.on_cart : self.layout.half], self.joints.bent)
+        gamma = self.joints.gamma(rows[:, self.layout.first : self.layout.half], self.joints.bent)
         sides = np.array([1.0, -1.0])[:, None, None]
         over = np.where(self.side * sides < 0, -np.inf, sides * gamma - self.joints.angle)
         return over, sides * self.joints.gamma(rows[:, self._rates])
@@ -177,7 +177,7 @@ def escapements(system: System, layout: Layout, y: Floats, before: Kicks = NO_KI
     A joint that starts beyond its angle, or that was kicked before, has already had the kick on that side.
     """
     joints = escaping(system)
-    gamma = joints.gamma(y[layout.on_cart : layout.half], joints.bent)
+    gamma = joints.gamma(y[layout.first : layout.half], joints.bent)
     last = np.zeros(system.n_links)
     last[before.link] = before.impulse
     aside = np.where(np.abs(gamma) > joints.angle, gamma, last[joints.below])

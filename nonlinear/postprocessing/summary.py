@@ -196,7 +196,7 @@ def run_inventory(trajectory: Trajectory) -> Inventory:
 
 
 def _freedom(system: System) -> int:
-    return system.n_links * (2 if system.spatial else 1) + (system.cart is not None)
+    return system.n_links * (2 if system.spatial else 1) + system.first
 
 
 def _matrices(inner: Any, run: SolverInfo) -> Iterator[tuple[int, int]]:

@@ -128,7 +128,7 @@ def test_a_van_der_pol_torque_adds_its_moments_over_the_mass_matrix_and_its_powe
         *(Minimal(system, tuple(map(body, system.groups))) for body in (Recursion, Dense, Banded)),
     ]
     systems += [Compiled(system)] * numba_here()
-    on_cart = int(system.cart is not None)
+    on_cart = system.first
     torques = own_torques(scene, state.links, state.link_rates)
     expected = np.linalg.solve(own_mass(scene, state.links), np.concatenate((np.zeros(on_cart), torques)))
     still = Small(free)
@@ -233,7 +233,7 @@ def test_a_kick_of_a_single_pendulum_changes_its_rate_by_the_impulse_over_its_mo
 def test_kicks_at_any_joints_are_a_dense_solve_and_feed_what_the_kinetic_energy_gains(seed: int) -> None:
     scene = with_drives(motion_scene(seed, standing=seed % 2 == 1), seed, "e")
     system, state = system_of(scene), random_state(system_of(scene), seed)
-    joints, on_cart = escaping(system), int(system.cart is not None)
+    joints, on_cart = escaping(system), system.first
     rng = np.random.default_rng(seed)
     kick = joints.impulse * rng.choice([-1.0, 0.0, 1.0], len(joints.impulse))
     J = np.zeros(on_cart + system.n_links)

@@ -74,7 +74,7 @@ def test_H_is_the_energy(seed: int) -> None:
 def test_the_slopes_of_H_are_the_motion(seed: int) -> None:
     """q' = ∂H/∂p and p' = −∂H/∂q by complex steps; dampers add minus what they resist."""
     system = system_of(plane_scene(seed))
-    state, first = random_state(system, seed), int(system.cart is not None)
+    state, first = random_state(system, seed), system.first
     q, v = vectors(system, state)
     p, half = momenta(system, state), len(q)
 
