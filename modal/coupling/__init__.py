@@ -1,7 +1,7 @@
 """How the cart, or the structure, couples the pendula that hang from it.
 
-In: a `Scene`.  Out: a `Coupling`, or a `StructureCoupling` of several carriers and springs: families of modes, their splitting and beats, the limits of a light and a heavy cart,
-which pendula exchange energy, and the effect of dampers and drives on each mode; as text, as numbers, as JSON.
+In: a `Scene`.  Out: a `Coupling`, or a `StructureCoupling` where there is more than one cart: families of modes, their
+splitting and beats, the limits of a light and a heavy cart, which pendula exchange energy, and the effect of dampers and drives on each mode; as text, as numbers, as JSON.
 
     m_dyn(ω) = m + Σ_r μ_r ω_r²/(ω_r² − ω²)
 
@@ -15,7 +15,6 @@ from modal._compatibility import renamed
 from modal.coupling.analysis import Coupling, Family, explain, family_name
 from modal.coupling.damping import damped_modes, negative_damping
 from modal.coupling.report import coupling_report
-from modal.coupling.structure_words import motion_words
 from modal.coupling.structures import Branch, PendulumFamily, StructureCoupling, StructureMode
 
 __all__ = [
@@ -29,7 +28,6 @@ __all__ = [
     "damped_modes",
     "explain",
     "family_name",
-    "motion_words",
     "negative_damping",
 ]
 

@@ -1,12 +1,12 @@
 """A structure and its pendula in few coordinates: η, and the modes of every pendulum alone while all else is held.
 
-A mode φ of one pendulum alone, φᵀAφ = 1, pushes its pivot with Γ = φᵀb, and a spring at the first joint of a pendulum on
-a carrier that turns by Ω η pulls with k_1 φ_1.  Copies on pivots that move alike count as one, √N φ, their N − 1 other
+A mode φ of one pendulum alone, φᵀAφ = 1, pushes its pivot with Γ = φᵀb; on a carrier that turns by Ω η a
+spring at the first joint pulls with k_1 φ_1.  Copies on pivots that move alike count as one, √N φ, their N − 1 other
 combinations leave everything else still.  Over η and the amplitudes of these modes
 
-    M = [[M_s + Σ m (ΦᵀΦ + ΨᵀΨ), h], [hᵀ, 1]],    K = [[K_s, g], [gᵀ, diag ω² + C]],    h = √N Γ Φ,    g = −√N k_1 φ_1 Ω,
+    M = [[M_s + Σ m (ΦᵀΦ + ΨᵀΨ), h], [hᵀ, 1]],    K = [[K_s, g], [gᵀ, diag ω² + C]],
 
-C from springs between pendula.  What remains of it for η is the dynamic stiffness, at x = ω²
+h = √N Γ Φ, g = −√N k_1 φ_1 Ω, C from springs between pendula.  What remains of it for η is the dynamic stiffness, at x = ω²
 
     S(x) = K_s − x (M_s + Σ Φᵀ diag(m_dyn(x), m) Φ)        (without springs at those joints and C)
 
@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy
@@ -100,7 +101,7 @@ class Reduced:
 
     @cached_property
     def carried(self) -> Floats:
-        """The dampers of carriers and of springs."""
+        """The dampers of carriers and of springs, and drag down."""
         found, d = np.zeros_like(self.M), self.d
         found[:d, :d] = _modal(self.hanging)[2]
         for element in self.hanging.elements.damping:
@@ -110,8 +111,8 @@ class Reduced:
 
     @cached_property
     def dragged(self) -> Floats:
-        """The linear drag of all links."""
-        found, d, phi = np.zeros_like(self.M), self.d, self.hanging.phi
+        """The linear drag of all links along the rail; that of pendula that move down is in `carried`."""
+        found, d = np.zeros_like(self.M), self.d
         for k, (number, column) in enumerate(self.kinds):
             block = self.hanging.rig.blocks[number]
             drag, copies, columns = block.drag[:, column], float(block.count[column]), self.columns(k)
@@ -120,9 +121,7 @@ class Reduced:
             moved = centres(block, column) @ np.array([self.shapes[at - d] for at in columns]).T
             found[np.ix_(columns, columns)] += (moved.T * drag) @ moved
             found[np.ix_(range(d), columns)] += np.sqrt(copies) * np.outer(self.along[k], drag @ moved)
-            own = (self.hanging.kinds == (number, column)).all(1)
-            for rows in (phi.along[own], phi.down[own]):
-                found[:d, :d] += drag.sum() * (rows.T @ rows)
+            found[:d, :d] += copies * drag.sum() * np.outer(self.along[k], self.along[k])
         found[d:, :d] = found[:d, d:].T
         return found
 
@@ -133,8 +132,8 @@ class Reduced:
         """
         return np.asarray(_schur(self.K - x * self.M, kept))
 
-    def pulled(self, modes: Sequence[int], x: float, D: Floats | None = None) -> Floats:
-        """F: the shifts of ω² of some own modes near x by springs among them and by all else, which resists them as at x.
+    def pulled(self, modes: Sequence[int], x: float, D: Floats | None = None) -> Any:
+        """F: the shifts of ω² of some own modes near x, by springs among them and by all else, which resists as at x.
 
         What resists is without the modes themselves: with η' alone, −x h hᵀ is moved from their poles
         x²/(ω² − x) = xω²/(ω² − x) − x to the structure.  With iωD of dampers, the own ones of the modes included.
@@ -148,16 +147,17 @@ class Reduced:
         S[kept, kept] = 0.0
         rate = np.full(len(S), np.sqrt(x))
         rate[kept] = omega
-        damped = S if D is None else S + 1j * np.sqrt(np.outer(rate, rate)) * D
-        return np.asarray(damped[np.ix_(kept, kept)] + _schur(damped, kept))
+        damped: Any = S if D is None else S + 1j * np.sqrt(np.outer(rate, rate)) * D
+        return damped[kept][:, kept] + _schur(damped, kept)
 
 
-def _schur(S: Floats, kept: Sequence[int]) -> Floats:
+def _schur(S: Any, kept: Sequence[int]) -> Any:
+    """What elimination of all other coordinates adds to those that are kept."""
     rest = np.setdiff1d(np.arange(len(S)), kept)
     if not len(rest):
         return np.zeros((len(kept),) * 2, S.dtype)
-    found: Floats = -S[np.ix_(kept, rest)] @ np.linalg.solve(S[np.ix_(rest, rest)], S[np.ix_(rest, kept)])
-    return found
+    beside = S[:, rest]
+    return -beside[kept] @ np.linalg.solve(beside[rest], S[rest][:, kept])
 
 
 def reduced(rig: Rig) -> Reduced:
@@ -167,7 +167,9 @@ def reduced(rig: Rig) -> Reduced:
     """
     hanging = Hanging(rig)
     if (size := hanging.structure.size + sum(block.mass.size for block in rig.blocks)) > MOST_COORDINATES:
-        raise ComputationError(f"the structure and different pendula have {size} coordinates: at most {MOST_COORDINATES}")
+        raise ComputationError(
+            f"the structure and different pendula have {size} coordinates: at most {MOST_COORDINATES}"
+        )
     held = _held(hanging)
     own, shapes, push = _own_modes(hanging, held)
     count, d = len(own.omega), hanging.structure.size
@@ -205,11 +207,12 @@ def _modal(hanging: Hanging) -> tuple[Floats, Floats, Floats]:
 
 def _inertia(hanging: Hanging) -> Floats:
     """M_s + Σ m (ΦᵀΦ + ΨᵀΨ), (d, d): the structure with all pendula as if they were stiff."""
-    found, phi = _modal(hanging)[0], hanging.phi
+    found = _modal(hanging)[0]
     for element in hanging.elements.inertia:
         element.add_to(found)
-    for rows in (phi.along, phi.down):
-        found += (rows * hanging.masses[:, None]).T @ rows
+    for (block, column, copies), pendulum in zip(hanging.rig.members, hanging.starts.tolist(), strict=True):
+        along = hanging.phi.along[pendulum]
+        found += copies * hanging.rig.blocks[block].mass[:, column].sum() * np.outer(along, along)
     return found
 
 
@@ -238,7 +241,9 @@ def _own_modes(hanging: Hanging, held: dict[Kind, Floats]) -> tuple[FixedBaseMod
     modes.sort(key=lambda mode: (mode[0], names.index(mode[1])))
     omega, kinds, shapes = zip(*modes, strict=True)
     kind = np.array([names.index(own) for own in kinds])
-    push = np.array([float(shape @ rig.blocks[b].b[:, column]) for (b, column), shape in zip(kinds, shapes, strict=True)])
+    push = np.array(
+        [float(shape @ rig.blocks[b].b[:, column]) for (b, column), shape in zip(kinds, shapes, strict=True)]
+    )
     rate = [_rate(rig, own, shape) for own, shape in zip(kinds, shapes, strict=True)]
     count = np.array([int(rig.blocks[b].count[column]) for b, column in kinds])
     own = FixedBaseModes(np.array(omega), push**2, kind, places_within(kind), count, np.array(rate))

@@ -12,24 +12,15 @@ from modal.coupling.exchange import MOST_MODES, STRONG
 from modal.coupling.structures import Branch, Exchanged, PendulumFamily, StructureCoupling
 from modal.modes import lettered
 from modal.report import capital, counted, listed, percent, rad, short
-from modal.structure import CarrierNumbers
-from modal.types import Floats
 
 MOST_LISTED = 8
-SHARE = 0.03
-"""Smallest share of kinetic energy of a coordinate, or of a mode of the structure, that is told."""
 SLIGHT = 1e-4
 NEGLIGIBLE = 1e-12
-VERBS = {
-    "cart": "moves",
-    "swing": "swings",
-    "tilt": "tilts",
-    "heave": "heaves",
-    "sway_m": "sways",
-    "heave_m": "heaves",
-    "roll_rad": "rolls",
+NOUNS = {
+    "tilt": ("board", "boards"),
+    "heave": ("heaving support", "heaving supports"),
+    "modal": ("structure", "structures"),
 }
-NOUNS = {"tilt": ("board", "boards"), "heave": ("heaving support", "heaving supports"), "modal": ("structure", "structures")}
 
 
 def structure_sections(coupling: StructureCoupling) -> Iterator[tuple[str, Iterator[str]]]:
@@ -46,43 +37,6 @@ def _chosen(families: Sequence[PendulumFamily]) -> Iterator[tuple[str, PendulumF
     return ((lettered(r).upper(), one) for r, one in enumerate(families[:MOST_LISTED]))
 
 
-# ------------------------------------------------------------------------------------------------------------ words
-
-
-def noun(carrier: CarrierNumbers) -> str:
-    """A carrier by its name, or by what it is."""
-    return f"the {_nouns(carrier.kind)[0]}" if carrier.name == carrier.kind else carrier.name
-
-
-def motion_words(coupling: StructureCoupling, eta: Floats) -> str:
-    """What of the structure moves, and how, in a motion η (d,): by kinetic energy, and by sign."""
-    structure, d = coupling.structure, coupling.reduced.d
-    energy = eta * (coupling.reduced.M[:d, :d] @ eta)
-    chosen = np.flatnonzero(energy >= SHARE * energy.sum())
-    owner = np.searchsorted(structure.offsets, chosen, side="right") - 1
-    carriers = [structure.carriers[k] for k in owner]
-    if len(chosen) > 1 and len({own.kind for own in carriers}) == 1 and all(own.size == 1 for own in carriers):
-        return _row(coupling, carriers, eta[chosen])
-    parts: dict[str, list[str]] = {}
-    for at, k, own in zip(chosen.tolist(), owner.tolist(), carriers, strict=True):
-        place = at - structure.offsets[k]
-        verb = f"moves in its coordinate {place + 1}" if own.M is not None else VERBS.get(own.kind, "")
-        parts.setdefault(noun(own), []).append(verb or VERBS[own.suffixes[place]])
-    words = [f"{name} {listed(verbs, len(verbs))}" for name, verbs in parts.items()]
-    return listed(words, len(words))
-
-
-def _row(coupling: StructureCoupling, carriers: Sequence[CarrierNumbers], eta: Floats) -> str:
-    """Several carriers of one kind and one coordinate each."""
-    ahead, behind = ([noun(own) for own, value in zip(carriers, eta, strict=True) if value * sign > 0] for sign in (1, -1))
-    if len(carriers) == 2 == len(coupling.structure.carriers):
-        return f"the two {_nouns(carriers[0].kind)[1]} move in {'antiphase' if ahead and behind else 'phase'}"
-    if ahead and behind:
-        return f"{listed(ahead, len(ahead))} {'moves' if len(ahead) == 1 else 'move'} against {listed(behind, len(behind))}"
-    every = ahead or behind
-    return f"{listed(every, len(every))} move in phase"
-
-
 def _nouns(kind: str) -> tuple[str, str]:
     """What one carrier is called, and several."""
     return NOUNS.get(kind, (kind, f"{kind}s"))
@@ -91,8 +45,8 @@ def _nouns(kind: str) -> tuple[str, str]:
 def _moved(coupling: StructureCoupling, branch: Branch) -> str:
     """What the structure does in a mode of the scene."""
     if branch.still:
-        return "the structure stands still" if coupling.reduced.d else ""
-    return motion_words(coupling, coupling.basis @ branch.motion)
+        return "structure still" if coupling.reduced.d else ""
+    return coupling.words(coupling.basis @ branch.motion)
 
 
 def _numbered(coupling: StructureCoupling, omega: float) -> str:
@@ -113,7 +67,7 @@ def _member(coupling: StructureCoupling, k: int) -> str:
 def _scene(coupling: StructureCoupling) -> Iterator[str]:
     scene, structure = coupling.scene, coupling.structure
     kinds = f" of {counted(len(coupling.names), 'kind', 'kinds')}" if scene.n_pendula > 1 else ""
-    hanging = float(coupling.reduced.hanging.masses.sum())
+    hanging = sum(float(block.mass.sum(0) @ block.count) for block in coupling.reduced.hanging.rig.blocks)
     what = (
         f"{counted(scene.n_pendula, 'pendulum', 'pendula')}{kinds}, {counted(scene.n_links, 'link', 'links')} and "
         f"{short(hanging)} kg in all, {'hangs' if scene.n_pendula == 1 else 'hang'}"
@@ -131,7 +85,8 @@ def _scene(coupling: StructureCoupling) -> Iterator[str]:
             for kind, names in by_kind.items()
         ]
         named = [*structure.names[:MOST_LISTED], *["…"] * (structure.size > MOST_LISTED)]
-        yield f"{what} from {listed(each, len(each))}: {counted(structure.size, 'coordinate', 'coordinates')} [{', '.join(named)}]."
+        size = counted(structure.size, "coordinate", "coordinates")
+        yield f"{what} from {listed(each, len(each))}: {size} [{', '.join(named)}]."
     if structure.springs:
         to_links = len(coupling.reduced.hanging.tied)
         joined = f" and act on {counted(to_links, 'pendulum', 'pendula')}" if to_links else ""
@@ -150,9 +105,9 @@ def _alone(coupling: StructureCoupling) -> Iterator[str]:
     for s, mode in enumerate(modes[:MOST_LISTED], 1):
         rate = f"at {rad(mode.omega)}" if mode.omega else "held by nothing [ω = 0]"
         yield (
-            f"Mode s{s} of the structure, its pendula as if they were stiff: {motion_words(coupling, mode.shape)}, {rate}"
-            f"{' [K_s u = ω²(M_s + Σ m ΦᵀΦ + Σ m ΨᵀΨ) u]' if s == 1 else ''}. A slow push along it moves {short(mode.mass)} kg "
-            f"[uᵀMu, at the point that moves most], a fast one {short(float(fast[s - 1]))} kg, the pendula left behind."
+            f"Mode s{s} of the structure, its pendula as if they were stiff: {coupling.words(mode.shape)}, {rate}"
+            f"{' [K_s u = ω²(M_s + Σ m ΦᵀΦ + Σ m ΨᵀΨ) u]' if s == 1 else ''}. A slow push along it moves "
+            f"{short(mode.mass)} kg [uᵀMu, at the point that moves most], a fast one {short(float(fast[s - 1]))} kg, the pendula left behind."
         )
     if len(modes) > MOST_LISTED:
         yield f"{len(modes) - MOST_LISTED} more are in the JSON form."
@@ -161,7 +116,7 @@ def _alone(coupling: StructureCoupling) -> Iterator[str]:
         "S(x) = K_s − x(M_s + Σ Φᵀ diag(m_dyn(x), m) Φ); where S is singular the scene swings by itself [det S = 0]."
     )
     for omega, motion in coupling.structure_modes[:MOST_LISTED]:
-        words = motion_words(coupling, coupling.basis @ motion)
+        words = coupling.words(coupling.basis @ motion)
         rate = f"at {rad(omega)}" if omega else "a drift, ω = 0"
         yield f"In the scene, with the pendula swinging: {words}, {rate}{_numbered(coupling, omega)}."
 
@@ -188,9 +143,9 @@ def _family(coupling: StructureCoupling, r: str, family: PendulumFamily) -> str:
 
 def _branch(coupling: StructureCoupling, r: str, family: PendulumFamily, branch: Branch) -> str:
     how = [_moved(coupling, branch), _pattern(family, branch)]
-    words = (
-        f"In one {' and '.join(filter(None, how))}" if any(how) else "One is"
-    ) + f", at {rad(branch.omega)}{_numbered(coupling, branch.omega)}, Δω = {short(branch.splitting)} rad/s away"
+    told = ", ".join(filter(None, how))
+    where = f"{rad(branch.omega)}{_numbered(coupling, branch.omega)}"
+    words = f"{capital(told) if told else 'One'} at {where}, Δω = {short(branch.splitting)} rad/s away"
     if not isfinite(branch.strength):
         return f"{words}: nothing else resists it at ω_{r}."
     guess = f", to first order {short(branch.strength * family.omega / 2)} rad/s [½ ε ω_{r}]"
@@ -205,7 +160,7 @@ def _pattern(family: PendulumFamily, branch: Branch) -> str:
     """The pendula of two members, whether they swing alike."""
     if len(family.members) != 2 or abs(branch.pattern).min() < 0.1 * abs(branch.pattern).max():
         return ""
-    return f"its two members swing in {'phase' if branch.pattern[0] * branch.pattern[1] > 0 else 'antiphase'}"
+    return f"its two members in {'phase' if branch.pattern[0] * branch.pattern[1] > 0 else 'antiphase'}"
 
 
 def _exchanges(coupling: StructureCoupling) -> Iterator[str]:
@@ -231,8 +186,8 @@ def _pair(coupling: StructureCoupling, pair: Exchanged) -> str:
     copies = int(max(coupling.own.count[[pair.first, pair.second]]))
     alike = ", all copies moving alike" if copies > 1 else ""
     head = (
-        f"{capital(a)} and {b}{alike}: detuning {short(abs(pair.detuning))} rad/s [|δ|, δ = F_aa/2ω_a − F_bb/2ω_b + ω_a − ω_b]"
-        f" against coupling {short(abs(pair.coupling))} rad/s [g = F_ab/2√(ω_aω_b)]: "
+        f"{capital(a)} and {b}{alike}: detuning {short(abs(pair.detuning))} rad/s [|δ|, δ = ω_a + F_aa/2ω_a − ω_b − "
+        f"F_bb/2ω_b] against coupling {short(abs(pair.coupling))} rad/s [g = F_ab/2√(ω_aω_b)]: "
     )
     if not tuned:
         verdict = "detuning suppresses the exchange"

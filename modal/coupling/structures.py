@@ -28,7 +28,7 @@ from modal.coupling.fixed_base import FixedBaseModes
 from modal.coupling.reduced import Reduced
 from modal.eigen import degenerate_modes
 from modal.errors import ComputationError
-from modal.modes import natural_modes, table_numbers
+from modal.modes import moving_words, natural_modes, table_numbers
 from modal.report import NOTHING, Displayed, Summary, brief, counted
 from modal.scene import Scene, name_of
 from modal.structure import Structure, slopes
@@ -67,7 +67,7 @@ class StructureMode(Displayed):
 class Branch(Displayed):
     """One mode of a family that moves other things: its ε, and its `omega` (rad/s), `splitting` ω − ω_r.
 
-    `motion` (d,) is what the structure does, in its own modes, `pattern` the amplitudes of the family's members in √kg m.
+    `motion` (d,) is what the structure does, in its own modes, `pattern` the amplitudes (√kg m) of the family's members.
     `still` where the structure stands, and only springs between pendula split the family.
     """
 
@@ -192,6 +192,10 @@ class StructureCoupling(Displayed):
         d = self.reduced.d
         return np.column_stack([mode.shape for mode in self.modes]) if d else np.zeros((0, 0))
 
+    def words(self, eta: Floats) -> str:
+        """What of the structure moves in a motion η (d,): two carts in antiphase, board tilts."""
+        return moving_words(self.structure, eta, np.diag(self.reduced.M)[: self.reduced.d])
+
     def stiffness(self, omega: float) -> Floats:
         """S (d, d) at ω (rad/s) over η: what a slow or fast push on the structure feels, N/m for coordinates in m."""
         d, x = self.reduced.d, omega**2
@@ -240,7 +244,9 @@ class StructureCoupling(Displayed):
         found = []
         for members in self._members:
             at, whole = d + members, np.eye(len(members))
-            if K[np.ix_(at, np.setdiff1d(np.arange(d, len(K)), at))].any() or np.any(K[np.ix_(at, at)] - np.diag(np.diag(K)[at])):
+            if K[np.ix_(at, np.setdiff1d(np.arange(d, len(K)), at))].any() or np.any(
+                K[np.ix_(at, at)] - np.diag(np.diag(K)[at])
+            ):
                 found.append((whole, whole[:, :0]))
                 continue
             omega = self.own.omega[members[0]]
@@ -332,7 +338,7 @@ class StructureCoupling(Displayed):
             beside = np.linalg.eigvalsh(patterns.T @ self._apart(members, square) @ patterns)
             near = float(beside[np.abs(beside - apart).argmin()])
             apart = near if abs(near - apart) <= 1e-6 * pole**2 else apart
-        motion = np.linalg.solve(self.basis, moved) if d else moved
+        motion: Floats = np.asarray(np.linalg.solve(self.basis, moved) if d else moved, dtype=np.float64)
         pattern = vector[d + members]
         turn = np.sign(pattern[np.abs(pattern).argmax()]) or 1.0
         omega = sqrt(square)
@@ -348,7 +354,8 @@ class StructureCoupling(Displayed):
         every = np.sqrt(self._moving[0])
         rows = [int(np.abs(every - omega).argmin()) for omega in left]
         vectors = self._moving[1][: self.reduced.d]
-        return tuple((omega, np.linalg.solve(self.basis, vectors[:, k])) for omega, k in zip(left, rows, strict=True))
+        inverse: Floats = np.linalg.inv(self.basis)
+        return tuple((omega, inverse @ vectors[:, k]) for omega, k in zip(left, rows, strict=True))
 
     def beats(self, family: PendulumFamily) -> tuple[float, ...]:
         """2π/|Δω| (s) of every two levels of a family that is weakly coupled: its still modes, and each that moves."""
@@ -534,7 +541,9 @@ def _pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:
     terms = np.einsum("ik,ij,jk->k", np.abs(vectors), np.abs(K), np.abs(vectors))
     square = np.where(np.abs(square) <= NOTHING_HOLDS * terms, 0.0, square)
     if np.any(square < 0):
-        raise ComputationError("the structure does not stand by itself: at rest it falls over, and nothing swings about it")
+        raise ComputationError(
+            "the structure does not stand by itself: at rest it falls over, and nothing swings about it"
+        )
     return square, vectors
 
 
@@ -542,11 +551,13 @@ def _quadratic(M: Floats, D: Floats, K: Floats) -> NDArray[np.complex128]:
     """All λ of λ²M + λD + K."""
     n = len(M)
     inverse = np.linalg.solve(M, np.hstack([K, D]))
-    values: NDArray[np.complex128] = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-inverse[:, :n], -inverse[:, n:]]]))
+    values: NDArray[np.complex128] = np.linalg.eigvals(
+        np.block([[np.zeros((n, n)), np.eye(n)], [-inverse[:, :n], -inverse[:, n:]]])
+    )
     return values
 
 
 def _upper(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """One of each conjugate pair, without the zeros of what nothing holds."""
-    return values[(values.imag >= 0) & (np.abs(values) > CREEPING * np.abs(values).max())]
-
+    upper: NDArray[np.complex128] = values[(values.imag >= 0) & (np.abs(values) > CREEPING * np.abs(values).max())]
+    return upper

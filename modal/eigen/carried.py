@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly import ARRAYS, Block, Hanging, Rig
+from modal.assembly import ARRAYS, Block, Hanging, Rig, add_modal
 from modal.eigen.product import Factor
+from modal.eigen.recursion import at_infinity
 from modal.eigen.sturm import chains_of
 from modal.eigen.trees import Tree
 from modal.structure import slopes
@@ -38,7 +39,7 @@ class Share(NamedTuple):
 
 
 class Heavy(NamedTuple):
-    """A combination of equal pendula: a chain `weight` times as heavy on the pivot `along` η, feeling `felt` η, (d,)."""
+    """A combination of equal pendula: a chain `weight` times as heavy on the pivot `along` η that feels `felt` η, (d,)."""
 
     block: int
     column: int
@@ -196,9 +197,7 @@ class Carried:
         first = [self._columns[block, column] for column in columns]
         if rank == len(columns):
             each = zip(columns, counts.tolist(), rows, first, strict=True)
-            return [
-                Heavy(block, c, float(n), *np.split(row, 2), (Share(c, n, 1.0, p),)) for c, n, row, p in each
-            ], []
+            return [Heavy(block, c, float(n), *np.split(row, 2), (Share(c, n, 1.0, p),)) for c, n, row, p in each], []
         heavies = []
         for combination in U.T[:rank]:
             amplitude = (combination / np.sqrt(counts)).tolist()
@@ -241,6 +240,18 @@ class Carried:
             share = copies / int(self.rig.blocks[block].count[column])
             found[block][column] += share * np.multiply.outer(down[first], down[first])
         return tuple(found)
+
+    @cached_property
+    def accelerances(self) -> Floats:
+        """Σ φ_η² over all modes (d,), φᵀMφ = 1: what a sudden force on each coordinate gives it, per unit of force."""
+        M = np.zeros((self.size, self.size))
+        add_modal(self.hanging.structure, M, M.copy(), M.copy())
+        for element in self.hanging.elements.inertia:
+            element.add_to(M)
+        for number, block in enumerate(self.rig.blocks):
+            felt = at_infinity(block)[0].ravel() * block.count
+            M += (self.pivots[number].T * felt) @ self.pivots[number]
+        return np.diag(np.linalg.inv(M))
 
     def momentum(self, reduced: Reduced) -> Floats:
         """The momentum along the rail (n,) by each rate of a component; NaN where a modal support is part of it."""
@@ -394,10 +405,10 @@ class Reduced:
         basis = null_space(rows[np.abs(rows).sum(1) > 0])
         M = self.factors[0].matrix[:d, :d]
         found = np.zeros((self.size, basis.shape[1]))
-        for k, vector in enumerate(basis.T):
-            for before in found.T[:k, :d]:
-                vector = vector - (before @ M @ vector) * before
-            found[:d, k] = vector / np.sqrt(vector @ M @ vector)
+        for k in range(basis.shape[1]):
+            before = found[:d, :k]
+            own = basis[:, k] - before @ (before.T @ (M @ basis[:, k]))
+            found[:d, k] = own / np.sqrt(own @ M @ own)
         return found
 
     @cached_property
@@ -421,7 +432,7 @@ class Reduced:
         for factor, own in zip(factors, (mass, stiffness), strict=True):
             for row, size in zip(*factor, strict=True):
                 at = np.flatnonzero(row)
-                if size < 0 or at.size > 2 or (at.size > 1 and own is mass):
+                if size < 0 or at.size > 2 or at[-1] >= len(eta) or (at.size > 1 and own is mass):
                     return None
                 if at.size == 1:
                     own[at[0]] += size * row[at[0]] ** 2

@@ -30,8 +30,8 @@ LOWER = 2.0**-48
 class Tree:
     """Coordinates, the root first and each after its `parent` (N,), −1 of the root.
 
-    `stiffness` and `mass` (N,) are their own, `spring`, `near` and `far` (N,) are κ, α at the parent and β.  Chains hang
-    in groups, h² copies of each folded into their masses, with the coordinate of each, (P,).
+    `stiffness` and `mass` (N,) are their own, `spring`, `near` and `far` (N,) are κ, α at the parent and β.  Chains
+    hang in groups, h² copies of each folded into their masses, with the coordinate of each, (P,).
     """
 
     parent: Ints

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
-from modal.coupling import StructureCoupling, family_name, motion_words
+from modal.coupling import StructureCoupling, family_name
 from modal.plotting.layout import SMALL, headline, key, shortened
 from modal.plotting.style import WIDE, colour, ink, mixed, paper, sheet
 from modal.scene import title_of
@@ -100,7 +100,7 @@ def _felt(axis: Axes, coupling: StructureCoupling, s: int, span: tuple[float, fl
     axis.set(xlim=(low, high), ylim=(-1.2 * mode.mass, TOP * mode.mass), xscale="log" if wide else "linear")
     axis.set(xlabel="angular frequency ω (rad/s)", ylabel="mass felt (kg)")
     axis.yaxis.set_major_formatter("{x:g}")
-    words = shortened(motion_words(coupling, mode.shape), LETTERS)
+    words = shortened(coupling.words(mode.shape), LETTERS)
     axis.set_title(f"s{s + 1}: {words}", loc="left", pad=15, parse_math=False)
 
 
@@ -108,7 +108,8 @@ def _shares(coupling: StructureCoupling, s: int) -> list[tuple[float, float]]:
     """ω of the scene's moving modes, and the share of own mode s of the structure in their kinetic energy."""
     branches = [(branch.omega, branch.motion) for own in coupling.families for branch in own.branches]
     return [
-        (omega, float(coupling.modes[s].mass * motion[s] ** 2)) for omega, motion in (*branches, *coupling.structure_modes)
+        (omega, float(coupling.modes[s].mass * motion[s] ** 2))
+        for omega, motion in (*branches, *coupling.structure_modes)
     ]
 
 
