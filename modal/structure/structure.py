@@ -6,7 +6,7 @@ an acceleration a of its pivot with the force R (a − g e_z) + p,
     (M_s(η) + Σ J_pᵀ R_p J_p) η'' = Q_s − Σ J_pᵀ [p_p + R_p (J_p' η' − g e_z)] − Σ (torques of first joints)
 
 A first joint on a carrier that turns measures its angle from the carrier.  A carrier's own spring acts on η and carries
-the weight at the drawn rest: its potential is ½ k η² − W η with W_i = g Σ m ∂z/∂η_i there, where k_i > 0.
+the weight at the drawn rest: its potential is ½ k η² + W η with W_i = g Σ m ∂z/∂η_i there, where k_i > 0.
 """
 
 from __future__ import annotations

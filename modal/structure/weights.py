@@ -2,7 +2,7 @@
 
     W_i = g Σ m ∂z/∂η_i    (z down, of every mass that the carriers and their pendula have, at the drawn rest)
 
-A carrier's own spring carries W_i where it has one, so that its potential is ½ k η² − W η; a modal support always does,
+A carrier's own spring carries W_i where it has one, so that its potential is ½ k η² + W η; a modal support always does,
 and holds its own weight in K.  Springs between points are unstretched as drawn.
 """
 

@@ -94,8 +94,8 @@ COMMANDS = (
         examples=(
             ("derive chain:3", "three bobs: Lagrangian, equations, M and K, polynomial, modes"),
             ("derive chain:2 --symbolic masses,lengths --format latex", "with a symbol for every mass and length"),
-            ("derive cart:3x2 --links rod --show polynomial,modes", "three double rods on a cart"),
             ("derive paper-cart-2 --show polynomial", "a scene's polynomial, in exact integers"),
+            ("derive two-bobs --symbolic masses,springs", "two pendula and the spring between them"),
             ("derive paper:002", "the equations of a paper, as printed and corrected"),
         ),
     ),

@@ -199,7 +199,7 @@ class Suspended(Arranged):
         carried, working = bearing.solved(drag)
         for k, each in enumerate(carried):
             found[half + k] = each
-        if first:
+        if first or system.structure is not None:
             power = power + working
         accelerations = found[half : 2 * half]
         turned = accelerations[first:]

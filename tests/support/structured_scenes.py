@@ -141,6 +141,16 @@ def _mixed() -> Scene:
     )
 
 
+def _standing() -> Scene:
+    """A board below a link that stands on its joint's spring, with another one hung from it."""
+    links = [Bob(mass=1.0, length=0.5, stiffness=9.0, damping=0.1), Rod(mass=0.4, length=0.3, stiffness=2.0)]
+    return Scene(
+        gravity=9.81,
+        support=Tilt(name="board", mass=6.0, inertia=1.5, stiffness=25.0, damping=0.3),
+        pendulum=[Pendulum(links=links, equilibrium=("up", "down"), position=(0.2, 0.1))],
+    )
+
+
 STRUCTURED = {
     "springs": _springs(),
     "swings": _swings(),
@@ -149,6 +159,7 @@ STRUCTURED = {
     "carts": _carts(),
     "frame": _frame(),
     "mixed": _mixed(),
+    "standing": _standing(),
 }
 """By name; all terms of their equations act, nothing is prescribed in time."""
 

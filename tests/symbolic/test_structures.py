@@ -9,7 +9,7 @@ import sympy as sp
 from structured_scenes import STRUCTURED
 from structures import Oracle
 
-from modal import Bob, Cart, Pendulum, Scene, SceneError
+from modal import Bob, Cart, Pendulum, Scene, SceneError, natural_modes
 from modal.assembly import matrices
 from modal.scene import Spring
 from modal.scene.supports import Swing, Tilt
@@ -230,3 +230,10 @@ def test_the_matrices_are_those_of_all_masses(name: str) -> None:
         scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
         assert np.all(np.abs(entries - exact) <= 1e-14 * scale + 1e-16)
     assert list(found.labels[: oracle.carried]) == oracle.names
+
+
+@SCENES
+def test_frequencies_are_those_of_all_masses(name: str) -> None:
+    scene = STRUCTURED[name].undriven.conservative
+    modes = natural_modes(scene)
+    assert np.repeat(modes.omega, modes.multiplicity) == pytest.approx(frequencies(scene), rel=1e-14)
