@@ -1,7 +1,8 @@
 """How the cart, or the structure, couples the pendula that hang from it.
 
 In: a `Scene`.  Out: a `Coupling`, or a `StructureCoupling` where there is more than one cart: families of modes, their
-splitting and beats, the limits of a light and a heavy cart, which pendula exchange energy, and the effect of dampers and drives on each mode; as text, as numbers, as JSON.
+splitting and beats, the limits of a light and a heavy cart, which pendula exchange energy, and the effect of dampers
+and drives on each mode; as text, as numbers, as JSON.
 
     m_dyn(ω) = m + Σ_r μ_r ω_r²/(ω_r² − ω²)
 

@@ -6,7 +6,8 @@ combinations leave everything else still.  Over η and the amplitudes of these m
 
     M = [[M_s + Σ m (ΦᵀΦ + ΨᵀΨ), h], [hᵀ, 1]],    K = [[K_s, g], [gᵀ, diag ω² + C]],
 
-h = √N Γ Φ, g = −√N k_1 φ_1 Ω, C from springs between pendula.  What remains of it for η is the dynamic stiffness, at x = ω²
+h = √N Γ Φ, g = −√N k_1 φ_1 Ω, C from springs between pendula.  What remains of it for η is, at
+x = ω², the dynamic stiffness
 
     S(x) = K_s − x (M_s + Σ Φᵀ diag(m_dyn(x), m) Φ)        (without springs at those joints and C)
 

@@ -107,7 +107,8 @@ def _alone(coupling: StructureCoupling) -> Iterator[str]:
         yield (
             f"Mode s{s} of the structure, its pendula as if they were stiff: {coupling.words(mode.shape)}, {rate}"
             f"{' [K_s u = ω²(M_s + Σ m ΦᵀΦ + Σ m ΨᵀΨ) u]' if s == 1 else ''}. A slow push along it moves "
-            f"{short(mode.mass)} kg [uᵀMu, at the point that moves most], a fast one {short(float(fast[s - 1]))} kg, the pendula left behind."
+            f"{short(mode.mass)} kg [uᵀMu, at the point that moves most], a fast one "
+            f"{short(float(fast[s - 1]))} kg, the pendula left behind."
         )
     if len(modes) > MOST_LISTED:
         yield f"{len(modes) - MOST_LISTED} more are in the JSON form."

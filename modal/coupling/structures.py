@@ -67,7 +67,7 @@ class StructureMode(Displayed):
 class Branch(Displayed):
     """One mode of a family that moves other things: its ε, and its `omega` (rad/s), `splitting` ω − ω_r.
 
-    `motion` (d,) is what the structure does, in its own modes, `pattern` the amplitudes (√kg m) of the family's members.
+    `motion` (d,) is what the structure does, in its own modes, `pattern` (√kg m) the amplitudes of the members.
     `still` where the structure stands, and only springs between pendula split the family.
     """
 
@@ -354,7 +354,7 @@ class StructureCoupling(Displayed):
         every = np.sqrt(self._moving[0])
         rows = [int(np.abs(every - omega).argmin()) for omega in left]
         vectors = self._moving[1][: self.reduced.d]
-        inverse: Floats = np.linalg.inv(self.basis)
+        inverse = np.asarray(np.linalg.inv(self.basis), dtype=np.float64)
         return tuple((omega, inverse @ vectors[:, k]) for omega, k in zip(left, rows, strict=True))
 
     def beats(self, family: PendulumFamily) -> tuple[float, ...]:

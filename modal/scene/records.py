@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from modal.errors import SceneError, meant
-from modal.scene.matrices import ARRAYS, read_matrices
+from modal.scene.modal_arrays import ARRAYS, read_matrices
 from modal.scene.motion import FORCES, RECORDED, Quantity, spectrum_problems
 
 LARGEST_FILE = 256_000_000

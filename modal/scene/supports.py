@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterator
 from typing import Literal
 
-from modal.scene.matrices import matrix_problems
+from modal.scene.modal_arrays import matrix_problems
 from modal.scene.motion import UNREAD
 from modal.scene.validation import NON_NEGATIVE, POSITIVE, REAL, Part, after, field, list_of, one_of, optional
 
