@@ -1,8 +1,8 @@
 """What a structure looks like, to scale: carriers at their coordinates η, springs between their points, the ground.
 
-A `Scaffold` is made once for a scene; `Scaffold.pieces(eta, joints)` are lines and outlines (F, K, 2) in m, to the right
-and up, for F instants or F extremes of a mode.  Where things would be drawn upon each other they are set apart along the
-rail: carriers whose bodies overlap, and pendula that hang from one point.
+A `Scaffold` is made once for a scene; `Scaffold.pieces(eta, joints)` are lines and outlines (F, K, 2) in m, to the
+right and up, for F instants or F extremes of a mode.  Where things would be drawn upon each other they are set apart
+along the rail: carriers whose bodies overlap, and pendula that hang from one point.
 """
 
 from __future__ import annotations
@@ -130,7 +130,9 @@ class Scaffold:
     def pivots(self, eta: Floats) -> Floats:
         """Where the drawn pendula hang at η (F, d), (F, D, 2)."""
         every = zip(self.drawn.tolist(), self.aside.tolist(), strict=True)
-        return np.stack([self.place(*self.structure.pivots[p], eta, aside) for p, aside in every], axis=1)
+        pivots = self.structure.pivots
+        each = [self.place(pivots[p].carrier, pivots[p].where, eta, aside) for p, aside in every]
+        return np.stack(each, axis=1)
 
     def reach(self, supports: Any) -> float:
         """How far (m) the points of the structure are from rest in a small motion with these η (d,), over its size."""
