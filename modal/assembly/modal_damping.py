@@ -17,6 +17,7 @@ import numpy as np
 
 from modal.assembly.arrays import Rig
 from modal.assembly.dense import Columns, assembled
+from modal.assembly.structure import on_structure
 from modal.errors import ComputationError, SceneError
 from modal.types import Floats, Ints
 
@@ -49,13 +50,19 @@ def ratio_at(rig: Rig) -> RatioAt:
 
 def frequencies(rig: Rig) -> Floats:
     """The different |λ| of the rig without dampers, ascending: 0 of a free cart, growth rates where it is unstable."""
+    if rig.structure:
+        return _different(_carried(rig)[0])
     found = [np.zeros(int(rig.cart is not None and rig.cart.stiffness == 0))]
     for block, column in rig.names:
         if rig.cart is None or rig.spatial or rig.blocks[block].count[column] > 1:
             found.append(_eigen(*_chain(rig, (block, column)))[0])
     if rig.cart:
         found.append(_eigen(*_heavy(rig))[0])
-    each = np.sort(np.abs(np.concatenate(found)))
+    return _different(np.concatenate(found))
+
+
+def _different(rates: Floats) -> Floats:
+    each = np.sort(np.abs(rates))
     each = each[np.isfinite(each)]
     return np.asarray(each[np.append(True, np.diff(each) > SAME * each[1:])])
 
@@ -65,16 +72,32 @@ def modal_factor(M: Floats, K: Floats, free: bool, ratio: RatioAt) -> Floats:
 
     ComputationError for more than LARGEST coordinates and beyond double precision.
     """
-    rate, momentum = _eigen(M, K, free)
+    found = _factor(*_eigen(M, K, free), ratio)
+    return np.hstack([np.zeros((len(found), int(free))), found])
+
+
+def _factor(rate: Floats, momentum: Floats, ratio: RatioAt) -> Floats:
+    """C (R, n) from ω (R,) and Mφ (n, R)."""
     swings = (rate > 0) & np.isfinite(rate)
     omega = rate[swings]
-    found: Floats = np.sqrt(2 * ratio(omega) * omega)[:, None] * momentum.T[swings]
-    return np.hstack([np.zeros((len(found), int(free))), found])
+    return np.asarray(np.sqrt(2 * ratio(omega) * omega)[:, None] * momentum.T[swings])
+
+
+def _carried(rig: Rig) -> tuple[Floats, Floats]:
+    """ω, 0 of what nothing holds, and Mφ of a whole rig on a structure."""
+    M, K, _ = on_structure(rig)
+    _refuse_large(len(M))
+    rate, momentum = _eigen(M, K, False)
+    most = np.max(np.abs(rate[np.isfinite(rate)]))
+    return np.where(np.abs(rate) > np.sqrt(len(M) * NOISE) * most, rate, 0.0), momentum
 
 
 def modal_dampers(rig: Rig) -> Floats:
     """D_modal (n, n) of a whole rig, in the coordinates of its matrices."""
     ratio, first = ratio_at(rig), int(rig.cart is not None)
+    if rig.structure:
+        C = _factor(*_carried(rig), ratio)
+        return np.asarray(C.T @ C)
     places = _places(rig, first)
     D = np.zeros((first + sum(index.size for index in places.values()),) * 2)
     for kind, index in places.items():
