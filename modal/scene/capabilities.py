@@ -214,7 +214,7 @@ CAPABILITIES: dict[str, Capability] = {
         Capability("the table of modes", LINEAR | STRUCTURED, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
         Capability(
             "the explanation of the coupling",
-            LINEAR - {"inverted"},
+            LINEAR - {"inverted"} | {"structure", "springs"},
             leaves=ABOUT,
             refuses={**CONSTANT, **SHIFTED, "inverted": "has no frequency for a link that stands"},
             beside=UNLOADED,
