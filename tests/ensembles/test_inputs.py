@@ -156,9 +156,7 @@ def test_many_links_go_by_the_recursion(name: str) -> None:
 MEASURED = ("largest_angle", "first_turn", "lyapunov", "section:theta[1,2]=0")
 
 
-def alike(
-    name: str, engine: str, within: float, measures: tuple[str, ...] = MEASURED, seconds: float = 2.0
-) -> None:
+def alike(name: str, engine: str, within: float, measures: tuple[str, ...] = MEASURED, seconds: float = 2.0) -> None:
     """Whether members of an engine are those of lanes in NumPy, whatever is measured."""
     options = {**OPTIONS, "vary": MASSES, "measures": measures}
     one, other = (ensemble(SCENES[name], seconds, engine=own, **options) for own in ("numpy", engine))
