@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from modal.structure import CarrierEnd, End, GroundEnd, Structure
-from nonlinear.system.system import Group, System
+
+if TYPE_CHECKING:
+    from nonlinear.system.system import Group, System
 
 Vector = tuple[Any, Any]
 
