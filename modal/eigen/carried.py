@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.assembly import ARRAYS, Block, Hanging, Rig, add_modal, null_space
-from modal.eigen.product import Factor
+from modal.eigen.factor import Factor
 from modal.eigen.recursion import at_infinity
 from modal.eigen.sturm import chains_of
 from modal.eigen.trees import Tree

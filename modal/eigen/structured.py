@@ -19,10 +19,11 @@ from modal.eigen import dense, quadratic
 from modal.eigen.carried import Balanced, Carried, Reduced
 from modal.eigen.chains import EVERYTHING, Limits
 from modal.eigen.counts import Built, counted
-from modal.eigen.product import BEYOND, is_wide, product_modes
+from modal.eigen.factor import BEYOND, Factor, is_wide
 from modal.eigen.recursion import joints, kinetic
 from modal.eigen.sources import ROUNDOFF, Details, Source, structured_error
 from modal.errors import ComputationError
+from modal.report import deferred
 from modal.types import Complexes, Floats, Ints
 
 LARGEST = 1200
@@ -184,7 +185,7 @@ class OnStructure:
         """ω (R,) and shapes (n, R) from the factors."""
         dense.refuse_beyond(LARGEST, self.reduced.size, "shapes on a structure")
         M, K, _ = self.reduced.factors
-        return product_modes(K, M, self.reduced.free.shape[1])
+        return _product_modes(K, M, self.reduced.free.shape[1])
 
     @cached_property
     def _dense(self) -> dense.Eigen:
@@ -231,7 +232,7 @@ class OnStructure:
             M, K, _ = reduced.factors
             if not reduced.is_positive:
                 raise ComputationError("damping_ratio: is not computed with dampers where a coordinate falls")
-            omega, shapes = product_modes(K, M, reduced.free.shape[1])
+            omega, shapes = _product_modes(K, M, reduced.free.shape[1])
             modal = np.sqrt(2 * self.ratio(omega) * omega)[:, None] * (M.matrix @ shapes).T
         return quadratic.Dampers(strength, above, roots if len(roots) else None), modal
 
@@ -267,6 +268,12 @@ class OnStructure:
         weight = np.sqrt((M.size[:, None] * M.rows**2).sum(0))[:, None]
         sizes = np.abs(shape) * weight
         return np.where(sizes > 4 * len(shape) * dense.EPS * sizes.max(0), shape, 0.0)
+
+
+def _product_modes(stiffness: Factor, inertia: Factor, free: int) -> tuple[Floats, Floats]:
+    """ω and shapes by `modal.eigen.product`, which loads SciPy's linear algebra: scenes without structures do not."""
+    found: tuple[Floats, Floats] = deferred("modal.eigen.product:product_modes")(stiffness, inertia, free)
+    return found
 
 
 def moved_of(reduced: Reduced, shape: Numbers) -> Moved:

@@ -62,6 +62,7 @@ def _of(words: str) -> frozenset[str]:
 # ------------------------------------------------------------------------------------------------------- features
 
 SHAPE = _of("cart copies inverted joint_springs")
+STRUCTURED = _of("structure springs")
 LINEAR = SHAPE | LOSS | {"massless_cart", "space"}
 FORCED = _of("force constant_force")
 ACTING = SHAPE | LOSS | DRAG | FORCED | {"moved_support", "load"}
@@ -202,9 +203,7 @@ def _told(one: Capability) -> Capability:
 CAPABILITIES: dict[str, Capability] = {
     one.name: _told(one)
     for one in (
-        Capability(
-            "the table of modes", LINEAR | {"structure", "springs"}, leaves=OMITTED, unless=LEANING, beside=UNLOADED
-        ),
+        Capability("the table of modes", LINEAR | STRUCTURED, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
         Capability(
             "the explanation of the coupling",
             LINEAR - {"inverted"},

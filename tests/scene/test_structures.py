@@ -11,7 +11,7 @@ import pytest
 from modal import Cart, Fixed, Scene, SceneError, Tilt, load
 from modal.scene import Moved, dumps, parse, refusals, scene_from, title_of
 from modal.scene.files import schema
-from modal.scene.matrices import read_matrices
+from modal.scene.support_arrays import read_matrices
 from modal.scene.parameters import find_places, parse_variations, unit_at, validate_variations, vary
 from modal.structure import carried, hung_masses, structure_of, unbalanced, weights
 
@@ -322,7 +322,7 @@ def test_a_modal_support_is_read_from_its_file(tmp_path: Path, monkeypatch: pyte
     assert np.array_equal(scene.support[0].points, points)
     assert np.array_equal(scene.support[0].K, root @ root.T)
     assert parse(dumps(scene).encode()) == scene
-    monkeypatch.setattr("modal.scene.matrices.LARGEST_FILE", 100)
+    monkeypatch.setattr("modal.scene.support_arrays.LARGEST_FILE", 100)
     with pytest.raises(SceneError, match=r'support\[0\].file = "frame.npz": has arrays of more than'):
         parse(text.encode(), tmp_path)
 
