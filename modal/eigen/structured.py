@@ -106,7 +106,7 @@ class FreeMotions:
         shape = self.reduced.free[:, rows]
         moved, one = moved_of(self.reduced, shape), np.ones(len(rows))
         momentum = _cancelled(self.reduced.carried.momentum(self.reduced), shape)
-        momentum = momentum + (np.nan if self.reduced.factors[2].size.size else 0.0)
+        momentum = momentum + (np.nan if self.reduced.is_damped else 0.0)
         return _details(moved, one, momentum, 0 * one, moved.energies)
 
 
@@ -121,7 +121,7 @@ class OnStructure:
     @cached_property
     def is_damped(self) -> bool:
         """Whether there are dampers besides those of a damping ratio."""
-        return bool(self.reduced.factors[2].size.size)
+        return self.reduced.is_damped
 
     @property
     def _is_counted(self) -> bool:
@@ -169,7 +169,7 @@ class OnStructure:
         if self.is_damped or not reduced.is_positive:
             return self._dense.error
         if reduced.hidden.any():
-            lost = 2 * ROUNDOFF * float((reduced.terms / np.diag(reduced.factors[1].matrix)).max())
+            lost = 2 * ROUNDOFF * reduced.cancelling
         for _, matrices in reduced.modal:
             lost += sum(len(S) * ROUNDOFF * _condition(S) for S in matrices[:2])
         if self._is_counted:
@@ -238,6 +238,8 @@ class OnStructure:
 
     def details(self, rows: Ints) -> Details:
         """Shapes over the whole structure and every kind of pendulum."""
+        if self._is_counted:
+            return self._counted(rows)
         reduced, value, shape = self.reduced, self.eigenvalue[rows], self._shapes(rows)
         M, K, D = reduced.factors
         moved = moved_of(reduced, shape)
@@ -258,6 +260,15 @@ class OnStructure:
             )
             residual = (np.abs(push) / np.where(size > 0, size, 1.0)).max(0)
         return _details(moved, modal_mass, momentum, residual, moved.energies)
+
+    def _counted(self, rows: Ints) -> Details:
+        """Shapes of a tree."""
+        tree, carried = self.reduced.tree, self.reduced.carried
+        assert tree is not None
+        shape, missed = tree.shapes(self.squares, rows)
+        moved = moved_of(self.reduced, shape)
+        momentum = _cancelled(carried.momentum(self.reduced), shape)
+        return _details(moved, np.ones(len(rows)), momentum, missed, moved.energies)
 
     def _shapes(self, rows: Ints) -> Numbers:
         """(n, R), real without dampers; what moves no more than rounding, in its share of the energy, is still."""
