@@ -52,7 +52,8 @@ def product_modes(stiffness: Factor, inertia: Factor, free: int = 0) -> tuple[Fl
     _, R2, order2 = scipy.linalg.qr((L * d).astype(float), mode="economic", pivoting=True)
     omega, u = _jacobi((R2 @ U.astype(float)[order2]).T)
     shapes = np.empty((n, n - free))
-    shapes[order] = scipy.linalg.solve_triangular(R.astype(float), u)
+    for j in reversed(range(n)):  # quicker than LAPACK's threads where n is small
+        shapes[order[j]] = u[j] = (u[j] - R[j, j + 1 :].astype(float) @ u[j + 1 :]) / float(R[j, j])
     return omega, shapes / size[:, None].astype(float)
 
 
