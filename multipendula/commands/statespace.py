@@ -225,8 +225,12 @@ def _shaper_arguments(page: Page) -> None:
     words = "for the K slowest modes (default 1)"
     page.asked.add_argument("--count", metavar="K", type=whole(99999), default=1, help=words)
     drives = ("cart_acceleration", "cart_velocity", "cart_force")
-    words = "what moves the cart: cart_acceleration (default), cart_velocity or cart_force"
-    page.asked.add_argument("--drive", metavar="NAME", choices=drives, default=drives[0], help=words)
+    words = (
+        "what moves the cart: cart_acceleration (default), cart_velocity or cart_force; of a structure the force on "
+        "one of its coordinates, as ship_sway_force"
+    )
+    add_words(page.asked, "--drive", drives, comma="", metavar="NAME", default=drives[0], help=words)
+    page.rephrase(r"^drive = '(\S+)':", r"--drive \1:")
     add_text(page)
 
 
