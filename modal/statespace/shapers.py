@@ -155,11 +155,14 @@ def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[Swing]:
 def swing_rows(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
     """The modes of the scene with this drive, and the indices of those that it excites."""
     drives = drives_of(scene)
-    problems = refusals(scene, "a shaper")
+    problems = (
+        [f"drive = {drive!r}: must be one of {', '.join(drives)}{meant(drive, drives)}"]
+        if drives and drive not in drives
+        else []
+    )
+    problems += refusals(scene, "a shaper")
     if not (drives or problems):
         problems = ["support: a shaper needs a coordinate that a force moves, and all supports are fixed"]
-    if drive not in drives and not problems:
-        problems = [f"drive = {drive!r}: must be one of {', '.join(drives)}{meant(drive, drives)}"]
     if problems:
         raise SceneError(problems)
     pushed = drive not in HELD
@@ -188,6 +191,12 @@ def drives_of(scene: Scene) -> tuple[str, ...]:
     """
     names = [one.force for one in coordinates_of(structure_of(scene))] if scene.is_structured else [PUSH]
     return (*names, *(HELD if names == [PUSH] else ()))
+
+
+def usual_drive(scene: Scene) -> Drive:
+    """The drive where none is named: of one cart its acceleration, of a structure the force on its first coordinate."""
+    drives = drives_of(scene)
+    return HELD[0] if HELD[0] in drives or not drives else drives[0]
 
 
 def _excited(modes: Modes, coordinate: int) -> Booleans:
