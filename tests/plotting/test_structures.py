@@ -12,7 +12,7 @@ from seen import flaws
 from modal import load, natural_modes
 from modal.coupling import explain
 from modal.modes import Modes
-from modal.plotting import Piece, Scaffold, coupling_figure, film_modes, shapes_figure, theme
+from modal.plotting import Piece, Scaffold, coupling_figure, film_modes, shapes_figure, sketch_figure, theme
 from modal.plotting.shapes import layout_of
 from modal.scene import Scene
 from modal.structure import structure_of
@@ -147,3 +147,27 @@ def test_a_film_of_modes_moves_the_structure() -> None:
     film = film_modes(modes("beam"), stream, "gif", [0], fps=2.0)
     assert stream.getvalue()[:3] == b"GIF"
     assert len(film.panels) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "symbols"),
+    [
+        ("two-swings", ["$x_\\mathrm{left}$", "$x_\\mathrm{right}$", "$k$", "$\\theta_{2}$"]),
+        ("beam", ["$m_s$", "$\\varphi$", "$k$"]),
+        ("two-bobs", ["$k$", "$\\theta_{1}$"]),
+    ],
+)
+def test_a_sketch_names_the_coordinates_of_a_structure(name: str, symbols: list[str]) -> None:
+    """Of fifteen equal metronomes one is drawn."""
+    figure = sketch_figure(load(name))
+    told = [text.get_text() for text in figure.axes[0].texts]
+    assert set(symbols) <= set(told)
+    assert sum(text.startswith("$\\theta") for text in told) == 2
+    figure.draw_without_rendering()
+    (left, low), (right, high) = figure.bbox.get_points()
+    for text in figure.axes[0].texts:
+        box = text.get_window_extent()
+        assert box.x0 >= left
+        assert box.x1 <= right
+        assert box.y0 >= low
+        assert box.y1 <= high
