@@ -17,7 +17,7 @@ import numpy as np
 
 from modal.assembly.arrays import Rig
 from modal.assembly.dense import Columns, assembled
-from modal.assembly.structure import on_structure
+from modal.assembly.structure import Hanging, on_structure
 from modal.errors import ComputationError, SceneError
 from modal.types import Floats, Ints
 
@@ -51,7 +51,7 @@ def ratio_at(rig: Rig) -> RatioAt:
 def frequencies(rig: Rig) -> Floats:
     """The different |λ| of the rig without dampers, ascending: 0 of a free cart, growth rates where it is unstable."""
     if rig.structure:
-        return _different(_carried(rig)[0])
+        return _different(_on_structure(rig)[0])
     found = [np.zeros(int(rig.cart is not None and rig.cart.stiffness == 0))]
     for block, column in rig.names:
         if rig.cart is None or rig.spatial or rig.blocks[block].count[column] > 1:
@@ -62,6 +62,7 @@ def frequencies(rig: Rig) -> Floats:
 
 
 def _different(rates: Floats) -> Floats:
+    """The finite ones of these rates by size, those that agree once."""
     each = np.sort(np.abs(rates))
     each = each[np.isfinite(each)]
     return np.asarray(each[np.append(True, np.diff(each) > SAME * each[1:])])
@@ -72,31 +73,19 @@ def modal_factor(M: Floats, K: Floats, free: bool, ratio: RatioAt) -> Floats:
 
     ComputationError for more than LARGEST coordinates and beyond double precision.
     """
-    found = _factor(*_eigen(M, K, free), ratio)
-    return np.hstack([np.zeros((len(found), int(free))), found])
-
-
-def _factor(rate: Floats, momentum: Floats, ratio: RatioAt) -> Floats:
-    """C (R, n) from ω (R,) and Mφ (n, R)."""
+    rate, momentum = _eigen(M, K, free)
     swings = (rate > 0) & np.isfinite(rate)
     omega = rate[swings]
-    return np.asarray(np.sqrt(2 * ratio(omega) * omega)[:, None] * momentum.T[swings])
-
-
-def _carried(rig: Rig) -> tuple[Floats, Floats]:
-    """ω, 0 of what nothing holds, and Mφ of a whole rig on a structure."""
-    M, K, _ = on_structure(rig)
-    _refuse_large(len(M))
-    rate, momentum = _eigen(M, K, False)
-    most = np.max(np.abs(rate[np.isfinite(rate)]))
-    return np.where(np.abs(rate) > np.sqrt(len(M) * NOISE) * most, rate, 0.0), momentum
+    found: Floats = np.sqrt(2 * ratio(omega) * omega)[:, None] * momentum.T[swings]
+    return np.hstack([np.zeros((len(found), int(free))), found])
 
 
 def modal_dampers(rig: Rig) -> Floats:
     """D_modal (n, n) of a whole rig, in the coordinates of its matrices."""
     ratio, first = ratio_at(rig), int(rig.cart is not None)
     if rig.structure:
-        C = _factor(*_carried(rig), ratio)
+        rate, momentum = _on_structure(rig)
+        C = np.sqrt(2 * ratio(rate[rate > 0]) * rate[rate > 0])[:, None] * momentum.T[rate > 0]
         return np.asarray(C.T @ C)
     places = _places(rig, first)
     D = np.zeros((first + sum(index.size for index in places.values()),) * 2)
@@ -118,6 +107,21 @@ def modal_dampers(rig: Rig) -> Floats:
             at += size
         D += common.T @ common
     return D
+
+
+def _on_structure(rig: Rig) -> tuple[Floats, Floats]:
+    """ω (n,), 0 of free motions and negative of growing ones, and Mφ (n, n) with φᵀMφ = 1 of a rig on a structure."""
+    hanging = Hanging(rig)
+    _refuse_large(hanging.structure.size + int(hanging.first[-1]))
+    M, K, _ = on_structure(rig)
+    scale = 1 / np.sqrt(np.diag(M))
+    try:
+        L = np.asarray(np.linalg.cholesky(M * scale * scale[:, None]), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        raise ComputationError(BEYOND) from None
+    square, v = np.linalg.eigh(_in_factors(L, K * scale * scale[:, None]))
+    square[np.argsort(np.abs(square))[: hanging.free]] = 0.0
+    return np.sign(square) * np.sqrt(np.abs(square)), L @ v / scale[:, None]
 
 
 def _places(rig: Rig, first: int) -> dict[Kind, Ints]:

@@ -88,7 +88,7 @@ class FreeMotions:
 
     @property
     def _number(self) -> int:
-        return self.reduced.free.shape[1]
+        return int(self.reduced.free.shape[1])
 
     @property
     def eigenvalue(self) -> Complexes:
@@ -156,10 +156,10 @@ class OnStructure:
     def eigenvalue(self) -> Complexes:
         """iω, growth rates, and with dampers −ζω + iω√(1−ζ²)."""
         if self._is_counted:
-            return np.sqrt(self.squares) * 1j
+            return np.asarray(np.sqrt(self.squares) * 1j)
         if self.is_damped or not self.reduced.is_positive:
             return self._dense.eigenvalue
-        return self._product[0] * 1j
+        return np.asarray(self._product[0] * 1j)
 
     @cached_property
     def error(self) -> Floats:

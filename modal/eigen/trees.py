@@ -85,7 +85,7 @@ class Tree:
         found = np.array([[held[held > 0].min() / heavy.sum()]])
         while self.count(found)[0, 0] > 0 and found[0, 0] > 0:
             found = found * LOWER
-        return found[0]
+        return np.asarray(found[0])
 
     def squares(self, lowest: int | None) -> Floats:
         """All ω² > 0, ascending, or the lowest of them."""
