@@ -18,7 +18,7 @@ from matplotlib.patches import Arc, Circle, FancyArrowPatch, FancyBboxPatch
 
 from modal.errors import ComputationError
 from modal.plotting.style import colour, ink, muted, paper, shade, sheet
-from modal.scene import AnyLink, Bob, Cart, Moved, Rod, Scene
+from modal.scene import AnyLink, Bob, Rod, Scene
 from modal.types import Floats
 
 TILTS = (31.0, 48.0, 26.0, 40.0)
@@ -96,7 +96,7 @@ def _refuse(scene: Scene, chains: list[list[AnyLink]], push: str) -> None:
         raise ComputationError("a sketch in space has room for one link only")
     if any("up" in pendulum.ways for pendulum in scene.pendulum):
         raise ComputationError("a sketch shows links that hang, not links that stand upright")
-    if push and not isinstance(scene.support, Cart):
+    if push and scene.cart is None:
         raise ComputationError("a push needs a cart")
 
 
@@ -179,13 +179,13 @@ def _arrow(
 
 def _support(axis: Axes, scene: Scene, pivots: Floats, push: str) -> None:
     left, right = pivots.min() - OVERHANG, pivots.max() + OVERHANG
-    if isinstance(scene.support, Cart):
+    if scene.cart is not None:
         _cart(axis, left, right, push)
         return
     axis.plot([left, right], [0, 0], color=ink(), lw=2.6, zorder=2)
     for foot in np.arange(left, right - 0.05, 0.09):
         axis.plot([foot, foot + 0.07], [0, 0.07], color=muted(), lw=0.9, zorder=1)
-    if isinstance(scene.support, Moved):
+    if scene.is_moved:
         middle = (left + right) / 2
         _arrow(axis, (middle, 0.22), (middle + 0.42, 0.22), ink())
         _say(axis, "s", middle + 0.21, 0.38)

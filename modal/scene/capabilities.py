@@ -62,6 +62,7 @@ def _of(words: str) -> frozenset[str]:
 # ------------------------------------------------------------------------------------------------------- features
 
 SHAPE = _of("cart copies inverted joint_springs")
+STRUCTURED = _of("structure springs")
 LINEAR = SHAPE | LOSS | {"massless_cart", "space"}
 FORCED = _of("force constant_force")
 ACTING = SHAPE | LOSS | DRAG | FORCED | {"moved_support", "load"}
@@ -116,6 +117,9 @@ HOISTING = {
     ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
 }
 MINIMAL = ("form minimal", "form minimal takes it")
+STRUCTURED = _of("structure springs")
+UNRUBBED = {(one, name): "dry friction on structures is not solved" for one in sorted(STRUCTURED) for name in FRICTION}
+"""What is refused together: dry friction, and structures or springs between points."""
 EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
 
 # ------------------------------------------------------------------------------------------------------- the table
@@ -123,7 +127,7 @@ EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; gi
 AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, Scene.at(seconds)"}
 CONSTANT_MODEL = Capability(
     "a constant linear model",
-    LINEAR - {"massless_cart"},
+    LINEAR - {"massless_cart"} | STRUCTURED,
     leaves=ABOUT,
     refuses=AT_ONE_TIME,
     unless={"massless_cart": "the mass matrix is singular", **LEANING},
@@ -180,19 +184,37 @@ STROBED = Capability(
 
 SIDE_BY_SIDE = Capability(
     "engine numpy",
-    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | {"moved_support", "hoist"},
+    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | STRUCTURED | {"moved_support", "hoist"},
     refuses=BESIDE_NONE,
     unless=STOPS,
+    apart=UNRUBBED,
     beside=UNLOADED,
 )
 
+BODILESS: Sentences = {
+    "structure": "has no place for carriers that move by themselves",
+    "springs": "has no place for springs between points",
+}
+STRUCTURES: Sentences = {
+    "structure": "has no place for structures yet",
+    "springs": "has no place for springs between points yet",
+}
+"""What a capability refuses that says nothing else of structures."""
+
+
+def _told(one: Capability) -> Capability:
+    """A capability with the entries of `STRUCTURES` that it has none of its own for."""
+    more = {name: words for name, words in STRUCTURES.items() if not one.entries(name)}
+    return replace(one, refuses={**one.refuses, **more})
+
+
 CAPABILITIES: dict[str, Capability] = {
-    one.name: one
+    one.name: _told(one)
     for one in (
-        Capability("the table of modes", LINEAR, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
+        Capability("the table of modes", LINEAR | STRUCTURED, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
         Capability(
             "the explanation of the coupling",
-            LINEAR - {"inverted"},
+            LINEAR - {"inverted"} | {"structure", "springs"},
             leaves=ABOUT,
             refuses={**CONSTANT, **SHIFTED, "inverted": "has no frequency for a link that stands"},
             beside=UNLOADED,
@@ -211,14 +233,14 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a derivative of modes",
-            LINEAR - NO_RATIO.keys(),
+            LINEAR - NO_RATIO.keys() | STRUCTURED,
             leaves=ABOUT,
             refuses={**CONSTANT, **NO_RATIO, **SHIFTED},
             beside=UNLOADED,
         ),
         Capability(
             "a derivation",
-            SHAPE | {"dampers", "massless_cart", "space"},
+            SHAPE | {"dampers", "massless_cart", "space", "structure", "springs"},
             leaves=_each(DRIVES, UNDRIVEN),
             refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG, "has no symbols for it")},
             beside=UNLOADED,
@@ -227,7 +249,7 @@ CAPABILITIES: dict[str, Capability] = {
             "a polynomial in ω²",
             LINEAR - LOSS,
             leaves=ABOUT,
-            refuses={**CONSTANT, **LOSSES, **SHIFTED},
+            refuses={**CONSTANT, **LOSSES, **SHIFTED, **BODILESS},
             beside=UNLOADED,
         ),
         Capability(
@@ -240,6 +262,7 @@ CAPABILITIES: dict[str, Capability] = {
                 **SHIFTED,
                 "inverted": "counts modes of hanging links",
                 "joint_springs": "counts modes of free joints",
+                **BODILESS,
             },
             beside=UNLOADED,
         ),
@@ -254,10 +277,11 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "form minimal",
-            ACTING | FRICTION | DRIVES | {"hoist"},
+            ACTING | FRICTION | DRIVES | STRUCTURED | {"hoist"},
             refuses=PLANE,
             unless=ENDS,
             apart={
+                **UNRUBBED,
                 **HOISTING,
                 ("hoist", "escapement"): "kicks act on constant lengths",
             },
@@ -271,12 +295,13 @@ CAPABILITIES: dict[str, Capability] = {
                 **_each(FRICTION | DRIVES, "acts on angles of the plane"),
             },
             unless=ENDS,
+            beside=_each(STRUCTURED, "a structure moves in the plane"),
             needs={_of("space"): 'form spatial: works in space only: set space = "space"'},
         ),
         Capability(
             "form maximal",
             ACTING | {"hoist", "van_der_pol"},
-            refuses={**PLANE, **STICKS, **NO_SMOOTH},
+            refuses={**PLANE, **STICKS, **NO_SMOOTH, **BODILESS},
             unless=ENDS,
             apart=HOISTING,
             instead=MINIMAL,
@@ -284,13 +309,13 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "form hamiltonian",
             ACTING | {"van_der_pol"},
-            refuses={**PLANE, **STICKS, **NO_SMOOTH, **CONSTANT},
+            refuses={**PLANE, **STICKS, **NO_SMOOTH, **CONSTANT, **BODILESS},
             unless=ENDS,
             instead=MINIMAL,
         ),
         Capability(
             "method taylor",
-            SHAPE | LOSS | DRIVES | {"constant_force"},
+            SHAPE | LOSS | DRIVES | STRUCTURED | {"constant_force"},
             refuses={
                 **PLANE,
                 **STICKS,
@@ -311,7 +336,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "an implicit method",
-            ACTING | FRICTION | DRIVES | {"hoist"},
+            ACTING | FRICTION | DRIVES | STRUCTURED | {"hoist"},
             refuses={"space": "cannot keep the constraints of motion in space"},
             unless=ENDS,
         ),

@@ -11,7 +11,8 @@ Any unit after the name of a PSD is taken as SI per hertz.  Lines that begin wit
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from math import isfinite
 from os import PathLike, fspath
 from pathlib import Path
@@ -19,6 +20,7 @@ from typing import Any, NamedTuple
 
 from modal.errors import SceneError, meant
 from modal.scene.motion import FORCES, RECORDED, Quantity, spectrum_problems
+from modal.scene.support_arrays import ARRAYS, read_matrices
 
 LARGEST_FILE = 256_000_000
 MOST_ROWS = 2_000_000
@@ -135,22 +137,55 @@ def _row(name: str, row: Sequence[str], line: int, heads: Sequence[str], wanted:
 
 
 def with_files_read(data: object, folder: Path) -> object:
-    """A scene's nested mappings with the numbers of the files of its motions and forces, relative to `folder`."""
+    """A scene's nested mappings with the numbers of the files of its supports, motions and forces in `folder`."""
     if not isinstance(data, dict):
         return data
-    support, forces = data.get("support"), data.get("force")
+    support, ground, forces = (data.get(name) for name in ("support", "ground", "force"))
     read = dict(data)
-    if isinstance(support, dict) and (motion := support.get("motion")):
-        several = isinstance(motion, list)
-        places = [f"[{k}]" for k in range(len(motion))] if several else [""]
-        motions = [
-            _with_file_read(one, folder, f"support.motion{place}", False)
-            for one, place in zip(motion if several else [motion], places, strict=True)
-        ]
-        read["support"] = support | {"motion": motions if several else motions[0]}
+    if support is not None:
+        read["support"] = _each(support, "support", lambda one, at: _with_support_read(one, folder, at))
+    if isinstance(ground, dict):
+        read["ground"] = _with_motion_read(ground, folder, "ground")
     if isinstance(forces, list):
         read["force"] = [_with_file_read(one, folder, f"force[{k}]", True) for k, one in enumerate(forces)]
     return read
+
+
+def _each(given: Any, place: str, read: Callable[[Any, str], Any]) -> Any:
+    """A value or every one of a list as read, each with its place."""
+    if isinstance(given, list):
+        return [read(one, f"{place}[{k}]") for k, one in enumerate(given)]
+    return read(given, place)
+
+
+def _with_support_read(support: Any, folder: Path, place: str) -> Any:
+    """A support with the numbers of its file, or of those of its motions."""
+    if not isinstance(support, dict):
+        return support
+    if support.get("kind") != "modal" or not isinstance(path := support.get("file"), str):
+        return _with_motion_read(support, folder, place)
+    place = f'{place}.file = "{path}"'
+    if others := [key for key in ARRAYS if key in support]:
+        raise SceneError([f"{place}: leaves no place for {', '.join(others)}"])
+    with _told_at(place, folder / path):
+        read = read_matrices(folder / path)
+    return {key: value for key, value in support.items() if key != "file"} | read
+
+
+def _with_motion_read(given: dict[str, Any], folder: Path, place: str) -> dict[str, Any]:
+    """A support or the ground with the numbers of the files of its motions."""
+    if not (motion := given.get("motion")):
+        return given
+    return given | {"motion": _each(motion, f"{place}.motion", lambda one, at: _with_file_read(one, folder, at, False))}
+
+
+@contextmanager
+def _told_at(place: str, path: Path) -> Iterator[None]:
+    """What is wrong with a file is told where the scene names it."""
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError([f"{place}: {problem.removeprefix(f'{path}: ')}" for problem in error.problems]) from None
 
 
 def _with_file_read(given: Any, folder: Path, place: str, acts: bool) -> Any:
@@ -165,11 +200,8 @@ def _with_file_read(given: Any, folder: Path, place: str, acts: bool) -> Any:
     place = f'{place}.{name} = "{path}"'
     if others := [key for key in keys if key in given]:
         raise SceneError([f"{place}: leaves no place for {', '.join(others)}"])
-    try:
+    with _told_at(place, folder / path):
         read = read_record(folder / path, acts) if name == "file" else read_spectrum(folder / path, acts)._asdict()
-    except SceneError as error:
-        shown = f"{folder / path}: "
-        raise SceneError([f"{place}: {problem.removeprefix(shown)}" for problem in error.problems]) from None
     if acts:
         read.pop("of", None)
     return {key: value for key, value in given.items() if key != name} | read

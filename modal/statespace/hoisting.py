@@ -92,7 +92,7 @@ def _uncoupled(scene: Scene, held: bool) -> list[tuple[Scene, int]]:
     for one in still.pendulum:
         equal[one.replace(count=1, start=None)] += one.count
     alone = [(still.replace(support=Fixed(), pendulum=(one,)), copies) for one, copies in equal.items()]
-    if held or still.support.kind != "cart":
+    if held or still.cart is None:
         return alone
     together = tuple(_heavier(one, copies) for one, copies in equal.items())
     return [(still.replace(pendulum=together), 1), *((one, copies - 1) for one, copies in alone if copies > 1)]
@@ -110,7 +110,7 @@ def _heavier(pendulum: Pendulum, copies: int) -> Pendulum:
 def _followed(scene: Scene, times: Floats) -> tuple[Floats, Floats]:
     """ω (T, R) of a scene in which no two modes cross, and the largest angle (T, R) of every shape, φᵀMφ = 1."""
     each = [_modes(scene.at(time)) for time in times.tolist()]
-    links = int(scene.support.kind == "cart")
+    links = int(scene.cart is not None)
     return np.array([omega for omega, _, _ in each]), np.array([np.abs(phi[links:]).max(0) for _, phi, _ in each])
 
 
@@ -124,7 +124,7 @@ def _names(scene: Scene, omega: Floats, held: bool) -> tuple[str, ...]:
 
 def _is_held(scene: Scene, drive: Drive) -> bool:
     """Whether the cart moves as prescribed."""
-    return scene.support.kind == "cart" and drive != "cart_force"
+    return scene.cart is not None and drive != "cart_force"
 
 
 def _refuse_many(scene: Scene) -> None:
@@ -188,7 +188,7 @@ def travel_residuals(scene: Scene, travel: Travel, *, kind: Kind = "zv", count: 
     scene without hoist or cart, else as `shaper_for`.
     """
     _refuse_many(scene)
-    if scene.support.kind != "cart":
+    if scene.cart is None:
         raise SceneError(["travel: the support is fixed: a travel needs a cart"])
     still, mean = scene.at(float(hoisting_times(scene)[0])), mean_lengths(scene)
     name = f"{kind} shaper"

@@ -177,7 +177,7 @@ def _aside(found: AveragedEquations, start: State) -> State:
     z = found.amplitudes(start)
     off = next(_beside(z)) - z
     q, v = (found.shapes @ off).real, (found.shapes @ (1j * found.omega * off)).real
-    on = int(found.system.cart is not None)
+    on = found.system.first
     cart, rate = (float(value[0]) if on else 0.0 for value in (q, v))
     return State(start.links + q[on:], start.link_rates + v[on:], start.cart + cart, start.cart_rate + rate)
 

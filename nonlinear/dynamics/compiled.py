@@ -135,7 +135,7 @@ class Compiled(Minimal):
 
     def derivative(self, time: float, y: Any) -> Any:
         """The derivative y' of one y (size,)."""
-        push, moments = self.load(time, self.layout.state(y)) if self.load else NOTHING
+        push, moments, _ = self.load(time, self.layout.state(y)) if self.load else NOTHING
         loose = LOOSE if moments is None else np.ascontiguousarray(moments, dtype=float)
         found, turns = np.empty(self.layout.size), np.empty((TURNS, self.system.n_links))
         rate(np.ascontiguousarray(y, dtype=float), *self.scene, float(push), loose, turns, found)

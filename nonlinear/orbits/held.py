@@ -61,7 +61,7 @@ class Held:
 
 def _largest(problem: Quarter, u: Floats) -> tuple[float, Floats]:
     """The largest angle (rad) of any link over a quarter of a period, and its derivative by u."""
-    n, scale, first = problem.half, problem.flow.scale, int(problem.flow.equations.layout.on_cart)
+    n, scale, first = problem.half, problem.flow.scale, problem.flow.equations.layout.first
     y, quarter = problem.start(u), float(u[-1]) / problem.clock
     path = problem.flow(y, np.zeros((2 * n, 0)), quarter).path
     angles = np.abs(path.states[:, first:n] - problem.flow.rest[first:])

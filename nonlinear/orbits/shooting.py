@@ -96,7 +96,7 @@ class Shooting:
         """What y gains in a period, in natural units, (d,)."""
         found, layout = np.zeros(self.size), self.first.equations.layout
         if self.turns:
-            found[int(layout.on_cart) : layout.half] = 2 * np.pi * np.array(self.turns)
+            found[layout.first : layout.half] = 2 * np.pi * np.array(self.turns)
         return found / self.first.scale
 
     @cached_property
@@ -207,7 +207,7 @@ class Shooting:
     def _conditions(self, length: int) -> tuple[Floats, Floats]:
         """Rows that fix the phase and the place of the cart, and what they give."""
         layout, rows, given = self.first.equations.layout, [], np.zeros(length)
-        place = int(layout.on_cart) + self.leader
+        place = layout.first + self.leader
         if self.clock is None:
             rows.append(place if self.passes else layout.half + place)
             given[place] = self.first.rest[place] / self.first.scale[place] if self.passes else 0.0

@@ -113,7 +113,7 @@ def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
     if motion.links.ndim != 2:
         raise ComputationError("modal coordinates: only for motion in the plane")
     q, v = motion.links - rest_angles(scene), motion.link_rates
-    if scene.support.kind == "cart":
+    if scene.cart is not None:
         q, v = (np.column_stack(pair) for pair in ((motion.cart - rest_cart(scene), q), (motion.cart_rate, v)))
     return q, v
 

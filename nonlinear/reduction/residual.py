@@ -36,7 +36,7 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
 
     One plane, or of a system in space the ones along the rail (with the cart, N; the links' in N m) and across it.
     """
-    on = int(system.cart is not None)
+    on = system.first
     starts = [on, 0][: len(planes)]
     found = [np.zeros(plane.shape[1:]) for plane in planes]
     pull = np.zeros(planes[0].shape[-1])

@@ -116,7 +116,7 @@ def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Surviva
     Raises ComputationError for a motion in space, for more coordinates than MOST, and where no mode oscillates.
     """
     scene = trajectory.scene.conservative
-    size = scene.n_links + (scene.support.kind == "cart")
+    size = scene.n_links + (scene.cart is not None)
     if trajectory.system.spatial:
         raise ComputationError("energies by modes: only for motion in the plane")
     if size > MOST:

@@ -27,6 +27,7 @@ from nonlinear.system.numbers import (
     system_with,
     with_prescribed,
 )
+from nonlinear.system.springs import drawn_place, place_of, slack_of
 from nonlinear.system.state import AppliedForces, Equations, Layout, Load, Motion, State, apart
 from nonlinear.system.system import Group, System, system_of
 
@@ -51,6 +52,7 @@ __all__ = [
     "State",
     "System",
     "apart",
+    "drawn_place",
     "entries_of",
     "has_start",
     "initial_state",
@@ -58,7 +60,9 @@ __all__ = [
     "numbers_of",
     "numbers_of_all",
     "of_plane",
+    "place_of",
     "prescribed_of",
+    "slack_of",
     "state_at_rest",
     "system_of",
     "system_with",

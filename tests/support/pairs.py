@@ -313,6 +313,7 @@ OFF: dict[str, tuple[str, Callable[[Scene], Scene]]] = {
     "moved_both_ways": ("moved_support", lambda scene: scene.still),
     "force": ("force", lambda scene: scene.replace(force=())),
     "constant_force": ("constant_force", lambda scene: scene.replace(force=())),
+    "springs": ("springs", lambda scene: scene.replace(spring=())),
 }
 """The feature of a kind, and how to switch it off."""
 TIMED = {"tradeoff", "advise"}
