@@ -433,7 +433,7 @@ class Reduced:
         elements, eta = self.carried.hanging.elements, self.component.eta
         left = np.zeros(self.carried.size)
         for element in elements.stiffness:
-            if element.at[0] < self.carried.size and element.row == (1.0,):
+            if len(element.at) == 1 and element.row == (1.0,) and element.at[0] < left.size:
                 left[element.at[0]] += abs(element.size)
         return np.maximum(elements.terms - left, 0.0)[eta]
 
