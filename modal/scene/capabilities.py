@@ -327,7 +327,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "compiled equations",
-            SHAPE | DRIVES | {"dampers"},
+            SHAPE | DRIVES | STRUCTURED | {"dampers"},
             refuses=_each(
                 FRICTION | DRAG | FORCED | _of("space hoist moved_support damping_ratio load"), "are without it"
             ),
