@@ -48,7 +48,7 @@ class Form:
     `timed` how many constants of what is prescribed are numbers, None where it is no arithmetic of the time; `pushed`
     equations have a load, `works` ones the work; `contacts` are the coordinates below and above each contact with dry
     friction, none where that is left out, and on a rail that `presses` it has a coefficient; `spatial` ones have three
-    numbers a link.  `structure` is the shape of what carries the pendula (`nonlinear.dynamics.structure`), () without one.
+    numbers a link.  `structure` is the shape of what carries the pendula (`shape_of`), () without one.
     """
 
     chains: tuple[tuple[Table, Table, bool], ...]
@@ -101,7 +101,7 @@ def form_of(
     length, centre = (own[place : place + links] for place in at.values())
     moving = np.zeros(links, dtype=bool) if hoisting is None else hoisting.moving
     chains = tuple(
-        (_table(group.index), _table(group.block.sigma), not system.structure and _eliminated(group, lost, moving))
+        (_table(group.index), _table(group.block.sigma), _eliminated(group, lost, moving) and _pays(group, system))
         for group, lost in zip(system.groups, weak, strict=True)
     )
     D = beside[: 0 if system.modal_damping is None else np.size(system.modal_damping)]
@@ -161,6 +161,14 @@ def _end(end: End) -> tuple[Any, ...]:
 
 def _table(values: Any) -> Table:
     return tuple(map(tuple, values.tolist()))
+
+
+def _pays(group: Group, system: System) -> bool:
+    """Whether matrices take fewer operations than the recursion: those of fewer links under several coordinates."""
+    if system.structure is None:
+        return True
+    most = max(system.structure.carriers[system.structure.pivots[own].carrier].size for own in group.pendula.tolist())
+    return group.n <= (SHORT if most <= 1 else 2)
 
 
 def _eliminated(group: Group, frail: bool, moving: Any) -> bool:

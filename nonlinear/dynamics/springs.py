@@ -4,10 +4,10 @@ With Δ the vector from one end to the other, Δ₀ as drawn and δ = Δ − Δ�
 
     F = (k e + d u·Δ') u,   u = Δ/|Δ|,   e = |Δ| − |Δ₀| = (2 Δ₀·δ + δ·δ)/(|Δ| + |Δ₀|)
 
-acts on the one end and −F on the other; where a spring has no length as drawn, F = k Δ + d Δ' exactly.  Displacements are
-found without the places themselves, so that small motions keep their digits.  A force F on the point at the distance s
-from the upper joint of a link acts on its angle by s n·F, on those above it by l n·F, n = (cos θ, −sin θ), and on what
-carries the first joint; forces on one link are added up before they are handed on, as those of drag are.
+acts on the one end and −F on the other; where a spring has no length as drawn, F = k Δ + d Δ' exactly.  Displacements
+are found without the places themselves, so that small motions keep their digits.  A force F on the point at the
+distance s from the upper joint of a link acts on its angle by s n·F, on those above it by l n·F, n = (cos θ, −sin θ),
+and on what carries the first joint; forces on one link are added up before they are handed on, as those of drag are.
 """
 
 from __future__ import annotations
@@ -63,12 +63,14 @@ class Tension(NamedTuple):
 class Strained(NamedTuple):
     """What all springs do: generalized forces on the angles of links (L, ...), and on first joints of every group.
 
-    The latter are (2, P, ...) along the rail and down, None where no spring ends in a group; `power` is in W.
+    The latter are (2, P, ...) along the rail and down, None where no spring ends in a group; those `on_links` are
+    (2, L, ...), and `power` is in W.
     """
 
     torques: Any
     at_joints: list[Any]
     power: Any
+    on_links: Any
 
 
 def stretched(stiffness: Any, damping: Any, apart: Any, rest: Any, stretch: Any, speed: Any) -> Tension:
@@ -127,19 +129,20 @@ class Springs:
     @cached_property
     def nodes(self) -> tuple[Nodes, Ints]:
         """The points, and the two of every spring (2, E), −1 for the ground; those between angles have none."""
-        ends = [
-            (k, side, end) for k, spring in enumerate(self.structure.springs) for side, end in enumerate(spring.ends)
-        ]
-        ends = [each for each in ends if not self.structure.springs[each[0]].torsion]
-        links = [each for each in ends if isinstance(each[2], LinkEnd)]
-        carriers = [each for each in ends if isinstance(each[2], CarrierEnd)]
+        links: list[tuple[int, int, LinkEnd]] = []
+        carriers: list[tuple[int, int, CarrierEnd]] = []
+        for k in np.concatenate(self.kinds[:2]).tolist():
+            for side, end in enumerate(self.structure.springs[k].ends):
+                if isinstance(end, LinkEnd):
+                    links.append((side, k, end))
+                elif isinstance(end, CarrierEnd):
+                    carriers.append((side, k, end))
         pairs = np.full((2, len(self.structure.springs)), GROUND)
-        for number, (k, side, _) in enumerate([*links, *carriers]):
+        for number, (side, k, _) in enumerate([*links, *carriers]):
             pairs[side, k] = number
-        link = np.array([end.link for _, _, end in links], dtype=np.int64)
-        return Nodes(
-            link, filled([self.below(end) for _, _, end in links]), tuple(end for _, _, end in carriers)
-        ), pairs
+        link = np.array([end.link for *_, end in links], dtype=np.int64)
+        below = filled([self.below(end) for *_, end in links])
+        return Nodes(link, below, tuple(end for *_, end in carriers)), pairs
 
     def below(self, end: LinkEnd) -> Any:
         """The distance (m) of an end from the upper joint of its link."""
@@ -244,9 +247,9 @@ class Springs:
         for number, end in enumerate(nodes.carriers, count):
             carrying.push(end.carrier, carrying.point(end)[1], (pushes[0, number], pushes[1, number]))
         at_joints: list[Any] = [None] * len(self.system.groups)
+        on, moment = np.full((2, 2, *links.shape), 0.0, dtype=links.dtype)
         if count:
             below = _spread(nodes.below, links)
-            on, moment = np.full((2, 2, *links.shape), 0.0, dtype=links.dtype)
             for k in (0, 1):
                 np.add.at(on[k], nodes.link, pushes[k, :count])
                 np.add.at(moment[k], nodes.link, below * pushes[k, :count])
@@ -256,7 +259,7 @@ class Springs:
                 arms = _spread(group.block.length, theta) * (through - own) + moment[:, group.index]
                 torques[group.index] = torques[group.index] + (np.cos(theta) * arms[0] - np.sin(theta) * arms[1])
                 at_joints[number] = through[:, 0]
-        return Strained(torques, at_joints, power)
+        return Strained(torques, at_joints, power, on)
 
 
 def _upper(group: Group, angles: Any, rates: Any) -> tuple[Any, Any]:
