@@ -56,7 +56,7 @@ class Scaffold:
 
     @cached_property
     def aside(self) -> Floats:
-        """How far (m) every drawn pendulum is set apart from those on its point; all points of a modal support are one."""
+        """How far (m) every drawn pendulum is set apart from those on its point; those of a modal support are one."""
         found = np.zeros(len(self.drawn))
         places: dict[Any, list[int]] = {}
         for k, pendulum in enumerate(self.drawn.tolist()):
