@@ -116,6 +116,9 @@ HOISTING = {
     ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
 }
 MINIMAL = ("form minimal", "form minimal takes it")
+STRUCTURED = _of("structure springs")
+UNRUBBED = {(one, name): "dry friction on structures is not solved" for one in sorted(STRUCTURED) for name in FRICTION}
+"""What is refused together: dry friction, and structures or springs between points."""
 EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
 
 # ------------------------------------------------------------------------------------------------------- the table
@@ -180,9 +183,10 @@ STROBED = Capability(
 
 SIDE_BY_SIDE = Capability(
     "engine numpy",
-    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | {"moved_support", "hoist"},
+    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | STRUCTURED | {"moved_support", "hoist"},
     refuses=BESIDE_NONE,
     unless=STOPS,
+    apart=UNRUBBED,
     beside=UNLOADED,
 )
 
@@ -267,10 +271,11 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "form minimal",
-            ACTING | FRICTION | DRIVES | {"hoist"},
+            ACTING | FRICTION | DRIVES | STRUCTURED | {"hoist"},
             refuses=PLANE,
             unless=ENDS,
             apart={
+                **UNRUBBED,
                 **HOISTING,
                 ("hoist", "escapement"): "kicks act on constant lengths",
             },
@@ -303,7 +308,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "method taylor",
-            SHAPE | LOSS | DRIVES | {"constant_force"},
+            SHAPE | LOSS | DRIVES | STRUCTURED | {"constant_force"},
             refuses={
                 **PLANE,
                 **STICKS,
@@ -324,7 +329,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "an implicit method",
-            ACTING | FRICTION | DRIVES | {"hoist"},
+            ACTING | FRICTION | DRIVES | STRUCTURED | {"hoist"},
             refuses={"space": "cannot keep the constraints of motion in space"},
             unless=ENDS,
         ),

@@ -74,8 +74,8 @@ def bends(own: CarrierNumbers, where: Where) -> Iterator[tuple[int, float]]:
 
 def is_damped(structure: Structure) -> bool:
     """Whether a carrier or a spring has a damper."""
-    own = any(any(one.damping) or (one.D is not None and one.D.any()) for one in structure.carriers)
-    return own or any(spring.damping > 0 for spring in structure.springs)
+    own = any(any(map(np.any, one.damping)) or (one.D is not None and one.D.any()) for one in structure.carriers)
+    return own or any(np.any(spring.damping) for spring in structure.springs)
 
 
 def tied(structure: Structure, sizes: Sequence[int]) -> frozenset[int]:

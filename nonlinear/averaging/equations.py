@@ -279,7 +279,7 @@ class AveragedEquations(Displayed):
     def _turns(self) -> Floats:
         """Relative rotation in every shape at the joints with escapements, (C, J)."""
         assert self._joints is not None
-        return self._joints.gamma(self.link_shapes.T)
+        return self._joints.gamma(self.shapes.T)
 
 
 def derivative(rate: Callable[[Complexes, Floats], Complexes], z: Complexes, turning: Floats) -> Floats:

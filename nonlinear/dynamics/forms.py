@@ -101,7 +101,7 @@ def form_of(
     length, centre = (own[place : place + links] for place in at.values())
     moving = np.zeros(links, dtype=bool) if hoisting is None else hoisting.moving
     chains = tuple(
-        (_table(group.index), _table(group.block.sigma), not system.structure and _eliminated(group, lost, moving))
+        (_table(group.index), _table(group.block.sigma), _eliminated(group, lost, moving) and _pays(group, system))
         for group, lost in zip(system.groups, weak, strict=True)
     )
     D = beside[: 0 if system.modal_damping is None else np.size(system.modal_damping)]
@@ -159,6 +159,14 @@ def _end(end: End) -> tuple[Any, ...]:
 
 def _table(values: Any) -> Table:
     return tuple(map(tuple, values.tolist()))
+
+
+def _pays(group: Group, system: System) -> bool:
+    """Whether matrices take fewer operations than the recursion: with each coordinate of carriers that of fewer links."""
+    if system.structure is None:
+        return True
+    most = max(system.structure.carriers[system.structure.pivots[own].carrier].size for own in group.pendula.tolist())
+    return group.n <= (SHORT if most <= 1 else 2)
 
 
 def _eliminated(group: Group, frail: bool, moving: Any) -> bool:

@@ -11,7 +11,7 @@ carries the first joints is a `nonlinear.dynamics.bearing.Bearing`: a cart, a su
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
 from typing import Any, Protocol, cast
@@ -40,6 +40,20 @@ class Body(Protocol):
     def turn(self, memory: Any, push: Any) -> Any:
         """Second derivatives of its links under the cart's acceleration `push` (m/s²)."""
         ...
+
+
+class Projection(Protocol):
+    """What a group of pendula on carriers answers, bundle by bundle in their order."""
+
+    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], total: Callable[[Any], Any]) -> Any:
+        """The inertia (lower half) and the force on each coordinate of the carrier of the pendula in these columns.
+
+        First joints move by these slopes (m, or m/rad, along the rail and down), and `felt` is their acceleration, less
+        gravity, without that of the coordinates.
+        """
+
+    def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
+        """θ'' (n, P, ...) from the second derivatives of each bundle's coordinates, and what these make of `felt`."""
 
 
 class Arranged(ABC):
@@ -307,16 +321,10 @@ class Recursion:
         answer, turns = upward(self.links, self.sine(angles), self.cosine(angles), rates, torques, bias)
         return answer.xx.sum(0), (answer.px - gravity * answer.xz).sum(0), (turns, gravity, bias)
 
-    def response(self, angles: Any, rates: Any, torques: Any) -> tuple[Answer, Any]:
-        """What the pendula answer to accelerations of their first joints, and intermediate results for `fall`."""
+    def response(self, angles: Any, rates: Any, torques: Any) -> Projection:
+        """What the pendula answer to motions of their first joints."""
         bias = self._bias(rates)
-        answer, turns = upward(self.links, self.sine(angles), self.cosine(angles), rates, torques, bias)
-        return answer, (turns, bias)
-
-    def fall(self, memory: Any, ax: Any, az: Any) -> Any:
-        """θ'' (n, P, ...) under accelerations (m/s²) of first joints along the rail and down, less gravity."""
-        turns, bias = memory
-        return np.array(downward(self.links, turns, ax, az, bias))
+        return Recursed(self, *upward(self.links, self.sine(angles), self.cosine(angles), rates, torques, bias), bias)
 
     def _bias(self, rates: Any) -> list[Bias] | None:
         if self.winding is None:
@@ -328,6 +336,34 @@ class Recursion:
         """θ'' (n, P, ...)."""
         turns, gravity, bias = memory
         return np.array(downward(self.links, turns, push, -gravity, bias))
+
+
+class Recursed:
+    """Pendula on carriers, by their answer f = M ã + p at the first joint."""
+
+    def __init__(self, body: Recursion, answer: Answer, turns: Any, bias: Any) -> None:
+        self.body, self.answer, self.turns, self.bias = body, answer, turns, bias
+
+    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], total: Callable[[Any], Any]) -> Any:
+        """J^T M J, its lower half, and J^T (M ã + p) of the pendula in these columns, summed by `total`."""
+        xx, xz, zz, px, pz = (part[columns] for part in self.answer)
+        if all(np.ndim(slope) < np.ndim(xx) for pair in (*slopes, felt) for slope in pair):  # the same for all of them
+            xx, xz, zz, px, pz = (total(part) for part in (xx, xz, zz, px, pz))
+            total = _itself
+        fx, fz = px + (xx * felt[0] + xz * felt[1]), pz + (xz * felt[0] + zz * felt[1])
+        block = []
+        for k, (x, z) in enumerate(slopes):
+            mx, mz = xx * x + xz * z, xz * x + zz * z
+            block.append([total(v * mx + w * mz) for v, w in slopes[: k + 1]])
+        return block, [total(x * fx + z * fz) for x, z in slopes]
+
+    def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
+        """θ'' (n, P, ...) under accelerations (m/s²) of first joints along the rail and down, less gravity."""
+        return np.array(downward(self.body.links, self.turns, *accelerations, self.bias))
+
+
+def _itself(value: Any) -> Any:
+    return value
 
 
 class Minimal(Suspended):

@@ -63,12 +63,14 @@ class Tension(NamedTuple):
 class Strained(NamedTuple):
     """What all springs do: generalized forces on the angles of links (L, ...), and on first joints of every group.
 
-    The latter are (2, P, ...) along the rail and down, None where no spring ends in a group; `power` is in W.
+    The latter are (2, P, ...) along the rail and down, None where no spring ends in a group; those `on_links` are
+    (2, L, ...), and `power` is in W.
     """
 
     torques: Any
     at_joints: list[Any]
     power: Any
+    on_links: Any
 
 
 def stretched(stiffness: Any, damping: Any, apart: Any, rest: Any, stretch: Any, speed: Any) -> Tension:
@@ -240,9 +242,9 @@ class Springs:
         for number, end in enumerate(nodes.carriers, count):
             carrying.push(end.carrier, carrying.point(end)[1], (pushes[0, number], pushes[1, number]))
         at_joints: list[Any] = [None] * len(self.system.groups)
+        on, moment = np.full((2, 2, *links.shape), 0.0, dtype=links.dtype)
         if count:
             below = _spread(nodes.below, links)
-            on, moment = np.full((2, 2, *links.shape), 0.0, dtype=links.dtype)
             for k in (0, 1):
                 np.add.at(on[k], nodes.link, pushes[k, :count])
                 np.add.at(moment[k], nodes.link, below * pushes[k, :count])
@@ -252,7 +254,7 @@ class Springs:
                 arms = _spread(group.block.length, theta) * (through - own) + moment[:, group.index]
                 torques[group.index] = torques[group.index] + (np.cos(theta) * arms[0] - np.sin(theta) * arms[1])
                 at_joints[number] = through[:, 0]
-        return Strained(torques, at_joints, power)
+        return Strained(torques, at_joints, power, on)
 
 
 def _upper(group: Group, angles: Any, rates: Any) -> tuple[Any, Any]:

@@ -27,8 +27,7 @@ from modal.types import Ints
 from nonlinear.dynamics.bearing import Bearing, Joints
 from nonlinear.dynamics.drag import External
 from nonlinear.dynamics.inputs import QUIET, Instant
-from nonlinear.dynamics.recursion import Answer
-from nonlinear.dynamics.springs import Springs, Strained, filled, versed
+from nonlinear.dynamics.springs import Springs, Strained, Tension, filled, versed
 from nonlinear.system import Group, System
 
 Vector = tuple[Any, Any]
@@ -257,6 +256,57 @@ class CarriersAt(Bearing):
             along, down = self.instant.support
             self.power = self.power - carrier.mass * (along * vx + down * vz)
 
+    @property
+    def kinetic(self) -> Any:
+        """Kinetic energy (J) of the carriers, before anything has been taken."""
+        found: Any = 0.0
+        for number, block in enumerate(self.blocks):
+            rates = self.structure.own(number, self.rates)
+            for k, row in enumerate(block):
+                for j, inertia in enumerate(row):
+                    share = inertia * (rates[k] * rates[j])
+                    found = found + (share / 2 if j == k else share)
+        return found
+
+    @property
+    def potential(self) -> Any:
+        """Potential energy (J) of the carriers' weights and own springs.
+
+        It is 0 as drawn; that of the pendula is in the heights of their pivots, that of springs in `tensions`.
+        """
+        found: Any = 0.0
+        for number, carrier in enumerate(self.structure.carriers):
+            eta = self.structure.own(number, self.eta)
+            kept, _ = held(carrier, eta, eta)
+            for k, (own, force) in enumerate(zip(eta, kept, strict=True)):
+                weight = self.carriers.weights[self.structure.offsets[number] + k]
+                found = found + (weight * own - own * force / 2)
+            if carrier.M is None:
+                _, down = displacement(carrier, carrier.centre, eta)
+                found = found - carrier.mass * self.system.gravity * down
+        return found
+
+    @property
+    def momentum(self) -> Any:
+        """Momentum (kg m/s) of the carriers along the rail, modal ones excepted."""
+        found: Any = 0.0
+        for number, carrier in enumerate(self.structure.carriers):
+            if carrier.M is None and carrier.size:
+                moving = self.carriers.centre(number, self.eta, self.rates)
+                found = found + carrier.mass * moving.velocity(self.structure.own(number, self.rates))[0]
+        return found
+
+    def tensions(self, q: Any, v: Any) -> list[tuple[Ints, Tension]]:
+        """What springs between points do, with their numbers, kind by kind."""
+        springs = self.carriers.springs
+        return springs.tensions(q, v, self) if springs else []
+
+    def pulled(self, q: Any, v: Any) -> Any:
+        """The force (2, L, ...) of springs between points on every link."""
+        springs = self.carriers.springs
+        none = np.zeros((2, *np.shape(q[self.structure.size :])))
+        return springs.forces(q, v, CarriersAt(self.carriers, q, v, bare=True)).on_links if springs else none
+
     def push(self, number: int, moving: Moving, force: Vector) -> None:
         """A force (N), along the rail and down, on a point of a carrier that moves like this."""
         first = self.structure.offsets[number]
@@ -316,45 +366,40 @@ class CarriersAt(Bearing):
         self, group: int, body: Any, links: Any, rates: Any, forces: Any, external: External | None, reaction: Any
     ) -> None:
         """What a group answers, projected on the coordinates of its carriers."""
-        answer, memory = body.response(links, rates, forces)
-        px, pz = answer.px, answer.pz
+        response = body.response(links, rates, forces)
+        pulled = [external.at_joints] if external is not None else []
         if external is not None:
-            px, pz = px - external.at_joints[0], pz - external.at_joints[1]
             reaction = reaction + external.at_base
         if self.strained is not None and self.strained.at_joints[group] is not None:
-            pulled = self.strained.at_joints[group]
-            px, pz = px - pulled[0], pz - pulled[1]
-        answer = answer._replace(px=px, pz=pz)
+            pulled.append(self.strained.at_joints[group])
         mass = self.system.groups[group].block.mass if self.system.support and not self.bare else None
         for one, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True):
-            own = Answer(*(part[one.columns] for part in answer))
-            if one.together:
-                own = Answer(*(part.sum(0) for part in own))
-            self._project(one, moving, own)
-            self._react(group, one, reaction, external)
+            felt = moving.bias[0] + self.felt[0], moving.bias[1] + self.felt[1]
+            block, force = response.projected(one.columns, moving.slopes, felt, _summed)
+            self._add(one, moving, block, force, pulled)
+            self._react(one, reaction, external)
             if mass is not None:
                 vx, vz = moving.velocity(self.structure.own(one.carrier, self.rates))
                 along, down = self.instant.support
                 dragged = mass[:, one.columns].sum(0) * (along * vx + down * vz)
                 self.power = self.power - dragged.sum(0)
-        self.taken.append((body, memory))
+        self.taken.append(response)
 
-    def _project(self, one: Bundle, moving: Moving, own: Answer) -> None:
-        block, first = self.blocks[one.carrier], self.structure.offsets[one.carrier]
-        ax, az = moving.bias[0] + self.felt[0], moving.bias[1] + self.felt[1]
-        fx, fz = own.px + (own.xx * ax + own.xz * az), own.pz + (own.xz * ax + own.zz * az)
-
-        def total(values: Any) -> Any:
-            return values if one.together else values.sum(0)
-
+    def _add(self, one: Bundle, moving: Moving, block: Any, force: Any, pulled: Sequence[Any]) -> None:
+        """The inertia and the force of a bundle, and forces on its first joints."""
+        own, first = self.blocks[one.carrier], self.structure.offsets[one.carrier]
+        self.blocks[one.carrier] = [[a + b for a, b in zip(*rows, strict=True)] for rows in zip(own, block, strict=True)]
         for k, (x, z) in enumerate(moving.slopes):
-            self.right[first + k] = self.right[first + k] - total(x * fx + z * fz)
-            mx, mz = own.xx * x + own.xz * z, own.xz * x + own.zz * z
-            for j in range(k + 1):
-                other = moving.slopes[j]
-                block[k][j] = block[k][j] + total(other[0] * mx + other[1] * mz)
+            self.right[first + k] = self.right[first + k] - force[k]
+            for each in pulled:
+                fx, fz = each[0][one.columns], each[1][one.columns]
+                if one.together:
+                    pushed = x * fx.sum(0) + z * fz.sum(0)
+                else:
+                    pushed = (x * fx + z * fz).sum(0)
+                self.right[first + k] = self.right[first + k] + pushed
 
-    def _react(self, group: int, one: Bundle, reaction: Any, external: External | None) -> None:
+    def _react(self, one: Bundle, reaction: Any, external: External | None) -> None:
         """The torques of first joints on a carrier that turns."""
         angle = self.structure.angle_of(one.carrier)
         if angle is None or np.ndim(reaction) == 0:
@@ -400,8 +445,8 @@ class CarriersAt(Bearing):
 
     def fall(self, group: int) -> Any:
         """Under the accelerations of its pivots."""
-        body, memory = self.taken[group]
-        return body.fall(memory, *self._accelerations(group, self.felt))
+        pushes = [self.structure.own(one.carrier, self.solution) for one in self.carriers.bundles[group]]
+        return self.taken[group].fall(pushes, self._accelerations(group, self.felt))
 
     def start(self, group: int, gravity: Any) -> tuple[Any, Any]:
         """Those of its pivots in their frame."""
@@ -413,6 +458,10 @@ class CarriersAt(Bearing):
             ax, az = moving.velocity(self.structure.own(one.carrier, self.solution))
             own.append((ax + (moving.bias[0] + felt[0]), az + (moving.bias[1] + felt[1])))
         return self._joined(group, [each[0] for each in own]), self._joined(group, [each[1] for each in own])
+
+
+def _summed(values: Any) -> Any:
+    return values.sum(0)
 
 
 def eliminated(block: Sequence[Sequence[Any]], right: list[Any]) -> list[Any]:

@@ -22,12 +22,12 @@ from nonlinear.ensembles.running import ensemble
 from nonlinear.ensembles.strobes import (
     KEPT,
     MOST,
-    STATES,
     links_named,
     natural_units,
     repetition,
     settling_time,
     state_records,
+    strobe_columns,
     strobe_times,
     validate_strobes,
     within_a_turn,
@@ -194,10 +194,10 @@ def _strobed(
         raise KeyboardInterrupt
     reasons = {int(part[k]): reason for k, reason in found.failures.items()}
     if len(reasons) == len(part):
-        return [np.array(np.nan)] * len(STATES), reasons
+        return [np.array(np.nan)] * len(strobe_columns(found.question.system)), reasons
     rows = len(found.question.times) - len(every) + np.searchsorted(every, times)
     members = np.arange(len(part))[:, None]
-    return [found.column(name)[members, rows] for name in STATES], reasons
+    return [found.column(name)[members, rows] for name in strobe_columns(found.question.system)], reasons
 
 
 # ------------------------------------------------------------------------------------------------------- as text

@@ -69,7 +69,7 @@ def _first_turn(context: Context, found: Found, ending: Floats) -> Columns:
 
 def places(system: System) -> list[str]:
     """Pendulum and link of every link, counted from 1: 1_2."""
-    labels = (label for label in system.labels if label != "x")
+    labels = system.labels[system.first :]
     return [label[len("theta") :].strip("[]").replace(",", "_") for label in labels]
 
 
@@ -235,7 +235,8 @@ def section_of(text: str, system: System) -> Section:
     if not np.isfinite(value):
         raise SceneError([f'{text}: "{match[3]}" is not a number'])
     row = known.index(match[1])
-    return Section(row, value if match[1] == "x" else radians(value), DIRECTIONS[match[2]])
+    turns = row >= system.first or (system.structure is not None and row in system.structure.turning)
+    return Section(row, radians(value) if turns else value, DIRECTIONS[match[2]])
 
 
 def validate_measures(wanted: Asked, scene: Scene) -> None:

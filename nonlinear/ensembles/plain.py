@@ -26,6 +26,8 @@ STATES = {
     "cart_rate": "cart_rate_m_per_s",
 }
 """The parts of a state as columns."""
+CARRIED = {"supports": "supports", "support_rates": "support_rates_per_s"}
+"""And those of a structure, (…, d) in m or rad, named as `System.labels` begins."""
 TURNS, SECTION = "over the top", "section"
 IN_SPACE = ("largest_angle", "pendulum_energy")
 """Measures that mean something in space."""
@@ -40,6 +42,11 @@ def validate_plain(measures: tuple[str, ...], scene: Scene) -> None:
         ]
     if problems:
         raise SceneError(problems)
+
+
+def state_columns(is_structured: bool) -> dict[str, str]:
+    """The parts of the states of a scene as columns."""
+    return STATES | CARRIED if is_structured else STATES
 
 
 @reproducible()
@@ -70,7 +77,7 @@ def columns(question: Question, scene: Scene, start: State) -> Columns:
 
 
 def _states(motion: Motion, single: bool) -> Columns:
-    parts = {column: getattr(motion, part) for part, column in STATES.items()}
+    parts = {column: getattr(motion, part) for part, column in state_columns(motion.supports.size > 0).items()}
     return {name: own[0] if single else own for name, own in parts.items()}
 
 
@@ -125,10 +132,7 @@ def _in_space(question: Question, run: Trajectory, sampled: Trajectory) -> Colum
 
 def _rows(layout: Layout, run: Trajectory) -> Floats:
     """The y of a run, (T, size)."""
-    motion = run.motion
-    cart = ([motion.cart[:, None]], [motion.cart_rate[:, None]]) if layout.first else ([], [])
-    work = [motion.work[:, None]] if layout.works else []
-    return np.hstack([*cart[0], motion.links, *cart[1], motion.link_rates, *work])
+    return layout.rows(run.motion)
 
 
 def _events(question: Question, scene: Scene) -> list[Event]:
@@ -143,7 +147,7 @@ def _events(question: Question, scene: Scene) -> list[Event]:
 
 def _passing(section: Section, first: int) -> Any:
     if section.row < first:
-        return lambda state: state.cart - section.level
+        return lambda state: float([*state.supports, state.cart][section.row]) - section.level
     return lambda state: float(np.sin((state.links[section.row - first] - section.level) / 2))
 
 
@@ -151,5 +155,5 @@ def _crossings(run: Trajectory, section: Section, layout: Layout) -> Columns:
     level = level_of(layout, section.row, section.level)
     found = _counted(run, SECTION, level, layout, section.direction)
     motion = layout.read(found.rows)
-    parts = {column: getattr(motion, part) for part, column in STATES.items()}
+    parts = {column: getattr(motion, part) for part, column in state_columns(layout.is_structured).items()}
     return {"crossing_time_s": found.time, **{f"crossing_{name}": own for name, own in parts.items()}}

@@ -365,7 +365,8 @@ def _members(found: Spread) -> Iterator[list[Any]]:
 
 def _coordinates(found: Spread) -> list[str]:
     """The labels of the links."""
-    return [label for label in system_of(found.scene).labels if label != "x"]
+    system = system_of(found.scene)
+    return list(system.labels[system.first :])
 
 
 def _whole(found: Spread) -> dict[str, Any]:

@@ -262,7 +262,7 @@ def _acted_on(system: System, load: Load | None) -> bool:
 
 def _bare(system: System) -> int:
     """Links up to which floats beat a dense matrix where only gravity acts; all where that would lose digits."""
-    if any(loses_digits(group, system) for group in system.groups):
+    if system.structure is not None or any(loses_digits(group, system) for group in system.groups):
         return WRITTEN
     return CHAINS if max(group.n for group in system.groups) > 2 else PAIRS
 
@@ -271,6 +271,8 @@ def _numeric(system: System, load: Load | None) -> Arranged:
     """The same by matrices or recursions."""
     if system.hoisting is not None:
         return Minimal(system, (None,) * len(system.groups), load)
+    if system.structure is not None:
+        return Minimal(system, tuple(Recursion(group) for group in system.groups), load)
     if system.n_links <= FEWEST and not any(loses_digits(group, system) for group in system.groups):
         return Small(system, load=load)
     return Minimal(system, tuple(body_of(group, system) for group in system.groups), load)

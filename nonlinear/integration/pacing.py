@@ -57,6 +57,9 @@ def extents(numbers: Numbers, layout: Layout, y: Floats, units: Units) -> Floats
     rest = numbers.system.rest[:, None]
     aside = (y[first:half] - rest + pi) % (2 * pi) - pi
     parts = [np.abs(aside).max(0), np.abs(y[half + first : 2 * half]).max(0) / units.rate]
+    if numbers.system.structure is not None:
+        scale = units.scale(layout)
+        parts += [np.abs(own / unit) for k in (0, half) for own, unit in zip(y[k : k + first], scale[k:], strict=False)]
     if cart is not None:
         held, braked = (np.asarray(own) > 0 for own in (system.cart.stiffness, system.cart.damping))  # type: ignore[union-attr]
         parts.append(np.abs(y[0]) / units.length * held)

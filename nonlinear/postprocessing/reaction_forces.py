@@ -14,7 +14,7 @@ from nonlinear.system import Motion
 def reaction_forces_of(trajectory: Trajectory) -> Reactions:
     """The force at every pivot and that of the rail on the cart, at the sampled times.
 
-    Raises ComputationError for a saved run with applied forces, which are not saved.
+    On a structure there is no one rail: `normal` is NaN there.  Raises ComputationError for a saved run with applied forces, which are not saved.
     """
     if trajectory.driven and trajectory.equations is None:
         raise ComputationError("the reaction forces of this run need its applied forces, which are not saved")
@@ -26,11 +26,12 @@ def reaction_forces_of(trajectory: Trajectory) -> Reactions:
     tops = np.zeros(system.n_links, dtype=bool)
     tops[np.concatenate([group.index[0] for group in system.groups])] = True
     weight = system.cart.mass * system.gravity if system.cart else 0.0
-    return Reactions(weight - pivots[:, tops, -1].sum(1), pivots, tops)
+    normal = weight - pivots[:, tops, -1].sum(1)
+    return Reactions(np.full_like(normal, np.nan) if system.structure is not None else normal, pivots, tops)
 
 
 def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floats]:
-    """The cart's x'' (T,) and the second derivatives of the unit vectors (T, L, d)."""
+    """The cart's x'' (T,), or those of every pivot of a structure (T, L, 2), and the second derivatives of the unit vectors (T, L, d)."""
     system = trajectory.system
     load = trajectory.equations.load if trajectory.equations else None
     form = "spatial" if system.spatial else "minimal"
@@ -46,4 +47,7 @@ def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floa
         return found.cart_rate, found.link_rates
     u, _ = vectors(motion)
     across = np.stack((u[..., 1], -u[..., 0]), axis=-1)
-    return found.cart_rate, found.link_rates[..., None] * across - motion.link_rates[..., None] ** 2 * u
+    pivots = found.cart_rate
+    if system.structure is not None:
+        pivots = trajectory.mechanics.pivot_accelerations(found.support_rates)
+    return pivots, found.link_rates[..., None] * across - motion.link_rates[..., None] ** 2 * u

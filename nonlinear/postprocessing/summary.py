@@ -19,6 +19,7 @@ from modal.scene import SineMotion, refusals, title_of
 from nonlinear.dynamics import Dense, Generated, Reduced, Small, is_unstable_equilibrium
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
 from nonlinear.postprocessing.extents import Extent, extent_of, places_of
+from nonlinear.postprocessing.resampling import extremes
 from nonlinear.reduction import CORRECTED, LINEAR
 from nonlinear.system import System
 
@@ -106,19 +107,25 @@ def _way(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
 
 
 def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
-    angles = extent_of(trajectory)
+    angles, motion = extent_of(trajectory), trajectory.motion
     where = " from the vertical" if trajectory.system.spatial else ""
     yield "angles", f"{degrees(angles.low):.6g} to {degrees(angles.high):.6g} deg{where}{_at(angles)}"
     if support := trajectory.system.support:
-        moved = [motion.displacement(trajectory.times) for _, motion in support.motions]
+        moved = [own.displacement(trajectory.times) for _, own in support.motions]
         ways = zip(moved, support.ways, strict=True)
         told = " and ".join(f"{places.min():.6g} to {places.max():.6g} m {way}" for places, way in ways)
         yield "support", f"{told}; angles and energies are in its frame"
-    for motion in trajectory.system.prescribed:
-        if motion.words:
-            yield "", motion.words
+    for prescribed in trajectory.system.prescribed:
+        if prescribed.words:
+            yield "", prescribed.words
     if trajectory.system.support:
         yield from _parametric(trajectory)
+    if structure := trajectory.system.structure:
+        for k, name in enumerate(structure.names):
+            low, high = (float(own[k]) for own in extremes(trajectory.times, motion.supports, motion.support_rates))
+            turns = k in structure.turning
+            low, high = (degrees(low), degrees(high)) if turns else (low, high)
+            yield name, f"{low:.6g} to {high:.6g} {'deg' if turns else 'm'}"
     if trajectory.system.cart:
         places = extent_of(trajectory, places_of)
         yield "cart", f"{places.low:.6g} to {places.high:.6g} m{_at(places)}"
@@ -218,7 +225,7 @@ def _matrices(inner: Any, run: SolverInfo) -> Iterator[tuple[int, int]]:
 
 def _coordinates(trajectory: Trajectory, inner: Any) -> Iterator[str]:
     run = trajectory.run
-    if trajectory.system.cart is None:
+    if trajectory.system.first == 0:
         yield f"no cart coordinate: the support {'moves as prescribed' if trajectory.system.support else 'is fixed'}"
     if run.reduced:
         yield f"all but {run.reduced}"

@@ -104,7 +104,7 @@ NO_KICKS = Kicks(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros
 def level_crossing(
     system: System, coordinate: str, level: float = 0.0, direction: int = 0, *, stop: bool = False
 ) -> Event:
-    """The angle (rad) or cart position (m), named as in `modal.assembly.coordinate_labels`, passes a level.
+    """The angle (rad), cart position (m) or coordinate of a structure, named as in `modal.assembly.coordinate_labels`, passes a level.
 
     >>> from modal import load
     >>> from nonlinear import level_crossing, system_of
@@ -135,7 +135,10 @@ def _reader(system: System, coordinate: str, *, rate: bool) -> Callable[[State],
         raise SceneError(
             [f"event {coordinate}: links have no single angle in space; define an Event with its own function"]
         )
-    if coordinate == "x":
+    place = system.labels.index(coordinate)
+    if system.structure is not None and place < system.first:
+        return lambda state: float((state.support_rates if rate else state.supports)[place])
+    if place < system.first:
         return (lambda state: state.cart_rate) if rate else (lambda state: state.cart)
-    at = system.labels.index(coordinate) - (system.labels[0] == "x")
+    at = place - system.first
     return (lambda state: float(state.link_rates[at])) if rate else (lambda state: float(state.links[at]))

@@ -206,6 +206,12 @@ class Layout:
         work = [0.0] if self.works else []
         return np.concatenate((head, np.ravel(state.links), rate, np.ravel(state.link_rates), work))
 
+    def rows(self, motion: Motion) -> Floats:
+        """The vectors y (T, size) of a motion."""
+        head, rate = (motion.supports, motion.support_rates) if self.is_structured else _columns(motion, self.first)
+        links, rates = (np.reshape(own, (len(own), -1)) for own in (motion.links, motion.link_rates))
+        return np.hstack([head, links, rate, rates, *[motion.work[:, None]] * self.works])
+
     def read(self, rows: Floats) -> Motion:
         """The motion in vectors (T, size)."""
         times, first, none = len(rows), self.first, np.zeros(len(rows))
@@ -234,3 +240,8 @@ class Layout:
     def state(self, y: Floats) -> State:
         """The state of one vector y."""
         return self.read(y[None])[0]
+
+
+def _columns(motion: Motion, first: int) -> tuple[Floats, Floats]:
+    """The cart's place and speed, (T, 1) each, (T, 0) without one."""
+    return motion.cart[:, None][:, :first], motion.cart_rate[:, None][:, :first]

@@ -242,10 +242,10 @@ def test_kicks_at_any_joints_are_a_dense_solve_and_feed_what_the_kinetic_energy_
         if above >= 0:
             J[on_cart + above] -= moment
     M = own_mass(scene, state.links)
-    jump = joints.jump(state.links, kick)
+    jump = joints.jump(np.append([state.cart] * on_cart, state.links), kick)
     np.testing.assert_allclose(jump, np.linalg.solve(M, J), rtol=1e-9, atol=1e-12 * abs(jump).max())
     before = np.concatenate(([state.cart_rate] * on_cart, state.link_rates))
-    fed = kick @ joints.gamma((before + jump / 2)[on_cart:])
+    fed = kick @ joints.gamma(before + jump / 2)
     after = before + jump
     assert fed == pytest.approx((after @ M @ after - before @ M @ before) / 2, rel=1e-9, abs=1e-12)
 
