@@ -26,7 +26,7 @@ from modal.assembly.linearization import Matrices, coordinate_labels, matrices, 
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.single import Single, single
 from modal.assembly.stacks import Group, Stack, can_stack, keep_form, stacked, varied
-from modal.assembly.structure import Element, Elements, Hanging, on_structure
+from modal.assembly.structure import Element, Elements, Hanging, add_modal, null_space, on_structure
 
 __all__ = [
     "ARRAYS",
@@ -48,6 +48,7 @@ __all__ = [
     "Single",
     "Stack",
     "Units",
+    "add_modal",
     "assembled",
     "can_stack",
     "centres",
@@ -68,6 +69,7 @@ __all__ = [
     "matrices_of",
     "modal_dampers",
     "modal_factor",
+    "null_space",
     "on_structure",
     "quadratic_drags",
     "ratio_at",

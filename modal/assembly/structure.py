@@ -67,6 +67,10 @@ class Elements(NamedTuple):
     terms: Floats
 
 
+CANCELLED = 2.0**-48
+"""Entries of a row that is eliminated below this fraction of their terms are 0."""
+
+
 @dataclass(frozen=True, eq=False)
 class Hanging:
     """What hangs from the structure of a rig: for each pendulum, counting copies, its kind and its first link."""
@@ -140,6 +144,23 @@ class Hanging:
                 held += [element._replace(size=stiffness)] * bool(stiffness)
                 lost += [element._replace(size=damping)] * bool(damping)
         return Elements(tuple(inertia), tuple(held), tuple(lost), terms)
+
+    @property
+    def free(self) -> int:
+        """How many motions no spring holds; no link swings in them."""
+        d = self.structure.size
+        rows = np.zeros((len(self.elements.stiffness) + len(self.rig.members) + d, d))
+        for row, element in zip(rows, self.elements.stiffness, strict=False):
+            for place, value in zip(element.at, element.row, strict=True):
+                row[place : place + 1] = value
+        joints = rows[len(self.elements.stiffness) :]
+        for row, (block, column, _), first in zip(joints, self.rig.members, self.starts.tolist(), strict=False):
+            row[:] = self.phi.turning[first] * (self.rig.blocks[block].stiffness[0, column] > 0)
+        for own, start in zip(self.structure.carriers, self.structure.offsets, strict=False):
+            if own.K is not None:
+                span = slice(start, start + own.size)
+                rows[-d:][span, span] = own.K
+        return int(null_space(rows).shape[1])
 
     @property
     def _hung(self) -> dict[tuple[int, Where], tuple[float, float]]:
@@ -303,3 +324,25 @@ def _chain(rig: Rig, number: int, column: int) -> _Chain:
     joint = float(block.stiffness[0, column]), float(block.damping[0, column])
     drag = (block.drag[:, column], centres(block, column)) if block.drag[:, column].any() else None
     return _Chain(A, K, D, b, float(block.mass[:, column].sum()), *joint, drag)
+
+
+def null_space(rows: Floats) -> Floats:
+    """Vectors (d, f) that all rows (E, d) leave unstretched, by elimination: entries that cancel to rounding are 0."""
+    A, terms, pivots = rows.copy(), np.abs(rows), dict[int, int]()
+    for i in range(len(A)):
+        if not A[i].any():
+            continue
+        c = int(np.abs(A[i]).argmax())
+        pivots[c] = i
+        A[i], terms[i] = A[i] / A[i, c], terms[i] / abs(A[i, c])
+        factor = A[:, c].copy()
+        factor[i] = 0.0
+        terms = terms + np.abs(factor)[:, None] * terms[i]
+        A = A - factor[:, None] * A[i]
+        A[np.abs(A) <= CANCELLED * terms] = 0.0
+    loose = [c for c in range(rows.shape[1]) if c not in pivots]
+    basis = np.zeros((rows.shape[1], len(loose)))
+    basis[loose, range(len(loose))] = 1.0
+    for c, i in pivots.items():
+        basis[c] = -A[i, loose]
+    return basis

@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly import ARRAYS, Block, Hanging, Rig
+from modal.assembly import ARRAYS, Block, Hanging, Rig, add_modal, null_space
 from modal.eigen.product import Factor
+from modal.eigen.recursion import at_infinity
 from modal.eigen.sturm import chains_of
 from modal.eigen.trees import Tree
 from modal.structure import slopes
@@ -25,20 +26,20 @@ from modal.types import Floats, Ints
 ROUNDED = 2.0**-52
 """Singular values below this, times the number of rows and columns, of the largest one are 0."""
 CANCELLED = 2.0**-48
-"""Entries of a row that is eliminated below this fraction of their terms are 0."""
+"""A push along the rail below this fraction of its terms is 0."""
 
 
 class Share(NamedTuple):
-    """How a combination moves each of `count` equal pendula of a column of its block, by its first pendulum."""
+    """How a combination moves each of `copies` equal pendula of a column of its block, by its first pendulum."""
 
     column: int
-    count: int
+    copies: int
     amplitude: float
     first: int
 
 
 class Heavy(NamedTuple):
-    """A combination of equal pendula: a chain `weight` times as heavy on the pivot `along` η, feeling `felt` η, (d,)."""
+    """A combination of equal pendula: a chain `weight` times as heavy on a pivot `along` η, feeling `felt` η, (d,)."""
 
     block: int
     column: int
@@ -50,7 +51,7 @@ class Heavy(NamedTuple):
     @property
     def is_alone(self) -> bool:
         """Whether it is one pendulum, to whose links springs may be joined."""
-        return len(self.shares) == 1 and self.shares[0].count == 1
+        return len(self.shares) == 1 and self.shares[0].copies == 1
 
 
 class Balanced(NamedTuple):
@@ -80,7 +81,7 @@ class Balanced(NamedTuple):
     @property
     def number(self) -> int:
         """How many there are."""
-        return len(self.columns) - self.moving.shape[1] + self.pushes
+        return len(self.columns) - int(self.moving.shape[1]) + self.pushes
 
     def vectors(self, which: Ints) -> Floats:
         """Those with these numbers, (K, C): columns of the reflections that triangularize `moving`."""
@@ -196,14 +197,17 @@ class Carried:
         first = [self._columns[block, column] for column in columns]
         if rank == len(columns):
             each = zip(columns, counts.tolist(), rows, first, strict=True)
-            return [
-                Heavy(block, c, float(n), *np.split(row, 2), (Share(c, n, 1.0, p),)) for c, n, row, p in each
-            ], []
+            alone = [
+                Heavy(block, c, float(n), row[: self.size], row[self.size :], (Share(c, n, 1.0, p),))
+                for c, n, row, p in each
+            ]
+            return alone, []
         heavies = []
         for combination in U.T[:rank]:
             amplitude = (combination / np.sqrt(counts)).tolist()
             shares = tuple(map(Share, columns, counts.tolist(), amplitude, first))
-            heavies.append(Heavy(block, columns[0], 1.0, *np.split(combination @ weighted, 2), shares))
+            row = combination @ weighted
+            heavies.append(Heavy(block, columns[0], 1.0, row[: self.size], row[self.size :], shares))
         return heavies, [Balanced.of(block, np.array(columns), counts, U[:, :rank])]
 
     @cached_property
@@ -242,6 +246,18 @@ class Carried:
             found[block][column] += share * np.multiply.outer(down[first], down[first])
         return tuple(found)
 
+    @cached_property
+    def accelerances(self) -> Floats:
+        """Σ φ_η² over all modes (d,), φᵀMφ = 1: what a sudden force on each coordinate gives it, per unit of force."""
+        M = np.zeros((self.size, self.size))
+        add_modal(self.hanging.structure, M, M.copy(), M.copy())
+        for element in self.hanging.elements.inertia:
+            element.add_to(M)
+        for number, block in enumerate(self.rig.blocks):
+            felt = at_infinity(block)[0].ravel() * block.count
+            M += (self.pivots[number].T * felt) @ self.pivots[number]
+        return np.diag(np.linalg.inv(M))
+
     def momentum(self, reduced: Reduced) -> Floats:
         """The momentum along the rail (n,) by each rate of a component; NaN where a modal support is part of it."""
         component, structure = reduced.component, self.hanging.structure
@@ -258,7 +274,7 @@ class Carried:
         found[: len(component.eta)] = whole[component.eta]
         for heavy, at in zip(component.heavies, reduced.places.tolist(), strict=False):
             block = self.rig.blocks[heavy.block]
-            several = sum(share.count * share.amplitude for share in heavy.shares)
+            several = sum(share.copies * share.amplitude for share in heavy.shares)
             found[at : at + block.n] = several * block.sigma[:, heavy.column] * block.b[:, heavy.column]
         return found
 
@@ -394,10 +410,10 @@ class Reduced:
         basis = null_space(rows[np.abs(rows).sum(1) > 0])
         M = self.factors[0].matrix[:d, :d]
         found = np.zeros((self.size, basis.shape[1]))
-        for k, vector in enumerate(basis.T):
-            for before in found.T[:k, :d]:
-                vector = vector - (before @ M @ vector) * before
-            found[:d, k] = vector / np.sqrt(vector @ M @ vector)
+        for k in range(basis.shape[1]):
+            before = found[:d, :k]
+            own = basis[:, k] - before @ (before.T @ (M @ basis[:, k]))
+            found[:d, k] = own / np.sqrt(own @ M @ own)
         return found
 
     @cached_property
@@ -421,7 +437,7 @@ class Reduced:
         for factor, own in zip(factors, (mass, stiffness), strict=True):
             for row, size in zip(*factor, strict=True):
                 at = np.flatnonzero(row)
-                if size < 0 or at.size > 2 or (at.size > 1 and own is mass):
+                if size < 0 or at.size > 2 or at[-1] >= len(eta) or (at.size > 1 and own is mass):
                     return None
                 if at.size == 1:
                     own[at[0]] += size * row[at[0]] ** 2
@@ -465,19 +481,19 @@ def _tree(
     if len(order) < len(mass):
         return None
     at = {place: k for k, place in enumerate(order)}
-    parents, sizes, near, far = zip(*(above[place] for place in order), strict=True)
+    spring, near, far = np.array([above[place][1:] for place in order]).T
     chains = []
     for block, places in hung.values():
         arrays = (block.mass, block.length, block.centre, block.inertia)
         own = chains_of(*(values.reshape(block.n, -1, 1, 1) for values in arrays))
         chains.append((own, np.array([at[place] for place in places.tolist()])))
     return Tree(
-        np.array([at.get(parent, -1) for parent in parents]),
+        np.array([at.get(above[place][0], -1) for place in order]),
         stiffness[order],
         mass[order],
-        np.array(sizes),
-        np.array(near),
-        np.array(far),
+        spring,
+        near,
+        far,
         tuple(chains),
     )
 
@@ -497,25 +513,3 @@ def square_root(S: Floats) -> tuple[Floats, Floats]:
         kept = np.abs(values) > 4 * len(S) * ROUNDED * np.abs(values).max(initial=0.0)
         rows = np.sqrt(np.abs(values[kept]))[:, None] * vectors.T[kept] / scale
         return rows, np.sign(values[kept])
-
-
-def null_space(rows: Floats) -> Floats:
-    """Vectors (d, f) that all rows (E, d) leave unstretched, by elimination: entries that cancel to rounding are 0."""
-    A, terms, pivots = rows.copy(), np.abs(rows), dict[int, int]()
-    for i in range(len(A)):
-        if not A[i].any():
-            continue
-        c = int(np.abs(A[i]).argmax())
-        pivots[c] = i
-        A[i], terms[i] = A[i] / A[i, c], terms[i] / abs(A[i, c])
-        factor = A[:, c].copy()
-        factor[i] = 0.0
-        terms = terms + np.abs(factor)[:, None] * terms[i]
-        A = A - factor[:, None] * A[i]
-        A[np.abs(A) <= CANCELLED * terms] = 0.0
-    loose = [c for c in range(rows.shape[1]) if c not in pivots]
-    basis = np.zeros((rows.shape[1], len(loose)))
-    basis[loose, range(len(loose))] = 1.0
-    for c, i in pivots.items():
-        basis[c] = -A[i, loose]
-    return basis

@@ -9,6 +9,9 @@ Changing every k and m by a relative ε changes every ω² by 2ε at most: no su
 4. L D = Q' R' with pivoting, W = R' P' U, one-sided Jacobi on W (Demmel, Gu, Eisenstat, Slapničar, Veselić & Drmač,
    Linear Algebra Appl. 299, 21 (1999), algorithm 3.1; LAPACK's dgejsv).
 
+Steps 2 and 3 are computed in the widest floats of the machine where there are not too many coordinates: in plain ones
+they lose two or three digits in some scenes whose masses and springs each range over 24 orders.
+
 Free motions, without any spring, have exactly ω = 0: their number is known, and they are never computed.
 """
 
@@ -20,8 +23,10 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError
-from modal.types import Floats
+from modal.types import Floats, Ints
 
+WIDE = 200
+"""Coordinates up to which the triangular factors are computed in the widest floats of the machine."""
 KEEP_ALL = 0
 """LAPACK's joba "C": no singular value is set to zero, as "A" does below n ε of the largest."""
 BEYOND = "the ratios in this scene are beyond double precision on its product form"
@@ -39,41 +44,63 @@ class Factor(NamedTuple):
         found: Floats = (self.rows.T * self.size) @ self.rows
         return found
 
-    @property
-    def root(self) -> Floats:
-        """F (E, n) with FᵀF the sum."""
-        return np.sqrt(self.size)[:, None] * self.rows
-
 
 def product_modes(stiffness: Factor, inertia: Factor, free: int = 0) -> tuple[Floats, Floats]:
     """ω (n − free,), ascending, and shapes (n, n − free) with φᵀMφ = 1, of which `free` motions have no spring.
 
     ComputationError where M is singular, or double precision does not suffice.
     """
-    F1, F2 = stiffness.root, inertia.root
+    wide: Any = np.longdouble if is_wide(inertia.rows.shape[1]) else np.float64
+    F1, F2 = (_root(factor, wide) for factor in (stiffness, inertia))
     n = F2.shape[1]
     if n == free:
         return np.zeros(0), np.zeros((n, 0))
-    size = np.linalg.norm(F2, axis=0)
+    size = np.sqrt((F2**2).sum(0))
     if not (size > 0).all():
         raise ComputationError(BEYOND)
     F1, F2 = F1 / size, F2 / size
-    _, R, order = scipy.linalg.qr(_sorted(F2), mode="economic", pivoting=True)
-    if len(R) < n or not R[-1, -1]:
-        raise ComputationError(BEYOND)
-    G = scipy.linalg.solve_triangular(R, F1[:, order].T, trans="T").T
+    R, order = _triangular(_sorted(F2))
+    G = np.empty_like(F1)
+    for j, column in enumerate(order):
+        G[:, j] = (F1[:, column] - G[:, :j] @ R[:j, j]) / R[j, j]
     L, d, U = _complete_pivoting(_sorted(G), n - free)
-    _, R2, order2 = scipy.linalg.qr(L * d, mode="economic", pivoting=True)
-    omega, u = _jacobi((R2 @ U[order2]).T)
+    _, R2, order2 = scipy.linalg.qr((L * d).astype(float), mode="economic", pivoting=True)
+    omega, u = _jacobi((R2 @ U.astype(float)[order2]).T)
     shapes = np.empty((n, n - free))
-    shapes[order] = scipy.linalg.solve_triangular(R, u)
-    return omega, shapes / size[:, None]
+    shapes[order] = scipy.linalg.solve_triangular(R.astype(float), u)
+    return omega, shapes / size[:, None].astype(float)
 
 
-def _sorted(F: Floats) -> Floats:
+def is_wide(size: int) -> bool:
+    """Whether the triangular factors of so many coordinates are computed in wider floats."""
+    return size <= WIDE and bool(np.finfo(np.longdouble).eps < np.finfo(float).eps)
+
+
+def _root(factor: Factor, wide: Any) -> Any:
+    """F (E, n) with FᵀF the sum."""
+    return np.sqrt(factor.size.astype(wide))[:, None] * factor.rows
+
+
+def _triangular(F: Any) -> tuple[Any, Ints]:
+    """R (n, n) and the order of columns with FᵀF = RᵀR, by Householder's reflections, the largest column first."""
+    A, n = F.copy(), F.shape[1]
+    order = np.arange(n)
+    for j in range(n):
+        c = j + int((A[j:, j:] ** 2).sum(0).argmax())
+        A[:, [j, c]], order[[j, c]] = A[:, [c, j]], order[[c, j]]
+        v = A[j:, j].copy()
+        length = np.sqrt((v**2).sum())
+        if not length or len(A) < n:
+            raise ComputationError(BEYOND)
+        v[0] += np.copysign(length, v[0])
+        A[j:, j:] -= np.multiply.outer(v * (2 / (v**2).sum()), v @ A[j:, j:])
+        A[j + 1 :, j] = 0
+    return A[:n], order
+
+
+def _sorted(F: Any) -> Any:
     """The rows by their largest entries, the largest first."""
-    found: Floats = F[np.argsort(-np.abs(F).max(1), kind="stable")]
-    return found
+    return F[np.argsort(-np.abs(F).max(1), kind="stable")]
 
 
 def _jacobi(W: Floats) -> tuple[Floats, Floats]:
@@ -87,7 +114,7 @@ def _jacobi(W: Floats) -> tuple[Floats, Floats]:
     return omega[up], u[:, up]
 
 
-def _complete_pivoting(G: Floats, rank: int) -> tuple[Floats, Floats, Floats]:
+def _complete_pivoting(G: Any, rank: int) -> tuple[Any, Any, Any]:
     """L (E, r), d (r,), U (r, n) with G = L diag(d) U, rows and columns in the order of G."""
     A = G.copy()
     rows, columns = np.arange(A.shape[0]), np.arange(A.shape[1])
@@ -101,7 +128,7 @@ def _complete_pivoting(G: Floats, rank: int) -> tuple[Floats, Floats, Floats]:
         A[j + 1 :, j] /= A[j, j]
         A[j + 1 :, j + 1 :] -= np.multiply.outer(A[j + 1 :, j], A[j, j + 1 :])
     d = A.diagonal()[:rank].copy()
-    L, U = np.zeros((A.shape[0], rank)), np.zeros((rank, A.shape[1]))
+    L, U = np.zeros((A.shape[0], rank), A.dtype), np.zeros((rank, A.shape[1]), A.dtype)
     L[rows] = np.tril(A[:, :rank], -1) + np.eye(A.shape[0], rank)
     U[:, columns] = np.triu(A[:rank] / d[:, None], 1) + np.eye(rank, A.shape[1])
     return L, d, U

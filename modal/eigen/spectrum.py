@@ -123,14 +123,18 @@ def _on_structure(rig: Rig, limits: Limits) -> Iterator[Batch]:
     """Chains on what is still, combinations of equal ones that leave it still, then each part that moves together."""
     carried, ratio = Carried(rig), ratio_at(rig) if rig.damping_ratio else None
     components, balanced = carried.parted
-    moved = np.array([(heavy.block, share.column) for own in components for heavy in own.heavies for share in heavy.shares])
+    moved = np.array(
+        [(heavy.block, share.column) for own in components for heavy in own.heavies for share in heavy.shares]
+    )
     for index, block in enumerate(rig.blocks):
         along = block.count.copy()
         along[np.unique(moved[moved[:, 0] == index, 1]) if len(moved) else []] -= 1
         groups = [own for own in balanced if own.block == index]
         needed = along > 0
         needed[[own.columns[0] for own in groups]] = True
-        for columns, each in _sources(Alone(block, Limits(lowest=limits.lowest)), needed, ratio) if needed.any() else ():
+        for columns, each in (
+            _sources(Alone(block, Limits(lowest=limits.lowest)), needed, ratio) if needed.any() else ()
+        ):
             rows = np.arange(len(each.eigenvalue))
             own = columns[rows % columns.size]
             there = along[own] > 0

@@ -1,8 +1,8 @@
 """Sources of modes of pendula on structures: free motions, what moves with the structure, and what leaves it still.
 
 The frequencies of a component (`modal.eigen.carried`) are found by counts where its springs form a tree
-(`modal.eigen.trees`), from the factors of K and M where all springs are positive (`modal.eigen.product`), and from dense
-matrices with dampers and where a coordinate falls, as under pivots above an axis.  All in natural units.
+(`modal.eigen.trees`), from the factors of K and M where all springs are positive (`modal.eigen.product`), and from
+dense matrices with dampers and where a coordinate falls, as under pivots above an axis.  All in natural units.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Block, RatioAt
+from modal.assembly import RatioAt
 from modal.eigen import dense, quadratic
-from modal.eigen.carried import Balanced, Carried, Component, Heavy, Reduced
+from modal.eigen.carried import Balanced, Carried, Reduced
 from modal.eigen.chains import EVERYTHING, Limits
 from modal.eigen.counts import Built, counted
-from modal.eigen.product import BEYOND, product_modes
+from modal.eigen.product import BEYOND, is_wide, product_modes
 from modal.eigen.recursion import joints, kinetic
 from modal.eigen.sources import ROUNDOFF, Details, Source, structured_error
 from modal.errors import ComputationError
@@ -27,6 +27,8 @@ from modal.types import Complexes, Floats, Ints
 
 LARGEST = 1200
 """Coordinates of one component up to which shapes, and frequencies from factors, are computed."""
+NARROW = 64.0
+"""Factor on the error where the triangular factors are computed in floats no wider than the results."""
 Numbers = NDArray[Any]
 
 
@@ -86,7 +88,7 @@ class FreeMotions:
 
     @property
     def _number(self) -> int:
-        return self.reduced.free.shape[1]
+        return int(self.reduced.free.shape[1])
 
     @property
     def eigenvalue(self) -> Complexes:
@@ -102,7 +104,7 @@ class FreeMotions:
         """The structure alone is displaced, every angle is zero."""
         shape = self.reduced.free[:, rows]
         moved, one = moved_of(self.reduced, shape), np.ones(len(rows))
-        momentum = self.reduced.carried.momentum(self.reduced) @ shape
+        momentum = _cancelled(self.reduced.carried.momentum(self.reduced), shape)
         momentum = momentum + (np.nan if self.reduced.factors[2].size.size else 0.0)
         return _details(moved, one, momentum, 0 * one, moved.energies)
 
@@ -154,10 +156,10 @@ class OnStructure:
     def eigenvalue(self) -> Complexes:
         """iω, growth rates, and with dampers −ζω + iω√(1−ζ²)."""
         if self._is_counted:
-            return np.sqrt(self.squares) * 1j
+            return np.asarray(np.sqrt(self.squares) * 1j)
         if self.is_damped or not self.reduced.is_positive:
             return self._dense.eigenvalue
-        return self._product[0] * 1j
+        return np.asarray(self._product[0] * 1j)
 
     @cached_property
     def error(self) -> Floats:
@@ -174,7 +176,8 @@ class OnStructure:
             deepest = max((block.n for block in blocks), default=0)
             own = structured_error(deepest + 2 * len(reduced.component.eta), len(blocks))
             return np.full(len(self.squares), own + lost)
-        return np.full(len(self._product[0]), (32 + 12 * reduced.size) * ROUNDOFF + lost)
+        narrow = NARROW if not is_wide(reduced.size) else 1.0
+        return np.full(len(self._product[0]), narrow * (32 + 12 * reduced.size) * ROUNDOFF + lost)
 
     @cached_property
     def _product(self) -> tuple[Floats, Floats]:
@@ -240,14 +243,16 @@ class OnStructure:
         modal_mass = (M.size[:, None] * np.abs(M.rows @ shape) ** 2).sum(0)
         momentum = np.full(len(rows), np.nan)
         if not self.is_damped:
-            momentum = reduced.carried.momentum(reduced) @ shape
+            momentum = _cancelled(reduced.carried.momentum(reduced), shape)
             held = (K.size[:, None] * (K.rows @ shape) ** 2).sum(0)
             residual = np.abs(1 + held / modal_mass / (value**2).real)
         else:
             terms = [(K, 0), (D, 1), (M, 2)]
             push = sum(part.rows.T @ (part.size[:, None] * (part.rows @ shape)) * value**p for part, p in terms)
             size = sum(
-                np.abs(part.rows.T) @ (np.abs(part.size)[:, None] * (np.abs(part.rows) @ np.abs(shape))) * np.abs(value) ** p
+                np.abs(part.rows.T)
+                @ (np.abs(part.size)[:, None] * (np.abs(part.rows) @ np.abs(shape)))
+                * np.abs(value) ** p
                 for part, p in terms
             )
             residual = (np.abs(push) / np.where(size > 0, size, 1.0)).max(0)
@@ -275,6 +280,12 @@ def moved_of(reduced: Reduced, shape: Numbers) -> Moved:
         for share in heavy.shares:
             angles[heavy.block][:, share.column] += share.amplitude * own
     return Moved(carried, eta, angles)
+
+
+def _cancelled(row: Floats, shape: Numbers) -> Floats:
+    """A row times shapes (n, R), 0 where no more than rounding is left of its terms."""
+    found: Floats = row @ shape
+    return np.where(np.abs(found) <= 4 * len(row) * dense.EPS * (np.abs(row) @ np.abs(shape)), 0.0, found)
 
 
 def _condition(S: Floats) -> float:
@@ -363,7 +374,10 @@ class Still:
         own, blocks = self.balanced, self.carried.rig.blocks
         alone = self.source.details(self.rows[rows // own.number])
         amplitude = own.vectors(rows % own.number) / np.sqrt(own.counts)
-        angles, shares = (tuple(np.zeros((*b.mass.shape, len(rows)), part.dtype) for b in blocks) for part in (alone.angles[0], alone.shares[0]))
+        angles, shares = (
+            tuple(np.zeros((*b.mass.shape, len(rows)), part.dtype) for b in blocks)
+            for part in (alone.angles[0], alone.shares[0])
+        )
         angles[own.block][:, own.columns] = alone.angles[0][:, 0][:, None] * amplitude.T
         shares[own.block][:, own.columns] = alone.shares[0][:, 0][:, None] * amplitude.T**2
         pushes = np.where(rows % own.number < own.pushes, amplitude @ own.counts, 0.0)

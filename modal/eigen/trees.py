@@ -30,8 +30,8 @@ LOWER = 2.0**-48
 class Tree:
     """Coordinates, the root first and each after its `parent` (N,), −1 of the root.
 
-    `stiffness` and `mass` (N,) are their own, `spring`, `near` and `far` (N,) are κ, α at the parent and β.  Chains hang
-    in groups, h² copies of each folded into their masses, with the coordinate of each, (P,).
+    `stiffness` and `mass` (N,) are their own, `spring`, `near` and `far` (N,) are κ, α at the parent and β.  Chains
+    hang in groups, h² copies of each folded into their masses, with the coordinate of each, (P,).
     """
 
     parent: Ints
@@ -85,7 +85,7 @@ class Tree:
         found = np.array([[held[held > 0].min() / heavy.sum()]])
         while self.count(found)[0, 0] > 0 and found[0, 0] > 0:
             found = found * LOWER
-        return found[0]
+        return np.asarray(found[0])
 
     def squares(self, lowest: int | None) -> Floats:
         """All ω² > 0, ascending, or the lowest of them."""

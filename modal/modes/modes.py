@@ -164,7 +164,9 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         return stacked([[self.column(one) for one in own] for own in each], across, self.matrices.M)
 
     def column(self, shape: Shape) -> NDArray[Any]:
-        """A shape as one vector (n,): the cart, if there is one, then every link in the order of the file."""
+        """A shape as one vector (n,): the cart or the structure, then every link in the order of the file."""
+        if self.rig.structure:
+            return np.concatenate((shape.supports, shape.angles))
         return np.concatenate(([shape.cart], shape.angles)) if self.on_cart else shape.angles
 
     def shape(self, number: int, copy: int = 0, normalise: str = "angle") -> Shape:

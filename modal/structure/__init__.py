@@ -9,7 +9,7 @@ Start with `carriers`; equations of motion and matrices are made elsewhere from 
 
 from modal.structure.carriers import CarrierNumbers, Moving, carrier_numbers
 from modal.structure.rest import Phi, Row, bends, is_damped, phi, slopes, tied, turning
-from modal.structure.scaling import scaled
+from modal.structure.scaling import coordinate_units, scaled
 from modal.structure.structure import (
     CarrierEnd,
     End,
@@ -42,6 +42,7 @@ __all__ = [
     "carried",
     "carrier_end",
     "carrier_numbers",
+    "coordinate_units",
     "hung_masses",
     "is_damped",
     "phi",

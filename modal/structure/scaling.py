@@ -63,6 +63,15 @@ def scaled(structure: Structure, mass: float, length: float, gravity: float) -> 
     )
 
 
+def coordinate_units(structure: Structure, length: float) -> tuple[float, ...]:
+    """The unit of every coordinate where that of length is `length` (m): itself in m, 1 of angles and modal ones."""
+    return tuple(
+        length if own.M is None and not suffix.endswith("rad") else 1.0
+        for own in structure.carriers
+        for suffix in own.suffixes
+    )
+
+
 def _pivots(structure: Structure, place: object) -> list[Pivot]:
     assert callable(place)
     known: dict[Pivot, Pivot] = {}
