@@ -5,7 +5,7 @@ With the direction u of every link and its tangents t = ∂u/∂q, a the acceler
     ρ_i = t_i·(A_ii u_i'' + b_i a_i + l_i Σ_{j>i} b_j u_j'') − Q_i,     a_i = x'' e_x − g e_z + Σ_{j<i} l_j u_j'',
     ρ_x = M x'' + c_c x' + k_c x + e_x·Σ b_j u_j'',
 
-Q_i of springs, dampers and drives at the joints; sums run down and up each chain, so O(links) operations per instant.
+Q_i of springs, dampers and drives at the joints, and on a structure ρ = M (q'' − a); sums run down and up each chain, so O(links) operations per instant.
 The coordinates are those of `nonlinear.reduction.two_planes`: θ in the plane, in space p = θ (cos φ, sin φ) from the
 rest with
 
@@ -25,6 +25,7 @@ from modal.types import Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.drag import drag, plane_drag
 from nonlinear.dynamics.joints import cart_force, joint_torques, modal_drag
+from nonlinear.dynamics.variational import Variational
 from nonlinear.reduction.two_planes import factors
 from nonlinear.system import Group, System
 
@@ -36,6 +37,8 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
 
     One plane, or of a system in space the ones along the rail (with the cart, N; the links' in N m) and across it.
     """
+    if system.structure is not None:
+        return [_on_structure(system, planes[0])]
     on = system.first
     starts = [on, 0][: len(planes)]
     found = [np.zeros(plane.shape[1:]) for plane in planes]
@@ -56,6 +59,13 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
     if system.modal_damping is not None:
         found[0] -= modal_drag(system, planes[0][1])
     return found
+
+
+def _on_structure(system: System, plane: Floats) -> Floats:
+    """ρ = M(q) (q'' − a) (half, T), a being the accelerations of the equations of motion."""
+    equations, (q, rate, turn) = Variational(system), plane
+    q = q + np.concatenate((np.zeros(system.first), system.rest))[:, None]
+    return equations.momenta(q, turn - equations.derivative(0.0, np.concatenate((q, rate)))[len(q) :])
 
 
 def _planar(group: Group, own: list[Floats], felt: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:
