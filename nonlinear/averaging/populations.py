@@ -223,22 +223,33 @@ class AveragedPattern(Displayed):
         return tuple(float(values[0].real) for values in self.exponents)
 
 
-def averaged_pattern(pattern: Pattern) -> AveragedPattern:
-    """The pattern in the averaged equations; ComputationError where none is found, or the scene is out of their scope."""
+def averaged_pattern(pattern: Pattern, near_by: AveragedPattern | None = None) -> AveragedPattern:
+    """The pattern in the averaged equations, beside one of a scene with other numbers, or from small swings.
+
+    ComputationError where none is found, or the scene is out of their scope.
+    """
     require(pattern.few, "averaging")
     whole = [_averaged(pattern, sector) for sector in pattern.sectors]
     own = whole[0]
     if not pattern.system.kicked and rest_growth(pattern) <= 0:
         raise ComputationError(f"the motion {pattern.name} dies out: its losses exceed what the drives feed")
+    for z in _starts(pattern, own, near_by):
+        state = relative_equilibrium(own, z)
+        if state is not None and own.largest(state.z) > FAINT:
+            return AveragedPattern(pattern, state, tuple(_block(state, one) for one in whole))
+    raise ComputationError(f"no steady motion {pattern.name} was found")
+
+
+def _starts(pattern: Pattern, own: AveragedEquations, near_by: AveragedPattern | None) -> Iterator[Complexes]:
+    """Amplitudes from which Newton's method may find it: those beside, or of slow flow from small swings."""
+    if near_by is not None:
+        yield own.dual.T @ (near_by.state.averaged.shapes @ near_by.state.z)
     z = own.dual.T @ pattern.mean + 0j
     z, least = FIRST * z / own.largest(z), 0.0
     for _ in range(SETTLINGS):
         motion = settle(own, z[:, None], EFFORT, least)[0]
         z, least = motion.z[:, -1], MORE * float(motion.times[-1])
-        state = relative_equilibrium(own, z)
-        if state is not None and own.largest(state.z) > FAINT:
-            return AveragedPattern(pattern, state, tuple(_block(state, one) for one in whole))
-    raise ComputationError(f"no steady motion {pattern.name} was found")
+        yield z
 
 
 def rest_growth(pattern: Pattern) -> float:
