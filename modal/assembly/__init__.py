@@ -11,6 +11,7 @@ problems and for tests.
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
 from modal.assembly.dense import Columns, assembled, centres, dampers, displacements, drag_of, joints
+from modal.assembly.derivatives import Arrays, differences
 from modal.assembly.equilibrium import Equilibrium, Rest, equilibrium_of
 from modal.assembly.hoisting import (
     Hoisting,
@@ -26,10 +27,20 @@ from modal.assembly.linearization import Matrices, coordinate_labels, matrices, 
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.single import Single, single
 from modal.assembly.stacks import Group, Stack, can_stack, keep_form, stacked, varied
-from modal.assembly.structure import Element, Elements, Hanging, add_modal, null_space, on_structure
+from modal.assembly.structure import (
+    Element,
+    Elements,
+    Hanging,
+    SpringRow,
+    add_modal,
+    null_space,
+    on_structure,
+    own_inertia,
+)
 
 __all__ = [
     "ARRAYS",
+    "Arrays",
     "Block",
     "CartNumbers",
     "Columns",
@@ -46,6 +57,7 @@ __all__ = [
     "Rest",
     "Rig",
     "Single",
+    "SpringRow",
     "Stack",
     "Units",
     "add_modal",
@@ -54,6 +66,7 @@ __all__ = [
     "centres",
     "coordinate_labels",
     "dampers",
+    "differences",
     "displacements",
     "drag_of",
     "equilibrium_of",
@@ -71,6 +84,7 @@ __all__ = [
     "modal_factor",
     "null_space",
     "on_structure",
+    "own_inertia",
     "quadratic_drags",
     "ratio_at",
     "rig_of",

@@ -28,6 +28,7 @@ from modal.structure import (
     LinkEnd,
     Phi,
     Row,
+    SpringNumbers,
     Structure,
     Where,
     bends,
@@ -69,6 +70,24 @@ class Elements(NamedTuple):
 
 CANCELLED = 2.0**-48
 """Entries of a row that is eliminated below this fraction of their terms are 0."""
+
+
+class SpringRow(NamedTuple):
+    """One way in which a spring acts: its extension is `row` q, its force N or N m for each unit of both numbers.
+
+    `along` is the part along the rail of the direction from its first end to its second; 0 for torsion.  `on_pendula`
+    are the pendula, from 0, that it ends on, with the sign of its pull on each.  `label` numbers springs from 1, in
+    the order of the file and counting copies, and tells two ways of one apart.
+    """
+
+    label: str
+    words: str
+    row: Row
+    stiffness: float
+    damping: float
+    along: float
+    torsion: bool
+    on_pendula: tuple[tuple[int, float], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +142,7 @@ class Hanging:
         structure, inertia, lost = self.structure, list[Element](), list[Element]()
         parts: list[list[float]] = [[] for _ in range(structure.size)]
         for carrier, numbers in enumerate(structure.carriers):
-            inertia += list(_inertia(structure, carrier))
+            inertia += list(own_inertia(structure, carrier))
             first = structure.offsets[carrier]
             for k, (stiffness, damping) in enumerate(zip(numbers.stiffness, numbers.damping, strict=True)):
                 parts[first + k].append(float(stiffness))
@@ -139,10 +158,10 @@ class Hanging:
                 lost += [down._replace(size=drag)] * bool(drag)
         own, terms = [fsum(each) for each in parts], np.array([fsum(map(abs, each)) for each in parts])
         held = [Element((k,), (1.0,), value) for k, value in enumerate(own) if value]
-        for row, stiffness, damping in self._springs:
-            if element := _element(row, 1.0):
-                held += [element._replace(size=stiffness)] * bool(stiffness)
-                lost += [element._replace(size=damping)] * bool(damping)
+        for spring in self.spring_rows:
+            if element := _element(spring.row, 1.0):
+                held += [element._replace(size=spring.stiffness)] * bool(spring.stiffness)
+                lost += [element._replace(size=spring.damping)] * bool(spring.damping)
         return Elements(tuple(inertia), tuple(held), tuple(lost), terms)
 
     @property
@@ -173,29 +192,56 @@ class Hanging:
             found.setdefault((pivot.carrier, pivot.where), []).append((mass, drag))
         return {point: (fsum(m for m, _ in own), fsum(d for _, d in own)) for point, own in found.items()}
 
-    @property
-    def _springs(self) -> Iterator[tuple[Row, float, float]]:
-        """The rows of all springs between points and angles, with stiffness and damping."""
-        for spring in self.structure.springs:
-            stiffness, damping = float(spring.stiffness), float(spring.damping)
-            if spring.torsion:
-                yield _difference(*map(self._angle, spring.ends)), stiffness, damping
-                continue
-            places = [self._place(end) for end in spring.ends]
-            first, second = (place if place is not None else places[1 - k] for k, place in enumerate(places))
-            assert first is not None, "one end at least has a place"
-            assert second is not None
-            ways = [_difference(*rows) for rows in zip(*map(self._point, spring.ends), strict=True)]
-            apart = second[0] - first[0], second[1] - first[1]
-            reach = np.hypot(*apart)
-            if reach <= DRAWN_TOGETHER * max(map(abs, (*first, *second))):
-                yield from ((row, stiffness, damping) for row in ways)
-                continue
-            line: Row = {}
-            for row, part in zip(ways, apart, strict=True):
-                for column, value in row.items():
-                    line[column] = line.get(column, 0.0) + value * float(part / reach)
-            yield line, stiffness, damping
+    @cached_property
+    def spring_rows(self) -> tuple[SpringRow, ...]:
+        """The rows of all springs between points and angles, one or two for each."""
+        return tuple(self._spring_rows())
+
+    def _spring_rows(self) -> Iterator[SpringRow]:
+        for number, spring in enumerate(self.structure.springs, start=1):
+            ways = list(self._ways(spring))
+            moving = [way for way in ways if any(way[0].values())] or ways[:1]
+            pulled = tuple(
+                (self.owner(end.link), sign)
+                for end, sign in zip(spring.ends, (1.0, -1.0), strict=True)
+                if isinstance(end, LinkEnd) and not spring.torsion
+            )
+            words = " and ".join(map(self._words, spring.ends))
+            for row, along, way in moving:
+                label = f"{number}" + way * (len(moving) > 1)
+                numbers = float(spring.stiffness), float(spring.damping)
+                yield SpringRow(label, words, row, *numbers, along, spring.torsion, pulled)
+
+    def _ways(self, spring: SpringNumbers) -> Iterator[tuple[Row, float, str]]:
+        """The extension of a spring in each of the ways in which it acts, the part of that along the rail, its name."""
+        if spring.torsion:
+            yield _difference(*map(self._angle, spring.ends[::-1])), 0.0, ""
+            return
+        places = [self._place(end) for end in spring.ends]
+        first, second = (place if place is not None else places[1 - k] for k, place in enumerate(places))
+        assert first is not None, "one end at least has a place"
+        assert second is not None
+        ways = [_difference(*rows) for rows in zip(*map(self._point, spring.ends[::-1]), strict=True)]
+        apart = second[0] - first[0], second[1] - first[1]
+        reach = np.hypot(*apart)
+        if reach <= DRAWN_TOGETHER * max(map(abs, (*first, *second))):
+            yield ways[0], 1.0, "_along"
+            yield ways[1], 0.0, "_down"
+            return
+        line: Row = {}
+        for row, part in zip(ways, apart, strict=True):
+            for column, value in row.items():
+                line[column] = line.get(column, 0.0) + value * float(part / reach)
+        yield line, float(apart[0] / reach), ""
+
+    def _words(self, end: End) -> str:
+        """What a spring ends on."""
+        if isinstance(end, GroundEnd):
+            return "the ground"
+        if isinstance(end, CarrierEnd):
+            return self.structure.carriers[end.carrier].name
+        pendulum = self.owner(end.link)
+        return f"link {pendulum + 1}_{end.link - int(self.first[pendulum]) + 1}"
 
     def _angle(self, end: End) -> Row:
         if isinstance(end, LinkEnd):
@@ -248,7 +294,7 @@ def _element(row: Row, size: float) -> Element | None:
     return Element(tuple(entries), tuple(entries.values()), size) if entries else None
 
 
-def _inertia(structure: Structure, carrier: int) -> Iterator[Element]:
+def own_inertia(structure: Structure, carrier: int) -> Iterator[Element]:
     """The elements of the own mass and inertia of a carrier that is none by modes."""
     own = structure.carriers[carrier]
     if own.M is not None or not own.size:

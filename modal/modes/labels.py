@@ -11,6 +11,7 @@ NEGLIGIBLE = 0.01
 STRUCTURE_STILL, FREE = "supports still", "free"
 VERBS = {"cart": "moves", "swing": "moves", "tilt": "tilts", "heave": "heaves", "modal": "moves"}
 PLATFORM = ("sways", "heaves", "rolls")
+UNNAMED = {"tilt": "board", "heave": "support", "modal": "structure"}
 ALIKE = {"cart": "carts", "swing": "swings"}
 COUNTED = ("", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 MOST_NAMED = 3
@@ -113,7 +114,7 @@ def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArra
         phase = "in phase" if (signs > 0).all() else "in antiphase" if len(moved) == 2 else "in mixed phases"
         every = len(moved) == sum(own.kind == kind for own in structure.carriers)
         if not every and len(moved) <= MOST_NAMED:
-            return f"{_listed([structure.carriers[owner].name for owner in owners])} {phase}"
+            return f"{_listed([_named(structure, owner) for owner in owners])} {phase}"
         count = COUNTED[len(moved)] if len(moved) < len(COUNTED) else str(len(moved))
         return f"{count} {ALIKE[kind]} {phase}"
     told: dict[int, list[str]] = {}
@@ -124,7 +125,7 @@ def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArra
             told[owner].append(verb)
     if len(told) > MOST_NAMED:
         return f"{len(moved)} coordinates move"
-    return ", ".join(f"{structure.carriers[owner].name} {_listed(verbs)}" for owner, verbs in told.items())
+    return ", ".join(f"{_named(structure, owner)} {_listed(verbs)}" for owner, verbs in told.items())
 
 
 def following(
@@ -145,6 +146,11 @@ def following(
     return (
         ("pendula follow" if many else "pendulum follows") if signs[0] > 0 else f"pendul{'a' if many else 'um'} opposed"
     )
+
+
+def _named(structure: Structure, owner: int) -> str:
+    own = structure.carriers[owner]
+    return UNNAMED.get(own.kind, own.name) if own.name == own.kind else own.name
 
 
 def _listed(words: list[str]) -> str:

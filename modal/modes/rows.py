@@ -26,7 +26,7 @@ from modal.modes.labels import (
     moving_words,
 )
 from modal.modes.mode import BESIDE, PROMISED, SURE, UNCERTAIN, Mode, answering, is_guide, resonances
-from modal.modes.shapes import is_balanced
+from modal.modes.shapes import first_of_largest, is_balanced
 from modal.structure import coordinate_units
 from modal.types import Floats, Ints
 
@@ -158,10 +158,10 @@ def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
         carried = modes.spectrum.sources[part.source].reduced.carried  # type: ignore[attr-defined]
         share = share + np.abs(eta) ** 2 / details.modal_mass[0] / carried.accelerances
         if not taken and eta.any():
-            units = np.array(coordinate_units(structure, modes.units.length))
-            angles = np.concatenate([angle[:, :, 0].ravel() for angle in details.angles])
-            leading = angles[np.abs(angles).argmax()] or (eta * units)[np.abs(eta * units).argmax()]
-            found, taken = (eta * units / leading).real, True
+            moved = eta * np.array(coordinate_units(structure, modes.units.length))
+            angles = np.concatenate([details.angles[block][:, column, 0] for block, column, _ in modes.rig.members])
+            leading = first_of_largest(angles) or moved[np.abs(moved).argmax()]
+            found, taken = (moved / leading).real, True
     return found, share if not modes.rig.is_damped else np.full(structure.size, np.nan)
 
 

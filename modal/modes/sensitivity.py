@@ -34,6 +34,10 @@ from modal.scene import Pendulum, refusals
 from modal.types import Complexes, Floats
 
 ULP, CANCELLED = 2.0**-52, 1e-13
+BY_PLACE = (
+    "support: sensitivities link by link are those of pendula on a fixed support or one cart: take "
+    "modal.modes.sensitivity_table.of_mode, or table --sensitivities, which list them by places of the scene"
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -94,7 +98,9 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
     12 digits of the largest p ∂ω/∂p are right: z_i is a running sum, and comes from `modal.modes.displacements` where
     that sum cancels.
     """
-    _refuse(modes, number)
+    if modes.rig.structure:
+        raise SceneError([BY_PLACE])
+    refuse(modes, number)
     value, shape = complex(modes.eigenvalue[number]), modes.shape(number, 0, "mass")
     if value == 0:
         return _nothing(modes.scene.n_links)
@@ -126,7 +132,8 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
     )
 
 
-def _refuse(modes: Modes, number: int) -> None:
+def refuse(modes: Modes, number: int) -> None:
+    """ComputationError or SceneError where a mode has no derivatives."""
     if modes.rig.leans:
         raise SceneError(refusals(modes.scene, "a derivative of modes"))
     value, fold = modes.eigenvalue[number], modes.multiplicity[number]

@@ -164,16 +164,21 @@ def _weights(rig: Rig, part: Part, kind: tuple[int, int], copy: int) -> Floats:
     return weights
 
 
+def first_of_largest(angles: NDArray[np.inexact]) -> Any:
+    """The first of the largest angles, those that agree to 1e-9."""
+    size = np.abs(angles)
+    return angles[np.argmax(size >= size.max() * (1 - 1e-9))]
+
+
 def _scale(vector: _Vector, units: Units, how: Normalisation) -> complex:
     """The factor from the vector's angles to normalised ones: the first of the largest becomes real and positive.
 
     A rigid translation has no angles: there the cart moves by 1 m instead of the largest angle's 1 rad, and of a
     structure the coordinate that moves most.
     """
-    size = np.abs(vector.angles)
-    moves = size.max() > 0
+    moves = vector.angles.any()
     still = vector.supports[np.abs(vector.supports).argmax()] if vector.supports.size else vector.cart * units.length
-    leading = vector.angles[np.argmax(size >= size.max() * (1 - 1e-9))] if moves else still
+    leading = first_of_largest(vector.angles) if moves else still
     turn = np.conj(leading) / abs(leading)
     length = abs(leading) if how == "angle" else np.sqrt(vector.modal_mass * units.mass) * units.length
     scale: complex = turn / length

@@ -62,6 +62,7 @@ def _of(words: str) -> frozenset[str]:
 # ------------------------------------------------------------------------------------------------------- features
 
 SHAPE = _of("cart copies inverted joint_springs")
+STRUCTURED = _of("structure springs")
 LINEAR = SHAPE | LOSS | {"massless_cart", "space"}
 FORCED = _of("force constant_force")
 ACTING = SHAPE | LOSS | DRAG | FORCED | {"moved_support", "load"}
@@ -126,7 +127,7 @@ EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; gi
 AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, Scene.at(seconds)"}
 CONSTANT_MODEL = Capability(
     "a constant linear model",
-    LINEAR - {"massless_cart"},
+    LINEAR - {"massless_cart"} | STRUCTURED,
     leaves=ABOUT,
     refuses=AT_ONE_TIME,
     unless={"massless_cart": "the mass matrix is singular", **LEANING},
@@ -192,6 +193,10 @@ SIDE_BY_SIDE = Capability(
     beside=UNLOADED,
 )
 
+BODILESS: Sentences = {
+    "structure": "has no place for carriers that move by themselves",
+    "springs": "has no place for springs between points",
+}
 STRUCTURES: Sentences = {
     "structure": "has no place for structures yet",
     "springs": "has no place for springs between points yet",
@@ -208,10 +213,10 @@ def _told(one: Capability) -> Capability:
 CAPABILITIES: dict[str, Capability] = {
     one.name: _told(one)
     for one in (
-        Capability("the table of modes", LINEAR, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
+        Capability("the table of modes", LINEAR | STRUCTURED, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
         Capability(
             "the explanation of the coupling",
-            LINEAR - {"inverted"},
+            LINEAR - {"inverted"} | {"structure", "springs"},
             leaves=ABOUT,
             refuses={**CONSTANT, **SHIFTED, "inverted": "has no frequency for a link that stands"},
             beside=UNLOADED,
@@ -230,7 +235,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a derivative of modes",
-            LINEAR - NO_RATIO.keys(),
+            LINEAR - NO_RATIO.keys() | STRUCTURED,
             leaves=ABOUT,
             refuses={**CONSTANT, **NO_RATIO, **SHIFTED},
             beside=UNLOADED,
@@ -246,7 +251,7 @@ CAPABILITIES: dict[str, Capability] = {
             "a polynomial in ω²",
             LINEAR - LOSS,
             leaves=ABOUT,
-            refuses={**CONSTANT, **LOSSES, **SHIFTED},
+            refuses={**CONSTANT, **LOSSES, **SHIFTED, **BODILESS},
             beside=UNLOADED,
         ),
         Capability(
@@ -259,6 +264,7 @@ CAPABILITIES: dict[str, Capability] = {
                 **SHIFTED,
                 "inverted": "counts modes of hanging links",
                 "joint_springs": "counts modes of free joints",
+                **BODILESS,
             },
             beside=UNLOADED,
         ),
@@ -291,12 +297,13 @@ CAPABILITIES: dict[str, Capability] = {
                 **_each(FRICTION | DRIVES, "acts on angles of the plane"),
             },
             unless=ENDS,
+            beside=_each(STRUCTURED, "a structure moves in the plane"),
             needs={_of("space"): 'form spatial: works in space only: set space = "space"'},
         ),
         Capability(
             "form maximal",
             ACTING | {"hoist", "van_der_pol"},
-            refuses={**PLANE, **STICKS, **NO_SMOOTH},
+            refuses={**PLANE, **STICKS, **NO_SMOOTH, **BODILESS},
             unless=ENDS,
             apart=HOISTING,
             instead=MINIMAL,
@@ -304,7 +311,7 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "form hamiltonian",
             ACTING | {"van_der_pol"},
-            refuses={**PLANE, **STICKS, **NO_SMOOTH, **CONSTANT},
+            refuses={**PLANE, **STICKS, **NO_SMOOTH, **CONSTANT, **BODILESS},
             unless=ENDS,
             instead=MINIMAL,
         ),

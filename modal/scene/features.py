@@ -34,6 +34,10 @@ class Described(Protocol):
         """The pendula."""
 
     @property
+    def force(self) -> Sequence[Any]:
+        """The forces."""
+
+    @property
     def spring(self) -> Sequence[Any]:
         """The springs between points."""
 
@@ -93,13 +97,17 @@ class Feature:
             for j, link in enumerate(pendulum.links if self.link else ()):
                 yield f"pendulum[{i}].links[{j}].", link, self.link
 
+    def _is_of(self, support: Any) -> bool:
+        """Whether a support has it."""
+        values = [getattr(support, key, None) for key in self.support]
+        return any(value is not None and self.has(value) for value in values)
+
     def is_in(self, scene: Described, values: Callable[[str], set[Any]]) -> bool:
         """Whether a scene has it; `values` are those of a key of all links."""
         has = self.has
-        supports = (getattr(support, key, None) for key in self.support for support in scene.supports)
         return self.only(scene) and bool(
             (self.scene and has(getattr(scene, self.scene)))
-            or any(value is not None and has(value) for value in supports)
+            or (self.support and any(map(self._is_of, scene.supports)))
             or (self.spring and any(has(getattr(one, self.spring)) for one in scene.spring))
             or (self.pendulum and any(has(getattr(one, self.pendulum)) for one in scene.pendulum))
             or (self.link and any(map(has, values(self.link))))

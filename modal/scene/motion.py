@@ -196,7 +196,12 @@ MOTION = any_kind(SineMotion, SweepMotion, RecordMotion, RandomMotion)
 
 
 class Ground(Part):
-    """The ground under everything, which moves as prescribed, by one motion or a horizontal and a vertical one."""
+    """The ground under everything, which moves as prescribed, by one motion or a horizontal and a vertical one.
+
+    >>> from modal.scene import SineMotion
+    >>> len(Ground(motion=SineMotion(amplitude=0.01, frequency_hz=1.0)).motions)
+    1
+    """
 
     motion: SupportMotion | tuple[SupportMotion, ...] = field(one_or_list(MOTION))
 

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 from modal.errors import meant
 from modal.scene.features import Described
+from modal.scene.validation import LARGEST
 
 CART = "cart"
 WRITTEN = re.compile(
@@ -93,6 +94,8 @@ def _parse_placed(text: str) -> CarrierPoint | GroundPoint:
     if placed is None or placed["name"] == "pendulum":
         raise ValueError(f"is not a point such as {EXAMPLE}")
     place = None if placed["along"] is None else (float(placed["along"]), float(placed["below"]))
+    if place and max(map(abs, place)) > LARGEST:
+        raise ValueError(f"a place is at most {LARGEST:g} m away")
     if placed["name"] == GROUND:
         if placed["point"] is not None:
             raise ValueError("the ground has no numbered points: write ground@x,z")
@@ -148,6 +151,15 @@ def _carrier_problems(scene: Described, point: CarrierPoint) -> Iterator[str]:
         yield f"only a modal support has numbered points: write {point.name}@s,h"
     elif support.kind == "modal" and (point.point or 0) >= len(support.points):
         yield f'support "{point.name}" has {len(support.points)} points, numbered from 0'
+
+
+def points_at(scene: Described, text: str) -> int:
+    """How many points a name means, one of every copy and of every link of a run."""
+    point = parse_point(text)
+    if not isinstance(point, Point):
+        return 1
+    pendulum = scene.pendulum[point.pendulum]
+    return int(pendulum.links[point.link].count * (pendulum.count if point.copy is None else 1))
 
 
 def places_of(scene: Described, text: str) -> list[Place]:

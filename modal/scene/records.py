@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from modal.errors import SceneError, meant
-from modal.scene.matrices import ARRAYS, read_matrices
 from modal.scene.motion import FORCES, RECORDED, Quantity, spectrum_problems
+from modal.scene.support_arrays import ARRAYS, read_matrices
 
 LARGEST_FILE = 256_000_000
 MOST_ROWS = 2_000_000

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from itertools import combinations
 from typing import Any
 
 from modal.errors import meant
 from modal.scene.features import Described
 from modal.scene.motion import Ground, Moved
-from modal.scene.points import CarrierPoint, GroundPoint, Point, parse_point, places_of, point_problems
+from modal.scene.points import CarrierPoint, GroundPoint, Point, parse_point, places_of, point_problems, points_at
 from modal.scene.supports import Cart, ModalSupport
 
 TURNING = ("tilt", "platform")
@@ -19,6 +18,8 @@ WAYS = {"cart": ("horizontal",), "heave": ("vertical",)}
 """The only direction in which a force on a support does anything, by its kind."""
 RESERVED = re.compile(r"ground|pendulum|cart|support|theta(_.*)?|time|work|x", re.ASCII)
 """Names that mean something else in places, in points or in columns."""
+MOST_SUPPORTS, MOST_SPRINGS = 1000, 100_000
+"""Most supports, and most springs counting those of every copy."""
 SUFFIXES = {
     "cart": ("m",),
     "swing": ("m",),
@@ -30,14 +31,30 @@ SUFFIXES = {
 
 def structure_problems(scene: Described) -> Iterator[str]:
     """Every mistake in what pendula hang from and in what joins them, but those of their balance."""
+    if _is_plain(scene):
+        return
+    if len(scene.supports) > MOST_SUPPORTS:
+        yield f".support: has {len(scene.supports)} supports: at most {MOST_SUPPORTS}"
+        return
     yield from _name_problems(scene)
     yield from _ground_problems(scene)
     for index, pendulum in enumerate(scene.pendulum):
         yield from _hanging_problems(scene, pendulum, f".pendulum[{index}]")
+    if len(scene.spring) > MOST_SPRINGS:
+        yield f".spring: has {len(scene.spring)} springs: at most {MOST_SPRINGS}"
+        return
     for index, spring in enumerate(scene.spring):
         yield from _spring_problems(scene, spring, f".spring[{index}]")
     if scene.is_structured:
         yield from _limits(scene)
+
+
+def _is_plain(scene: Described) -> bool:
+    """Whether nothing can be wrong here: a nameless fixed, moved or cart support, with no springs."""
+    support = scene.support
+    if isinstance(support, tuple) or support.kind not in {"fixed", "cart", "moved"} or scene.spring or scene.ground:
+        return False
+    return not getattr(support, "name", "") and all(pendulum.on is None for pendulum in scene.pendulum)
 
 
 def place_of(scene: Described, index: int) -> str:
@@ -68,14 +85,13 @@ def _name_problems(scene: Described) -> Iterator[str]:
 
 def _clashes(scene: Described) -> Iterator[str]:
     """Names of different supports whose coordinates would have one name."""
-    names = {
-        index: {f"{support.name}_{suffix}" for suffix in SUFFIXES.get(support.kind, ())}
-        for index, support in enumerate(scene.supports)
-        if getattr(support, "name", "")
-    }
-    for (i, own), (j, other) in combinations(names.items(), 2):
-        if (shared := own & other) and scene.supports[i].name != scene.supports[j].name:
-            yield f'.support[{j}].name = "{scene.supports[j].name}": gives {min(shared)} to support[{i}] too'
+    taken: dict[str, int] = {}
+    for index, support in enumerate(scene.supports):
+        name = getattr(support, "name", "")
+        for suffix in SUFFIXES.get(support.kind, ()) if name else ():
+            first = taken.setdefault(f"{name}_{suffix}", index)
+            if scene.supports[first].name != name:
+                yield f'.support[{index}].name = "{name}": gives {name}_{suffix} to support[{first}] too'
 
 
 def _ground_problems(scene: Described) -> Iterator[str]:
@@ -141,11 +157,14 @@ def _spring_problems(scene: Described, spring: Any, at: str) -> Iterator[str]:
     yield from problems
     if problems:
         return
-    bodies = [_bodies(scene, text) for text in spring.between]
-    first, second = map(len, bodies)
+    first, second = (points_at(scene, text) for text in spring.between)
+    if max(first, second) > MOST_SPRINGS:
+        yield f"{at}.between: joins {max(first, second)} points: at most {MOST_SPRINGS}"
+        return
     if first != second and 1 not in {first, second}:
         yield f"{at}.between: joins {first} points to {second}: as many of both, or one"
         return
+    bodies = [_bodies(scene, text) for text in spring.between]
     pairs = zip(*(own * (max(first, second) // len(own)) for own in bodies), strict=True)
     if any(one == other for one, other in pairs):
         at_rest = bodies[0][0] == ("ground", 0)
@@ -239,6 +258,9 @@ def _limits(scene: Described) -> Iterator[str]:
         for name in ("friction", "friction_coefficient"):
             if value := getattr(support, name):
                 yield f"{at}.{name} = {value!r}: dry friction does not act in a structure: give damping"
+    for k, force in enumerate(scene.force):
+        if force.kind == "constant":
+            yield f'.force[{k}].kind = "constant": constant forces do not act in a structure, which they would move'
     for p, pendulum in enumerate(scene.pendulum):
         for i, link in enumerate(pendulum.links):
             if link.friction:

@@ -15,8 +15,8 @@ import re
 from collections.abc import Iterator
 from typing import Literal
 
-from modal.scene.matrices import matrix_problems
 from modal.scene.motion import UNREAD
+from modal.scene.support_arrays import matrix_problems
 from modal.scene.validation import NON_NEGATIVE, POSITIVE, REAL, Part, after, field, list_of, one_of, optional
 
 NAME = re.compile(r"[A-Za-z0-9_]+", re.ASCII)
@@ -99,6 +99,14 @@ class Swing(Placed):
     """A platform on parallel rods of one `length` (m): it moves along an arc and does not turn.
 
     Its coordinate is the displacement along the arc (m); `stiffness` (N/m) and `damping` (N s/m) belong to it.
+
+    >>> from modal import Bob, Cart, Pendulum, Scene, Swing, natural_frequencies
+    >>> swing = Scene(
+    ...     gravity=9.81, support=Swing(mass=2.0, length=0.5), pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])]
+    ... )
+    >>> cart = swing.replace(support=Cart(mass=2.0, stiffness=(2.0 + 1.0) * 9.81 / 0.5))  # the same for small motions
+    >>> [[round(float(omega), 12) for omega in each] for each in natural_frequencies([swing, cart])]
+    [[2.825590223186, 6.013405016348], [2.825590223186, 6.013405016348]]
     """
 
     kind: Literal["swing"] = field(one_of("swing"), default="swing")
@@ -114,6 +122,10 @@ class Tilt(Placed):
 
     `centre` is the centre of mass as drawn, (along, below) the axis (m).  Its coordinate is its angle (rad);
     `stiffness` is in N m/rad, `damping` in N m s/rad.
+
+    >>> from modal import load
+    >>> load("beam").support.centre  # above the axis
+    (0.0, -0.3)
     """
 
     kind: Literal["tilt"] = field(one_of("tilt"), default="tilt")
@@ -131,7 +143,14 @@ class Tilt(Placed):
 
 
 class Heave(Placed):
-    """A support that moves up and down alone; its coordinate is the displacement upwards (m)."""
+    """A support that moves up and down alone; its coordinate is the displacement upwards (m).
+
+    >>> from modal import Bob, Heave, Pendulum, Scene, natural_frequencies
+    >>> hung = Pendulum(links=[Bob(mass=1.0, length=1.0)])
+    >>> scene = Scene(gravity=9.0, support=Heave(mass=3.0, stiffness=16.0), pendulum=[hung])
+    >>> [round(float(omega), 12) for omega in natural_frequencies([scene])[0]]  # √(k/(M + m)) and √(g/l)
+    [2.0, 3.0]
+    """
 
     kind: Literal["heave"] = field(one_of("heave"), default="heave")
     mass: float = field(POSITIVE)
@@ -160,7 +179,12 @@ class Adrift(Part):
 
 
 class Platform(Placed):
-    """A body that is free in sway (m, along the rail), heave (m, up) and roll (rad); numbers as those of `Tilt`."""
+    """A body that is free in sway (m, along the rail), heave (m, up) and roll (rad); numbers as those of `Tilt`.
+
+    >>> from modal import load
+    >>> load("ship-crane").support.stiffness.heave
+    5000000.0
+    """
 
     kind: Literal["platform"] = field(one_of("platform"), default="platform")
     mass: float = field(POSITIVE)
@@ -183,6 +207,13 @@ class ModalSupport(Placed):
 
     `points` (P, 2, d) are the displacements along the rail and down of each of its points by each coordinate; a
     pendulum hangs `on = "NAME[3]"`.  An NPZ `file` with these arrays is read with the scene file that names it.
+
+    >>> from modal import Bob, ModalSupport, Pendulum, Scene, natural_frequencies
+    >>> frame = ModalSupport(M=[[3.0]], K=[[16.0]], points=[[[0.0], [1.0]]])  # one point, which moves down with η
+    >>> hung = Pendulum(on="modal[0]", links=[Bob(mass=1.0, length=1.0)])
+    >>> scene = Scene(gravity=9.0, support=frame, pendulum=[hung])
+    >>> [round(float(omega), 12) for omega in natural_frequencies([scene])[0]]
+    [2.0, 3.0]
     """
 
     kind: Literal["modal"] = field(one_of("modal"), default="modal")

@@ -167,7 +167,7 @@ def modal_gains(modes: Modes, model: StateSpace) -> Gains:
             outputs[k] = without_noise(block.right[:, -1], model.C.T)
     return Gains(
         form.modes,
-        form.modes.on_cart != modes.on_cart,
+        form.modes.rig.leading != modes.rig.leading,
         Side(model.inputs, "reached", _by_mode(form, without_noise(left, model.B))),
         Side(model.outputs, "seen", _by_mode(form, outputs)),
     )

@@ -34,6 +34,10 @@ DEFECTIVE = 1e-7
 """|φᵀ(2λM + D)φ| over the sum of its absolute terms, below which two damped modes nearly coincide."""
 
 
+RIGID = 2.0**-40
+"""Of the sum of the absolute terms: what rounding leaves of the forces of dampers in a free motion."""
+
+
 class Block(NamedTuple):
     """One mode: its states are left z, and z = right w for states w; A (k, k), right (n, k), left (k, n), k = 1 or 2.
 
@@ -128,8 +132,8 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
         raise ComputationError("drag couples the modes with the cart's velocity: prescribe that, not its acceleration")
     found = held(modes) if given & DRIVES.keys() else modes
     driven = bool(given & {*DRIVES, *SUPPORT} - {"support_displacement"})
-    n, on_cart = len(model.A), int(found.on_cart)
-    size = found.scene.n_links + on_cart
+    n = len(model.A)
+    size = found.scene.n_links + found.rig.leading
     if n - 2 * size not in ((1, 2) if driven else (0,)):
         raise ValueError(f"the model has {n} states: it does not belong to this scene, which has {size} coordinates")
     blocks = [*(_cart(model, n - 2 * size, size) if driven else ()), *_own(found, n, size, first=int(driven))]
@@ -147,7 +151,7 @@ def plot_model(model: StateSpace, **options: Any) -> Any:
 
 def held(modes: Modes) -> Modes:
     """The modes with a fixed support: those excited by a prescribed motion of the cart."""
-    return natural_modes(fixed(modes.scene)) if modes.on_cart else modes
+    return natural_modes(fixed(modes.scene)) if modes.rig.leading else modes
 
 
 def _cart(model: StateSpace, states: int, size: int) -> Iterator[Block]:
@@ -168,7 +172,9 @@ def _own(modes: Modes, n: int, size: int, first: int) -> Iterator[Block]:
                 continue
             phi: Numbers = modes.column(shape)
             name = f"{number + 1}" if modes.multiplicity[number] == 1 else f"{number + 1}_{copy + 1}"
-            vectors: tuple[Numbers, Numbers, Numbers] = phi, found.M @ phi, found.D @ phi
+            forces = found.D @ phi
+            coasts = value == 0 and not np.any(np.abs(forces) > RIGID * (np.abs(found.D) @ np.abs(phi)))
+            vectors: tuple[Numbers, Numbers, Numbers] = phi, found.M @ phi, 0 * forces if coasts else forces
             alone = np.isrealobj(phi) and (not value.imag if modes.is_classical else not vectors[2].any())
             make = _swing if alone else _pair if value.imag else _single
             made = make(name, f"coordinate of {'fixed-base ' if first else ''}mode {name}", value, *vectors)

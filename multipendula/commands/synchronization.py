@@ -127,7 +127,7 @@ COMMANDS = (
         ),
         examples=(
             ("sync huygens -o huygens.png --film huygens.gif", "two clocks on a beam, with a figure and a film"),
-            ("sync huygens --vary support.mass=1:40:4log -o branches.png", "the range of each steady oscillation"),
+            ("sync huygens --vary support.mass=3:30:3log -o branches.png", "the range of each steady oscillation"),
         ),
     ),
 )

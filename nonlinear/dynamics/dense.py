@@ -42,7 +42,10 @@ def loses_digits(group: Group, system: System) -> bool:
     """Whether the cart, or a link above a heavier one, is so light that dense matrices would lose digits."""
     heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
     if system.structure is not None:
-        least = min((LIGHTEST if one.M is not None else one.mass for one in system.structure.carriers if one.size), default=np.inf)
+        least = min(
+            (LIGHTEST if one.M is not None else one.mass for one in system.structure.carriers if one.size),
+            default=np.inf,
+        )
         return bool(least < LIGHT * float(system.mass.sum()) or np.any(group.block.mass < FRAIL * heaviest))
     light = system.cart is not None and system.cart.mass < LIGHT * float(system.mass.sum())
     return light or bool(np.any(group.block.mass < FRAIL * heaviest))
@@ -191,15 +194,18 @@ class Elimination:
 
     def turn(self, memory: Any, push: Any) -> Any:
         """θ'' (n, P)."""
-        return np.array(self._substituted(memory[0], (side - across * push for side, across in zip(*memory[1:], strict=True))))
+        return np.array(
+            self._substituted(memory[0], (side - across * push for side, across in zip(*memory[1:], strict=True)))
+        )
 
     def _substituted(self, M: list[list[Any]], right: Iterable[Any]) -> list[Any]:
         """θ'' from the eliminated equations and what is left on their right-hand sides."""
         found: list[Any] = []
         for row, left in zip(M, right, strict=True):
-            for M, above in zip(row, found, strict=False):
-                left = left - M * above
-            found.append(left / row[-1])
+            own = left
+            for entry, above in zip(row, found, strict=False):
+                own = own - entry * above
+            found.append(own / row[-1])
         return found
 
     def response(self, angles: Any, rates: Any, torques: Any) -> Projection:
@@ -208,9 +214,9 @@ class Elimination:
 
 
 class Eliminated:
-    """Pendula on carriers: with n across a link, u along it, slopes j_k of first joints and their acceleration ã,
+    """Pendula on carriers, with n across a link, u along it, slopes j_k of first joints and their acceleration ã.
 
-        M_kl = Σ m j_k·j_l − a_kᵀ M⁻¹ a_l,   force_k = Σ m j_k·ã − Σ b u·j_k θ'² + a_kᵀ M⁻¹ (Q − b n·ã),   a_k = b n·j_k
+    M_kl = Σ m j_k·j_l − a_kᵀ M⁻¹ a_l,   force_k = Σ m j_k·ã − Σ b u·j_k θ'² + a_kᵀ M⁻¹ (Q − b n·ã),   a_k = b n·j_k
     """
 
     def __init__(self, body: Elimination, angles: Any, rates: Any, torques: Any) -> None:

@@ -27,7 +27,7 @@ class External(NamedTuple):
     """External forces on a group: generalized ones on u (d, n, P, ...) or torques on angles (n, P, ...), and the rest.
 
     The force (N) on the cart and the power (W) are (...), the force (N) on every centre is (d, n, P, ...), that which
-    every pendulum hands on to its first joint (d, P, ...), and the torques (N m) that act, reversed, on what carries it.
+    every pendulum hands on to its first joint (d, P, ...), as are torques (N m) that act reversed on what carries it.
     """
 
     generalized: Any
@@ -58,8 +58,8 @@ def drag(group: Group, along: Any, cart_rate: Any, support: Any = None, winding:
     """The drag of a group of links.
 
     `along` (d, n, P, ...) are the rates u'; the first component is along the rail.  The first joints move at the
-    `cart_rate` (m/s) along it, or on a structure at two velocities (P, ...), along it and down.  The air stands still while a
-    `support` moves, with the velocity (m/s) along the rail and down; the power is that in its frame.  `winding`
+    `cart_rate` (m/s) along it, or on a structure at two velocities (P, ...), along it and down.  The air stands still
+    while a `support` moves, with the velocity (m/s) along the rail and down; the power is that in its frame.  `winding`
     (d, n, P, ...) are the velocities l' u of bobs at the end of ropes that change their length.
     """
     length, centre = (_spread(part, along) for part in (group.block.length, group.block.centre))

@@ -48,7 +48,7 @@ class Form:
     `timed` how many constants of what is prescribed are numbers, None where it is no arithmetic of the time; `pushed`
     equations have a load, `works` ones the work; `contacts` are the coordinates below and above each contact with dry
     friction, none where that is left out, and on a rail that `presses` it has a coefficient; `spatial` ones have three
-    numbers a link.  `structure` is the shape of what carries the pendula (`nonlinear.dynamics.structure`), () without one.
+    numbers a link.  `structure` is the shape of what carries the pendula (`shape_of`), () without one.
     """
 
     chains: tuple[tuple[Table, Table, bool], ...]
@@ -135,7 +135,9 @@ def shape_of(system: System) -> tuple[Any, ...]:
     if structure is None:
         return ()
     each = {own: k for k, own in enumerate(dict.fromkeys(map(id, structure.pivots)))}
-    carriers = tuple((one.kind, one.size, None if one.points is None else len(one.points)) for one in structure.carriers)
+    carriers = tuple(
+        (one.kind, one.size, None if one.points is None else len(one.points)) for one in structure.carriers
+    )
     pivots = tuple((each[id(own)], own.carrier, _numbered(own.where)) for own in structure.pivots)
     springs = tuple((*map(_end, one.ends), one.torsion) for one in structure.springs)
     return carriers, pivots, springs, system.slack
@@ -162,7 +164,7 @@ def _table(values: Any) -> Table:
 
 
 def _pays(group: Group, system: System) -> bool:
-    """Whether matrices take fewer operations than the recursion: with each coordinate of carriers that of fewer links."""
+    """Whether matrices take fewer operations than the recursion: those of fewer links under several coordinates."""
     if system.structure is None:
         return True
     most = max(system.structure.carriers[system.structure.pivots[own].carrier].size for own in group.pendula.tolist())

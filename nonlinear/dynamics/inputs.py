@@ -7,7 +7,8 @@ scene has it:
     motion of the support its acceleration (m/s²) and, where links have drag, its velocity (m/s), in its direction, then
     the size of every force (N or N m)
     of every law of a hoist the length (m), its speed and its acceleration
-    the force on the cart (N) or on each coordinate of a structure (N, N m), and the moment on every link (N m; in space its three components), of a load
+    the force on the cart (N) or on each coordinate of a structure (N, N m), and the moment on every link (N m; in space
+    its three components), of a load
     of every contact with dry friction the torque or force that it exerts while it slides (N m or N), 0 where it sticks;
     then of every contact 1 where it sticks, 0 where it slides; on a rail with a coefficient μ, first, instead of the
     friction −s μ sign N
@@ -206,7 +207,7 @@ class Inputs:
         if not acting:
             return NOTHING
         if self.system.structure is not None:
-            return AppliedForces(0.0, _filled(acting[first:]), acting[:first])
+            return AppliedForces(0.0, _filled(acting[first:]), _filled(acting[:first]))
         return AppliedForces(acting[0] if first else 0.0, _filled(acting[first:]))
 
     def _lengths(self, laws: Sequence[tuple[Any, Any, Any]]) -> Lengths:

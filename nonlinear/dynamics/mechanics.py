@@ -46,8 +46,9 @@ def chained(
     """Sums along chains at lower joints and centres, each (T, L, d); a metre of link contributes `along` (T, L, d).
 
     Gives positions from unit vectors, velocities from their first and accelerations from their second derivatives;
-    `cart` (T,) is the same quantity of the pivots, along the rail, or on a structure that of each (T, L, d).  Where lengths change, `length` (T, L) are those and
-    `extra` (T, L, d) is what their change contributes, by which the bobs at their ends move as well.
+    `cart` (T,) is the same quantity of the pivots, along the rail, or on a structure that of each (T, L, d).  Where
+    lengths change, `length` (T, L) are those and `extra` (T, L, d) is what their change contributes, by which the bobs
+    at their ends move as well.
     """
     ends, centres = np.empty_like(along), np.empty_like(along)
     for group in system.groups:
@@ -58,11 +59,10 @@ def chained(
         steps = reach[..., None] * own + (0.0 if extra is None else extra[:, group.index])
         ends[:, group.index] = lower = np.cumsum(steps, axis=1)
         centres[:, group.index] = lower + rest[..., None] * own
-    for found in (ends, centres):
-        if cart.ndim == 1:
-            found[..., 0] += cart[:, None]
-        else:
-            found += cart
+    if cart.ndim > 1:
+        return ends + cart, centres + cart
+    ends[..., 0] += cart[:, None]
+    centres[..., 0] += cart[:, None]
     return ends, centres
 
 
@@ -103,7 +103,7 @@ class Mechanics(Displayed):
 
     @property
     def _coordinates(self) -> tuple[Floats, Floats]:
-        """q = (η, θ) and its rates, (half, T)."""
+        """Q = (η, θ) and its rates, (half, T)."""
         motion = self.motion
         return np.hstack((motion.supports, motion.links)).T, np.hstack((motion.support_rates, motion.link_rates)).T
 
@@ -111,7 +111,8 @@ class Mechanics(Displayed):
     def pivots(self) -> tuple[Floats, Floats, Floats]:
         """Of the pivot above every link place, displacement from where it is drawn, and velocity, (T, L, 2) each."""
         bearing, structure = self.bearing, self.system.structure
-        assert bearing is not None and structure is not None
+        assert bearing is not None
+        assert structure is not None
         found = np.empty((3, len(self.motion.cart), self.system.n_links, 2))
         for number, group in enumerate(self.system.groups):
             moved, speed = bearing.pivots(number)
@@ -278,8 +279,8 @@ class Mechanics(Displayed):
         """Force (N) on every link from above at its upper joint, (T, L, d).
 
         `accelerations` are x'' (T,), or on a structure those of the pivot above every link (T, L, d), and the second
-        derivatives of the unit vectors (T, L, d), `support` the acceleration and the velocity of a moved support (T, d): Newton's second law for the link and all below it, on
-        which their drag acts as well.
+        derivatives of the unit vectors (T, L, d), `support` the acceleration and the velocity of a moved support
+        (T, d): Newton's second law for the link and all below it, on which their drag and springs act as well.
         """
         u, w = self.vectors
         bodily = self._chained(*accelerations, lambda l, v, a: a * u + 2 * v * w)[1]

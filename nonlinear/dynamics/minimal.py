@@ -229,16 +229,32 @@ class Suspended(Arranged):
             if rubbed.normal is not None:
                 power = power + v[0] * instant.gripping.pressed * rubbed.normal
         if instant.lengths is not None:
-            for k, (place, (group, external)) in enumerate(zip(self.places, externals, strict=True)):
-                winding = [part[group.index] for part in instant.lengths[1:]]
-                moved = links[place], rates[place], turned[place]
-                # without the support's acceleration: with the work of its inertial forces on what the ropes move
-                force = transmitted(group, winding, *moved, bearing.start(k, system.gravity), external)
-                rope = np.stack((np.sin(links[place]), np.cos(links[place])))
-                power = power + (winding[0] * (rope * force).sum(0)).sum((0, 1))
+            power = self._wound(power, links, rates, turned, instant, bearing, externals)
         if layout.works:
             found[-1] = power
         return found, rubbed
+
+    def _wound(
+        self,
+        power: Any,
+        links: Any,
+        rates: Any,
+        turned: Any,
+        instant: Instant,
+        bearing: Bearing,
+        externals: Sequence[Any],
+    ) -> Any:
+        """The `power` (W) with that of what winds the ropes."""
+        lengths, gravity = instant.lengths, self.system.gravity
+        assert lengths is not None
+        for k, (place, (group, external)) in enumerate(zip(self.places, externals, strict=True)):
+            winding = [part[group.index] for part in lengths[1:]]
+            moved = links[place], rates[place], turned[place]
+            # without the support's acceleration: with the work of its inertial forces on what the ropes move
+            force = transmitted(group, winding, *moved, bearing.start(k, gravity), external)
+            rope = np.stack((np.sin(links[place]), np.cos(links[place])))
+            power = power + (winding[0] * (rope * force).sum(0)).sum((0, 1))
+        return power
 
     def external(self, group: Group, links: Any, rates: Any, cart_rate: Any, instant: Instant) -> External | None:
         """Drag and applied forces on a group; None without any."""
@@ -359,7 +375,8 @@ class Recursed:
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
         """θ'' (n, P, ...) under accelerations (m/s²) of first joints along the rail and down, less gravity."""
-        return np.array(downward(self.body.links, self.turns, *accelerations, self.bias))
+        ax, az = accelerations
+        return np.array(downward(self.body.links, self.turns, ax, az, self.bias))
 
 
 def _itself(value: Any) -> Any:

@@ -4,10 +4,10 @@ With Δ the vector from one end to the other, Δ₀ as drawn and δ = Δ − Δ�
 
     F = (k e + d u·Δ') u,   u = Δ/|Δ|,   e = |Δ| − |Δ₀| = (2 Δ₀·δ + δ·δ)/(|Δ| + |Δ₀|)
 
-acts on the one end and −F on the other; where a spring has no length as drawn, F = k Δ + d Δ' exactly.  Displacements are
-found without the places themselves, so that small motions keep their digits.  A force F on the point at the distance s
-from the upper joint of a link acts on its angle by s n·F, on those above it by l n·F, n = (cos θ, −sin θ), and on what
-carries the first joint; forces on one link are added up before they are handed on, as those of drag are.
+acts on the one end and −F on the other; where a spring has no length as drawn, F = k Δ + d Δ' exactly.  Displacements
+are found without the places themselves, so that small motions keep their digits.  A force F on the point at the
+distance s from the upper joint of a link acts on its angle by s n·F, on those above it by l n·F, n = (cos θ, −sin θ),
+and on what carries the first joint; forces on one link are added up before they are handed on, as those of drag are.
 """
 
 from __future__ import annotations
@@ -129,15 +129,20 @@ class Springs:
     @cached_property
     def nodes(self) -> tuple[Nodes, Ints]:
         """The points, and the two of every spring (2, E), −1 for the ground; those between angles have none."""
-        ends = [(k, side, end) for k, spring in enumerate(self.structure.springs) for side, end in enumerate(spring.ends)]
-        ends = [each for each in ends if not self.structure.springs[each[0]].torsion]
-        links = [each for each in ends if isinstance(each[2], LinkEnd)]
-        carriers = [each for each in ends if isinstance(each[2], CarrierEnd)]
+        links: list[tuple[int, int, LinkEnd]] = []
+        carriers: list[tuple[int, int, CarrierEnd]] = []
+        for k in np.concatenate(self.kinds[:2]).tolist():
+            for side, end in enumerate(self.structure.springs[k].ends):
+                if isinstance(end, LinkEnd):
+                    links.append((side, k, end))
+                elif isinstance(end, CarrierEnd):
+                    carriers.append((side, k, end))
         pairs = np.full((2, len(self.structure.springs)), GROUND)
-        for number, (k, side, _) in enumerate([*links, *carriers]):
+        for number, (side, k, _) in enumerate([*links, *carriers]):
             pairs[side, k] = number
-        link = np.array([end.link for _, _, end in links], dtype=np.int64)
-        return Nodes(link, filled([self.below(end) for _, _, end in links]), tuple(end for _, _, end in carriers)), pairs
+        link = np.array([end.link for *_, end in links], dtype=np.int64)
+        below = filled([self.below(end) for *_, end in links])
+        return Nodes(link, below, tuple(end for *_, end in carriers)), pairs
 
     def below(self, end: LinkEnd) -> Any:
         """The distance (m) of an end from the upper joint of its link."""
@@ -283,4 +288,6 @@ def filled(values: Sequence[Any]) -> Any:
 
 def _spread(constant: Any, like: Any) -> Any:
     """Constants (…, N) as (…, N, 1) where what they meet has further axes."""
-    return constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim)) if like.ndim > constant.ndim else constant
+    return (
+        constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim)) if like.ndim > constant.ndim else constant
+    )

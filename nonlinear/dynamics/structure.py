@@ -6,8 +6,8 @@ found by one pass from its tip (`nonlinear.dynamics.recursion`), so that
     (M_s(η) + Σ J_pᵀ R_p J_p) η'' = Q_s − Σ J_pᵀ [p_p + R_p (J_p' η' − g e_z)] − Σ (torques of first joints)
 
 with a block for each carrier, which elimination solves; then one pass goes down each chain.  Q_s has the carriers'
-springs and dampers, their weights, and the terms of M_s'(η).  Where a carrier has a spring this carries the weight at the
-drawn rest: its potential is ½ k η² + W η with W = g Σ m ∂z/∂η there.  The torque of a first joint on a carrier that
+springs and dampers, their weights, and the terms of M_s'(η).  Where a carrier has a spring this carries the weight at
+the drawn rest: its potential is ½ k η² + W η with W = g Σ m ∂z/∂η there.  The torque of a first joint on a carrier that
 turns acts on the angle of the link relative to it, and reversed on the carrier.
 
 Every line is plain arithmetic: it accepts floats, arrays with further axes, complex numbers and recorded symbols.
@@ -170,7 +170,7 @@ class Carriers:
 
     @cached_property
     def weights(self) -> list[Any]:
-        """The weights' generalized forces W (first,) at the drawn rest, where springs of carriers carry them; else 0."""
+        """The weights' generalized forces W (first,) at the drawn rest where carriers' springs carry them, else 0."""
         structure, gravity = self.structure, self.system.gravity
         found: list[Any] = [0.0] * structure.size
         none = [0.0] * structure.size
@@ -194,19 +194,21 @@ class Carriers:
 
     def _moved(self, eta: Sequence[Any], rates: Sequence[Any]) -> list[list[Moving]]:
         """How the pivots of all bundles move."""
-        return [[self.moving(one.carrier, one.where, eta, rates) for one in bundles] for bundles in self.bundles]
+        return [
+            [self.moving(one.carrier, self.where(one, eta), eta, rates) for one in bundles] for bundles in self.bundles
+        ]
 
     def moving(self, number: int, where: Any, eta: Sequence[Any], rates: Sequence[Any]) -> Moving:
         """How a point of a carrier moves."""
         structure = self.structure
         carrier, own, speeds = structure.carriers[number], structure.own(number, eta), structure.own(number, rates)
-        return carrier.moving(self.spread(where, own), own, speeds)
+        return carrier.moving(where, own, speeds)
 
-    def spread(self, where: Any, like: Sequence[Any]) -> Any:
-        """Points (P,) as (P, 1) where coordinates are arrays."""
-        if isinstance(where, tuple) and isinstance(where[0], np.ndarray) and where[0].ndim == 1 and np.ndim(like[0]):
-            return tuple(part[:, None] for part in where)
-        return where
+    def where(self, one: Bundle, eta: Sequence[Any]) -> Any:
+        """Where the pendula of a bundle hang: points (P,) as (P, 1) where coordinates are arrays."""
+        if one.together or one.where[0].ndim > 1 or not np.ndim(eta[0]):
+            return one.where
+        return tuple(part[:, None] for part in one.where)
 
     def centre(self, number: int, eta: Sequence[Any], rates: Sequence[Any]) -> Moving:
         """How the centre of mass of a carrier moves."""
@@ -327,9 +329,9 @@ class CarriersAt(Bearing):
         """How far the first joints of a group are from where they are drawn, and their velocities."""
         structure, places = self.structure, []
         for one in self.carriers.bundles[group]:
-            where = self.carriers.spread(one.where, self.eta)
+            where = self.carriers.where(one, self.eta)
             places.append(displacement(structure.carriers[one.carrier], where, structure.own(one.carrier, self.eta)))
-        return tuple(self._joined(group, [each[k] for each in places]) for k in (0, 1)), self._velocities(group)  # type: ignore[return-value]
+        return tuple(self._joined(group, [each[k] for each in places]) for k in (0, 1)), self._velocities(group)
 
     def point(self, end: CarrierEnd) -> tuple[Vector, Moving, Vector]:
         """The displacement of a point of a carrier, how it moves, and its velocity."""
@@ -353,7 +355,7 @@ class CarriersAt(Bearing):
             moving.velocity(self.structure.own(one.carrier, self.rates))
             for one, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True)
         ]
-        return tuple(self._joined(group, [each[k] for each in own]) for k in (0, 1))  # type: ignore[return-value]
+        return tuple(self._joined(group, [each[k] for each in own]) for k in (0, 1))
 
     def _joined(self, group: int, values: Sequence[Any]) -> Any:
         """Values of the bundles of a group, (P, ...)."""
@@ -388,15 +390,14 @@ class CarriersAt(Bearing):
     def _add(self, one: Bundle, moving: Moving, block: Any, force: Any, pulled: Sequence[Any]) -> None:
         """The inertia and the force of a bundle, and forces on its first joints."""
         own, first = self.blocks[one.carrier], self.structure.offsets[one.carrier]
-        self.blocks[one.carrier] = [[a + b for a, b in zip(*rows, strict=True)] for rows in zip(own, block, strict=True)]
+        self.blocks[one.carrier] = [
+            [a + b for a, b in zip(*rows, strict=True)] for rows in zip(own, block, strict=True)
+        ]
         for k, (x, z) in enumerate(moving.slopes):
             self.right[first + k] = self.right[first + k] - force[k]
             for each in pulled:
                 fx, fz = each[0][one.columns], each[1][one.columns]
-                if one.together:
-                    pushed = x * fx.sum(0) + z * fz.sum(0)
-                else:
-                    pushed = (x * fx + z * fz).sum(0)
+                pushed = x * fx.sum(0) + z * fz.sum(0) if one.together else (x * fx + z * fz).sum(0)
                 self.right[first + k] = self.right[first + k] + pushed
 
     def _react(self, one: Bundle, reaction: Any, external: External | None) -> None:

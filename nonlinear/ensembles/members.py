@@ -260,5 +260,5 @@ def _states(scene: Scene, starts: Starts) -> Motion:
         raise SceneError(["starts: must be finite"])
     if system.spatial:
         raise SceneError(["starts: in space they must be states"])
-    none, carried = np.zeros(len(angles)), np.zeros((len(angles), system.first if system.structure else 0))
-    return Motion(angles, np.zeros_like(angles), none, none, none, carried, carried)
+    none, still = np.zeros(len(angles)), np.zeros((len(angles), system.first if system.structure else 0))
+    return Motion(angles, np.zeros_like(angles), none, none, none, still, still)

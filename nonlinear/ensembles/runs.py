@@ -43,7 +43,7 @@ def form_of(scene: Scene) -> Hashable:
 
 
 def _carried(scene: Scene) -> Hashable:
-    """What differs between structures: where pendula hang, what springs join, which of them have no length, modal ones."""
+    """What differs between structures: where pendula hang, what springs join, which have no length, modal supports."""
     if not scene.is_structured:
         return None
     modal = tuple((one.M, one.K, one.D, one.points) for one in scene.supports if isinstance(one, ModalSupport))

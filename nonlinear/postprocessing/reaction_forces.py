@@ -14,7 +14,8 @@ from nonlinear.system import Motion
 def reaction_forces_of(trajectory: Trajectory) -> Reactions:
     """The force at every pivot and that of the rail on the cart, at the sampled times.
 
-    On a structure there is no one rail: `normal` is NaN there.  Raises ComputationError for a saved run with applied forces, which are not saved.
+    On a structure, where there is no one rail, `normal` is NaN.  Raises ComputationError for a saved run with applied
+    forces, which are not saved.
     """
     if trajectory.driven and trajectory.equations is None:
         raise ComputationError("the reaction forces of this run need its applied forces, which are not saved")
@@ -31,7 +32,10 @@ def reaction_forces_of(trajectory: Trajectory) -> Reactions:
 
 
 def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floats]:
-    """The cart's x'' (T,), or those of every pivot of a structure (T, L, 2), and the second derivatives of the unit vectors (T, L, d)."""
+    """The cart's x'' (T,), or those of every pivot of a structure (T, L, 2); second derivatives of unit vectors.
+
+    The latter are (T, L, d).
+    """
     system = trajectory.system
     load = trajectory.equations.load if trajectory.equations else None
     form = "spatial" if system.spatial else "minimal"

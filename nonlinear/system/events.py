@@ -104,7 +104,9 @@ NO_KICKS = Kicks(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros
 def level_crossing(
     system: System, coordinate: str, level: float = 0.0, direction: int = 0, *, stop: bool = False
 ) -> Event:
-    """The angle (rad), cart position (m) or coordinate of a structure, named as in `modal.assembly.coordinate_labels`, passes a level.
+    """The angle (rad), cart position (m) or coordinate of a structure passes a level.
+
+    They are named as in `modal.assembly.coordinate_labels`.
 
     >>> from modal import load
     >>> from nonlinear import level_crossing, system_of

@@ -2,10 +2,10 @@
 
 The list is gravity, the cart's mass, damper and spring, then of every link in the order of the file its mass, length,
 centre, inertia, damper, spring, the two constants of its drive, and its drag, field by field; then those of a structure
-(`structured`): of every carrier its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D and
-its points), of every entry of pendula where it hangs, of every spring its two numbers and its ends.  Beside it stand the
-entries of D_modal and the constants of sines that move the support, and of sines and constants that act as forces.
-Where members differ an entry is an array (S,), elsewhere one number.
+(`structured`): of every carrier its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D
+and its points), of every entry of pendula where it hangs, of every spring its two numbers and its ends.  Beside it
+stand the entries of D_modal and the constants of sines that move the support, and of sines and constants that act as
+forces.  Where members differ an entry is an array (S,), elsewhere one number.
 """
 
 from __future__ import annotations
@@ -284,8 +284,8 @@ def structure_with(structure: Structure, numbers: Sequence[Any]) -> Structure:
     springs = []
     for spring in structure.springs:
         stiffness, damping = take(2)
-        ends = tuple(_end_with(end, take(len(_of_end(end)))) for end in spring.ends)
-        springs.append(spring._replace(stiffness=stiffness, damping=damping, ends=ends))
+        first, second = (_end_with(end, take(len(_of_end(end)))) for end in spring.ends)
+        springs.append(spring._replace(stiffness=stiffness, damping=damping, ends=(first, second)))
     return Structure(tuple(carriers), tuple(pivots[id(own)] for own in structure.pivots), tuple(springs))
 
 
@@ -315,12 +315,13 @@ def _end_with(end: End, numbers: tuple[Any, ...]) -> End:
         return end
     if isinstance(end, LinkEnd):
         return end._replace(below=numbers[0])
-    return end._replace(where=numbers) if isinstance(end, CarrierEnd) else GroundEnd(numbers)  # type: ignore[arg-type]
+    return end._replace(where=numbers) if isinstance(end, CarrierEnd) else GroundEnd(numbers)
 
 
 def _dampers(structure: Structure) -> list[int]:
     """Which of its numbers are those of dampers."""
-    found, at = [], 0
+    found: list[int] = []
+    at = 0
     for carrier in structure.carriers:
         at += 7 + len(carrier.stiffness)
         found += range(at, at + len(carrier.damping))
@@ -345,7 +346,9 @@ def _places_of_structure(scene: Scene, structure: Structure) -> list[list[Place]
         names: list[Place] = [("position", 0), ("position", 1), ("mass",), ("inertia",), ("length",)]
         names += [("centre", 0), ("centre", 1)]
         for law in ("stiffness", "damping"):
-            names += [(law, way) for way in PLATFORM] if carrier.kind == "platform" else [(law,)] * len(carrier.stiffness)
+            names += (
+                [(law, way) for way in PLATFORM] if carrier.kind == "platform" else [(law,)] * len(carrier.stiffness)
+            )
         found += [[(*head, *name) for head in heads] for name in names]
         found += [[] for part in _modal(carrier) for _ in range(part.size)]
     first = 0

@@ -56,7 +56,8 @@ def test_momenta_are_M_times_velocities_and_back(seed: int) -> None:
     p = momenta(system, state)
     theirs = dense_M(scene, q) @ v
     np.testing.assert_allclose(p, theirs, rtol=0, atol=1e-13 * np.abs(theirs).max())
-    np.testing.assert_allclose(velocities(system, np.append([state.cart] * system.first, state.links), p), v, rtol=0, atol=1e-11 * np.abs(v).max())
+    q = np.append([state.cart] * system.first, state.links)
+    np.testing.assert_allclose(velocities(system, q, p), v, rtol=0, atol=1e-11 * np.abs(v).max())
 
 
 @pytest.mark.parametrize("seed", SEEDS)

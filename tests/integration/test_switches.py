@@ -134,9 +134,9 @@ def test_a_motion_with_switches_is_that_of_simulate(name: str) -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_floats_end_steps_where_numpy_finds_changes_on_interpolants(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    written = simulate(SCENES[name], 4.0, tolerance=1e-11, output=41)
+    written = simulate(SCENES[name], 2.5, tolerance=1e-11, output=41)
     monkeypatch.setattr(methods, "RUBBED", -1)
-    apart = simulate(SCENES[name], 4.0, tolerance=1e-11, output=41)
+    apart = simulate(SCENES[name], 2.5, tolerance=1e-11, output=41)
     assert isinstance(written.equations, Switched)
     assert not isinstance(apart.equations, Switched)
     assert written.motion.links == pytest.approx(apart.motion.links, abs=2e-8)

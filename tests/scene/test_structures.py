@@ -11,8 +11,8 @@ import pytest
 from modal import Cart, Fixed, Scene, SceneError, Tilt, load
 from modal.scene import Moved, dumps, parse, refusals, scene_from, title_of
 from modal.scene.files import schema
-from modal.scene.matrices import read_matrices
 from modal.scene.parameters import find_places, parse_variations, unit_at, validate_variations, vary
+from modal.scene.support_arrays import read_matrices
 from modal.structure import carried, hung_masses, structure_of, unbalanced, weights
 
 BOB = {"kind": "bob", "mass": 1.0, "length": 1.0}
@@ -106,6 +106,12 @@ MISTAKES = {
     ),
     "one body": (springy("pendulum[0].links[0]@0.5", "pendulum[0].links[0]@0.2"), "both ends are on one body"),
     "at rest": (springy("ground@1,0", "fixed"), "spring[0].between: both ends are at rest"),
+    "far": (springy("ground@1e200,0", "pendulum[0].links[0]"), "a place is at most 1e+100 m away"),
+    "hoisted": (
+        springy("ground@1,0", "pendulum[0].links[0]")
+        | {"pendulum": [{"links": [BOB | {"hoist": {"to": 2.0, "duration": 1.0}}]}]},
+        "the length of this rope changes, and no spring can end on it",
+    ),
     "turning": (springy("fixed", "pendulum[0].links[0]", kind="torsion"), "a support of kind fixed does not turn"),
     "angles": (springy("ground", "pendulum[0].links[0]@1", kind="torsion"), "an angle has no place: leave out @"),
     "torque": (pushed("right", direction="torque"), "a support of kind cart does not turn"),
@@ -113,6 +119,10 @@ MISTAKES = {
     "sideways": (pushed("left"), "a support of kind heave moves only along a vertical force"),
     "which cart": (pushed("cart"), 'force[0].on = "cart": there are several supports: write the name of one'),
     "the ground": (pushed("ground"), 'force[0].on = "ground": the ground does not yield to a force'),
+    "constant": (
+        pushed("right") | {"force": [{"on": "right", "kind": "constant", "amplitude": 1.0}]},
+        'force[0].kind = "constant": constant forces do not act in a structure',
+    ),
     "no support": (pushed("rihgt"), 'there is no support "rihgt" (did you mean right?)'),
     "space": (described(support=TILT | {"stiffness": 1.0}, space="space"), 'write space = "plane"'),
     "friction": (
@@ -322,7 +332,7 @@ def test_a_modal_support_is_read_from_its_file(tmp_path: Path, monkeypatch: pyte
     assert np.array_equal(scene.support[0].points, points)
     assert np.array_equal(scene.support[0].K, root @ root.T)
     assert parse(dumps(scene).encode()) == scene
-    monkeypatch.setattr("modal.scene.matrices.LARGEST_FILE", 100)
+    monkeypatch.setattr("modal.scene.support_arrays.LARGEST_FILE", 100)
     with pytest.raises(SceneError, match=r'support\[0\].file = "frame.npz": has arrays of more than'):
         parse(text.encode(), tmp_path)
 

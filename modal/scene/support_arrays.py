@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from io import BytesIO
 from os import PathLike
 from typing import Any
@@ -17,11 +18,16 @@ from modal.types import Floats
 SYMMETRIC = 1e-10
 """How far from symmetric a matrix may be, of its largest entry; and how negative an eigenvalue of one without sign."""
 MOST_COORDINATES, MOST_POINTS = 500, 10_000
-Rows = Sequence[Sequence[float]]
+Rows = tuple[tuple[float, ...], ...]
 
 
-def matrix_problems(M: Rows, K: Rows, D: Rows | None, points: Sequence[Rows]) -> Iterator[str]:
+@lru_cache(maxsize=16)
+def matrix_problems(M: Rows, K: Rows, D: Rows | None, points: tuple[Rows, ...]) -> tuple[str, ...]:
     """What is wrong with M, K, D (d, d) and points (P, 2, d), each line beginning with its key."""
+    return tuple(_matrix_problems(M, K, D, points))
+
+
+def _matrix_problems(M: Rows, K: Rows, D: Rows | None, points: tuple[Rows, ...]) -> Iterator[str]:
     size = len(M)
     if not 0 < size <= MOST_COORDINATES:
         yield f".M: has {size} rows: from 1 to {MOST_COORDINATES} are possible"
