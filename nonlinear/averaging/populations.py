@@ -8,9 +8,9 @@ with the sign changed, a pattern is a motion with Gq = q, and
     other                   Gδ = −δ: towards the other pattern
     within a population     δ sums up to 0 over its pendula, and the support does not feel it: N − 1 times the same
 
-Without that symmetry own and other are one sector, "common".  The pattern is one oscillation, so all modes turn with one
-rate Ω here (`nonlinear.averaging.equations`): the averaged equations are harmonic balance, and their growth rates follow
-from a matrix for each sector.
+Without that symmetry own and other are one sector, "common".  The pattern is one oscillation, so that all modes turn
+with one rate Ω here (`nonlinear.averaging.equations`): the averaged equations are harmonic balance, and their growth
+rates follow from a matrix for each sector.
 """
 
 from __future__ import annotations
@@ -101,9 +101,7 @@ def patterns_of(scene: Scene) -> tuple[Pattern, ...]:
     return tuple(_pattern(name, scene, few, populations, system) for name in names)
 
 
-def _pattern(
-    name: str, scene: Scene, few: Scene, populations: tuple[Population, ...], system: System
-) -> Pattern:
+def _pattern(name: str, scene: Scene, few: Scene, populations: tuple[Population, ...], system: System) -> Pattern:
     means, within = _means(populations, system)
     sign = -1.0 if name == ANTIPHASE else 1.0
     supports = np.eye(system.first + system.n_links)[:, : system.first]
@@ -139,16 +137,19 @@ def _means(populations: Sequence[Population], system: System) -> tuple[list[Floa
     return means, differences
 
 
-def _exchange(
-    populations: Sequence[Population], system: System, means: Sequence[Floats], sign: float
-) -> Floats | None:
+def _exchange(populations: Sequence[Population], system: System, means: Sequence[Floats], sign: float) -> Floats | None:
     """G (half, half) on the means; None where the two populations are no images of each other."""
     first, second = populations
     structure = system.structure
     assert structure is not None
     carriers = [structure.carriers[one.support] for one in populations]
     alike = first.pendulum == second.pendulum and first.size == second.size
-    if not alike or first.support == second.support or carriers[0].kind != carriers[1].kind or carriers[0].M is not None:
+    if (
+        not alike
+        or first.support == second.support
+        or carriers[0].kind != carriers[1].kind
+        or carriers[0].M is not None
+    ):
         return None
     G = sign * (means[0] @ means[1].T + means[1] @ means[0].T)
     image = {first.support: second.support, second.support: first.support}
@@ -269,9 +270,7 @@ def _averaged(pattern: Pattern, sector: Sector) -> AveragedEquations:
         raise ComputationError("averaged equations need one mode for each coordinate; something moves freely here")
     shapes, none = E @ vectors, np.zeros(len(squares), dtype=np.int64)
     modes = natural_modes(scene)
-    return AveragedEquations(
-        pattern.few, pattern.system, modes, shapes, M.M @ shapes, np.sqrt(squares), none, none
-    )
+    return AveragedEquations(pattern.few, pattern.system, modes, shapes, M.M @ shapes, np.sqrt(squares), none, none)
 
 
 def _block(state: RelativeEquilibrium, sector: AveragedEquations) -> Floats:

@@ -12,16 +12,16 @@ disturbances of the whole scene.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief
-from modal.scene import Fixed, Scene, require
+from modal.scene import Fixed, Pendulum, Scene, require
 from modal.types import Complexes, Floats
-from nonlinear.averaging import COMMON, OWN, WITHIN, AveragedPattern, Pattern, averaged_pattern
+from nonlinear.averaging import AveragedPattern, Pattern, averaged_pattern
 from nonlinear.orbits.cycles import limit_cycles, near
 from nonlinear.orbits.floquet import deflated, whole
 from nonlinear.orbits.flow import Arrival, Flow
@@ -115,7 +115,7 @@ def pattern_orbit(
     for _ in range(NEWTON):
         here, arrived = _passed(pattern, flow, c, T)
         missed = E.T @ ((arrived.y - here) / flow.scale)
-        slope = E.T @ arrived.V / 1.0 - np.eye(len(c))
+        slope = E.T @ arrived.V - np.eye(len(c))
         by_time = E.T @ (arrived.path.rates[-1] / flow.scale)
         J = np.block([[slope, by_time[:, None] / pattern.system.rate], [E[turning], np.zeros(1)]])
         step = np.linalg.solve(J, -np.append(missed, E[turning] @ c))
@@ -160,3 +160,10 @@ def _finished(pattern: Pattern, flow: Flow, c: Floats, T: float) -> PatternOrbit
     if orbit.amplitude < FAINT:
         raise ComputationError(f"the motion {pattern.name} dies out")
     return PatternOrbit(pattern, orbit, arrived.V)
+
+
+def free_amplitude(scene: Scene, pendulum: Pendulum) -> float | None:
+    """The largest angle (rad) of one pendulum on a support at rest, whose drive sustains it; None for none."""
+    alone = Scene(gravity=scene.gravity, support=Fixed(), pendulum=(pendulum.replace(position=(0.0, 0.0), on=None),))
+    found = limit_cycles(alone)
+    return max((orbit.amplitude for orbit in found), default=None)

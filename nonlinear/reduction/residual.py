@@ -5,7 +5,8 @@ With the direction u of every link and its tangents t = ∂u/∂q, a the acceler
     ρ_i = t_i·(A_ii u_i'' + b_i a_i + l_i Σ_{j>i} b_j u_j'') − Q_i,     a_i = x'' e_x − g e_z + Σ_{j<i} l_j u_j'',
     ρ_x = M x'' + c_c x' + k_c x + e_x·Σ b_j u_j'',
 
-Q_i of springs, dampers and drives at the joints, and on a structure ρ = M (q'' − a); sums run down and up each chain, so O(links) operations per instant.
+Q_i of springs, dampers and drives at the joints; sums run down and up each chain, so O(links) operations per instant.
+On a structure ρ = M (q'' − a), a being the accelerations of the equations of motion.
 The coordinates are those of `nonlinear.reduction.two_planes`: θ in the plane, in space p = θ (cos φ, sin φ) from the
 rest with
 

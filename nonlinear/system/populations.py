@@ -65,7 +65,9 @@ def populations_of(scene: Scene) -> tuple[Population, ...]:
         number += pendulum.count
     names = scene.support_names
     return tuple(
-        Population(carrier, names[carrier], kind, np.array(own), _move_alike(structure, [structure.pivots[p] for p in own]))
+        Population(
+            carrier, names[carrier], kind, np.array(own), _move_alike(structure, [structure.pivots[p] for p in own])
+        )
         for (carrier, kind), own in members.items()
     )
 
