@@ -245,7 +245,7 @@ def _starts(pattern: Pattern, own: AveragedEquations, near_by: AveragedPattern |
     """Amplitudes from which Newton's method may find it: those beside, or of slow flow from small swings."""
     if near_by is not None:
         yield own.dual.T @ (near_by.state.averaged.shapes @ near_by.state.z)
-    z = own.dual.T @ pattern.mean + 0j
+    z: Complexes = np.asarray(own.dual.T @ pattern.mean, dtype=complex)
     z, least = FIRST * z / own.largest(z), 0.0
     for _ in range(SETTLINGS):
         motion = settle(own, z[:, None], EFFORT, least)[0]
@@ -286,7 +286,7 @@ def _block(state: RelativeEquilibrium, sector: AveragedEquations) -> Floats:
         row=np.concatenate((own.row, sector.row)),
         band=np.concatenate((own.band, sector.band)),
     )
-    z = np.concatenate((state.z, np.zeros(k)))
+    z: Complexes = np.concatenate((state.z, np.zeros(k, dtype=complex)))
     slope = derivative(joint.flow, z, state.turning)
     size = len(z)
     kept = np.r_[size - k : size, 2 * size - k : 2 * size]

@@ -146,10 +146,13 @@ class Variational(Generated):
 
         Any other scene has them from `nonlinear.dynamics.hamiltonian`.
         """
-        module, half = _gradients(self._still), self.layout.half
+        return np.array([np.broadcast_to(one, q.shape[1:]) for one in self._momenta([*q, *v])])
+
+    @cached_property
+    def _momenta(self) -> Any:
+        module = _gradients(self._still)
         constants = module.constants(self._still.numbers(entries_of(self.system), prescribed_of(self.system)))
-        found = module.function("momenta", constants, "arrays")([*q, *v])
-        return np.array([np.broadcast_to(one, q.shape[1:]) for one in found[:half]])
+        return module.function("momenta", constants, "arrays")
 
     def momentum_slope(self, y: Floats) -> Floats:
         """The derivative by y, (d,), of what a cart without a spring conserves: p_x and the impulse of what resists.

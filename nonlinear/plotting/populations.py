@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -41,7 +41,7 @@ def draw_populations(found: PopulationDiagram, stream: IO[bytes], form: str = "p
 def populations_figure(found: PopulationDiagram) -> Figure:
     """Growth rates of every motion: solid by Floquet multipliers, broken by the averaged equations.
 
-    A thick line along 0 tells where the motion is stable, circles are the thresholds.
+    A thick line along 0 tells where the motion is stable; circles are thresholds, squares where it begins or ends.
     """
     branches = [one for one in found.branches if len(one.values)]
     if not branches:
@@ -54,7 +54,7 @@ def populations_figure(found: PopulationDiagram) -> Figure:
     axes[-1].set(xlabel=axis_words(found.variation), xlim=(found.variation.values[0], found.variation.values[-1]))
     scale(axes[-1], "x", found.variation)
     headline(figure, title_of(found.scene), "motions of populations")
-    key(figure, _handles(names), columns=3)
+    key(figure, _handles(names, any(not one.sector for one in found.thresholds)), columns=3)
     return figure
 
 
@@ -65,20 +65,22 @@ def _panel(axis: Axes, found: PopulationDiagram, branch: MotionBranch, names: li
     for number, name in enumerate(names):
         if name not in branch.sectors:
             continue
-        look = {"color": colour(number), "zorder": 4}
+        look: dict[str, Any] = {"color": colour(number), "zorder": 4}
         axis.plot(branch.values, branch.growth(name), lw=narrowing(number), label=f"_{name}", **look)
         averaged = branch.averaged_growth(name)
         axis.plot(branch.values, averaged, ls=(0, (2, 2)), lw=1.0, label=f"_{name} averaged", **look)
-    at = [one.value for one in found.thresholds if one.pattern == branch.name]
-    axis.plot(at, np.zeros(len(at)), **mark())
+    for begins, shape in ((False, "o"), (True, "s")):
+        own = [one.value for one in found.thresholds if one.pattern == branch.name and begins == (not one.sector)]
+        axis.plot(own, np.zeros(len(own)), **mark(shape))
     framed(axis, "", "growth rate (1/s)", branch.name.capitalize())
 
 
-def _handles(names: list[str]) -> list[Line2D]:
+def _handles(names: list[str], ends: bool) -> list[Line2D]:
     lines = [Line2D([], [], color=colour(k), lw=narrowing(k), label=name) for k, name in enumerate(names)]
     return [
         *lines,
         Line2D([], [], color=ink(), lw=1.0, ls=(0, (2, 2)), label="averaged equations"),
         Line2D([], [], color=muted(), lw=BAR, alpha=0.6, label="stable"),
         Line2D([], [], label="threshold", **mark()),
+        *[Line2D([], [], label="the motion itself begins or ends", **mark("s"))] * ends,
     ]

@@ -18,6 +18,7 @@ All arrays have times on their last axis; vectors have their components on the f
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -64,9 +65,15 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
 
 def _on_structure(system: System, plane: Floats) -> Floats:
     """ρ = M(q) (q'' − a) (half, T), a being the accelerations of the equations of motion."""
-    equations, (q, rate, turn) = Variational(system), plane
+    equations, (q, rate, turn) = _written(system), plane
     q = q + np.concatenate((np.zeros(system.first), system.rest))[:, None]
     return equations.momenta(q, turn - equations.derivative(0.0, np.concatenate((q, rate)))[len(q) :])
+
+
+@lru_cache(maxsize=16)
+def _written(system: System) -> Variational:
+    """Its equations, written once for all evaluations."""
+    return Variational(system)
 
 
 def _planar(group: Group, own: list[Floats], felt: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:

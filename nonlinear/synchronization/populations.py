@@ -19,7 +19,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, counted, first_line
-from modal.types import Booleans, Complexes, Floats
+from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging import ANTIPHASE, IN_PHASE
 from nonlinear.postprocessing import last
 from nonlinear.synchronization.phases import Phases
@@ -82,7 +82,16 @@ class PopulationPhases(Displayed):
     def phase(self) -> Floats:
         """By how much the phase of every population is ahead of the first's (rad), in (−π, π], (P,)."""
         late = self._means[last(self.phases.times, QUARTER)]
-        return np.angle((late * late[:, :1].conj()).mean(axis=0))
+        return np.asarray(np.angle((late * late[:, :1].conj()).mean(axis=0)))
+
+    @cached_property
+    def pair(self) -> float | None:
+        """Of one population of two pendula by how much the second is ahead of the first (rad); else None."""
+        if len(self.populations) > 1 or self.populations[0].size != 2:
+            return None
+        z = self.phases.z[last(self.phases.times, QUARTER), :, self.phases.leading]
+        turned = z[:, 1] * z[:, 0].conj()
+        return float(np.angle(turned.mean())) if np.abs(turned).any() else None
 
     @cached_property
     def locked(self) -> Booleans:
@@ -91,17 +100,23 @@ class PopulationPhases(Displayed):
 
     @cached_property
     def is_even(self) -> bool:
-        """Whether the rates of all populations are equal."""
-        return bool(np.ptp(self.rate) <= EQUAL * np.abs(self.rate).max())
+        """Whether the rates of all populations are equal; of one pair, those of its pendula."""
+        rates = self.rate if self.pair is None else self.pendulum_rates
+        return bool(np.ptp(rates) <= EQUAL * np.abs(rates).max())
+
+    @property
+    def _off(self) -> Floats:
+        """The phases (rad) that are compared: those of populations, or of the second of a pair."""
+        return self.phase if self.pair is None else np.array([0.0, self.pair])
 
     @cached_property
     def kind(self) -> str:
         """What they do: "in phase", "antiphase", "locked" at another phase, "a chimera" or "neither"."""
         if self.locked.any() and not self.locked.all():
             return CHIMERA
-        if not self.locked.all() or not self.is_even:
+        if not (self.locked.all() or self.pair is not None) or not self.is_even:
             return NEITHER
-        off = np.abs(self.phase)
+        off = np.abs(self._off)
         if np.all(off <= NEAR):
             return IN_PHASE
         return ANTIPHASE if len(off) == 2 and off[1] >= np.pi - NEAR else AT
@@ -115,7 +130,7 @@ class PopulationPhases(Displayed):
             several = "populations" if self.locked.sum() > 1 else "population"
             return f"{several} {held} locked, {loose} not: a chimera"
         if self.kind == AT:
-            return "locked at " + ", ".join(f"{angle:.4g}°" for angle in np.rad2deg(self.phase[1:]))
+            return "locked at " + ", ".join(f"{angle:.4g}°" for angle in np.rad2deg(self._off[1:]))
         if self.kind != NEITHER:
             return self.kind
         if len(numbers) == 1:
@@ -125,7 +140,7 @@ class PopulationPhases(Displayed):
         return "neither in phase nor antiphase: no population is locked"
 
 
-def _listed(numbers: Floats) -> str:
+def _listed(numbers: Ints) -> str:
     return " and ".join(str(int(number)) for number in numbers)
 
 

@@ -86,7 +86,7 @@ def symmetric_motions(scene: Scene) -> tuple[SymmetricMotion, ...]:
 def symmetric_motion(pattern: Pattern, beside: SymmetricMotion | None = None) -> SymmetricMotion:
     """A pattern with its growth rates, found beside those of a scene with other numbers if given."""
     try:
-        averaged = averaged_pattern(pattern, beside and beside.averaged)
+        averaged = averaged_pattern(pattern, None if beside is None else beside.averaged)
         orbit = pattern_orbit(pattern, averaged)
     except ComputationError as error:
         return SymmetricMotion(pattern, None, None, str(error))
