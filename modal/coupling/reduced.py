@@ -22,7 +22,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy
 
 from modal.assembly import Element, Hanging, Rig, assembled, centres
 from modal.coupling.fixed_base import FixedBaseModes, places_within, without_damping
@@ -267,9 +266,17 @@ def _tied_modes(rig: Rig, held: dict[Kind, Floats]) -> Iterator[tuple[float, Kin
     """The same of pendula that springs join to something, which is held."""
     for (number, column), more in held.items():
         A, K = assembled([(rig.blocks[number], column)], None, rig.gravity)
-        squares, shapes = scipy.linalg.eigh(K + more, A)
+        squares, shapes = pencil(K + more, A)
         for square, shape in zip(squares, shapes.T, strict=True):
             yield float(np.sqrt(square)), (number, column), shape
+
+
+def pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:
+    """Squares ascending and vectors with vᵀMv = 1 of K v = ω² M v, by a Cholesky factor of M."""
+    size = np.sqrt(np.diag(M))
+    inverse = np.linalg.inv(np.linalg.cholesky(M / np.outer(size, size))) / size
+    squares, vectors = np.linalg.eigh(inverse @ K @ inverse.T)
+    return squares, inverse.T @ vectors
 
 
 def _rate(rig: Rig, kind: Kind, shape: Floats) -> float:

@@ -36,7 +36,7 @@ from modal.types import Complexes, Floats
 ULP, CANCELLED = 2.0**-52, 1e-13
 BY_PLACE = (
     "support: sensitivities link by link are those of pendula on a fixed support or one cart: take "
-    "modal.modes.sensitivity_table.of_mode, or table --sensitivities, which list them by places of the scene"
+    "modal.modes.sensitivity_table.of_mode, which has them by places of the scene"
 )
 
 

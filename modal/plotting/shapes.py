@@ -290,6 +290,8 @@ def draw_swing(axis: Axes, modes: Modes, layout: Layout, shape: Shape, amplitude
         return
     shown = {p: joints[k][None] for k, p in enumerate(layout.scaffold.drawn.tolist())}
     pieces = layout.scaffold.pieces(amplitude * shape.supports.real[None], shown)
+    if amplitude != 0 and not shape.supports.any():
+        pieces = [piece for piece in pieces if piece.role == "spring"]
     draw_pieces(axis, pieces, look, rests=amplitude == 0)
 
 

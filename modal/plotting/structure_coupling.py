@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from modal.coupling import StructureCoupling, family_name
 from modal.plotting.layout import SMALL, headline, key, shortened
-from modal.plotting.style import WIDE, colour, ink, mixed, paper, sheet
+from modal.plotting.style import QUIET, WIDE, colour, ink, mixed, paper, sheet
 from modal.scene import title_of
 from modal.types import Floats
 
@@ -21,7 +21,7 @@ LOGARITHMIC = 30.0
 """Ratio of frequencies from which their axis is logarithmic."""
 LEAST = 1e-6
 """Smallest share of kinetic energy that makes a mode of the scene one of a panel."""
-APART = 0.045
+APART = 0.075
 """Least distance of words at levels, over the height of their axis."""
 
 
@@ -150,7 +150,7 @@ def _level(axis: Axes, middle: tuple[float, float], omega: float, side: float, b
     """A level of the scene, and the line to what it comes from."""
     axis.plot(middle, [omega] * 2, color=colour(4), lw=1.8, zorder=3)
     end = middle[0] if side < middle[0] else middle[1]
-    axis.plot([side, end], [before, omega], color=mixed(hue, 0.55), lw=0.9, zorder=1)
+    axis.plot([side, end], [before, omega], color=mixed(hue, 0.55), lw=0.9, gid=QUIET, zorder=1)
 
 
 def _matched(coupling: StructureCoupling) -> list[int]:

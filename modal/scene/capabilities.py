@@ -226,12 +226,12 @@ CAPABILITIES: dict[str, Capability] = {
         replace(MOVED_MODEL, name="random vibration", takes=MOVED_MODEL.takes - {"inverted"}, unless=GROWS),
         Capability(
             "a shaper",
-            LINEAR - {"inverted"},
+            LINEAR - {"inverted"} | STRUCTURED,
             leaves=OMITTED,
             refuses=SHIFTED,
             unless={"inverted": "is unstable"},
             beside=UNLOADED,
-            needs={_of("cart"): 'support.kind: a shaper needs kind = "cart"'},
+            needs={_of("cart structure"): 'support.kind: a shaper needs kind = "cart", or a structure'},
         ),
         Capability(
             "a derivative of modes",

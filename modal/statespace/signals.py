@@ -93,7 +93,7 @@ class Geometry:
 
 
 class Coordinate(NamedTuple):
-    """A coordinate of a structure: its `name` (`lower_m`), its unit, what it is.
+    """A coordinate of a structure: its `name` (`lower_m`), its unit, what it is, and what a force on it pushes.
 
     `along` is how far the origin of its carrier moves along the rail with it.
     """
@@ -101,6 +101,7 @@ class Coordinate(NamedTuple):
     name: str
     unit: str
     meaning: str
+    pushed: str
     along: float
 
     @property
@@ -160,32 +161,32 @@ class Carried:
 
 
 WORDS = {
-    "cart": "displacement of the cart",
-    "swing": "displacement along its arc of the swing",
-    "tilt": "angle of the board",
-    "heave": "displacement upwards of the support",
-    "sway_m": "displacement along the rail of the platform",
-    "heave_m": "displacement upwards of the platform",
-    "roll_rad": "angle of the platform",
-    "modal": "coordinate of the modal support",
+    "cart": ("displacement of the cart", "force along the rail on the cart"),
+    "swing": ("displacement along its arc of the swing", "force along its arc on the swing"),
+    "tilt": ("angle of the board", "torque on the board"),
+    "heave": ("displacement upwards of the support", "force upwards on the support"),
+    "sway_m": ("displacement along the rail of the platform", "force along the rail on the platform"),
+    "heave_m": ("displacement upwards of the platform", "force upwards on the platform"),
+    "roll_rad": ("angle of the platform", "torque on the platform"),
+    "modal": ("coordinate of the modal support", "generalized force on a coordinate of the modal support"),
 }
-"""What coordinates are, by the kind of their carrier or their own ending."""
+"""What coordinates are, and forces on them, by the kind of their carrier or their own ending."""
 
 
 def coordinates_of(structure: Structure) -> tuple[Coordinate, ...]:
     """The coordinates of a structure in their order."""
     if structure.names == ("x",):
-        return (Coordinate("x", "m", "position of the cart", 1.0),)
+        return (Coordinate("x", "m", "position of the cart", "force on the cart along the rail", 1.0),)
     found = []
     for number, own in enumerate(structure.carriers):
         still = (0.0,) * own.size
         origin = own.moving(0 if own.M is not None else (0.0, 0.0), still, still).slopes
         for k, suffix in enumerate(own.suffixes):
-            name = structure.names[structure.offsets[number] + k]
             unit = "" if own.M is not None else suffix.rpartition("_")[2]
-            what = f"{WORDS.get(suffix) or WORDS[own.kind]} {own.name}"
+            meaning, pushed = (f"{words} {own.name}" for words in WORDS.get(suffix) or WORDS[own.kind])
             along = 0.0 if own.M is not None or unit == "rad" else float(origin[k][0])
-            found.append(Coordinate(name, unit, what, along))
+            name = structure.names[structure.offsets[number] + k]
+            found.append(Coordinate(name, unit, meaning, pushed, along))
     return tuple(found)
 
 
@@ -278,16 +279,8 @@ def _link_forces(geometry: Geometry) -> InputGroup:
 
 def _coordinate_forces(geometry: Geometry) -> InputGroup:
     coordinates = coordinates_in(geometry)
-    signals = [Signal(one.force, one.force_unit, _pushing(one)) for one in coordinates]
+    signals = [Signal(one.force, one.force_unit, one.pushed) for one in coordinates]
     return InputGroup(signals, np.eye(geometry.size)[:, : len(signals)], _nothing(geometry, len(signals)))
-
-
-def _pushing(one: Coordinate) -> str:
-    """What the force or torque on a coordinate is."""
-    if one.name == "x":
-        return "force on the cart along the rail"
-    what = {"m": "force", "rad": "torque"}.get(one.unit, "generalized force")
-    return f"{what} on the {one.meaning}"
 
 
 def coordinates_in(geometry: Geometry) -> tuple[Coordinate, ...]:
@@ -505,6 +498,13 @@ def _named_readings(geometry: Geometry) -> list[OutputGroup]:
 def own_inputs(geometry: Geometry) -> tuple[str, ...]:
     """The names of the inputs on single coordinates of a structure."""
     return tuple(one.force for one in coordinates_in(geometry))
+
+
+def own_signals(geometry: Geometry) -> frozenset[str]:
+    """The names of all signals that a structure has by itself, those of states among them."""
+    states = [one.derivative(1).replace("_dot", "_dot_free") for one in coordinates_in(geometry)]
+    states += [f"{one.name}_free" for one in coordinates_in(geometry)]
+    return frozenset((*own_inputs(geometry), *own_outputs(geometry), *states))
 
 
 def own_outputs(geometry: Geometry) -> tuple[str, ...]:

@@ -29,6 +29,7 @@ from modal.scene import Escapement, Pendulum, Scene, VanDerPol
 from modal.structure import Structure, is_damped
 from modal.types import Floats, Ints
 from nonlinear.system.forces import ActingForce, acting_forces
+from nonlinear.system.springs import slack_of
 
 if TYPE_CHECKING:
     from modal.vibration import Course, PrescribedMotion
@@ -388,8 +389,6 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     found = System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, *prescribed, rig.structure)
     if rig.structure is None:
         return found
-    from nonlinear.system.springs import slack_of
-
     return replace(found, slack=slack_of(found))
 
 
