@@ -142,7 +142,7 @@ MOVED_MODEL = replace(
 GROWS = {**CONSTANT_MODEL.unless, "inverted": "grows by itself"}
 AVERAGED = Capability(
     "averaging",
-    SHAPE - {"inverted"} | {"dampers", "linear_drag", "joint_friction"} | DRIVES,
+    SHAPE - {"inverted"} | {"dampers", "linear_drag", "joint_friction"} | DRIVES | STRUCTURED,
     refuses={
         **STILL,
         **CONSTANT,
@@ -153,14 +153,16 @@ AVERAGED = Capability(
         "quadratic_drag": "has no exact mean for it",
         **_each(FRICTION - {"joint_friction"}, "does not know when a cart sticks"),
     },
+    apart=UNRUBBED,
     beside=UNLOADED,
 )
 
 PERIODIC = Capability(
     "a periodic orbit",
-    SHAPE | LOSS | DRIVES | FRICTION,
+    SHAPE | LOSS | DRIVES | FRICTION | STRUCTURED,
     refuses={**STILL, **CONSTANT, **PLANE, "quadratic_drag": "is computed without it"},
     unless=ENDS,
+    apart=UNRUBBED,
     beside=UNLOADED,
 )
 
@@ -328,7 +330,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "compiled equations",
-            SHAPE | DRIVES | {"dampers"},
+            SHAPE | DRIVES | STRUCTURED | {"dampers"},
             refuses=_each(
                 FRICTION | DRAG | FORCED | _of("space hoist moved_support damping_ratio load"), "are without it"
             ),
@@ -469,9 +471,10 @@ CAPABILITIES: dict[str, Capability] = {
         replace(AVERAGED, name="a branch of configurations", needs=EXCITED),
         Capability(
             "synchronization",
-            SHAPE - {"inverted"} | LOSS | DRAG | FRICTION | DRIVES,
+            SHAPE - {"inverted"} | LOSS | DRAG | FRICTION | DRIVES | STRUCTURED,
             refuses={**STILL, **CONSTANT, **PLANE, "inverted": "compares phases of hanging pendula"},
             unless=ENDS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
         Capability(

@@ -86,7 +86,7 @@ class AveragedEquations(Displayed):
 
     @property
     def link_shapes(self) -> Floats:
-        """The shapes without the cart, (L, C)."""
+        """The shapes without the cart or the structure, (L, C)."""
         return self.shapes[self.system.first :]
 
     @cached_property
@@ -99,6 +99,7 @@ class AveragedEquations(Displayed):
         q, v = state.links - self.system.rest, state.link_rates
         if self.system.cart:
             q, v = np.append(state.cart, q), np.append(state.cart_rate, v)
+        q, v = np.append(state.supports, q), np.append(state.support_rates, v)
         return np.asarray(q @ self.dual - 1j * (v @ self.dual) / self.omega)
 
     def energies(self, z: Complexes) -> Floats:
@@ -318,8 +319,10 @@ def average(scene: Scene, system: System | None = None) -> AveragedEquations:
         raise ComputationError(f"averaged equations are limited to {MOST} links, not {scene.n_links}")
     system, modes = system or system_of(scene), natural_modes(scene.conservative)
     phi = modes.matrix.real.take(modes.omega[modes.matrix.row] > 0)
-    if len(phi.row) < scene.n_links + bool(system.cart and system.cart.stiffness):
-        raise ComputationError("averaged equations need one mode for each coordinate; a massless cart removes one")
+    swinging = system.first if system.structure else bool(system.cart and system.cart.stiffness)
+    if len(phi.row) < scene.n_links + swinging:
+        why = "and something here moves freely" if system.structure else "a massless cart removes one"
+        raise ComputationError(f"averaged equations need one mode for each coordinate; {why}")
     omega = modes.omega[phi.row]
     band = np.concatenate(([0], np.cumsum(omega[1:] > BAND * omega[:-1])))
     if (count := int(band[-1]) + 1) > MOST_BANDS:
