@@ -126,7 +126,7 @@ COMMANDS = (
             "measures the same. With --vary every steady oscillation is followed along one number of the scene instead."
         ),
         examples=(
-            ("sync huygens -o huygens.png --film huygens.gif", "two clocks on a beam, with a figure and a film"),
+            ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),
             ("sync huygens --vary support.mass=3:30:3log -o branches.png", "the range of each steady oscillation"),
         ),
     ),
