@@ -117,7 +117,16 @@ class Exchanged(Displayed):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StructureCoupling(Displayed):
-    """The coupling of a scene's pendula by the structure that they hang from, and by springs."""
+    """The coupling of a scene's pendula by the structure that they hang from, and by springs.
+
+    >>> from modal import load
+    >>> from modal.coupling import explain
+    >>> found = explain(load("two-swings"))
+    >>> found.words(found.modes[1].shape), found.families[0].still
+    ('two swings in antiphase', 28)
+    >>> [round(branch.omega, 6) for branch in found.families[0].branches]
+    [9.944274, 10.028201]
+    """
 
     scene: Scene
     reduced: Reduced

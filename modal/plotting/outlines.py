@@ -56,11 +56,12 @@ class Scaffold:
 
     @cached_property
     def aside(self) -> Floats:
-        """How far (m) every drawn pendulum is set apart from those that hang from the same point."""
+        """How far (m) every drawn pendulum is set apart from those on its point; those of a modal support are one."""
         found = np.zeros(len(self.drawn))
         places: dict[Any, list[int]] = {}
         for k, pendulum in enumerate(self.drawn.tolist()):
-            places.setdefault(self.structure.pivots[pendulum], []).append(k)
+            pivot = self.structure.pivots[pendulum]
+            places.setdefault(pivot.carrier if isinstance(pivot.where, int) else pivot, []).append(k)
         for own in places.values():
             step = self.unit * (0.95 if len(own) <= 2 else 0.5)
             found[own] = step * (np.arange(len(own)) - (len(own) - 1) / 2)

@@ -103,6 +103,7 @@ STICKS = _each(FRICTION, "does not follow what sticks and slips")
 NO_DRAG = _each(DRAG, "is computed without drag")
 LOSSES = _each(LOSS, "needs a scene without losses")
 UNLOADED: Sentences = {"load": "only `simulate` is given applied forces"}
+PLAYED = "simulates pendula on one cart or one support: animate films a run of this scene, shapes --film its modes"
 HANGS_STRAIGHT = "a massless cart has no equation of motion where all that pulls it hangs straight down"
 ENDS: Sentences = {"massless_cart": HANGS_STRAIGHT}
 STOPS: Sentences = {"massless_cart": "the step needed is smaller than the spacing between numbers"}
@@ -117,7 +118,6 @@ HOISTING = {
     ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
 }
 MINIMAL = ("form minimal", "form minimal takes it")
-STRUCTURED = _of("structure springs")
 UNRUBBED = {(one, name): "dry friction on structures is not solved" for one in sorted(STRUCTURED) for name in FRICTION}
 """What is refused together: dry friction, and structures or springs between points."""
 EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
@@ -274,6 +274,7 @@ CAPABILITIES: dict[str, Capability] = {
             refuses={
                 **_each(FRICTION | FORCED | _of("hoist space damping_ratio"), "cannot show it"),
                 "massless_cart": "cannot show it",
+                **_each(STRUCTURED, PLAYED),
             },
             beside=UNLOADED,
         ),
@@ -329,7 +330,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "compiled equations",
-            SHAPE | DRIVES | {"dampers"},
+            SHAPE | DRIVES | STRUCTURED | {"dampers"},
             refuses=_each(
                 FRICTION | DRAG | FORCED | _of("space hoist moved_support damping_ratio load"), "are without it"
             ),

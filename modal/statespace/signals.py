@@ -113,8 +113,8 @@ class Coordinate(NamedTuple):
 
     @property
     def force_unit(self) -> str:
-        """N or N m; none of a coordinate of a modal support."""
-        return {"m": "N", "rad": "N m"}.get(self.unit, "")
+        """N or N m; 1 of a coordinate of a modal support."""
+        return {"m": "N", "rad": "N m"}.get(self.unit, "1")
 
     def derivative(self, order: int) -> str:
         """The name of its rate or its second derivative, as `lower_dot_m_per_s`."""
@@ -308,7 +308,8 @@ SUPPORT = {
     "support_acceleration": Signal("support_acceleration", "m/s^2", "acceleration of the support along the rail"),
 }
 """Motions of the fixed support, or of the ground under a cart and under a structure."""
-INPUTS = (*PUSHES, *DRIVES, *SUPPORT)
+INPUTS = (*(name for name in PUSHES if name != "coordinate_forces"), *DRIVES, *SUPPORT)
+"""Those of scenes on a fixed support or a cart; a structure has `coordinate_forces` besides."""
 
 
 # ------------------------------------------------------------------------------------------------------ outputs
@@ -405,7 +406,7 @@ def _spring_forces(geometry: Geometry) -> OutputGroup:
 
 def _coordinates(geometry: Geometry) -> OutputGroup:
     found = coordinates_in(geometry)
-    signals = [Signal(one.name, one.unit, one.meaning) for one in found]
+    signals = [Signal(one.name, one.unit or "1", one.meaning) for one in found]
     return OutputGroup(signals, np.eye(geometry.size)[: len(found)], translation=_in_laboratory(found))
 
 
@@ -460,10 +461,11 @@ READINGS: dict[str, Callable[[Geometry], OutputGroup]] = {
     "spring_forces": _spring_forces,
     "spring_extensions": _spring_extensions,
 }
-OUTPUTS = tuple(READINGS)
 OF_A_CART = {"cart_force", "cart_position", "cart_velocity", "cart_acceleration"}
 OF_STRUCTURES = {"coordinate_forces", "coordinates", "coordinate_rates", "coordinate_accelerations"}
 OF_SPRINGS = {"spring_forces", "spring_extensions"}
+OUTPUTS = tuple(name for name in READINGS if name not in OF_STRUCTURES | OF_SPRINGS)
+"""Those of scenes on a fixed support or a cart."""
 
 
 def pushes_in(geometry: Geometry, name: str) -> InputGroup:
@@ -500,6 +502,18 @@ def own_inputs(geometry: Geometry) -> tuple[str, ...]:
     return tuple(one.force for one in coordinates_in(geometry))
 
 
+def inputs_of(geometry: Geometry) -> tuple[str, ...]:
+    """The names of all inputs of a scene but those at points."""
+    own = own_inputs(geometry)
+    return (*INPUTS, *["coordinate_forces"] * bool(own), *own)
+
+
+def outputs_of(geometry: Geometry) -> tuple[str, ...]:
+    """The names of all groups of outputs of a scene, and of those that a structure has by themselves."""
+    own = [name for name in READINGS if name in OF_STRUCTURES | OF_SPRINGS and not _lacks(name, geometry)]
+    return (*OUTPUTS, *own, *own_outputs(geometry))
+
+
 def own_signals(geometry: Geometry) -> frozenset[str]:
     """The names of all signals that a structure has by itself, those of states among them."""
     states = [one.derivative(1).replace("_dot", "_dot_free") for one in coordinates_in(geometry)]
@@ -528,10 +542,10 @@ def validate_signals(
     if isinstance(words, str):
         raise SceneError([f'{what} {words}: must be a tuple of names: ("{words}",)'])
     there = ", ".join(known) + (f"; or {written}" if written else "")
-    unknown = [word for word in words if word not in known and not more(word)]
+    unknown = [word for word in words if word not in known and not more(word) and not _lacks(word, geometry)]
     problems = [f"{what} {word}: must be one of {there}{meant(word, known)}" for word in unknown]
     problems += [f"{what} {word}: named twice" for word in dict.fromkeys(words) if words.count(word) > 1]
-    problems += [f"{what} {word}: {why}" for word in words if word in known and (why := _lacks(word, geometry))]
+    problems += [f"{what} {word}: {why}" for word in words if (why := _lacks(word, geometry))]
     if problems:
         raise SceneError(problems)
     return words

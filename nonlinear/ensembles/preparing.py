@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import pi
 from time import perf_counter
 from typing import Any
@@ -104,7 +105,10 @@ def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[
     problems = refusals(scene, "compiled equations")
     if system.kicked and system.n_links <= WRITTEN:
         problems += [f"escapement: kicks of up to {WRITTEN} links are found by plain DOP853"]
-    yield _ready(ONE, COMPILED, problems, integrator, compiled)
+    carriers = system.structure.carriers if system.structure else ()
+    problems += [f"support.{one.name}: modal supports are not compiled" for one in carriers if one.M is not None]
+    kernel = partial(integrator, structured=system.structure is not None)
+    yield _ready(ONE, COMPILED, problems, kernel, compiled)
     yield _ready(ONE, SERIES, refusals(scene, "method taylor"), series, expanded)
     starts = [[TILT] * scene.n_links] * 2
     for engine in (COMPILED, SERIES):

@@ -133,7 +133,10 @@ def choose(
     more = _added(system, driven)
     plain = form == "minimal" and method != "taylor" and not refusals(scene, "compiled equations", *more)
     plain = plain and "massless_cart" not in scene.features  # only floats pass close by the rest, where M is singular
+    carried = system.structure is not None and any(one.M is not None for one in system.structure.carriers)
     ways = offers(scene, system, duration, tolerance, size) if plain else {}
+    if carried:
+        ways.pop("compiled", None)
     written = system.n_links <= WRITTEN
     if written and system.kicked:
         ways.pop("compiled", None)
