@@ -404,7 +404,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a periodic orbit of a mode",
-            SHAPE - {"inverted"},
+            SHAPE - {"inverted"} | STRUCTURED,
             leaves={
                 "dampers": "Dampers are left out: the orbits of a mode conserve energy.",
                 "damping_ratio": "Damping ratios are left out: the orbits of a mode conserve energy.",

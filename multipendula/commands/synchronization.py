@@ -153,7 +153,7 @@ COMMANDS = (
             "the values at which these begin or cease to last."
         ),
         examples=(
-            ("sync huygens -o huygens.png --film huygens.gif", "two clocks on a beam, with a figure and a film"),
+            ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),
             ("sync huygens --vary support.mass=3:30:3log -o branches.png", "the range of each steady oscillation"),
             ("sync two-swings", "two swings with 15 metronomes each: one half agrees, the other does not"),
             ("sync two-swings --vary spring[0].stiffness=55:85:13", "where antiphase ends and in phase begins"),

@@ -143,8 +143,7 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
 def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> Point:
     """The orbit of this amplitude (rad) beside the linear mode of this index, with the tangent towards larger ones."""
     shape = modes.shape(row)
-    cart = [float(np.real(shape.cart))] if problem.half > len(shape.angles) else []
-    phi = np.array([*cart, *np.real(shape.angles)]) / problem.flow.scale[: problem.half]
+    phi = np.real(modes.column(shape)) / problem.flow.scale[: problem.half]
     phi = phi / np.abs(np.real(shape.angles)).max()
     quarter = np.pi / 2 / modes.omega[row] * problem.clock
     across = np.append(phi, 0.0) / np.linalg.norm(phi)
