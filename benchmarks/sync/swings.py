@@ -216,7 +216,8 @@ def main() -> None:
             f"{kappa:.2f}   {kind:10s}   {order[0]:.4f}   {order[1]:.4f}   {ratio:.4f}   ({seconds:.1f} s)", flush=True
         )
     if not quick:
-        print(f"\n100 s of two swings: {cost(two_swings(0.22)) / cost(one_cart()):.2f} times one cart with 30 metronomes")
+        ratio = cost(two_swings(0.22)) / cost(one_cart())
+        print(f"\n100 s of two swings: {ratio:.2f} times one cart with 30 metronomes")
 
 
 if __name__ == "__main__":

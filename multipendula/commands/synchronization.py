@@ -155,8 +155,7 @@ COMMANDS = (
         examples=(
             ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),
             ("sync huygens --vary support.mass=3:30:3log -o branches.png", "the range of each steady oscillation"),
-            ("sync two-swings", "two swings with 15 metronomes each: one half agrees, the other does not"),
-            ("sync two-swings --vary spring[0].stiffness=55:85:13", "where antiphase ends and in phase begins"),
+            ("sync two-swings --duration 60", "two swings with 15 metronomes each, of which half agree"),
         ),
     ),
 )

@@ -65,7 +65,7 @@ class SymmetricMotion(Displayed):
             return ""
         if not self.orbit.turns[sector]:
             return "the determinant of its within-block is negative" if self.orbit.growth[sector] > 0 else ""
-        share = "" if self.drained is None else f": drained to {self.drained:.3g} of the free amplitude"
+        share = "" if self.drained is None else f", drained to {self.drained:.3g} of the free amplitude"
         return f"the trace of its within-block is {'positive' if self.orbit.growth[sector] > 0 else 'negative'}{share}"
 
     def crossing(self, sector: int) -> str:
@@ -74,7 +74,7 @@ class SymmetricMotion(Displayed):
             return ""
         if not self.orbit.turns[sector]:
             return "the determinant of the within-block vanishes"
-        share = "" if self.drained is None else f": drained to {self.drained:.4g} of the free amplitude"
+        share = "" if self.drained is None else f", drained to {self.drained:.4g} of the free amplitude"
         return f"the trace of the within-block vanishes{share}"
 
 
