@@ -542,7 +542,7 @@ def _verdict(problem: _Problem, found: ModeFit, loss: str) -> list[str]:
     if found.shape_std is not None:
         words.append(f"the noise of the shapes is estimated from their residuals: {found.shape_std:.2g} of the largest")
     for k in found.fitted:
-        if not found.parameters[k].log and found.z[k] < 1e-6:
+        if found.parameters[k].least == 0.0 and found.z[k] < 1e-6:
             words.append(f"{found.parameters[k].path} is at its bound, 0: the modes give no sign of it")
     if loss != "linear":
         words.append(f"standard deviations are those of the linear loss at the optimum of {loss}")
