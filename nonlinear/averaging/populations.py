@@ -44,12 +44,15 @@ FAINT = 1e-3  # rad, below which a motion has died out
 WIDE = 0.3  # rad, or in natural units: the size of the trials
 
 
-@dataclass(frozen=True, eq=False)
-class Sector:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sector(Displayed):
     """Disturbances of one kind: an orthonormal `basis` (half, k) of their coordinates."""
 
     name: str
     basis: Floats
+
+    def _summary(self) -> Summary:
+        return Summary(f"{self.name}: {counted(self.basis.shape[1], 'disturbance', 'disturbances')} of a pattern")
 
     @cached_property
     def states(self) -> Floats:
