@@ -19,7 +19,7 @@ from modal.errors import SceneError
 from modal.identification.parameters import natural_unit
 from modal.report import Displayed
 from modal.scene import Scene
-from modal.scene.files import limited
+from modal.scene.contents import text_of
 from modal.scene.parameters import Place, find_places, number_at
 from modal.types import Floats
 
@@ -76,10 +76,7 @@ def read_estimate(scene: Scene, path: str | os.PathLike[str]) -> Estimate:
 
 def _content(name: str) -> Any:
     try:
-        with open(name, "rb") as stream:
-            return json.loads(limited(stream).decode("utf-8-sig"))
-    except OSError as error:
-        raise SceneError([f"{error.strerror or error}"]) from None
+        return json.loads(text_of(name))
     except RecursionError:
         raise SceneError(["is not JSON: nested too deeply"]) from None
     except ValueError as error:

@@ -22,7 +22,7 @@ import numpy as np
 from modal.errors import SceneError, meant
 from modal.report import Displayed, counted
 from modal.scene import Cart, Scene
-from modal.scene.files import limited
+from modal.scene.contents import first_line, text_of
 from modal.types import Complexes, Floats, Ints
 
 MODE, FREQUENCY, STD = "mode", "frequency_hz", "std_hz"
@@ -68,31 +68,16 @@ class MeasuredModes(Displayed):
 
 def has_modes(path: str | os.PathLike[str]) -> bool:
     """Whether a file is a table of measured modes, by the column `mode` in its first line."""
-    try:
-        with open(path, encoding="utf-8-sig", errors="replace") as stream:
-            first = next((line for line in stream if not line.startswith("#")), "")
-    except (OSError, ValueError):
-        return False
-    return MODE in [word.strip() for word in first.split(",")]
+    return MODE in [word.strip() for word in first_line(path).split(",")]
 
 
 def read_modes(scene: Scene, path: str | os.PathLike[str]) -> MeasuredModes:
     """The measured modes in a file, of a scene that has the components of their shapes; SceneError lists mistakes."""
     name = os.fspath(path)
     try:
-        return _parsed(scene, name, _text(name))
+        return _parsed(scene, name, text_of(path))
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
-
-
-def _text(name: str) -> str:
-    try:
-        with open(name, "rb") as stream:
-            return limited(stream).decode("utf-8-sig")
-    except OSError as error:
-        raise SceneError([f"{error.strerror or error}"]) from None
-    except UnicodeDecodeError:
-        raise SceneError(["is not text in UTF-8"]) from None
 
 
 def _parsed(scene: Scene, name: str, text: str) -> MeasuredModes:

@@ -14,10 +14,9 @@ from threading import Timer
 from typing import IO, Any
 
 from modal.errors import SceneError, meant
-from modal.scene.links import AnyLink
+from modal.scene.contents import content_of, limited
 from modal.scene.model import Scene, describe, scene_from
 
-LARGEST_FILE = 256_000_000
 STANDARD = "-"
 """The name of standard input where a file is read, of standard output where one is written."""
 DEEPEST = 50
@@ -45,31 +44,9 @@ def load(source: str | os.PathLike[str]) -> Scene:
     """
     name = os.fspath(source)
     try:
-        return _beside(parse(_read(name), Path(name).parent), Path(name).parent)
+        return parse(_read(name), Path(name).parent)
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
-
-
-def _beside(scene: Scene, folder: Path) -> Scene:
-    """The scene with the records that it names taken from the folder of its file, where they are read once."""
-    if not scene.is_hoisted:
-        return scene
-    pendula = tuple(
-        one.replace(links=tuple(_with_record(link, folder) for link in one.links)) for one in scene.pendulum
-    )
-    for p, pendulum in enumerate(pendula):
-        for i, link in enumerate(pendulum.links):
-            try:
-                link.length_at(0.0)
-            except SceneError as error:
-                raise SceneError([f"pendulum[{p}].links[{i}].{problem}" for problem in error.problems]) from None
-    return scene.replace(pendulum=pendula)
-
-
-def _with_record(link: AnyLink, folder: Path) -> AnyLink:
-    if link.hoist is None or link.hoist.file is None:
-        return link
-    return link.replace(hoist=link.hoist.replace(file=str((folder / link.hoist.file).absolute())))
 
 
 def parse(text: bytes, folder: Path = Path()) -> Scene:
@@ -86,7 +63,7 @@ def parse(text: bytes, folder: Path = Path()) -> Scene:
         raise SceneError([f"broken TOML: {error}"]) from None
     except RecursionError:
         raise SceneError(["broken TOML: nested too deeply"]) from None
-    if "motion" in document or "force" in document:
+    if any(name in document for name in ("motion", "force", "hoist")):
         from modal.scene.records import with_files_read
 
         return scene_from(with_files_read(data, folder))
@@ -239,8 +216,8 @@ def _read(name: str) -> bytes:
             if name not in example_names():
                 raise SceneError([f"no such file and no such shipped scene{_near(name)}"])
             return example_text(name).encode()
-        if Path(name).exists() and not Path(name).is_file() and not Path(name).is_fifo():
-            raise SceneError(["not a file"])
+        if not Path(name).is_fifo():
+            return content_of(name)
         with _awaited(name), open(name, "rb") as stream:
             return limited(stream)
     except SceneError:
@@ -262,11 +239,3 @@ def _awaited(name: str) -> Iterator[None]:
         yield
     finally:
         words.cancel()
-
-
-def limited(stream: IO[bytes]) -> bytes:
-    """The content of a file; SceneError for one larger than LARGEST_FILE."""
-    text = stream.read(LARGEST_FILE + 1)
-    if len(text) > LARGEST_FILE:
-        raise SceneError([f"is larger than {LARGEST_FILE} bytes"])
-    return text

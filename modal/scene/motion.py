@@ -17,6 +17,7 @@ from modal.scene.validation import (
     NON_NEGATIVE,
     POSITIVE,
     REAL,
+    UNREAD,
     Part,
     after,
     any_kind,
@@ -43,7 +44,6 @@ RECORDED: dict[str, Quantity] = {
 """What a record of a motion holds, by its key."""
 FORCES = ("force_n", "moment_nm")
 """The keys of a record of a force, and of a torque."""
-UNREAD = "is read with the scene file that names it: load that file, or give the numbers themselves"
 
 
 def _numbers(value: object) -> object:

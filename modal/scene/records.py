@@ -1,26 +1,31 @@
-"""Records of motions and forces, and power spectral densities (PSDs), in CSV files by the names of their columns.
+"""Records of motions, forces and lengths, and power spectral densities (PSDs), in CSV files by names of columns.
 
     time_s, and one of displacement_m, velocity_m_per_s, acceleration_m_per_s2    (also displacement, velocity, …)
     time_s, and one of force_n, moment_nm    of a force
+    time_s, length_m    of a hoist
     frequency_hz, and one of psd (of the acceleration), acceleration_psd, velocity_psd, displacement_psd
     frequency_hz, and one of psd, force_psd, moment_psd    of a force
 
 Any unit after the name of a PSD is taken as SI per hertz.  Lines that begin with # and further columns are passed over.
+
+A file that a scene names is somebody else's choice: what is wrong with it is told without a word of what stands in it.
 """
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from math import isfinite
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from modal.errors import SceneError, meant
+from modal.scene.contents import text_of
+from modal.scene.hoist import RECORD
 from modal.scene.motion import FORCES, RECORDED, Quantity, spectrum_problems
 
-LARGEST_FILE = 256_000_000
 MOST_ROWS = 2_000_000
 TIMES = ("time_s", "time", "t_s")
 QUANTITIES: tuple[Quantity, ...] = ("displacement", "velocity", "acceleration")
@@ -36,30 +41,52 @@ class Spectrum(NamedTuple):
     of: Quantity
 
 
-def read_record(path: str | PathLike[str], acts: bool = False) -> dict[str, Any]:
+class Table(NamedTuple):
+    """The numbers under each name of the first line of a file, and whether a message may quote what stands there."""
+
+    name: str
+    columns: Mapping[str, tuple[float, ...]]
+    quoted: bool
+
+    def lacks(self, asked: str, hint: str = "") -> SceneError:
+        """The error of a file without the columns asked for."""
+        listed = f"; it has {', '.join(list(self.columns)[:8]) or 'none'}{hint}" if self.quoted else ""
+        return SceneError([f"{self.name}: needs the columns {asked}{listed}"])
+
+
+def read_record(path: str | PathLike[str], acts: bool = False, *, quoted: bool = True) -> dict[str, Any]:
     """The fields `time_s` and one quantity of a `RecordMotion`, of a `RecordForce` where it `acts`.
 
-    SceneError, with its name, for any other file.
+    SceneError, with its name, for any other file; what stands there is `quoted` in it, or not.
     """
-    columns = _columns(path)
+    table = _table(path, quoted)
+    columns = table.columns
     time = next((name for name in TIMES if name in columns), None)
     words = {key: (key,) for key in FORCES} if acts else {key: (key, word) for key, word in RECORDED.items()}
     quantities = {key: name for key, names in words.items() for name in names if name in columns}
     if time is None or len(quantities) != 1:
-        asked = "time_s and one of " + ", ".join(words)
-        raise SceneError([f"{fspath(path)}: needs the columns {asked}; it has {_listed(columns)}"])
+        raise table.lacks("time_s and one of " + ", ".join(words))
     key, name = next(iter(quantities.items()))
     return {"time_s": columns[time], key: columns[name]}
 
 
-def read_spectrum(path: str | PathLike[str], acts: bool = False) -> Spectrum:
+def read_lengths(path: str | PathLike[str], *, quoted: bool = True) -> dict[str, Any]:
+    """The fields `time_s` and `length_m` of a recorded `Hoist`; SceneError as of `read_record`."""
+    table = _table(path, quoted)
+    if not set(RECORD) <= set(table.columns):
+        raise table.lacks(" and ".join(RECORD))
+    return {name: table.columns[name] for name in RECORD}
+
+
+def read_spectrum(path: str | PathLike[str], acts: bool = False, *, quoted: bool = True) -> Spectrum:
     """The PSD in a file, of a force where it `acts`; SceneError, with the file's name, where it has no possible one."""
-    columns = _columns(path)
+    table = _table(path, quoted)
+    columns = table.columns
     found = [(name, of) for name in columns if (of := _of_force(name) if acts else _quantity(name))]
     if "frequency_hz" not in columns or len(found) != 1:
         asked = f"frequency_hz and one of {', '.join(FORCE_PSDS if acts else (*MOTION_PSDS,))}"
         hint = "" if "frequency_hz" in columns else meant("frequency_hz", columns)
-        raise SceneError([f"{fspath(path)}: needs the columns {asked}; it has {_listed(columns)}{hint}"])
+        raise table.lacks(asked, hint)
     name, of = found[0]
     frequencies, psd = columns["frequency_hz"], columns[name]
     problems = list(spectrum_problems(frequencies, psd))
@@ -80,48 +107,38 @@ def _quantity(name: str) -> Quantity | None:
     return next((of for of in QUANTITIES if name == f"{of}_psd" or name.startswith(f"{of}_psd_")), None)
 
 
-def _listed(columns: Mapping[str, Any]) -> str:
-    return ", ".join(list(columns)[:8]) or "none"
-
-
-def _columns(path: str | PathLike[str]) -> dict[str, tuple[float, ...]]:
-    """The numbers under each name of the first line."""
+def _table(path: str | PathLike[str], quoted: bool) -> Table:
     name = fspath(path)
     try:
-        if Path(name).exists() and not Path(name).is_file():
-            raise SceneError([f"{name}: not a file"])
-        if Path(name).stat().st_size > LARGEST_FILE:
-            raise SceneError([f"{name}: is larger than {LARGEST_FILE} bytes"])
-        text = Path(name).read_text(encoding="utf-8-sig")
-    except SceneError:
-        raise
-    except UnicodeDecodeError as error:
-        raise SceneError([f"{name}: byte {error.start} is not UTF-8 text"]) from None
-    except (OSError, ValueError) as error:
-        raise SceneError([f"{name}: cannot be read: {getattr(error, 'strerror', None) or error}"]) from None
+        text = text_of(path)
+    except SceneError as error:
+        raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
     lines = [(at, line) for at, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
     if len(lines) > MOST_ROWS:
         raise SceneError([f"{name}: has over {MOST_ROWS} lines"])
     try:
-        rows = list(csv.reader(line for _, line in lines))
+        reader = csv.reader(line for _, line in lines)
+        rows = [(lines[reader.line_num - 1][0], row) for row in reader]
     except csv.Error as error:
         raise SceneError([f"{name}: {error}"]) from None
     if not rows:
         raise SceneError([f"{name}: is empty"])
-    heads = [head.strip() for head in rows[0]]
-    wanted = [at for at, head in enumerate(heads) if head in {*TIMES, *RECORDED, *QUANTITIES, *FORCES, "frequency_hz"}]
+    heads = [head.strip() for head in rows[0][1]]
+    known = {*TIMES, *RECORDED, *QUANTITIES, *FORCES, *RECORD, "frequency_hz"}
+    wanted = [at for at, head in enumerate(heads) if head in known]
     wanted += [at for at, head in enumerate(heads) if (_quantity(head) or _of_force(head)) and at not in wanted]
     if len({heads[at] for at in wanted}) < len(wanted):
         raise SceneError([f"{name}: has a column twice"])
     if not wanted:
-        return dict.fromkeys(heads, ())
-    values = [_row(name, row, number, heads, wanted) for row, (number, _) in zip(rows[1:], lines[1:], strict=True)]
+        return Table(name, dict.fromkeys(heads, ()), quoted)
+    values = [_row(row, f"{name}: line {at}: ", heads, wanted, quoted) for at, row in rows[1:]]
     columns = zip(*values, strict=True) if values else [()] * len(wanted)
-    return dict.fromkeys(heads, ()) | {heads[at]: tuple(own) for at, own in zip(wanted, columns, strict=True)}
+    numbers = {heads[at]: tuple(own) for at, own in zip(wanted, columns, strict=True)}
+    return Table(name, dict.fromkeys(heads, ()) | numbers, quoted)
 
 
-def _row(name: str, row: Sequence[str], line: int, heads: Sequence[str], wanted: Sequence[int]) -> list[float]:
-    found = []
+def _row(row: Sequence[str], place: str, heads: Sequence[str], wanted: Sequence[int], quoted: bool) -> list[float]:
+    values = []
     for at in wanted:
         text = row[at].strip() if at < len(row) else ""
         try:
@@ -129,47 +146,101 @@ def _row(name: str, row: Sequence[str], line: int, heads: Sequence[str], wanted:
         except ValueError:
             value = float("nan")
         if not isfinite(value):
-            raise SceneError([f'{name}: line {line}: {heads[at]} = "{text[:40]}": must be a finite number'])
-        found.append(value)
-    return found
+            shown = f' = "{text[:40]}"' if quoted else ""
+            raise SceneError([f"{place}{heads[at]}{shown}: must be a finite number"])
+        values.append(value)
+    return values
 
 
 def with_files_read(data: object, folder: Path) -> object:
-    """A scene's nested mappings with the numbers of the files of its motions and forces, relative to `folder`."""
+    """A scene's nested mappings with the numbers of the files of its motions, forces and hoists, relative to `folder`.
+
+    SceneError names every file that cannot be used, with its place in the scene.
+    """
     if not isinstance(data, dict):
         return data
-    support, forces = data.get("support"), data.get("force")
-    read = dict(data)
-    if isinstance(support, dict) and (motion := support.get("motion")):
-        several = isinstance(motion, list)
-        places = [f"[{k}]" for k in range(len(motion))] if several else [""]
-        motions = [
-            _with_file_read(one, folder, f"support.motion{place}", False)
-            for one, place in zip(motion if several else [motion], places, strict=True)
-        ]
-        read["support"] = support | {"motion": motions if several else motions[0]}
-    if isinstance(forces, list):
-        read["force"] = [_with_file_read(one, folder, f"force[{k}]", True) for k, one in enumerate(forces)]
+    files, read = _Files(folder, []), dict(data)
+    if isinstance(support := data.get("support"), dict) and "motion" in support:
+        read["support"] = support | {"motion": _each(files.motion, support["motion"], "support.motion")}
+    if "force" in data:
+        read["force"] = _each(files.force, data["force"], "force")
+    if "pendulum" in data:
+        hoists = partial(_within, "links", partial(_within, "hoist", files.hoist))
+        read["pendulum"] = _each(hoists, data["pendulum"], "pendulum")
+    if files.problems:
+        raise SceneError(files.problems)
     return read
 
 
-def _with_file_read(given: Any, folder: Path, place: str, acts: bool) -> Any:
-    """One motion, or a force that `acts`, with the numbers of its file."""
-    if not isinstance(given, dict):
-        return given
-    name = {"record": "file", "random": "psd"}.get(str(given.get("kind")), "")
-    path = given.get(name)
-    if not isinstance(path, str):
-        return given
-    keys = ("time_s", "frequency_hz", *(FORCES if acts else ("of", *RECORDED)))
-    place = f'{place}.{name} = "{path}"'
-    if others := [key for key in keys if key in given]:
-        raise SceneError([f"{place}: leaves no place for {', '.join(others)}"])
-    try:
-        read = read_record(folder / path, acts) if name == "file" else read_spectrum(folder / path, acts)._asdict()
-    except SceneError as error:
-        shown = f"{folder / path}: "
-        raise SceneError([f"{place}: {problem.removeprefix(shown)}" for problem in error.problems]) from None
-    if acts:
-        read.pop("of", None)
-    return {key: value for key, value in given.items() if key != name} | read
+Change = Callable[[dict[str, Any], str], Any]
+"""What becomes of a table at a place of the scene."""
+
+
+def _each(change: Change, part: Any, place: str) -> Any:
+    """A table changed, or every table of a list, and anything else as it is."""
+    if isinstance(part, list):
+        return [_each(change, item, f"{place}[{k}]") for k, item in enumerate(part)]
+    return change(part, place) if isinstance(part, dict) else part
+
+
+def _within(key: str, change: Change, part: dict[str, Any], place: str) -> dict[str, Any]:
+    """A table with what it has under a key changed."""
+    return part | {key: _each(change, part[key], f"{place}.{key}")} if key in part else part
+
+
+class _Files(NamedTuple):
+    """The files that a scene names, relative to a folder; `problems` are those of all so far."""
+
+    folder: Path
+    problems: list[str]
+
+    def motion(self, part: dict[str, Any], place: str) -> dict[str, Any]:
+        """A motion of a support with the numbers of its file."""
+        if part.get("kind") == "random":
+            return self._read(part, place, "psd", ("frequency_hz", "of"), _motion_psd)
+        return self._read(part, place, "file", ("time_s", *RECORDED), read_record) if _is_record(part) else part
+
+    def force(self, part: dict[str, Any], place: str) -> dict[str, Any]:
+        """A force with the numbers of its file."""
+        if part.get("kind") == "random":
+            return self._read(part, place, "psd", ("frequency_hz",), _force_psd)
+        return self._read(part, place, "file", ("time_s", *FORCES), _force_record) if _is_record(part) else part
+
+    def hoist(self, part: dict[str, Any], place: str) -> dict[str, Any]:
+        """A hoist with the numbers of its file."""
+        return self._read(part, place, "file", RECORD, read_lengths)
+
+    def _read(
+        self, part: dict[str, Any], place: str, name: str, keys: Sequence[str], reader: Callable[..., dict[str, Any]]
+    ) -> dict[str, Any]:
+        path = part.get(name)
+        if not isinstance(path, str):
+            return part
+        place = f'{place}.{name} = "{path}"'
+        if others := [key for key in keys if key in part]:
+            self.problems.append(f"{place}: leaves no place for {', '.join(others)}")
+            return part
+        try:
+            numbers = reader(self.folder / path, quoted=False)
+        except SceneError as error:
+            shown = f"{self.folder / path}: "
+            self.problems.extend(f"{place}: {problem.removeprefix(shown)}" for problem in error.problems)
+            return part
+        return {key: value for key, value in part.items() if key != name} | numbers
+
+
+def _is_record(part: Mapping[str, Any]) -> bool:
+    return part.get("kind") == "record"
+
+
+def _force_record(path: Path, *, quoted: bool) -> dict[str, Any]:
+    return read_record(path, True, quoted=quoted)
+
+
+def _motion_psd(path: Path, *, quoted: bool) -> dict[str, Any]:
+    return read_spectrum(path, quoted=quoted)._asdict()
+
+
+def _force_psd(path: Path, *, quoted: bool) -> dict[str, Any]:
+    spectrum = read_spectrum(path, True, quoted=quoted)
+    return {"frequency_hz": spectrum.frequency_hz, "psd": spectrum.psd}

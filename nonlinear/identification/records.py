@@ -23,7 +23,7 @@ import numpy as np
 from modal.errors import SceneError, meant
 from modal.report import Displayed, counted, listed
 from modal.scene import Cart, Scene
-from modal.scene.files import limited
+from modal.scene.contents import text_of
 from modal.types import Floats
 
 TIME, SEGMENT = "time_s", "segment"
@@ -251,16 +251,11 @@ def _table(
 ) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The header of a file, and its rows with their line numbers."""
     try:
-        with open(name, "rb") as stream:
-            text = limited(stream).decode("utf-8-sig")
+        text = text_of(name)
         reader = csv.reader(line for line in io.StringIO(text, newline="") if not line.startswith("#"))
         header, *rows = [*enumerate(reader, 1)] or [(1, [])]
-    except OSError as error:
-        raise SceneError([f"{name}: {error.strerror or error}"]) from None
-    except ValueError as error:
-        if isinstance(error, SceneError):
-            raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
-        raise SceneError([f"{name}: is not text in UTF-8, or its name is none"]) from None
+    except SceneError as error:
+        raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
     except csv.Error as error:
         raise SceneError([f"{name}: {error}"]) from None
     given = [word.strip() for word in header[1]]
