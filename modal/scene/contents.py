@@ -73,6 +73,11 @@ def _beginning(path: str | PathLike[str], largest: int, whole: bool) -> bytes:
         raise SceneError([f"cannot be read: {error}"]) from None
 
 
+def private(path: str, flags: int) -> int:
+    """An opener of new files that their owner alone reads and writes, whatever the umask."""
+    return os.open(path, flags, 0o600)
+
+
 def _at_once(path: str, flags: int) -> int:
     """A descriptor, without waiting for the other end of what has become a pipe."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

@@ -6,7 +6,7 @@ import os
 import re
 import sys
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -151,12 +151,12 @@ def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], before: str = ""
 
 
 @contextmanager
-def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
+def whole_file(path: str | os.PathLike[str], *, opener: Callable[[str, int], int] | None = None) -> Iterator[IO[bytes]]:
     """A binary stream that becomes `path` when the block succeeds and leaves nothing behind when it fails.
 
     A link is followed; anything but a regular file (a pipe, a device) is written directly; "-" is standard output,
-    written at the end.  Raises OSError, naming `path`, where it cannot be written, SceneError where binary content
-    would go to a terminal.
+    written at the end.  `opener` opens the file instead of the one that all may read, as `private` does.  Raises
+    OSError, naming `path`, where it cannot be written, SceneError where binary content would go to a terminal.
     """
     if os.fspath(path) == STANDARD:
         held = BytesIO()
@@ -168,7 +168,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
         raise SceneError([f"{target}: a file's name has no null character"])
     try:
         special = target.exists() and not target.is_file()
-        with open(target, "wb") if special else _temporary(target.resolve()) as stream:
+        with open(target, "wb") if special else _temporary(target.resolve(), opener) as stream:
             yield stream
     except OSError as error:
         error.filename = str(target)
@@ -188,14 +188,14 @@ def _print(content: bytes) -> None:
 
 
 @contextmanager
-def _temporary(target: Path) -> Iterator[IO[bytes]]:
+def _temporary(target: Path, opener: Callable[[str, int], int] | None) -> Iterator[IO[bytes]]:
     temporary = target.parent / f".multipendula-{os.urandom(8).hex()}"
     try:
-        with open(temporary, "xb") as stream:
+        with open(temporary, "xb", opener=opener) as stream:
             yield stream
             stream.flush()
             os.fsync(stream.fileno())
-        if target.exists():
+        if target.exists() and not opener:
             temporary.chmod(target.stat().st_mode & 0o777)
         temporary.replace(target)
     except BaseException:
