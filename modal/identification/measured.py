@@ -22,7 +22,7 @@ import numpy as np
 from modal.errors import SceneError, meant
 from modal.report import Displayed, counted
 from modal.scene import Cart, Scene
-from modal.scene.contents import first_line, text_of
+from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, first_line, text_of
 from modal.types import Complexes, Floats, Ints
 
 MODE, FREQUENCY, STD = "mode", "frequency_hz", "std_hz"
@@ -151,6 +151,9 @@ def _mode(line: int, row: dict[str, str], components: Sequence[str]) -> Measured
             value = float(word)
         except ValueError:
             value = nan
+        if isfinite(value) and abs(value) != 0 and not SMALLEST_READ <= abs(value) <= LARGEST_READ:
+            problems.append(f"line {line}, {column} = {word:.40}: {SIZES_READ}")
+            return None
         if not isfinite(value) or value < least or (strict and value == least):
             bound = f"above {least:g}" if strict else f"of at least {least:g}" if isfinite(least) else "that is finite"
             problems.append(f"line {line}, {column} = {word:.40}: must be a number {bound}")

@@ -15,6 +15,9 @@ from modal.errors import SceneError
 
 LARGEST_FILE = 256_000_000
 """Bytes of a scene, and of a file of data."""
+SMALLEST_READ, LARGEST_READ = 1e-50, 1e50
+"""Sizes of measured numbers whose ratios have squares in double precision."""
+SIZES_READ = f"its size must be from {SMALLEST_READ:g} to {LARGEST_READ:g}, or 0"
 PIECE = 1 << 20
 """Bytes that are read at once: no memory is taken for what is not there."""
 LONGEST_HEAD = 1_000_000

@@ -53,7 +53,7 @@ def test_files_that_are_none_and_bytes_that_are_no_text(tmp_path: Path) -> None:
         read_recording(load("chain-2"), [tmp_path / "none.csv"])
     with pytest.raises(SceneError, match="UTF-8"):
         read(tmp_path / "run.csv", b"\xff\xfe\x00")
-    with pytest.raises(SceneError, match="Is a directory"):
+    with pytest.raises(SceneError, match="not a file"):
         read_recording(load("chain-2"), [tmp_path])
     with pytest.raises(SceneError, match="no file"):
         read_recording(load("chain-2"), [])
