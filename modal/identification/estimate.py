@@ -21,6 +21,7 @@ from modal.report import Displayed
 from modal.scene import Scene
 from modal.scene.contents import text_of
 from modal.scene.parameters import Place, find_places, number_at
+from modal.scene.validation import LARGEST
 from modal.types import Floats
 
 SAME = 1e-6  # relative difference of a number from the scene's
@@ -135,7 +136,11 @@ def _place(scene: Scene, k: int, one: Any) -> Place:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    """Whether it is a finite number in double precision; whole numbers in JSON have any size."""
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    except OverflowError:
+        return False
 
 
 def _matrix(rows: list[Any], count: int) -> Floats | None:
@@ -151,6 +156,10 @@ def _faults(matrix: Floats) -> Iterator[str]:
     if np.any(variance < 0):
         k = int(np.argmin(variance))
         yield f"covariance[{k}][{k}] = {variance[k]:.6g}: a variance must not be negative"
+        return
+    if np.any(variance > LARGEST**2):
+        k = int(np.argmax(variance))
+        yield f"covariance[{k}][{k}] = {variance[k]:.6g}: a variance must be at most {LARGEST**2:g}"
         return
     size = np.where(variance > 0, np.sqrt(variance), 1.0)
     correlation = matrix / size / size[:, None]

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from modal.errors import SceneError, meant
-from modal.scene.contents import text_of
+from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, text_of
 from modal.scene.hoist import RECORD
 from modal.scene.motion import FORCES, RECORDED, Quantity, spectrum_problems
 
@@ -92,6 +92,7 @@ def read_spectrum(path: str | PathLike[str], acts: bool = False, *, quoted: bool
     problems = list(spectrum_problems(frequencies, psd))
     problems += [f".{name} = {value!r}: must not be negative" for value in psd if value < 0][:1]
     problems += [f".frequency_hz = {value!r}: must not be negative" for value in frequencies if value < 0][:1]
+    problems += [f".frequency_hz = {value!r}: {SIZES_READ}" for value in frequencies if 0 < value < SMALLEST_READ][:1]
     if problems:
         raise SceneError([f"{fspath(path)}: {problem.removeprefix('.')}" for problem in problems])
     return Spectrum(frequencies, psd, of)
@@ -145,9 +146,10 @@ def _row(row: Sequence[str], place: str, heads: Sequence[str], wanted: Sequence[
             value = float(text)
         except ValueError:
             value = float("nan")
-        if not isfinite(value):
+        if not isfinite(value) or abs(value) > LARGEST_READ:
             shown = f' = "{text[:40]}"' if quoted else ""
-            raise SceneError([f"{place}{heads[at]}{shown}: must be a finite number"])
+            most = f" of at most {LARGEST_READ:g}" * isfinite(value)
+            raise SceneError([f"{place}{heads[at]}{shown}: must be a finite number{most}"])
         values.append(value)
     return values
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from multipendula.commands.shared import bar, in_a_folder
+from multipendula.commands.shared import bar, forewarned, in_a_folder
 from multipendula.options import (
     RUNS,
     add_accuracy,
@@ -79,6 +79,7 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
             lambda: _unstarted(options),
             lambda: recordings.load(options.scene),
         )[-1]
+        forewarned(before.scene, duration)
         with bar(duration) as report:
             return resume(before, duration, output=options.samples, report=report, **given)
     scene = load(options.scene)
@@ -89,6 +90,7 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
         lambda: start_of(scene, options.start),
         lambda: validate_method(scene, **words),
     )
+    forewarned(scene, duration)
     with bar(duration) as report:
         return run(scene, duration, start=start, output=options.samples, report=report, **given)
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from modal.identification import Estimate
     from modal.scene import Scene
 
+DAY, LONGEST = 86_400.0, 1e5  # s; days that are told as a number
 MANY = 60  # links from which a command that integrates disturbances says beforehand that it takes long
 
 
@@ -150,6 +151,16 @@ def warned(scene: Scene, what: str) -> Scene:
             file=sys.stderr,
         )
     return scene
+
+
+def forewarned(scene: Scene, duration: float | None, members: int = 1, tolerance: float = 1e-9) -> None:
+    """Where so many motions take more than a day, that and how many days is told on standard error first."""
+    from nonlinear.integration.costs import least_seconds
+
+    days = least_seconds(scene, duration, tolerance, members) / DAY if duration else 0.0
+    if days > 1:
+        told = f"about {days:.2g} days on one core" if days < LONGEST else "longer than anyone can wait"
+        print(f"multipendula: this takes {told}, as far as can be told beforehand; Ctrl-C ends it", file=sys.stderr)
 
 
 def listed(text: str | None) -> tuple[str, ...]:

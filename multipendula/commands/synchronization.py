@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import start_of
-from multipendula.commands.shared import bar, drawn, film_form, picture, say, validated
+from multipendula.commands.shared import bar, drawn, film_form, forewarned, picture, say, validated
 from multipendula.completion import places
 from multipendula.options import (
     FILMS,
@@ -67,6 +67,7 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
     from nonlinear.synchronization import study_synchronization
 
     start = start_of(scene, options.start, undamped=True)
+    forewarned(scene, options.duration)
     with bar(1.0, "run") as report:
         found = study_synchronization(scene, options.duration, start=start, report=lambda now, end: report(now / end))
     say(_told(found, options.format), options.format)

@@ -8,7 +8,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from multipendula.command import Command
 from multipendula.commands.runs import ELSEWHERE, recorded, start_of, whole
-from multipendula.commands.shared import bar, chosen, drawn, in_a_folder, picture, say, warned
+from multipendula.commands.shared import bar, chosen, drawn, forewarned, in_a_folder, picture, say, warned
 from multipendula.options import (
     REPORTS,
     add_accuracy,
@@ -137,8 +137,9 @@ def _exponent(options: argparse.Namespace) -> Drawn:
         raise SceneError(["--quick: works with paper:000 and paper:001 only"])
     scene = warned(load(_scene(options)), "a Lyapunov exponent")
     duration = options.duration or usual_duration(scene)
+    members, start = options.ensemble or 16, start_of(scene, None, elsewhere=ELSEWHERE)
+    forewarned(scene, (1 + TRANSIENT) * duration, members)
     with bar((1 + TRANSIENT) * duration) as report:
-        members, start = options.ensemble or 16, start_of(scene, None, elsewhere=ELSEWHERE)
         found = lyapunov_exponent(scene, duration, ensemble=members, start=start, report=report)
 
     def draw(stream: IO[bytes], kind: str) -> None:
