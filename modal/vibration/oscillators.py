@@ -83,12 +83,13 @@ def phi(z: Complexes, most: int) -> list[Complexes]:
 
 
 def driven(poles: Complexes, grid: Grid) -> Complexes:
-    """α (R, T) of the poles λ (R,), zero at the first of the times (T,)."""
+    """α (R, T) of the poles λ (R,), zero at the first of the times (T,); inf or NaN beyond double precision."""
     steps, derivatives = np.diff(grid.times), grid.derivatives
     z = np.multiply.outer(poles, steps)
     forced = np.zeros_like(z, dtype=np.complex128)
-    for m, own in enumerate(phi(z, len(derivatives))):
-        forced += derivatives[m, :-1] * steps ** (m + 1) * own
+    with np.errstate(over="ignore", invalid="ignore"):
+        for m, own in enumerate(phi(z, len(derivatives))):
+            forced += derivatives[m, :-1] * steps ** (m + 1) * own
     grown, found = np.exp(z), np.zeros((len(poles), len(grid.times)), dtype=np.complex128)
     alpha = found[:, 0]
     for at in range(len(steps)):
