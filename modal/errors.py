@@ -75,19 +75,20 @@ class MissingExtraError(MultipendulaError, ImportError):
         return type(self), self.missing
 
 
-def require_type(name: str, value: object, *kinds: type, hint: str = "") -> None:
-    """SceneError for an argument that is of none of these kinds.
+def require_type(name: str, value: object, *kinds: type | str, hint: str = "") -> None:
+    """SceneError for an argument that is of none of these kinds, classes or the names of such that are not imported.
 
     >>> require_type("duration", 3.0, int, float)
     >>> try:
-    ...     require_type("scene", "chain-2", dict, hint=": load it")
+    ...     require_type("modes", "chain-2", "Modes", hint=": natural_modes(scene) gives them")
     ... except SceneError as error:
     ...     print(error)
-    scene: a dict is required, not str: load it
+    modes: a Modes is required, not str: natural_modes(scene) gives them
     """
-    if not isinstance(value, kinds):
-        names = " or ".join(kind.__name__ for kind in kinds)
-        raise SceneError([f"{name}: a {names} is required, not {type(value).__name__}{hint}"])
+    classes, words = (tuple(kind for kind in kinds if isinstance(kind, own)) for own in (type, str))
+    if not (isinstance(value, classes) or any(own.__name__ in words for own in type(value).__mro__)):
+        names = (kind if isinstance(kind, str) else kind.__name__ for kind in kinds)
+        raise SceneError([f"{name}: a {' or '.join(names)} is required, not {type(value).__name__}{hint}"])
 
 
 def checked_number(name: str, value: object, least: float = -inf, most: float = inf) -> float:

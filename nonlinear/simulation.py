@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from modal._compatibility import exported
-from modal.errors import SceneError
+from modal.errors import SceneError, require_type
 from modal.scene import Scene, validate_scene
 from modal.types import Floats
 from nonlinear.accuracy import Advice, Goal, seek_accuracy
@@ -183,6 +183,7 @@ def resume(
     >>> float(second.times[0]), float(second.times[-1])
     (2.0, 5.0)
     """
+    require_type("trajectory", trajectory, "Trajectory")
     if trajectory.driven and load is None:
         raise SceneError(["load: this run had applied forces, which are not saved with it"])
     run, last = trajectory.run, float(trajectory.times[-1])

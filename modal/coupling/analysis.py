@@ -29,7 +29,7 @@ from modal.eigen import at_infinity, degenerate_modes
 from modal.errors import ComputationError
 from modal.modes import MOST_COMPARED, lettered, natural_modes, table_numbers
 from modal.report import NOTHING, Displayed, Summary, brief, counted
-from modal.scene import Scene, name_of, require
+from modal.scene import Scene, name_of, require, validate_scene
 from modal.types import Floats, Ints
 
 MOST_POLES = 10_000
@@ -271,6 +271,7 @@ def explain(scene: Scene) -> Coupling:
     Raises SceneError for inverted links and hoists, ComputationError beyond MOST_POLES distinct frequencies and where
     double precision misses the modal effective masses.
     """
+    validate_scene(scene)
     require(scene, "the explanation of the coupling")
     rig = rig_of(scene)
     if (size := sum(block.mass.size for block in rig.blocks)) > MOST_POLES:

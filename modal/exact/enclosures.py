@@ -19,7 +19,7 @@ from modal.errors import ComputationError
 from modal.exact.balls import Ball, Hung, Links, flint
 from modal.exact.characteristic import exact
 from modal.modes import natural_modes
-from modal.scene import Cart, Fixed, Pendulum, Scene, require
+from modal.scene import Cart, Fixed, Pendulum, Scene, require, validate_scene
 
 GUARD_BITS = 64
 FIRST_WIDTH = 2.0**-48
@@ -47,6 +47,7 @@ def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = 
     cart is exact.  `report` is called with the fraction done.  Raises SceneError for dampers, joint springs and
     inverted links, ComputationError where no precision decides a sign, MissingExtraError without python-flint.
     """
+    validate_scene(scene)
     flint()
     require(scene, "an enclosure")
     rigid = isinstance(scene.support, Cart) and scene.support.stiffness == 0

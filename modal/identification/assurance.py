@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from modal.errors import ComputationError
+from modal.errors import ComputationError, require_type
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
 from modal.modes import Mode, Modes
 from modal.report import NOTHING, Displayed, as_csv, as_json, finite, grid, titled
@@ -81,6 +81,7 @@ def compare_modes(modes: Modes, measured: MeasuredModes) -> Assurance:
 
     Raises ComputationError where nothing oscillates.
     """
+    require_type("modes", modes, "Modes")
     rows = tuple(mode for mode in modes if mode.oscillates and mode.omega > 0)
     if not rows:
         raise ComputationError("no mode of this scene oscillates")

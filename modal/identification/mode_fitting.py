@@ -37,7 +37,7 @@ from modal.identification.parameters import (
 )
 from modal.modes import Modes, natural_modes
 from modal.report import listed, percent, short
-from modal.scene import Scene
+from modal.scene import Scene, validate_scene
 from modal.types import Floats, Ints
 
 ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the residuals tell it
@@ -77,6 +77,7 @@ def fit_modes(
     `priors` are texts such as "gravity=9.81±0.01".  Raises SceneError for places that are no free numbers and for modes
     that the scene does not have, ComputationError where a mode has no derivative.
     """
+    validate_scene(scene)
     if loss not in LOSSES:
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
     parameters = find_parameters(scene, free, priors)

@@ -17,7 +17,7 @@ import numpy as np
 
 from modal.errors import SceneError, meant
 from modal.report import Displayed, Summary
-from modal.scene import Cart, Scene
+from modal.scene import Cart, Scene, validate_scene
 from modal.scene.parameters import Place, Variable, Variation, find_places, number_at, with_numbers
 from modal.types import Floats, Ints
 
@@ -181,6 +181,7 @@ def numbers_at(parameters: Sequence[Parameter], z: Floats) -> dict[str, float]:
 
 def scene_with(scene: Scene, values: Mapping[str, float]) -> Scene:
     """The scene with these numbers, checked again."""
+    validate_scene(scene)
     return Variable(scene, values).at(values) if values else scene
 
 

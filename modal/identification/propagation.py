@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from modal.assembly import matrices
-from modal.errors import ComputationError
+from modal.errors import ComputationError, require_type
 from modal.identification.derivatives import (
     Arrays,
     ModeDerivatives,
@@ -67,6 +67,7 @@ def mode_stds(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> list[Mod
 
     Raises ComputationError for scenes too large for dense matrices.
     """
+    require_type("modes", modes, "Modes")
     if not rows:
         return []
     omega, zeta = mode_slopes(modes, estimate, rows)

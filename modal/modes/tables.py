@@ -7,7 +7,7 @@ from math import isnan
 from typing import Any
 
 from modal.assembly import Matrices
-from modal.errors import ComputationError
+from modal.errors import ComputationError, require_type
 from modal.modes.columns import Column, Stds, added_by, columns_of, printed, that_fit
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
@@ -62,6 +62,7 @@ def table(
     `chosen` are names of columns to print instead, `all`, or after a + to add; a table of chosen columns leaves out
     none, it is stacked.  `sensitive` adds the sensitivities of the frequencies to the numbers of the scene.
     """
+    require_type("modes", modes, "Modes")
     every = columns_of(modes, rows, chosen, stds, amplitude_deg)
     if form == "json":
         return _json(modes, rows, every, shapes=shapes, sensitive=sensitive)

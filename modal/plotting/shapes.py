@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from modal.errors import ComputationError
+from modal.errors import ComputationError, require_type
 from modal.modes import Mode, Modes, Shape
 from modal.plotting.layout import caption, evenly, headline, side_by_side
 from modal.plotting.profiles import profiles_figure
@@ -58,6 +58,7 @@ def draw_shapes(
     modes: Modes, numbers: Sequence[int], stream: IO[bytes], *, amplitude_deg: float = 25.0, form: str = "png"
 ) -> None:
     """Write the picture as png, svg or pdf."""
+    require_type("modes", modes, "Modes")
     save(shapes_figure(modes, numbers, amplitude_deg=amplitude_deg), stream, form)
 
 
@@ -71,6 +72,7 @@ def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitu
 
     Raises ComputationError for more modes than one picture holds.
     """
+    require_type("modes", modes, "Modes")
     numbers = range(min(len(modes), MOST_PANELS)) if numbers is None else numbers
     if len(numbers) > MOST_PANELS:
         raise ComputationError(f"{len(numbers)} modes do not fit in one figure: choose at most {MOST_PANELS} modes")

@@ -18,7 +18,7 @@ from matplotlib.patches import Arc, Circle, FancyArrowPatch, FancyBboxPatch
 
 from modal.errors import ComputationError
 from modal.plotting.style import colour, ink, muted, paper, shade, sheet
-from modal.scene import AnyLink, Bob, Cart, Moved, Rod, Scene
+from modal.scene import AnyLink, Bob, Cart, Moved, Rod, Scene, validate_scene
 from modal.types import Floats
 
 TILTS = (31.0, 48.0, 26.0, 40.0)
@@ -59,6 +59,7 @@ def sketch_figure(scene: Scene, angles_deg: Sequence[float] | None = None, *, pu
     >>> [text.get_text() for text in sketch_figure(load("paper-cart-1"), push="F").axes[0].texts]
     ['$g$', '$m_c$', '$x$', '$F$', '$\\theta_{1}$', '$l$', '$c$', '$m g$', '$\\theta_{2}$', '$l$', '$c$', '$m g$']
     """
+    validate_scene(scene)
     chains = _chains(scene)
     _refuse(scene, chains, push)
     if scene.space == "space":

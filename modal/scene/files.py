@@ -13,7 +13,7 @@ from pathlib import Path
 from threading import Timer
 from typing import IO, Any
 
-from modal.errors import SceneError, meant
+from modal.errors import SceneError, meant, require_type
 from modal.scene.contents import content_of, limited
 from modal.scene.model import Scene, describe, scene_from
 
@@ -84,6 +84,7 @@ def dumps(scene: Scene) -> str:
     >>> parse(dumps(scene).encode()) == scene
     True
     """
+    require_type("scene", scene, "Scene")
     import tomli_w
 
     return tomli_w.dumps(describe(scene))
@@ -102,6 +103,7 @@ def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
     ...     load(path) == scene
     True
     """
+    require_type("scene", scene, "Scene")
     with whole_file(path) as stream:
         stream.write(dumps(scene).encode())
 

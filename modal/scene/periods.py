@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
 
-from modal.errors import SceneError
+from modal.errors import SceneError, require_type
 from modal.report import Displayed, Summary
 from modal.scene.model import Scene
 from modal.scene.motion import Force, Moved, SineForce, SineMotion, SupportMotion
@@ -36,6 +36,7 @@ def sines_of(scene: Scene) -> dict[str, SineMotion | SineForce]:
     >>> sines_of(load("chain-2"))
     {}
     """
+    require_type("scene", scene, "Scene")
     support = scene.support
     single = isinstance(support, Moved) and not isinstance(support.motion, tuple)
     motions: tuple[SupportMotion | Force, ...] = support.motions if isinstance(support, Moved) else ()
@@ -70,6 +71,7 @@ def drive_period(scene: Scene) -> DrivePeriod:
     >>> drive_period(scene).seconds
     2.0
     """
+    require_type("scene", scene, "Scene")
     frequencies = frequencies_of(scene)
     if not frequencies:
         raise SceneError(['nothing drives this scene: give it a [[force]], or a support of kind = "moved"'])

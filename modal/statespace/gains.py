@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from modal.errors import require_type
 from modal.modes import UNCERTAIN, Modes
 from modal.report import Displayed, Summary, aligned, counted
 from modal.scene import name_of
@@ -158,6 +159,7 @@ def modal_gains(modes: Modes, model: StateSpace) -> Gains:
     A rigid translation whose position no output sees gets the gains of its velocity.  Raises the errors of
     `modal.statespace.modal_form.modal_form`.
     """
+    require_type("modes", modes, "Modes")
     form = to_modal_form(modes, model)
     left = np.array([block.pushed @ block.left for block in form.blocks])
     right = np.array([block.right @ block.seen for block in form.blocks])

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.errors import ComputationError
+from modal.errors import ComputationError, require_type
 from modal.modes import Modes, all_shapes, natural_modes
 from modal.report import NOTHING, Displayed, Summary, brief, deferred, first_line
 from modal.statespace.model import StateSpace, fixed
@@ -121,6 +121,7 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     Raises ValueError for the model of another scene, ComputationError for one in discrete time and where dampers make
     two modes coincide, or where drag couples them with the velocity of a cart whose acceleration is prescribed.
     """
+    require_type("modes", modes, "Modes")
     if model.dt:
         raise ComputationError("modal form needs a continuous model")
     given = {signal.name for signal in model.inputs}

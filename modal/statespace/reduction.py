@@ -20,9 +20,9 @@ import numpy as np
 
 from modal.assembly import frequencies, ratio_at, rig_of
 from modal.eigen import TOLERANCE
-from modal.errors import SceneError
+from modal.errors import SceneError, require_type
 from modal.modes import Modes, natural_modes
-from modal.scene import Pendulum, Scene
+from modal.scene import Pendulum, Scene, validate_scene
 from modal.statespace.gains import NOISE, without_noise
 from modal.statespace.modal_form import Block, ModalForm, block_diagonal, to_modal_form
 from modal.statespace.model import StateSpace, state_space
@@ -85,6 +85,7 @@ def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...]
     `modal.statespace.model.state_space`, whose errors are raised; SceneError also for forces on pendula that have
     equals, which they would distinguish.
     """
+    validate_scene(scene)
     fold = fold_equals(scene)
     if max(fold.copies) > 1 and (at := [name for name in inputs if is_point(name)]):
         raise SceneError([f"input {name}: {APART}" for name in at])
@@ -193,6 +194,7 @@ def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribu
     is that of the whole model.  Raises ValueError for a count below 0 and another `by`, SceneError for more modes
     than the model has.
     """
+    require_type("modes", modes, "Modes")
     if count < 0 or by not in get_args(Choice):
         raise ValueError(f'count = {count}, by = {by!r}: must be a number of modes, by "contribution" or "lowest"')
     form = to_modal_form(modes, model)

@@ -40,7 +40,7 @@ from modal.eigen import smallest_where
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
 from modal.report import Displayed, Summary, counted, tabulated
-from modal.scene import Scene, refusals
+from modal.scene import Scene, refusals, validate_scene
 from modal.statespace.model import fixed
 from modal.types import Booleans, Complexes, Floats
 
@@ -128,6 +128,7 @@ def shaper_for(
     tolerance: float = TOLERANCE,
 ) -> Shaper:
     """The `shaper` for `count` of the modes found by `swings_of`, from index `first` on."""
+    validate_scene(scene)
     found = swings_of(scene, drive)
     if not 0 <= first < first + count <= len(found):
         raise ComputationError(f"{count} modes from index {first}: this drive excites {len(found)} modes")
@@ -140,6 +141,7 @@ def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[Swing]:
     Under "cart_force" they are the free modes that move the cart.  Raises SceneError for another drive and for a fixed
     support, ComputationError for an unstable equilibrium.
     """
+    validate_scene(scene)
     modes, rows = swing_rows(scene, drive)
     return [Swing(mode.omega, mode.damping_ratio) for mode in modes.rows(rows)]
 
@@ -242,6 +244,7 @@ def robustness(
 
 def over_length(scene: Scene, lengths: ArrayLike, pendulum: int = 0, link: int = 0) -> list[Scene]:
     """The scene with these lengths (m) of one link as specified, pendulum and link counted from 0."""
+    validate_scene(scene)
     entry = scene.pendulum[pendulum]
     found = []
     for length in np.asarray(lengths, dtype=np.float64).tolist():

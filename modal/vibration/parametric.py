@@ -20,7 +20,7 @@ from math import log, tau
 import numpy as np
 
 from modal.report import Displayed, Summary, brief
-from modal.scene import Scene
+from modal.scene import Scene, validate_scene
 from modal.types import Complexes, Floats
 from modal.vibration.hill import HillSystem, hill_systems, vertical_sine
 
@@ -100,6 +100,7 @@ def parametric_stability(scene: Scene) -> ParametricStability:
     >>> found.kind, round(found.growth_rate, 6)
     ('grows at half the frequency', 0.062242)
     """
+    validate_scene(scene)
     return stabilities([scene])[0]
 
 

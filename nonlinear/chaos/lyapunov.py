@@ -22,7 +22,7 @@ import scipy
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, visible
-from modal.scene import Scene, frequencies_of, require, title_of
+from modal.scene import Scene, frequencies_of, require, title_of, validate_scene
 from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics
@@ -230,6 +230,7 @@ def lyapunov_exponent(
     enough. Raises SceneError for a scene in space, for motions of a support and forces that are no sines and for a
     duration that is too short.
     """
+    validate_scene(scene)
     require(scene, "a Lyapunov exponent")
     frequencies_of(scene)
     duration = usual_duration(scene) if duration is None else duration
@@ -251,6 +252,7 @@ def lyapunov_exponent(
 
 def usual_duration(scene: Scene) -> float:
     """200 sqrt(l/g) of the longest link (s)."""
+    validate_scene(scene)
     return USUAL * sqrt(max(link.length for link in scene.links()) / scene.gravity)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, as_csv, as_json, deferred, finite, grid, tabulated, titled
-from modal.scene import InitialCondition, Pendulum, Scene, describe, name_of, require, title_of
+from modal.scene import InitialCondition, Pendulum, Scene, describe, name_of, require, title_of, validate_scene
 from modal.scene.parameters import Variation, parse_variations
 from modal.types import Floats
 from nonlinear.ensembles.attractors import Attractor, find_attractors
@@ -135,6 +135,7 @@ def find_basins(
     Where no start is given or varied, all begin in the usual one of the scene.  `measure` is one of RHYTHMS, `options`
     are those of `ensemble`.  SceneError for anything else.
     """
+    validate_scene(scene)
     axes = grid_of(scene, vary)
     measure = measure or ("configuration" if scene.is_driven else "first_turn")
     require(scene, "an attractor" if measure == ATTRACTOR else "an ensemble")
@@ -171,6 +172,7 @@ def _names(scene: Scene) -> tuple[str, ...]:
 
 def grid_of(scene: Scene, vary: Sequence[str] | Sequence[Variation] = ()) -> tuple[Variation, ...]:
     """The two numbers that are varied; SceneError where there are more or fewer."""
+    validate_scene(scene)
     given = vary or usual_axes(scene)
     texts = [own for own in given if isinstance(own, str)]
     axes = parse_variations(texts) if texts else tuple(own for own in given if isinstance(own, Variation))
@@ -189,6 +191,7 @@ def usual_duration(scene: Scene, measure: str) -> float:
 
 def begins_in_mode(scene: Scene, axes: Sequence[Variation]) -> bool:
     """Whether a scene without a start is varied in other numbers than a start."""
+    validate_scene(scene)
     return not has_start(scene) and not any(".start." in axis.path for axis in axes)
 
 

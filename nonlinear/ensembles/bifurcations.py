@@ -15,7 +15,7 @@ import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
 from modal.report import Displayed, Summary, as_csv, as_json, by_column, counted, deferred, finite, grid, titled
-from modal.scene import Scene, describe, drive_period, name_of, require, title_of
+from modal.scene import Scene, describe, drive_period, name_of, require, title_of, validate_scene
 from modal.scene.parameters import Variable, Variation, find_places, parse_variations, validate_variations
 from modal.types import Floats, Ints
 from nonlinear.ensembles.running import ensemble
@@ -118,6 +118,7 @@ def find_bifurcations(
     >>> found.times.shape, found.repeats.tolist()
     ((3, 50), [1, 1, 1])
     """
+    validate_scene(scene)
     require(scene, "a stroboscopic section")
     variation, shown, _ = validate(
         lambda: _variation(scene, vary),

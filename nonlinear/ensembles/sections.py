@@ -15,7 +15,7 @@ import numpy as np
 
 from modal.errors import SceneError, checked_number
 from modal.report import Displayed, Summary, as_csv, as_json, by_column, deferred, finite, titled
-from modal.scene import Scene, describe, name_of, require, title_of
+from modal.scene import Scene, describe, name_of, require, title_of, validate_scene
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
@@ -96,6 +96,7 @@ def find_section(
     `at` is a coordinate with what it passes, such as "theta[1,1]>0" (deg, or m of the cart), by default the first
     angle upwards through 0.  SceneError for a scene that does not keep its energy, and where no start has it.
     """
+    validate_scene(scene)
     require(scene, "a Poincaré section")
     validate_whole(1, orbits=orbits)
     system = system_of(scene)

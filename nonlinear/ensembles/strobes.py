@@ -19,7 +19,7 @@ import numpy as np
 from modal.errors import MultipendulaError, SceneError
 from modal.modes import natural_modes
 from modal.report import Displayed, Summary, as_csv, as_json, by_column, counted, deferred, finite, titled
-from modal.scene import Scene, describe, drive_period, name_of, require, title_of
+from modal.scene import Scene, describe, drive_period, name_of, require, title_of, validate_scene
 from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import nearby
 from nonlinear.ensembles.measures import places
@@ -212,6 +212,7 @@ def find_strobes(
     >>> found.period, found.times.tolist()[:3], found.repeats.tolist()
     (2.0, [20.0, 22.0, 24.0], [1, 1])
     """
+    validate_scene(scene)
     require(scene, "a stroboscopic section")
     validate(
         lambda: validate_whole(1, orbits=orbits),

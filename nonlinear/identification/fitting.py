@@ -22,7 +22,7 @@ from modal.identification import (
     find_parameters,
     starts_of,
 )
-from modal.scene import Scene
+from modal.scene import Scene, validate_scene
 from modal.types import Booleans, Floats
 from nonlinear.identification.diagnosis import diagnose
 from nonlinear.identification.mistakes import find_mistake, require_radians, require_seconds
@@ -89,6 +89,7 @@ def fit(
     Raises SceneError for scenes that cannot be fitted and places that are not free numbers, ComputationError where no
     motion of the scene comes near the record.
     """
+    validate_scene(scene)
     require_fittable(scene)
     if loss not in LOSSES:
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Scene
+from modal.scene import Scene, validate_scene
 from modal.types import Floats
 from nonlinear.integration.steppers import Pace
 from nonlinear.integration.timescales import estimate_timescales, sample_count
@@ -77,6 +77,7 @@ def sample_times(
     scene: Scene, duration: float, start_time: float, output: int | Sequence[float] | Floats | None
 ) -> Floats:
     """The output times from `start_time` on: an evenly spaced number, given times, or a default for the scene."""
+    validate_scene(scene)
     validate_numbers(duration, LOOSEST, start_time)
     size = 2 * (scene.n_links * (3 if scene.space == "space" else 1) + 1)
     if output is None:

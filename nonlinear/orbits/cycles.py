@@ -9,7 +9,7 @@ from itertools import islice
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.scene import Scene, require
+from modal.scene import Scene, require, validate_scene
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
@@ -47,6 +47,7 @@ def periodic_orbit(
     the `period` (s) is kept; otherwise it is the first guess, and the link that moves furthest turns back at the start.
     Raises ComputationError where the method finds none.
     """
+    validate_scene(scene)
     probe = shooting(scene, tolerance=tolerance, segments=segments, force=force)
     y = probe.first.equations.begin(start)
     if force is not None:
@@ -133,6 +134,7 @@ def near(problem: Shooting, one: RelativeEquilibrium) -> tuple[Floats, float, in
 
 def cycle_of(scene: Scene, one: RelativeEquilibrium, *, tolerance: float = TOLERANCE) -> Orbit:
     """The limit cycle close to an averaged configuration; ComputationError where there is none."""
+    validate_scene(scene)
     problem = shooting(scene, tolerance=tolerance)
     y, period, leader = near(problem, one)
     return solved(replace(problem, leader=leader), y, period)
@@ -140,6 +142,7 @@ def cycle_of(scene: Scene, one: RelativeEquilibrium, *, tolerance: float = TOLER
 
 def limit_cycles(scene: Scene, *, tolerance: float = TOLERANCE) -> tuple[Orbit, ...]:
     """The limit cycles close to the averaged configurations of a driven scene, each once."""
+    validate_scene(scene)
     found: list[Orbit] = []
     for one in relative_equilibria(average(scene)):
         try:
@@ -194,6 +197,7 @@ def follow_cycles(
     SceneError for a variation of fewer than two values or of a count, ComputationError where nothing excites the scene
     or no limit cycle is found.
     """
+    validate_scene(scene)
     require_cycles(scene, variation)
     found: list[Branch] = []
     ends = (variation.values[0], variation.values[-1])
@@ -214,6 +218,7 @@ def follow_cycles(
 
 def require_cycles(scene: Scene, variation: Variation) -> None:
     """Raise, without computing anything, what `follow_cycles` raises for this scene and variation."""
+    validate_scene(scene)
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: orbits need two or more values of a continuous parameter"])
@@ -292,6 +297,7 @@ def crossed(scene: Scene, variation: Variation, one: RelativeEquilibrium, value:
 
     None where there is none until BEYOND times as far; ComputationError where no orbit is found at the beginning.
     """
+    validate_scene(scene)
     y, period, leader = near(shooting(one.averaged.scene), one)
     problem = shooting(scene, leader=leader, tolerance=LOOSE, variation=variation)
     u = solution(problem, y, period, value)

@@ -17,7 +17,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary
-from modal.scene import Scene, drive_period, require
+from modal.scene import Scene, drive_period, require, validate_scene
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
@@ -74,6 +74,7 @@ def linear_response(scene: Scene) -> LinearResponse:
     >>> round(linear_response(scene).amplitude * (9.81 - (pi / 2) ** 2), 9)
     0.01
     """
+    validate_scene(scene)
     require(scene, "a forced periodic orbit")
     drives, flow = drive_period(scene), Flow(system_of(scene))
     equations, size, many = flow.equations, len(flow.scale), SAMPLES * max(drives.cycles)
@@ -113,6 +114,7 @@ def forced_orbit(scene: Scene, *, start: State | None = None, cycles: int = 1, t
     >>> orbit.period, round(orbit.amplitude, 6), round(linear_response(scene).amplitude, 6)
     (4.0, 0.269091, 0.272383)
     """
+    validate_scene(scene)
     problem, u, _ = _beginning(scene, None, None, start, cycles, tolerance)
     return problem.orbit(u)
 
@@ -136,6 +138,7 @@ def follow_forced(
     values or of a count and where the drives have no common period, ComputationError where no orbit is found at either
     end.
     """
+    validate_scene(scene)
     require_forced(scene, variation)
     found, failed = list[Branch](), dict[float, ComputationError]()
     ends = (variation.values[0], variation.values[-1])
@@ -161,6 +164,7 @@ def follow_forced(
 
 def require_forced(scene: Scene, variation: Variation) -> None:
     """Raise, without computing anything, what `follow_forced` raises for this scene and variation."""
+    validate_scene(scene)
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: orbits need two or more values of a continuous parameter"])

@@ -10,7 +10,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes, table_numbers
-from modal.scene import Scene, require
+from modal.scene import Scene, require, validate_scene
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import Point, follow, located, point
@@ -46,6 +46,7 @@ def nonlinear_mode(
     and is then not `complete`.  Raises SceneError for a mode that the scene does not have or that is no oscillation
     along the rail, ComputationError where no orbit is found beside the linear mode.
     """
+    validate_scene(scene)
     modes, row = oscillating(scene, number)
     problem = quarter_of(modes.scene, tolerance)
     first = min(first, to / 2)
@@ -88,6 +89,7 @@ def mode_orbit(scene: Scene, number: int, amplitude: float) -> Orbit:
 
     Raises what `nonlinear_mode` does, and ComputationError where the branch does not reach this angle.
     """
+    validate_scene(scene)
     branch = nonlinear_mode(scene, number, amplitude, longest=COARSE, locate=False)
     if not branch.complete:
         raise ComputationError(f"the orbits of mode {number} do not reach {degrees(amplitude):.4g} deg")
@@ -99,6 +101,7 @@ def orbit_where_off(scene: Scene, number: int, share: float = 0.01) -> Orbit | N
 
     None where there is none up to FARTHEST; raises what `nonlinear_mode` does.
     """
+    validate_scene(scene)
     modes, row = oscillating(scene, number)
     problem, linear = quarter_of(modes.scene, TOLERANCE), float(modes.omega[row])
 
@@ -125,6 +128,7 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
 
     SceneError where it is no oscillation along the rail.
     """
+    validate_scene(scene)
     require(scene, "a periodic orbit of a mode")
     modes, still = natural_modes(scene), natural_modes(scene.conservative)
     if not 1 <= number <= len(modes):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from io import BytesIO
 from typing import Any
 
+from modal.errors import require_type
 from modal.plotting import Pair, theme
 from modal.report import visible
 from modal.scene import title_of
@@ -23,6 +24,7 @@ def show_film(trajectory: Trajectory, words: str = "", **options: Any) -> Pair:
     >>> show_film(simulate(load("chain-1"), 1.0), "a pendulum swings", seconds=0.2)
     Pair('a pendulum swings', gif)
     """
+    require_type("trajectory", trajectory, "Trajectory")
     films = []
     for name in ("light", "dark"):
         buffer = BytesIO()

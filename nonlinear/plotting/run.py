@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from modal.errors import ComputationError, MultipendulaError
+from modal.errors import ComputationError, MultipendulaError, require_type
 from modal.modes import natural_modes
 from modal.plotting import (
     WIDE,
@@ -40,6 +40,7 @@ DEEPEST = 1e-10  # smallest power shown in a spectrum over the strongest line
 
 def draw_run(trajectory: Trajectory, stream: IO[bytes], *, kind: str = "png") -> None:
     """Write the picture of a run as png, svg or pdf; ComputationError for a run of a single instant."""
+    require_type("trajectory", trajectory, "Trajectory")
     save(run_figure(trajectory), stream, kind)
 
 

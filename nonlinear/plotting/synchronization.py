@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from modal.errors import ComputationError
+from modal.errors import ComputationError, require_type
 from modal.modes import Mode, table_numbers
 from modal.plotting import (
     HUES,
@@ -53,11 +53,13 @@ def draw_sync(trajectory: Trajectory, phases: Phases, stream: IO[bytes], kind: s
     Of many pendula only some are drawn, and their energies as a band; where the energy cannot be divided among modes
     the picture gives the reason.
     """
+    require_type("trajectory", trajectory, "Trajectory")
     save(sync_figure(trajectory, phases), stream, kind)
 
 
 def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
     """The same as a figure."""
+    require_type("trajectory", trajectory, "Trajectory")
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
     figure = sheet(WIDE, 9.8)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from modal.errors import require_type
 from modal.types import Floats
 from nonlinear.integration import EXPLICIT, Choice, Trajectory, equations_of, prepare
 from nonlinear.postprocessing.resampling import extremes
@@ -52,6 +53,7 @@ def extent_of(trajectory: Trajectory, measured: Measured = angles_of) -> Extent:
     Between the samples they are known of motion without jumps of the rates, by an explicit method, whose samples are
     near enough to each other.
     """
+    require_type("trajectory", trajectory, "Trajectory")
     values = measured(trajectory.motion)
     samples = Extent(float(values.min()), float(values.max()), between=False)
     if not _known(trajectory):
@@ -65,6 +67,7 @@ def extent_of(trajectory: Trajectory, measured: Measured = angles_of) -> Extent:
 
 def largest_angle(trajectory: Trajectory) -> float:
     """The largest angle (rad) of any link from the downward vertical, also between the samples."""
+    require_type("trajectory", trajectory, "Trajectory")
     times, motion = trajectory.times, trajectory.motion
     if not trajectory.system.spatial:
         return float(np.abs(extremes(times, motion.links, motion.link_rates)).max())

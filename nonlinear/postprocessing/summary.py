@@ -12,7 +12,7 @@ from math import degrees, isfinite
 from typing import Any
 
 from modal.eigen import counted
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, require_type
 from modal.modes.solution_report import loaded, not_loaded
 from modal.report import visible
 from modal.scene import Moved, SineMotion, refusals, title_of
@@ -178,6 +178,7 @@ class Inventory:
 
 def run_inventory(trajectory: Trajectory) -> Inventory:
     """The inventory of a run made in this process; ComputationError for one that was read from a file."""
+    require_type("trajectory", trajectory, "Trajectory")
     system, equations = trajectory.system, trajectory.equations
     if trajectory.run.method == CLOSED:
         return Inventory(

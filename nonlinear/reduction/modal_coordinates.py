@@ -25,10 +25,10 @@ from typing import Any
 import numpy as np
 
 from modal.assembly import Matrices, equilibrium_of
-from modal.errors import ComputationError
+from modal.errors import ComputationError, require_type
 from modal.modes import Modes
 from modal.report import Displayed
-from modal.scene import Scene
+from modal.scene import Scene, validate_scene
 from modal.types import Complexes, Floats, Ints
 from nonlinear.system import Motion, State
 
@@ -110,6 +110,7 @@ def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = N
 
 def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
     """The q and v (T, n): the cart, then every link's angle, from the equilibrium."""
+    validate_scene(scene)
     if motion.links.ndim != 2:
         raise ComputationError("modal coordinates: only for motion in the plane")
     q, v = motion.links - rest_angles(scene), motion.link_rates
@@ -120,6 +121,7 @@ def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
 
 def rest_angles(scene: Scene) -> Floats:
     """Equilibrium angle (L,) of every link: 0 hanging, π inverted, or where constant forces move it."""
+    validate_scene(scene)
     if equilibrium := equilibrium_of(scene):
         return equilibrium.rest.angle
     ways = [way for pendulum in scene.pendulum for _ in range(pendulum.count) for way in pendulum.ways]
@@ -134,6 +136,7 @@ def rest_cart(scene: Scene) -> float:
 
 def along_rail(modes: Modes, number: int) -> tuple[list[int], Any]:
     """The copies (from 0) of a mode that move along the rail, and their shapes (n, copies)."""
+    require_type("modes", modes, "Modes")
     shapes = [modes.shape(number, copy) for copy in range(int(modes.multiplicity[number]))]
     kept = [copy for copy, shape in enumerate(shapes) if not shape.across]
     vectors = [modes.column(shapes[copy]) for copy in kept]
@@ -158,6 +161,7 @@ def start_in_mode(scene: Scene, modes: Modes, number: int, copy: int = 0, amplit
     It is at rest, except that a damped mode starts with its own velocities, Re λφ, to exclude other modes.  For a shape
     without angles the cart is displaced by `amplitude` m.  Raises ComputationError for a shape across the rail.
     """
+    validate_scene(scene)
     shape = modes.shape(number, copy)
     if shape.across:
         raise ComputationError(f"mode {number + 1}: shape {copy + 1} moves across the rail")

@@ -6,9 +6,9 @@ from math import radians
 
 import numpy as np
 
-from modal.errors import SceneError
+from modal.errors import SceneError, require_type
 from modal.modes import UNCERTAIN, Modes, table_numbers
-from modal.scene import Scene
+from modal.scene import Scene, validate_scene
 from nonlinear.integration import modes_of
 from nonlinear.reduction.modal_coordinates import start_in_mode
 from nonlinear.system import State, has_start, initial_state, of_plane
@@ -22,6 +22,7 @@ def first_that_swings(scene: Scene, *, undamped: bool = False) -> int:
 
     `undamped` asks for one that swings without the dampers.
     """
+    validate_scene(scene)
     modes = modes_of(scene.conservative if undamped else scene)
     along = np.array([any(part.along for part in parts) for parts in modes.spectrum.groups])
     swings = (modes.eigenvalue.imag > 0) & (modes.error < UNCERTAIN) & along
@@ -38,6 +39,7 @@ def copy_along(modes: Modes, row: int) -> int:
     >>> copy_along(natural_modes(load("chain-spatial")), 0)
     0
     """
+    require_type("modes", modes, "Modes")
     copies = range(int(modes.multiplicity[row]))
     return next((copy for copy in copies if not modes.shape(row, copy).across), 0)
 
@@ -51,6 +53,7 @@ def usual_start(scene: Scene) -> State:
     >>> float(round(degrees(abs(usual_start(load("rope")).links).max()), 9))
     5.0
     """
+    validate_scene(scene)
     if has_start(scene):
         return initial_state(scene)
     modes, row = modes_of(scene), first_that_swings(scene) - 1

@@ -29,7 +29,7 @@ import numpy as np
 from modal.errors import SceneError
 from modal.modes import Modes
 from modal.report import Displayed
-from modal.scene import Scene, refusals
+from modal.scene import Scene, refusals, validate_scene
 from modal.types import Floats, Ints
 from nonlinear.integration import (
     SCIPY,
@@ -191,6 +191,7 @@ def simulate_truncated(
     infinite. Raises SceneError for a scene in space and for invalid arguments, ComputationError where the modes cannot
     be computed, SimulationError where the integrator fails.
     """
+    validate_scene(scene)
     validate(
         lambda: validate_numbers(duration, tolerance, 0.0),
         lambda: validate_whole(1, optional=True, modes=modes),
@@ -287,6 +288,7 @@ def _validate(scene: Scene, method: str) -> None:
 
 def survey_modes(scene: Scene, system: System, start: State) -> Survey:
     """The modes of the scene without its dampers, and the start in them; SceneError where they do not span it."""
+    validate_scene(scene)
     still = scene.conservative
     modes = modes_of(still)
     phi = modes.matrix.real

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, require_type
 from modal.report import HTML_ROWS, Displayed, Summary, brief, deferred, grid, visible
 from modal.scene import Scene, left_out, name_of
 from modal.scene.parameters import Place, Variable, find_places
@@ -143,6 +143,7 @@ def sweep(
     of points done.  On Ctrl-C the rows found so far are returned.  Raises ComputationError where workers cannot be
     started.
     """
+    require_type("study", study, "Study")
     validate_whole(1, optional=True, workers=workers)
     kept = journal or Checkpoint()
     rows = {row.index: row for row in kept.rows}

@@ -16,7 +16,7 @@ from math import pi
 
 import numpy as np
 
-from modal.errors import ComputationError
+from modal.errors import ComputationError, require_type
 from modal.modes import Mode, Modes, natural_modes, table_numbers
 from modal.report import Displayed
 from modal.scene import Scene
@@ -115,6 +115,7 @@ def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Surviva
 
     Raises ComputationError for a motion in space, for more coordinates than MOST, and where no mode oscillates.
     """
+    require_type("trajectory", trajectory, "Trajectory")
     scene = trajectory.scene.conservative
     size = scene.n_links + (scene.support.kind == "cart")
     if trajectory.system.spatial:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import ComputationError
+from modal.errors import ComputationError, require_type
 from modal.modes import table_numbers
 from modal.report import (
     NOTHING,
@@ -64,6 +64,7 @@ MOST_LINES, MOST_UNSTABLE = 16, 8  # configurations in the table, and unstable o
 
 def sync_text(found: SynchronizationStudy) -> str:
     """The report for a terminal."""
+    require_type("found", found, "SynchronizationStudy")
     parts = [headed(title_of(found.scene)), *_sections(found)]
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -267,6 +268,7 @@ def _others(system: System, work: float) -> str:
 
 def sync_record(found: SynchronizationStudy) -> dict[str, Any]:
     """The JSON record: modes are numbered as in the table; null where there is no value."""
+    require_type("found", found, "SynchronizationStudy")
     theory = found.theory
     return {
         "scene": describe(found.scene),

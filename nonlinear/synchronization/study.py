@@ -10,7 +10,7 @@ from typing import Any
 
 from modal.errors import ComputationError
 from modal.report import Displayed
-from modal.scene import Scene, refusals, require
+from modal.scene import Scene, refusals, require, validate_scene
 from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relative_equilibria
 from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.orbits import Orbit
@@ -96,6 +96,7 @@ class SynchronizationStudy(Displayed):
 
 def theory_of_scene(scene: Scene, start: State | None = None) -> Theory:
     """The theory of a self-excited scene; ComputationError outside the scope of averaged equations."""
+    validate_scene(scene)
     prediction = predict(scene, start)
     return Theory(relative_equilibria(prediction.averaged), prediction)
 
@@ -124,6 +125,7 @@ def study_synchronization(
     the simulated time and the duration.  A start that ends in an unstable state is replaced by a perturbed one, in
     prediction and simulation.  KeyboardInterrupt where Ctrl-C cuts the run short.
     """
+    validate_scene(scene)
     require(scene, "synchronization")
     silent = "; ".join(refusals(scene, "a prediction of synchronization"))
     theory, silent = (None, silent) if silent else _tried(lambda: theory_of_scene(scene, start))

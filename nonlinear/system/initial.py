@@ -8,7 +8,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.report import counted
-from modal.scene import Pendulum, Scene
+from modal.scene import Pendulum, Scene, validate_scene
 from modal.types import Floats
 from nonlinear.system.directions import of_plane, unit_vectors, velocities
 from nonlinear.system.state import State
@@ -22,6 +22,7 @@ NO_START = (
 
 def has_start(scene: Scene) -> bool:
     """Whether a simulation knows where to begin: a pendulum has a start, or the support moves."""
+    validate_scene(scene)
     return scene.is_moved or any(pendulum.start for pendulum in scene.pendulum)
 
 
@@ -37,6 +38,7 @@ def initial_state(scene: Scene) -> State:
     >>> state.links.shape, state.link_rates.tolist()
     ((2,), [0.0, 0.0])
     """
+    validate_scene(scene)
     if not has_start(scene):
         raise SceneError([NO_START])
     rows = np.concatenate([np.tile(_of(pendulum), (pendulum.count, 1)) for pendulum in scene.pendulum])
@@ -66,6 +68,7 @@ def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
     >>> [round(degrees(angle), 9) for angle in state.links]
     [30.0, 45.0]
     """
+    validate_scene(scene)
     given, total = np.array(angles_deg, dtype=float), scene.n_links
     sizes = {pendulum.n_links for pendulum in scene.pendulum}
     accepted = sorted({total, *(sizes if len(sizes) == 1 else ())})

@@ -18,7 +18,7 @@ import numpy as np
 
 from modal.assembly import CartNumbers
 from modal.report import Displayed
-from modal.scene import AnyLink, Body, Cart, Escapement, Moved, Scene
+from modal.scene import AnyLink, Body, Cart, Escapement, Moved, Scene, validate_scene
 from modal.scene.parameters import Place
 from modal.types import Floats
 from nonlinear.system.system import Group, System, system_of
@@ -101,6 +101,7 @@ def numbers_of(
     scene: Scene, values: Values | None = None, system: System | None = None, modal: Floats | None = None
 ) -> Numbers:
     """The numbers of a scene, with arrays (S,) of `values` at some of its places and D_modal (S, n, n)."""
+    validate_scene(scene)
     given: Values = values or {}
     support, cart = scene.support, [0.0, 0.0, 0.0]
     if isinstance(support, Cart):

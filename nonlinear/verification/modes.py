@@ -20,7 +20,7 @@ from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
 from modal.report import Displayed, Summary, brief, counted
-from modal.scene import Scene, name_of, require
+from modal.scene import Scene, name_of, require, validate_scene
 from modal.types import Floats
 from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
 from nonlinear.postprocessing import LEAST_PERIODS
@@ -129,6 +129,7 @@ def check(
     `report` is called with the number of modes done.  Modes that do not oscillate for long enough are skipped with a
     reason; after Ctrl-C, so are those not done.
     """
+    validate_scene(scene)
     require(scene, "a check of modes")
     given, scene = scene, scene.linearizable
     modes = natural_modes(scene)

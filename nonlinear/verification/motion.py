@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.errors import ComputationError
+from modal.errors import ComputationError, require_type
 from modal.modes import Mode, Modes, natural_modes
 from modal.report import Displayed
 from modal.scene import require
@@ -68,6 +68,7 @@ def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, cou
     At most `count` lines are sought in every coordinate.  A decaying mode's lines are those of η exp(−Re λ t).
     Raises ComputationError for a motion out of the plane.
     """
+    require_type("trajectory", trajectory, "Trajectory")
     require(trajectory.scene, "a comparison with modes")
     modes = natural_modes(trajectory.scene)
     chosen = list(range(len(modes))) if numbers is None else list(numbers)
