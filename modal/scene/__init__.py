@@ -27,6 +27,7 @@ from modal.scene.model import (
     describe,
     scene_from,
     validate_scene,
+    validate_scenes,
 )
 from modal.scene.motion import (
     ConstantForce,
@@ -99,6 +100,7 @@ __all__ = [
     "sines_of",
     "title_of",
     "validate_scene",
+    "validate_scenes",
     "what_hangs",
     "whole_file",
 ]

@@ -13,7 +13,7 @@ from typing import Any
 
 import sympy as sp
 
-from modal.errors import SceneError
+from modal.errors import SceneError, require_type
 from modal.scene import Scene, load
 from modal.symbolic import system as symbolic
 from modal.symbolic.eigen import modes_section, polynomial_section
@@ -40,6 +40,7 @@ def derive(system: SymbolicSystem, show: tuple[str, ...] = SECTIONS, scene: Scen
     `scene` is the scene of which `system` is the exact form, if any: its polynomial is then exact and integer.  Raises
     SceneError for more links than readable equations allow.
     """
+    require_type("system", system, "SymbolicSystem")
     if len(system.links) > MOST_WRITTEN and set(show) & {"lagrangian", "equations", "matrices"}:
         shorter = "choose polynomial and modes alone"
         raise SceneError([f"{len(system.links)} links: equations are written for at most {MOST_WRITTEN}; {shorter}"])

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from multipendula.commands.shared import bar, forewarned, in_a_folder
+from multipendula.commands.shared import bar, forewarned, in_a_folder, remark
 from multipendula.options import (
     RUNS,
     add_accuracy,
@@ -180,7 +179,7 @@ def tell_of_start(where: str, how: str = "") -> None:
     from nonlinear.reduction import USUAL_DEG
 
     note = f"the scene has no start: {where}, its largest angle {USUAL_DEG:g}°"
-    print(f"multipendula: {note}{f' ({how})' if how else ''}", file=sys.stderr)
+    remark(f"{note}{f' ({how})' if how else ''}")
 
 
 def _usual_start(scene: Scene, *, undamped: bool) -> str:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import start_of
-from multipendula.commands.shared import bar, drawn, film_form, forewarned, picture, say, validated
+from multipendula.commands.shared import bar, drawn, film_form, forewarned, picture, remark, say, validated
 from multipendula.completion import places
 from multipendula.options import (
     FILMS,
@@ -97,7 +96,7 @@ def _film(found: SynchronizationStudy, name: str, theme: str) -> None:
     form = film_form(name)
     with drawn(name, theme) as stream, bar(SECONDS) as report:
         shown = animate(found.trajectory, stream, form, **strobe(found.phases, form), report=report)
-    print(f"multipendula: {shown.frames} frames, one every {shown.motion / shown.frames:.4g} s", file=sys.stderr)
+    remark(f"{shown.frames} frames, one every {shown.motion / shown.frames:.4g} s")
 
 
 def _branches(scene: Scene, options: argparse.Namespace) -> None:

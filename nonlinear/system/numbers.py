@@ -18,7 +18,7 @@ import numpy as np
 
 from modal.assembly import CartNumbers
 from modal.report import Displayed
-from modal.scene import AnyLink, Body, Cart, Escapement, Moved, Scene, validate_scene
+from modal.scene import AnyLink, Body, Cart, Escapement, Moved, Scene, validate_scene, validate_scenes
 from modal.scene.parameters import Place
 from modal.types import Floats
 from nonlinear.system.system import Group, System, system_of
@@ -176,6 +176,7 @@ def entries_of(system: System) -> list[float]:
 
 def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
     """Of scenes that differ in numbers alone."""
+    validate_scenes(scenes)
     system = system_of(scenes[0])
     each = [numbers_of(scene) for scene in scenes]
     return Numbers(system, _joined([own.entries for own in each]), _joined([own.prescribed for own in each]))
