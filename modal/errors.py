@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
-from math import inf, isfinite
-from numbers import Real
 
 from modal.report import visible
 
@@ -73,41 +71,6 @@ class MissingExtraError(MultipendulaError, ImportError):
     def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str]]:
         """The constructor's arguments."""
         return type(self), self.missing
-
-
-def require_type(name: str, value: object, *kinds: type | str, hint: str = "") -> None:
-    """SceneError for an argument that is of none of these kinds, classes or the names of such that are not imported.
-
-    >>> require_type("duration", 3.0, int, float)
-    >>> try:
-    ...     require_type("modes", "chain-2", "Modes", hint=": natural_modes(scene) gives them")
-    ... except SceneError as error:
-    ...     print(error)
-    modes: a Modes is required, not str: natural_modes(scene) gives them
-    """
-    classes, words = (tuple(kind for kind in kinds if isinstance(kind, own)) for own in (type, str))
-    if not (isinstance(value, classes) or any(own.__name__ in words for own in type(value).__mro__)):
-        names = (kind if isinstance(kind, str) else kind.__name__ for kind in kinds)
-        raise SceneError([f"{name}: a {' or '.join(names)} is required, not {type(value).__name__}{hint}"])
-
-
-def checked_number(name: str, value: object, least: float = -inf, most: float = inf) -> float:
-    """A finite number within bounds; SceneError that names any other value.
-
-    >>> checked_number("energy", 2)
-    2.0
-    """
-    if not isinstance(value, Real) or isinstance(value, bool) or not isfinite(value) or not least <= value <= most:
-        bounds = [f" from {least:g}"] * isfinite(least) + [f" to {most:g}"] * isfinite(most)
-        raise SceneError([f"{name} {value!r:.60}: must be a finite number{''.join(bounds)}"])
-    return float(value)
-
-
-def one_of_words(name: str, value: object, words: Sequence[str]) -> None:
-    """SceneError for a value that is none of these words, with the nearest of them."""
-    if value not in words:
-        near = meant(value, words) if isinstance(value, str) else ""
-        raise SceneError([f"{name} {value!r:.60}: must be one of {', '.join(words)}{near}"])
 
 
 def first_of(problems: Iterator[str], count: int) -> Iterator[str]:

@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError, require_type
+from modal.doors import checked
+from modal.errors import SceneError
 from modal.report import csv_comment, csv_rows
 from modal.scene import Scene, describe, kind_of, scene_from, sealed, whole_file
 from modal.scene.sealed import finite_array, index, reading, require_keys
@@ -55,6 +56,7 @@ BOTH_WAYS = tuple(
 REDUCED = (TRUNCATED, LINEAR, CORRECTED)
 
 
+@checked
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     """Write a .npz or .csv file atomically; SceneError for any other file name.
 
@@ -69,7 +71,6 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     >>> bool((same.motion.links == run.motion.links).all())
     True
     """
-    require_type("trajectory", trajectory, "Trajectory")
     if trajectory.system.hoisting and trajectory.system.hoisting.given:
         raise SceneError([f"{path}: lengths given in Python are not saved: write the hoist in the scene"])
     content = _npz(trajectory) if checked_kind(path) == "npz" else _csv(trajectory)

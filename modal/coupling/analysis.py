@@ -25,11 +25,12 @@ from modal.coupling.damping import Damped, damped_modes, negative_damping
 from modal.coupling.dynamic_mass import DynamicMass
 from modal.coupling.exchange import STRONG, EnergyExchange, Transfer, energy_exchanges, transfer
 from modal.coupling.fixed_base import FixedBaseModes, fixed_base_modes
+from modal.doors import checked
 from modal.eigen import at_infinity, degenerate_modes
 from modal.errors import ComputationError
 from modal.modes import MOST_COMPARED, lettered, natural_modes, table_numbers
 from modal.report import NOTHING, Displayed, Summary, brief, counted
-from modal.scene import Scene, name_of, require, validate_scene
+from modal.scene import Scene, name_of, require
 from modal.types import Floats, Ints
 
 MOST_POLES = 10_000
@@ -265,13 +266,13 @@ def family_name(index: int) -> str:
     return lettered(index).upper()
 
 
+@checked
 def explain(scene: Scene) -> Coupling:
     """The coupling of the pendula of a scene through its cart.
 
     Raises SceneError for inverted links and hoists, ComputationError beyond MOST_POLES distinct frequencies and where
     double precision misses the modal effective masses.
     """
-    validate_scene(scene)
     require(scene, "the explanation of the coupling")
     rig = rig_of(scene)
     if (size := sum(block.mass.size for block in rig.blocks)) > MOST_POLES:

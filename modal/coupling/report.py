@@ -13,7 +13,8 @@ from modal.coupling.exchange import STRONG, Transfer
 from modal.coupling.exchange_words import exchanges
 from modal.coupling.records import coupling_record
 from modal.coupling.wording import ELSEWHERE, GUIDE, MOST_LISTED, ROUGH, left, member, numbered, shown
-from modal.report import as_json, counted, headed, line_width, listed, markdown, percent, rad, short, visible
+from modal.doors import checked
+from modal.report import Form, as_json, counted, headed, line_width, listed, markdown, percent, rad, short, visible
 from modal.scene import title_of
 
 FORMS = ("text", "markdown", "json")
@@ -28,7 +29,8 @@ class Section:
     sentences: tuple[str, ...]
 
 
-def coupling_report(coupling: Coupling, form: str = "text") -> str:
+@checked
+def coupling_report(coupling: Coupling, form: Form = "text") -> str:
     """The report as "text", "markdown" or "json", the last with every number (units in the names).
 
     Raises ValueError for another form.

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 import scipy
 
-from modal.errors import ComputationError, require_type
+from modal.doors import checked
+from modal.errors import ComputationError
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
 from modal.modes import Mode, Modes
-from modal.report import NOTHING, Displayed, as_csv, as_json, finite, grid, titled
+from modal.report import NOTHING, Displayed, Form, as_csv, as_json, finite, grid, titled
 from modal.scene import title_of
 from modal.types import Floats
 
@@ -76,12 +77,12 @@ class Assurance(Displayed):
         return found
 
 
+@checked
 def compare_modes(modes: Modes, measured: MeasuredModes) -> Assurance:
     """Measured modes beside those of a scene that oscillate; a repeated frequency has the MAC of its nearest shape.
 
     Raises ComputationError where nothing oscillates.
     """
-    require_type("modes", modes, "Modes")
     rows = tuple(mode for mode in modes if mode.oscillates and mode.omega > 0)
     if not rows:
         raise ComputationError("no mode of this scene oscillates")
@@ -123,7 +124,8 @@ def _pairs(measured: MeasuredModes, rows: tuple[Mode, ...], mac: Floats) -> list
     ]
 
 
-def assurance_table(found: Assurance, form: str) -> str:
+@checked
+def assurance_table(found: Assurance, form: Form) -> str:
     """The pairs and the matrix as text or json, the matrix alone as csv, by `form`."""
     numbers = [f"mode_{mode.number}" for mode in found.rows]
     matrix = [

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.doors import checked
 from modal.errors import SceneError
 from modal.identification.parameters import natural_unit
 from modal.report import Displayed
@@ -66,6 +67,7 @@ class Estimate(Displayed):
         return np.sqrt(np.where(variance > 0, variance, np.where(np.isnan(variance), np.nan, 0.0)))
 
 
+@checked
 def read_estimate(scene: Scene, path: str | os.PathLike[str]) -> Estimate:
     """The estimate in a report of `fit`, of this scene; SceneError lists every mistake."""
     name = os.fspath(path)

@@ -19,6 +19,7 @@ from math import isfinite, nan
 
 import numpy as np
 
+from modal.doors import checked
 from modal.errors import SceneError, meant
 from modal.report import Displayed, counted
 from modal.scene import Cart, Scene
@@ -71,6 +72,7 @@ def has_modes(path: str | os.PathLike[str]) -> bool:
     return MODE in [word.strip() for word in first_line(path).split(",")]
 
 
+@checked
 def read_modes(scene: Scene, path: str | os.PathLike[str]) -> MeasuredModes:
     """The measured modes in a file, of a scene that has the components of their shapes; SceneError lists mistakes."""
     name = os.fspath(path)

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.identification.derivatives import ModeDerivatives, matrix_derivatives, polar
 from modal.identification.identifiability import VAGUE, Determined, find_determined
@@ -37,7 +38,7 @@ from modal.identification.parameters import (
 )
 from modal.modes import Modes, natural_modes
 from modal.report import listed, percent, short
-from modal.scene import Scene, validate_scene
+from modal.scene import Scene
 from modal.types import Floats, Ints
 
 ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the residuals tell it
@@ -64,6 +65,7 @@ UNLIKELY = 0.01  # probability of a larger chi-square below which the model is d
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 
+@checked
 def fit_modes(
     scene: Scene,
     measured: MeasuredModes,
@@ -77,7 +79,6 @@ def fit_modes(
     `priors` are texts such as "gravity=9.81±0.01".  Raises SceneError for places that are no free numbers and for modes
     that the scene does not have, ComputationError where a mode has no derivative.
     """
-    validate_scene(scene)
     if loss not in LOSSES:
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
     parameters = find_parameters(scene, free, priors)

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from modal.doors import checked
 from modal.errors import SceneError, meant
 from modal.report import Displayed, Summary
-from modal.scene import Cart, Scene, validate_scene
+from modal.scene import Cart, Scene
 from modal.scene.parameters import Place, Variable, Variation, find_places, number_at, with_numbers
 from modal.types import Floats, Ints
 
@@ -88,6 +89,7 @@ class Parameter(Displayed):
         return self.z_of(mean), std / abs(self.slope(self.z_of(mean)))
 
 
+@checked
 def find_parameters(scene: Scene, paths: Iterable[str], priors: Sequence[str] = ()) -> tuple[Parameter, ...]:
     """The numbers at these paths, each for itself where a path has `[*]`; none for "none".
 
@@ -179,9 +181,9 @@ def numbers_at(parameters: Sequence[Parameter], z: Floats) -> dict[str, float]:
     return {one.path: one.at(float(own)) for one, own in zip(parameters, z, strict=True)}
 
 
+@checked
 def scene_with(scene: Scene, values: Mapping[str, float]) -> Scene:
     """The scene with these numbers, checked again."""
-    validate_scene(scene)
     return Variable(scene, values).at(values) if values else scene
 
 

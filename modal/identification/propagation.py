@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from modal.assembly import matrices
-from modal.errors import ComputationError, require_type
+from modal.doors import checked
+from modal.errors import ComputationError
 from modal.identification.derivatives import (
     Arrays,
     ModeDerivatives,
@@ -62,12 +63,12 @@ def mode_slopes(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> tuple[
     return omega, zeta
 
 
+@checked
 def mode_stds(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> list[ModeStds]:
     """Standard deviations of the modes with these indices, from 0; `modes` are those of the estimate's scene.
 
     Raises ComputationError for scenes too large for dense matrices.
     """
-    require_type("modes", modes, "Modes")
     if not rows:
         return []
     omega, zeta = mode_slopes(modes, estimate, rows)

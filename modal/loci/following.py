@@ -14,12 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.loci.crossings import CloseApproach, find_close_approaches
 from modal.loci.tracking import Point, follow, solve_at
 from modal.modes import labelled
 from modal.report import Displayed, Summary, counted, csv_rows, deferred, grid, tabulated, with_unit
-from modal.scene import Scene, left_out, name_of, validate_scene
+from modal.scene import Scene, left_out, name_of
 from modal.scene.parameters import Variation, find_places, number_at, validate_variations
 from modal.types import Floats, Ints
 
@@ -68,6 +69,7 @@ class Loci(Displayed):
         return tabulated(title, (), self.to_dict())
 
 
+@checked
 def follow_loci(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Loci:
     """The loci of an undamped scene; `report` is called with the number of the variation's values done.
 
@@ -80,7 +82,6 @@ def follow_loci(scene: Scene, variation: Variation, report: Report = lambda done
     Raises SceneError for a variation of fewer than two values or of a count, ComputationError where modes are damped,
     uncertain, too many, change their number or cannot be followed.
     """
-    validate_scene(scene)
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: loci need two or more values of a continuous parameter"])

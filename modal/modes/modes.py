@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Matrices, Rig, matrices_of
+from modal.doors import checked, require_type
 from modal.eigen import EVERYTHING, Limits, notes
 from modal.modes.eigenvalues import Eigenvalues, Short, kept
 from modal.modes.modal_matrix import ModalMatrix, all_shapes, stacked
@@ -255,6 +256,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         return scrolled(self.table("html", shown), more(len(self) - len(shown)))
 
 
+@checked
 def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice | None = None) -> Modes:
     """All modes of a scene about its equilibrium: hanging, or as `equilibrium` specifies, moved by constant forces.
 
@@ -271,6 +273,8 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     step.  Methods and their sources are given in the modules that `modal.eigen.spectrum` chooses from.
     """
     limits = Limits(validate_accuracy(accuracy), _lowest(modes))
+    if modes is not None:
+        require_type("modes", modes, "slice")
     if limits == EVERYTHING and modes is None and (short := Short.of(validate_scene(scene))):
         return Modes(scene, short=short)
     found = Modes(scene, limits, modes)

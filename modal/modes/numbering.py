@@ -16,7 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from modal.errors import require_type
+from modal.doors import checked
 from modal.modes.modes import Modes, natural_modes
 from modal.scene import Scene
 from modal.types import Complexes, Floats, Ints
@@ -41,9 +41,9 @@ def table_numbers(scene: Scene, still: Modes | None = None) -> Ints:
     return found
 
 
+@checked
 def counterparts(modes: Modes, others: Modes, among: Sequence[int] | None = None) -> Ints:
     """For every row (R,) of `modes` the index of the most similar row of `others` (one of `among`)."""
-    require_type("modes", modes, "Modes")
     chosen = np.arange(len(others)) if among is None else np.asarray(among, dtype=np.intp)
     alike = np.round(_alike(modes, others)[:, chosen], DIGITS)
     found = paired(alike, np.ones(len(chosen), dtype=np.int64))

@@ -24,7 +24,8 @@ from typing import NamedTuple
 import numpy as np
 
 from modal import pair
-from modal.errors import ComputationError, SceneError, require_type
+from modal.doors import checked
+from modal.errors import ComputationError, SceneError
 from modal.modes.displacements import centre_displacements
 from modal.modes.mode import UNCERTAIN
 from modal.modes.modes import Modes
@@ -82,6 +83,7 @@ class Sensitivities(Displayed):
         return tabulated("Sensitivities of a frequency, in rad/s per unit of each number", facts, columns)
 
 
+@checked
 def sensitivities(modes: Modes, number: int) -> Sensitivities:
     """The derivatives of the natural frequency ω = |λ| of the mode with index `number`, from 0.
 
@@ -94,7 +96,6 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
     12 digits of the largest p ∂ω/∂p are right: z_i is a running sum, and comes from `modal.modes.displacements` where
     that sum cancels.
     """
-    require_type("modes", modes, "Modes")
     _refuse(modes, number)
     value, shape = complex(modes.eigenvalue[number]), modes.shape(number, 0, "mass")
     if value == 0:

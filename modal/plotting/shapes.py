@@ -12,7 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from modal.errors import ComputationError, require_type
+from modal.doors import require_type
+from modal.errors import ComputationError
 from modal.modes import Mode, Modes, Shape
 from modal.plotting.layout import caption, evenly, headline, side_by_side
 from modal.plotting.profiles import profiles_figure

@@ -19,7 +19,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field, replace
 
-from modal.errors import SceneError, require_type
+from modal.doors import require_type
+from modal.errors import SceneError
 from modal.scene.features import DRAG, DRIVES, FEATURES, FRICTION, LOSS
 from modal.scene.model import Scene
 

@@ -13,7 +13,8 @@ from pathlib import Path
 from threading import Timer
 from typing import IO, Any
 
-from modal.errors import SceneError, meant, require_type
+from modal.doors import checked, require_type
+from modal.errors import SceneError, meant
 from modal.scene.contents import content_of, limited
 from modal.scene.model import Scene, describe, scene_from
 
@@ -90,6 +91,7 @@ def dumps(scene: Scene) -> str:
     return tomli_w.dumps(describe(scene))
 
 
+@checked
 def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
     """Write a scene file atomically; OSError names `path` where it cannot be written.
 
@@ -103,7 +105,6 @@ def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
     ...     load(path) == scene
     True
     """
-    require_type("scene", scene, "Scene")
     with whole_file(path) as stream:
         stream.write(dumps(scene).encode())
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
 
-from modal.errors import SceneError, require_type
+from modal.doors import require_type
+from modal.errors import SceneError
 from modal.report import Displayed, Summary
 from modal.scene.model import Scene
 from modal.scene.motion import Force, Moved, SineForce, SineMotion, SupportMotion

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import groupby
 
-from modal.errors import require_type
+from modal.doors import require_type
 from modal.report import capital, listed
 from modal.scene.links import AnyLink, Body
 from modal.scene.model import Cart, Pendulum, Scene

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.errors import require_type
+from modal.doors import checked
 from modal.modes import UNCERTAIN, Modes
 from modal.report import Displayed, Summary, aligned, counted
 from modal.scene import name_of
@@ -153,13 +153,13 @@ class Gains(Displayed):
         return aligned(rows, headings, ["right"] * len(headings))
 
 
+@checked
 def modal_gains(modes: Modes, model: StateSpace) -> Gains:
     """The gains of a model of `modes.scene` from `modal.statespace.model.state_space`.
 
     A rigid translation whose position no output sees gets the gains of its velocity.  Raises the errors of
     `modal.statespace.modal_form.modal_form`.
     """
-    require_type("modes", modes, "Modes")
     form = to_modal_form(modes, model)
     left = np.array([block.pushed @ block.left for block in form.blocks])
     right = np.array([block.right @ block.seen for block in form.blocks])

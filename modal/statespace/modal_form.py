@@ -22,7 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.errors import ComputationError, require_type
+from modal.doors import checked
+from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
 from modal.report import NOTHING, Displayed, Summary, brief, deferred, first_line
 from modal.statespace.model import StateSpace, fixed
@@ -115,13 +116,13 @@ def block_diagonal(blocks: Sequence[Floats]) -> Floats:
     return whole
 
 
+@checked
 def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     """The model of `modes.scene` decomposed into modes.
 
     Raises ValueError for the model of another scene, ComputationError for one in discrete time and where dampers make
     two modes coincide, or where drag couples them with the velocity of a cart whose acceleration is prescribed.
     """
-    require_type("modes", modes, "Modes")
     if model.dt:
         raise ComputationError("modal form needs a continuous model")
     given = {signal.name for signal in model.inputs}

@@ -32,6 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.assembly import Instant, Matrices, matrices
+from modal.doors import checked
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, counted, deferred
@@ -125,6 +126,7 @@ class _Motion(NamedTuple):
     support: tuple[tuple[Floats, Floats] | None, ...] = ()
 
 
+@checked
 def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
     """The model of a scene with these groups of inputs and outputs (`modal.statespace.signals.INPUTS` and `OUTPUTS`).
 

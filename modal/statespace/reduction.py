@@ -19,10 +19,11 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from modal.assembly import frequencies, ratio_at, rig_of
+from modal.doors import checked
 from modal.eigen import TOLERANCE
-from modal.errors import SceneError, require_type
+from modal.errors import SceneError
 from modal.modes import Modes, natural_modes
-from modal.scene import Pendulum, Scene, validate_scene
+from modal.scene import Pendulum, Scene
 from modal.statespace.gains import NOISE, without_noise
 from modal.statespace.modal_form import Block, ModalForm, block_diagonal, to_modal_form
 from modal.statespace.model import StateSpace, state_space
@@ -77,6 +78,7 @@ def _carried(scene: Scene, folded: Scene) -> float | tuple[float, ...]:
     return tuple(ratio_at(rig_of(scene))(frequencies(rig_of(folded))).tolist())
 
 
+@checked
 def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
     """The model with the same transfer functions without the modes that do not contribute to them.
 
@@ -85,7 +87,6 @@ def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...]
     `modal.statespace.model.state_space`, whose errors are raised; SceneError also for forces on pendula that have
     equals, which they would distinguish.
     """
-    validate_scene(scene)
     fold = fold_equals(scene)
     if max(fold.copies) > 1 and (at := [name for name in inputs if is_point(name)]):
         raise SceneError([f"input {name}: {APART}" for name in at])
@@ -185,6 +186,7 @@ def _independent(blocks: Sequence[Block], gains: Floats) -> Sequence[Block]:
 # ------------------------------------------------------------------------------------------------------ truncation
 
 
+@checked
 def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribution") -> StateSpace:
     """The model of `modes.scene` with `count` modes, copies counted, in modal coordinates.
 
@@ -194,7 +196,6 @@ def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribu
     is that of the whole model.  Raises ValueError for a count below 0 and another `by`, SceneError for more modes
     than the model has.
     """
-    require_type("modes", modes, "Modes")
     if count < 0 or by not in get_args(Choice):
         raise ValueError(f'count = {count}, by = {by!r}: must be a number of modes, by "contribution" or "lowest"')
     form = to_modal_form(modes, model)

@@ -36,11 +36,12 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modal.doors import checked
 from modal.eigen import smallest_where
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
 from modal.report import Displayed, Summary, counted, tabulated
-from modal.scene import Scene, refusals, validate_scene
+from modal.scene import Scene, refusals
 from modal.statespace.model import fixed
 from modal.types import Booleans, Complexes, Floats
 
@@ -117,6 +118,7 @@ def shaper(swings: Sequence[Swing], kind: Kind = "zv", step: float = 0.0, tolera
     return reduce(Shaper.__mul__, (_single(swing, kind, step, tolerance) for swing in swings))
 
 
+@checked
 def shaper_for(
     scene: Scene,
     count: int = 1,
@@ -128,20 +130,19 @@ def shaper_for(
     tolerance: float = TOLERANCE,
 ) -> Shaper:
     """The `shaper` for `count` of the modes found by `swings_of`, from index `first` on."""
-    validate_scene(scene)
     found = swings_of(scene, drive)
     if not 0 <= first < first + count <= len(found):
         raise ComputationError(f"{count} modes from index {first}: this drive excites {len(found)} modes")
     return shaper(found[first : first + count], kind, step, tolerance)
 
 
+@checked
 def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[Swing]:
     """The modes that a drive excites, in ascending order: fixed-base modes under a prescribed motion.
 
     Under "cart_force" they are the free modes that move the cart.  Raises SceneError for another drive and for a fixed
     support, ComputationError for an unstable equilibrium.
     """
-    validate_scene(scene)
     modes, rows = swing_rows(scene, drive)
     return [Swing(mode.omega, mode.damping_ratio) for mode in modes.rows(rows)]
 
@@ -166,6 +167,7 @@ def swing_rows(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
     return modes, [mode.number - 1 for mode in every if mode.oscillates and (not pushed or mode.cart_participation)]
 
 
+@checked
 def swing_words(scene: Scene, count: int = 1, drive: Drive = "cart_acceleration") -> Iterator[str]:
     """The assumptions of a shaper for the `count` slowest modes, then a line for each, with the table's mode."""
     modes, rows = swing_rows(scene, drive)
@@ -242,9 +244,9 @@ def robustness(
     return Robustness(np.asarray(values, dtype=np.float64), 100 * np.array(rows).reshape(len(rows), count))
 
 
+@checked
 def over_length(scene: Scene, lengths: ArrayLike, pendulum: int = 0, link: int = 0) -> list[Scene]:
     """The scene with these lengths (m) of one link as specified, pendulum and link counted from 0."""
-    validate_scene(scene)
     entry = scene.pendulum[pendulum]
     found = []
     for length in np.asarray(lengths, dtype=np.float64).tolist():

@@ -13,7 +13,8 @@ from typing import Any
 
 import sympy as sp
 
-from modal.errors import SceneError, require_type
+from modal.doors import require_type
+from modal.errors import SceneError
 from modal.scene import Scene, load
 from modal.symbolic import system as symbolic
 from modal.symbolic.eigen import modes_section, polynomial_section

@@ -15,7 +15,8 @@ from typing import Any
 
 import sympy as sp
 
-from modal.errors import SceneError, require_type
+from modal.doors import require_type
+from modal.errors import SceneError
 from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
 from modal.symbolic.system import SymbolicSystem
 

@@ -33,6 +33,7 @@ import scipy
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
+from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene
@@ -140,6 +141,7 @@ class Tongues(Displayed):
         return Summary(title, (), heads, rows, len(rows), words=frozenset({0}))
 
 
+@checked
 def tongues(scene: Scene, amplitude: ArrayLike, frequency_hz: ArrayLike) -> Tongues:
     """The boundaries of growth of a scene within the range of amplitudes (m) and frequencies (Hz), ascending grids.
 

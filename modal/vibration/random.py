@@ -24,9 +24,10 @@ from math import tau
 
 import numpy as np
 
+from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.modes import natural_modes
-from modal.scene import Scene, require, validate_scene
+from modal.scene import Scene, require
 from modal.scene.records import Spectrum
 from modal.statespace import ModalForm, frequency_response, state_space, to_modal_form
 from modal.statespace.gains import without_noise
@@ -226,6 +227,7 @@ def nodes(low: float, high: float, poles: list[complex]) -> Iterator[tuple[Float
         yield omega[at : at + BLOCK], weight[at : at + BLOCK]
 
 
+@checked
 def random_response(
     scene: Scene, spectrum: Spectrum, outputs: tuple[str, ...] = USUAL, source: str = INPUT
 ) -> RandomResponse:
@@ -244,7 +246,6 @@ def random_response(
     >>> found.source.unit, found.rms.shape
     ('N', (1,))
     """
-    validate_scene(scene)
     if source not in {INPUT, "cart_force"} and not is_point(source):
         raise SceneError([f"input {source}: must be {INPUT}, cart_force, or {EXAMPLES}"])
     require(scene, "random vibration" if source == INPUT else "a constant linear model")

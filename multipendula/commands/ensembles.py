@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
-from multipendula.commands.shared import bar, draw_in, estimate_of, forewarned, in_a_folder, picture, say
+from multipendula.commands.shared import bar, draw_in, estimate_of, forewarning, in_a_folder, picture, say
 from multipendula.completion import places
 from multipendula.options import (
     add_covariance,
@@ -204,13 +204,13 @@ def _add_engine(page: Page) -> None:
 @contextmanager
 def _engine(options: argparse.Namespace, scene: Scene, members: int) -> Iterator[dict[str, Any]]:
     """The arguments of an ensemble, with a progress bar in members."""
-    forewarned(scene, options.duration, members, options.integrator_tolerance)
     more: dict[str, Any] = {
         "engine": options.engine,
         "tolerance": options.integrator_tolerance,
         "workers": options.workers,
     }
-    with bar(members, "member") as report:
+    with bar(members, "member") as shown:
+        report = forewarning(shown, scene, options.duration, members, options.integrator_tolerance)
         if not options.scheduler:
             yield more | {"report": report}
             return

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from multipendula.commands.shared import bar, forewarned, in_a_folder, remark
+from multipendula.commands.shared import bar, forewarning, in_a_folder, remark
 from multipendula.options import (
     RUNS,
     add_accuracy,
@@ -78,9 +78,9 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
             lambda: _unstarted(options),
             lambda: recordings.load(options.scene),
         )[-1]
-        forewarned(before.scene, duration)
         with bar(duration) as report:
-            return resume(before, duration, output=options.samples, report=report, **given)
+            told = forewarning(report, before.scene, duration)
+            return resume(before, duration, output=options.samples, report=told, **given)
     scene = load(options.scene)
     words = {name: given.get(name, "auto") for name in ("method", "form")}
     *_, start, _ = validate(
@@ -89,9 +89,9 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
         lambda: start_of(scene, options.start),
         lambda: validate_method(scene, **words),
     )
-    forewarned(scene, duration)
     with bar(duration) as report:
-        return run(scene, duration, start=start, output=options.samples, report=report, **given)
+        told = forewarning(report, scene, duration)
+        return run(scene, duration, start=start, output=options.samples, report=told, **given)
 
 
 def in_few_modes(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:

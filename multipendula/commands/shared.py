@@ -157,8 +157,27 @@ def warned(scene: Scene, what: str) -> Scene:
     return scene
 
 
-def forewarned(scene: Scene, duration: float | None, members: int = 1, tolerance: float = 1e-9) -> None:
-    """Where so many motions take more than a day, that and how many days is told on standard error first."""
+def forewarning(
+    report: Callable[[float], object],
+    scene: Scene,
+    duration: float | None,
+    members: int = 1,
+    tolerance: float = 1e-9,
+) -> Callable[[float], object]:
+    """The report, which at its first call says on standard error how long so many motions take, if over a day."""
+    told = False
+
+    def reported(now: float) -> None:
+        nonlocal told
+        if not told:
+            told = True
+            _forewarn(scene, duration, members, tolerance)
+        report(now)
+
+    return reported
+
+
+def _forewarn(scene: Scene, duration: float | None, members: int, tolerance: float) -> None:
     from nonlinear.integration.costs import least_seconds
 
     days = least_seconds(scene, duration, tolerance, members) / DAY if duration else 0.0

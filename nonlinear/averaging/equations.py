@@ -39,10 +39,11 @@ from itertools import product
 
 import numpy as np
 
+from modal.doors import checked
 from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
 from modal.report import Displayed, Summary, brief, counted
-from modal.scene import Scene, name_of, require, validate_scene
+from modal.scene import Scene, name_of, require
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls, rubbed
 from nonlinear.dynamics import Contacts, contacts_of
@@ -307,13 +308,13 @@ def lattice(count: int) -> tuple[int, tuple[int, ...]]:
     raise AssertionError("unreachable")
 
 
+@checked
 def average(scene: Scene, system: System | None = None) -> AveragedEquations:
     """The averaged equations of a scene in the plane whose links all hang; `system` may be given.
 
     Raises ComputationError for other scenes, for dry friction on the rail, for quadratic drag, for more than MOST links
     or MOST_BANDS bands, and for coordinates without a mode, such as those of some massless carts.
     """
-    validate_scene(scene)
     require(scene, "averaging")
     if scene.n_links > MOST:
         raise ComputationError(f"averaged equations are limited to {MOST} links, not {scene.n_links}")

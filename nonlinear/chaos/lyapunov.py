@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from modal.doors import checked, checked_number
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, visible
 from modal.scene import Scene, frequencies_of, require, title_of, validate_scene
@@ -36,6 +37,8 @@ from nonlinear.system import State, initial_state, numbers_of, system_of, valida
 
 TRANSIENT = 0.5
 """Fraction of the duration run beforehand, for v to align with the fastest growing direction."""
+WIDEST = 10.0
+"""Spread of starts (rad)."""
 MOST_SAMPLES = 50_000_000
 """Numbers of the growth that are kept."""
 THIRDS = 3
@@ -209,6 +212,7 @@ class Exponent(Displayed):
         return "\n".join(lines)
 
 
+@checked
 def lyapunov_exponent(
     scene: Scene,
     duration: float | None = None,
@@ -230,9 +234,9 @@ def lyapunov_exponent(
     enough. Raises SceneError for a scene in space, for motions of a support and forces that are no sines and for a
     duration that is too short.
     """
-    validate_scene(scene)
     require(scene, "a Lyapunov exponent")
     frequencies_of(scene)
+    checked_number("spread", spread, 0.0, WIDEST)
     duration = usual_duration(scene) if duration is None else duration
     validate(
         lambda: validate_numbers(duration, tolerance, 0.0),

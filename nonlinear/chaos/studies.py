@@ -12,7 +12,7 @@ from math import hypot
 
 import numpy as np
 
-from modal.errors import require_type
+from modal.doors import require_type
 from modal.report import Displayed
 from modal.scene import Scene
 from modal.types import Floats

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from modal.doors import checked
 from modal.errors import MultipendulaError, SceneError
-from modal.report import Displayed, Summary, as_csv, as_json, by_column, counted, deferred, finite, grid, titled
+from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, counted, deferred, finite, grid, titled
 from modal.scene import Scene, describe, drive_period, name_of, require, title_of, validate_scene
 from modal.scene.parameters import Variable, Variation, find_places, parse_variations, validate_variations
 from modal.types import Floats, Ints
@@ -204,7 +205,8 @@ def _strobed(
 # ------------------------------------------------------------------------------------------------------- as text
 
 
-def bifurcation_table(found: BifurcationDiagram, form: str) -> str:
+@checked
+def bifurcation_table(found: BifurcationDiagram, form: Form) -> str:
     """As text, csv (one line a strobe) or json, the `form`."""
     if form == "csv":
         return as_csv(_records(found))

@@ -57,7 +57,7 @@ def _moved(scene: Scene) -> Hashable:
 
 def run_together(scenes: Iterable[Scene], duration: float) -> dict[Scene, Trajectory]:
     """The runs of those scenes that can go together, from their usual starts; the others are left out."""
-    scenes = validate_scenes([*scenes]) if isinstance(scenes, Iterable) else validate_scenes(scenes)
+    scenes = validate_scenes(scenes if isinstance(scenes, Sequence) else [*scenes])
     forms: dict[Hashable, list[Scene]] = {}
     for scene in dict.fromkeys(scenes):
         if (form := form_of(scene)) is not None:

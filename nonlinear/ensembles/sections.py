@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError, checked_number
-from modal.report import Displayed, Summary, as_csv, as_json, by_column, deferred, finite, titled
-from modal.scene import Scene, describe, name_of, require, title_of, validate_scene
+from modal.doors import checked, checked_number
+from modal.errors import SceneError
+from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, deferred, finite, titled
+from modal.scene import Scene, describe, name_of, require, title_of
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
@@ -81,6 +82,7 @@ class PoincareSection(Displayed):
         return np.asarray(180 - (180 - angle) % 360), rate
 
 
+@checked
 def find_section(
     scene: Scene,
     duration: float | None = None,
@@ -96,7 +98,6 @@ def find_section(
     `at` is a coordinate with what it passes, such as "theta[1,1]>0" (deg, or m of the cart), by default the first
     angle upwards through 0.  SceneError for a scene that does not keep its energy, and where no start has it.
     """
-    validate_scene(scene)
     require(scene, "a Poincaré section")
     validate_whole(1, orbits=orbits)
     system = system_of(scene)
@@ -149,7 +150,8 @@ def starts_at(scene: Scene, section: Section, energy: float, count: int) -> list
     raise SceneError([f"energy {energy:g} J: no motion of this energy passes the section"])
 
 
-def section_table(found: PoincareSection, form: str) -> str:
+@checked
+def section_table(found: PoincareSection, form: Form) -> str:
     """As text, csv (one line a crossing) or json, the `form`."""
     if form == "csv":
         return as_csv(_records(found))

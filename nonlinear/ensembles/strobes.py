@@ -16,9 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from modal.doors import checked
 from modal.errors import MultipendulaError, SceneError
 from modal.modes import natural_modes
-from modal.report import Displayed, Summary, as_csv, as_json, by_column, counted, deferred, finite, titled
+from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, counted, deferred, finite, titled
 from modal.scene import Scene, describe, drive_period, name_of, require, title_of, validate_scene
 from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import nearby
@@ -253,7 +254,8 @@ def validate_strobes(*, phase_deg: float, spread_deg: float = 0.0, settle: float
 # ------------------------------------------------------------------------------------------------------- as text
 
 
-def strobes_table(found: StroboscopicSection, form: str) -> str:
+@checked
+def strobes_table(found: StroboscopicSection, form: Form) -> str:
     """As text, csv (one line a strobe) or json, the `form`."""
     if form == "csv":
         return as_csv(_records(found))

@@ -8,6 +8,7 @@ from math import log
 
 import numpy as np
 
+from modal.doors import checked
 from modal.errors import SceneError, meant
 from modal.identification import scene_with
 from modal.identification.parameters import natural_unit
@@ -39,6 +40,7 @@ class Candidate(Displayed):
     held_out_rms: float
 
 
+@checked
 def compare(
     scene: Scene,
     recording: Recording,

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.identification import (
     autocorrelation,
@@ -22,7 +23,7 @@ from modal.identification import (
     find_parameters,
     starts_of,
 )
-from modal.scene import Scene, validate_scene
+from modal.scene import Scene
 from modal.types import Booleans, Floats
 from nonlinear.identification.diagnosis import diagnose
 from nonlinear.identification.mistakes import find_mistake, require_radians, require_seconds
@@ -69,6 +70,7 @@ SETTLED = 0.02  # relative change of the noise
 Report = Callable[[float], object]
 
 
+@checked
 def fit(
     scene: Scene,
     recording: Recording,
@@ -89,7 +91,6 @@ def fit(
     Raises SceneError for scenes that cannot be fitted and places that are not free numbers, ComputationError where no
     motion of the scene comes near the record.
     """
-    validate_scene(scene)
     require_fittable(scene)
     if loss not in LOSSES:
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])

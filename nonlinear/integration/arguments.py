@@ -14,7 +14,7 @@ from modal.scene import Scene, validate_scene
 from modal.types import Floats
 from nonlinear.integration.steppers import Pace
 from nonlinear.integration.timescales import estimate_timescales, sample_count
-from nonlinear.system import AppliedForces, Load, State, System, system_of
+from nonlinear.system import AppliedForces, Event, Load, State, System, system_of
 
 LOOSEST, TIGHTEST = 1e-2, 1e-15  # tolerances
 COARSEST, FINEST = 0.3, 1e-14  # accuracies (rad)
@@ -119,6 +119,18 @@ def paced(breaks: Sequence[float] | Floats | None, max_step: float | None) -> Pa
     if problems:
         raise SceneError(problems)
     return Pace(longest=inf if max_step is None else float(max_step), breaks=tuple(np.unique(times).tolist()))
+
+
+def validate_load(load: object) -> None:
+    """SceneError for a load that is no function."""
+    if load is not None and not callable(load):
+        raise SceneError([f"load {load!r:.60}: must be a function of the time and the state"])
+
+
+def validate_events(events: object) -> None:
+    """SceneError for what is no list of events."""
+    if isinstance(events, str) or not isinstance(events, Sequence) or not all(isinstance(own, Event) for own in events):
+        raise SceneError([f"events {events!r:.60}: must be a list of Events"])
 
 
 def validate_observable(load: Load | None, accuracy: float | None, *told: object) -> None:

@@ -186,7 +186,7 @@ def cached(module: Path, function: str) -> bool:
     home = os.environ.get("NUMBA_CACHE_DIR")
     own, name = f"{module.parent.name}_*", f"{module.stem}.{function}-*.nbi"
     users = os.path.join(os.path.expanduser("~"), ".cache", "numba")
-    places = [(home, own)] if home else [(module.parent, "__pycache__"), (users, own)]
+    places: list[tuple[str | Path, str]] = [(home, own)] if home else [(module.parent, "__pycache__"), (users, own)]
     try:
         written = module.stat().st_mtime
         return any(file.stat().st_mtime >= written for at, below in places for file in Path(at).glob(f"{below}/{name}"))

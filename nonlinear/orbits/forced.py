@@ -15,9 +15,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary
-from modal.scene import Scene, drive_period, require, validate_scene
+from modal.scene import Scene, drive_period, require
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
@@ -61,6 +62,7 @@ class LinearResponse(Displayed):
         return Summary("Linear response to the drives", facts)
 
 
+@checked
 def linear_response(scene: Scene) -> LinearResponse:
     """The steady motion of the linear model under the drives of a scene.
 
@@ -74,7 +76,6 @@ def linear_response(scene: Scene) -> LinearResponse:
     >>> round(linear_response(scene).amplitude * (9.81 - (pi / 2) ** 2), 9)
     0.01
     """
-    validate_scene(scene)
     require(scene, "a forced periodic orbit")
     drives, flow = drive_period(scene), Flow(system_of(scene))
     equations, size, many = flow.equations, len(flow.scale), SAMPLES * max(drives.cycles)
@@ -100,6 +101,7 @@ def linear_response(scene: Scene) -> LinearResponse:
     return LinearResponse(drives.seconds, motion, motion[:, links] - flow.rest[links])
 
 
+@checked
 def forced_orbit(scene: Scene, *, start: State | None = None, cycles: int = 1, tolerance: float = TOLERANCE) -> Orbit:
     """The periodic motion of a scene under its drives, over so many `cycles` of their common period.
 
@@ -114,11 +116,11 @@ def forced_orbit(scene: Scene, *, start: State | None = None, cycles: int = 1, t
     >>> orbit.period, round(orbit.amplitude, 6), round(linear_response(scene).amplitude, 6)
     (4.0, 0.269091, 0.272383)
     """
-    validate_scene(scene)
     problem, u, _ = _beginning(scene, None, None, start, cycles, tolerance)
     return problem.orbit(u)
 
 
+@checked
 def follow_forced(
     scene: Scene,
     variation: Variation,
@@ -138,7 +140,6 @@ def follow_forced(
     values or of a count and where the drives have no common period, ComputationError where no orbit is found at either
     end.
     """
-    validate_scene(scene)
     require_forced(scene, variation)
     found, failed = list[Branch](), dict[float, ComputationError]()
     ends = (variation.values[0], variation.values[-1])
@@ -162,9 +163,9 @@ def follow_forced(
     return tuple(found)
 
 
+@checked
 def require_forced(scene: Scene, variation: Variation) -> None:
     """Raise, without computing anything, what `follow_forced` raises for this scene and variation."""
-    validate_scene(scene)
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: orbits need two or more values of a continuous parameter"])

@@ -14,8 +14,9 @@ from math import degrees, radians
 
 import numpy as np
 
+from modal.doors import checked
 from modal.errors import ComputationError
-from modal.scene import Scene, validate_scene
+from modal.scene import Scene
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
@@ -79,6 +80,7 @@ def _largest(problem: Quarter, u: Floats) -> tuple[float, Floats]:
     return abs(turned), np.append(np.sign(turned) * V[column], 0.0)
 
 
+@checked
 def mode_along(
     scene: Scene,
     number: int,
@@ -93,7 +95,6 @@ def mode_along(
     They begin at the first value and are followed, through folds, until they leave the range.  Raises what
     `nonlinear_mode` does, and SceneError for a place that the scene does not have.
     """
-    validate_scene(scene)
     validate_variations(scene, [variation])
 
     @lru_cache(maxsize=8)

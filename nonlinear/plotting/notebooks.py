@@ -5,7 +5,7 @@ from __future__ import annotations
 from io import BytesIO
 from typing import Any
 
-from modal.errors import require_type
+from modal.doors import require_type
 from modal.plotting import Pair, theme
 from modal.report import visible
 from modal.scene import title_of

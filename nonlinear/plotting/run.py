@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from modal.errors import ComputationError, MultipendulaError, require_type
+from modal.doors import require_type
+from modal.errors import ComputationError, MultipendulaError
 from modal.modes import natural_modes
 from modal.plotting import (
     WIDE,

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from modal.errors import ComputationError, require_type
+from modal.doors import require_type
+from modal.errors import ComputationError
 from modal.modes import Mode, table_numbers
 from modal.plotting import (
     HUES,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.errors import require_type
+from modal.doors import checked, require_type
 from modal.types import Floats
 from nonlinear.integration import EXPLICIT, Choice, Trajectory, equations_of, prepare
 from nonlinear.postprocessing.resampling import extremes
@@ -47,13 +47,13 @@ def places_of(motion: Motion) -> Floats:
     return motion.cart[:, None]
 
 
+@checked
 def extent_of(trajectory: Trajectory, measured: Measured = angles_of) -> Extent:
     """The extremes of a quantity, of angles (rad) or of places of the cart (m), over the whole run.
 
     Between the samples they are known of motion without jumps of the rates, by an explicit method, whose samples are
     near enough to each other.
     """
-    require_type("trajectory", trajectory, "Trajectory")
     values = measured(trajectory.motion)
     samples = Extent(float(values.min()), float(values.max()), between=False)
     if not _known(trajectory):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.errors import ComputationError, require_type
+from modal.doors import require_type
+from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics import Frictional, Reactions, vectors
 from nonlinear.integration import Choice, Trajectory, equations_of

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from math import degrees, isfinite
 from typing import Any
 
+from modal.doors import require_type
 from modal.eigen import counted
-from modal.errors import ComputationError, SceneError, require_type
+from modal.errors import ComputationError, SceneError
 from modal.modes.solution_report import loaded, not_loaded
 from modal.report import visible
 from modal.scene import Moved, SineMotion, refusals, title_of

@@ -25,7 +25,8 @@ from typing import Any
 import numpy as np
 
 from modal.assembly import Matrices, equilibrium_of
-from modal.errors import ComputationError, require_type
+from modal.doors import checked, checked_index
+from modal.errors import ComputationError
 from modal.modes import Modes
 from modal.report import Displayed
 from modal.scene import Scene, validate_scene
@@ -108,9 +109,9 @@ def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = N
     )
 
 
+@checked
 def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
     """The q and v (T, n): the cart, then every link's angle, from the equilibrium."""
-    validate_scene(scene)
     if motion.links.ndim != 2:
         raise ComputationError("modal coordinates: only for motion in the plane")
     q, v = motion.links - rest_angles(scene), motion.link_rates
@@ -134,9 +135,10 @@ def rest_cart(scene: Scene) -> float:
     return equilibrium.cart if equilibrium else 0.0
 
 
+@checked
 def along_rail(modes: Modes, number: int) -> tuple[list[int], Any]:
     """The copies (from 0) of a mode that move along the rail, and their shapes (n, copies)."""
-    require_type("modes", modes, "Modes")
+    checked_index("number", number, 0, len(modes) - 1)
     shapes = [modes.shape(number, copy) for copy in range(int(modes.multiplicity[number]))]
     kept = [copy for copy, shape in enumerate(shapes) if not shape.across]
     vectors = [modes.column(shapes[copy]) for copy in kept]
@@ -155,13 +157,15 @@ def _projected(M: Floats, D: Floats | None, value: complex, phi: Any, q: Floats,
     return z.real, (value * z).real
 
 
+@checked
 def start_in_mode(scene: Scene, modes: Modes, number: int, copy: int = 0, amplitude: float = 0.1) -> State:
     """A start in the copy-th shape of the mode with index `number`, both from 0, with largest angle `amplitude` (rad).
 
     It is at rest, except that a damped mode starts with its own velocities, Re λφ, to exclude other modes.  For a shape
     without angles the cart is displaced by `amplitude` m.  Raises ComputationError for a shape across the rail.
     """
-    validate_scene(scene)
+    checked_index("number", number, 0, len(modes) - 1)
+    checked_index("copy", copy, 0, int(modes.multiplicity[number]) - 1)
     shape = modes.shape(number, copy)
     if shape.across:
         raise ComputationError(f"mode {number + 1}: shape {copy + 1} moves across the rail")

@@ -6,7 +6,8 @@ from math import radians
 
 import numpy as np
 
-from modal.errors import SceneError, require_type
+from modal.doors import checked, checked_index
+from modal.errors import SceneError
 from modal.modes import UNCERTAIN, Modes, table_numbers
 from modal.scene import Scene, validate_scene
 from nonlinear.integration import modes_of
@@ -17,12 +18,12 @@ USUAL_DEG = 5.0
 """The largest angle of any link."""
 
 
+@checked
 def first_that_swings(scene: Scene, *, undamped: bool = False) -> int:
     """The number in the table of the first mode that swings along the rail; SceneError if there is none.
 
     `undamped` asks for one that swings without the dampers.
     """
-    validate_scene(scene)
     modes = modes_of(scene.conservative if undamped else scene)
     along = np.array([any(part.along for part in parts) for parts in modes.spectrum.groups])
     swings = (modes.eigenvalue.imag > 0) & (modes.error < UNCERTAIN) & along
@@ -32,6 +33,7 @@ def first_that_swings(scene: Scene, *, undamped: bool = False) -> int:
     return int(numbers.min())
 
 
+@checked
 def copy_along(modes: Modes, row: int) -> int:
     """The index of the first shape along the rail, of those that share a frequency; 0 if all are across.
 
@@ -39,7 +41,7 @@ def copy_along(modes: Modes, row: int) -> int:
     >>> copy_along(natural_modes(load("chain-spatial")), 0)
     0
     """
-    require_type("modes", modes, "Modes")
+    checked_index("row", row, 0, len(modes) - 1)
     copies = range(int(modes.multiplicity[row]))
     return next((copy for copy in copies if not modes.shape(row, copy).across), 0)
 

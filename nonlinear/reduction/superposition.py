@@ -24,10 +24,11 @@ from typing import Any
 
 import numpy as np
 
+from modal.doors import checked
 from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
 from modal.report import Displayed
-from modal.scene import Fixed, Scene, require, validate_scene
+from modal.scene import Fixed, Scene, require
 from modal.types import Complexes, Floats
 from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
 from nonlinear.reduction.two_planes import join, split
@@ -138,13 +139,13 @@ class Superposition(Displayed):
         return replace(self, planes=tuple(planes))
 
 
+@checked
 def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
     """The motion from this start as a function of times (T,) in s, amplitude-corrected or linear.
 
     Raises ComputationError where the modes do not span the start, as where eigenvalues of damped modes coincide,
     and for dry friction and quadratic drag.
     """
-    validate_scene(scene)
     require(scene, "motion in closed form")
     if scene.space == "plane":
         return Superposition(scene, (_flat(scene, start, corrected),))

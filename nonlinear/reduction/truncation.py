@@ -26,10 +26,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from modal.doors import checked
 from modal.errors import SceneError
 from modal.modes import Modes
 from modal.report import Displayed
-from modal.scene import Scene, refusals, validate_scene
+from modal.scene import Scene, refusals
 from modal.types import Floats, Ints
 from nonlinear.integration import (
     SCIPY,
@@ -172,6 +173,7 @@ class Survey(Displayed):
         return Truncated(self.system, self.system.rest, shapes, dual)
 
 
+@checked
 def simulate_truncated(
     scene: Scene,
     duration: float,
@@ -191,7 +193,6 @@ def simulate_truncated(
     infinite. Raises SceneError for a scene in space and for invalid arguments, ComputationError where the modes cannot
     be computed, SimulationError where the integrator fails.
     """
-    validate_scene(scene)
     validate(
         lambda: validate_numbers(duration, tolerance, 0.0),
         lambda: validate_whole(1, optional=True, modes=modes),
@@ -286,9 +287,9 @@ def _validate(scene: Scene, method: str) -> None:
         raise SceneError(found)
 
 
+@checked
 def survey_modes(scene: Scene, system: System, start: State) -> Survey:
     """The modes of the scene without its dampers, and the start in them; SceneError where they do not span it."""
-    validate_scene(scene)
     still = scene.conservative
     modes = modes_of(still)
     phi = modes.matrix.real

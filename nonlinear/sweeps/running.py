@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import ComputationError, SceneError, require_type
+from modal.doors import require_type
+from modal.errors import ComputationError, SceneError
 from modal.report import HTML_ROWS, Displayed, Summary, brief, deferred, grid, visible
 from modal.scene import Scene, left_out, name_of
 from modal.scene.parameters import Place, Variable, find_places

@@ -22,9 +22,10 @@ from math import exp, log
 import numpy as np
 
 from modal._compatibility import former
+from modal.doors import checked
 from modal.errors import SceneError
 from modal.report import Displayed
-from modal.scene import Scene, require, validate_scene
+from modal.scene import Scene, require
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Complexes, Floats
 from nonlinear.averaging import (
@@ -154,6 +155,7 @@ class Branches(Displayed):
         )
 
 
+@checked
 def follow_branches(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Branches:
     """The branches of a self-excited scene; `report` is called with the number followed so far.
 
@@ -162,7 +164,6 @@ def follow_branches(scene: Scene, variation: Variation, report: Report = lambda 
     of a count, ComputationError where nothing excites the scene or it is outside the scope of
     `nonlinear.averaging.equations`.
     """
-    validate_scene(scene)
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: branches need two or more values of a continuous parameter"])

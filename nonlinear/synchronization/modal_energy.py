@@ -16,7 +16,8 @@ from math import pi
 
 import numpy as np
 
-from modal.errors import ComputationError, require_type
+from modal.doors import checked
+from modal.errors import ComputationError
 from modal.modes import Mode, Modes, natural_modes, table_numbers
 from modal.report import Displayed
 from modal.scene import Scene
@@ -110,12 +111,12 @@ class Survival(Displayed):
         return below_for_good(self.times, np.delete(self.share, self._place, axis=1).sum(axis=1), threshold)
 
 
+@checked
 def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Survival:
     """The energies of a run in the plane in the modes of its scene without dampers, which may be given.
 
     Raises ComputationError for a motion in space, for more coordinates than MOST, and where no mode oscillates.
     """
-    require_type("trajectory", trajectory, "Trajectory")
     scene = trajectory.scene.conservative
     size = scene.n_links + (scene.support.kind == "cart")
     if trajectory.system.spatial:

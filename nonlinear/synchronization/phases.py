@@ -21,7 +21,8 @@ from typing import NamedTuple
 import numpy as np
 
 from modal import pair
-from modal.errors import ComputationError, require_type
+from modal.doors import require_type
+from modal.errors import ComputationError
 from modal.report import Displayed, Summary, counted, first_line
 from modal.types import Complexes, Floats
 from nonlinear.integration import Trajectory

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import ComputationError, require_type
+from modal.doors import require_type
+from modal.errors import ComputationError
 from modal.modes import table_numbers
 from modal.report import (
     NOTHING,

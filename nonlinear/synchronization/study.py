@@ -8,6 +8,7 @@ from functools import cached_property
 from math import pi
 from typing import Any
 
+from modal.doors import checked
 from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.scene import Scene, refusals, require, validate_scene
@@ -111,6 +112,7 @@ def usual_duration(scene: Scene, theory: Theory | None) -> float:
     return min(wished, MOST * period)
 
 
+@checked
 def study_synchronization(
     scene: Scene,
     duration: float | None = None,
@@ -125,7 +127,6 @@ def study_synchronization(
     the simulated time and the duration.  A start that ends in an unstable state is replaced by a perturbed one, in
     prediction and simulation.  KeyboardInterrupt where Ctrl-C cuts the run short.
     """
-    validate_scene(scene)
     require(scene, "synchronization")
     silent = "; ".join(refusals(scene, "a prediction of synchronization"))
     theory, silent = (None, silent) if silent else _tried(lambda: theory_of_scene(scene, start))

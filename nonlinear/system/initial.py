@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from modal.doors import checked
 from modal.errors import SceneError
 from modal.report import counted
 from modal.scene import Pendulum, Scene, validate_scene
@@ -56,6 +57,7 @@ def _of(pendulum: Pendulum) -> Floats:
     return np.array([start.angles_deg, start.rates_deg or none, start.azimuths_deg or none]).T
 
 
+@checked
 def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
     """The state at rest with an angle (deg) per link of the scene, or of one pendulum where all have equally many.
 
@@ -68,7 +70,6 @@ def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
     >>> [round(degrees(angle), 9) for angle in state.links]
     [30.0, 45.0]
     """
-    validate_scene(scene)
     given, total = np.array(angles_deg, dtype=float), scene.n_links
     sizes = {pendulum.n_links for pendulum in scene.pendulum}
     accepted = sorted({total, *(sizes if len(sizes) == 1 else ())})

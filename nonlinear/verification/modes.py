@@ -16,11 +16,12 @@ from math import degrees, inf, isfinite, nan, pi, radians, sqrt
 
 import numpy as np
 
+from modal.doors import checked
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
 from modal.report import Displayed, Summary, brief, counted
-from modal.scene import Scene, name_of, require, validate_scene
+from modal.scene import Scene, name_of, require
 from modal.types import Floats
 from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
 from nonlinear.postprocessing import LEAST_PERIODS
@@ -113,6 +114,7 @@ class Check(Displayed):
         return any(reason == INTERRUPTED for _, reason in self.skipped)
 
 
+@checked
 def check(
     scene: Scene,
     numbers: Sequence[int] | None = None,
@@ -129,7 +131,6 @@ def check(
     `report` is called with the number of modes done.  Modes that do not oscillate for long enough are skipped with a
     reason; after Ctrl-C, so are those not done.
     """
-    validate_scene(scene)
     require(scene, "a check of modes")
     given, scene = scene, scene.linearizable
     modes = natural_modes(scene)

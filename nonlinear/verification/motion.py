@@ -12,7 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.errors import ComputationError, require_type
+from modal.doors import checked
+from modal.errors import ComputationError
 from modal.modes import Mode, Modes, natural_modes
 from modal.report import Displayed
 from modal.scene import require
@@ -62,13 +63,13 @@ class Comparison(Displayed):
         return number + 1, line.omega / float(omega[number]) - 1
 
 
+@checked
 def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, count: int = MOST_LINES) -> Comparison:
     """Project a motion in the plane, sampled evenly, on the modes with these indices (from 0; by default all).
 
     At most `count` lines are sought in every coordinate.  A decaying mode's lines are those of η exp(−Re λ t).
     Raises ComputationError for a motion out of the plane.
     """
-    require_type("trajectory", trajectory, "Trajectory")
     require(trajectory.scene, "a comparison with modes")
     modes = natural_modes(trajectory.scene)
     chosen = list(range(len(modes))) if numbers is None else list(numbers)
