@@ -95,7 +95,7 @@ def checked_number(name: str, value: object, least: float = -float("inf"), most:
     >>> checked_number("energy", 2)
     2.0
     """
-    number = float(value) if not isinstance(value, bool) and isinstance(value, Real) else float("nan")
+    number = float(value) if _is_finite(value) else float("nan")  # type: ignore[arg-type]
     if not isfinite(number) or not least <= number <= most:
         bounds = [f" from {least:g}"] * isfinite(least) + [f" to {most:g}"] * isfinite(most)
         raise SceneError([f"{name} {_shown(value)}: must be a finite number{''.join(bounds)}"])
@@ -116,7 +116,7 @@ def checked_index(name: str, value: object, least: int, most: int) -> int:
 def _shown(value: object) -> str:
     try:
         text = repr(value)
-    except ValueError:  # whole numbers of thousands of digits
+    except ValueError:  # of a whole number of thousands of digits
         text = "(an enormous integer)"
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 
@@ -187,8 +187,15 @@ def _of_atom(atom: str, names: Mapping[str, Any], unbounded: bool) -> Check | No
     return None
 
 
+def _is_finite(value: object) -> bool:
+    try:
+        return not isinstance(value, bool) and isinstance(value, Real) and isfinite(value)
+    except OverflowError:  # of a whole number beyond all floats
+        return False
+
+
 def _number(value: object) -> str:
-    right = not isinstance(value, bool) and isinstance(value, Real) and isfinite(value)
+    right = _is_finite(value)
     return "" if right else f"{_shown(value)}: must be a finite number"
 
 

@@ -27,6 +27,7 @@ from modal.types import Floats
 
 SAME = 1e-6  # relative difference of a number from the scene's
 ALIKE = 1e-9  # of two entries that mirror each other, relative to their standard deviations
+MOST_ALIKE = 1 + 1e-6  # largest correlation, rounding included
 INDEFINITE = 1e-9  # of the largest eigenvalue of the correlations: a negative one beyond rounding
 
 
@@ -164,7 +165,12 @@ def _faults(matrix: Floats) -> Iterator[str]:
         yield f"covariance[{k}][{k}] = {variance[k]:.6g}: a variance must be at most {LARGEST**2:g}"
         return
     size = np.where(variance > 0, np.sqrt(variance), 1.0)
-    correlation = matrix / size / size[:, None]
+    with np.errstate(over="ignore"):
+        correlation = matrix / size / size[:, None]
+    if (largest := np.abs(correlation).max()) > MOST_ALIKE:
+        j, k = divmod(int(np.argmax(np.abs(correlation))), len(matrix))
+        yield f"covariance[{j}][{k}] = {matrix[j, k]:.6g}: gives the correlation {largest:.3g}: must be from -1 to 1"
+        return
     apart = np.abs(correlation - correlation.T)
     if apart.max() > ALIKE:
         j, k = sorted(divmod(int(np.argmax(apart)), len(apart)))

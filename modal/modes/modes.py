@@ -272,9 +272,9 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     where double precision or memory does not suffice, ValueError for an accuracy that is not positive or a slice with a
     step.  Methods and their sources are given in the modules that `modal.eigen.spectrum` chooses from.
     """
-    limits = Limits(validate_accuracy(accuracy), _lowest(modes))
     if modes is not None:
         require_type("modes", modes, "slice")
+    limits = Limits(validate_accuracy(accuracy), _lowest(modes))
     if limits == EVERYTHING and modes is None and (short := Short.of(validate_scene(scene))):
         return Modes(scene, short=short)
     found = Modes(scene, limits, modes)

@@ -34,6 +34,7 @@ Direction = Literal["horizontal", "vertical"]
 Acting = Literal["horizontal", "vertical", "torque"]
 Quantity = Literal["acceleration", "velocity", "displacement"]
 FEWEST = 4  # samples of a record
+CLOSEST = 1e-50  # s between samples: slopes of splines over less are beyond double precision
 LARGEST_SEED = 2**63 - 1
 MOST_SINES = 20_000
 RECORDED: dict[str, Quantity] = {
@@ -97,6 +98,8 @@ class RecordSignal(Part):
             yield f".time_s: has {len(times)} samples: at least {FEWEST} are needed"
         if any(later <= earlier for earlier, later in pairwise(times)):
             yield ".time_s: must be strictly ascending"
+        elif any(later - earlier < CLOSEST for earlier, later in pairwise(times)):
+            yield f".time_s: has samples less than {CLOSEST:g} s apart"
 
 
 class RandomSignal(Part):

@@ -36,7 +36,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.doors import checked
+from modal.doors import checked, checked_index
 from modal.eigen import smallest_where
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
@@ -247,7 +247,9 @@ def robustness(
 @checked
 def over_length(scene: Scene, lengths: ArrayLike, pendulum: int = 0, link: int = 0) -> list[Scene]:
     """The scene with these lengths (m) of one link as specified, pendulum and link counted from 0."""
+    checked_index("pendulum", pendulum, 0, len(scene.pendulum) - 1)
     entry = scene.pendulum[pendulum]
+    checked_index("link", link, 0, len(entry.links) - 1)
     found = []
     for length in np.asarray(lengths, dtype=np.float64).tolist():
         changed = entry.links[link].replace(length=length)

@@ -61,9 +61,10 @@ def fine_times(record: Record, period: float, until: float) -> Grid:
     piece = np.repeat(np.arange(len(sizes)), sizes)
     offset = (np.arange(len(piece)) - first[piece]) * ((ends - begins) / counts)[piece]
     moved = np.zeros((len(derivatives), len(piece)))
-    for m in range(len(derivatives)):
-        for k in range(m, len(derivatives)):
-            moved[m] += derivatives[k, piece] * offset ** (k - m) / factorial(k - m)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for m in range(len(derivatives)):
+            for k in range(m, len(derivatives)):
+                moved[m] += derivatives[k, piece] * offset ** (k - m) / factorial(k - m)
     times = begins[piece] + offset
     times[first[-1] - 1], times[-1] = record.last, until
     return Grid(times, moved, first, first + number)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.doors import checked, checked_number
+from modal.doors import checked, checked_index, checked_number
 from modal.errors import SceneError
 from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, deferred, finite, titled
 from modal.scene import Scene, describe, name_of, require, title_of
@@ -23,13 +23,13 @@ from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.found import Section
 from nonlinear.ensembles.measures import section_of
 from nonlinear.ensembles.running import Ensemble, ensemble
-from nonlinear.integration import estimate_timescales, validate_whole
+from nonlinear.integration import estimate_timescales
 from nonlinear.reduction import usual_start
 from nonlinear.system import State, System, numbers_of, system_of
 
 ORBITS, PERIODS = 24, 200.0  # motions, and how long each goes on in sqrt(l/g), where nobody says
 TRIES = 20_000  # starts drawn for each one that has the energy
-SEED = 7
+SEED, MOST_ORBITS = 7, 100_000
 FASTEST = 1e4  # of the scene's fastest swing: a motion with faster links takes days
 
 
@@ -99,7 +99,7 @@ def find_section(
     angle upwards through 0.  SceneError for a scene that does not keep its energy, and where no start has it.
     """
     require(scene, "a Poincaré section")
-    validate_whole(1, orbits=orbits)
+    checked_index("orbits", orbits, 1, MOST_ORBITS)
     system = system_of(scene)
     text = at or f"{next(label for label in system.labels if label != 'x')}>0"
     section = section_of(f"section:{text}", system)

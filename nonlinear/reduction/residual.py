@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.doors import require_type
 from modal.types import Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.drag import drag, plane_drag
@@ -36,6 +37,7 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
 
     One plane, or of a system in space the ones along the rail (with the cart, N; the links' in N m) and across it.
     """
+    require_type("system", system, "System")
     on = int(system.cart is not None)
     starts = [on, 0][: len(planes)]
     found = [np.zeros(plane.shape[1:]) for plane in planes]
