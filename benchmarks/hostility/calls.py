@@ -118,7 +118,8 @@ def _called(function: Callable[..., Any], given: dict[str, Any], simple: bool) -
     except GivenUpError:
         return "given up", ""
     except UNJUDGED as error:
-        return "Python's", f"{type(error).__name__}: {error}" if simple else ""
+        told = "there is no mode" in str(error)
+        return "Python's", f"{type(error).__name__}: {error}" if simple and not told else ""
     except BaseException as error:
         return "failed", f"{type(error).__name__}: {str(error)[:120]}" if simple else ""
     finally:

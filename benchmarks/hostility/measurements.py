@@ -70,7 +70,7 @@ def endless(number: int, folder: Path) -> Ended:
             (folder / name).mkdir()
     path = rng.choice([name for name in ENDLESS if Path(name).is_absolute() <= Path(name).exists()])
     words = rng.choice(READERS).split()
-    if words[:2] == ["table", "PATH"] and path == "pipe":  # a scene comes through a pipe
+    if words[:2] == ["table", "PATH"] and path.startswith("pipe"):  # a scene may come through a pipe
         path = "folder"
     return _run(words, path, folder)
 

@@ -96,6 +96,8 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
     12 digits of the largest p ∂ω/∂p are right: z_i is a running sum, and comes from `modal.modes.displacements` where
     that sum cancels.
     """
+    if not -len(modes) <= number < len(modes):
+        raise IndexError(f"there is no mode of index {number}: {len(modes)} modes have indices 0 to {len(modes) - 1}")
     _refuse(modes, number)
     value, shape = complex(modes.eigenvalue[number]), modes.shape(number, 0, "mass")
     if value == 0:

@@ -70,7 +70,10 @@ def validate_accuracy(accuracy: float | None) -> None:
 
 
 def _real(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+    try:
+        return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+    except OverflowError:  # of a whole number beyond all floats
+        return False
 
 
 def sample_times(
