@@ -41,7 +41,7 @@ from modal.eigen import smallest_where
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
 from modal.report import Displayed, Summary, counted, tabulated
-from modal.scene import Scene, refusals
+from modal.scene import Scene, refusals, validate_scene
 from modal.statespace.model import fixed
 from modal.types import Booleans, Complexes, Floats
 
@@ -136,13 +136,13 @@ def shaper_for(
     return shaper(found[first : first + count], kind, step, tolerance)
 
 
-@checked
 def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[Swing]:
     """The modes that a drive excites, in ascending order: fixed-base modes under a prescribed motion.
 
     Under "cart_force" they are the free modes that move the cart.  Raises SceneError for another drive and for a fixed
     support, ComputationError for an unstable equilibrium.
     """
+    validate_scene(scene)
     modes, rows = swing_rows(scene, drive)
     return [Swing(mode.omega, mode.damping_ratio) for mode in modes.rows(rows)]
 
@@ -151,7 +151,7 @@ def swing_rows(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
     """The modes of the scene with this drive, and the indices of those that it excites."""
     drives = get_args(Drive)
     problems = (
-        [] if drive in drives else [f"drive = {drive!r}: must be one of {', '.join(drives)}{meant(drive, drives)}"]
+        [] if drive in drives else [f"drive {drive!r}: must be one of {', '.join(drives)}{meant(str(drive), drives)}"]
     )
     problems += refusals(scene, "a shaper")
     if problems:
