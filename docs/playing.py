@@ -50,7 +50,7 @@ def sketch(scene: Scene) -> str:
     left, top = drawn[0][0]
     right = drawn[-1][0, 0]
     parts = [f'<path class="support" d="M{left - 10:.1f} {top:.1f}H{right + 10:.1f}"/>']
-    if scene.support.kind == "cart":
+    if scene.cart:
         parts.append(f'<path class="rail" d="M2 {top + 4:.1f}H{WIDTH - 2:.0f}"/>')
     for place, shape in enumerate(drawn):
         points = [f"{x:.1f},{y:.1f}" for x, y in shape]

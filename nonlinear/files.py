@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import SceneError
 from modal.report import csv_comment, csv_rows
 from modal.scene import Scene, describe, kind_of, scene_from, sealed, whole_file
+from modal.scene.doors import checked
 from modal.scene.sealed import finite_array, index, reading, require_keys
 from modal.types import Floats
 from nonlinear.dynamics import links_of_contacts
@@ -45,6 +45,8 @@ HEADER = "header"
 COMMENT = "# {"
 VERSION = 1
 PARTS = ("links", "link_rates", "cart", "cart_rate", "work")
+CARRIED = ("supports", "support_rates")
+"""The coordinates of a structure and their rates, in files of scenes that have one."""
 TIMES = "times_s"
 AXES = ("x", "y", "z")
 SUPPORT = ("support_m", "support_dot_m_per_s", "support_ddot_m_per_s2")
@@ -136,8 +138,9 @@ def from_npz(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, An
 
 
 def _header(trajectory: Trajectory) -> dict[str, Any]:
+    states = (*PARTS[:4], *_carried(trajectory.system))
     events = [
-        {"name": e.name, "time_s": e.time, **{part: np.asarray(getattr(e.state, part)).tolist() for part in PARTS[:4]}}
+        {"name": e.name, "time_s": e.time, **{part: np.asarray(getattr(e.state, part)).tolist() for part in states}}
         for e in trajectory.happenings
     ]
     rubbed = {"friction": {name: np.asarray(part).tolist() for name, part in trajectory.friction._asdict().items()}}
@@ -163,11 +166,12 @@ def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats])
     system = system_of(scene)
     shape = (len(times), system.n_links, *([3] if system.spatial else []))
     shapes = dict.fromkeys(PARTS, (len(times),)) | {"links": shape, "link_rates": shape}
-    require_keys(parts, *PARTS)
-    motion = Motion(**{name: finite_array(parts[name], *shapes[name]) for name in PARTS})
+    shapes |= dict.fromkeys(_carried(system), (len(times), system.first))
+    require_keys(parts, *shapes)
+    motion = Motion(**{name: finite_array(parts[name], *shapes[name]) for name in shapes})
     if len(times) == 0 or np.any(np.diff(finite_array(times, len(times))) <= 0):
         raise ValueError
-    events = tuple(_happening(event, shape[1:]) for event in header["events"])
+    events = tuple(_happening(event, shape[1:], system) for event in header["events"])
     kicks = _kicks(header["kicks"], system.n_links)
     if system.rubs != (rubbed is not None):
         raise ValueError
@@ -189,10 +193,16 @@ def _run(found: dict[str, Any], system: System, scene: Scene) -> SolverInfo:
     return run
 
 
-def _happening(event: dict[str, Any], shape: tuple[int, ...]) -> EventRecord:
-    require_keys(event, "name", "time_s", *PARTS[:4])
+def _carried(system: System) -> tuple[str, ...]:
+    return CARRIED if system.structure is not None else ()
+
+
+def _happening(event: dict[str, Any], shape: tuple[int, ...], system: System) -> EventRecord:
+    require_keys(event, "name", "time_s", *PARTS[:4], *_carried(system))
     time, cart, cart_rate = finite_array([event["time_s"], event["cart"], event["cart_rate"]], 3).tolist()
-    state = State(finite_array(event["links"], *shape), finite_array(event["link_rates"], *shape), cart, cart_rate)
+    more = {name: finite_array(event[name], system.first) for name in _carried(system)}
+    links = finite_array(event["links"], *shape), finite_array(event["link_rates"], *shape)
+    state = State(*links, cart, cart_rate, **more)
     return EventRecord(str(event["name"]), time, state)
 
 
@@ -223,7 +233,7 @@ def _friction(found: dict[str, Any], system: System) -> Friction:
 
 
 def _npz(trajectory: Trajectory) -> bytes:
-    parts = {name: getattr(trajectory.motion, name) for name in PARTS}
+    parts = {name: getattr(trajectory.motion, name) for name in (*PARTS, *_carried(trajectory.system))}
     return as_npz(_header(trajectory), {TIMES: trajectory.times} | parts)
 
 
@@ -236,15 +246,37 @@ def _read_npz(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
 
 
 def columns(system: System) -> list[str]:
-    """The names of a CSV's columns, in order: time, links, their rates, the cart and the work, a moved support."""
-    places = [label[len("theta") :].strip("[]").replace(",", "_") for label in system.labels if label != "x"]
+    """The names of a CSV's columns, in order: time, links, their rates, the cart and the work, a moved support.
+
+    On a structure its coordinates and their rates stand in the place of the cart's, and the work is followed by
+    extension and pull of every spring between points.
+    """
+    places = [label[len("theta") :].strip("[]").replace(",", "_") for label in system.labels[system.first :]]
     if system.spatial:
         links = [f"u{axis}_{place}" for place in places for axis in AXES]
         rates = [f"u{axis}_dot_{place}_per_s" for place in places for axis in AXES]
     else:
         links = [f"theta_{place}_rad" for place in places]
         rates = [f"theta_dot_{place}_rad_per_s" for place in places]
-    return ["time_s", *links, *rates, "x_m", "x_dot_m_per_s", "work_J", *_of_support(system)]
+    return ["time_s", *links, *rates, *_of_carriers(system), "work_J", *_of_springs(system), *_of_support(system)]
+
+
+def _of_carriers(system: System) -> list[str]:
+    """The coordinates before those of links, then their rates: NAME_m, NAME_m_per_s, of one cart x_m, x_dot_m_per_s."""
+    if system.structure is None:
+        return ["x_m", "x_dot_m_per_s"]
+    names = ["x_m" if name == "x" else name for name in system.structure.names]
+    return names + ["x_dot_m_per_s" if name == "x_m" else f"{name}_per_s" for name in names]
+
+
+def _of_springs(system: System) -> list[str]:
+    """Extension (m, rad) and pull (N, N m) of every spring between points, counted from 0 with its copies."""
+    springs = system.structure.springs if system.structure else ()
+    return [
+        f"spring_{name}[{k}]"
+        for k, spring in enumerate(springs)
+        for name in (("angle_rad", "torque_N_m") if spring.torsion else ("extension_m", "force_N"))
+    ]
 
 
 def _of_support(system: System) -> tuple[str, ...]:
@@ -254,8 +286,12 @@ def _of_support(system: System) -> tuple[str, ...]:
 
 def rows_of(trajectory: Trajectory) -> Floats:
     """The numbers of the motion, a column for each of `columns`, (T, C)."""
-    motion, size = trajectory.motion, len(trajectory.times)
-    blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in PARTS]
+    motion, size, system = trajectory.motion, len(trajectory.times), trajectory.system
+    carried = _carried(system) or PARTS[2:4]
+    blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in (*PARTS[:2], *carried, PARTS[4])]
+    if system.structure is not None and system.structure.springs:
+        extension, pull, _ = trajectory.mechanics.springs
+        blocks.append(np.stack((extension, pull), axis=2).reshape(size, -1))
     if support := trajectory.system.support:
         moved = [motion for _, motion in sorted(support.motions, key=lambda each: each[0] == UP)]
         blocks += [motion.derivative(trajectory.times, order)[:, None] for motion in moved for order in range(3)]
@@ -279,9 +315,14 @@ def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
     system = system_of(scene_from(header["scene"]))
     if names.split(",") != columns(system):
         raise ValueError
-    rows = rows[:, : len(rows[0]) - len(_of_support(system))]
+    rows = rows[:, : len(rows[0]) - len(_of_support(system)) - len(_of_springs(system))]
     size, width = len(rows), 3 if system.spatial else 1
     count = system.n_links * width
     shape = (size, system.n_links, 3) if system.spatial else (size, system.n_links)
-    split = [rows[:, 1 : 1 + count].reshape(shape), rows[:, 1 + count : 1 + 2 * count].reshape(shape), *rows[:, -3:].T]
-    return header, rows[:, 0], dict(zip(PARTS, split, strict=True))
+    split = [rows[:, 1 : 1 + count].reshape(shape), rows[:, 1 + count : 1 + 2 * count].reshape(shape)]
+    if system.structure is not None:
+        d, at, none = system.first, 1 + 2 * count, np.zeros(size)
+        carried = rows[:, at : at + d], rows[:, at + d : at + 2 * d]
+        split += [none, none, rows[:, -1]]
+        return header, rows[:, 0], dict(zip(PARTS, split, strict=True)) | dict(zip(CARRIED, carried, strict=True))
+    return header, rows[:, 0], dict(zip(PARTS, [*split, *rows[:, -3:].T], strict=True))

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from modal._compatibility import exported
-from modal.doors import checked
 from modal.errors import SceneError
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Floats
 from nonlinear.accuracy import Advice, Goal, seek_accuracy
 from nonlinear.integration import (

@@ -19,6 +19,7 @@ DOORS = {*PACKAGES, "modal._compatibility", "multipendula.__main__"}
 HEAVY = {
     "matplotlib": {"modal.plotting", "nonlinear.plotting"},
     "scipy": {
+        "modal.eigen.product",
         "modal.statespace.hoisting",
         "modal.statespace.sampling",
         "modal.statespace.transfer",
@@ -56,9 +57,15 @@ def sources() -> dict[str, Path]:
 
 
 @cache
+def parsed(source: str) -> ast.Module:
+    """A module, which several claims read; none changes it."""
+    return ast.parse(source)
+
+
+@cache
 def imports(path: Path) -> set[str]:
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             found |= {name.name for name in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -115,7 +122,7 @@ def test_a_package_can_be_taken_in_at_a_glance(package: str) -> None:
 
 def test_every_room_says_what_it_is_for() -> None:
     for room in ROOMS:
-        lines = (ast.get_docstring(ast.parse(sources()[room].read_text(encoding="utf-8"))) or "").splitlines()
+        lines = (ast.get_docstring(parsed(sources()[room].read_text(encoding="utf-8"))) or "").splitlines()
         folder = sources()[room].name == "__init__.py"
         assert len(lines) >= (4 if folder else 1), room
 
@@ -125,11 +132,11 @@ def test_rooms_speak_of_what_is_there() -> None:
     classes = {
         node.name
         for path in sources().values()
-        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        for node in parsed(path.read_text(encoding="utf-8")).body
         if isinstance(node, ast.ClassDef)
     } | {"Figure"}
     for room in ROOMS:
-        words = ast.get_docstring(ast.parse(sources()[room].read_text(encoding="utf-8"))) or ""
+        words = ast.get_docstring(parsed(sources()[room].read_text(encoding="utf-8"))) or ""
         assert set(re.findall(r"`([A-Z][A-Za-z]*[a-z][A-Za-z]*)`", words)) <= classes, room
         for start in re.findall(r"Start\s+with\s+`(\w+)`(?:\s+and\s+(?:with\s+)?`(\w+)`)?", words):
             assert {f"{room}.{module}" for module in start if module} <= sources().keys(), room
@@ -219,7 +226,7 @@ def test_what_is_loaded_is_seen(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", sources())
 def test_rooms_of_scipy_are_loaded_when_they_are_used(name: str) -> None:
     """`import scipy` loads none of them; numba's kernels alone extend a class of SciPy, and load more than that."""
-    body = ast.parse(sources()[name].read_text(encoding="utf-8")).body
+    body = parsed(sources()[name].read_text(encoding="utf-8")).body
     rooms = [node.module for node in body if isinstance(node, ast.ImportFrom) and f"{node.module}".startswith("scipy")]
     rooms += [own.name for node in body if isinstance(node, ast.Import) for own in node.names if "scipy." in own.name]
     assert rooms == (["scipy.integrate"] if name == "nonlinear.integration.compiled" else [])
@@ -230,7 +237,7 @@ OPTION = re.compile(r"(?<![\w-])--[a-z]|(?<![\w-])-[a-z] |--?[a-z]+ FILE")
 
 def spoken(source: str) -> list[str]:
     """All text in a module that is no docstring."""
-    tree = ast.parse(source)
+    tree = parsed(source)
     homes = (ast.Module, ast.ClassDef, ast.FunctionDef)
     told = {
         id(node.body[0].value) for node in ast.walk(tree) if isinstance(node, homes) and hasattr(node.body[0], "value")
@@ -281,7 +288,7 @@ def _factors(node: ast.expr) -> list[str]:
 
 def turns_first_moments(source: str) -> bool:
     """Whether a product in a source has both a first moment and a sine or cosine for factors."""
-    products = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.BinOp))
+    products = (node for node in ast.walk(parsed(source)) if isinstance(node, ast.BinOp))
     names = (set(_factors(node)) for node in products if isinstance(node.op, ast.Mult | ast.MatMult))
     return any(own & FIRST_MOMENTS and own & DIRECTIONS for own in names)
 
@@ -322,7 +329,7 @@ def _rounded(value: float) -> str:
 
 def coefficients_in(source: str) -> list[str]:
     """What a source in Python has of DOP853's tableau: numbers, also in texts, and what it reads of SciPy's method."""
-    tree, numbers = ast.parse(source), list[float]()
+    tree, numbers = parsed(source), list[float]()
     found = ["dop853_coefficients"] * ("dop853_coefficients" in source)
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, float):

@@ -5,12 +5,13 @@ In: a `Scene`.  Out: `Rig`, arrays of pendula with equal ones counted once, and 
     M q'' + D q' + K q = 0,    q = (x, θ_1, …, θ_n)
 
 Every other room works on these arrays and never asks what kind a link is.  Start with `arrays`; `stacks` are many
-scenes of one form, `single` is one short chain in floats, `linearization` is the dense form for printing, for small
-problems and for tests.
+scenes of one form, `structure` is what carries pendula where it is more than one cart, `single` is one short chain in
+floats, `linearization` is the dense form for printing, for small problems and for tests.
 """
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
 from modal.assembly.dense import Columns, assembled, centres, dampers, displacements, drag_of, joints
+from modal.assembly.derivatives import Arrays, differences
 from modal.assembly.equilibrium import Equilibrium, Rest, equilibrium_of
 from modal.assembly.hoisting import (
     Hoisting,
@@ -26,14 +27,28 @@ from modal.assembly.linearization import Matrices, coordinate_labels, matrices, 
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.single import Single, single
 from modal.assembly.stacks import Group, Stack, can_stack, keep_form, stacked, varied
+from modal.assembly.structure import (
+    Element,
+    Elements,
+    Hanging,
+    SpringRow,
+    add_modal,
+    null_space,
+    on_structure,
+    own_inertia,
+)
 
 __all__ = [
     "ARRAYS",
+    "Arrays",
     "Block",
     "CartNumbers",
     "Columns",
+    "Element",
+    "Elements",
     "Equilibrium",
     "Group",
+    "Hanging",
     "Hoisting",
     "Hoists",
     "Instant",
@@ -42,13 +57,16 @@ __all__ = [
     "Rest",
     "Rig",
     "Single",
+    "SpringRow",
     "Stack",
     "Units",
+    "add_modal",
     "assembled",
     "can_stack",
     "centres",
     "coordinate_labels",
     "dampers",
+    "differences",
     "displacements",
     "drag_of",
     "equilibrium_of",
@@ -64,6 +82,9 @@ __all__ = [
     "matrices_of",
     "modal_dampers",
     "modal_factor",
+    "null_space",
+    "on_structure",
+    "own_inertia",
     "quadratic_drags",
     "ratio_at",
     "rig_of",

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
-from math import frexp, sqrt
+from math import frexp, nan, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,8 @@ import numpy as np
 from modal import pair
 from modal.assembly.equilibrium import Rest, equilibrium_of
 from modal.report import Displayed
-from modal.scene import Cart, Pendulum, Scene, validate_scene
+from modal.scene import Pendulum, Scene, validate_scene
+from modal.structure import Structure, is_damped, phi, scaled, structure_of, tied
 from modal.types import Booleans, Floats, Ints
 
 ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "sigma")
@@ -152,7 +153,8 @@ class Rig(Displayed):
     `members` follows the file: (block, column, copies) for every pendulum entry, under constant forces for every copy.
     `damping_ratio` is that of all modes,
     or of each by its number (`modal.assembly.modal_damping`).
-    `cart_rest` (m) is the displacement of the cart at equilibrium.
+    `cart_rest` (m) is the displacement of the cart at equilibrium.  Pendula on a `structure` (`modal.structure`) are
+    of one kind where their pivots move alike and no spring joins them to something; there is no cart then.
     """
 
     gravity: float
@@ -162,17 +164,26 @@ class Rig(Displayed):
     spatial: bool
     damping_ratio: float | tuple[float, ...] = 0.0
     cart_rest: float = 0.0
+    structure: Structure | None = None
 
     @cached_property
     def total_mass(self) -> float:
-        """Total mass of all links and the cart (kg)."""
+        """Total mass of all links and what they hang from (kg); NaN with a modal support, whose own is not known."""
         hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in self.blocks)
+        if self.structure:
+            hanging += sum(float(own.mass) if own.M is None else nan for own in self.structure.carriers)
         return hanging + (self.cart.mass if self.cart else 0.0)
+
+    @property
+    def leading(self) -> int:
+        """How many coordinates come before the angles of the links: none, the cart's, or those of the structure."""
+        return self.structure.size if self.structure else int(self.cart is not None)
 
     @property
     def is_damped(self) -> bool:
         """Whether there are dampers or drag."""
-        return bool(self.cart and self.cart.damping > 0) or any(block.is_damped for block in self.blocks)
+        carried = bool(self.structure and is_damped(self.structure))
+        return carried or bool(self.cart and self.cart.damping > 0) or any(block.is_damped for block in self.blocks)
 
     @property
     def rest_angles(self) -> Floats:
@@ -232,7 +243,8 @@ class Rig(Displayed):
             damping=self.cart.damping / (units.mass * units.rate),
             stiffness=self.cart.stiffness / units.stiffness,
         )
-        return replace(self, gravity=1.0, blocks=blocks, cart=cart), units
+        carried = self.structure and scaled(self.structure, units.mass, units.length, units.gravity)
+        return replace(self, gravity=1.0, blocks=blocks, cart=cart, structure=carried), units
 
 
 def masses_below(mass: Floats) -> Floats:
@@ -247,6 +259,9 @@ def rig_of(scene: Scene) -> Rig:
     entries = [_Entry(pendulum, pendulum.count) for pendulum in scene.pendulum]
     if equilibrium:
         entries = list(_each_at(scene, equilibrium.rest))
+    structure = structure_of(scene) if scene.is_structured else None
+    if structure:
+        entries = list(_each_on(scene, structure))
     deep = sorted(range(len(entries)), key=lambda index: entries[index].pendulum.n_links)
     members: list[tuple[int, int, int]] = [(0, 0, 0)] * len(deep)
     blocks: list[Block] = []
@@ -256,18 +271,41 @@ def rig_of(scene: Scene) -> Rig:
         for index, column in zip(indices, columns, strict=True):
             members[index] = (len(blocks), int(column), entries[index].copies)
         blocks.append(block)
-    support = scene.support
-    cart = CartNumbers(support.mass, support.damping, support.stiffness) if isinstance(support, Cart) else None
+    own = scene.cart
+    cart = CartNumbers(own.mass, own.damping, own.stiffness) if own else None
     moved = equilibrium.cart if equilibrium else 0.0
-    return Rig(scene.gravity, tuple(blocks), tuple(members), cart, scene.space == "space", scene.damping_ratio, moved)
+    spatial = scene.space == "space"
+    return Rig(
+        scene.gravity, tuple(blocks), tuple(members), cart, spatial, scene.damping_ratio, moved, structure=structure
+    )
 
 
 class _Entry(NamedTuple):
-    """So many equal pendula, with their equilibrium (links, 3) under constant forces."""
+    """So many equal pendula, with their equilibrium (links, 3) under constant forces, or what else tells them apart."""
 
     pendulum: Pendulum
     copies: int
     rest: Floats | None = None
+    apart: tuple[float, ...] = ()
+
+
+def _each_on(scene: Scene, structure: Structure) -> Iterator[_Entry]:
+    """All copies of each pendulum, or each by itself where springs join them to something.
+
+    Equal ones are told apart by how their pivots move along the rail, and turn where the first joint feels it.
+    """
+    joined = tied(structure, [one.n_links for one in scene.pendulum for _ in range(one.count)])
+    rows, first = phi(structure), 0
+    for pendulum in scene.pendulum:
+        top, last = pendulum.links[0], first + pendulum.count
+        felt = rows.turning[first] * bool(top.stiffness or top.damping)
+        apart = *rows.along[first].tolist(), *felt.tolist()
+        alone = range(first, last) if not joined.isdisjoint(range(first, last)) else ()
+        for free, own in groupby(alone, key=lambda k: k if k in joined else -1):
+            yield _Entry(pendulum, len(list(own)), apart=(*apart, 1.0 + free))
+        if not alone:
+            yield _Entry(pendulum, pendulum.count, apart=(*apart, 0.0))
+        first = last
 
 
 def _each_at(scene: Scene, rest: Rest) -> Iterator[_Entry]:
@@ -285,9 +323,10 @@ def _block(entries: list[_Entry]) -> tuple[Block, Iterable[int]]:
     if rests:
         each = table.reshape(len(entries), -1, width)
         table, width = np.concatenate((each, np.array(rests) + 0.0), axis=2).reshape(len(entries), -1), width + 3
+    table = np.column_stack((table, [entry.apart for entry in entries])) if entries[0].apart else table
     first, columns = _different(table)
     count = np.bincount(columns, weights=[entry.copies for entry in entries]).astype(np.int64)
-    different = table[first]
+    different = table[first, : table.shape[1] - len(entries[0].apart)]
     arrays = np.ascontiguousarray(different.reshape(len(different), -1, width).transpose(2, 1, 0))
     rest = Rest(*arrays[len(ARRAYS) :]) if rests else None
     return Block(**dict(zip(ARRAYS, arrays, strict=False)), count=count, rest=rest), columns

@@ -20,7 +20,7 @@ import numpy as np
 
 from modal import pair
 from modal.errors import SceneError
-from modal.scene import Cart, Pendulum, Scene, places_of, validate_scene
+from modal.scene import Pendulum, Scene, places_of, validate_scene
 from modal.types import Floats
 
 BALANCED = 1e-12
@@ -101,7 +101,7 @@ def equilibrium_of(scene: Scene) -> Equilibrium | None:
             first += own.n
     if problems:
         raise SceneError(problems)
-    held = scene.support.stiffness if isinstance(scene.support, Cart) else 0.0
+    held = scene.cart.stiffness if scene.cart else 0.0
     cart = load.cart / held if held else 0.0
     return Equilibrium(cart, Rest(*(np.concatenate(parts) for parts in zip(*rests, strict=True))))
 
@@ -146,8 +146,8 @@ def _load_of(scene: Scene) -> _Load:
 
 def _unbalanced(scene: Scene, load: _Load) -> Iterator[str]:
     """What is wrong with a cart that nothing holds."""
-    held = isinstance(scene.support, Cart) and not scene.support.stiffness
-    if held and abs(load.cart) > BALANCED * load.on_cart:
+    loose = scene.cart is not None and not scene.cart.stiffness
+    if loose and abs(load.cart) > BALANCED * load.on_cart:
         yield (
             f"support.stiffness = 0: the constant forces along the rail add up to {load.cart:.6g} N, which nothing "
             "holds: there is no equilibrium; give the cart a spring, or balance them"

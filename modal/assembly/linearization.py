@@ -3,11 +3,12 @@
     M = [[M_tot, σ_i b_i], [σ_i b_i, σ_i σ_j A_ij]],   K = diag(k_c, g σ_i b_i) + torsion springs,
     D = diag(c_c, 0) + joint dampers + Σ_k drag_k h_k h_kᵀ
 
-over the coordinates x (on a cart), then the absolute angle of every link from equilibrium, pendulum by pendulum, top to
-bottom; σ_i is 1 for a hanging link and −1 for an inverted one.  A spring or damper at a joint acts on the
-difference of two neighbouring angles, the spring being relaxed at equilibrium.  The row h_k is the displacement of the
-centre of link k along the rail, (1, σ_1 l_1, …, σ_{k−1} l_{k−1}, σ_k c_k); in space h_k without the cart describes the
-motion across it.  A scene's `damping_ratio` adds D_modal (`modal.assembly.modal_damping`).
+over the coordinates x (on a cart) or η (of a structure, `modal.assembly.structure`), then the absolute angle of every
+link from equilibrium, pendulum by pendulum, top to bottom; σ_i is 1 for a hanging link and −1 for an inverted one.  A
+spring or damper at a joint acts on the difference of two neighbouring angles, the spring being relaxed at
+equilibrium.  The row h_k is the displacement of the centre of link k along the rail, (1, σ_1 l_1, …, σ_{k−1} l_{k−1},
+σ_k c_k); in space h_k without the cart describes the motion across it.  A scene's `damping_ratio` adds D_modal
+(`modal.assembly.modal_damping`).
 
 Under constant forces all of it is about the equilibrium that they move the links to (`modal.assembly.equilibrium`):
 with its angles θ, M_ij = A_ij cos(θ_i − θ_j) and M_0i = b_i cos θ_i, K has B_z cos θ + B_x sin θ in place of g σ b, and
@@ -21,6 +22,7 @@ from dataclasses import dataclass
 from modal.assembly.arrays import Rig, rig_of
 from modal.assembly.dense import assembled, dampers
 from modal.assembly.modal_damping import modal_dampers
+from modal.assembly.structure import on_structure
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene
@@ -70,19 +72,23 @@ def matrices(scene: Scene) -> Matrices:
 
 def matrices_of(rig: Rig) -> Matrices:
     """M, K and D from a scene's arrays."""
-    size = sum(rig.blocks[block].n * copies for block, _, copies in rig.members) + (rig.cart is not None)
+    size = sum(rig.blocks[block].n * copies for block, _, copies in rig.members) + rig.leading
     if size > LARGEST_DENSE:
         raise ComputationError(
             f"M, K and D would be dense {size} × {size} matrices: at most {LARGEST_DENSE} coordinates are allowed"
         )
-    columns = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
-    M, K = assembled(columns, rig.cart, rig.gravity)
-    D = dampers(columns, rig.cart)
+    if rig.structure:
+        M, K, D = on_structure(rig)
+    else:
+        columns = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
+        M, K = assembled(columns, rig.cart, rig.gravity)
+        D = dampers(columns, rig.cart)
     return Matrices(M, K, D + modal_dampers(rig) if rig.damping_ratio else D, coordinate_labels(rig))
 
 
 def coordinate_labels(rig: Rig) -> tuple[str, ...]:
-    """`x`, then `theta[pendulum,link]`, both counted from 1, copies counted separately."""
+    """`x` or the names of a structure's coordinates, then `theta[pendulum,link]`, both from 1, copies separately."""
     links = [rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)]
     angles = [f"theta[{p},{i}]" for p, n in enumerate(links, 1) for i in range(1, n + 1)]
-    return (*(["x"] if rig.cart else []), *angles)
+    leading = rig.structure.names if rig.structure else ["x"] if rig.cart else []
+    return (*leading, *angles)

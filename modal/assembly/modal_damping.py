@@ -17,6 +17,7 @@ import numpy as np
 
 from modal.assembly.arrays import Rig
 from modal.assembly.dense import Columns, assembled
+from modal.assembly.structure import Hanging, on_structure
 from modal.errors import ComputationError, SceneError
 from modal.types import Floats, Ints
 
@@ -49,13 +50,20 @@ def ratio_at(rig: Rig) -> RatioAt:
 
 def frequencies(rig: Rig) -> Floats:
     """The different |λ| of the rig without dampers, ascending: 0 of a free cart, growth rates where it is unstable."""
+    if rig.structure:
+        return _different(_on_structure(rig)[0])
     found = [np.zeros(int(rig.cart is not None and rig.cart.stiffness == 0))]
     for block, column in rig.names:
         if rig.cart is None or rig.spatial or rig.blocks[block].count[column] > 1:
             found.append(_eigen(*_chain(rig, (block, column)))[0])
     if rig.cart:
         found.append(_eigen(*_heavy(rig))[0])
-    each = np.sort(np.abs(np.concatenate(found)))
+    return _different(np.concatenate(found))
+
+
+def _different(rates: Floats) -> Floats:
+    """The finite ones of these rates by size, those that agree once."""
+    each = np.sort(np.abs(rates))
     each = each[np.isfinite(each)]
     return np.asarray(each[np.append(True, np.diff(each) > SAME * each[1:])])
 
@@ -75,6 +83,10 @@ def modal_factor(M: Floats, K: Floats, free: bool, ratio: RatioAt) -> Floats:
 def modal_dampers(rig: Rig) -> Floats:
     """D_modal (n, n) of a whole rig, in the coordinates of its matrices."""
     ratio, first = ratio_at(rig), int(rig.cart is not None)
+    if rig.structure:
+        rate, momentum = _on_structure(rig)
+        C = np.sqrt(2 * ratio(rate[rate > 0]) * rate[rate > 0])[:, None] * momentum.T[rate > 0]
+        return np.asarray(C.T @ C)
     places = _places(rig, first)
     D = np.zeros((first + sum(index.size for index in places.values()),) * 2)
     for kind, index in places.items():
@@ -95,6 +107,21 @@ def modal_dampers(rig: Rig) -> Floats:
             at += size
         D += common.T @ common
     return D
+
+
+def _on_structure(rig: Rig) -> tuple[Floats, Floats]:
+    """ω (n,), 0 of free motions and negative of growing ones, and Mφ (n, n) with φᵀMφ = 1 of a rig on a structure."""
+    hanging = Hanging(rig)
+    _refuse_large(hanging.structure.size + int(hanging.first[-1]))
+    M, K, _ = on_structure(rig)
+    scale = 1 / np.sqrt(np.diag(M))
+    try:
+        L = np.asarray(np.linalg.cholesky(M * scale * scale[:, None]), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        raise ComputationError(BEYOND) from None
+    square, v = np.linalg.eigh(_in_factors(L, K * scale * scale[:, None]))
+    square[np.argsort(np.abs(square))[: hanging.free]] = 0.0
+    return np.sign(square) * np.sqrt(np.abs(square)), L @ v / scale[:, None]
 
 
 def _places(rig: Rig, first: int) -> dict[Kind, Ints]:

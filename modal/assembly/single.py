@@ -15,7 +15,7 @@ MOST = 20
 OTHERS = frozenset(
     {
         *("space", "copies", "inverted", "joint_springs", "dampers", "linear_drag", "damping_ratio", "massless_cart"),
-        "constant_force",
+        *("constant_force", "structure", "springs"),
     }
 )
 """The features of scenes whose modes are not those of one plain chain."""

@@ -12,7 +12,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from modal.scene import Cart, Pendulum, Scene, validate_scene
+from modal.scene import Pendulum, Scene, validate_scene
 from modal.scene.parameters import Place
 from modal.types import Booleans, Floats, Ints
 
@@ -62,7 +62,7 @@ class Stack:
 def can_stack(scenes: Sequence[Scene]) -> bool:
     """Whether all scenes have the same form, and equations that stacks have.
 
-    Those are without dampers, drag, joint springs, massless carts, inverted links and constant forces.
+    Those are without dampers, drag, joint springs, massless carts, inverted links, structures and constant forces.
     """
     form = _form(scenes[0])
     return _is_plain(scenes[0]) and all(_form(scene) == form for scene in scenes)
@@ -70,24 +70,23 @@ def can_stack(scenes: Sequence[Scene]) -> bool:
 
 def _form(scene: Scene) -> Hashable:
     """A key equal for scenes of the same form."""
-    cart = scene.support if isinstance(scene.support, Cart) else None
+    cart = scene.cart
     held = cart and (cart.mass > 0, cart.damping, cart.stiffness > 0)
     pendula = [(pendulum.count, pendulum.equilibrium, *map(KIND, pendulum.links)) for pendulum in scene.pendulum]
     return held, scene.space, tuple(pendula), "constant_force" in scene.features
 
 
 def _is_plain(scene: Scene) -> bool:
-    cart = scene.support if isinstance(scene.support, Cart) else None
+    cart = scene.cart
     still = not any(link.damping or link.stiffness or link.drag for link in scene.links())
     straight = not scene.stands and "constant_force" not in scene.features
-    return still and straight and not (cart and (cart.damping or not cart.mass))
+    return still and straight and not scene.is_structured and not (cart and (cart.damping or not cart.mass))
 
 
 def stacked(scenes: Sequence[Scene]) -> Stack:
     """The arrays of scenes of one form."""
-    cart = None
-    if isinstance(scenes[0].support, Cart):
-        cart = np.array([(scene.support.mass, scene.support.stiffness) for scene in scenes]).T  # type: ignore[union-attr]
+    carts = [(scene.cart.mass, scene.cart.stiffness) for scene in scenes if scene.cart]
+    cart = np.array(carts).T if carts else None
     return _stack(scenes[0], _links(scenes), np.array([scene.gravity for scene in scenes]), cart)
 
 
@@ -109,11 +108,11 @@ def varied(scene: Scene, numbers: Mapping[Place, Floats]) -> Stack | None:
         for values, name in zip(links, ARRAYS, strict=True):
             values[row] = own[name] if link.is_uniform else numbers.get((*at, name), own[name])
     gravity = np.broadcast_to(numbers.get(("gravity",), scene.gravity), size)
-    support, cart = scene.support, None
-    if isinstance(support, Cart):
+    cart = None
+    if scene.cart is not None:
         cart = np.empty((2, size))
-        cart[0] = numbers.get(("support", "mass"), support.mass)
-        cart[1] = numbers.get(("support", "stiffness"), support.stiffness)
+        cart[0] = numbers.get(("support", "mass"), scene.cart.mass)
+        cart[1] = numbers.get(("support", "stiffness"), scene.cart.stiffness)
     return _stack(scene, links, gravity, cart)
 
 

@@ -1,7 +1,8 @@
-"""How the cart couples the pendula that hang from it.
+"""How the cart, or the structure, couples the pendula that hang from it.
 
-In: a `Scene`.  Out: a `Coupling`: families of modes, their splitting and beats, the limits of a light and a heavy cart,
-which pendula exchange energy, and the effect of dampers and drives on each mode; as text, as numbers, as JSON.
+In: a `Scene`.  Out: a `Coupling`, or a `StructureCoupling` where there is more than one cart: families of modes, their
+splitting and beats, the limits of a light and a heavy cart, which pendula exchange energy, and the effect of dampers
+and drives on each mode; as text, as numbers, as JSON.
 
     m_dyn(ω) = m + Σ_r μ_r ω_r²/(ω_r² − ω²)
 
@@ -15,8 +16,21 @@ from modal._compatibility import renamed
 from modal.coupling.analysis import Coupling, Family, explain, family_name
 from modal.coupling.damping import damped_modes, negative_damping
 from modal.coupling.report import coupling_report
+from modal.coupling.structures import Branch, PendulumFamily, StructureCoupling, StructureMode
 
-__all__ = ["Coupling", "Family", "coupling_report", "damped_modes", "explain", "family_name", "negative_damping"]
+__all__ = [
+    "Branch",
+    "Coupling",
+    "Family",
+    "PendulumFamily",
+    "StructureCoupling",
+    "StructureMode",
+    "coupling_report",
+    "damped_modes",
+    "explain",
+    "family_name",
+    "negative_damping",
+]
 
 if not TYPE_CHECKING:
     __getattr__ = renamed(__name__, "modal.coupling.analysis")

@@ -25,12 +25,14 @@ from modal.coupling.damping import Damped, damped_modes, negative_damping
 from modal.coupling.dynamic_mass import DynamicMass
 from modal.coupling.exchange import STRONG, EnergyExchange, Transfer, energy_exchanges, transfer
 from modal.coupling.fixed_base import FixedBaseModes, fixed_base_modes
-from modal.doors import checked
+from modal.coupling.reduced import reduced
+from modal.coupling.structures import StructureCoupling
 from modal.eigen import at_infinity, degenerate_modes
 from modal.errors import ComputationError
 from modal.modes import MOST_COMPARED, lettered, natural_modes, table_numbers
 from modal.report import NOTHING, Displayed, Summary, brief, counted
 from modal.scene import Scene, name_of, require
+from modal.scene.doors import checked
 from modal.types import Floats, Ints
 
 MOST_POLES = 10_000
@@ -267,14 +269,16 @@ def family_name(index: int) -> str:
 
 
 @checked
-def explain(scene: Scene) -> Coupling:
-    """The coupling of the pendula of a scene through its cart.
+def explain(scene: Scene) -> Coupling | StructureCoupling:
+    """The coupling of the pendula of a scene through its cart, or through the structure that they hang from.
 
     Raises SceneError for inverted links and hoists, ComputationError beyond MOST_POLES distinct frequencies and where
     double precision misses the modal effective masses.
     """
     require(scene, "the explanation of the coupling")
     rig = rig_of(scene)
+    if rig.structure:
+        return StructureCoupling(scene, reduced(rig))
     if (size := sum(block.mass.size for block in rig.blocks)) > MOST_POLES:
         raise ComputationError(f"different pendula have {size} links: at most {MOST_POLES} are explained")
     with np.errstate(all="ignore"):

@@ -124,7 +124,12 @@ def negative_damping(scene: Scene, rig: Rig) -> tuple[Floats, ...]:
     """Strengths e (N m s/rad) of one copy, (n, P) of each block; of equal pendula with unequal drives, their mean."""
     validate_scene(scene)
     found = tuple(np.zeros_like(block.damping) for block in rig.blocks)
-    for pendulum, (block, column, copies) in zip(scene.pendulum, rig.members, strict=True):
+    entries, left = iter(scene.pendulum), 0
+    for block, column, copies in rig.members:  # several of one entry, where springs tell its copies apart
+        if not left:
+            pendulum = next(entries)
+            left = pendulum.count
+        left -= copies
         found[block][:, column] += np.array(_strengths(pendulum)) * copies / rig.blocks[block].count[column]
     return found
 
@@ -243,19 +248,19 @@ def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
             (modes[m].cart[k] + modes[m].joints[k] + modes[m].drag[k] + modes[m].ratio[k], modes[m].omega)
             for m, k in places
         ]
-        slow = _slow(np.array(values.get(kind, [])), len(places))
-        for (m, k), value in zip(places, _nearest(np.array(first), slow), strict=True):
+        slow = slowest(np.array(values.get(kind, [])), len(places))
+        for (m, k), value in zip(places, nearest_values(np.array(first), slow), strict=True):
             unknown[m][k] = value
     return unknown
 
 
-def _slow(values: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:
+def slowest(values: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:
     """The oscillating eigenvalues and the slowest of the overdamped ones, `count` in all, since slow roots dominate."""
     order = np.argsort(np.where(values.imag != 0, -np.inf, -values.real), kind="stable")
     return values[order[:count]]
 
 
-def _nearest(first: Floats, values: NDArray[np.complex128]) -> list[complex | None]:
+def nearest_values(first: Floats, values: NDArray[np.complex128]) -> list[complex | None]:
     """A value λ for each (σ, ω) of `first` (d, 2), none twice, those of smallest |λ + 2σ + ω²/λ| first."""
     chosen: list[complex | None] = [None] * len(first)
     distance = np.abs(values + 2 * first[:, :1] + (first[:, 1:] / values) * first[:, 1:])

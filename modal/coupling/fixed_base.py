@@ -74,13 +74,13 @@ def fixed_base_modes(rig: Rig) -> FixedBaseModes:
         omega=np.abs(found.eigenvalue[[number for number, _ in parts]]) * units.rate,
         mass=mass,
         kind=kind,
-        number=_places_within(kind),
+        number=places_within(kind),
         count=np.array([part.along for _, part in parts]),
         rate=rate,
     )
 
 
-def _places_within(kind: Ints) -> Ints:
+def places_within(kind: Ints) -> Ints:
     """The running number of each entry within its kind, from 1, (K,)."""
     order = np.argsort(kind, kind="stable")
     first = np.searchsorted(kind[order], kind[order])

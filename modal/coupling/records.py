@@ -7,6 +7,7 @@ from typing import Any
 from modal.coupling.analysis import CartMode, Coupling, Family, family_name
 from modal.coupling.damping import Damped
 from modal.coupling.exchange import EnergyExchange
+from modal.coupling.structures import Exchanged, PendulumFamily, StructureCoupling
 from modal.report import finite
 from modal.scene import describe
 
@@ -28,6 +29,70 @@ def coupling_record(coupling: Coupling) -> dict[str, Any]:
     }
 
 
+def structure_record(coupling: StructureCoupling) -> dict[str, Any]:
+    """The same of a coupling through a structure; the structure's modes are s1, s2, … over its `coordinates`."""
+    structure = coupling.structure
+    return {
+        "scene": describe(coupling.scene),
+        "coordinates": list(structure.names),
+        "springs": len(structure.springs),
+        "structure_modes": [
+            {
+                "omega_rad_per_s": mode.omega,
+                "shape": mode.shape.tolist(),
+                "mass": mode.mass,
+                "mass_for_a_fast_push": float(fast),
+            }
+            for mode, fast in zip(coupling.modes, coupling.fast.tolist(), strict=True)
+        ],
+        "scene_modes_of_the_structure": [
+            {"mode": coupling.number(omega), "omega_rad_per_s": omega, "structure_motion": motion.tolist()}
+            for omega, motion in coupling.structure_modes
+        ],
+        "families": [_pendulum_family(coupling, *numbered) for numbered in enumerate(coupling.families)],
+        "pairs": [_exchanged(coupling, pair) for pair in coupling.pairs],
+        "damping": [_damped(coupling, mode) for mode in coupling.damped],
+    }
+
+
+def _pendulum_family(coupling: StructureCoupling, index: int, family: PendulumFamily) -> dict[str, Any]:
+    return {
+        "family": family_name(index),
+        "omega_all_else_held_rad_per_s": family.omega,
+        "members": [_member(coupling, k) for k in family.members],
+        "fold": family.fold,
+        "combinations_that_move_nothing_else": family.still,
+        "mode_of_these": coupling.number(family.omega) if family.still else None,
+        "modal_effective_mass_kg": family.mass.tolist(),
+        "modes": [
+            {
+                "mode": coupling.number(branch.omega),
+                "omega_rad_per_s": branch.omega,
+                "splitting_rad_per_s": branch.splitting,
+                "coupling_strength": finite(branch.strength),
+                "structure_still": branch.still,
+                "structure_motion": branch.motion.tolist(),
+                "pattern": branch.pattern.tolist(),
+            }
+            for branch in family.branches
+        ],
+        "beat_periods_s": list(coupling.beats(family)),
+    }
+
+
+def _exchanged(coupling: StructureCoupling, pair: Exchanged) -> dict[str, Any]:
+    return {
+        "first": _member(coupling, pair.first),
+        "second": _member(coupling, pair.second),
+        "detuning_rad_per_s": pair.detuning,
+        "coupling_rad_per_s": pair.coupling,
+        "coupling_strength": pair.strength,
+        "energy_share": pair.exchange.most,
+        "beat_period_s": finite(pair.exchange.period) if pair.exchange.beats else None,
+        "energy_left_after_a_beat": pair.exchange.left if pair.exchange.beats else None,
+    }
+
+
 def _family(coupling: Coupling, index: int, family: Family) -> dict[str, Any]:
     return {
         "family": family_name(index),
@@ -46,7 +111,7 @@ def _family(coupling: Coupling, index: int, family: Family) -> dict[str, Any]:
     }
 
 
-def _member(coupling: Coupling, k: int) -> dict[str, Any]:
+def _member(coupling: Coupling | StructureCoupling, k: int) -> dict[str, Any]:
     own = coupling.own
     return {
         "pendulum": coupling.names[own.kind[k]],
@@ -80,7 +145,7 @@ def _pair(coupling: Coupling, pair: EnergyExchange) -> dict[str, Any]:
     }
 
 
-def _damped(coupling: Coupling, mode: Damped) -> dict[str, Any]:
+def _damped(coupling: Coupling | StructureCoupling, mode: Damped) -> dict[str, Any]:
     return {
         "mode": coupling.number(mode.omega),
         "omega_rad_per_s": mode.omega,

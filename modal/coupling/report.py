@@ -11,11 +11,13 @@ from modal.coupling.analysis import CartMode, Coupling, Family, family_name
 from modal.coupling.damping_words import damping
 from modal.coupling.exchange import STRONG, Transfer
 from modal.coupling.exchange_words import exchanges
-from modal.coupling.records import coupling_record
+from modal.coupling.records import coupling_record, structure_record
+from modal.coupling.structure_words import structure_sections
+from modal.coupling.structures import StructureCoupling
 from modal.coupling.wording import ELSEWHERE, GUIDE, MOST_LISTED, ROUGH, left, member, numbered, shown
-from modal.doors import checked
 from modal.report import Form, as_json, counted, headed, line_width, listed, markdown, percent, rad, short, visible
 from modal.scene import title_of
+from modal.scene.doors import checked
 
 FORMS = ("text", "markdown", "json")
 NEAR = " (only a guide: another family is near)"
@@ -30,7 +32,7 @@ class Section:
 
 
 @checked
-def coupling_report(coupling: Coupling, form: Form = "text") -> str:
+def coupling_report(coupling: Coupling | StructureCoupling, form: Form = "text") -> str:
     """The report as "text", "markdown" or "json", the last with every number (units in the names).
 
     Raises ValueError for another form.
@@ -38,13 +40,21 @@ def coupling_report(coupling: Coupling, form: Form = "text") -> str:
     if form not in FORMS:
         raise ValueError(f"form = {form!r}: must be one of {', '.join(FORMS)}")
     if form == "json":
-        return as_json(coupling_record(coupling))
+        record = structure_record if isinstance(coupling, StructureCoupling) else coupling_record
+        return as_json(record(coupling))  # type: ignore[arg-type]
     title = f"{title_of(coupling.scene)}: what couples the pendula"
     return (_markdown if form == "markdown" else _text)(title, sections(coupling))
 
 
-def sections(coupling: Coupling) -> tuple[Section, ...]:
+def sections(coupling: Coupling | StructureCoupling) -> tuple[Section, ...]:
     """The sections of the report."""
+    if isinstance(coupling, StructureCoupling):
+        found = (Section(title, tuple(sentences)) for title, sentences in structure_sections(coupling))
+        return tuple(section for section in found if section.sentences)
+    return _of_cart(coupling)
+
+
+def _of_cart(coupling: Coupling) -> tuple[Section, ...]:
     parts = (
         ("What hangs there", _scene),
         ("What the cart feels" if coupling.on_cart else "What a cart would feel", _felt),

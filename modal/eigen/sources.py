@@ -36,7 +36,7 @@ class Details:
 
     `momentum` is φᵀMe for the unit translation e along the rail, `participation` the mode's share in the cart's
     response to a sudden push.  `angles` and `shares` are, for every block of kinds (n, P), the angles and kinetic
-    energy shares (n, P, R) of one copy.
+    energy shares (n, P, R) of one copy; `eta` has the displacement (R,) of every coordinate of a structure.
     """
 
     modal_mass: Floats
@@ -47,6 +47,7 @@ class Details:
     residual: Floats
     angles: tuple[NDArray[np.inexact], ...]
     shares: tuple[Floats, ...]
+    eta: tuple[NDArray[np.inexact], ...] = ()
 
     @property
     def effective_mass(self) -> Floats:

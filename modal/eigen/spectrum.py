@@ -17,12 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Block, CartNumbers, RatioAt, Rig, ratio_at
+from modal.eigen.carried import Balanced, Carried, Reduced
 from modal.eigen.chains import EVERYTHING, SEEDS, CartProblem, Limits, is_singular
 from modal.eigen.coupled import Counted, CoupledPendula
 from modal.eigen.degenerate import Still, degenerate_modes
 from modal.eigen.matrix_source import FromMatrices
 from modal.eigen.sources import Accelerance, Alone, Details, Rigid, Source, Together, bare_accelerance
 from modal.eigen.sprung_chains import SprungProblem
+from modal.eigen.structured import FreeMotions, OnStructure
+from modal.eigen.structured import Still as StillOnStructure
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 
@@ -84,6 +87,9 @@ def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
 
     Equal frequencies of different pendula are recognized from all digits of their own modes.
     """
+    if rig.structure:
+        yield from _on_structure(rig, limits)
+        return
     coupled = rig.cart is not None and rig.n_kinds > 1 and not _needs_more(rig)
     ratio = ratio_at(rig) if rig.damping_ratio else None
     own = limits if rig.n_kinds == 1 else EVERYTHING if coupled else Limits(lowest=limits.lowest)
@@ -111,6 +117,47 @@ def _apart(
         rows = rows[needed[columns[rows % columns.size]]]
         column = columns[rows % columns.size]
         yield Batch(each, rows, along[column], across[column], still=True, block=index, columns=column)
+
+
+def _on_structure(rig: Rig, limits: Limits) -> Iterator[Batch]:
+    """Chains on what is still, combinations of equal ones that leave it still, then each part that moves together."""
+    carried, ratio = Carried(rig), ratio_at(rig) if rig.damping_ratio else None
+    components, balanced = carried.parted
+    moved = np.array(
+        [(heavy.block, share.column) for own in components for heavy in own.heavies for share in heavy.shares]
+    )
+    for index, block in enumerate(rig.blocks):
+        along = block.count.copy()
+        along[np.unique(moved[moved[:, 0] == index, 1]) if len(moved) else []] -= 1
+        groups = [own for own in balanced if own.block == index]
+        needed = along > 0
+        needed[[own.columns[0] for own in groups]] = True
+        for columns, each in (
+            _sources(Alone(block, Limits(lowest=limits.lowest)), needed, ratio) if needed.any() else ()
+        ):
+            rows = np.arange(len(each.eigenvalue))
+            own = columns[rows % columns.size]
+            there = along[own] > 0
+            zero = np.zeros(int(there.sum()), dtype=np.int64)
+            yield Batch(each, rows[there], along[own[there]], zero, still=True, block=index, columns=own[there])
+            for group in (group for group in groups if group.columns[0] in columns):
+                yield from _balanced(carried, group, each, rows[own == group.columns[0]])
+    for component in components:
+        reduced = Reduced(carried, component)
+        if reduced.free.size:
+            yield _moving(FreeMotions(reduced))
+        if reduced.size > reduced.free.shape[1]:
+            yield _moving(OnStructure(reduced, ratio, limits))
+
+
+def _balanced(carried: Carried, group: Balanced, source: Source, rows: Ints) -> Iterator[Batch]:
+    """The combination that pushes along the rail, and all others."""
+    still = StillOnStructure(carried, group, source, rows)
+    first, zero = np.arange(len(rows)) * group.number, np.zeros_like(rows)
+    if group.pushes:
+        yield Batch(still, first, np.ones_like(rows), zero, still=True)
+    if others := group.number - group.pushes:
+        yield Batch(still, first + group.pushes, np.full_like(rows, others), zero, still=True)
 
 
 def _sources(source: Alone, needed: Booleans, ratio: RatioAt | None) -> Iterator[tuple[Ints, Source]]:
@@ -276,8 +323,8 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> Spectrum:
 
 def _undamped(batch: Batch) -> Booleans:
     """Which rows (R,) of a batch are eigenvalues without any dampers."""
-    source = batch.source
-    return np.full(len(batch.rows), not (isinstance(source, FromMatrices) and source.is_damped))
+    damped = isinstance(batch.source, FromMatrices | OnStructure | StillOnStructure) and batch.source.is_damped
+    return np.full(len(batch.rows), not damped)
 
 
 def _damped(values: NDArray[np.complex128], undamped: Booleans, ratio: RatioAt) -> NDArray[np.complex128]:

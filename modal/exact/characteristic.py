@@ -125,7 +125,7 @@ def of_scene(scene: Scene) -> list[Factor]:
         names.setdefault(links, f"pendulum {passed + 1}")
         passed += pendulum.count
     kinds = {links: _pivot(links, g) for links in counts}
-    on_cart = isinstance(scene.support, Cart)
+    on_cart = scene.cart is not None
     where = "cart still" if on_cart else "fixed support"
     copies = {links: count * (1 + (scene.space == "space")) - on_cart for links, count in counts.items()}
     still = [
@@ -133,9 +133,9 @@ def of_scene(scene: Scene) -> list[Factor]:
         for links, (d, _) in kinds.items()
         if copies[links]
     ]
-    if not isinstance(scene.support, Cart):
+    if scene.cart is None:
         return still
-    return _moving(scene.support, [(*kinds[links], counts[links]) for links in kinds]) + still
+    return _moving(scene.cart, [(*kinds[links], counts[links]) for links in kinds]) + still
 
 
 def exact(value: float) -> Fraction:

@@ -15,12 +15,12 @@ from math import floor, log
 
 import numpy as np
 
-from modal.doors import checked, checked_index
 from modal.errors import ComputationError
 from modal.exact.balls import Ball, Hung, Links, flint
 from modal.exact.characteristic import exact
 from modal.modes import natural_modes
 from modal.scene import Cart, Fixed, Pendulum, Scene, require
+from modal.scene.doors import checked, checked_index
 
 GUARD_BITS = 64
 MOST_DIGITS = 10_000
@@ -53,7 +53,7 @@ def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = 
     checked_index("digits", digits, 1, MOST_DIGITS)
     flint()
     require(scene, "an enclosure")
-    rigid = isinstance(scene.support, Cart) and scene.support.stiffness == 0
+    rigid = scene.cart is not None and scene.cart.stiffness == 0
     found = [Enclosure("0", "0", 1, "rigid translation")] * rigid
     problems = list(_problems(scene))
     total = sum(problem.n_modes for problem in problems)
@@ -140,8 +140,8 @@ def _problems(scene: Scene) -> Iterator[_Problem]:
         counts[chain] = counts.get(chain, 0) + pendulum.count
         names.setdefault(chain, passed + 1)
         passed += pendulum.count
-    support = scene.support if isinstance(scene.support, Cart) else Fixed()
-    on_cart = isinstance(support, Cart)
+    support = scene.cart or Fixed()
+    on_cart = scene.cart is not None
     if on_cart:
         yield _Problem(Hung(scene.gravity, support, counts), 1, "cart moves")
     for chain, count in counts.items():

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import scipy
 
-from modal.doors import checked
 from modal.errors import ComputationError
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
 from modal.modes import Mode, Modes
 from modal.report import NOTHING, Displayed, Form, as_csv, as_json, finite, grid, titled
 from modal.scene import title_of
+from modal.scene.doors import checked
 from modal.types import Floats
 
 LEAST = 0.5  # MAC of a pair below which shapes are called different

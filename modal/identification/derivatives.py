@@ -1,10 +1,7 @@
 """Exact derivatives of M, K and D, of eigenvalues and of shapes by any number of a scene.
 
-M, K and D are polynomials of degree 2 at most in each number, so that a difference quotient with a large step
-
-    ∂f/∂p = (f(p + h) − f(p − h))/2h,     at p = 0 (4 f(h) − f(2h) − 3 f(0))/2h
-
-is their derivative but for rounding.  With Q = λ²M + λD + K, Q_p = λ²M_p + λD_p + K_p and Q_λ = 2λM + D a simple
+Those of the matrices are difference quotients with large steps (`modal.assembly.derivatives`).
+With Q = λ²M + λD + K, Q_p = λ²M_p + λD_p + K_p and Q_λ = 2λM + D a simple
 eigenvalue and its shape follow from
 
     [ Q    Q_λ φ ] [ φ_p ]     [ −Q_p φ ]
@@ -16,47 +13,18 @@ shared by the shapes Φ keeps one derivative where ΦᵀQ_pΦ is a multiple of �
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from modal.assembly import matrices
-from modal.errors import SceneError
+from modal.assembly import Arrays, differences, matrices
 from modal.modes import UNCERTAIN, Modes
 from modal.scene import Scene, require
-from modal.scene.parameters import Place, Variable, number_at, with_numbers
+from modal.scene.parameters import Place
 from modal.types import Complexes, Floats
 
-STEPS = (2.0**-2, 2.0**-6, 2.0**-12)
-"""Relative steps, the first that the scene's own bounds allow."""
 SPLITS = 1e-7
 """Part of a derivative by which those of one eigenvalue's shapes differ where it splits."""
-Arrays = tuple[NDArray[Any], ...]
-
-
-def differences(scene: Scene, place: Place, unit: float, arrays_of: Callable[[Scene], Arrays]) -> Arrays:
-    """Derivatives by the number at a place of arrays that are polynomials of degree 2 at most in it.
-
-    `unit` is the size of a step from 0.  SceneError where the scene allows no step to either side.
-    """
-    path, value = with_numbers(place), number_at(scene, place)
-    variable = Variable(scene, [path])
-
-    def at(number: float) -> Arrays:
-        return arrays_of(variable.at({path: number}))
-
-    if value == 0:
-        none, one, two = at(0.0), at(unit), at(2 * unit)
-        return tuple((4 * b - c - 3 * a) / (2 * unit) for a, b, c in zip(none, one, two, strict=True))
-    for step in STEPS:
-        low, high = value * (1 - step), value * (1 + step)
-        try:
-            return tuple((b - a) / (high - low) for a, b in zip(at(low), at(high), strict=True))
-        except SceneError:
-            continue
-    raise SceneError([f"{path} = {value:g}: is at a bound, and has no derivative there"])
 
 
 def require_polynomial(scene: Scene) -> None:

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import SceneError
 from modal.identification.parameters import natural_unit
 from modal.report import Displayed
 from modal.scene import Scene
 from modal.scene.contents import text_of
+from modal.scene.doors import checked
 from modal.scene.parameters import Place, find_places, number_at
 from modal.scene.validation import LARGEST
 from modal.types import Floats
@@ -169,7 +169,8 @@ def _faults(matrix: Floats) -> Iterator[str]:
         correlation = matrix / size / size[:, None]
     if (largest := np.abs(correlation).max()) > MOST_ALIKE:
         j, k = divmod(int(np.argmax(np.abs(correlation))), len(matrix))
-        yield f"covariance[{j}][{k}] = {matrix[j, k]:.6g}: gives the correlation {largest:.3g}: must be from -1 to 1"
+        told = f"gives the correlation {largest:.3g}: must be positive semidefinite"
+        yield f"covariance[{j}][{k}] = {matrix[j, k]:.6g}: {told}"
         return
     apart = np.abs(correlation - correlation.T)
     if apart.max() > ALIKE:

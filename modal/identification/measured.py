@@ -4,7 +4,8 @@
 
 `mode` is the number in the table of modes, `frequency_hz` the natural frequency |λ|/2π, as there.  Columns `theta_P_L`
 and `cart` are a shape of any scale, angles from the vertical in rad beside metres, the real part of a complex one
-after `turned`.  Empty cells are missing values.
+after `turned`; on a structure its coordinates stand in columns of their own names, as `floor1_m`.  Empty cells are
+missing values.
 """
 
 from __future__ import annotations
@@ -19,11 +20,12 @@ from math import isfinite, nan
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import SceneError, meant
 from modal.report import Displayed, counted
-from modal.scene import Cart, Scene
+from modal.scene import Scene
 from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, first_line, text_of
+from modal.scene.doors import checked
+from modal.structure import structure_of
 from modal.types import Complexes, Floats, Ints
 
 MODE, FREQUENCY, STD = "mode", "frequency_hz", "std_hz"
@@ -54,17 +56,29 @@ class MeasuredMode(Displayed):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MeasuredModes(Displayed):
-    """Modes of a file; `components` are the columns of shapes, (pendulum, link) from 1 and (0, 0) for the cart."""
+    """Modes of a file; `components` are the columns of shapes, (pendulum, link) from 1 and (0, 0) for the cart.
+
+    On a structure (0, k) is that of its `coordinates` with the index k.
+    """
 
     file: str
     modes: tuple[MeasuredMode, ...]
     components: tuple[tuple[int, int], ...] = ()
     unused: tuple[str, ...] = ()
+    coordinates: tuple[str, ...] = (CART,)
 
     @property
     def labels(self) -> list[str]:
         """The components as in columns."""
-        return [f"theta_{p}_{l}" if p else CART for p, l in self.components]
+        return [f"theta_{p}_{l}" if p else self.coordinates[l] for p, l in self.components]
+
+
+def coordinates_of(scene: Scene) -> tuple[str, ...]:
+    """The columns of the coordinates before the angles: `cart`, or those of a structure."""
+    if not scene.is_structured:
+        return (CART,) * (scene.cart is not None)
+    names = structure_of(scene).names
+    return (CART,) if names == ("x",) else names
 
 
 def has_modes(path: str | os.PathLike[str]) -> bool:
@@ -97,7 +111,8 @@ def _parsed(scene: Scene, name: str, text: str) -> MeasuredModes:
         problems.append("has no modes")
     if problems:
         raise SceneError(problems)
-    components = [column for column in header if COMPONENT.fullmatch(column)]
+    coordinates = coordinates_of(scene)
+    components = [column for column in header if column in coordinates or COMPONENT.fullmatch(column)]
     found = []
     for line, row in rows[1:]:
         try:
@@ -109,12 +124,15 @@ def _parsed(scene: Scene, name: str, text: str) -> MeasuredModes:
     if problems:
         raise SceneError(problems)
     unused = tuple(column for column in header if column not in (*NEEDED, *OPTIONAL, *components))
-    return MeasuredModes(name, tuple(found), tuple(map(_component, components)), unused)
+    places = tuple(_component(column, coordinates) for column in components)
+    return MeasuredModes(name, tuple(found), places, unused, coordinates)
 
 
-def _component(column: str) -> tuple[int, int]:
+def _component(column: str, coordinates: Sequence[str]) -> tuple[int, int]:
     found = COMPONENT.fullmatch(column)
-    return (int(found[1]), int(found[2])) if found and found[1] else (0, 0)
+    if found and found[1]:
+        return int(found[1]), int(found[2])
+    return 0, coordinates.index(column) if column in coordinates else 0
 
 
 def _header_problems(scene: Scene, header: Sequence[str]) -> Iterator[str]:
@@ -126,17 +144,19 @@ def _header_problems(scene: Scene, header: Sequence[str]) -> Iterator[str]:
         if column in header and RATIO not in header:
             yield f"column {column}: needs {RATIO}"
     sizes = [one.n_links for one in scene.pendulum for _ in range(one.count)]
+    coordinates = coordinates_of(scene)
     for column in header:
         if COMPONENT.fullmatch(column):
-            pendulum, link = _component(column)
-            if not pendulum and not isinstance(scene.support, Cart):
-                yield f"column {column}: the scene has no cart"
+            pendulum, link = _component(column, coordinates)
+            if not pendulum and column not in coordinates:
+                there = f": its coordinates are {', '.join(coordinates)}" if coordinates else ""
+                yield f"column {column}: the scene has no cart{there}"
             elif pendulum > len(sizes):
                 yield f"column {column}: the scene has {counted(len(sizes), 'pendulum', 'pendula')}"
             elif pendulum and link > sizes[pendulum - 1]:
                 yield f"column {column}: the pendulum has {counted(sizes[pendulum - 1], 'link', 'links')}"
-        elif column not in (*NEEDED, *OPTIONAL) and NEAR.match(column):
-            known = (*NEEDED, *OPTIONAL)
+        elif column not in (*NEEDED, *OPTIONAL, *coordinates) and NEAR.match(column):
+            known = (*NEEDED, *OPTIONAL, *(name for name in coordinates if name != CART))
             yield f"column {column}: must be one of {', '.join(known)}, theta_P_L or cart{meant(column, known)}"
 
 
@@ -191,8 +211,8 @@ def _mode(line: int, row: dict[str, str], components: Sequence[str]) -> Measured
 def component_rows(scene: Scene, components: Sequence[tuple[int, int]]) -> Ints:
     """The place of every component in a column of modes."""
     sizes = [one.n_links for one in scene.pendulum for _ in range(one.count)]
-    first = np.cumsum([int(isinstance(scene.support, Cart)), *sizes])
-    return np.array([0 if not p else first[p - 1] + l - 1 for p, l in components], dtype=np.int64)
+    first = np.cumsum([len(coordinates_of(scene)), *sizes])
+    return np.array([l if not p else first[p - 1] + l - 1 for p, l in components], dtype=np.int64)
 
 
 def turned(phi: Complexes) -> Complexes:

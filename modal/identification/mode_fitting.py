@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 import scipy
 
-from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.identification.derivatives import ModeDerivatives, matrix_derivatives, polar
 from modal.identification.identifiability import VAGUE, Determined, find_determined
@@ -39,6 +38,7 @@ from modal.identification.parameters import (
 from modal.modes import Modes, natural_modes
 from modal.report import listed, percent, short
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Floats, Ints
 
 ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the residuals tell it

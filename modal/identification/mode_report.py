@@ -9,7 +9,6 @@ import numpy as np
 from modal.identification.mode_fit import ModeFit
 from modal.report import NOTHING, as_json, capital, grid, short, titled
 from modal.scene import title_of
-from modal.scene.parameters import Variation
 
 
 def mode_fit_record(found: ModeFit) -> dict[str, Any]:
@@ -72,7 +71,7 @@ def mode_fit_text(found: ModeFit) -> str:
             short(one.value),
             with_error(found.values[k], found.stds[k]),
             "held" if k in held else f"{found.stds[k]:.2g}",
-            Variation(one.path, (one.value,)).unit,
+            one.unit_name,
         ]
         for k, one in enumerate(found.parameters)
     ]

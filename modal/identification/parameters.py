@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import SceneError, meant
 from modal.report import Displayed, Summary
-from modal.scene import Cart, Scene
-from modal.scene.parameters import Place, Variable, Variation, find_places, number_at, with_numbers
+from modal.scene import Scene
+from modal.scene.doors import checked
+from modal.scene.parameters import Place, Variable, find_places, number_at, unit_at, with_numbers
 from modal.types import Floats, Ints
 
 POSITIVE = ("mass", "length", "centre", "inertia", "gravity", "angle_deg")
@@ -28,6 +28,7 @@ CAN_VANISH = (
 )
 FURTHEST = 12.0  # |z| of a positive number
 NONE = "none"
+DIRECTIONS = ("sway", "heave", "roll")
 PRIOR = re.compile(r"\s*([^±]+?)\s*(?:±|\+/?-)\s*([^±]+?)\s*", re.ASCII)
 
 
@@ -35,7 +36,7 @@ PRIOR = re.compile(r"\s*([^±]+?)\s*(?:±|\+/?-)\s*([^±]+?)\s*", re.ASCII)
 class Parameter(Displayed):
     """A number of a scene at a place, `value` there; `unit` is its natural unit, `log` whether p = p₀ eᶻ.
 
-    `prior` is a mean with its standard deviation, in the number's own unit.
+    `prior` is a mean with its standard deviation, in the number's own unit, whose name is `unit_name`.
     """
 
     place: Place
@@ -43,16 +44,12 @@ class Parameter(Displayed):
     unit: float
     log: bool
     prior: tuple[float, float] | None = None
+    unit_name: str = ""
 
     @property
     def path(self) -> str:
         """Its place as written in messages."""
         return with_numbers(self.place)
-
-    @property
-    def unit_name(self) -> str:
-        """The unit of the number itself."""
-        return Variation(self.path, (self.value,)).unit
 
     def _summary(self) -> Summary:
         prior = [] if self.prior is None else [("believed", f"{self.prior[0]:g} ± {self.prior[1]:g}")]
@@ -139,24 +136,29 @@ def _prior(scene: Scene, text: str) -> dict[Place, tuple[float, float]]:
 
 
 def _parameter(scene: Scene, place: Place, prior: tuple[float, float] | None) -> Parameter:
-    name, value = str(place[-1]), number_at(scene, place)
+    name, value = _key(place), number_at(scene, place)
     if "start" in place or name not in (*POSITIVE, *CAN_VANISH):
         hint = " (the start is always fitted)" if "start" in place else meant(name, (*POSITIVE, *CAN_VANISH))
         raise SceneError([f"{with_numbers(place)}: is not a number that a fit can change{hint}"])
     is_log = name in POSITIVE and value > 0
     if is_log and prior and prior[0] <= 0:
         raise SceneError([f"{with_numbers(place)}: a prior of a positive number is positive"])
-    return Parameter(place, value, natural_unit(scene, place), is_log, prior)
+    return Parameter(place, value, natural_unit(scene, place), is_log, prior, unit_at(scene, place))
+
+
+def _key(place: Place) -> str:
+    """The key of a number; of the stiffness of a platform in one direction that of the whole."""
+    return str(place[-2] if place[-1] in DIRECTIONS else place[-1])
 
 
 def natural_unit(scene: Scene, place: Place) -> float:
     """The size of a number that would change the motion greatly."""
     links = [*scene.links()]
     mass, length = sum(link.mass * link.count for link in links), max(link.length for link in links)
-    rate, on_rail = sqrt(scene.gravity / length), place[0] == "support"
-    if on_rail and isinstance(scene.support, Cart):
-        mass += scene.support.mass
-    joint = 1.0 if on_rail else length
+    rate, turns = sqrt(scene.gravity / length), "rad" in unit_at(scene, place)
+    if place[0] in {"support", "spring"}:
+        mass += sum(getattr(support, "mass", 0.0) for support in scene.supports)
+    joint = length if turns or place[0] not in {"support", "spring"} else 1.0
     units = {
         "mass": mass,
         "length": length,
@@ -173,7 +175,7 @@ def natural_unit(scene: Scene, place: Place) -> float:
         "drag": mass * rate,
         "quadratic_drag": mass / length,
     }
-    return units[str(place[-1])]
+    return units[_key(place)]
 
 
 def numbers_at(parameters: Sequence[Parameter], z: Floats) -> dict[str, float]:

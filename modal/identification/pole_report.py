@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from modal.doors import checked
 from modal.identification.mode_report import with_error
 from modal.identification.poles import Identified, IdentifiedMode
 from modal.report import NOTHING, Form, as_csv, as_json, capital, grid, titled
+from modal.scene.doors import checked
 
 
 @checked

@@ -14,7 +14,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from modal.doors import checked, checked_index
 from modal.errors import ComputationError, SceneError
 from modal.identification.decays import (
     Decays,
@@ -31,6 +30,7 @@ from modal.identification.derivatives import polar
 from modal.identification.measured import turned
 from modal.identification.realization import Realization, modal_assurance, realize
 from modal.report import Displayed, Summary, brief, counted, deferred, percent, short, tabulated
+from modal.scene.doors import checked, checked_index
 from modal.types import Booleans, Complexes, Floats
 
 METHODS = ("era", "decrement")

@@ -16,25 +16,28 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import matrices
-from modal.doors import checked
+from modal.assembly import Arrays, differences, matrices
 from modal.errors import ComputationError
-from modal.identification.derivatives import (
-    Arrays,
-    ModeDerivatives,
-    differences,
-    matrix_derivatives,
-    polar,
-    require_polynomial,
-)
+from modal.identification.derivatives import ModeDerivatives, matrix_derivatives, polar, require_polynomial
 from modal.identification.estimate import Estimate
 from modal.modes import Modes
 from modal.report import percent
-from modal.scene import Fixed, Scene
+from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.statespace.model import StateSpace
 from modal.statespace.points import is_point, push_of
 from modal.statespace.shapers import Drive, Shaper, residual_vibration, swing_rows
-from modal.statespace.signals import DRIVES, OF_A_CART, PUSHES, READINGS, SUPPORT, Geometry, Signal, geometry_of
+from modal.statespace.signals import (
+    DRIVES,
+    OF_A_CART,
+    PUSHES,
+    READINGS,
+    SUPPORT,
+    Geometry,
+    Signal,
+    geometry_of,
+    reading_in,
+)
 from modal.types import Complexes, Floats
 
 BAND = 2.0  # standard deviations to either side
@@ -78,7 +81,7 @@ def mode_stds(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> list[Mod
 def _matrices_by(scene: Scene, estimate: Estimate) -> tuple[Floats, Floats, Floats]:
     """Derivatives of M, K and D by the estimate's numbers, on the support of this scene."""
     dM, dK, dD = matrix_derivatives(estimate.scene, estimate.places, estimate.units)
-    first = int(isinstance(scene.support, Fixed) and not isinstance(estimate.scene.support, Fixed))
+    first = int(scene.cart is None and estimate.scene.cart is not None)
     return dM[:, first:, first:], dK[:, first:, first:], dD[:, first:, first:]
 
 
@@ -113,9 +116,13 @@ def response_slopes(model: StateSpace, estimate: Estimate, omega: Floats) -> tup
 
 
 def _groups(geometry: Geometry, signals: Iterable[Signal], known: Mapping[str, Any]) -> tuple[str, ...]:
-    """The names of the groups that signals belong to, in their order."""
+    """The names of the groups that signals belong to, in their order; of a signal of a structure alone its own."""
     names = [name for name in known if geometry.on_cart or name not in OF_A_CART]
-    owner = {signal.name: name for name in names for signal in known[name](geometry).signals}
+    present = {signal.name for signal in signals}
+    owner: dict[str, str] = {}
+    for name in names:
+        own = [signal.name for signal in known[name](geometry).signals]
+        owner |= {one: name if present.issuperset(own) else one for one in own}
     owner |= {signal.name: signal.name for signal in signals if is_point(signal.name)}
     return tuple(dict.fromkeys(owner[signal.name] for signal in signals if signal.name in owner))
 
@@ -128,7 +135,7 @@ def _linear(scene: Scene, inputs: Sequence[str], outputs: Sequence[str]) -> Arra
     thrust = np.hstack([np.zeros((len(geometry.tips), 0)), *(push.thrust for push in pushes)])
     parts: list[list[Floats]] = [[], [], [], []]
     for name in outputs:
-        reading = READINGS[name](geometry)
+        reading = reading_in(geometry, name)
         rows = len(reading.signals)
         for own, part in zip(parts, (reading.position, reading.rate, reading.acceleration), strict=False):
             own.append(np.zeros((rows, geometry.size)) if part is None else part)

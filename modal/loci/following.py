@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.loci.crossings import CloseApproach, find_close_approaches
 from modal.loci.tracking import Point, follow, solve_at
 from modal.modes import labelled
 from modal.report import Displayed, Summary, counted, csv_rows, deferred, grid, tabulated, with_unit
 from modal.scene import Scene, left_out, name_of
+from modal.scene.doors import checked
 from modal.scene.parameters import Variation, find_places, number_at, validate_variations
 from modal.types import Floats, Ints
 

@@ -15,6 +15,7 @@ from modal._compatibility import renamed
 from modal.modes.closed_forms import hanging_rope, rope_error_of_bobs, rope_error_of_rods
 from modal.modes.frequencies import natural_frequencies
 from modal.modes.friction import sliding_modes, stop_of
+from modal.modes.labels import moving_words
 from modal.modes.modal_matrix import ModalMatrix, all_shapes
 from modal.modes.mode import UNCERTAIN, Mode
 from modal.modes.modes import Modes, equilibrium_words, natural_modes
@@ -36,6 +37,7 @@ __all__ = [
     "hanging_rope",
     "labelled",
     "lettered",
+    "moving_words",
     "natural_frequencies",
     "natural_modes",
     "paired",

@@ -14,6 +14,7 @@ from modal.errors import SceneError, meant
 from modal.modes.fixed_base import fixed_base_masses, on_free_cart
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
+from modal.modes.rows import moved_by
 from modal.report import NOTHING, full, line_width
 from modal.types import Floats
 
@@ -230,8 +231,38 @@ def columns_of(
     every = list(COLUMNS) if stds is None else _with_stds(stds)
     if amplitude_deg is not None:
         every.insert(1 + [column.key for column in every].index("damping_ratio"), _at_amplitude(modes, amplitude_deg))
+    if modes.scene.is_structured:
+        at = [column.key for column in every].index("cart_participation")
+        every[at : at + 1] = coordinate_columns(modes, rows)
     asked = _asked(modes, chosen, every)
     return [column.computed(modes, rows) for column in every if column.usual or column.key in asked]
+
+
+def coordinate_columns(modes: Modes, rows: Sequence[Mode]) -> list[Column]:
+    """A column for each coordinate of a structure, of what moves most in each mode: its displacement in the shape.
+
+    The largest angle of the shape is 1 rad.  Columns to be chosen have the share of each coordinate's velocity just
+    after a sudden push on it.
+    """
+
+    @cache
+    def moved() -> tuple[Floats, Floats]:
+        parts = [moved_by(modes, index) for index in _indices(modes, rows)]
+        shapes, shares = (np.array([part[k] for part in parts]).reshape(len(rows), -1) for k in (0, 1))
+        return shapes, shares
+
+    def column(k: int, name: str, which: int) -> Column:
+        def of_rows(modes: Modes, rows: Sequence[Mode]) -> Floats:
+            return np.asarray(moved()[which][:, k])
+
+        if which:
+            return _of_rows(f"{name}_participation", of_rows, f"{name} part.", "", 4, usual=False)
+        label, _, unit = name.rpartition("_")
+        heading = f"{label} ({unit})" if label and unit in {"m", "rad"} else name
+        return _of_rows(name, of_rows, heading, "", 4)
+
+    names = modes.rig.structure.names if modes.rig.structure else ()
+    return [column(k, name, which) for which in (0, 1) for k, name in enumerate(names)]
 
 
 def added_by(modes: Modes, chosen: str, every: Sequence[Column]) -> frozenset[str]:

@@ -34,15 +34,15 @@ def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None, own: S
     """Modal effective mass in kg of the fixed-base mode that each mode belongs to, along the rail.
 
     Of the modes with these indices (from 0), by default all (R,).  On a fixed support that is the mode's own; NaN where
-    modes do not belong to fixed-base modes one to one: on a cart with a spring, with dampers and about an inverted
-    equilibrium; 0 for the rigid translation.  `own` (R,) are the modes' own masses in kg, where they are known.
+    modes do not belong to fixed-base modes one to one: on a cart with a spring, on a structure, with dampers and about
+    an inverted equilibrium; 0 for the rigid translation.  `own` (R,) are the modes' own masses (kg), if known.
 
     >>> from modal import load, natural_modes
     >>> fixed_base_masses(natural_modes(load("paper-cart-2"))).round(6).tolist()
     [0.0, 0.0, 2.848179, 0.0, 0.580392]
     """
     rig, rows = modes.rig, np.arange(len(modes)) if numbers is None else np.asarray(numbers, dtype=np.int64)
-    if rig.is_damped or modes.scene.stands or rig.leans or (rig.cart and not on_free_cart(rig)):
+    if rig.structure or rig.is_damped or modes.scene.stands or rig.leans or (rig.cart and not on_free_cart(rig)):
         return np.full(len(rows), np.nan)
     if own is not None and not rig.cart:
         return np.asarray(own, dtype=np.float64)

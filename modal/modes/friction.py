@@ -23,7 +23,7 @@ from modal.assembly import centres
 from modal.errors import ComputationError
 from modal.modes.modes import Modes, natural_modes
 from modal.modes.numbering import table_numbers
-from modal.scene import Cart, Scene, validate_scene
+from modal.scene import Scene, validate_scene
 
 MOST_HALF_SWINGS = 10_000_000
 
@@ -131,11 +131,11 @@ def _limits(scene: Scene) -> tuple[np.ndarray, float, float, np.ndarray]:
         for _ in range(link.count)
     ]
     joints, quadratic = (np.array([getattr(link, name) for link in links]) for name in ("friction", "quadratic_drag"))
-    support = scene.support
-    if not isinstance(support, Cart):
+    cart = scene.cart
+    if cart is None:
         return joints, 0.0, 0.0, quadratic
-    weight = scene.gravity * (support.mass + sum(link.mass for link in links))
-    return joints, support.friction, support.friction_coefficient * weight, quadratic
+    weight = scene.gravity * (cart.mass + sum(link.mass for link in links))
+    return joints, cart.friction, cart.friction_coefficient * weight, quadratic
 
 
 def _relative(scene: Scene, angles: np.ndarray) -> np.ndarray:

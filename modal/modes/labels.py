@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from modal.structure import Structure
+
 NEGLIGIBLE = 0.01
+STRUCTURE_STILL, FREE = "supports still", "free"
+VERBS = {"cart": "moves", "swing": "moves", "tilt": "tilts", "heave": "heaves", "modal": "moves"}
+PLATFORM = ("sways", "heaves", "rolls")
+UNNAMED = {"tilt": "board", "heave": "support", "modal": "structure"}
+ALIKE = {"cart": "carts", "swing": "swings"}
+COUNTED = ("", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+MOST_NAMED = 3
 FIXED, CART_STILL, CART_MOVES = "fixed support", "cart still", "cart moves"
 
 
@@ -92,3 +101,57 @@ def _in_phase_with_largest(values: NDArray[np.inexact]) -> NDArray[np.float64]:
     aligned = values * (np.conj(largest) / abs(largest)) if largest != 0 else values
     found: NDArray[np.float64] = aligned.real
     return found
+
+
+def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArray[np.float64]) -> str:
+    """What moves of a structure, by its coordinates (d,): two carts in antiphase, board tilts."""
+    weight = np.abs(eta) * np.sqrt(inertia)
+    moved = np.flatnonzero(weight >= NEGLIGIBLE * weight.max()).tolist()
+    owners = [int(np.searchsorted(structure.offsets, k, side="right")) - 1 for k in moved]
+    kinds = {structure.carriers[owner].kind for owner in owners}
+    if len(moved) > 1 and len(kinds) == 1 and (kind := kinds.pop()) in ALIKE:
+        signs = np.sign(_in_phase_with_largest(eta[moved]))
+        phase = "in phase" if (signs > 0).all() else "in antiphase" if len(moved) == 2 else "in mixed phases"
+        every = len(moved) == sum(own.kind == kind for own in structure.carriers)
+        if not every and len(moved) <= MOST_NAMED:
+            return f"{_listed([_named(structure, owner) for owner in owners])} {phase}"
+        count = COUNTED[len(moved)] if len(moved) < len(COUNTED) else str(len(moved))
+        return f"{count} {ALIKE[kind]} {phase}"
+    told: dict[int, list[str]] = {}
+    for k, owner in zip(moved, owners, strict=True):
+        own = structure.carriers[owner]
+        verb = PLATFORM[k - structure.offsets[owner]] if own.kind == "platform" else VERBS[own.kind]
+        if verb not in told.setdefault(owner, []):
+            told[owner].append(verb)
+    if len(told) > MOST_NAMED:
+        return f"{len(moved)} coordinates move"
+    return ", ".join(f"{_named(structure, owner)} {_listed(verbs)}" for owner, verbs in told.items())
+
+
+def following(
+    angles: tuple[NDArray[np.inexact], ...],
+    shares: tuple[NDArray[np.float64], ...],
+    pivots: list[NDArray[np.inexact]],
+    at: int,
+) -> str:
+    """Whether all pendula with a fair share of the energy swing with their pivots (P,) or against; "" for neither."""
+    if not pivots:
+        return ""
+    energy = energies(shares, at)
+    top = np.concatenate([angle[0, :, at] for angle in angles])
+    signs = np.sign((top * np.conj(np.concatenate(pivots))).real)[energy >= NEGLIGIBLE * energy.max()]
+    if not (signs > 0).all() and not (signs < 0).all():
+        return ""
+    many = len(top) > 1
+    return (
+        ("pendula follow" if many else "pendulum follows") if signs[0] > 0 else f"pendul{'a' if many else 'um'} opposed"
+    )
+
+
+def _named(structure: Structure, owner: int) -> str:
+    own = structure.carriers[owner]
+    return UNNAMED.get(own.kind, own.name) if own.name == own.kind else own.name
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join((", ".join(words[:-1]), words[-1])) if len(words) > 1 else words[0]

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Matrices, Rig, matrices_of
-from modal.doors import checked, require_type
 from modal.eigen import EVERYTHING, Limits, notes
 from modal.modes.eigenvalues import Eigenvalues, Short, kept
 from modal.modes.modal_matrix import ModalMatrix, all_shapes, stacked
@@ -21,6 +20,7 @@ from modal.modes.rows import described
 from modal.modes.shapes import Shape, expand, validate_normalisation
 from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, deferred, more, scrolled
 from modal.scene import Scene, left_out, validate_scene
+from modal.scene.doors import checked, require_type
 from modal.types import Floats
 
 if TYPE_CHECKING:
@@ -165,7 +165,9 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         return stacked([[self.column(one) for one in own] for own in each], across, self.matrices.M)
 
     def column(self, shape: Shape) -> NDArray[Any]:
-        """A shape as one vector (n,): the cart, if there is one, then every link in the order of the file."""
+        """A shape as one vector (n,): the cart or the structure, then every link in the order of the file."""
+        if self.rig.structure:
+            return np.concatenate((shape.supports, shape.angles))
         return np.concatenate(([shape.cart], shape.angles)) if self.on_cart else shape.angles
 
     def shape(self, number: int, copy: int = 0, normalise: str = "angle") -> Shape:

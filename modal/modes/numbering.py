@@ -16,9 +16,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from modal.doors import checked
 from modal.modes.modes import Modes, natural_modes
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Complexes, Floats, Ints
 
 DIGITS = 9
@@ -84,9 +84,8 @@ def lettered(index: int) -> str:
 
 
 def _alike(modes: Modes, others: Modes) -> Floats:
-    """The w (R, S), over the cart and the links where both have a cart, else over the links."""
-    on_cart = modes.on_cart and others.on_cart
-    left_out = int(modes.on_cart and not on_cart)
+    """The w (R, S), over all coordinates where both have them, else over the links."""
+    left_out = max(modes.rig.leading - others.rig.leading, 0)
     M = modes.matrices.M[left_out:, left_out:]
     one, own = _stacked(modes, M)
     other, whose = _stacked(others, M)

@@ -10,12 +10,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly import Block
+from modal.assembly import Block, Rig
 from modal.eigen import Details, Part, Swing, distortion, largest_angle, one_percent_amplitude
 from modal.modes.eigenvalues import Eigenvalues
-from modal.modes.labels import CART_MOVES, CART_STILL, FIXED, agreement, family, motion_words
+from modal.modes.labels import (
+    CART_MOVES,
+    CART_STILL,
+    FIXED,
+    FREE,
+    STRUCTURE_STILL,
+    agreement,
+    family,
+    following,
+    motion_words,
+    moving_words,
+)
 from modal.modes.mode import BESIDE, PROMISED, SURE, UNCERTAIN, Mode, answering, is_guide, resonances
-from modal.types import Ints
+from modal.modes.shapes import first_of_largest, is_balanced
+from modal.structure import coordinate_units
+from modal.types import Floats, Ints
 
 LIGHTLY = 0.1
 """Damping ratio up to which a mode has an amplitude coefficient, as in `modal.eigen.matrix_source`."""
@@ -28,9 +41,12 @@ class _Piece(NamedTuple):
     details: Details
     at: int
 
-    def effective_mass(self, on_cart: bool) -> float:
-        """Effective mass along the rail; shapes that hold a cart still or move across the rail contribute nothing."""
-        balanced = self.part.still and on_cart
+    def effective_mass(self, rig: Rig) -> float:
+        """Effective mass along the rail; shapes that hold a cart still or move across the rail contribute nothing.
+
+        Combinations of pendula in different places that hold a structure still may push it.
+        """
+        balanced = is_balanced(rig, self.part) and not (rig.structure and self.part.kind is None)
         return 0.0 if balanced or not self.part.along else self._effective_mass() * self.part.along
 
     def effective_mass_across(self) -> float:
@@ -48,8 +64,9 @@ def _head(pieces: list[_Piece]) -> _Piece:
 
 def described(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int, Mode]]:
     """The rows of the modes with these indices (from 0), each with its index, in this order."""
-    near = {n: _resonances(modes, n) for n in numbers}
-    asked = {n: [] if near[n] else answering(modes.omega, n, _partners(modes, n)) for n in numbers}
+    structured = modes.scene.is_structured  # κ of structures is not known
+    near = {n: () if structured else _resonances(modes, n) for n in numbers}
+    asked = {n: [] if near[n] or structured else answering(modes.omega, n, _partners(modes, n)) for n in numbers}
     pieces = _pieces(modes, sorted({*numbers, *(k for found in asked.values() for _, k in found)}))
     for n in numbers:
         mode = _mode(modes, n, pieces[n])
@@ -76,7 +93,7 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_Piece]) -> Mode:
     head, unit = _head(pieces), modes.units.mass
     ratio = float(modes.damping_ratio[number])
     certain = 1.0 if modes.error[number] < UNCERTAIN else np.nan
-    effective = certain * unit * sum(piece.effective_mass(modes.on_cart) for piece in pieces)
+    effective = certain * unit * sum(piece.effective_mass(modes.rig) for piece in pieces)
     light = not modes.is_classical or ratio < LIGHTLY
     kappa = certain * float(head.details.kappa[head.at]) if light else np.nan
     return Mode(
@@ -101,9 +118,11 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_Piece]) -> Mode:
 def _family(modes: Eigenvalues, number: int, head: _Piece, ratio: float) -> str:
     if np.isnan(ratio):
         return "beyond double precision"
+    details, at = head.details, head.at
+    if modes.rig.structure:
+        return _on_structure(modes, number, head, ratio)
     if modes.eigenvalue[number] == 0:
         return "rigid translation"
-    details, at = head.details, head.at
     still = head.part.still or details.cart[at] == 0
     folds = dict.fromkeys(("", "antiphase", "across the rail"), 0)
     for part in modes.spectrum.groups[number]:
@@ -121,6 +140,54 @@ def _family(modes: Eigenvalues, number: int, head: _Piece, ratio: float) -> str:
         motion=motion_words(details.angles, details.shares, at, words),
         ratio=ratio,
     )
+
+
+def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
+    """How a mode moves the coordinates (d,) of a structure where its largest angle is 1 rad, and its share of a push.
+
+    Where no link moves the largest displacement is 1 of its unit; of equal frequencies one shape is taken that moves
+    the structure.  The shares are those of the velocity of each coordinate just after a sudden push on it; they are NaN
+    with dampers.
+    """
+    structure = modes.rig.structure
+    assert structure is not None
+    found, share, taken = np.zeros(structure.size), np.zeros(structure.size), False
+    for part in (part for part in modes.spectrum.groups[number] if not part.still):
+        details = modes.spectrum.details(part.source, [part.row])
+        eta = np.array([own[0] for own in details.eta])
+        carried = modes.spectrum.sources[part.source].reduced.carried  # type: ignore[attr-defined]
+        share = share + np.abs(eta) ** 2 / details.modal_mass[0] / carried.accelerances
+        if not taken and eta.any():
+            moved = eta * np.array(coordinate_units(structure, modes.units.length))
+            angles = np.concatenate([details.angles[block][:, column, 0] for block, column, _ in modes.rig.members])
+            leading = first_of_largest(angles) or moved[np.abs(moved).argmax()]
+            found, taken = (moved / leading).real, True
+    return found, share if not modes.rig.is_damped else np.full(structure.size, np.nan)
+
+
+def _on_structure(modes: Eigenvalues, number: int, head: _Piece, ratio: float) -> str:
+    structure, details, at = modes.rig.structure, head.details, head.at
+    assert structure is not None
+    eta = np.array([part[at] for part in details.eta]) if not head.part.still else np.zeros(structure.size)
+    source = modes.spectrum.sources[head.part.source]
+    words = moving_words(structure, eta, source.reduced.carried.inertia) if eta.any() else ""  # type: ignore[attr-defined]
+    parts = modes.spectrum.groups[number]
+    folds = {"": sum(part.along for part in parts if not is_balanced(modes.rig, part))}
+    folds["antiphase"] = sum(part.along for part in parts) - folds[""]
+    if modes.eigenvalue[number] == 0:
+        return family(where=words, folds=folds, motion=FREE, ratio=ratio)
+    motion = ""
+    if head.part.still:
+        motion = motion_words(details.angles, details.shares, at, _whose(modes, number, head.part))
+    elif any(angle[:, :, at].any() for angle in details.angles):
+        several = sum(count for _, _, count in modes.rig.members) > 1
+        names = list(modes.rig.names.values())
+        told = agreement(details.angles, details.shares, at, names, several=several, still=True)
+        pivots = [rows @ eta for rows in source.reduced.carried.pivots] if words else []  # type: ignore[attr-defined]
+        told = following(details.angles, details.shares, pivots, at) or told
+        motion = motion_words(details.angles, details.shares, at, told)
+    where = words or (STRUCTURE_STILL if structure.size else FIXED)
+    return family(where=where, folds=folds, motion=motion, ratio=ratio)
 
 
 def _whose(modes: Eigenvalues, number: int, part: Part) -> str:

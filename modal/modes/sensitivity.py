@@ -24,7 +24,6 @@ from typing import NamedTuple
 import numpy as np
 
 from modal import pair
-from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.modes.displacements import centre_displacements
 from modal.modes.mode import UNCERTAIN
@@ -32,9 +31,14 @@ from modal.modes.modes import Modes
 from modal.modes.shapes import Shape
 from modal.report import Displayed, Summary, brief, tabulated
 from modal.scene import Pendulum, refusals
+from modal.scene.doors import checked
 from modal.types import Complexes, Floats
 
 ULP, CANCELLED = 2.0**-52, 1e-13
+BY_PLACE = (
+    "support: sensitivities link by link are those of pendula on a fixed support or one cart: take "
+    "modal.modes.sensitivity_table.of_mode, which has them by places of the scene"
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -98,7 +102,9 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
     """
     if not -len(modes) <= number < len(modes):
         raise IndexError(f"there is no mode of index {number}: {len(modes)} modes have indices 0 to {len(modes) - 1}")
-    _refuse(modes, number)
+    if modes.rig.structure:
+        raise SceneError([BY_PLACE])
+    refuse(modes, number)
     value, shape = complex(modes.eigenvalue[number]), modes.shape(number, 0, "mass")
     if value == 0:
         return _nothing(modes.scene.n_links)
@@ -130,7 +136,8 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
     )
 
 
-def _refuse(modes: Modes, number: int) -> None:
+def refuse(modes: Modes, number: int) -> None:
+    """ComputationError or SceneError where a mode has no derivatives."""
     if modes.rig.leans:
         raise SceneError(refusals(modes.scene, "a derivative of modes"))
     value, fold = modes.eigenvalue[number], modes.multiplicity[number]

@@ -2,19 +2,30 @@
 
 A number of the file may belong to many links: copies of a pendulum, and a run of equal links.  All of them change with
 it, so their derivatives add up.
+
+On a structure they come from the derivatives of M, K and D (`modal.assembly.derivatives`), of every number that these
+depend on:
+
+    ∂λ/∂p = −φᵀ (λ² ∂M/∂p + λ ∂D/∂p + ∂K/∂p) φ / φᵀ (2λ M + D) φ
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
-from modal.errors import ComputationError
+import numpy as np
+
+from modal.assembly import Arrays, differences, matrices
+from modal.errors import ComputationError, SceneError
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
-from modal.modes.sensitivity import Sensitivities, sensitivities
+from modal.modes.sensitivity import Sensitivities, refuse, sensitivities
 from modal.report import NOTHING, folded, grid, listed
-from modal.scene import Body, Cart
+from modal.scene import Body, Scene
+from modal.scene.parameters import Place, number_at, with_numbers
+from modal.scene.validation import Part
 from modal.types import Floats
 
 MOST_NUMBERS = 200_000
@@ -48,17 +59,75 @@ def of_mode(modes: Modes, row: Mode) -> dict[str, Sensitivity]:
     {'pendulum[0].links[0].mass': 0.0, 'pendulum[0].links[0].length': 0.5, 'gravity': 0.5}
     """
     try:
+        if modes.rig.structure:
+            return dict(_on_structure(modes, row.omega, modes.index_of(row)))
         return dict(_places(modes, row.omega, sensitivities(modes, modes.index_of(row))))
     except ComputationError:
         return {}
 
 
+LINEARIZED = frozenset(
+    {"gravity", "mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "position", "links", "pendulum"}
+    | {"support", "spring", "sway", "heave", "roll"}
+)
+"""Keys of numbers, and of what holds them, on which M, K and D depend."""
+NOTHING_OF = 2.0**-40
+"""Of the largest entry of a matrix: a change by a number as large as itself that is rounding."""
+
+
+def _on_structure(modes: Modes, omega: float, number: int) -> Iterator[tuple[str, Sensitivity]]:
+    """Those of every number above 0 that may change alone; a board that it would unbalance has none."""
+    refuse(modes, number)
+    value, phi = complex(modes.eigenvalue[number]), modes.column(modes.shape(number, 0, "mass"))
+    own = modes.matrices
+    pencil = phi @ (2 * value * own.M + own.D) @ phi
+    for place, (dM, dK, dD) in matrix_slopes(modes.scene).items():
+        derivative = 0.0
+        if value:
+            slope = -(phi @ (value**2 * dM + value * dD + dK) @ phi) / pencil
+            derivative = float((np.conj(value) * slope).real / abs(value))
+        yield with_numbers(place), _sensitivity(number_at(modes.scene, place), derivative, omega)
+
+
+@lru_cache(maxsize=2)
+def matrix_slopes(scene: Scene) -> dict[Place, Arrays]:
+    """∂M, ∂K and ∂D by every number but 0 of a scene on a structure, by its place."""
+    found, own = {}, _matrices(scene)
+    for place in _numbers(scene):
+        try:
+            slopes = differences(scene, place, 1.0, _matrices)
+        except SceneError:
+            continue
+        size = abs(number_at(scene, place))
+        if any(size * np.abs(slope).max() > NOTHING_OF * np.abs(S).max() for slope, S in zip(slopes, own, strict=True)):
+            found[place] = slopes
+    return found
+
+
+def _matrices(scene: Scene) -> Arrays:
+    found = matrices(scene)
+    return found.M, found.K, found.D
+
+
+def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
+    """The places of all numbers but 0 that M, K and D depend on."""
+    if isinstance(part, Part):
+        for name in part.fields:
+            if name in LINEARIZED:
+                yield from _numbers(getattr(part, name), (*at, name))
+    elif isinstance(part, tuple):
+        for index, item in enumerate(part):
+            yield from _numbers(item, (*at, index))
+    elif isinstance(part, float) and part:
+        yield at
+
+
 def _places(modes: Modes, omega: float, found: Sensitivities) -> Iterator[tuple[str, Sensitivity]]:
     scene, at = modes.scene, 0
-    if isinstance(scene.support, Cart):
-        yield "support.mass", _sensitivity(scene.support.mass, found.cart_mass, omega)
-        yield from _one("support.damping", scene.support.damping, found.cart_damping, omega)
-        yield from _one("support.stiffness", scene.support.stiffness, found.cart_stiffness, omega)
+    if (cart := scene.cart) is not None:
+        yield "support.mass", _sensitivity(cart.mass, found.cart_mass, omega)
+        yield from _one("support.damping", cart.damping, found.cart_damping, omega)
+        yield from _one("support.stiffness", cart.stiffness, found.cart_stiffness, omega)
     for p, pendulum in enumerate(scene.pendulum):
         own = slice(at, at + pendulum.count * pendulum.n_links)
         at, first = own.stop, 0
@@ -96,6 +165,7 @@ def sensitivity_table(modes: Modes, rows: Sequence[Mode], form: str) -> str:
     `form` is text, markdown, latex or html.  Raises ComputationError for too many.
     """
     size = len(rows) * 5 * sum(len(pendulum.links) for pendulum in modes.scene.pendulum)
+    size *= modes.rig.leading if modes.rig.structure else 1
     if size > MOST_NUMBERS:
         raise ComputationError(f"{size} sensitivities are too many for a table: choose fewer modes")
     each = [of_mode(modes, row) for row in rows]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -12,9 +12,12 @@ from modal.assembly import Rig, Units
 from modal.eigen import Details, Part
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief, counted
+from modal.structure import coordinate_units
 from modal.types import Floats
 
 Normalisation = Literal["angle", "mass"]
+NONE: NDArray[np.inexact] = np.zeros(0)
+NONE.flags.writeable = False
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -26,6 +29,7 @@ class Shape(Displayed):
     kinetic energy, `modal_mass` φᵀMφ (kg m²), `participation_factor` φᵀMe/φᵀMφ (1/m) for the unit translation e of
     everything along the rail, or across it where `across` says that the shape moves that way (scenes in space); their
     product Γ²φᵀMφ is the modal effective mass (Clough & Penzien, Dynamics of Structures, §26-4).  NaN for damped modes.
+    `supports` (d,) are the displacements of a structure's coordinates, with a unit each, as named by `Matrices.labels`.
     `uncertain` tells that no digit of the mode's frequency is certain; the shape may then contain any other mode.
 
     >>> from modal import Bob, Pendulum, Scene, natural_modes
@@ -42,6 +46,7 @@ class Shape(Displayed):
     participation_factor: float
     across: bool
     uncertain: bool
+    supports: NDArray[np.inexact] = field(default_factory=lambda: NONE)
 
     @property
     def direction(self) -> str:
@@ -86,6 +91,7 @@ class _Vector:
     shares: Floats
     modal_mass: float
     momentum: float
+    supports: NDArray[np.inexact] = field(default_factory=lambda: NONE)
 
 
 def validate_normalisation(name: str) -> Normalisation:
@@ -102,8 +108,22 @@ def expand(
     vector = _of_copies(rig, part, part.kind, copy, details) if part.kind else _of_all(rig, details)
     if not np.all(np.isfinite(vector.angles)):
         raise ComputationError("a mode shape of this scene is beyond double precision")
+    vector = replace(vector, supports=vector.supports * _lengths(rig, units))
     scale = _scale(vector, units, normalise)
     return _scaled(vector, units, scale, across=copy >= part.along, uncertain=uncertain)
+
+
+def _lengths(rig: Rig, units: Units) -> Floats:
+    """The natural unit of every coordinate of a structure."""
+    return np.array(coordinate_units(rig.structure, units.length) if rig.structure else ())
+
+
+def is_balanced(rig: Rig, part: Part) -> bool:
+    """Whether a part is of equal pendula that together hold still what they hang from."""
+    if part.kind is None:
+        return part.still
+    block, column = part.kind
+    return bool(rig.blocks[block].count[column] > part.along)
 
 
 def _of_all(rig: Rig, details: Details) -> _Vector:
@@ -111,7 +131,8 @@ def _of_all(rig: Rig, details: Details) -> _Vector:
         np.concatenate([np.tile(values[block][:, column, 0], copies) for block, column, copies in rig.members])
         for values in (details.angles, details.shares)
     )
-    return _Vector(details.cart[0], angles, shares.real, details.modal_mass[0], details.momentum[0])
+    supports = np.array([part[0] for part in details.eta])
+    return _Vector(details.cart[0], angles, shares.real, details.modal_mass[0], details.momentum[0], supports)
 
 
 def _of_copies(rig: Rig, part: Part, kind: tuple[int, int], copy: int, details: Details) -> _Vector:
@@ -126,15 +147,16 @@ def _of_copies(rig: Rig, part: Part, kind: tuple[int, int], copy: int, details: 
         n = rig.blocks[block].n
         angles.append(np.outer(own, one).ravel() if own.any() else np.zeros(count * n, one.dtype))
         shares.append(np.outer(own**2, share).ravel() if own.any() else np.zeros(count * n))
-    single = copy >= part.along or not rig.cart
+    single = copy >= part.along or not is_balanced(rig, part)
     momentum = details.momentum[0] if single or np.isnan(details.momentum[0]) else 0.0
-    return _Vector(0.0, np.concatenate(angles), np.concatenate(shares), details.modal_mass[0], momentum)
+    still = np.zeros(rig.structure.size if rig.structure else 0)
+    return _Vector(0.0, np.concatenate(angles), np.concatenate(shares), details.modal_mass[0], momentum, still)
 
 
 def _weights(rig: Rig, part: Part, kind: tuple[int, int], copy: int) -> Floats:
     """The amplitude of each copy of a kind, of Euclidean length 1: one of them alone, or in antiphase on a cart."""
     weights = np.zeros(sum(count for block, column, count in rig.members if (block, column) == kind))
-    if copy >= part.along or not rig.cart:
+    if copy >= part.along or not is_balanced(rig, part):
         weights[copy - part.along if copy >= part.along else copy] = 1.0
     else:
         weights[: copy + 1], weights[copy + 1] = 1.0, -(copy + 1.0)
@@ -142,14 +164,21 @@ def _weights(rig: Rig, part: Part, kind: tuple[int, int], copy: int) -> Floats:
     return weights
 
 
+def first_of_largest(angles: NDArray[np.inexact]) -> Any:
+    """The first of the largest angles, those that agree to 1e-9."""
+    size = np.abs(angles)
+    return angles[np.argmax(size >= size.max() * (1 - 1e-9))]
+
+
 def _scale(vector: _Vector, units: Units, how: Normalisation) -> complex:
     """The factor from the vector's angles to normalised ones: the first of the largest becomes real and positive.
 
-    A rigid translation has no angles: there the cart moves by 1 m instead of the largest angle's 1 rad.
+    A rigid translation has no angles: there the cart moves by 1 m instead of the largest angle's 1 rad, and of a
+    structure the coordinate that moves most.
     """
-    size = np.abs(vector.angles)
-    moves = size.max() > 0
-    leading = vector.angles[np.argmax(size >= size.max() * (1 - 1e-9))] if moves else vector.cart * units.length
+    moves = vector.angles.any()
+    still = vector.supports[np.abs(vector.supports).argmax()] if vector.supports.size else vector.cart * units.length
+    leading = first_of_largest(vector.angles) if moves else still
     turn = np.conj(leading) / abs(leading)
     length = abs(leading) if how == "angle" else np.sqrt(vector.modal_mass * units.mass) * units.length
     scale: complex = turn / length
@@ -168,4 +197,5 @@ def _scaled(vector: _Vector, units: Units, scale: complex, *, across: bool, unce
         participation_factor=float(momentum / modal_mass) if undamped else np.nan,
         across=across,
         uncertain=uncertain,
+        supports=vector.supports * scale if vector.supports.size else NONE,
     )

@@ -138,13 +138,13 @@ def _matrices(spectrum: Spectrum) -> tuple[Matrix, ...]:
 
 
 def coordinates(rig: Rig) -> int:
-    """Number of coordinates of the whole scene: every copy, both directions in space, the cart along its rail."""
+    """Number of coordinates of the whole scene: every copy, both directions in space, the cart's or the structure's."""
     links = sum(int(block.count.sum()) * block.n for block in rig.blocks)
-    return links * (2 if rig.spatial else 1) + (1 if rig.cart else 0)
+    return links * (2 if rig.spatial else 1) + rig.leading
 
 
 def _coordinates_left_out(rig: Rig) -> Iterator[str]:
-    if not rig.cart:
+    if not rig.leading:
         yield "no cart coordinate: the support is fixed"
     if rig.spatial:
         yield (

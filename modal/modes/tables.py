@@ -7,7 +7,6 @@ from math import isnan
 from typing import Any
 
 from modal.assembly import Matrices
-from modal.doors import checked
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes.columns import Column, Stds, added_by, columns_of, printed, that_fit
 from modal.modes.mode import Mode
@@ -29,6 +28,7 @@ from modal.report import (
     widths_of,
 )
 from modal.scene import Scene, describe, title_of
+from modal.scene.doors import checked
 from modal.types import Floats
 
 __all__ = ["GUIDE", "matrices_table", "table"]

@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
-from modal.coupling import Coupling, Family, family_name
+from modal.coupling import Coupling, Family, StructureCoupling, family_name
 from modal.plotting.layout import SMALL, headline, key
+from modal.plotting.structure_coupling import structure_figure
 from modal.plotting.style import WIDE, colour, ink, muted, paper, save, sheet
 from modal.scene import title_of
 from modal.types import Floats
@@ -31,13 +32,15 @@ RISE = 2.5
 CART_MASS = r"mass of the cart $m_c$ (kg)"
 
 
-def draw_coupling(coupling: Coupling, stream: IO[bytes], kind: str = "png") -> None:
+def draw_coupling(coupling: Coupling | StructureCoupling, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture as png, svg or pdf."""
     save(coupling_figure(coupling), stream, kind)
 
 
-def coupling_figure(coupling: Coupling) -> Figure:
+def coupling_figure(coupling: Coupling | StructureCoupling) -> Figure:
     """The coupling in one picture; of many poles and lines it shows some and says so."""
+    if isinstance(coupling, StructureCoupling):
+        return structure_figure(coupling)
     close = close_families(coupling)
     figure = sheet(WIDE, 10.5 if close else 7.6)
     rows = GridSpec(3 if close else 2, max(1, len(close)), figure, height_ratios=(3, 2.1, 3) if close else (1, 1))

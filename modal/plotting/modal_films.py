@@ -22,15 +22,16 @@ from modal.plotting.layout import caption, headline
 from modal.plotting.profiles import levels_of, number_pendula
 from modal.plotting.shapes import (
     MOST_PANELS,
-    MOST_PENDULA,
     Layout,
     arranged,
     draw_rest,
     draw_swing,
     draw_translation,
     fitting_amplitude,
+    is_crowded,
     layout_of,
     panel_words,
+    set_apart,
 )
 from modal.plotting.style import any_letters, colour, sheet
 from modal.scene import kind_of, title_of, whole_file
@@ -53,9 +54,10 @@ class ModalFilm(MovingFigure):
     """A panel for each of the modes with these indices (from 0), over one loop of `count` frames."""
 
     def __init__(self, modes: Modes, numbers: Sequence[int], rate: float, amplitude_deg: float = AMPLITUDE_DEG) -> None:
-        rows, many = list(modes.rows(numbers)), modes.scene.n_pendula > MOST_PENDULA
+        rows, many = list(modes.rows(numbers)), is_crowded(modes.scene)
         layout = None if many else layout_of(modes)
         (columns, lines), width, height = _sizes(len(rows), layout)
+        layout = layout and layout.within(width)
         words = [panel_words(row, max(18, int(width / LETTER))) for row in rows]
         high = height + LINE * max(text.count("\n") + 1 for text in words) + 0.15
         figure = sheet(max(columns * width, 4.6), lines * high + 0.8)
@@ -72,7 +74,10 @@ class ModalFilm(MovingFigure):
             axis.set_title(text, linespacing=1.3)
         for axis in axes.flat[len(rows) :]:
             axis.remove()
-        caption(figure, _caption(modes, rows))
+        words = [_caption(modes, rows)]
+        if layout is not None and layout.scaffold is not None:
+            words += set_apart(layout.scaffold, modes.scene.n_pendula)
+        caption(figure, "; ".join(words))
         self.show(0)
         figure.draw_without_rendering()
         figure.set_layout_engine("none")
@@ -112,11 +117,16 @@ class _Panel:
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout | None, amplitude: float) -> _Panel:
     """The panel of a mode, with what stands still in it; layout is None where angles are drawn over pendula."""
     shape = modes.shape(modes.index_of(row))
-    real = replace(shape, cart=complex(shape.cart).real, angles=shape.angles.real)
+    real = replace(shape, cart=complex(shape.cart).real, angles=shape.angles.real, supports=np.real(shape.supports))
 
     def moved(s: float) -> Shape:
         turn = motion(row, s)
-        return replace(shape, cart=(shape.cart * turn).real, angles=(shape.angles * turn).real)
+        return replace(
+            shape,
+            cart=(shape.cart * turn).real,
+            angles=(shape.angles * turn).real,
+            supports=np.real(shape.supports * turn),
+        )
 
     if layout is None:
         draw = _profile(axis, modes, amplitude)
@@ -125,7 +135,7 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout | None, amplitude
     axis.set_axis_off()
     if row.omega == 0:
         draw_translation(axis, layout)
-    largest = fitting_amplitude(layout, replace(real, cart=abs(shape.cart)), amplitude)
+    largest = fitting_amplitude(layout, replace(real, cart=abs(shape.cart), supports=np.abs(shape.supports)), amplitude)
 
     def hang(axis: Axes, now: Shape) -> None:
         draw_swing(axis, modes, layout, now, largest, {"color": colour(0)})
@@ -177,7 +187,7 @@ def _caption(modes: Modes, rows: Sequence[Mode]) -> str:
         words += ["modes that do not swing decay or grow, and are brought back at the end of the loop"]
     if any(row.multiplicity > 1 for row in rows):
         words += ["one shape of each repeated mode"]
-    if modes.scene.n_pendula > MOST_PENDULA:
+    if is_crowded(modes.scene):
         words += ["angle over the number of the pendulum"]
         deepest = max(pendulum.n_links for pendulum in modes.scene.pendulum)
         words += [f"the upper {MOST_LEVELS} of {deepest} links"] if deepest > MOST_LEVELS else []

@@ -12,18 +12,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from modal.doors import require_type
 from modal.errors import ComputationError
 from modal.modes import Mode, Modes, Shape
+from modal.plotting.carriers import draw_pieces
 from modal.plotting.layout import caption, evenly, headline, side_by_side
+from modal.plotting.outlines import Scaffold
 from modal.plotting.profiles import profiles_figure
 from modal.plotting.style import QUIET, WIDE, colour, ink, mixed, muted, paper, rest, save, sheet
-from modal.scene import AnyLink, Bob, Rod, title_of
+from modal.scene import AnyLink, Bob, Rod, Scene, title_of
+from modal.scene.doors import require_type
 from modal.types import Floats
 
 FARTHEST = 0.3  # largest displacement of the cart over the picture's depth
 LINE, LETTER = 0.2, 0.08  # height of a title line and width of a letter (inches)
 MOST_PANELS, MOST_PENDULA, MOST_MARKS = 24, 12, 40
+MARK, SMALLEST = 11.0, 3.5  # width of the heaviest bob and of the lightest (points)
 FAINTEST = 0.3  # part of the colour in a motion that has faded
 LEAST, WIDEST = 4.6, 1.4  # least width of a picture (inches); width over height of panels, four in a row
 
@@ -32,7 +35,8 @@ LEAST, WIDEST = 4.6, 1.4  # least width of a picture (inches); width over height
 class Layout:
     """The pendula drawn, their links' angles at equilibrium, the index of the first link of each, and their pivots.
 
-    In metres: the longest chain, the extent below and above the rail, and half the width.
+    In metres: the longest chain, the extent below and above the rail, and half the width, about `middle`.  What hangs
+    from a structure is drawn with its `scaffold`.  The heaviest bob is `mark` points wide.
     """
 
     links: tuple[tuple[AnyLink, ...], ...]
@@ -43,6 +47,15 @@ class Layout:
     below: float
     above: float
     half_width: float
+    scaffold: Scaffold | None = None
+    middle: float = 0.0
+    mark: float = MARK
+
+    def within(self, width: float) -> Layout:
+        """The same with marks small enough for pendula on a structure in a panel of this width (inches)."""
+        if self.scaffold is None:
+            return self
+        return replace(self, mark=min(MARK, 0.4 * self.depth * 72 * width / (2 * self.half_width)))
 
     @property
     def bottom(self) -> float:
@@ -52,7 +65,19 @@ class Layout:
     @property
     def top(self) -> float:
         """The upper edge of a panel."""
-        return max(0.22 * self.depth, self.above + 0.14 * self.depth)
+        return max(0.22 * self.depth, self.above + 0.14 * self.depth) if self.scaffold is None else self.above
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The left and the right edge of a panel."""
+        return self.middle - self.half_width, self.middle + self.half_width
+
+    def places(self, shape: Shape, amplitude: float) -> Floats:
+        """Where the pendula hang in a real shape times an amplitude, (K, 2) in m to the right and up."""
+        if self.scaffold is None:
+            shift = float(shape.cart.real) * amplitude
+            return np.column_stack((self.pivots + shift, np.zeros_like(self.pivots)))
+        return np.asarray(self.scaffold.pivots(amplitude * shape.supports.real[None])[0])
 
 
 def draw_shapes(
@@ -78,12 +103,13 @@ def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitu
     if len(numbers) > MOST_PANELS:
         raise ComputationError(f"{len(numbers)} modes do not fit in one figure: choose at most {MOST_PANELS} modes")
     rows = list(modes.rows(numbers))
-    if modes.scene.n_pendula > MOST_PENDULA:
+    if is_crowded(modes.scene):
         return profiles_figure(modes, rows, panel_words, amplitude_deg)
     layout = layout_of(modes)
     panel = 2 * layout.half_width / (0.955 * (layout.top - layout.bottom))
     columns, lines = arranged(len(rows), panel)
     width = float(np.clip(2.6 * panel, 2.6, WIDE / columns))
+    layout = layout.within(width)
     words = [panel_words(row, int(max(width, LEAST / columns) / LETTER)) for row in rows]
     height = width / panel + LINE * max(text.count("\n") + 1 for text in words) + 0.15
     figure = sheet(max(width * columns, LEAST), height * lines + 0.8)
@@ -99,6 +125,14 @@ def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitu
     return figure
 
 
+def is_crowded(scene: Scene) -> bool:
+    """Whether a scene has so many pendula that their angles are drawn over their numbers.
+
+    Of equal pendula on a structure some are drawn, as long as there is room for one of each entry.
+    """
+    return (len(scene.pendulum) if scene.is_structured else scene.n_pendula) > MOST_PENDULA
+
+
 def arranged(count: int, ratio: float) -> tuple[int, int]:
     """Columns and lines of so many panels, of this width over height."""
     lines = -(-count // min(count, 4 if ratio < WIDEST else 3))
@@ -109,12 +143,15 @@ def layout_of(modes: Modes) -> Layout:
     """What is drawn of the pendula, and where."""
     hanging: list[tuple[tuple[AnyLink, ...], Floats, int]] = []
     first, angles = 0, modes.rig.rest_angles
+    most = max(1, MOST_PENDULA // len(modes.scene.pendulum)) if modes.rig.structure else MOST_PENDULA
     for pendulum in modes.scene.pendulum:
         links = tuple(link for link in pendulum.links for _ in range(link.count))
-        firsts = [first + k * len(links) for k in range(min(pendulum.count, MOST_PENDULA))]
+        firsts = [first + k * len(links) for k in range(min(pendulum.count, most))]
         hanging += [(links, angles[at : at + len(links)], at) for at in firsts]
         first += pendulum.count * len(links)
     picked = evenly(len(hanging), MOST_PENDULA)
+    if modes.rig.structure:
+        return _on_structure(modes, [hanging[k] for k in picked])
     chains, rests, offsets = (tuple(column) for column in zip(*(hanging[k] for k in picked), strict=True))
     levels = [_placed(chain, np.cos(angle)) for chain, angle in zip(chains, rests, strict=True)]
     aside = max(float(np.abs(_placed(chain, np.sin(angle))).max()) for chain, angle in zip(chains, rests, strict=True))
@@ -128,6 +165,39 @@ def layout_of(modes: Modes) -> Layout:
     return Layout(chains, rests, offsets, pivots, depth, below, above, half_width)
 
 
+def _on_structure(modes: Modes, hanging: list[tuple[tuple[AnyLink, ...], Floats, int]]) -> Layout:
+    """The layout of pendula on a structure: as it is drawn at rest, with room for it to move."""
+    structure = modes.rig.structure
+    assert structure is not None
+    first = np.cumsum([0, *(one.n_links for one in modes.scene.pendulum for _ in range(one.count))])
+    chains, rests, offsets = (tuple(column) for column in zip(*hanging, strict=True))
+    depth = max(float(np.ptp(_placed(chain, np.ones(len(chain))))) for chain in chains)
+    drawn = np.searchsorted(first, offsets)
+    scaffold = Scaffold(structure, drawn, first, depth)
+    layout = Layout(chains, rests, offsets, np.zeros(0), depth, 0.0, 0.0, 0.0, scaffold)
+    still = np.zeros((1, structure.size))
+    pivots = scaffold.pivots(still)[0]
+    hung = [_hung(chain, rest, pivot)[None] for chain, rest, pivot in zip(chains, rests, pivots, strict=True)]
+    pieces = scaffold.pieces(still, dict(zip(drawn.tolist(), hung, strict=True)))
+    points = np.concatenate([part.reshape(-1, 2) for part in (*hung, *(piece.points for piece in pieces))])
+    (left, low), (right, high) = points.min(0), points.max(0)
+    rises = 0.3 * any(own.kind in {"tilt", "heave", "platform", "modal"} for own in structure.carriers)
+    return replace(
+        layout,
+        below=-float(low) + rises * depth,
+        above=float(high) + (0.1 + rises) * depth,
+        half_width=(right - left) / 2 + 0.6 * depth,
+        middle=(left + right) / 2,
+    )
+
+
+def _hung(links: tuple[AnyLink, ...], angles: Floats, pivot: Floats) -> Floats:
+    """The joints of a chain at these angles from the downward vertical, (n + 1, 2) to the right and up."""
+    length = np.array([link.length for link in links])[:, None]
+    ways = np.column_stack((np.sin(angles), -np.cos(angles)))
+    return np.asarray(pivot + np.vstack(([0.0, 0.0], np.cumsum(length * ways, axis=0))))
+
+
 def _placed(links: tuple[AnyLink, ...], way: Floats) -> Floats:
     """How far the joints and the centres of mass of a chain are away, with the way of its links per length."""
     joints = np.cumsum([0.0, *(way * [link.length for link in links])])
@@ -137,7 +207,9 @@ def _placed(links: tuple[AnyLink, ...], way: Floats) -> Floats:
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout, amplitude: float) -> None:
     shape = modes.shape(modes.index_of(row))
     if np.iscomplexobj(shape.angles):
-        shape = replace(shape, cart=complex(shape.cart).real, angles=shape.angles.real)
+        shape = replace(
+            shape, cart=complex(shape.cart).real, angles=shape.angles.real, supports=np.real(shape.supports)
+        )
     draw_rest(axis, modes, layout, shape)
     if row.omega == 0:
         draw_translation(axis, layout)
@@ -155,18 +227,21 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout, amplitude: float
 
 def draw_rest(axis: Axes, modes: Modes, layout: Layout, shape: Shape) -> None:
     """The rail and everything at equilibrium, on an axis with the limits of the layout."""
-    axis.set_xlim(-layout.half_width, layout.half_width)
+    axis.set_xlim(*layout.ends)
     axis.set_ylim(layout.bottom, layout.top)
     axis.set_aspect("equal")
-    axis.plot([-layout.half_width, layout.half_width], [0, 0], color=muted(), lw=1.0, zorder=0)
+    if layout.scaffold is None:
+        axis.plot(layout.ends, [0, 0], color=muted(), lw=1.0, zorder=0)
     draw_swing(axis, modes, layout, shape, 0.0, {"color": rest(), "gid": QUIET})
 
 
 def draw_translation(axis: Axes, layout: Layout) -> None:
     """The sign of a rigid translation."""
     reach, height = 0.3 * layout.depth, 0.13 * layout.depth
+    if layout.scaffold is not None:
+        height = layout.top - 0.05 * layout.depth
     arrow = {"arrowstyle": "<->", "color": colour(0), "lw": 1.6}
-    axis.annotate("", (reach, height), (-reach, height), arrowprops=arrow)
+    axis.annotate("", (layout.middle + reach, height), (layout.middle - reach, height), arrowprops=arrow)
 
 
 def panel_words(row: Mode, letters: int) -> str:
@@ -189,30 +264,41 @@ def fitting_amplitude(layout: Layout, shape: Shape, amplitude: float) -> float:
             for links, first in zip(layout.links, layout.offsets, strict=True)
         ]
         amplitude = FARTHEST * layout.depth / max(*reach, 1e-300)
+    if layout.scaffold is not None:
+        return float(min(amplitude, FARTHEST * layout.depth / max(layout.scaffold.reach(shape.supports), 1e-300)))
     return float(min(amplitude, FARTHEST * layout.depth / max(abs(shape.cart), 1e-300)))
 
 
 def draw_swing(axis: Axes, modes: Modes, layout: Layout, shape: Shape, amplitude: float, look: dict[str, Any]) -> None:
     """A real shape times an amplitude (rad)."""
-    shift = float(shape.cart.real) * amplitude
-    _support(axis, modes, layout, shift, look, filled=amplitude == 0)
-    for links, angle, first, pivot in zip(layout.links, layout.rests, layout.offsets, layout.pivots, strict=True):
+    places, still = layout.places(shape, amplitude), layout.places(shape, 0.0)
+    joints = {}
+    for k, (links, angle, first) in enumerate(zip(layout.links, layout.rests, layout.offsets, strict=True)):
         angles = amplitude * shape.angles[first : first + len(links)]
-        if amplitude != 0 and shift == 0 and not angles.any():
-            continue
         length = np.array([link.length for link in links])
         sin, cos = np.sin(angle), np.cos(angle)
         lean = np.sin(angle + angles), np.cos(angle + angles)
         if len(links) > MOST_MARKS:
             lean = sin + angles * cos, cos - angles * sin
         x, y = (np.concatenate([[0.0], np.cumsum(length * part)]) for part in lean)
-        x, y = pivot + shift + x, -y
+        x, y = places[k, 0] + x, places[k, 1] - y
+        joints[k] = np.column_stack((x, y))
+        if amplitude != 0 and np.array_equal(places[k], still[k]) and not angles.any():
+            continue
         axis.plot(x, y, **look, lw=1.6, zorder=2)
         if len(links) <= MOST_MARKS:
-            _marks(axis, links, x, y, look)
+            _marks(axis, links, x, y, look, layout.mark)
+    if layout.scaffold is None:
+        _support(axis, modes, layout, float(shape.cart.real) * amplitude, look, filled=amplitude == 0)
+        return
+    shown = {p: joints[k][None] for k, p in enumerate(layout.scaffold.drawn.tolist())}
+    pieces = layout.scaffold.pieces(amplitude * shape.supports.real[None], shown)
+    if amplitude != 0 and not shape.supports.any():
+        pieces = [piece for piece in pieces if piece.role == "spring"]
+    draw_pieces(axis, pieces, look, rests=amplitude == 0)
 
 
-def _marks(axis: Axes, links: Sequence[AnyLink], x: Floats, y: Floats, look: dict[str, Any]) -> None:
+def _marks(axis: Axes, links: Sequence[AnyLink], x: Floats, y: Floats, look: dict[str, Any], most: float) -> None:
     heaviest = max(link.mass for link in links)
     for i, link in enumerate(links):
         part = link.centre / link.length
@@ -220,12 +306,14 @@ def _marks(axis: Axes, links: Sequence[AnyLink], x: Floats, y: Floats, look: dic
         if part > 1:
             axis.plot([x[i + 1], centre[0]], [y[i + 1], centre[1]], ":", **look, lw=1.2, zorder=2)
         if isinstance(link, Rod):
-            axis.plot(x[i : i + 2], y[i : i + 2], **look, lw=4.0, zorder=3)
+            axis.plot(x[i : i + 2], y[i : i + 2], **look, lw=min(4.0, 0.6 * most), zorder=3)
         else:
-            size = 11.0 * (link.mass / heaviest) ** (1 / 3)
+            size = most * (link.mass / heaviest) ** (1 / 3)
             marker = "o" if isinstance(link, Bob) else "D"
-            axis.plot(*centre, marker, ms=max(size, 3.5), **look, mec=paper(), mew=0.7, zorder=4)
-    axis.plot(x[:-1], y[:-1], "o", ms=2.6, **look | {"color": paper()}, mec=look["color"], mew=0.9, zorder=5)
+            axis.plot(*centre, marker, ms=max(size, min(SMALLEST, most)), **look, mec=paper(), mew=0.7, zorder=4)
+    axis.plot(
+        x[:-1], y[:-1], "o", ms=min(2.6, 0.4 * most), **look | {"color": paper()}, mec=look["color"], mew=0.9, zorder=5
+    )
 
 
 def _support(axis: Axes, modes: Modes, layout: Layout, shift: float, look: dict[str, Any], *, filled: bool) -> None:
@@ -251,4 +339,13 @@ def _caption(modes: Modes, rows: Sequence[Mode], layout: Layout, amplitude_deg: 
     words += ["sideways motion exaggerated" if linear else f"drawn with angles up to {amplitude_deg:g}°"]
     if any(row.multiplicity > 1 for row in rows):
         words += ["one shape of each repeated mode"]
+    if layout.scaffold is not None:
+        words += set_apart(layout.scaffold, modes.scene.n_pendula)
     return "; ".join(words)
+
+
+def set_apart(scaffold: Scaffold, count: int) -> list[str]:
+    """What is not drawn of `count` pendula on a structure, and what is not in its place."""
+    drawn = len(scaffold.drawn)
+    words = [f"{drawn} of {count} pendula drawn"] if drawn < count else []
+    return [*words, *["what would overlap is set apart"] * bool(scaffold.shifts.any() or scaffold.aside.any())]

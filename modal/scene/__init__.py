@@ -4,10 +4,12 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`, whose pendula are chains of `links`; `motion` moves a support and acts on `points`, `periods` tells
-when that repeats, `records` reads its records, `hoist` changes a length; `files` reads and writes scenes, `sealed`
-detects damaged files, `validation` checks every part and words the messages, `parameters` finds and varies numbers by
-path, `titles` says what hangs in a scene without a title, `summary` what a scene shows of itself.
+Start with `model`, whose pendula are chains of `links` and hang from `supports`; `springs` join points, `structures`
+tells what is wrong with both, `support_arrays` reads those of linear structures; `motion` moves a support and acts on
+`points`, `periods` tells when that repeats, `records` reads its records, `hoist` changes a length; `files` reads and
+writes scenes, `sealed` detects damaged files, `validation` checks every part and words the messages, `parameters` finds
+and varies numbers by path, `contents` reads files, `doors` checks arguments, `titles` says what hangs in a scene
+without a title, `summary` what a scene shows of itself.
 """
 
 from typing import TYPE_CHECKING
@@ -19,8 +21,6 @@ from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, loa
 from modal.scene.hoist import Hoist, LengthLaw
 from modal.scene.links import AnyLink, Bob, Body, Escapement, Rod, VanDerPol
 from modal.scene.model import (
-    Cart,
-    Fixed,
     InitialCondition,
     Pendulum,
     Scene,
@@ -32,6 +32,7 @@ from modal.scene.model import (
 from modal.scene.motion import (
     ConstantForce,
     Force,
+    Ground,
     Moved,
     RandomForce,
     RandomMotion,
@@ -47,6 +48,8 @@ from modal.scene.parameters import parse_variations
 from modal.scene.periods import DrivePeriod, drive_period, frequencies_of, sines_of
 from modal.scene.points import places_of
 from modal.scene.records import Spectrum
+from modal.scene.springs import Spring
+from modal.scene.supports import Carrier, Cart, Fixed, Heave, ModalSupport, Platform, Swing, Tilt
 from modal.scene.titles import name_of, title_of, what_hangs
 
 __all__ = [
@@ -56,17 +59,22 @@ __all__ = [
     "AnyLink",
     "Bob",
     "Body",
+    "Carrier",
     "Cart",
     "ConstantForce",
     "DrivePeriod",
     "Escapement",
     "Fixed",
     "Force",
+    "Ground",
+    "Heave",
     "Hoist",
     "InitialCondition",
     "LengthLaw",
+    "ModalSupport",
     "Moved",
     "Pendulum",
+    "Platform",
     "RandomForce",
     "RandomMotion",
     "RecordForce",
@@ -76,9 +84,12 @@ __all__ = [
     "SineForce",
     "SineMotion",
     "Spectrum",
+    "Spring",
     "SupportMotion",
     "SweepForce",
     "SweepMotion",
+    "Swing",
+    "Tilt",
     "VanDerPol",
     "describe",
     "drive_period",

@@ -19,8 +19,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field, replace
 
-from modal.doors import require_type
 from modal.errors import SceneError
+from modal.scene.doors import require_type
 from modal.scene.features import DRAG, DRIVES, FEATURES, FRICTION, LOSS
 from modal.scene.model import Scene
 
@@ -63,6 +63,7 @@ def _of(words: str) -> frozenset[str]:
 # ------------------------------------------------------------------------------------------------------- features
 
 SHAPE = _of("cart copies inverted joint_springs")
+STRUCTURED = _of("structure springs")
 LINEAR = SHAPE | LOSS | {"massless_cart", "space"}
 FORCED = _of("force constant_force")
 ACTING = SHAPE | LOSS | DRAG | FORCED | {"moved_support", "load"}
@@ -103,6 +104,7 @@ STICKS = _each(FRICTION, "does not follow what sticks and slips")
 NO_DRAG = _each(DRAG, "is computed without drag")
 LOSSES = _each(LOSS, "needs a scene without losses")
 UNLOADED: Sentences = {"load": "only `simulate` is given applied forces"}
+PLAYED = "simulates pendula on one cart or one support: animate films a run of this scene, shapes --film its modes"
 HANGS_STRAIGHT = "a massless cart has no equation of motion where all that pulls it hangs straight down"
 ENDS: Sentences = {"massless_cart": HANGS_STRAIGHT}
 STOPS: Sentences = {"massless_cart": "the step needed is smaller than the spacing between numbers"}
@@ -117,6 +119,8 @@ HOISTING = {
     ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
 }
 MINIMAL = ("form minimal", "form minimal takes it")
+UNRUBBED = {(one, name): "dry friction on structures is not solved" for one in sorted(STRUCTURED) for name in FRICTION}
+"""What is refused together: dry friction, and structures or springs between points."""
 EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
 
 # ------------------------------------------------------------------------------------------------------- the table
@@ -124,7 +128,7 @@ EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; gi
 AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, Scene.at(seconds)"}
 CONSTANT_MODEL = Capability(
     "a constant linear model",
-    LINEAR - {"massless_cart"},
+    LINEAR - {"massless_cart"} | STRUCTURED,
     leaves=ABOUT,
     refuses=AT_ONE_TIME,
     unless={"massless_cart": "the mass matrix is singular", **LEANING},
@@ -139,7 +143,7 @@ MOVED_MODEL = replace(
 GROWS = {**CONSTANT_MODEL.unless, "inverted": "grows by itself"}
 AVERAGED = Capability(
     "averaging",
-    SHAPE - {"inverted"} | {"dampers", "linear_drag", "joint_friction"} | DRIVES,
+    SHAPE - {"inverted"} | {"dampers", "linear_drag", "joint_friction"} | DRIVES | STRUCTURED,
     refuses={
         **STILL,
         **CONSTANT,
@@ -150,14 +154,16 @@ AVERAGED = Capability(
         "quadratic_drag": "has no exact mean for it",
         **_each(FRICTION - {"joint_friction"}, "does not know when a cart sticks"),
     },
+    apart=UNRUBBED,
     beside=UNLOADED,
 )
 
 PERIODIC = Capability(
     "a periodic orbit",
-    SHAPE | LOSS | DRIVES | FRICTION,
+    SHAPE | LOSS | DRIVES | FRICTION | STRUCTURED,
     refuses={**STILL, **CONSTANT, **PLANE, "quadratic_drag": "is computed without it"},
     unless=ENDS,
+    apart=UNRUBBED,
     beside=UNLOADED,
 )
 
@@ -181,19 +187,37 @@ STROBED = Capability(
 
 SIDE_BY_SIDE = Capability(
     "engine numpy",
-    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | {"moved_support", "hoist"},
+    SHAPE | DRAG | LOSS | DRIVES | TOGETHER | FORCED | STRUCTURED | {"moved_support", "hoist"},
     refuses=BESIDE_NONE,
     unless=STOPS,
+    apart=UNRUBBED,
     beside=UNLOADED,
 )
 
+BODILESS: Sentences = {
+    "structure": "has no place for carriers that move by themselves",
+    "springs": "has no place for springs between points",
+}
+STRUCTURES: Sentences = {
+    "structure": "has no place for structures yet",
+    "springs": "has no place for springs between points yet",
+}
+"""What a capability refuses that says nothing else of structures."""
+
+
+def _told(one: Capability) -> Capability:
+    """A capability with the entries of `STRUCTURES` that it has none of its own for."""
+    more = {name: words for name, words in STRUCTURES.items() if not one.entries(name)}
+    return replace(one, refuses={**one.refuses, **more})
+
+
 CAPABILITIES: dict[str, Capability] = {
-    one.name: one
+    one.name: _told(one)
     for one in (
-        Capability("the table of modes", LINEAR, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
+        Capability("the table of modes", LINEAR | STRUCTURED, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
         Capability(
             "the explanation of the coupling",
-            LINEAR - {"inverted"},
+            LINEAR - {"inverted"} | {"structure", "springs"},
             leaves=ABOUT,
             refuses={**CONSTANT, **SHIFTED, "inverted": "has no frequency for a link that stands"},
             beside=UNLOADED,
@@ -203,23 +227,23 @@ CAPABILITIES: dict[str, Capability] = {
         replace(MOVED_MODEL, name="random vibration", takes=MOVED_MODEL.takes - {"inverted"}, unless=GROWS),
         Capability(
             "a shaper",
-            LINEAR - {"inverted"},
+            LINEAR - {"inverted"} | STRUCTURED,
             leaves=OMITTED,
             refuses=SHIFTED,
             unless={"inverted": "is unstable"},
             beside=UNLOADED,
-            needs={_of("cart"): 'support.kind: a shaper needs kind = "cart"'},
+            needs={_of("cart structure"): 'support.kind: a shaper needs kind = "cart", or a structure'},
         ),
         Capability(
             "a derivative of modes",
-            LINEAR - NO_RATIO.keys(),
+            LINEAR - NO_RATIO.keys() | STRUCTURED,
             leaves=ABOUT,
             refuses={**CONSTANT, **NO_RATIO, **SHIFTED},
             beside=UNLOADED,
         ),
         Capability(
             "a derivation",
-            SHAPE | {"dampers", "massless_cart", "space"},
+            SHAPE | {"dampers", "massless_cart", "space", "structure", "springs"},
             leaves=_each(DRIVES, UNDRIVEN),
             refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG, "has no symbols for it")},
             beside=UNLOADED,
@@ -228,7 +252,7 @@ CAPABILITIES: dict[str, Capability] = {
             "a polynomial in ω²",
             LINEAR - LOSS,
             leaves=ABOUT,
-            refuses={**CONSTANT, **LOSSES, **SHIFTED},
+            refuses={**CONSTANT, **LOSSES, **SHIFTED, **BODILESS},
             beside=UNLOADED,
         ),
         Capability(
@@ -241,6 +265,7 @@ CAPABILITIES: dict[str, Capability] = {
                 **SHIFTED,
                 "inverted": "counts modes of hanging links",
                 "joint_springs": "counts modes of free joints",
+                **BODILESS,
             },
             beside=UNLOADED,
         ),
@@ -250,15 +275,17 @@ CAPABILITIES: dict[str, Capability] = {
             refuses={
                 **_each(FRICTION | FORCED | _of("hoist space damping_ratio"), "cannot show it"),
                 "massless_cart": "cannot show it",
+                **_each(STRUCTURED, PLAYED),
             },
             beside=UNLOADED,
         ),
         Capability(
             "form minimal",
-            ACTING | FRICTION | DRIVES | {"hoist"},
+            ACTING | FRICTION | DRIVES | STRUCTURED | {"hoist"},
             refuses=PLANE,
             unless=ENDS,
             apart={
+                **UNRUBBED,
                 **HOISTING,
                 ("hoist", "escapement"): "kicks act on constant lengths",
             },
@@ -272,12 +299,13 @@ CAPABILITIES: dict[str, Capability] = {
                 **_each(FRICTION | DRIVES, "acts on angles of the plane"),
             },
             unless=ENDS,
+            beside=_each(STRUCTURED, "a structure moves in the plane"),
             needs={_of("space"): 'form spatial: works in space only: set space = "space"'},
         ),
         Capability(
             "form maximal",
             ACTING | {"hoist", "van_der_pol"},
-            refuses={**PLANE, **STICKS, **NO_SMOOTH},
+            refuses={**PLANE, **STICKS, **NO_SMOOTH, **BODILESS},
             unless=ENDS,
             apart=HOISTING,
             instead=MINIMAL,
@@ -285,13 +313,13 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "form hamiltonian",
             ACTING | {"van_der_pol"},
-            refuses={**PLANE, **STICKS, **NO_SMOOTH, **CONSTANT},
+            refuses={**PLANE, **STICKS, **NO_SMOOTH, **CONSTANT, **BODILESS},
             unless=ENDS,
             instead=MINIMAL,
         ),
         Capability(
             "method taylor",
-            SHAPE | LOSS | DRIVES | {"constant_force"},
+            SHAPE | LOSS | DRIVES | STRUCTURED | {"constant_force"},
             refuses={
                 **PLANE,
                 **STICKS,
@@ -303,7 +331,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "compiled equations",
-            SHAPE | DRIVES | {"dampers"},
+            SHAPE | DRIVES | STRUCTURED | {"dampers"},
             refuses=_each(
                 FRICTION | DRAG | FORCED | _of("space hoist moved_support damping_ratio load"), "are without it"
             ),
@@ -312,7 +340,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "an implicit method",
-            ACTING | FRICTION | DRIVES | {"hoist"},
+            ACTING | FRICTION | DRIVES | STRUCTURED | {"hoist"},
             refuses={"space": "cannot keep the constraints of motion in space"},
             unless=ENDS,
         ),
@@ -377,7 +405,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a periodic orbit of a mode",
-            SHAPE - {"inverted"},
+            SHAPE - {"inverted"} | STRUCTURED,
             leaves={
                 "dampers": "Dampers are left out: the orbits of a mode conserve energy.",
                 "damping_ratio": "Damping ratios are left out: the orbits of a mode conserve energy.",
@@ -444,9 +472,10 @@ CAPABILITIES: dict[str, Capability] = {
         replace(AVERAGED, name="a branch of configurations", needs=EXCITED),
         Capability(
             "synchronization",
-            SHAPE - {"inverted"} | LOSS | DRAG | FRICTION | DRIVES,
+            SHAPE - {"inverted"} | LOSS | DRAG | FRICTION | DRIVES | STRUCTURED,
             refuses={**STILL, **CONSTANT, **PLANE, "inverted": "compares phases of hanging pendula"},
             unless=ENDS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
         Capability(

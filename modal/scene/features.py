@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from modal.scene.links import AnyLink, Escapement, VanDerPol
+from modal.scene.validation import Part
 
 
 class Described(Protocol):
@@ -18,11 +19,39 @@ class Described(Protocol):
 
     @property
     def support(self) -> Any:
-        """The support."""
+        """The support, or a list of several."""
+
+    @property
+    def supports(self) -> Sequence[Any]:
+        """All supports."""
+
+    @property
+    def support_names(self) -> Sequence[str]:
+        """The name of every support."""
 
     @property
     def pendulum(self) -> Sequence[Any]:
         """The pendula."""
+
+    @property
+    def force(self) -> Sequence[Any]:
+        """The forces."""
+
+    @property
+    def spring(self) -> Sequence[Any]:
+        """The springs between points."""
+
+    @property
+    def ground(self) -> Any:
+        """The ground, where it moves."""
+
+    @property
+    def space(self) -> str:
+        """In the plane or in space."""
+
+    @property
+    def is_structured(self) -> bool:
+        """Whether it is a structure."""
 
     def links(self) -> Iterator[AnyLink]:
         """Every link."""
@@ -32,15 +61,16 @@ class Described(Protocol):
 class Feature:
     """A trait of scenes: its name in a sentence, the way out of it, and the keys of a scene whose values tell it.
 
-    A scene has it where `has` is true of the value of that key in the scene, its support, a pendulum or a link, and
-    `only` of the scene.
+    A scene has it where `has` is true of the value of that key in the scene, a support (one of several keys), a spring,
+    a pendulum or a link, and `only` of the scene.
     """
 
     words: str
     mend: str
     has: Callable[[Any], Any] = bool
     scene: str = ""
-    support: str = ""
+    support: tuple[str, ...] = ()
+    spring: str = ""
     pendulum: str = ""
     link: str = ""
     only: Callable[[Described], bool] = lambda scene: True
@@ -55,20 +85,30 @@ class Feature:
     def _parts(self, scene: Described) -> Iterator[tuple[str, Any, str]]:
         if self.scene:
             yield "", scene, self.scene
-        if self.support:
-            yield "support.", scene.support, self.support
+        several = isinstance(scene.support, tuple)
+        for i, support in enumerate(scene.supports):
+            for key in self.support:
+                yield f"support[{i}]." if several else "support.", support, key
+        for i, spring in enumerate(scene.spring if self.spring else ()):
+            yield f"spring[{i}].", spring, self.spring
         for i, pendulum in enumerate(scene.pendulum):
             if self.pendulum:
                 yield f"pendulum[{i}].", pendulum, self.pendulum
             for j, link in enumerate(pendulum.links if self.link else ()):
                 yield f"pendulum[{i}].links[{j}].", link, self.link
 
+    def _is_of(self, support: Any) -> bool:
+        """Whether a support has it."""
+        values = [getattr(support, key, None) for key in self.support]
+        return any(value is not None and self.has(value) for value in values)
+
     def is_in(self, scene: Described, values: Callable[[str], set[Any]]) -> bool:
         """Whether a scene has it; `values` are those of a key of all links."""
-        has, support = self.has, getattr(scene.support, self.support, None) if self.support else None
+        has = self.has
         return self.only(scene) and bool(
             (self.scene and has(getattr(scene, self.scene)))
-            or (support is not None and has(support))
+            or (self.support and any(map(self._is_of, scene.supports)))
+            or (self.spring and any(has(getattr(one, self.spring)) for one in scene.spring))
             or (self.pendulum and any(has(getattr(one, self.pendulum)) for one in scene.pendulum))
             or (self.link and any(map(has, values(self.link))))
         )
@@ -93,6 +133,29 @@ def _ratio(given: float | tuple[float, ...]) -> bool:
     return any(given) if isinstance(given, tuple) else given > 0
 
 
+def _is_structure(scene: Described) -> bool:
+    """Whether pendula hang from more than a fixed support, a moved one, or a cart on a rail at rest."""
+    support = scene.support
+    if isinstance(support, tuple) or support.kind not in {"fixed", "cart", "moved"}:
+        return True
+    return support.kind == "cart" and bool(scene.spring or scene.ground)
+
+
+def _is_one_cart(scene: Described) -> bool:
+    return not _is_structure(scene)
+
+
+def _moves(value: Any) -> bool:
+    return value == "moved" if isinstance(value, str) else value is not None
+
+
+def _damps(value: Any) -> bool:
+    """Whether a damper has any number but 0: one, those of a platform, or a matrix."""
+    if isinstance(value, Part):
+        return any(number for _, number in value)
+    return any(map(any, value)) if isinstance(value, tuple) else value > 0
+
+
 def _changes(forces: Sequence[Any]) -> bool:
     return any(force.kind != "constant" for force in forces)
 
@@ -102,11 +165,27 @@ def _is_constant(forces: Sequence[Any]) -> bool:
 
 
 FEATURES: dict[str, Feature] = {
-    "cart": Feature("a cart", 'give the support another kind than "cart"', "cart".__eq__, support="kind"),
-    "massless_cart": Feature(
-        "a massless cart above bobs", "give the cart a mass", (0.0).__eq__, support="mass", only=_stays_behind
+    "cart": Feature(
+        "a cart", 'give the support another kind than "cart"', "cart".__eq__, support=("kind",), only=_is_one_cart
     ),
-    "moved_support": Feature("a moved support", 'write kind = "fixed" or "cart"', "moved".__eq__, support="kind"),
+    "massless_cart": Feature(
+        "a massless cart above bobs",
+        "give the cart a mass",
+        (0.0).__eq__,
+        support=("mass",),
+        only=lambda scene: _is_one_cart(scene) and _stays_behind(scene),
+    ),
+    "structure": Feature(
+        "a structure",
+        "hang the pendula from one cart or a fixed support",
+        lambda support: True,
+        scene="support",
+        only=_is_structure,
+    ),
+    "springs": Feature("springs between points", "remove the springs", scene="spring"),
+    "moved_support": Feature(
+        "a moved support", 'write kind = "fixed" or "cart"', _moves, scene="ground", support=("kind",)
+    ),
     "hoist": Feature("a hoist", "remove the hoist", link="hoist"),
     "space": Feature("motion in space", 'set space = "plane"', "space".__eq__, scene="space"),
     "copies": Feature("copies of a pendulum", "write one pendulum", (1).__lt__, pendulum="count"),
@@ -114,14 +193,18 @@ FEATURES: dict[str, Feature] = {
         "inverted links", "let all links hang", lambda ways: "up" in (ways or ()), pendulum="equilibrium"
     ),
     "joint_springs": Feature("springs at joints", "remove the springs", link="stiffness"),
-    "dampers": Feature("dampers", "remove the dampers", support="damping", link="damping"),
+    "dampers": Feature(
+        "dampers", "remove the dampers", _damps, support=("damping", "D"), spring="damping", link="damping"
+    ),
     "linear_drag": Feature("linear drag", "remove the drag", link="drag"),
     "quadratic_drag": Feature("quadratic drag", "remove it, or give drag", link="quadratic_drag"),
     "damping_ratio": Feature("a damping ratio", "give dampers at joints instead", _ratio, scene="damping_ratio"),
     "joint_friction": Feature("dry friction at joints", "remove it, or give dampers", link="friction"),
-    "rail_friction": Feature("dry friction on the rail", "remove it, or give a damper", support="friction"),
+    "rail_friction": Feature("dry friction on the rail", "remove it, or give a damper", support=("friction",)),
     "rail_coefficient": Feature(
-        "a coefficient of friction on the rail", "give a friction in N, or remove it", support="friction_coefficient"
+        "a coefficient of friction on the rail",
+        "give a friction in N, or remove it",
+        support=("friction_coefficient",),
     ),
     "escapement": Feature(
         "kicks of escapements", "remove the drives", lambda drive: isinstance(drive, Escapement), link="drive"
@@ -165,6 +248,9 @@ def varied_features(path: str) -> frozenset[str]:
     >>> sorted(varied_features("pendulum[0].links[*].quadratic_drag"))
     ['quadratic_drag']
     """
-    part = "support" if path.startswith("support.") else "link" if ".links[" in path else "scene"
-    key = path.rpartition(".")[2]
+    first, key = path.partition(".")[0].partition("[")[0], path.rpartition(".")[2]
+    if first == "support":
+        whole = path.partition(".")[2] if ".damping." in path else key  # damping.sway of a platform
+        return frozenset(name for name, one in FEATURES.items() if whole.partition(".")[0] in one.support)
+    part = "spring" if first == "spring" else "link" if ".links[" in path else "scene"
     return frozenset(name for name, one in FEATURES.items() if getattr(one, part) == key)

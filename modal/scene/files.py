@@ -13,9 +13,9 @@ from pathlib import Path
 from threading import Timer
 from typing import IO, Any
 
-from modal.doors import checked, require_type
 from modal.errors import SceneError, meant
 from modal.scene.contents import content_of, limited
+from modal.scene.doors import checked, require_type
 from modal.scene.model import Scene, describe, scene_from
 
 STANDARD = "-"
@@ -64,7 +64,7 @@ def parse(text: bytes, folder: Path = Path()) -> Scene:
         raise SceneError([f"broken TOML: {error}"]) from None
     except RecursionError:
         raise SceneError(["broken TOML: nested too deeply"]) from None
-    if any(name in document for name in ("motion", "force", "hoist")):
+    if any(word in document for word in ("motion", "force", "file")):
         from modal.scene.records import with_files_read
 
         return scene_from(with_files_read(data, folder))

@@ -31,6 +31,10 @@ class VanDerPol(Part):
     strength: float = field(POSITIVE)
     angle_deg: float = field(number(ge=1e-6, le=180))
 
+    def stronger(self, factor: float) -> VanDerPol:
+        """So many times the torque."""
+        return self.replace(strength=self.strength * factor)
+
 
 class Escapement(Part):
     """A kick `impulse` (N m s) in the direction of motion each time that |γ| passes `angle_deg` outwards.
@@ -42,6 +46,10 @@ class Escapement(Part):
     kind: Literal["escapement"] = field(one_of("escapement"), default="escapement")
     impulse: float = field(POSITIVE)
     angle_deg: float = field(number(ge=0, lt=180), default=0.0)
+
+    def stronger(self, factor: float) -> Escapement:
+        """So many times the kick."""
+        return self.replace(impulse=self.impulse * factor)
 
 
 Drive = VanDerPol | Escapement
@@ -70,9 +78,10 @@ class Link(Part):
     """Whether the centre scales with the length and the inertia with mass times length²."""
     extensive: ClassVar[tuple[str, ...]] = ("mass", "damping", "stiffness", "friction", "drag", "quadratic_drag")
 
-    def heavier(self, factor: int) -> Self:
-        """That many copies as one."""
-        return self.replace(**{name: getattr(self, name) * factor for name in self.extensive})
+    def heavier(self, factor: float) -> Self:
+        """That many copies as one, with so much stronger a drive."""
+        drive = self.drive and self.drive.stronger(factor)
+        return self.replace(drive=drive, **{name: getattr(self, name) * factor for name in self.extensive})
 
     def problems(self) -> Iterator[str]:
         """A hoist of anything but a bob, and one that cannot begin at this length."""

@@ -8,7 +8,7 @@ sliding with a constant force, and holds what is at rest up to that limit.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from os import PathLike, fspath
 from typing import Any, Literal
 from unicodedata import category
@@ -17,11 +17,24 @@ from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
 from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features
 from modal.scene.links import AnyLink, Bob, Body, Rod
-from modal.scene.motion import FORCE, ConstantForce, Force, Moved
+from modal.scene.motion import FORCE, ConstantForce, Force, Ground, Moved, SupportMotion
 from modal.scene.points import point_problems
+from modal.scene.springs import Spring
+from modal.scene.structures import force_problems, structure_problems
+from modal.scene.supports import (
+    PAIR,
+    Cart,
+    Fixed,
+    Heave,
+    ModalSupport,
+    Pair,
+    Planar,
+    Platform,
+    Swing,
+    Tilt,
+)
 from modal.scene.validation import (
     COUNT,
-    NON_NEGATIVE,
     POSITIVE,
     REAL,
     Part,
@@ -46,7 +59,8 @@ RATIO = number(ge=0, lt=1)
 class InitialCondition(Part):
     """The initial condition of a simulation: one angle (deg) and one rate (deg/s) per link, top to bottom.
 
-    `azimuths_deg` turns each link's plane about the vertical; only a scene in space may have it.
+    `azimuths_deg` turns each link's plane about the vertical; only a scene in space may have it.  With `spread`, copy j
+    starts at the phase ψ = 2πj/count of the pendulum's own first mode: the angles A cos ψ and the rates −A ω₁ sin ψ.
 
     >>> from modal import Bob, InitialCondition, Pendulum
     >>> start = InitialCondition(angles_deg=[30.0, 0.0])
@@ -57,12 +71,15 @@ class InitialCondition(Part):
     angles_deg: tuple[float, ...] = field(list_of(REAL))
     rates_deg: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
     azimuths_deg: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    spread: bool = field({"type": "bool", "strict": True}, default=False)
 
 
 class Pendulum(Part):
     """A chain of links, top to bottom, in `count` copies.
 
     `equilibrium` gives for each link whether it points down or up; the scene is linearized about that equilibrium.
+    `on` names the support that it hangs from, required where there are several; `position` is that of its first joint,
+    (along, below) the support's origin as drawn (m).
 
     >>> from modal import Bob, Pendulum, Rod
     >>> pendulum = Pendulum(links=[Rod(mass=1.0, length=0.5), Bob(mass=1.0, length=1.0)], count=3)
@@ -74,6 +91,8 @@ class Pendulum(Part):
     count: int = field(COUNT, default=1)
     equilibrium: tuple[Way, ...] | None = field(optional(list_of(one_of("down", "up"))), default=None)
     start: InitialCondition | None = field(optional(InitialCondition.schema()), default=None)
+    on: str | None = field(optional({"type": "str", "max_length": 100}), default=None)
+    position: Pair = field(PAIR, default=(0.0, 0.0))
 
     @property
     def n_links(self) -> int:
@@ -94,52 +113,16 @@ class Pendulum(Part):
         if self.links[-1].centre == 0:
             at = f".links[{len(self.links) - 1}].centre = 0.0"
             yield f"{at}: must be positive in the last link, or gravity does not act on it"
-        lists = [("equilibrium", self.equilibrium), *((f"start.{name}", values) for name, values in self.start or ())]
+        started = [(f"start.{name}", values) for name, values in self.start or () if name != "spread"]
+        lists = [("equilibrium", self.equilibrium), *started]
         for name, values in lists:
             if values is not None and len(values) != self.n_links:
                 yield f".{name}: has {len(values)} values for {self.n_links} links"
-
-
-class Fixed(Part):
-    """A support that does not move.
-
-    >>> from modal import Bob, Fixed, Pendulum, Scene
-    >>> scene = Scene(gravity=9.81, support=Fixed(), pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
-    >>> scene.support == Scene(gravity=9.81, pendulum=scene.pendulum).support  # supports are fixed unless given
-    True
-    """
-
-    kind: Literal["fixed"] = field(one_of("fixed"), default="fixed")
-
-
-class Cart(Part):
-    """A cart on the rail: mass (kg, may be 0), damper (N s/m) and spring (N/m) to the ground, and dry friction.
-
-    Friction is either a force, `friction` (N), or `friction_coefficient` times the size of the rail's reaction: the
-    rail holds the cart from above and below.
-
-    >>> from modal import Bob, Cart, Pendulum, Scene, natural_frequencies
-    >>> scene = Scene(gravity=9.0, support=Cart(mass=1.0), pendulum=[Pendulum(links=[Bob(mass=3.0, length=1.0)])])
-    >>> [round(float(omega), 12) for omega in natural_frequencies([scene])[0]]  # 0 and √(g/l (1 + 3/1))
-    [0.0, 6.0]
-    """
-
-    kind: Literal["cart"] = field(one_of("cart"), default="cart")
-    mass: float = field(NON_NEGATIVE)
-    damping: float = field(NON_NEGATIVE, default=0.0)
-    stiffness: float = field(NON_NEGATIVE, default=0.0)
-    friction: float = field(NON_NEGATIVE, default=0.0)
-    friction_coefficient: float = field(NON_NEGATIVE, default=0.0)
-
-    @property
-    def has_friction(self) -> bool:
-        """Whether dry friction acts on the rail."""
-        return self.friction > 0 or self.friction_coefficient > 0
-
-    def problems(self) -> Iterator[str]:
-        """Friction given twice."""
-        if self.friction and self.friction_coefficient:
-            yield f".friction_coefficient = {self.friction_coefficient!r}: cannot be combined with friction"
+        if self.start and self.start.spread:
+            if self.start.rates_deg is not None:
+                yield ".start.rates_deg: cannot be combined with spread, which gives the rates"
+            if "up" in self.ways:
+                yield ".start.spread: belongs to swings, and inverted links have no first mode to spread over"
 
 
 def _one_line(title: str) -> str:
@@ -148,8 +131,17 @@ def _one_line(title: str) -> str:
     return title
 
 
+Support = Fixed | Cart | Swing | Tilt | Heave | Platform | ModalSupport
+SUPPORTS = (Fixed, Cart, Swing, Tilt, Heave, Platform, ModalSupport)
+
+
+def _alone(supports: Any) -> Any:
+    """One support of a list that has no other."""
+    return supports[0] if isinstance(supports, tuple) and len(supports) == 1 else supports
+
+
 class Scene(Displayed, Part):
-    """Gravity (m/s²), a support and at least one pendulum, in the vertical plane or in space.
+    """Gravity (m/s²), one or several supports and at least one pendulum, in the vertical plane or in space.
 
     `damping_ratio` ζ is that of all modes of the scene without dampers, or of each by its number in the table; it is
     added to the dampers (`modal.assembly.modal_damping`).
@@ -167,10 +159,52 @@ class Scene(Displayed, Part):
     title: str = field(after(_one_line, {"type": "str", "max_length": 200}), default="")
     gravity: float = field(POSITIVE)
     space: Literal["plane", "space"] = field(one_of("plane", "space"), default="plane")
-    support: Fixed | Cart | Moved = field(any_kind(Fixed, Cart, Moved), default=Fixed())
+    support: Support | Moved | tuple[Support | Moved, ...] = field(
+        after(_alone, one_or_list(any_kind(*SUPPORTS, Moved))), default=Fixed()
+    )
     damping_ratio: float | tuple[float, ...] = field(one_or_list(RATIO), default=0.0)
     pendulum: tuple[Pendulum, ...] = field(parts(Pendulum.schema()))
     force: tuple[Force, ...] = field(parts_or_none(FORCE), default=())
+    spring: tuple[Spring, ...] = field(parts_or_none(Spring.schema()), default=())
+    ground: Ground | None = field(optional(Ground.schema()), default=None)
+
+    @property
+    def supports(self) -> tuple[Support | Moved, ...]:
+        """All supports, also where there is one."""
+        return self.support if isinstance(self.support, tuple) else (self.support,)
+
+    @property
+    def support_names(self) -> tuple[str, ...]:
+        """The name of every support, the kind of one that has none."""
+        return tuple(getattr(support, "name", "") or support.kind for support in self.supports)
+
+    @property
+    def is_structured(self) -> bool:
+        """Whether pendula hang from more than a fixed support, a moved one, or one cart, or springs join points.
+
+        A cart is a structure where springs join points or the ground moves.
+        """
+        return not self.features.isdisjoint({"structure", "springs"})
+
+    @property
+    def cart(self) -> Cart | None:
+        """The cart of a scene that is not structured, None where there is none."""
+        return self.support if isinstance(self.support, Cart) and not self.is_structured else None
+
+    @property
+    def motions(self) -> tuple[SupportMotion, ...]:
+        """How the support or the ground moves as prescribed; none where both are at rest."""
+        return next((one.motions for one in (self.ground, self.support) if isinstance(one, Ground)), ())
+
+    @property
+    def motion_places(self) -> tuple[tuple[str | int, ...], ...]:
+        """Where each of `motions` stands, as ("ground", "motion", 1)."""
+        if not self.motions:
+            return ()
+        prescribed = self.ground or self.support
+        at = ("ground" if self.ground else "support", "motion")
+        several = isinstance(prescribed, Ground) and isinstance(prescribed.motion, tuple)
+        return tuple((*at, k) if several else at for k in range(len(self.motions)))
 
     @property
     def features(self) -> frozenset[str]:
@@ -223,11 +257,7 @@ class Scene(Displayed, Part):
     @property
     def frictionless(self) -> Scene:
         """The same scene without dry friction."""
-        if not self.has_friction:
-            return self
-        still = self._with(friction=0.0)
-        rail = {"friction": 0.0, "friction_coefficient": 0.0}
-        return still.replace(support=self.support.replace(**rail)) if isinstance(self.support, Cart) else still
+        return self._with(friction=0.0)._with_supports(_slippery) if self.has_friction else self
 
     @property
     def linearizable(self) -> Scene:
@@ -255,17 +285,19 @@ class Scene(Displayed, Part):
 
     @property
     def is_moved(self) -> bool:
-        """Whether the support moves as prescribed."""
+        """Whether the support or the ground moves as prescribed."""
         return "moved_support" in self.features
 
     @property
     def still(self) -> Scene:
-        """The same scene with its support at rest."""
-        return self.replace(support=Fixed()) if self.is_moved else self
+        """The same scene with its support and the ground at rest."""
+        if not self.is_moved:
+            return self
+        return self.replace(ground=None, support=Fixed() if isinstance(self.support, Moved) else self.support)
 
     @property
     def is_forced(self) -> bool:
-        """Whether the support moves, or forces act that change in time."""
+        """Whether the support or the ground moves, or forces act that change in time."""
         return not self.features.isdisjoint({"moved_support", "force"})
 
     @property
@@ -283,9 +315,8 @@ class Scene(Displayed, Part):
     def conservative(self) -> Scene:
         """The same scene without drives, dampers, dry friction and drag."""
         loose = self._with(drive=None, damping=0.0, friction=0.0, drag=0.0, quadratic_drag=0.0)
-        still, cart = loose.replace(damping_ratio=0.0), self.support
-        rail = {"damping": 0.0, "friction": 0.0, "friction_coefficient": 0.0}
-        return still.replace(support=cart.replace(**rail)) if isinstance(cart, Cart) else still
+        springs = tuple(one.replace(damping=0.0) for one in self.spring)
+        return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_undamped)
 
     @property
     def in_plane(self) -> Scene:
@@ -298,6 +329,11 @@ class Scene(Displayed, Part):
         links = (tuple(link.replace(**joint) for link in one.links) for one in self.pendulum)
         pendula = (one.replace(links=own) for one, own in zip(self.pendulum, links, strict=True))
         return self.replace(pendulum=tuple(pendula))
+
+    def _with_supports(self, change: Callable[[Support | Moved], Support | Moved]) -> Scene:
+        """The same scene with every support changed."""
+        changed = tuple(map(change, self.supports))
+        return self.replace(support=_alone(changed)) if changed != self.supports else self
 
     @property
     def stands(self) -> bool:
@@ -313,7 +349,14 @@ class Scene(Displayed, Part):
         return found
 
     def problems(self) -> Iterator[str]:
-        """Too many links, and features that this space does not allow."""
+        """Too many links, what this space does not allow, supports and springs that do not fit; then what falls."""
+        own = list(self._own_problems())
+        yield from own
+        if self.is_structured and not own:
+            unbalanced: Iterator[str] = deferred("modal.structure:unbalanced")(self)
+            yield from (f".{words}" for words in unbalanced)
+
+    def _own_problems(self) -> Iterator[str]:
         if self.n_links > MAX_LINKS:
             yield f"the scene has {self.n_links} links in all: at most {MAX_LINKS}"
         if self.has_modal_damping and self.is_hoisted:
@@ -321,26 +364,45 @@ class Scene(Displayed, Part):
         for index, pendulum in enumerate(self.pendulum):
             if self.space == "plane" and pendulum.start and pendulum.start.azimuths_deg:
                 yield f'.pendulum[{index}].start.azimuths_deg: needs space = "space"'
+            if self.space == "space" and pendulum.start and pendulum.start.spread:
+                yield f'.pendulum[{index}].start.spread: needs space = "plane"'
             for at, link in enumerate(pendulum.links if self.space == "space" else ()):
                 if link.drive:
                     yield f'.pendulum[{index}].links[{at}].drive: needs space = "plane"'
                 if link.friction:
                     yield f'.pendulum[{index}].links[{at}].friction = {link.friction!r}: needs space = "plane"'
         yield from self._rail_problems()
+        yield from structure_problems(self)
         for at, force in enumerate(self.force):
-            yield from (f'.force[{at}].on = "{force.on}": {words}' for words in point_problems(self, force.on))
+            words = [*point_problems(self, force.on), *force_problems(self, force)]
+            yield from (f'.force[{at}].on = "{force.on}": {why}' for why in words)
             if self.space == "space":
                 yield f'.force[{at}]: needs space = "plane"'
 
     def _rail_problems(self) -> Iterator[str]:
-        if not isinstance(self.support, Cart) or not self.support.has_friction:
+        cart = self.cart
+        if cart is None or not cart.has_friction:
             return
-        name = "friction" if self.support.friction else "friction_coefficient"
-        at = f".support.{name} = {getattr(self.support, name)!r}"
+        name = "friction" if cart.friction else "friction_coefficient"
+        at = f".support.{name} = {getattr(cart, name)!r}"
         if self.space == "space":
             yield f'{at}: needs space = "plane"'
         if {"rail_coefficient", "escapement"} <= self.features:
             yield f"{at}: cannot be combined with escapements, whose kicks the rail would feel: give friction"
+
+
+def _slippery(support: Support | Moved) -> Support | Moved:
+    """A support without dry friction."""
+    return support.replace(friction=0.0, friction_coefficient=0.0) if isinstance(support, Cart) else support
+
+
+def _undamped(support: Support | Moved) -> Support | Moved:
+    """A support without damper and dry friction."""
+    if isinstance(support, ModalSupport):
+        return support.replace(D=None)
+    if isinstance(support, Platform):
+        return support.replace(damping=Planar())
+    return _slippery(support).replace(damping=0.0) if isinstance(support, Cart | Swing | Tilt | Heave) else support
 
 
 def validate_scene(given: object) -> Scene:

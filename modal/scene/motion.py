@@ -198,10 +198,14 @@ SupportMotion = SineMotion | SweepMotion | RecordMotion | RandomMotion
 MOTION = any_kind(SineMotion, SweepMotion, RecordMotion, RandomMotion)
 
 
-class Moved(Part):
-    """A support that moves as prescribed, by one motion or by a horizontal and a vertical one at once."""
+class Ground(Part):
+    """The ground under everything, which moves as prescribed, by one motion or a horizontal and a vertical one.
 
-    kind: Literal["moved"] = field(one_of("moved"), default="moved")
+    >>> from modal.scene import SineMotion
+    >>> len(Ground(motion=SineMotion(amplitude=0.01, frequency_hz=1.0)).motions)
+    1
+    """
+
     motion: SupportMotion | tuple[SupportMotion, ...] = field(one_or_list(MOTION))
 
     @property
@@ -215,6 +219,12 @@ class Moved(Part):
             count = sum(one.direction == direction for one in self.motions)
             if count > 1:
                 yield f'.motion: has {count} motions with direction = "{direction}": one of each direction is possible'
+
+
+class Moved(Ground):
+    """A support that moves as prescribed, by one motion or by a horizontal and a vertical one at once."""
+
+    kind: Literal["moved"] = field(one_of("moved"), default="moved")
 
 
 # ---------------------------------------------------------------------------------------------------------- forces

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -24,8 +25,8 @@ from modal.scene.validation import LARGEST, SMALLEST, Part
 from modal.types import Floats
 
 STEP = r"[a-z_]+(\[([0-9]{1,9}|\*)\])*"
-WRITTEN = re.compile(rf"{STEP}(\.{STEP})*", re.ASCII)
-WORD = re.compile(r"[a-z_]+|[0-9]+|\*", re.ASCII)
+WRITTEN = re.compile(rf"(support\.[A-Za-z0-9_]+\.)?{STEP}(\.{STEP})*", re.ASCII)
+WORD = re.compile(r"[A-Za-z0-9_]+|\*", re.ASCII)
 NEAR = 0.8  # similarity of a misspelt place required for a suggestion
 Step = str | int
 Place = tuple[Step, ...]
@@ -48,6 +49,7 @@ UNITS = {
     "angles_deg": "°",
     "azimuths_deg": "°",
     "rates_deg": "°/s",
+    "position": "m",
     "to": "m",
     "begin": "s",
     "duration": "s",
@@ -58,6 +60,21 @@ UNITS = {
     "to_hz": "Hz",
 }
 CART_UNITS = {"damping": "N s/m", "stiffness": "N/m", "friction": "N"}
+ALONG_UNITS = {**CART_UNITS, "displacement": "m", "rate": "m/s", "sway": "m", "heave": "m"}
+SUPPORT_UNITS: dict[str, Mapping[str, str]] = {
+    **dict.fromkeys(("cart", "swing", "heave"), ALONG_UNITS),
+    "tilt": {"angle_deg": "°", "rate_deg": "°/s"},
+    "platform": {
+        **{f"stiffness.{way}": "N/m" for way in ("sway", "heave")},
+        **{f"damping.{way}": "N s/m" for way in ("sway", "heave")},
+        **{"stiffness.roll": "N m/rad", "damping.roll": "N m s/rad"},
+        **{f"start.{way}": "m" for way in ("sway", "heave")},
+        **{f"start.{way}_rate": "m/s" for way in ("sway", "heave")},
+    },
+}
+"""The units of numbers of supports that differ from those of links, by the kind of the support."""
+MATRICES = {"M", "K", "D", "points"}
+"""Keys of a modal support that are not varied."""
 SPELT = {"m/s²": "m_per_s2", "kg m²": "kg_m2", "N s²/m²": "N_s2_per_m2"}
 
 
@@ -66,12 +83,40 @@ def find_places(scene: Scene, path: str) -> list[Place]:
     if not WRITTEN.fullmatch(path):
         raise SceneError([f"{path}: is not a place such as support.mass or pendulum[0].links[1].length"])
     found: list[tuple[Place, Any]] = [((), scene)]
-    for word in WORD.findall(path):
+    for word in _by_index(scene, WORD.findall(path)):
         found = [((*place, step), value) for place, at in found for step, value in _steps(at, word)]
     missing = next((place for place, value in found if not _is_number(value)), None)
     if missing is not None or not found:
         raise SceneError([_unknown(scene, path if missing is None else with_numbers(missing), path)])
     return [place for place, _ in found]
+
+
+def _by_index(scene: Scene, words: list[str]) -> list[str]:
+    """The words of a place in which a support has its index for its name, and one support alone neither."""
+    if words[0] != "support" or len(words) < 3:
+        return words
+    names, word = scene.support_names, words[1]
+    if isinstance(scene.support, tuple):
+        return [words[0], str(names.index(word)), *words[2:]] if word in names else words
+    return [words[0], *words[2:]] if word in {*names, "0", "*"} and word not in scene.support.fields else words
+
+
+def unit_at(scene: Scene, place: Place) -> str:
+    """The unit of the number at one of the scene's places, "" for a count and for the size of a force or torque.
+
+    >>> from modal import load
+    >>> unit_at(load("beam"), ("support", "stiffness")), unit_at(load("two-swings"), ("spring", 0, "stiffness"))
+    ('N m/rad', 'N/m')
+    """
+    name = str(next(step for step in reversed(place) if isinstance(step, str)))
+    if place[0] == "force" and name == "amplitude":  # N, or N m of a torque
+        return ""
+    own: Mapping[str, str] = {}
+    if place[0] == "support" and "motion" not in place:
+        own = SUPPORT_UNITS.get(getattr(_at(scene, place[: 1 + isinstance(place[1], int)]), "kind", ""), {})
+    elif place[0] == "spring" and _at(scene, place[:2]).kind == "linear":
+        own = CART_UNITS
+    return own.get(name) or own.get(".".join(map(str, place[-2:]))) or UNITS.get(name, "")
 
 
 def number_at(scene: Scene, place: Place) -> float:
@@ -144,7 +189,8 @@ def _at(scene: Scene, place: Place) -> Any:
 def _stepped(at: Any, step: Step) -> Any:
     if isinstance(step, int):
         return at[step] if isinstance(at, tuple) and step < len(at) else None
-    return getattr(at, step) if isinstance(at, Part) and step in at.fields else None
+    varied = isinstance(at, Part) and step in at.fields and step not in MATRICES
+    return getattr(at, str(step)) if varied else None
 
 
 def _is_number(found: object) -> bool:
@@ -162,7 +208,7 @@ def _unknown(scene: Scene, name: str, path: str) -> str:
 def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
     """Every place of a number, whether it is written in the file or left at its default."""
     if isinstance(part, Part):
-        for name in part.fields:
+        for name in part.fields.keys() - MATRICES:
             yield from _numbers(getattr(part, name), (*at, name))
     elif isinstance(part, tuple):
         for index, item in enumerate(part):
@@ -186,6 +232,7 @@ class Variation(Displayed):
     path: str
     values: tuple[float, ...]
     log: bool = False
+    scene_unit: str | None = dataclass_field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if not WRITTEN.fullmatch(self.path):
@@ -201,7 +248,12 @@ class Variation(Displayed):
 
     @property
     def unit(self) -> str:
-        """The unit of its values, "" for a count and for the size of a force or torque."""
+        """The unit of its values, "" for a count and for the size of a force or torque.
+
+        Once it is validated for a scene it is that of the support or the spring whose number is varied.
+        """
+        if self.scene_unit is not None:
+            return self.scene_unit
         name = re.findall(r"[a-z_]+", self.path)[-1]
         if self.path.startswith("force") and name == "amplitude":  # N, or N m of a torque
             return ""
@@ -283,7 +335,8 @@ def _quoted(text: str) -> str:
 def validate_variations(scene: Scene, variations: Sequence[Variation]) -> None:
     """SceneError that lists every place and every value that the scene cannot have.
 
-    Values that fail only in combination with those of another variation are reported at that point.
+    Values that fail only in combination with those of another variation are reported at that point.  Each variation
+    then knows the unit that its number has in this scene.
     """
     problems: dict[str, None] = {}
     taken: set[Place] = set()
@@ -298,6 +351,7 @@ def validate_variations(scene: Scene, variations: Sequence[Variation]) -> None:
         telling = values if own[0][-1] == "count" else (values[0], values[-1])
         problems |= dict.fromkeys(_refused(scene, variation.path, telling, own))
         taken |= set(own)
+        object.__setattr__(variation, "scene_unit", unit_at(scene, own[0]))
     if problems:
         raise SceneError(tuple(problems))
 

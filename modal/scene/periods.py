@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
 
-from modal.doors import require_type
 from modal.errors import SceneError
 from modal.report import Displayed, Summary
+from modal.scene.doors import require_type
 from modal.scene.model import Scene
-from modal.scene.motion import Force, Moved, SineForce, SineMotion, SupportMotion
+from modal.scene.motion import Force, SineForce, SineMotion, SupportMotion
+from modal.scene.parameters import with_numbers
 
 SINES = (SineMotion, SineForce)
 MOST, SAME = 64, 1e-12
@@ -38,10 +39,8 @@ def sines_of(scene: Scene) -> dict[str, SineMotion | SineForce]:
     {}
     """
     require_type("scene", scene, "Scene")
-    support = scene.support
-    single = isinstance(support, Moved) and not isinstance(support.motion, tuple)
-    motions: tuple[SupportMotion | Force, ...] = support.motions if isinstance(support, Moved) else ()
-    drives = {f"support.motion{'' if single else f'[{k}]'}": motion for k, motion in enumerate(motions)}
+    moved = zip(scene.motion_places, scene.motions, strict=True)
+    drives: dict[str, SupportMotion | Force] = {with_numbers(place): motion for place, motion in moved}
     drives |= {f"force[{k}]": force for k, force in enumerate(scene.force) if force.kind != "constant"}
     sines = {at: one for at, one in drives.items() if isinstance(one, SINES)}
     if len(sines) < len(drives):

@@ -1,6 +1,9 @@
-"""Points of a scene by name, where forces act: the cart, or a point of a link.
+"""Points of a scene by name, where forces act and springs end: of a support, of the ground, or of a link.
 
-    cart
+    cart                              the cart
+    left, left@0.2,0.1                a support by its name, there its origin, or 0.2 m along and 0.1 m below it
+    frame[3]                          a point of a modal support
+    ground, ground@1.0,0.5            the ground: below the other end, or at a place (m along, m down)
     pendulum[0].links[1]              the centre of mass of a link; under a torque its upper joint
     pendulum[0].links[1]@0.5          0.5 m below its upper joint
     pendulum[0].copies[3].links[1]    of one copy; without `copies` of every copy
@@ -14,7 +17,9 @@ import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from modal.errors import meant
 from modal.scene.features import Described
+from modal.scene.validation import LARGEST
 
 CART = "cart"
 WRITTEN = re.compile(
@@ -22,7 +27,12 @@ WRITTEN = re.compile(
     r"\.links\[(?P<link>[0-9]{1,9})\](?:@(?P<below>[0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]{1,3})?))?",
     re.ASCII,
 )
-EXAMPLE = '"cart" or "pendulum[0].links[1]@0.5"'
+NUMBER = r"[+-]?[0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]{1,3})?"
+PLACED = re.compile(
+    rf"(?P<name>[A-Za-z0-9_]+)(?:\[(?P<point>[0-9]{{1,9}})\])?(?:@(?P<along>{NUMBER}),(?P<below>{NUMBER}))?", re.ASCII
+)
+GROUND = "ground"
+EXAMPLE = '"cart", "NAME@0.2,0.1" of a support or "pendulum[0].links[1]@0.5"'
 
 
 class Point(NamedTuple):
@@ -37,6 +47,20 @@ class Point(NamedTuple):
     below: float | None = None
 
 
+class CarrierPoint(NamedTuple):
+    """A point of the support of a `name`: `place` (m) along and below its origin, or the `point` of a modal one."""
+
+    name: str
+    place: tuple[float, float] = (0.0, 0.0)
+    point: int | None = None
+
+
+class GroundPoint(NamedTuple):
+    """A point of the ground, `place` (m) along and down; None: at the other end of a spring, as drawn."""
+
+    place: tuple[float, float] | None = None
+
+
 class Place(NamedTuple):
     """A point of one link: the `link` in the order of the file, counting copies, and the distance `below` (m).
 
@@ -48,7 +72,7 @@ class Place(NamedTuple):
     below: float | None
 
 
-def parse_point(text: str) -> Point | None:
+def parse_point(text: str) -> Point | CarrierPoint | GroundPoint | None:
     """The point that a text names, None for the cart; ValueError for any other text.
 
     >>> parse_point("pendulum[0].links[1]@0.5")
@@ -58,18 +82,44 @@ def parse_point(text: str) -> Point | None:
         return None
     written = WRITTEN.fullmatch(text)
     if written is None:
-        raise ValueError(f"is not a point such as {EXAMPLE}")
+        return _parse_placed(text)
     copy, below = written["copy"], written["below"]
     where = int(written["pendulum"]), int(written["link"])
     return Point(*where, None if copy is None else int(copy), None if below is None else float(below))
+
+
+def _parse_placed(text: str) -> CarrierPoint | GroundPoint:
+    """A point of a support or of the ground."""
+    placed = PLACED.fullmatch(text)
+    if placed is None or placed["name"] == "pendulum":
+        raise ValueError(f"is not a point such as {EXAMPLE}")
+    place = None if placed["along"] is None else (float(placed["along"]), float(placed["below"]))
+    if place and max(map(abs, place)) > LARGEST:
+        raise ValueError(f"a place is at most {LARGEST:g} m away")
+    if placed["name"] == GROUND:
+        if placed["point"] is not None:
+            raise ValueError("the ground has no numbered points: write ground@x,z")
+        return GroundPoint(place)
+    if placed["point"] is not None:
+        if place is not None:
+            raise ValueError("a numbered point of a support has no place beside its number")
+        return CarrierPoint(placed["name"], point=int(placed["point"]))
+    return CarrierPoint(placed["name"], place or (0.0, 0.0))
 
 
 def point_problems(scene: Described, text: str) -> Iterator[str]:
     """Why a scene has no such point."""
     point = parse_point(text)
     if point is None:
-        if scene.support.kind != CART:
-            yield f'the support is {scene.support.kind}, and there is no cart: give it kind = "cart", or name a link'
+        kinds = [support.kind for support in scene.supports]
+        if len(kinds) > 1:
+            yield f"there are several supports: write the name of one{meant(text, scene.support_names)}"
+        elif kinds[0] != CART:
+            yield f'the support is {kinds[0]}, and there is no cart: give it kind = "cart", or name a link'
+        return
+    if isinstance(point, CarrierPoint):
+        yield from _carrier_problems(scene, point)
+    if not isinstance(point, Point):
         return
     if point.pendulum >= len(scene.pendulum):
         yield f"the scene has {len(scene.pendulum)} entries of pendulum, numbered from 0"
@@ -88,10 +138,34 @@ def point_problems(scene: Described, text: str) -> Iterator[str]:
         yield f"the link reaches {reach:g} m below its upper joint"
 
 
-def places_of(scene: Described, text: str) -> list[Place]:
-    """Every link at which a point is; none for the cart."""
+def _carrier_problems(scene: Described, point: CarrierPoint) -> Iterator[str]:
+    """Why a scene has no such point of a support."""
+    names = scene.support_names
+    if point.name not in names:
+        yield f'there is no support "{point.name}"{meant(point.name, names)}'
+        return
+    support = scene.supports[names.index(point.name)]
+    if support.kind == "modal" and point.point is None:
+        yield f"a modal support has numbered points: write {point.name}[0]"
+    elif support.kind != "modal" and point.point is not None:
+        yield f"only a modal support has numbered points: write {point.name}@s,h"
+    elif support.kind == "modal" and (point.point or 0) >= len(support.points):
+        yield f'support "{point.name}" has {len(support.points)} points, numbered from 0'
+
+
+def points_at(scene: Described, text: str) -> int:
+    """How many points a name means, one of every copy and of every link of a run."""
     point = parse_point(text)
-    if point is None:
+    if not isinstance(point, Point):
+        return 1
+    pendulum = scene.pendulum[point.pendulum]
+    return int(pendulum.links[point.link].count * (pendulum.count if point.copy is None else 1))
+
+
+def places_of(scene: Described, text: str) -> list[Place]:
+    """Every link at which a point is; none for points of supports."""
+    point = parse_point(text)
+    if not isinstance(point, Point):
         return []
     before = sum(one.n_links * one.count for one in scene.pendulum[: point.pendulum])
     pendulum = scene.pendulum[point.pendulum]

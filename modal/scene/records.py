@@ -25,6 +25,7 @@ from modal.errors import SceneError, meant
 from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, text_of
 from modal.scene.hoist import RECORD
 from modal.scene.motion import FORCES, RECORDED, Quantity, spectrum_problems
+from modal.scene.support_arrays import ARRAYS, read_matrices
 
 MOST_ROWS = 2_000_000
 TIMES = ("time_s", "time", "t_s")
@@ -155,17 +156,16 @@ def _row(row: Sequence[str], place: str, heads: Sequence[str], wanted: Sequence[
 
 
 def with_files_read(data: object, folder: Path) -> object:
-    """A scene's nested mappings with the numbers of the files of its motions, forces and hoists, relative to `folder`.
+    """A scene's nested mappings with the numbers of the files that it names, relative to `folder`.
 
     SceneError names every file that cannot be used, with its place in the scene.
     """
     if not isinstance(data, dict):
         return data
     files, read = _Files(folder, []), dict(data)
-    if isinstance(support := data.get("support"), dict) and "motion" in support:
-        read["support"] = support | {"motion": _each(files.motion, support["motion"], "support.motion")}
-    if "force" in data:
-        read["force"] = _each(files.force, data["force"], "force")
+    for name, change in (("support", files.support), ("ground", files.moved), ("force", files.force)):
+        if name in data:
+            read[name] = _each(change, data[name], name)
     if "pendulum" in data:
         hoists = partial(_within, "links", partial(_within, "hoist", files.hoist))
         read["pendulum"] = _each(hoists, data["pendulum"], "pendulum")
@@ -195,6 +195,17 @@ class _Files(NamedTuple):
 
     folder: Path
     problems: list[str]
+
+    def support(self, part: dict[str, Any], place: str) -> dict[str, Any]:
+        """A support with the arrays of its file, or with the numbers of those of its motions."""
+        if part.get("kind") != "modal":
+            return self.moved(part, place)
+        read = self._read(part, place, "file", ARRAYS, _matrices)
+        return read if read is not part else self.moved(part, place)
+
+    def moved(self, part: dict[str, Any], place: str) -> dict[str, Any]:
+        """A support or the ground with the numbers of the files of its motions."""
+        return _within("motion", self.motion, part, place)
 
     def motion(self, part: dict[str, Any], place: str) -> dict[str, Any]:
         """A motion of a support with the numbers of its file."""
@@ -229,6 +240,10 @@ class _Files(NamedTuple):
             self.problems.extend(f"{place}: {problem.removeprefix(shown)}" for problem in error.problems)
             return part
         return {key: value for key, value in part.items() if key != name} | numbers
+
+
+def _matrices(path: Path, *, quoted: bool) -> dict[str, Any]:
+    return read_matrices(path)
 
 
 def _is_record(part: Mapping[str, Any]) -> bool:

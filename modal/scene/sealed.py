@@ -127,6 +127,15 @@ def unpacked(found: bytes, names: Collection[str] | None = None) -> dict[str, An
         return {name: _array(zipped, member) for name, member in members.items()}
 
 
+def members_of(zipped: ZipFile, names: Collection[str], largest: int) -> dict[str, Any]:
+    """Those of these arrays that are in an .npz file, at most so many bytes in all; none is unpickled."""
+    members = {member.filename.removesuffix(".npy"): member for member in zipped.infolist()}
+    wanted = {name: members[name] for name in names if name in members}
+    if sum(member.file_size for member in wanted.values()) > largest:
+        raise SceneError([f"has arrays of more than {largest} bytes"])
+    return {name: _array(zipped, member) for name, member in wanted.items()}
+
+
 def _array(zipped: ZipFile, member: ZipInfo) -> Any:
     with zipped.open(member) as stream:
         head = _head(stream)

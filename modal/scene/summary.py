@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import accumulate, islice
 
 from modal.report import Summary, brief
-from modal.scene.model import Cart, Pendulum, Scene
-from modal.scene.motion import Moved
+from modal.scene.model import Pendulum, Scene
 from modal.scene.titles import plural, runs_of, what_hangs
+from modal.scene.validation import Part
 
 MOST_RUNS = 4
 HEADINGS = ("pendulum", "links", "mass (kg)", "length (m)", "besides")
@@ -29,14 +29,29 @@ def summarize(scene: Scene) -> Summary:
 
 
 def _support(scene: Scene) -> Iterator[tuple[str, str]]:
-    support = scene.support
-    if isinstance(support, Cart):
-        values = ((name, getattr(support, name), unit) for name, unit in CART)
+    if (cart := scene.cart) is not None:
+        values = ((name, getattr(cart, name), unit) for name, unit in CART)
         yield "cart", ", ".join(f"{name} {value:g} {unit}".rstrip() for name, value, unit in values if value)
-    elif isinstance(support, Moved):
-        yield "motion", " and ".join(motion.kind for motion in support.motions)
+    elif scene.is_moved:
+        yield "motion", " and ".join(motion.kind for motion in scene.motions)
+    if "structure" in scene.features:
+        for name, support in zip(scene.support_names, scene.supports, strict=True):
+            yield name, ", ".join(_numbers_of(support)) or support.kind
+    if scene.spring:
+        yield "springs", ", ".join(" – ".join(spring.between) for spring in scene.spring[:MOST_RUNS])
     if scene.force:
         yield "forces", ", ".join(f"{force.kind} on {force.on}" for force in scene.force[:MOST_RUNS])
+
+
+def _numbers_of(support: Part) -> Iterator[str]:
+    """The kind of a support and its numbers."""
+    yield str(getattr(support, "kind", ""))
+    for name in ("mass", "inertia", "length", "damping", "stiffness"):
+        value = getattr(support, name, 0.0)
+        if isinstance(value, Part):
+            yield from (f"{name} in {way} {number:g}" for way, number in value if number)
+        elif value:
+            yield f"{name} {value:g}"
 
 
 def _rows(pendula: Sequence[Pendulum]) -> Iterator[tuple[str, ...]]:

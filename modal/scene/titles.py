@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from itertools import groupby
 
-from modal.doors import require_type
 from modal.report import capital, listed
+from modal.scene.doors import require_type
 from modal.scene.links import AnyLink, Body
-from modal.scene.model import Cart, Pendulum, Scene
+from modal.scene.model import Pendulum, Scene
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 SINGLE = {"bob": "simple ", "rod": "rod ", "rigid body": "compound "}
 NAMES = {1: "", 2: "double ", 3: "triple "}
+WORDS = {
+    "cart": ("cart", "carts"),
+    "fixed": ("fixed support", "fixed supports"),
+    "heave": ("support that heaves", "supports that heave"),
+    "modal": ("linear structure", "linear structures"),
+    "platform": ("platform", "platforms"),
+    "swing": ("swing", "swings"),
+    "tilt": ("board that tilts", "boards that tilt"),
+}
+"""Supports in words, one and several."""
 MOST_SORTS = 3
 """Sorts of pendula that a title names one by one."""
 
@@ -51,10 +62,18 @@ def name_of(scene: Scene) -> str:
 
 
 def _support(scene: Scene) -> str:
-    support = scene.support
-    if isinstance(support, Cart):
-        what = "cart" if support.mass else "massless cart"
-        return f"a {what} with a spring" if support.stiffness else f"a {what}"
+    springs = ", joined by a spring" if len(scene.spring) == 1 else ", joined by springs" if scene.spring else ""
+    return _supports(scene) + springs
+
+
+def _supports(scene: Scene) -> str:
+    if "structure" in scene.features:
+        counts = Counter(one.kind for one in scene.supports)
+        words = [f"a {WORDS[kind][0]}" if n == 1 else f"{_number(n)} {WORDS[kind][1]}" for kind, n in counts.items()]
+        return listed(words, len(words))
+    if (cart := scene.cart) is not None:
+        what = "cart" if cart.mass else "massless cart"
+        return f"a {what} with a spring" if cart.stiffness else f"a {what}"
     return "a moved support" if scene.is_moved else "a fixed support"
 
 

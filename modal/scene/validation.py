@@ -43,7 +43,12 @@ WORDS = {
     "too_short": "must not be empty",
     "string_too_long": "is too long",
 }
-LISTS_OF_TABLES = {"pendulum": "[[pendulum]]", "force": "[[force]]", "links": "links = [{ … }, …]"}
+LISTS_OF_TABLES = {
+    "pendulum": "[[pendulum]]",
+    "force": "[[force]]",
+    "spring": "[[spring]]",
+    "links": "links = [{ … }, …]",
+}
 ONE, LIST = "(one)", "(list)"
 """Steps that the validator adds to the place of a value that may be one or a list."""
 UNREAD = "is read with the scene file that names it: load that file, or give the numbers themselves"
@@ -360,7 +365,7 @@ def _place(location: tuple[int | str, ...], is_key: bool) -> str:
     for position, part in enumerate(location):
         before = location[max(0, position - 2) : position]
         behind = before[-1:] in {("support",), ("drive",), ("motion",)} or (
-            before[:1] in {("links",), ("force",), ("motion",)} and isinstance(before[-1], int)
+            before[:1] in {("support",), ("links",), ("force",), ("motion",)} and isinstance(before[-1], int)
         )
         added = part in TAGS and behind and not (is_key and position == len(location) - 1)
         if not added:

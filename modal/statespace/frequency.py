@@ -6,8 +6,8 @@ Pendula are eliminated from their tips (`modal.eigen.elimination`), which leaves
 
 for a force F on it, the ground displaced by s and the loads e + ω²ε that pendula pass on.  A prescribed cart or support
 is a displacement x; velocities and accelerations are iω and −ω² times displacements.  A scene with damping ratios,
-whose D is full, is eliminated as a whole (`modal.statespace.full_damping`), as is one that leans under constant forces
-and one with an input at a point.
+whose D is full, is eliminated as a whole (`modal.statespace.full_damping`), as is one that leans under constant forces,
+one with an input at a point and one on a structure (`modal.statespace.structural`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from modal.assembly import Rig, rig_of
 from modal.eigen import FORCE, REPLICAS, Arithmetic, Hung, Load, Rounded, cart_of, evaluated, hung
 from modal.scene import Scene
-from modal.statespace.full_damping import full_response
+from modal.statespace.full_damping import full_response, on_structure
 from modal.statespace.places import BASE, GROUND, PUSH, READ, Place, place_of, place_of_input
 from modal.statespace.points import is_point
 from modal.statespace.signals import Signal
@@ -44,15 +44,20 @@ class Elimination:
     def __init__(self, scene: Scene, inputs: Sequence[Signal], outputs: Sequence[Signal]) -> None:
         rig = rig_of(scene)
         tips = [rig.blocks[block].n - 1 for block, _, copies in rig.members for _ in range(copies)]
-        given = [place_of_input(scene, signal.name, tips) for signal in inputs]
-        read = [place_of(READ, signal.name, tips) for signal in outputs]
         whole = is_whole(scene, inputs)
         self.is_real = not (rig.is_damped or scene.has_modal_damping)
         self.unit = float(np.sqrt(rig.gravity / min(float(block.length.min()) for block in rig.blocks)))
-        self._evaluate = full_response(scene, given, read) if whole else _from_tips(rig, given, read)
-        self._orders = np.array([[row.order - column.order for column in given] for row in read])[..., None]
-        width = sum(block.n * block.size for block in rig.blocks) * (1 + len(given)) + len(given) * len(read)
-        width += sum(tip + 1 for tip in tips) ** 2 if whole else 0
+        if rig.structure:
+            self._evaluate, of, to = on_structure(scene, inputs, outputs)
+            orders = [[row.order - column.order for column in of] for row in to]
+        else:
+            given = [place_of_input(scene, signal.name, tips) for signal in inputs]
+            read = [place_of(READ, signal.name, tips) for signal in outputs]
+            self._evaluate = full_response(scene, given, read) if whole else _from_tips(rig, given, read)
+            orders = [[row.order - column.order for column in given] for row in read]
+        self._orders = np.array(orders)[..., None]
+        width = sum(block.n * block.size for block in rig.blocks) * (1 + len(inputs)) + len(inputs) * len(outputs)
+        width += (sum(tip + 1 for tip in tips) + rig.leading) ** 2 if whole else 0
         self._step = max(1, NUMBERS // width // (REPLICAS + 1))
 
     def along(self, omega: Floats, tolerance: float = TOLERANCE) -> Complexes:
@@ -89,7 +94,7 @@ class Elimination:
 def is_whole(scene: Scene, inputs: Sequence[Signal]) -> bool:
     """Whether a scene is eliminated as a whole for these inputs, and not from the tips of its pendula."""
     leans = "constant_force" in scene.features
-    return scene.has_modal_damping or leans or any(is_point(signal.name) for signal in inputs)
+    return scene.is_structured or scene.has_modal_damping or leans or any(is_point(signal.name) for signal in inputs)
 
 
 def _limits(found: Complexes, still: Any, at: Floats) -> Complexes:

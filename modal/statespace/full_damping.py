@@ -27,6 +27,16 @@ from modal.scene import Scene
 from modal.statespace.model import fixed
 from modal.statespace.places import BASE, GROUND, PUSH, Place
 from modal.statespace.points import PointInput
+from modal.statespace.signals import Signal, geometry_of_rig
+from modal.statespace.structural import (
+    Given,
+    Reading,
+    inputs_named,
+    matrices_in,
+    outputs_named,
+    solved,
+    structural_response,
+)
 
 DIGITS, MOST = 80, 40
 """Digits of D_modal, and most coordinates for which they are computed."""
@@ -73,9 +83,23 @@ def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -
     return evaluate
 
 
+def on_structure(
+    scene: Scene, inputs: Sequence[Signal], outputs: Sequence[Signal]
+) -> tuple[Callable[[Arithmetic], Any], list[Given], list[Reading]]:
+    """The evaluation (p, m, W) for a scene on a structure, with what its inputs and outputs are."""
+    rig = rig_of(scene)
+    geometry = geometry_of_rig(rig)
+    given, read = inputs_named(scene, geometry, inputs), outputs_named(geometry, outputs)
+    dampers: Any = None
+    if scene.has_modal_damping:
+        held = any(one.moves == "cart" for one in given)
+        dampers = _below(in_digits(fixed(scene)), 1) if held else in_digits(scene)
+    return structural_response(geometry, rig, given, read, dampers), given, read
+
+
 def is_small(scene: Scene) -> bool:
     """Whether D_modal of this scene can be computed in decimals in seconds."""
-    return scene.n_links + (scene.support.kind == "cart") <= MOST
+    return scene.n_links + rig_of(scene).leading <= MOST
 
 
 class Links:
@@ -234,23 +258,6 @@ def _output(
     return found
 
 
-def solved(A: Any, F: Any, numbers: Arithmetic) -> Any:
-    """A⁻¹ F (n, m, W) of a symmetric A (n, n, W), the last row first."""
-    A, F, size = np.array(A), np.array(F), len(A)
-    rows, diagonal = [], [A[k, k] for k in range(size)]
-    for k in range(size - 1, -1, -1):
-        P = numbers.pivot(A[k, k], diagonal[k])
-        row = numbers.felt(A[k, :k] / P)
-        A[:k, :k] = numbers.felt(A[:k, :k] - A[:k, k][:, None] * row)
-        F[:k] = numbers.felt(F[:k] - row[:, None] * F[k])
-        F[k] = numbers.felt(F[k] / P)
-        rows.append(row)
-    for k, row in enumerate(rows[::-1]):
-        if k:
-            F[k] = numbers.felt(F[k] - (row[:, None] * F[:k]).sum(0))
-    return F
-
-
 # ------------------------------------------------------------------------------------------------------- D_modal
 
 
@@ -259,13 +266,15 @@ def in_digits(scene: Scene) -> Any:
     """D_modal (n, n) in decimals."""
     rig = rig_of(scene)
     with localcontext(Context(prec=DIGITS)):
-        _, M, K, *_ = assembled(rig, Digits(np.ones(1), DIGITS, is_real=True))
+        numbers = Digits(np.ones(1), DIGITS, is_real=True)
+        M, K = matrices_in(rig, numbers)[:2] if rig.structure else assembled(rig, numbers)[1:3]
         free = int(rig.cart is not None and rig.cart.stiffness == 0)
         M, K = M[..., 0], K[..., 0]
         if free:
             M, K = M[1:, 1:] - M[1:, :1] * M[:1, 1:] / M[0, 0], K[1:, 1:]
         square, momentum = _modes(M, K)
-        swings = [k for k, value in enumerate(square) if value > 0]
+        least = max(square).scaleb(-DIGITS // 2)
+        swings = [k for k, value in enumerate(square) if value > (least if rig.structure else 0)]
         omega = [square[k].sqrt() for k in swings]
         ratios = ratio_at(rig)(np.array(omega, dtype=np.float64))
         strength = [2 * Decimal(ratio) * value for ratio, value in zip(ratios.tolist(), omega, strict=True)]

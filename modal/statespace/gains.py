@@ -19,10 +19,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.doors import checked
 from modal.modes import UNCERTAIN, Modes
 from modal.report import Displayed, Summary, aligned, counted
 from modal.scene import name_of
+from modal.scene.doors import checked
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace
 from modal.statespace.signals import Signal
@@ -169,7 +169,7 @@ def modal_gains(modes: Modes, model: StateSpace) -> Gains:
             outputs[k] = without_noise(block.right[:, -1], model.C.T)
     return Gains(
         form.modes,
-        form.modes.on_cart != modes.on_cart,
+        form.modes.rig.leading != modes.rig.leading,
         Side(model.inputs, "reached", _by_mode(form, without_noise(left, model.B))),
         Side(model.outputs, "seen", _by_mode(form, outputs)),
     )

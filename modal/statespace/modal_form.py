@@ -22,10 +22,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.doors import checked
 from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
 from modal.report import NOTHING, Displayed, Summary, brief, deferred, first_line
+from modal.scene.doors import checked
 from modal.statespace.model import StateSpace, fixed
 from modal.statespace.signals import DRIVES, SUPPORT, Signal
 from modal.types import Complexes, Floats
@@ -33,6 +33,10 @@ from modal.types import Complexes, Floats
 Numbers = NDArray[Any]
 DEFECTIVE = 1e-7
 """|φᵀ(2λM + D)φ| over the sum of its absolute terms, below which two damped modes nearly coincide."""
+
+
+RIGID = 2.0**-40
+"""Of the sum of the absolute terms: what rounding leaves of the forces of dampers in a free motion."""
 
 
 class Block(NamedTuple):
@@ -66,6 +70,11 @@ class ModalForm(Displayed):
     modes: Modes
     model: StateSpace
     blocks: tuple[Block, ...]
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the cart's motion is prescribed, so that the modes are those on a fixed support."""
+        return any(signal.name in DRIVES for signal in self.model.inputs)
 
     def plot(self, **options: Any) -> Any:
         """A matplotlib figure of magnitude and phase; `options` are those of `modal.plotting.bode_figure`."""
@@ -128,13 +137,17 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     given = {signal.name for signal in model.inputs}
     if "cart_acceleration" in given and any(link.drag for link in modes.scene.links()):
         raise ComputationError("drag couples the modes with the cart's velocity: prescribe that, not its acceleration")
-    found = held(modes) if given & DRIVES.keys() else modes
+    is_held = bool(given & DRIVES.keys())
+    found = held(modes) if is_held else modes
     driven = bool(given & {*DRIVES, *SUPPORT} - {"support_displacement"})
-    n, on_cart = len(model.A), int(found.on_cart)
-    size = found.scene.n_links + on_cart
+    n = len(model.A)
+    size = found.scene.n_links + found.rig.leading
     if n - 2 * size not in ((1, 2) if driven else (0,)):
         raise ValueError(f"the model has {n} states: it does not belong to this scene, which has {size} coordinates")
-    blocks = [*(_cart(model, n - 2 * size, size) if driven else ()), *_own(found, n, size, first=int(driven))]
+    blocks = [
+        *(_cart(model, n - 2 * size, size) if driven else ()),
+        *_own(found, n, size, "fixed-base " * is_held, first=int(driven)),
+    ]
     if sum(len(block.A) for block in blocks) != n:
         raise ComputationError("the modes of this scene do not span its motion in double precision")
     return ModalForm(found, model, tuple(blocks))
@@ -149,7 +162,7 @@ def plot_model(model: StateSpace, **options: Any) -> Any:
 
 def held(modes: Modes) -> Modes:
     """The modes with a fixed support: those excited by a prescribed motion of the cart."""
-    return natural_modes(fixed(modes.scene)) if modes.on_cart else modes
+    return natural_modes(fixed(modes.scene)) if modes.rig.leading else modes
 
 
 def _cart(model: StateSpace, states: int, size: int) -> Iterator[Block]:
@@ -161,8 +174,8 @@ def _cart(model: StateSpace, states: int, size: int) -> Iterator[Block]:
     yield Block(None, 0, 0.0, names, A, eye[:, places], eye[places], unit[0], unit[-1])
 
 
-def _own(modes: Modes, n: int, size: int, first: int) -> Iterator[Block]:
-    """The modes, their coordinates being states `first` … and their rates the last `size`."""
+def _own(modes: Modes, n: int, size: int, kind: str, first: int) -> Iterator[Block]:
+    """The modes of this kind, their coordinates being states `first` … and their rates the last `size`."""
     found, shapes = modes.matrices, all_shapes(modes)
     for number, value in enumerate(modes.eigenvalue.tolist()):
         for copy, shape in enumerate(shapes[number]):
@@ -170,10 +183,12 @@ def _own(modes: Modes, n: int, size: int, first: int) -> Iterator[Block]:
                 continue
             phi: Numbers = modes.column(shape)
             name = f"{number + 1}" if modes.multiplicity[number] == 1 else f"{number + 1}_{copy + 1}"
-            vectors: tuple[Numbers, Numbers, Numbers] = phi, found.M @ phi, found.D @ phi
+            forces = found.D @ phi
+            coasts = value == 0 and not np.any(np.abs(forces) > RIGID * (np.abs(found.D) @ np.abs(phi)))
+            vectors: tuple[Numbers, Numbers, Numbers] = phi, found.M @ phi, 0 * forces if coasts else forces
             alone = np.isrealobj(phi) and (not value.imag if modes.is_classical else not vectors[2].any())
             make = _swing if alone else _pair if value.imag else _single
-            made = make(name, f"coordinate of {'fixed-base ' if first else ''}mode {name}", value, *vectors)
+            made = make(name, f"coordinate of {kind}mode {name}", value, *vectors)
             right, left = np.zeros((n, len(made.A))), np.zeros((len(made.A), n))
             right[first : first + size], right[n - size :] = made.right
             left[:, first : first + size], left[:, n - size :] = made.left

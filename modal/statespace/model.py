@@ -19,6 +19,7 @@ for θ and p for b; for a displacement, with J = M⁻¹ p and the states η = q 
     η' = r + M⁻¹ D J s,    M r' = −D η' − K (η − J s) + F u.
 
 Under a prescribed motion of a cart the modes are those on a fixed support, and a scene's `damping_ratio` is theirs.
+On a structure q begins with its coordinates η instead of x, and its supports move with the ground (`signals`).
 
 In space the model is that of the motion along the rail.
 """
@@ -32,17 +33,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.assembly import Instant, Matrices, matrices
-from modal.doors import checked
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, counted, deferred
 from modal.scene import Fixed, Scene, require, validate_scene
+from modal.scene.doors import checked
+from modal.scene.points import CarrierPoint, parse_point
 from modal.statespace.points import EXAMPLES, is_point, push_of, validate_points
 from modal.statespace.signals import (
     DRIVES,
-    INPUTS,
-    OUTPUTS,
-    PUSHES,
     READINGS,
     SUPPORT,
     Geometry,
@@ -50,11 +49,20 @@ from modal.statespace.signals import (
     OutputGroup,
     Signal,
     geometry_of,
+    inputs_of,
+    outputs_of,
+    reading_in,
     validate_signals,
 )
 from modal.types import Floats
 
 LARGEST_STATE = 4000
+TRANSLATING = {"fixed", "cart", "swing", "platform"}
+"""The kinds of carriers whose own mass, if they have any, can move along the rail and do nothing else."""
+NO_SHARE = (
+    "a modal support does not tell how the ground's motion drives its coordinates: give it as forces on these, or "
+    "write the structure as carts"
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -130,8 +138,10 @@ class _Motion(NamedTuple):
 def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
     """The model of a scene with these groups of inputs and outputs (`modal.statespace.signals.INPUTS` and `OUTPUTS`).
 
-    Inputs may also be points, as "force:pendulum[0].links[1]@0.5" (`modal.statespace.points`).  By default the input is
-    the force on a cart or else the joint torques, the outputs are the cart's position and the absolute angles.  Raises
+    Inputs may also be points, as "force:pendulum[0].links[1]@0.5" (`modal.statespace.points`), and on a structure the
+    force on one coordinate by its name; outputs may be the names of its coordinates, of their rates and of springs.  By
+    default the input is the force on a cart, the forces on all coordinates of a structure, or else the joint torques,
+    and the outputs are the cart's position or the coordinates of the structure, and the absolute angles.  Raises
     SceneError for groups that the scene does not have, ComputationError where M is singular or the model has more than
     LARGEST_STATE states.
     """
@@ -148,15 +158,17 @@ def assembled(
     geometry = geometry_of(scene)
     if given:
         geometry = replace(geometry, rate=given.rate, bend=given.bend, drag=given.drag)
-    default = (("cart_force",), ("cart_position", "angles")) if geometry.on_cart else (("joint_torques",), ("angles",))
+    usual = _usual(geometry)
     wanted = validate_signals(
-        inputs or default[0], INPUTS, "input", on_cart=geometry.on_cart, more=is_point, written=EXAMPLES
+        inputs or usual[0], inputs_of(geometry), "input", geometry, more=is_point, written=EXAMPLES
     )
     validate_points(scene, wanted)
-    read = validate_signals(outputs or default[1], OUTPUTS, "output", on_cart=geometry.on_cart)
+    read = validate_signals(outputs or usual[1], outputs_of(geometry), "output", geometry)
     drive, push = _drive(wanted), _pushes(scene, geometry, wanted)
     if drive in SUPPORT:
         require(scene, "a linear model of a moved support")
+        if geometry.carried and any(own.M is not None for own in geometry.carried.structure.carriers):
+            raise SceneError([f"input {drive}: {NO_SHARE}"])
     if drive in SUPPORT and geometry.drag.any():
         raise SceneError([f"input {drive}: drag acts against still air, and the support would move through it"])
     motion = MOTIONS[drive]
@@ -164,7 +176,7 @@ def assembled(
     found = given.matrices if given else own(scene)
     with np.errstate(all="ignore"):
         moved = motion(found, geometry, push.F)
-        C, D, signals = _outputs(moved, geometry, push, [READINGS[name](geometry) for name in read])
+        C, D, signals = _outputs(moved, geometry, push, [reading_in(geometry, name) for name in read])
     if not all(np.all(np.isfinite(part)) for part in (moved.A, moved.B, C, D)):
         raise ComputationError("the ratios in this scene are beyond double precision: its model overflows")
     driven = [(DRIVES | SUPPORT)[drive]] if drive else []
@@ -186,16 +198,45 @@ def assembled(
     )
 
 
+def _usual(geometry: Geometry) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The inputs and outputs of a model for which none are named."""
+    if geometry.on_cart:
+        return ("cart_force",), ("cart_position", "angles")
+    if geometry.leading:
+        return ("coordinate_forces",), ("coordinates", "angles")
+    return ("joint_torques",), ("angles",)
+
+
 def fixed(scene: Scene) -> Scene:
-    """The same pendula on a fixed support; SceneError for damping ratios by mode, which are those of other modes."""
-    if isinstance(scene.damping_ratio, tuple) and scene.support.kind == "cart":
+    """The same pendula on a fixed support; SceneError for damping ratios by mode, which are those of other modes.
+
+    Of a scene with one cart alone: what springs join to it they join to the ground in its place.
+    """
+    if isinstance(scene.damping_ratio, tuple) and getattr(scene.support, "kind", "") == "cart":
         raise SceneError(
             [
                 "damping_ratio: is listed by the modes with the cart free, but under a prescribed motion of the cart "
                 "the modes are those on a fixed support: give one ratio for all modes"
             ]
         )
-    return scene.replace(support=Fixed(), force=tuple(force for force in scene.force if force.on != "cart"))
+    cart, places = scene.support, [parse_point(force.on) for force in scene.force]
+    kept = zip(scene.force, places, strict=True)
+    forces = tuple(force for force, point in kept if point is not None and not isinstance(point, CarrierPoint))
+    position = getattr(cart, "position", (0.0, 0.0))
+    held = scene.replace(support=Fixed(name=getattr(cart, "name", ""), position=position), spring=(), force=forces)
+    springs = [
+        spring.replace(between=tuple(_held_end(text, position) for text in spring.between)) for spring in scene.spring
+    ]
+    return held.replace(spring=tuple(one for one in springs if any("pendulum" in text for text in one.between)))
+
+
+def _held_end(text: str, cart: tuple[float, float]) -> str:
+    """The end of a spring on a cart that is held at this place: a point of the ground."""
+    point = parse_point(text)
+    if point is not None and not isinstance(point, CarrierPoint):
+        return text
+    s, h = point.place if point is not None else (0.0, 0.0)
+    return f"ground@{cart[0] + s!r},{cart[1] + h!r}"
 
 
 def _held(scene: Scene) -> Matrices:
@@ -218,7 +259,7 @@ def _drive(wanted: tuple[str, ...]) -> str | None:
 
 def _pushes(scene: Scene, geometry: Geometry, wanted: tuple[str, ...]) -> InputGroup:
     """All generalized forces side by side, in the requested order."""
-    found = [push_of(scene, geometry, name) for name in wanted if name in PUSHES or is_point(name)]
+    found = [push_of(scene, geometry, name) for name in wanted if name not in DRIVES | SUPPORT]
     none = np.zeros((geometry.size, 0)), np.zeros((len(geometry.tips), 0))
     return InputGroup(
         [signal for push in found for signal in push.signals],
@@ -275,13 +316,27 @@ def _moved(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
 
 
 def _inertial(found: Matrices, geometry: Geometry, F: Floats) -> list[Floats]:
-    """M⁻¹ K, M⁻¹ D, J = M⁻¹ p and M⁻¹ F, with p the momentum of everything at unit velocity; on a cart J is exact."""
+    """M⁻¹ K, M⁻¹ D, J = M⁻¹ p and M⁻¹ F, with p the momentum of everything at unit velocity.
+
+    J is exact where everything can move along with the ground, as on a cart.
+    """
     n = len(found.M)
-    p = np.zeros((n, 1)) if geometry.on_cart else (geometry.centres.T @ geometry.mass)[:, None]
+    along = _translation(geometry)
+    p = np.zeros((n, 1)) if along is not None else geometry.momentum[:, None]
     parts = np.split(_solved(found.M, np.hstack([found.K, found.D, p, F])), [n, 2 * n, 2 * n + 1], axis=1)
-    if geometry.on_cart:
-        parts[2] = np.eye(n, 1)
+    if along is not None:
+        parts[2] = along[:, None]
     return parts
+
+
+def _translation(geometry: Geometry) -> Floats | None:
+    """The motion (q,) in which everything translates along the rail by 1 m; None where there is none."""
+    if geometry.carried is None:
+        return np.eye(geometry.size)[0] if geometry.on_cart else None
+    found = np.zeros(geometry.size)
+    found[: geometry.leading] = [one.along for one in geometry.carried.coordinates]
+    carriers = all(own.kind in TRANSLATING for own in geometry.carried.structure.carriers)
+    return found if carriers and np.all(geometry.centres @ found == 1.0) else None
 
 
 def _support_accelerated(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
@@ -377,12 +432,12 @@ def refuse_no_inertia(M: Floats) -> None:
 
 
 def _positions(geometry: Geometry) -> list[Signal]:
-    groups = (["cart_position"] if geometry.on_cart else []) + ["angles"]
+    groups = ["coordinates" if geometry.carried else "cart_position"] * bool(geometry.leading) + ["angles"]
     return [signal for name in groups for signal in READINGS[name](geometry).signals]
 
 
 def _rates(geometry: Geometry) -> list[Signal]:
-    groups = (["cart_velocity"] if geometry.on_cart else []) + ["rates"]
+    groups = ["coordinate_rates" if geometry.carried else "cart_velocity"] * bool(geometry.leading) + ["rates"]
     return [signal for name in groups for signal in READINGS[name](geometry).signals]
 
 

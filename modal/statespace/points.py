@@ -3,6 +3,8 @@
     force:pendulum[0].links[1]@0.5      a force along the rail on that point, in N
     lift:pendulum[0].links[1]           a force upwards, here on the centre of mass
     torque:pendulum[0].links[1]         a torque, in N m: of the joint above the link; with @ on the link alone
+    force:left@0.2,0.1                  a force along the rail on that point of a support; lift: upwards
+    torque:beam                         a torque on a support that turns
     force[0]                            the first [[force]] of the scene: its point and direction
 
 Points are written as in a scene file (`modal.scene.points`): without `copies` the input acts on every copy alike.
@@ -19,8 +21,9 @@ import numpy as np
 from modal.errors import SceneError
 from modal.scene import Scene, places_of
 from modal.scene.motion import Acting
-from modal.scene.points import Place, parse_point, point_problems
-from modal.statespace.signals import PUSHES, Geometry, InputGroup, Signal
+from modal.scene.points import CarrierPoint, GroundPoint, Place, parse_point, point_problems
+from modal.statespace.signals import Geometry, InputGroup, Signal, pushes_in
+from modal.structure import Row, Structure, slopes, turning
 from modal.types import Floats
 
 WAYS: dict[str, Acting] = {"force": "horizontal", "lift": "vertical", "torque": "torque"}
@@ -31,12 +34,16 @@ assert set(WAYS.values()) == set(get_args(Acting))
 
 
 class PointInput(NamedTuple):
-    """An input by its name: the point in words, how it acts there, and every link that it is on; none for the cart."""
+    """An input by its name: the point in words, how it acts there, and every link that it is on.
+
+    Without links it acts on the cart, or on the point `carrier` of a support.
+    """
 
     name: str
     on: str
     direction: Acting
     places: tuple[Place, ...]
+    carrier: CarrierPoint | None = None
 
 
 def is_point(name: str) -> bool:
@@ -60,7 +67,9 @@ def point_input(scene: Scene, name: str) -> PointInput:
         if int(own[1]) >= len(scene.force):
             raise SceneError([f"input {name}: the scene has {len(scene.force)} entries of force, numbered from 0"])
         force = scene.force[int(own[1])]
-        return PointInput(name, force.on, force.direction, tuple(places_of(scene, force.on)))
+        point = parse_point(force.on)
+        carrier = point if isinstance(point, CarrierPoint) else None
+        return PointInput(name, force.on, force.direction, tuple(places_of(scene, force.on)), carrier)
     kind, _, on = name.partition(":")
     try:
         point = parse_point(on)
@@ -69,9 +78,14 @@ def point_input(scene: Scene, name: str) -> PointInput:
     problems = list(point_problems(scene, on))
     if point is None and kind != "force":
         problems.append("the cart runs on a horizontal rail: only force:cart acts on it")
+    if isinstance(point, GroundPoint):
+        problems.append("the ground does not yield to a force: name a support or a link")
+    if isinstance(point, CarrierPoint) and not problems and not scene.is_structured:
+        problems.append('all points of the support move alike: write "cart"' if scene.cart else "the support is fixed")
     if problems:
         raise SceneError([f"input {name}: {words}" for words in problems])
-    return PointInput(name, on, WAYS[kind], tuple(places_of(scene, on)))
+    carrier = point if isinstance(point, CarrierPoint) else None
+    return PointInput(name, on, WAYS[kind], tuple(places_of(scene, on)), carrier)
 
 
 def validate_points(scene: Scene, names: Sequence[str]) -> None:
@@ -88,7 +102,7 @@ def validate_points(scene: Scene, names: Sequence[str]) -> None:
 
 def push_of(scene: Scene, geometry: Geometry, name: str) -> InputGroup:
     """The generalized forces of a group of inputs, or of an input at a point."""
-    return PUSHES[name](geometry) if name in PUSHES else pushed(geometry, point_input(scene, name))
+    return pushed(geometry, point_input(scene, name)) if is_point(name) else pushes_in(geometry, name)
 
 
 def pushed(geometry: Geometry, point: PointInput) -> InputGroup:
@@ -98,7 +112,11 @@ def pushed(geometry: Geometry, point: PointInput) -> InputGroup:
     l_k n_k on the links k above it and s n_i on its own, at the distance s from the upper joint.
     """
     F, thrust = np.zeros((geometry.size, 1)), np.zeros((len(geometry.tips), 1))
-    if not point.places:
+    if point.carrier is not None:
+        assert geometry.carried is not None
+        for column, value in carrier_row(geometry.carried.structure, point.carrier, point.direction).items():
+            F[column] = value
+    elif not point.places:
         F[0] = 1.0
     for place in point.places:
         F[:, 0] += row_of(geometry, place, point.direction)
@@ -108,13 +126,24 @@ def pushed(geometry: Geometry, point: PointInput) -> InputGroup:
     return InputGroup([Signal(point.name, unit, f"{MEANING[point.direction]} {point.on}")], F, thrust)
 
 
+def carrier_row(structure: Structure, point: CarrierPoint, direction: Acting) -> Row:
+    """The generalized force of a force of 1 N, or a torque of 1 N m, on a point of a support, by coordinates."""
+    carrier = [own.name for own in structure.carriers].index(point.name)
+    if direction == "torque":
+        return turning(structure, carrier)
+    along, down = slopes(structure, carrier, point.place if point.point is None else point.point)
+    return along if direction == "horizontal" else {column: 0.0 - value for column, value in down.items()}
+
+
 def row_of(geometry: Geometry, place: Place, direction: Acting) -> Floats:
     """The generalized force (q,) of a force of 1 N or a torque of 1 N m at one link."""
-    first, row = int(geometry.on_cart), np.zeros(geometry.size)
+    first, row, carried = geometry.leading, np.zeros(geometry.size), geometry.carried
     if direction == "torque":
         row[first + place.link] = 1.0
         if place.below is None and place.above >= 0:
             row[first + place.above] = -1.0
+        if place.below is None and place.above < 0 and carried:
+            row[:first] = -carried.turning[place.link, :first]
         return row
     way = geometry.across if direction == "horizontal" else -geometry.sinking
     top = int(np.flatnonzero(geometry.pendulum == geometry.pendulum[place.link])[0])
@@ -123,5 +152,7 @@ def row_of(geometry: Geometry, place: Place, direction: Acting) -> Floats:
     below = geometry.centre[place.link] if place.below is None else place.below
     row[first + place.link] = way[place.link] * below
     if direction == "horizontal":
-        row[:first] = 1.0
+        row[:first] = geometry.centres[place.link, :first]
+    elif carried:
+        row[:first] = 0.0 - carried.down[place.link, :first]
     return row

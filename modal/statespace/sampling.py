@@ -21,8 +21,8 @@ from math import isfinite
 import numpy as np
 import scipy
 
-from modal.doors import checked_number
 from modal.errors import ComputationError, SceneError
+from modal.scene.doors import checked_number
 from modal.statespace.model import StateSpace
 from modal.types import Floats
 

@@ -5,7 +5,8 @@ as text, LaTeX or Markdown.  SymPy is imported in this room alone.
 
     d/dt ∂L/∂q' − ∂L/∂q = 0,    L = T − V
 
-Start with `system`, then `derivation`; `papers` holds each numbered equation as printed and as corrected.
+Start with `system`, then `derivation`; `structures` has scenes on several supports and with springs between points;
+`papers` holds each numbered equation as printed and as corrected.
 """
 
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ from modal.symbolic.derivation import derive
 from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
 from modal.symbolic.lagrangian import derive_lagrangian, vanishes
 from modal.symbolic.roots import polynomial_roots, symbolic
+from modal.symbolic.structures import SymbolicStructure, of_structured
 from modal.symbolic.system import chain
 from modal.symbolic.typesetting import Line, Section, plain, typeset
 
@@ -22,11 +24,13 @@ __all__ = [
     "Coordinate",
     "Line",
     "Section",
+    "SymbolicStructure",
     "chain",
     "coordinate",
     "derive",
     "derive_lagrangian",
     "lagrange_equations",
+    "of_structured",
     "plain",
     "polynomial_roots",
     "symbolic",

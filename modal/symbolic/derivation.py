@@ -7,20 +7,23 @@ Each section is a title and lines of (description, formula); `modal.symbolic.typ
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import sympy as sp
 
-from modal.doors import require_type
 from modal.errors import SceneError
 from modal.scene import Scene, load
+from modal.scene.doors import require_type
 from modal.symbolic import system as symbolic
 from modal.symbolic.eigen import modes_section, polynomial_section
 from modal.symbolic.kinetic import in_angles, in_plane, in_vectors
 from modal.symbolic.lagrangian import derive_lagrangian, vanishes
 from modal.symbolic.papers import equal
+from modal.symbolic.structure_sections import SECTIONS_OF_STRUCTURES
+from modal.symbolic.structures import SymbolicStructure, of_structured
 from modal.symbolic.system import SYMBOLIC, SymbolicSystem
 from modal.symbolic.typesetting import Line, Section
 
@@ -35,20 +38,21 @@ _TARGET = re.compile(r"(chain|cart):(?:(\d{1,4})x)?(\d{1,4})")
 KINDS = ("bob", "rod")
 
 
-def derive(system: SymbolicSystem, show: tuple[str, ...] = SECTIONS, scene: Scene | None = None) -> Iterator[Section]:
+def derive(
+    system: SymbolicSystem | SymbolicStructure, show: tuple[str, ...] = SECTIONS, scene: Scene | None = None
+) -> Iterator[Section]:
     """The sections of SECTIONS named in `show`, in their order.
 
     `scene` is the scene of which `system` is the exact form, if any: its polynomial is then exact and integer.  Raises
     SceneError for more links than readable equations allow.
     """
-    require_type("system", system, "SymbolicSystem")
+    require_type("system", system, "SymbolicSystem", "SymbolicStructure")
     if len(system.links) > MOST_WRITTEN and set(show) & {"lagrangian", "equations", "matrices"}:
         shorter = "choose polynomial and modes alone"
         raise SceneError([f"{len(system.links)} links: equations are written for at most {MOST_WRITTEN}; {shorter}"])
-    makers = {
-        "lagrangian": lambda: _lagrangian(system),
-        "equations": lambda: _equations(system),
-        "matrices": lambda: _matrices(system),
+    writers = SECTIONS_OF_STRUCTURES if isinstance(system, SymbolicStructure) else SECTIONS_OF_SYSTEMS
+    makers: dict[str, Callable[[], Section]] = {
+        **{name: partial(write, system) for name, write in writers.items()},
         "polynomial": lambda: polynomial_section(system, scene),
         "modes": lambda: modes_section(system, scene),
     }
@@ -137,6 +141,13 @@ def _ways(system: SymbolicSystem) -> str:
     )
 
 
+SECTIONS_OF_SYSTEMS: dict[str, Callable[[Any], Section]] = {
+    "lagrangian": _lagrangian,
+    "equations": _equations,
+    "matrices": _matrices,
+}
+
+
 def _require(holds: bool) -> None:
     if not holds:
         raise SceneError(["the Cartesian derivation and the pair disagree: please report this scene"])
@@ -144,7 +155,7 @@ def _require(holds: bool) -> None:
 
 def target(
     name: str, kind: str = "bob", chosen: tuple[str, ...] = (), ways: tuple[str, ...] = ()
-) -> tuple[SymbolicSystem, Scene | None]:
+) -> tuple[SymbolicSystem | SymbolicStructure, Scene | None]:
     """The system specified by `name`, and its scene if it is one.
 
     `kind` and `ways` (down or up, top to bottom) apply to chain: and cart: only, as a scene has its own.  Raises
@@ -158,7 +169,7 @@ def target(
         if ways or kind != KINDS[0]:
             raise SceneError([f"{name}: a kind of link and an equilibrium are for chain: and cart: only"])
         scene = load(name)
-        return symbolic.of_scene(scene, chosen), scene
+        return (of_structured if scene.is_structured else symbolic.of_scene)(scene, chosen), scene
     support, count, links = found[1], int(found[2] or 1), int(found[3])
     if support == "chain" and found[2]:
         raise SceneError([f"{name}: a chain has a single pendulum; write chain:{links}, or cart:{count}x{links}"])

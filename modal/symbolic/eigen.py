@@ -22,6 +22,7 @@ from modal.exact import Polynomial, equal_bobs, of_scene
 from modal.scene import Scene
 from modal.symbolic.papers import equal
 from modal.symbolic.roots import Kind, Root, of_kinds, polynomial_roots
+from modal.symbolic.structures import SymbolicStructure
 from modal.symbolic.system import Chain, SymbolicSystem
 from modal.symbolic.typesetting import Line, Section
 
@@ -30,6 +31,7 @@ MOST_LINKS = 60
 MOST_SYMBOLIC_LINKS = 5
 """Most links with different masses or lengths for a readable polynomial."""
 MOST_IN_DETERMINANT = 12
+MOST_SYMBOLIC_COORDINATES = 5
 MOST_ISOLATED = 60
 MOST_SOLVED = 24
 WIDTH = Fraction(1, 10**21)
@@ -51,8 +53,10 @@ class Eigen(NamedTuple):
 
 
 @cache
-def eigen_polynomials(system: SymbolicSystem, scene: Scene | None) -> list[Eigen] | str:
+def eigen_polynomials(system: SymbolicSystem | SymbolicStructure, scene: Scene | None) -> list[Eigen] | str:
     """All polynomials of a system, `scene` its exact numbers if any; or the reason why they are omitted."""
+    if isinstance(system, SymbolicStructure):
+        return _of_structure(system)
     numbers = not _symbols(system)
     links = len(system.links)
     if n := _equal_bobs(system):
@@ -138,9 +142,26 @@ def _chain_of(system: SymbolicSystem, kind: Kind) -> Chain:
     return next(c for c in system.chains if c.geometry == kind.geometry and c.sigma == kind.sigma)
 
 
+def _of_structure(system: SymbolicStructure) -> list[Eigen] | str:
+    """The factors of the determinant, in integers where there is no symbol."""
+    size = len(system.coordinates)
+    if size > MOST_IN_DETERMINANT or (system.symbols and size > MOST_SYMBOLIC_COORDINATES):
+        return f"{size} coordinates of a structure: too long to write out"
+    polynomial = _expanded(system)
+    x = sp.Symbol("x")
+    if polynomial.free_symbols != {x}:
+        return [Eigen("", 1, polynomial)]
+    factors = sp.Poly(polynomial, x).factor_list()[1]
+    integers = [(sp.Poly(factor, x).clear_denoms(convert=True)[1].primitive()[1], count) for factor, count in factors]
+    eigen = [Eigen("", count, Polynomial(tuple(map(int, factor.all_coeffs())))) for factor, count in integers]
+    return sorted(eigen, key=lambda one: one.polynomial.intervals()[0].low)
+
+
 def _determinant(system: SymbolicSystem) -> list[Eigen] | str:
     """Polynomials of the motion along the rail; across it, of every pendulum on a fixed support."""
-    if len(system.coordinates) > MOST_IN_DETERMINANT or (_symbols(system) and len(system.coordinates) > 5):
+    if len(system.coordinates) > MOST_IN_DETERMINANT or (
+        _symbols(system) and len(system.coordinates) > MOST_SYMBOLIC_COORDINATES
+    ):
         return f"{len(system.coordinates)} coordinates with springs or dampers: too long to write out"
     found = [Eigen("along the rail" if system.spatial else "", 1, _expanded(system))]
     if system.spatial:
@@ -150,7 +171,7 @@ def _determinant(system: SymbolicSystem) -> list[Eigen] | str:
     return found
 
 
-def _expanded(system: SymbolicSystem) -> Any:
+def _expanded(system: SymbolicSystem | SymbolicStructure) -> Any:
     M, K, D = system.matrices()
     s, x = sp.symbols("s x")
     matrix = M * s**2 + D * s + K if any(D) else K - x * M
@@ -159,7 +180,7 @@ def _expanded(system: SymbolicSystem) -> Any:
     return sp.factor(field.to_sympy(determinant))
 
 
-def polynomial_section(system: SymbolicSystem, scene: Scene | None) -> Section:
+def polynomial_section(system: SymbolicSystem | SymbolicStructure, scene: Scene | None) -> Section:
     """The eigen-polynomials in their named conventions, factor by factor."""
     found = eigen_polynomials(system, scene)
     if isinstance(found, str):
@@ -196,7 +217,7 @@ def _named(eigen: Eigen) -> str:
     return f"{words}; " if words else ""
 
 
-def modes_section(system: SymbolicSystem, scene: Scene | None) -> Section:
+def modes_section(system: SymbolicSystem | SymbolicStructure, scene: Scene | None) -> Section:
     """Every mode in closed form where there is one, else to 20 proved digits; a damped one to 15."""
     found = eigen_polynomials(system, scene)
     if isinstance(found, str):
@@ -274,8 +295,10 @@ def _damped_words(root: Any) -> str:
     return f"ω = {sp.N(size, 15)} rad/s, ζ = {sp.N(-sp.re(root) / size, 6)}"
 
 
-def _remarks(system: SymbolicSystem, found: list[Eigen]) -> list[Line]:
+def _remarks(system: SymbolicSystem | SymbolicStructure, found: list[Eigen]) -> list[Line]:
     """The shapes and masses of equal bobs; the mode lost with a massless cart over bobs."""
+    if isinstance(system, SymbolicStructure):
+        return []
     first = found[0].polynomial
     bobs = len(found) == 1 and isinstance(first, Polynomial) and first.unit == "g/l" and _all_bobs(system)
     lines = []

@@ -25,10 +25,10 @@ import sympy as sp
 from modal import pair
 from modal.errors import SceneError
 from modal.exact import exact, exact_links
-from modal.scene import Cart, Pendulum, Scene, require, title_of
+from modal.scene import Pendulum, Scene, require, title_of
 from modal.symbolic.lagrange import Coordinate, coordinate
 
-SYMBOLIC = ("masses", "lengths", "gravity", "cart")
+SYMBOLIC = ("masses", "lengths", "gravity", "cart", "supports", "springs")
 MOST_LINKS = 1000
 
 
@@ -185,12 +185,12 @@ def cart(
     hanging = (_links(n, kind, symbolic, sigma),) * count
     of = f"{n} {kind}{'s' if n > 1 else ''}"
     title = f"A chain of {of} on a cart" if count == 1 else f"{count} chains of {of} each on a cart"
-    return SymbolicSystem(title, _gravity(), hanging, SymbolicCart(_symbol("m_c"), sp.S.Zero, sp.S.Zero))
+    return SymbolicSystem(title, _gravity(), hanging, SymbolicCart(symbol("m_c"), sp.S.Zero, sp.S.Zero))
 
 
 def _links(n: int, kind: str, symbolic: tuple[str, ...], sigma: tuple[int, ...]) -> Chain:
-    mass = tuple(_symbol(f"m_{i}") for i in range(1, n + 1)) if "masses" in symbolic else (_symbol("m"),) * n
-    length = tuple(_symbol(f"l_{i}") for i in range(1, n + 1)) if "lengths" in symbolic else (_symbol("l"),) * n
+    mass = tuple(symbol(f"m_{i}") for i in range(1, n + 1)) if "masses" in symbolic else (symbol("m"),) * n
+    length = tuple(symbol(f"l_{i}") for i in range(1, n + 1)) if "lengths" in symbolic else (symbol("l"),) * n
     none = (sp.S.Zero,) * n
     centre, inertia = zip(*map(pair.proportions, (kind,) * n, mass, length), strict=True)
     return Chain(mass, length, centre, inertia, none, none, sigma or (1,) * n)
@@ -205,16 +205,21 @@ def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicSystem:
     require(scene, "a derivation")
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: at most {MOST_LINKS} are written in exact numbers"])
+    support = None
+    if (cart := scene.cart) is not None:
+        mass = symbol("m_c") if "cart" in symbolic else rational(cart.mass)
+        support = SymbolicCart(mass, rational(cart.damping), rational(cart.stiffness))
+    gravity = _gravity() if "gravity" in symbolic else rational(scene.gravity)
+    return SymbolicSystem(title_of(scene), gravity, chains_of(scene, symbolic), support, scene.space == "space")
+
+
+def chains_of(scene: Scene, symbolic: tuple[str, ...]) -> tuple[Chain, ...]:
+    """The chains of a scene, a pendulum's copies one after another."""
     chains: list[Chain] = []
     for pendulum in scene.pendulum:
         prefix = f"{len(chains) + 1}_" if len(scene.pendulum) > 1 else ""
         chains += [_chain_of(pendulum, prefix, symbolic)] * pendulum.count
-    support = None
-    if isinstance(scene.support, Cart):
-        mass = _symbol("m_c") if "cart" in symbolic else _rational(scene.support.mass)
-        support = SymbolicCart(mass, _rational(scene.support.damping), _rational(scene.support.stiffness))
-    gravity = _gravity() if "gravity" in symbolic else _rational(scene.gravity)
-    return SymbolicSystem(title_of(scene), gravity, tuple(chains), support, scene.space == "space")
+    return tuple(chains)
 
 
 def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Chain:
@@ -222,22 +227,24 @@ def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Cha
     mass, length, centre, inertia, stiffness, sigma = map(list, zip(*exact_links(pendulum), strict=True))
     for i, link in enumerate(written):
         if "masses" in symbolic:
-            mass[i] = _symbol(f"m_{prefix}{i + 1}")
+            mass[i] = symbol(f"m_{prefix}{i + 1}")
         if "lengths" in symbolic:
-            length[i] = _symbol(f"l_{prefix}{i + 1}")
+            length[i] = symbol(f"l_{prefix}{i + 1}")
         centre[i], inertia[i] = link.proportions(mass[i], length[i], exact)
     damping = [exact(link.damping) for link in written]
     columns = (mass, length, centre, inertia, damping, stiffness, map(int, sigma))
     return Chain(*(tuple(map(sp.sympify, values)) for values in columns))
 
 
-def _rational(value: float) -> Any:
+def rational(value: float) -> Any:
+    """The decimal that a float is written as, as an exact fraction."""
     return sp.Rational(exact(value))
 
 
 def _gravity() -> Any:
-    return _symbol("g")
+    return symbol("g")
 
 
-def _symbol(name: str) -> Any:
+def symbol(name: str) -> Any:
+    """A positive number by its name."""
     return sp.Symbol(name, positive=True)

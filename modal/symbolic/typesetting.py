@@ -11,8 +11,10 @@ import sympy as sp
 from modal.report import LETTERS, breadth, fits, latex, markdown, visible
 from modal.symbolic import line_breaks
 
-GREEK = {"theta": "θ", "phi": "φ", "lambda": "λ", "omega": "ω", "sigma": "σ"}
-_NAME = re.compile(r"\b(theta|phi|lambda|omega|sigma|[pxyzu])(ddot|dot)?((?:_\d+)*)\b")
+GREEK = {"theta": "θ", "phi": "φ", "lambda": "λ", "omega": "ω", "sigma": "σ", "eta": "η", "ell": "ℓ"}
+_NAME = re.compile(r"\b(theta|phi|lambda|omega|sigma|eta|ell|[psxyzu])(ddot|dot)?((?:_[0-9]+)*|_[0-9A-Za-z]\w*)\b")
+_CALLED = re.compile(r"(theta|phi|eta|[A-Za-z])(ddot|dot)?_(\w*[A-Za-z]\w+|\w+[A-Za-z]\w*)")
+_DOTTED = {"dot": r"\dot{%s}", "ddot": r"\ddot{%s}", None: "%s"}
 _INDEXED = re.compile(r"(?<![\w$])([A-Za-zθφλωσΔ])_(\w)\b(?!\w)")
 
 
@@ -48,7 +50,8 @@ def plain(formula: Any) -> str:
 def _symbol(found: re.Match[str]) -> str:
     name, dots, index = found.groups()
     marks = {"dot": "'", "ddot": "''", None: ""}[dots]
-    return GREEK.get(name, name) + index.removeprefix("_").replace("_", ",") + marks
+    numbered = index.removeprefix("_").replace("_", ",")
+    return GREEK.get(name, name) + (numbered if numbered.replace(",", "").isdigit() else index) + marks
 
 
 def _grid(matrix: Any) -> str:
@@ -117,13 +120,24 @@ def _display(formula: Any) -> str:
 
 def _inline(words: str) -> str:
     """Coordinates, other named symbols and letters with an index in words, as mathematics."""
-    words = _NAME.sub(lambda found: f"${_tex(sp.Symbol(found[0]))}$" if found[0] not in "pxyzu" else found[0], words)
+    words = _NAME.sub(lambda found: f"${_tex(sp.Symbol(found[0]))}$" if found[0] not in "psxyzu" else found[0], words)
     words = _INDEXED.sub(lambda found: f"${LETTERS.get(found[1], found[1])}_{{{found[2]}}}$", words)
     return words.replace("q''", r"$\ddot{q}$").replace("q'", r"$\dot{q}$")
 
 
 def _tex(formula: Any, **settings: Any) -> str:
-    return _with_commas(str(sp.latex(formula, **settings)))
+    called = {name: written for name in formula.free_symbols if (written := _by_name(name.name))}
+    return _with_commas(str(sp.latex(formula, symbol_names=called, **settings)))
+
+
+def _by_name(name: str) -> str:
+    r"""The LaTeX of a symbol that a word follows, such as \dot{\phi}_{\mathrm{board}}; "" for any other symbol."""
+    called = _CALLED.fullmatch(name)
+    if called is None:
+        return ""
+    letter, dots, word = called.groups()
+    letter = rf"\{letter}" if letter in GREEK else letter
+    return _DOTTED[dots] % letter + rf"_{{\mathrm{{{word.replace('_', chr(92) + '_')}}}}}"
 
 
 def _with_commas(formula: str) -> str:

@@ -33,10 +33,10 @@ import scipy
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
-from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Floats
 from modal.vibration.hill import HillSystem, hill_systems, quarters
 from modal.vibration.parametric import KINDS

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from modal.assembly import matrices, quadratic_drags, rig_of
 from modal.errors import ComputationError, SceneError
-from modal.scene import Moved, Scene, SineMotion, require, validate_scene
+from modal.scene import Scene, SineMotion, require, validate_scene
 from modal.statespace.signals import geometry_of
 from modal.types import Booleans, Complexes, Floats
 
@@ -179,16 +179,14 @@ def vertical_sine(scene: Scene) -> SineMotion:
     """
     validate_scene(scene)
     require(scene, "a Floquet multiplier")
-    assert isinstance(scene.support, Moved)
-    vertical = next((one for one in scene.support.motions if one.direction == "vertical"), None)
+    at = f"{scene.motion_places[0][0]}.motion"
+    vertical = next((one for one in scene.motions if one.direction == "vertical"), None)
     if not isinstance(vertical, SineMotion):
         what = "moves along the rail only" if vertical is None else f'moves vertically with kind = "{vertical.kind}"'
+        raise SceneError([f'{at}: a Floquet multiplier needs a vertical motion of kind = "sine": this {what}'])
+    if len(scene.motions) > 1 and "quadratic_drag" in scene.features:
         raise SceneError(
-            [f'support.motion: a Floquet multiplier needs a vertical motion of kind = "sine": this {what}']
-        )
-    if len(scene.support.motions) > 1 and "quadratic_drag" in scene.features:
-        raise SceneError(
-            ["support.motion: quadratic drag couples both motions: a Floquet multiplier takes a vertical one alone"]
+            [f"{at}: quadratic drag couples both motions: a Floquet multiplier takes a vertical one alone"]
         )
     return vertical
 

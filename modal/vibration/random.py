@@ -24,16 +24,16 @@ from math import tau
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.modes import natural_modes
 from modal.scene import Scene, require
+from modal.scene.doors import checked
 from modal.scene.records import Spectrum
 from modal.statespace import ModalForm, frequency_response, state_space, to_modal_form
 from modal.statespace.gains import without_noise
 from modal.statespace.points import EXAMPLES, is_point, push_of
 from modal.statespace.response import Term, terms
-from modal.statespace.signals import Signal, geometry_of
+from modal.statespace.signals import Signal, geometry_of, own_inputs
 from modal.types import Booleans, Complexes, Floats
 from modal.vibration.response import ModalResponse
 from modal.vibration.spectra import acceleration_psd, psd_at
@@ -185,7 +185,7 @@ def exact_terms(form: ModalForm) -> Iterator[Term]:
     modes, geometry, name = form.modes, geometry_of(form.modes.scene), form.model.inputs[0].name
     shaken = int(name == INPUT)
     if shaken:
-        p = modes.matrices.M[:, 0] if modes.on_cart else geometry.centres.T @ geometry.mass
+        p = modes.matrices.M[:, 0] if modes.on_cart else geometry.momentum
     else:
         p = push_of(modes.scene, geometry, name).F[:, 0]
     for block, term in zip(form.blocks, terms(form), strict=True):
@@ -233,8 +233,9 @@ def random_response(
 ) -> RandomResponse:
     """The response of a scene to a PSD of its support's motion along the rail, at small angles.
 
-    `outputs` are groups of `modal.statespace.signals.OUTPUTS`.  Another `source` is "cart_force" or an input at a
-    point, as "force[0]" (`modal.statespace.points`), of which the PSD is in N²/Hz or (N m)²/Hz.  Raises
+    `outputs` are groups of `modal.statespace.signals.OUTPUTS`.  Another `source` is "cart_force", on a structure the
+    force on a coordinate, or an input at a point, as "force[0]" (`modal.statespace.points`), of which the PSD is in
+    N²/Hz or (N m)²/Hz.  Raises
     ComputationError where a mode grows by itself, since nothing is then stationary, and the errors of `state_space` and
     `to_modal_form`.
 
@@ -246,8 +247,9 @@ def random_response(
     >>> found.source.unit, found.rms.shape
     ('N', (1,))
     """
-    if source not in {INPUT, "cart_force"} and not is_point(source):
-        raise SceneError([f"input {source}: must be {INPUT}, cart_force, or {EXAMPLES}"])
+    known = (INPUT, *((own_inputs(geometry_of(scene)) if scene.is_structured else ()) or ("cart_force",)))
+    if source not in {*known, "cart_force"} and not is_point(source):
+        raise SceneError([f"input {source}: must be {', '.join(known)}, or {EXAMPLES}"])
     require(scene, "random vibration" if source == INPUT else "a constant linear model")
     modes = natural_modes(scene)
     if growing := [number for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.real > 0]:

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from modal.doors import checked
 from modal.modes import Modes
 from modal.report import NOTHING, Form, as_csv, as_json, finite, grid, titled
 from modal.scene import title_of
+from modal.scene.doors import checked
 from modal.types import Floats
 from modal.vibration.random import INPUT, RandomResponse
 from modal.vibration.shock import ShockResponse

@@ -13,10 +13,10 @@ from math import pi
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import ComputationError
 from modal.modes import natural_modes
 from modal.scene import RecordMotion, Scene
+from modal.scene.doors import checked
 from modal.statespace import state_space, to_modal_form
 from modal.statespace.response import Term
 from modal.types import Booleans, Complexes, Floats

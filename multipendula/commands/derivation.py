@@ -44,7 +44,7 @@ def _derive_arguments(page: Page) -> None:
         "paper:000, paper:001 or paper:002 (as printed and corrected), or a scene",
     )
     offer(target, scenes((".toml",), TARGETS))
-    symbols = ("masses", "lengths", "gravity", "cart")
+    symbols = ("masses", "lengths", "gravity", "cart", "supports", "springs")
     words = f"quantities to keep as symbols, one for each link, shared by copies: {','.join(symbols)}"
     add_words(page.asked, "--symbolic", symbols, metavar="WORDS", help=words)
     sections = ("lagrangian", "equations", "matrices", "polynomial", "modes")
@@ -94,8 +94,8 @@ COMMANDS = (
         examples=(
             ("derive chain:3", "three bobs: Lagrangian, equations, M and K, polynomial, modes"),
             ("derive chain:2 --symbolic masses,lengths --format latex", "with a symbol for every mass and length"),
-            ("derive cart:3x2 --links rod --show polynomial,modes", "three double rods on a cart"),
             ("derive paper-cart-2 --show polynomial", "a scene's polynomial, in exact integers"),
+            ("derive two-bobs --symbolic masses,springs", "two pendula and the spring between them"),
             ("derive paper:002", "the equations of a paper, as printed and corrected"),
         ),
     ),

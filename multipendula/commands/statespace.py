@@ -188,22 +188,23 @@ def shaper(options: argparse.Namespace) -> None:
     """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
     from modal.report import csv_rows, folded
     from modal.scene import load
-    from modal.statespace import shaper_for, swing_words
+    from modal.statespace import shaper_for, swing_words, usual_drive
 
     scene = noted(load(options.scene))
+    drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
     step, tolerance = options.discrete or 0.0, options.tolerance / 100
-    found = shaper_for(scene, options.count, options.kind, options.drive, step=step, tolerance=tolerance)
-    remarks = list(swing_words(scene, options.count, options.drive))
+    found = shaper_for(scene, options.count, options.kind, drive, step=step, tolerance=tolerance)
+    remarks = list(swing_words(scene, options.count, drive))
     if estimate is not None:
         from modal.identification import shaped_modes
 
-        shaped = shaped_modes(found, estimate, options.drive, options.count)
+        shaped = shaped_modes(found, estimate, drive, options.count)
         remarks += [left.words(number) for number, left in enumerate(shaped, 1)]
     if scene.is_hoisted:
         from modal.statespace.hoisting import residual_words
 
-        remarks += residual_words(scene, options.count, options.kind, options.drive, found)
+        remarks += residual_words(scene, options.count, options.kind, drive, found)
     impulses = zip(found.times.tolist(), found.amplitudes.tolist(), strict=True)
     with output(options.output) as write:
         write("".join(folded(f"# {words}", mark="# ") + "\n" for words in remarks))
@@ -224,8 +225,12 @@ def _shaper_arguments(page: Page) -> None:
     words = "for the K slowest modes (default 1)"
     page.asked.add_argument("--count", metavar="K", type=whole(99999), default=1, help=words)
     drives = ("cart_acceleration", "cart_velocity", "cart_force")
-    words = "what moves the cart: cart_acceleration (default), cart_velocity or cart_force"
-    page.asked.add_argument("--drive", metavar="NAME", choices=drives, default=drives[0], help=words)
+    words = (
+        "what moves the cart: cart_acceleration (default), cart_velocity or cart_force; of a structure the force on "
+        "one of its coordinates (default the first), as ship_sway_force"
+    )
+    add_words(page.asked, "--drive", drives, comma="", metavar="NAME", help=words)
+    page.rephrase(r"^drive = '(\S+)':", r"--drive \1:")
     add_text(page)
 
 

@@ -25,6 +25,7 @@ from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from modal.scene import Scene
+    from modal.scene.parameters import Variation
     from nonlinear.synchronization import SynchronizationStudy
 
 
@@ -104,6 +105,9 @@ def _branches(scene: Scene, options: argparse.Namespace) -> None:
     from nonlinear.synchronization import branches_csv, branches_text, follow_branches
 
     (variation,) = parse_variations([options.vary])
+    if _has_populations(scene):
+        _diagram(scene, variation, options)
+        return
     with bar(0, "branch") as report:
         found = follow_branches(scene, variation, report)
     say(branches_csv(found) if options.format == "csv" else branches_text(found), options.format)
@@ -112,6 +116,26 @@ def _branches(scene: Scene, options: argparse.Namespace) -> None:
 
         with drawn(options.output, options.theme) as stream:
             draw_branches(found, stream, picture(options.output))
+
+
+def _has_populations(scene: Scene) -> bool:
+    """Whether its populations have symmetric motions."""
+    from nonlinear.system import populations_of, unrepresented
+
+    return scene.is_structured and len(populations_of(scene)) <= 2 and not any(unrepresented(scene))
+
+
+def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) -> None:
+    from nonlinear.synchronization import diagram_csv, diagram_text, follow_populations
+
+    with bar(0, "motion") as report:
+        found = follow_populations(scene, variation, report)
+    say(diagram_csv(found) if options.format == "csv" else diagram_text(found), options.format)
+    if options.output:
+        from nonlinear.plotting import draw_populations
+
+        with drawn(options.output, options.theme) as stream:
+            draw_populations(found, stream, picture(options.output))
 
 
 COMMANDS = (
@@ -124,10 +148,15 @@ COMMANDS = (
             "For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady "
             "oscillations, and which of them this start ends in and when; a simulation of the full equations then "
             "measures the same. With --vary every steady oscillation is followed along one number of the scene instead."
+            " Of equal pendula on the supports of a structure the verdict comes first: which population is locked, and "
+            "to which; then the growth rates of the motions in which every population is one pendulum, and with --vary "
+            "the values at which these begin or cease to last."
         ),
         examples=(
-            ("sync huygens -o huygens.png --film huygens.gif", "two clocks on a beam, with a figure and a film"),
-            ("sync huygens --vary support.mass=1:40:4log -o branches.png", "the range of each steady oscillation"),
+            ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),
+            ("sync huygens --vary support.mass=3:30:3log -o branches.png", "the range of each steady oscillation"),
+            ("sync two-swings", "two swings with 15 metronomes each: one half agrees, the other does not"),
+            ("sync two-swings --vary spring[0].stiffness=55:85:13", "where antiphase ends and in phase begins"),
         ),
     ),
 )

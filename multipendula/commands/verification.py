@@ -260,7 +260,7 @@ COMMANDS = (
             "compiled: the cost and the error of each, and the time up to which errors can be measured."
         ),
         examples=(
-            ("tradeoff chain-1 --start mode:1:10 --duration 1", "every method for one second of a small swing"),
+            ("tradeoff chain-1 --start mode:1:10 --duration 2", "every method for two seconds of a small swing"),
             ("tradeoff chain-1 --start angles:60 --duration 1 -o t.png", "with a figure: time against error"),
         ),
     ),

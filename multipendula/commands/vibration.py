@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 OUTPUTS = (
     *("angles", "tip_accelerations", "rates", "relative_angles", "relative_rates", "joint_positions"),
     *("tip_positions", "cart_position", "cart_velocity", "pivot_forces"),
+    *("coordinates", "coordinate_rates", "coordinate_accelerations", "spring_forces", "spring_extensions"),
 )
 
 
@@ -42,8 +43,9 @@ def _vibration_arguments(page: Page) -> None:
     )
     offer(page.asked.add_argument("--psd", metavar="CSV", required=True, help=words), files((".csv",)))
     words = (
-        "the input that the PSD is of: support_acceleration (default), cart_force, force:POINT, lift:POINT or "
-        "torque:POINT, with a POINT such as pendulum[0].links[1]@0.5, or force[0] of the scene"
+        "the input that the PSD is of: support_acceleration (default), cart_force, on a structure the force on a "
+        "coordinate, as floor2_force, force:POINT, lift:POINT or torque:POINT, with a POINT such as "
+        "pendulum[0].links[1]@0.5, or force[0] of the scene"
     )
     page.rephrase(r"^input(?=[ :])", "--input")
     usual = "support_acceleration"

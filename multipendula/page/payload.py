@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Cart, Moved, Scene, describe, refusals
+from modal.scene import Moved, Scene, describe, refusals
 from modal.types import Floats
 
 if TYPE_CHECKING:
@@ -28,7 +28,9 @@ def scene_data(scene: Scene) -> dict[str, Any]:
     if problems := list(_problems(scene)):
         raise SceneError(problems)
     data = describe(scene)
-    data["support"] = describe(scene.support)
+    data.pop("ground", None)
+    moved = scene.ground and Moved(motion=scene.ground.motion)
+    data["support"] = describe(moved or scene.supports[0])
     for own, pendulum in zip(data["pendulum"], scene.pendulum, strict=True):
         own["links"] = [
             {key: value for key, value in describe(link).items() if key != "count"}
@@ -42,12 +44,12 @@ def _problems(scene: Scene) -> Iterator[str]:
     yield from refusals(scene, "the live page")
     if scene.n_links > MOST_LINKS:
         yield f"the scene has {scene.n_links} links in all: the live page shows at most {MOST_LINKS}"
-    motions = scene.support.motions if isinstance(scene.support, Moved) else ()
+    motions = scene.motions
     if len(motions) > 1:
         yield "support.motion: the live page moves a support in one direction"
     elif motions and motions[0].kind != "sine":
         yield f'support.motion.kind = "{motions[0].kind}": the live page moves a support in a sine'
-    if isinstance(scene.support, Cart) and scene.support.mass == 0 and "massless_cart" not in scene.features:
+    if scene.cart and scene.cart.mass == 0 and "massless_cart" not in scene.features:
         yield "support.mass = 0.0: the live page needs a cart with mass"
 
 

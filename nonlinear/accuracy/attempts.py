@@ -12,6 +12,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed
+from modal.scene import refusals
 from modal.types import Floats
 from nonlinear.integration import (
     CLOSED,
@@ -118,6 +119,8 @@ class Goal(Displayed):
 def in_closed_form(goal: Goal) -> Iterator[Found]:
     """Linear and corrected modes, where their error can be estimated."""
     if not goal.free or CURVED * goal.request.size**3 > goal.accuracy or goal.request.system.n_links > LARGEST:
+        return
+    if refusals(goal.request.scene, "motion in closed form"):
         return
     begun = perf_counter()
     try:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from modal.doors import checked
 from modal.report import NOTHING, Form, as_csv, as_json, finite, grid, titled
 from modal.scene import describe, title_of
+from modal.scene.doors import checked
 from nonlinear.accuracy.advice import Advice
 from nonlinear.accuracy.attempts import Attempt
 from nonlinear.accuracy.references import Reference

@@ -39,11 +39,11 @@ from itertools import product
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene, name_of, require
+from modal.scene.doors import checked
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls, rubbed
 from nonlinear.dynamics import Contacts, contacts_of
@@ -87,8 +87,8 @@ class AveragedEquations(Displayed):
 
     @property
     def link_shapes(self) -> Floats:
-        """The shapes without the cart, (L, C)."""
-        return self.shapes[int(self.system.cart is not None) :]
+        """The shapes without the cart or the structure, (L, C)."""
+        return self.shapes[self.system.first :]
 
     @cached_property
     def centre(self) -> Floats:
@@ -100,6 +100,7 @@ class AveragedEquations(Displayed):
         q, v = state.links - self.system.rest, state.link_rates
         if self.system.cart:
             q, v = np.append(state.cart, q), np.append(state.cart_rate, v)
+        q, v = np.append(state.supports, q), np.append(state.support_rates, v)
         return np.asarray(q @ self.dual - 1j * (v @ self.dual) / self.omega)
 
     def energies(self, z: Complexes) -> Floats:
@@ -280,7 +281,7 @@ class AveragedEquations(Displayed):
     def _turns(self) -> Floats:
         """Relative rotation in every shape at the joints with escapements, (C, J)."""
         assert self._joints is not None
-        return self._joints.gamma(self.link_shapes.T)
+        return self._joints.gamma(self.shapes.T)
 
 
 def derivative(rate: Callable[[Complexes, Floats], Complexes], z: Complexes, turning: Floats) -> Floats:
@@ -320,8 +321,10 @@ def average(scene: Scene, system: System | None = None) -> AveragedEquations:
         raise ComputationError(f"averaged equations are limited to {MOST} links, not {scene.n_links}")
     system, modes = system or system_of(scene), natural_modes(scene.conservative)
     phi = modes.matrix.real.take(modes.omega[modes.matrix.row] > 0)
-    if len(phi.row) < scene.n_links + bool(system.cart and system.cart.stiffness):
-        raise ComputationError("averaged equations need one mode for each coordinate; a massless cart removes one")
+    swinging = system.first if system.structure else bool(system.cart and system.cart.stiffness)
+    if len(phi.row) < scene.n_links + swinging:
+        why = "and something here moves freely" if system.structure else "a massless cart removes one"
+        raise ComputationError(f"averaged equations need one mode for each coordinate; {why}")
     omega = modes.omega[phi.row]
     band = np.concatenate(([0], np.cumsum(omega[1:] > BAND * omega[:-1])))
     if (count := int(band[-1]) + 1) > MOST_BANDS:

@@ -202,7 +202,7 @@ def _patterns(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans
     """All pendula nearly in phase, and alternate ones nearly in antiphase, in every band separately, and all modes."""
     random = np.random.default_rng(SEED)
     pendulum = averaged.system.pendulum
-    first = int(averaged.system.cart is not None)
+    first = averaged.system.first
     for band in range(len(averaged.centre)):
         own = averaged.band == band
         busiest = np.abs(averaged.link_shapes[:, own]).max(axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from math import degrees, pi
@@ -178,9 +178,18 @@ def _aside(found: AveragedEquations, start: State) -> State:
     z = found.amplitudes(start)
     off = next(_beside(z)) - z
     q, v = (found.shapes @ off).real, (found.shapes @ (1j * found.omega * off)).real
-    on = int(found.system.cart is not None)
+    on = found.system.first
+    links, turning = start.links + q[on:], start.link_rates + v[on:]
+    if found.system.structure is not None:
+        return replace(
+            start,
+            links=links,
+            link_rates=turning,
+            supports=start.supports + q[:on],
+            support_rates=start.support_rates + v[:on],
+        )
     cart, rate = (float(value[0]) if on else 0.0 for value in (q, v))
-    return State(start.links + q[on:], start.link_rates + v[on:], start.cart + cart, start.cart_rate + rate)
+    return State(links, turning, start.cart + cart, start.cart_rate + rate)
 
 
 def _beside(z: Complexes) -> Iterator[Complexes]:

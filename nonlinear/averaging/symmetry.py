@@ -41,7 +41,7 @@ def kinds(scene: Scene) -> Ints:
 def exchanged(averaged: AveragedEquations, z: Complexes, order: Ints) -> Complexes:
     """Amplitudes (C,) of the motion in which pendulum p does what pendulum `order[p]` does in z (C,)."""
     q = averaged.shapes @ z
-    first, places = int(averaged.system.cart is not None), _places(averaged)
+    first, places = averaged.system.first, _places(averaged)
     moved = q.copy()
     for p, source in enumerate(order):
         moved[first + places[p]] = q[first + places[source]]
@@ -50,7 +50,7 @@ def exchanged(averaged: AveragedEquations, z: Complexes, order: Ints) -> Complex
 
 def spread_evenly(averaged: AveragedEquations, z: Complexes) -> Complexes:
     """Amplitudes (C,) of pendula that swing as wide as in z (C,), one after the other in time."""
-    first, places = int(averaged.system.cart is not None), _places(averaged)
+    first, places = averaged.system.first, _places(averaged)
     links = averaged.link_shapes @ z
     for p, place in enumerate(places):
         lead = links[place][np.abs(links[place]).argmax()]

@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 import scipy
 
-from modal.doors import checked, checked_number
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, visible
 from modal.scene import Scene, frequencies_of, require, title_of, validate_scene
+from modal.scene.doors import checked, checked_number
 from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics

@@ -12,9 +12,9 @@ from math import hypot
 
 import numpy as np
 
-from modal.doors import require_type
 from modal.report import Displayed
 from modal.scene import Scene
+from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
 from nonlinear.system import Group, State, system_of

@@ -36,7 +36,7 @@ class Tangent:
         """
         length = float(self.system.by_link("length").min())
         half = np.ones(self.equations.layout.half)
-        half[: self.equations.layout.on_cart] = length
+        half[: self.equations.layout.first] = length
         return np.concatenate((half, half * np.sqrt(self.system.gravity / length)))[:, None]
 
     def product(self, y: Floats, v: Floats) -> tuple[Floats, Floats]:

@@ -30,16 +30,18 @@ def applied(
 ) -> External:
     """The forces of these sizes (N or N m) on a group, whose angles and rates are (n, P, ...).
 
-    `speed` (n, P, ...) is that at which ropes become longer.
+    `speed` (n, P, ...) is that at which ropes become longer; `cart_rate` is as in `nonlinear.dynamics.drag.drag`.
     """
     torques, resultants = np.zeros_like(angles), np.zeros_like(np.stack((angles, angles)))
-    on_cart, power, length, centre = 0.0, 0.0, group.block.length, group.block.centre
+    on_cart, power, at_base, length, centre = 0.0, 0.0, np.zeros_like(angles[0]), group.block.length, group.block.centre
     for force, size in zip(forces, sizes, strict=True):
         for row, columns, below in force.spots(group.index):
             if force.direction is None:
                 torques[row, columns] = torques[row, columns] + size
                 if below is None and row:
                     torques[row - 1, columns] = torques[row - 1, columns] - size
+                elif below is None:
+                    at_base[columns] = at_base[columns] + size
                 continue
             along, down = force.direction
             for k in range(row + 1):
@@ -55,8 +57,12 @@ def applied(
             resultants[way, row, columns] = resultants[way, row, columns] + push
             if along:
                 on_cart = on_cart + len(columns) * push
-    power = power + (torques * rates).sum((0, 1)) + on_cart * cart_rate
-    return External(torques, on_cart, power, resultants)
+    at_joints, power = resultants.sum(1), power + (torques * rates).sum((0, 1))
+    if isinstance(cart_rate, tuple):
+        power = power + (at_joints[0] * cart_rate[0] + at_joints[1] * cart_rate[1]).sum(0)
+    else:
+        power = power + on_cart * cart_rate
+    return External(torques, on_cart, power, resultants, at_joints, at_base)
 
 
 def on_cart(system: System, sizes: Sequence[Any]) -> Any:

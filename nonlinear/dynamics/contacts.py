@@ -54,7 +54,7 @@ class Contacts:
 
 def contacts_of(system: System) -> Contacts:
     """The contacts of a system with dry friction."""
-    first = int(system.cart is not None)
+    first = system.first
     below, above, limit = np.zeros((3, 0))
     for group in system.groups:
         if group.friction is not None:
@@ -72,7 +72,7 @@ def contacts_of(system: System) -> Contacts:
 
 def links_of_contacts(system: System) -> Ints:
     """The link below each contact (J,), −1 for the rail."""
-    return np.asarray(contacts_of(system).below - int(system.cart is not None))
+    return np.asarray(contacts_of(system).below - system.first)
 
 
 class Rubbed(NamedTuple):

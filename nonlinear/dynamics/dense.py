@@ -15,6 +15,7 @@ is solved for θ_i'' with the cart at rest and for the response to x'' = 1.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -28,17 +29,24 @@ from modal.types import Floats
 from nonlinear.dynamics.applied import sizes_at
 from nonlinear.dynamics.inputs import NOTHING
 from nonlinear.dynamics.joints import acting, frame_of
-from nonlinear.dynamics.minimal import Minimal
+from nonlinear.dynamics.minimal import Minimal, Projection
 from nonlinear.system import Group, System
 
 LIGHT = 1e-2  # cart mass over suspended mass below which the dense form would lose digits
 FRAIL = 1e-3  # mass of a link over that of a heavier one below it, under which dense forms lose digits
+LIGHTEST = 0.0  # that of a modal support may be anything
 SINGULAR = "the mass matrix is singular in double precision"
 
 
 def loses_digits(group: Group, system: System) -> bool:
     """Whether the cart, or a link above a heavier one, is so light that dense matrices would lose digits."""
     heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
+    if system.structure is not None:
+        least = min(
+            (LIGHTEST if one.M is not None else one.mass for one in system.structure.carriers if one.size),
+            default=np.inf,
+        )
+        return bool(least < LIGHT * float(system.mass.sum()) or np.any(group.block.mass < FRAIL * heaviest))
     light = system.cart is not None and system.cart.mass < LIGHT * float(system.mass.sum())
     return light or bool(np.any(group.block.mass < FRAIL * heaviest))
 
@@ -60,7 +68,7 @@ class Small(Minimal):
             for column, places in enumerate(group.index.T):
                 A[np.ix_(places, places)] = inertia[..., column]
             b[group.index] = block.b
-        return int(self.layout.on_cart), self.layout.half, A, b, self.system.gravity * b
+        return self.layout.first, self.layout.half, A, b, self.system.gravity * b
 
     @cached_property
     def acts(self) -> bool:
@@ -99,7 +107,7 @@ class Small(Minimal):
 
     def _push(self, time: float, y: Floats, force: Floats, found: Floats) -> None:
         """Add the forces of springs, dampers and loads."""
-        first, state = int(self.layout.on_cart), self.layout.state(y)
+        first, state = self.layout.first, self.layout.state(y)
         push = self.load(time, state) if self.load else NOTHING
         on_cart, on_links, power = acting(
             self.system, state, push, frame_of(self.system, time), sizes_at(self.system, time)
@@ -150,6 +158,7 @@ class Elimination:
         self.A = np.array(pair.inertia_matrix(*numbers)).reshape(group.n, *block.b.shape, *[1] * tail)
         self.b, total = block.b.reshape(*block.b.shape, *[1] * tail), block.mass.sum()
         self.mass = float(total) if isinstance(total, float) else total
+        self.masses = block.mass.sum(0).reshape(*block.b.shape[1:], *[1] * tail)
 
     def pull(self, angles: Any, rates: Any, moments: Any, gravity: float) -> tuple[Any, Any, Any]:
         """Mass (kg) and force (N) of the pull along the rail, summed over the pendula."""
@@ -169,9 +178,13 @@ class Elimination:
     def _equations(self, angles: Any, rates: Any, moments: Any, gravity: float) -> tuple[list[list[Any]], list[Any]]:
         """The lower half of A cos(θ_i − θ_j), and the right-hand side without x''."""
         s, c, ww = self.sine(angles), self.cosine(angles), rates * rates
+        return self.equations(self.A, s, c, ww, list(moments - gravity * self.b * s))
+
+    @staticmethod
+    def equations(A: Any, s: Any, c: Any, ww: Any, side: list[Any]) -> tuple[list[list[Any]], list[Any]]:
+        """The same of some pendula, from their torques `side`."""
         M: list[list[Any]] = []
-        side = list(moments - gravity * self.b * s)
-        for i, row in enumerate(self.A):
+        for i, row in enumerate(A):
             M.append([row[j] * (c[i] * c[j] + s[i] * s[j]) for j in range(i)])
             M[i].append(row[i] + 0.0 * s[i])
             for j in range(i):
@@ -181,10 +194,67 @@ class Elimination:
 
     def turn(self, memory: Any, push: Any) -> Any:
         """θ'' (n, P)."""
+        return np.array(
+            self._substituted(memory[0], (side - across * push for side, across in zip(*memory[1:], strict=True)))
+        )
+
+    def _substituted(self, M: list[list[Any]], right: Iterable[Any]) -> list[Any]:
+        """θ'' from the eliminated equations and what is left on their right-hand sides."""
         found: list[Any] = []
-        for row, side, across in zip(*memory, strict=True):
-            left = side - across * push
-            for M, above in zip(row, found, strict=False):
-                left = left - M * above
-            found.append(left / row[-1])
-        return np.array(found)
+        for row, left in zip(M, right, strict=True):
+            own = left
+            for entry, above in zip(row, found, strict=False):
+                own = own - entry * above
+            found.append(own / row[-1])
+        return found
+
+    def response(self, angles: Any, rates: Any, torques: Any) -> Projection:
+        """What the pendula answer to motions of their first joints."""
+        return Eliminated(self, angles, rates, torques)
+
+
+class Eliminated:
+    """Pendula on carriers, with n across a link, u along it, slopes j_k of first joints and their acceleration ã.
+
+    M_kl = Σ m j_k·j_l − a_kᵀ M⁻¹ a_l,   force_k = Σ m j_k·ã − Σ b u·j_k θ'² + a_kᵀ M⁻¹ (Q − b n·ã),   a_k = b n·j_k
+    """
+
+    def __init__(self, body: Elimination, angles: Any, rates: Any, torques: Any) -> None:
+        self.body, self.parts = body, (angles, rates, torques)
+        self.solutions: list[tuple[Any, Any]] = []
+
+    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], total: Callable[[Any], Any]) -> Any:
+        """The lower half of M_kl and force_k of the pendula in these columns, summed by `total`."""
+        body, (angles, rates, torques) = self.body, (part[:, columns] for part in self.parts)
+        A, b, mass = body.A[:, :, columns], body.b[:, columns], body.masses[columns]
+        s, c, ww = body.sine(angles), body.cosine(angles), rates * rates
+        M, side = body.equations(A, s, c, ww, list(torques - b * (c * felt[0] - s * felt[1])))
+        across = [list(b * (c * x - s * z)) for x, z in slopes]
+        thrown = b * ww
+        masses = [[mass * (x * v + z * w) for v, w in slopes[: k + 1]] for k, (x, z) in enumerate(slopes)]
+        force = [mass * (x * felt[0] + z * felt[1]) - (thrown * (s * x + c * z)).sum(0) for x, z in slopes]
+        for k in reversed(range(len(M))):
+            for j in range(k):
+                share = M[k][j] / M[k][k]
+                for i in range(j + 1):
+                    M[j][i] = M[j][i] - share * M[k][i]
+                side[j] = side[j] - share * side[k]
+                for own in across:
+                    own[j] = own[j] - share * own[k]
+            for i, own in enumerate(across):
+                share = own[k] / M[k][k]
+                for j in range(i + 1):
+                    masses[i][j] = masses[i][j] - share * across[j][k]
+                force[i] = force[i] + share * side[k]
+        self.solutions.append((columns, (M, side, across)))
+        return [[total(own) for own in row] for row in masses], [total(own) for own in force]
+
+    def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
+        """θ'' (n, P, ...) under second derivatives of each bundle's coordinates."""
+        found = np.empty_like(self.parts[0])
+        for (columns, (M, side, across)), push in zip(self.solutions, pushes, strict=True):
+            left = list(side)
+            for own, acceleration in zip(across, push, strict=True):
+                left = [each - part * acceleration for each, part in zip(left, own, strict=True)]
+            found[:, columns] = np.array(self.body._substituted(M, left))
+        return found

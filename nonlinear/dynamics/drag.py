@@ -26,13 +26,16 @@ from nonlinear.system import Group, System
 class External(NamedTuple):
     """External forces on a group: generalized ones on u (d, n, P, ...) or torques on angles (n, P, ...), and the rest.
 
-    The force (N) on the cart and the power (W) are (...), the force (N) on every centre is (d, n, P, ...).
+    The force (N) on the cart and the power (W) are (...), the force (N) on every centre is (d, n, P, ...), that which
+    every pendulum hands on to its first joint (d, P, ...), as are torques (N m) that act reversed on what carries it.
     """
 
     generalized: Any
     on_cart: Any
     power: Any
     forces: Any
+    at_joints: Any
+    at_base: Any = 0.0
 
     def plus(self, other: External) -> External:
         """Both together."""
@@ -54,8 +57,9 @@ def drag_forces(group: Group, velocities: Any) -> Any:
 def drag(group: Group, along: Any, cart_rate: Any, support: Any = None, winding: Any = None) -> External:
     """The drag of a group of links.
 
-    `along` (d, n, P, ...) are the rates u'; the first component is along the rail.  The air stands still while a
-    `support` moves, with the velocity (m/s) along the rail and down; the power is that in its frame.  `winding`
+    `along` (d, n, P, ...) are the rates u'; the first component is along the rail.  The first joints move at the
+    `cart_rate` (m/s) along it, or on a structure at two velocities (P, ...), along it and down.  The air stands still
+    while a `support` moves, with the velocity (m/s) along the rail and down; the power is that in its frame.  `winding`
     (d, n, P, ...) are the velocities l' u of bobs at the end of ropes that change their length.
     """
     length, centre = (_spread(part, along) for part in (group.block.length, group.block.centre))
@@ -63,7 +67,10 @@ def drag(group: Group, along: Any, cart_rate: Any, support: Any = None, winding:
     velocities = np.cumsum(steps, axis=1) - steps + centre * along
     if winding is not None:
         velocities = velocities + np.cumsum(winding, axis=1)
-    velocities[0] = velocities[0] + cart_rate
+    if isinstance(cart_rate, tuple):
+        velocities[0], velocities[-1] = velocities[0] + cart_rate[0], velocities[-1] + cart_rate[1]
+    else:
+        velocities[0] = velocities[0] + cart_rate
     wind = velocities
     if support is not None:
         wind = velocities.copy()
@@ -71,7 +78,7 @@ def drag(group: Group, along: Any, cart_rate: Any, support: Any = None, winding:
     forces = drag_forces(group, wind)
     through = np.cumsum(forces[:, ::-1], axis=1)[:, ::-1]
     pushed = length * (through - forces) + centre * forces
-    return External(pushed, through[0, 0].sum(0), (forces * velocities).sum((0, 1, 2)), forces)
+    return External(pushed, through[0, 0].sum(0), (forces * velocities).sum((0, 1, 2)), forces, through[:, 0])
 
 
 def plane_drag(

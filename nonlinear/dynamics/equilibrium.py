@@ -20,9 +20,11 @@ def is_unstable_equilibrium(system: System, start: State) -> bool:
     """Whether a start is an unstable equilibrium to within rounding, or on a fixed support any one of its pendula is.
 
     Nothing moves, the moments of gravity and springs balance, and V has no minimum there.  Where dry friction holds
-    every coordinate nothing is unstable.
+    every coordinate nothing is unstable; on a structure it is not asked.
     """
-    if system.rubs and len(contacts_of(system).below) == system.n_links + (system.cart is not None):
+    if system.structure is not None:
+        return False
+    if system.rubs and len(contacts_of(system).below) == system.n_links + system.first:
         return False
     angles = np.arctan2(np.hypot(*start.links.T[:2]), start.links[:, 2]) if system.spatial else start.links
     still = ~np.any(start.link_rates.reshape(system.n_links, -1), axis=1)

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.structure import End, GroundEnd, LinkEnd
 from modal.types import Ints
 from nonlinear.dynamics.dense import Elimination, loses_digits
 from nonlinear.dynamics.inputs import Inputs
@@ -47,11 +48,11 @@ class Form:
     `timed` how many constants of what is prescribed are numbers, None where it is no arithmetic of the time; `pushed`
     equations have a load, `works` ones the work; `contacts` are the coordinates below and above each contact with dry
     friction, none where that is left out, and on a rail that `presses` it has a coefficient; `spatial` ones have three
-    numbers a link.
+    numbers a link.  `structure` is the shape of what carries the pendula (`shape_of`), () without one.
     """
 
     chains: tuple[tuple[Table, Table, bool], ...]
-    on_cart: bool
+    first: int
     present: tuple[bool, ...]
     ends: tuple[bool, ...]
     ratios: tuple[bool, ...]
@@ -64,6 +65,7 @@ class Form:
     contacts: tuple[tuple[int, int], ...]
     presses: bool
     spatial: bool
+    structure: tuple[Any, ...]
     system: System = field(compare=False, repr=False)
 
     @property
@@ -99,25 +101,26 @@ def form_of(
     length, centre = (own[place : place + links] for place in at.values())
     moving = np.zeros(links, dtype=bool) if hoisting is None else hoisting.moving
     chains = tuple(
-        (_table(group.index), _table(group.block.sigma), _eliminated(group, lost, moving))
+        (_table(group.index), _table(group.block.sigma), _eliminated(group, lost, moving) and _pays(group, system))
         for group, lost in zip(system.groups, weak, strict=True)
     )
     D = beside[: 0 if system.modal_damping is None else np.size(system.modal_damping)]
     return Form(
         chains,
-        system.cart is not None,
+        system.first,
         _present(own),
         tuple(l is c or bool(np.array_equal(l, c)) for l, c in zip(length, centre, strict=True)),
         _present(D),
         tuple(tuple(places.tolist()) for places, _ in hoisting.laws) if hoisting else (),
         support.directions if support else (),
-        tuple((force.places, force.direction) for force in system.forces),
+        tuple((force.places, force.direction, _carrier(force.carrier)) for force in system.forces),
         len(beside) - len(D) if system.is_analytic else None,
         pushed,
         system.works or pushed if works is None else works,
         (),
         False,
         system.spatial,
+        shape_of(system),
         system,
     )
 
@@ -126,8 +129,46 @@ def _present(entries: Sequence[Any]) -> tuple[bool, ...]:
     return tuple(isinstance(entry, np.ndarray) or bool(entry) for entry in entries)
 
 
+def shape_of(system: System) -> tuple[Any, ...]:
+    """What of a structure is not a number: kinds, where pendula hang, where springs end, which have no length."""
+    structure = system.structure
+    if structure is None:
+        return ()
+    each = {own: k for k, own in enumerate(dict.fromkeys(map(id, structure.pivots)))}
+    carriers = tuple(
+        (one.kind, one.size, None if one.points is None else len(one.points)) for one in structure.carriers
+    )
+    pivots = tuple((each[id(own)], own.carrier, _numbered(own.where)) for own in structure.pivots)
+    springs = tuple((*map(_end, one.ends), one.torsion) for one in structure.springs)
+    return carriers, pivots, springs, system.slack
+
+
+def _numbered(where: Any) -> int | None:
+    return where if isinstance(where, int) else None
+
+
+def _carrier(end: Any) -> Any:
+    return None if end is None else (end.carrier, end.where)
+
+
+def _end(end: End) -> tuple[Any, ...]:
+    if isinstance(end, LinkEnd):
+        return "link", end.link, end.below is None
+    if isinstance(end, GroundEnd):
+        return "ground", end.place is None
+    return "carrier", end.carrier, _numbered(end.where)
+
+
 def _table(values: Any) -> Table:
     return tuple(map(tuple, values.tolist()))
+
+
+def _pays(group: Group, system: System) -> bool:
+    """Whether matrices take fewer operations than the recursion: those of fewer links under several coordinates."""
+    if system.structure is None:
+        return True
+    most = max(system.structure.carriers[system.structure.pivots[own].carrier].size for own in group.pendula.tolist())
+    return group.n <= (SHORT if most <= 1 else 2)
 
 
 def _eliminated(group: Group, frail: bool, moving: Any) -> bool:
@@ -218,7 +259,7 @@ def responding(own: Equations, form: Form) -> list[Any]:
     """
     minimal, half = own.minimal, own.minimal.layout.half
     free = minimal.rates(own.y, own.instant._replace(gripping=None))
-    columns = minimal.responses(own.y[form.on_cart : half], own.instant)
+    columns = minimal.responses(own.y[:half], own.instant)
     found = [*free.tolist(), *columns.ravel().tolist()]
     if not form.presses:
         return found

@@ -143,9 +143,9 @@ class Frictional:
         """The derivative without friction, and the responses to it."""
         free = cast("Minimal", self.free)
         instant = free.inputs.at(time, y, self.layout)
-        links, forces = y[int(self.layout.on_cart) : self.layout.half], self._jacobian.T
+        q, forces = y[: self.layout.half], self._jacobian.T
         solvers = [(group, Recursion(group, 1)) for group in free.lengthened(instant)]
-        columns = inverted(self.system, solvers, np.repeat(links[:, None], forces.shape[1], 1), forces)
+        columns = inverted(self.system, solvers, np.repeat(q[:, None], forces.shape[1], 1), forces)
         rates = free.derivative(time, y)
         if not self.contacts.coefficient:
             return Responding(rates, columns)

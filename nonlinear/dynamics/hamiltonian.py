@@ -57,9 +57,9 @@ def momenta(system: System, state: State) -> Floats:
     return np.concatenate(([rail + system.cart.mass * state.cart_rate], on_links)) if system.cart else on_links
 
 
-def velocities(system: System, links: Any, p: Any) -> Any:
-    """The velocities q' = M⁻¹ p (half, ...) at the angles (L, ...)."""
-    return inverted(system, [(group, Recursion(group, p.ndim - 1)) for group in system.groups], links, p)
+def velocities(system: System, q: Any, p: Any) -> Any:
+    """The velocities q' = M⁻¹ p (half, ...) at the coordinates (half, ...)."""
+    return inverted(system, [(group, Recursion(group, p.ndim - 1)) for group in system.groups], q, p)
 
 
 def potential(system: System, cart: Any, links: Any) -> Any:
@@ -75,7 +75,8 @@ def potential(system: System, cart: Any, links: Any) -> Any:
 
 def hamiltonian(system: System, cart: Any, links: Any, p: Any) -> Any:
     """H = ½ pᵀM⁻¹p + V (J)."""
-    return (p * velocities(system, links, p)).sum(0) / 2 + potential(system, cart, links)
+    q = np.concatenate((0 * links[:1], links)) if system.cart else links
+    return (p * velocities(system, q, p)).sum(0) / 2 + potential(system, cart, links)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,7 @@ class Hamiltonian:
     def layout(self) -> Layout:
         """The arrangement of y, with momenta in place of velocities."""
         system, works = self.system, self.system.works or self.load is not None
-        return Layout(system.n_links, 1, system.cart is not None, works)
+        return Layout.of(system, works=works)
 
     def derivative(self, time: float, y: Floats) -> Floats:
         """The derivative y' (size,): q', then p' = −∂H/∂q plus the forces of dampers and loads."""
@@ -113,9 +114,8 @@ class Hamiltonian:
 
     def read(self, rows: Floats) -> Motion:
         """The motion in vectors (T, size), momenta converted to velocities."""
-        first, half = int(self.layout.on_cart), self.layout.half
-        found = np.array(rows)
-        found[:, half : 2 * half] = velocities(self.system, rows[:, first:half].T, rows[:, half : 2 * half].T).T
+        half, found = self.layout.half, np.array(rows)
+        found[:, half : 2 * half] = velocities(self.system, rows[:, :half].T, rows[:, half : 2 * half].T).T
         return self.layout.read(found)
 
     @property

@@ -7,7 +7,8 @@ scene has it:
     motion of the support its acceleration (m/s²) and, where links have drag, its velocity (m/s), in its direction, then
     the size of every force (N or N m)
     of every law of a hoist the length (m), its speed and its acceleration
-    the force on the cart (N), and the moment on every link (N m; in space its three components), of a load
+    the force on the cart (N) or on each coordinate of a structure (N, N m), and the moment on every link (N m; in space
+    its three components), of a load
     of every contact with dry friction the torque or force that it exerts while it slides (N m or N), 0 where it sticks;
     then of every contact 1 where it sticks, 0 where it slides; on a rail with a coefficient μ, first, instead of the
     friction −s μ sign N
@@ -78,7 +79,7 @@ class Inputs:
     @property
     def count(self) -> int:
         """How many inputs u there are."""
-        acting = 0 if self.load is None else self._moments + (self.system.cart is not None)
+        acting = 0 if self.load is None else self._moments + self.system.first
         return self._moved + 3 * len(self.laws) + acting + 2 * len(self.contacts)
 
     @property
@@ -99,7 +100,7 @@ class Inputs:
         found = [*self.of_time(time)]
         if self.load is not None:
             push = self.load(time, layout.state(np.asarray(y)))
-            found += [float(push.cart)] * (self.system.cart is not None)
+            found += _on_first(push, self.system)
             moments = push.moments
             found += [0.0] * self._moments if moments is None else np.ravel(moments).astype(float).tolist()
         return found
@@ -187,7 +188,7 @@ class Inputs:
                 velocity = moving.combined(sizes[count : 2 * count])
         forces = tuple(sizes[len(sizes) - len(self.system.forces) :])
         lengths = self._lengths([(next(given), next(given), next(given)) for _ in self.laws]) if self.laws else None
-        first = int(self.system.cart is not None)
+        first = self.system.first
         acting = [next(given) for _ in range(first + self._moments)] if self.load else []
         if not self.contacts:
             return Instant(support, velocity, lengths, self._push(acting), None, forces)
@@ -202,8 +203,12 @@ class Inputs:
         return Instant(support, velocity, lengths, self._push(acting), gripping, forces)
 
     def _push(self, acting: Sequence[Any]) -> AppliedForces:
-        first = int(self.system.cart is not None)
-        return AppliedForces(acting[0] if first else 0.0, _filled(acting[first:])) if acting else NOTHING
+        first = self.system.first
+        if not acting:
+            return NOTHING
+        if self.system.structure is not None:
+            return AppliedForces(0.0, _filled(acting[first:]), _filled(acting[:first]))
+        return AppliedForces(acting[0] if first else 0.0, _filled(acting[first:]))
 
     def _lengths(self, laws: Sequence[tuple[Any, Any, Any]]) -> Lengths:
         links = self.system.n_links
@@ -232,6 +237,13 @@ def lengthened(group: Group, moving: Any, length: Any) -> Group:
     """A group with other lengths (n, P, ...) of its links, of which those that are `moving` (L,) are bobs on ropes."""
     roped = moving[group.index].reshape(*group.index.shape, *[1] * (np.ndim(length) - 2))
     return replace(group, block=replace(group.block, length=length, centre=np.where(roped, length, group.block.centre)))
+
+
+def _on_first(push: AppliedForces, system: System) -> list[float]:
+    """The forces of a load on the coordinates before those of links."""
+    if system.structure is None:
+        return [float(push.cart)] * system.first
+    return [0.0] * system.first if push.supports is None else np.asarray(push.supports, dtype=float).tolist()
 
 
 def at_time(pieces: Sequence[Polynomials], time: float) -> list[float]:

@@ -34,18 +34,29 @@ def cart_force(system: System, x: Any, rate: Any) -> Any:
     return joint_law(x, rate, cart.stiffness, cart.damping) if cart else (0.0, 0.0)
 
 
-def joint_torques(group: Group, angles: Any, rates: Any) -> tuple[Any, Any]:
+Base = tuple[Any, Any]
+"""The angles (rad) and rates (rad/s) of what carries the first joints, (P, ...) each."""
+
+
+def joint_torques(group: Group, angles: Any, rates: Any, base: Base | None = None) -> tuple[Any, Any]:
     """Generalized forces (N m) on the absolute angles, (n, P, ...) like these, and the power of dampers and drives.
 
-    The power (...) is what dampers drain and van der Pol torques supply (W).
+    The power (...) is what dampers drain and van der Pol torques supply (W).  A `base` that turns carries the first
+    joints.
     """
-    block, drive, speed = group.block, group.excitation, relative(rates)
+    torques, power = bending_torques(group, angles, rates, base)
+    torques[:-1] -= torques[1:].copy()
+    return torques, power
+
+
+def bending_torques(group: Group, angles: Any, rates: Any, base: Base | None = None) -> tuple[Any, Any]:
+    """The torque (N m) of every joint on the link below it, (n, P, ...), and the power as in `joint_torques`."""
+    turned, turning = base or (None, None)
+    block, drive, speed = group.block, group.excitation, relative(rates, turning)
     curbed = (drive.strength, drive.curb) if group.excited and drive else ()
     constants = (_spread(constant, angles) for constant in (block.stiffness, block.damping, *curbed))
-    kept, working = joint_law(bend(group, angles), speed, *constants)
-    torques = kept + working
-    torques[:-1] -= torques[1:].copy()
-    return torques, np.sum(working * speed, axis=(0, 1))
+    kept, working = joint_law(bend(group, angles, turned), speed, *constants)
+    return kept + working, np.sum(working * speed, axis=(0, 1))
 
 
 def modal_drag(system: System, rates: Any) -> Any:
@@ -59,7 +70,7 @@ def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.
 
     Drag is that in the laboratory, where the `support` moves at these velocities (m/s) along the rail and down.
     """
-    first = int(system.cart is not None)
+    first = system.first
     x, speed = (q[0], v[0]) if first else (0.0 * v[0], 0.0 * v[0])
     power = cart_force(system, x, speed)[1] * speed
     for group in system.groups:
@@ -88,21 +99,23 @@ def inertial_law(b: Any, sin: Any, cos: Any, support: Any) -> Any:
     return b * (down * sin - along * cos)
 
 
-def spring_energy(group: Group, angles: Floats) -> Floats:
+def spring_energy(group: Group, angles: Floats, base: Any = None) -> Floats:
     """Energy (J) of every joint spring, (n, P, ...)."""
-    return np.asarray(_spread(group.block.stiffness, angles) * bend(group, angles) ** 2 / 2)
+    return np.asarray(_spread(group.block.stiffness, angles) * bend(group, angles, base) ** 2 / 2)
 
 
-def relative(values: Any) -> Any:
-    """The value of every link relative to the one above, the support's being zero."""
+def relative(values: Any, base: Any = None) -> Any:
+    """The value of every link relative to the one above, the support's being zero, or that of a `base` (P, ...)."""
     found = values.copy()
     found[1:] -= values[:-1]
+    if base is not None:
+        found[0] = found[0] - base
     return found
 
 
-def bend(group: Group, angles: Any) -> Any:
+def bend(group: Group, angles: Any, base: Any = None) -> Any:
     """The angle (rad) of every link relative to the one above, less its equilibrium value, (n, P, ...)."""
-    return relative(angles) - _spread(group.bent, angles)
+    return relative(angles, base) - _spread(group.bent, angles)
 
 
 def _spread(constant: Floats, like: Any) -> Floats:

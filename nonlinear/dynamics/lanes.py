@@ -47,7 +47,7 @@ class Lanes:
     def layout(self) -> Layout:
         """The parts of y."""
         works = self.numbers.works and not self.tangent and self.counts_work
-        return Layout(self.system.n_links, 1, self.system.cart is not None, works)
+        return Layout.of(self.system, works=works)
 
     @property
     def size(self) -> int:

@@ -13,17 +13,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from modal.errors import ComputationError
 from modal.report import Displayed
+from modal.structure import CarrierEnd
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.applied import resultants
 from nonlinear.dynamics.drag import forces_of
 from nonlinear.dynamics.joints import spring_energy
-from nonlinear.system import Group, Motion, System
+from nonlinear.dynamics.structure import Carriers, CarriersAt
+from nonlinear.system import Group, Motion, System, drawn_place
 
 AT_ONCE = 20_000  # links times instants in one block
 
@@ -43,8 +46,9 @@ def chained(
     """Sums along chains at lower joints and centres, each (T, L, d); a metre of link contributes `along` (T, L, d).
 
     Gives positions from unit vectors, velocities from their first and accelerations from their second derivatives;
-    `cart` (T,) is the same quantity of the pivots, along the rail.  Where lengths change, `length` (T, L) are those and
-    `extra` (T, L, d) is what their change contributes, by which the bobs at their ends move as well.
+    `cart` (T,) is the same quantity of the pivots, along the rail, or on a structure that of each (T, L, d).  Where
+    lengths change, `length` (T, L) are those and `extra` (T, L, d) is what their change contributes, by which the bobs
+    at their ends move as well.
     """
     ends, centres = np.empty_like(along), np.empty_like(along)
     for group in system.groups:
@@ -55,6 +59,8 @@ def chained(
         steps = reach[..., None] * own + (0.0 if extra is None else extra[:, group.index])
         ends[:, group.index] = lower = np.cumsum(steps, axis=1)
         centres[:, group.index] = lower + rest[..., None] * own
+    if cart.ndim > 1:
+        return ends + cart, centres + cart
     ends[..., 0] += cart[:, None]
     centres[..., 0] += cart[:, None]
     return ends, centres
@@ -89,6 +95,56 @@ class Mechanics(Displayed):
         return chained(self.system, cart, along, self.lengths[0], extra(*(part[..., None] for part in self.lengths)))
 
     @cached_property
+    def bearing(self) -> CarriersAt | None:
+        """The carriers of a structure at all times, their numbers being (T,); None without one."""
+        if self.system.structure is None:
+            return None
+        return CarriersAt(Carriers(self.system), *self._coordinates, bare=True)
+
+    @property
+    def _coordinates(self) -> tuple[Floats, Floats]:
+        """Q = (η, θ) and its rates, (half, T)."""
+        motion = self.motion
+        return np.hstack((motion.supports, motion.links)).T, np.hstack((motion.support_rates, motion.link_rates)).T
+
+    @cached_property
+    def pivots(self) -> tuple[Floats, Floats, Floats]:
+        """Of the pivot above every link place, displacement from where it is drawn, and velocity, (T, L, 2) each."""
+        bearing, structure = self.bearing, self.system.structure
+        assert bearing is not None
+        assert structure is not None
+        found = np.empty((3, len(self.motion.cart), self.system.n_links, 2))
+        for number, group in enumerate(self.system.groups):
+            moved, speed = bearing.pivots(number)
+            drawn = [drawn_place(self.system, CarrierEnd(*structure.pivots[p])) for p in group.pendula.tolist()]
+            for k in (0, 1):
+                place = np.array([each[k] for each in drawn]) + moved[k].T  # type: ignore[index]
+                for part, own in zip(found, (place, moved[k].T, speed[k].T), strict=True):
+                    part[:, group.index, k] = own[:, None]
+        return found[0], found[1], found[2]
+
+    def pivot_accelerations(self, carried: Floats) -> Floats:
+        """Those (m/s²) of the pivot above every link, (T, L, 2), from η'' (T, d)."""
+        bearing = self.bearing
+        assert bearing is not None
+        bearing.solution = list(carried.T)
+        found = np.empty((len(carried), self.system.n_links, 2))
+        for number, group in enumerate(self.system.groups):
+            for k, own in enumerate(bearing.start(number, 0.0)):
+                found[:, group.index, k] = own.T[:, None]
+        return found
+
+    @cached_property
+    def springs(self) -> tuple[Floats, Floats, Floats]:
+        """Of every spring between points extension (m or rad), pull (N or N m) and energy (J), (T, E) each."""
+        structure, bearing = self.system.structure, self.bearing
+        found = np.zeros((3, len(self.motion.cart), len(structure.springs) if structure else 0))
+        for numbers, own in bearing.tensions(*self._coordinates) if bearing else []:
+            for part, values in zip(found, (own.extension, own.pull, own.energy), strict=True):
+                part[:, numbers] = values.T
+        return found[0], found[1], found[2]
+
+    @cached_property
     def vectors(self) -> tuple[Floats, Floats]:
         """Unit vectors along the links and their rates (1/s)."""
         return vectors(self.motion)
@@ -106,7 +162,8 @@ class Mechanics(Displayed):
     @cached_property
     def _positions(self) -> tuple[Floats, Floats]:
         u = self.vectors[0]
-        ends, centres = self._chained(self.motion.cart, u, lambda l, v, a: 0.0 * u)
+        cart = self.motion.cart if self.bearing is None else self.pivots[0]
+        ends, centres = self._chained(cart, u, lambda l, v, a: 0.0 * u)
         if self.support is not None:
             ends, centres = (values + self.support[:, None] for values in (ends, centres))
         return ends, centres
@@ -115,7 +172,8 @@ class Mechanics(Displayed):
     def speeds(self) -> Floats:
         """Velocity (m/s) of every centre of mass, (T, L, d)."""
         u, w = self.vectors
-        return self._chained(self.motion.cart_rate, w, lambda l, v, a: v * u)[1]
+        cart = self.motion.cart_rate if self.bearing is None else self.pivots[2]
+        return self._chained(cart, w, lambda l, v, a: v * u)[1]
 
     @cached_property
     def kinetic(self) -> Floats:
@@ -132,36 +190,40 @@ class Mechanics(Displayed):
         else:
             lifts = 2 * sigma * np.sin((links - self.system.rest) / 2) ** 2
         base = self.system.by_link("length")[:, None]
-        return self._chained(np.zeros(len(links)), lifts[..., None], lambda l, v, a: sigma[:, None] * (base - l))[1][
-            ..., 0
-        ]
+        cart = np.zeros(len(links)) if self.bearing is None else -self.pivots[1][..., 1:]
+        return self._chained(cart, lifts[..., None], lambda l, v, a: sigma[:, None] * (base - l))[1][..., 0]
 
     @cached_property
     def potential(self) -> Floats:
         """Potential energy (J) of every link relative to equilibrium, with its upper joint's spring, (T, L)."""
         found = self.system.mass * self.system.gravity * self.heights
-        for group in self.system.groups:
+        for number, group in enumerate(self.system.groups):
             if group.sprung:
-                found[:, group.index] += self._springs(group)
+                found[:, group.index] += self._springs(number, group)
         return np.asarray(found)
 
-    def _springs(self, group: Group) -> Floats:
+    def _springs(self, number: int, group: Group) -> Floats:
         own = self.motion.links[:, group.index]
         if self.system.spatial:
             energy = ball_joints.spring_energy(group, np.moveaxis(own, (0, -1), (-1, 0)))
         else:
-            energy = spring_energy(group, np.moveaxis(own, 0, -1))
+            base = self.bearing.joints(number).base if self.bearing else None
+            energy = spring_energy(group, np.moveaxis(own, 0, -1), base[0] if base else None)
         return np.moveaxis(energy, -1, 0)
 
     @cached_property
     def cart_kinetic(self) -> Floats:
-        """Kinetic energy (J) of the cart, (T,)."""
+        """Kinetic energy (J) of the cart or the carriers, (T,)."""
+        if self.bearing is not None:
+            return np.asarray(self.bearing.kinetic) + 0.0 * self.motion.cart
         mass = self.system.cart.mass if self.system.cart else 0.0
         return np.asarray(mass * self.motion.cart_rate**2 / 2)
 
     @cached_property
     def cart_potential(self) -> Floats:
-        """Energy (J) of the cart's spring, (T,)."""
+        """Energy (J) of the cart's spring; that of carriers and of all springs between points, (T,)."""
+        if self.bearing is not None:
+            return np.asarray(self.bearing.potential + self.springs[2].sum(1))
         stiffness = self.system.cart.stiffness if self.system.cart else 0.0
         return np.asarray(stiffness * self.motion.cart**2 / 2)
 
@@ -198,7 +260,9 @@ class Mechanics(Displayed):
     @cached_property
     def momentum(self) -> Floats:
         """Momentum (kg m/s) along the rail, (T,): conserved where nothing holds or drives the cart."""
-        cart = self.system.cart.mass * self.motion.cart_rate if self.system.cart else 0.0
+        cart: Any = self.system.cart.mass * self.motion.cart_rate if self.system.cart else 0.0
+        if self.bearing is not None:
+            cart = self.bearing.momentum
         return np.asarray(cart + self.speeds[..., 0] @ self.system.mass)
 
     @cached_property
@@ -214,9 +278,9 @@ class Mechanics(Displayed):
     ) -> Floats:
         """Force (N) on every link from above at its upper joint, (T, L, d).
 
-        `accelerations` are x'' (T,) and the second derivatives of the unit vectors (T, L, d), `support` the
-        acceleration and the velocity of a moved support (T, d): Newton's second law for the link and all below it, on
-        which their drag acts as well.
+        `accelerations` are x'' (T,), or on a structure those of the pivot above every link (T, L, d), and the second
+        derivatives of the unit vectors (T, L, d), `support` the acceleration and the velocity of a moved support
+        (T, d): Newton's second law for the link and all below it, on which their drag and springs act as well.
         """
         u, w = self.vectors
         bodily = self._chained(*accelerations, lambda l, v, a: a * u + 2 * v * w)[1]
@@ -231,6 +295,8 @@ class Mechanics(Displayed):
             needed -= [
                 resultants(self.system, angles, t)[0] for angles, t in zip(self.motion.links, self.times, strict=True)
             ]
+        if self.bearing is not None:
+            needed -= self.bearing.pulled(*self._coordinates).transpose(2, 1, 0)
         for group in self.system.groups:
             own = needed[:, group.index]
             needed[:, group.index] = np.cumsum(own[:, ::-1], axis=1)[:, ::-1]

@@ -4,13 +4,14 @@ Each group responds to the cart's acceleration x'' with a pull along the rail, m
 
     (m_c + Σ mass) x'' = F − c_c x' − k_c x − Σ force
 
-gives x'' (the Schur complement of the cart), from which each group computes the accelerations of its links.
+gives x'' (the Schur complement of the cart), from which each group computes the accelerations of its links.  What
+carries the first joints is a `nonlinear.dynamics.bearing.Bearing`: a cart, a support, or a structure.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
 from typing import Any, Protocol, cast
@@ -18,12 +19,14 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.dynamics.applied import applied, on_cart
+from nonlinear.dynamics.applied import applied
+from nonlinear.dynamics.bearing import Bearing, RailAt
 from nonlinear.dynamics.contacts import Rubbed
 from nonlinear.dynamics.drag import External, plane_drag
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
-from nonlinear.dynamics.joints import cart_force, inertial_torques, joint_torques, modal_drag
-from nonlinear.dynamics.recursion import Bias, downward, links_of, upward
+from nonlinear.dynamics.joints import Base, bending_torques, inertial_torques, modal_drag
+from nonlinear.dynamics.recursion import Answer, Bias, downward, driven, links_of, upward
+from nonlinear.dynamics.structure import Carriers, CarriersAt, inverted_on_carriers
 from nonlinear.system import Group, Layout, Load, Motion, State, System
 
 
@@ -37,6 +40,20 @@ class Body(Protocol):
     def turn(self, memory: Any, push: Any) -> Any:
         """Second derivatives of its links under the cart's acceleration `push` (m/s²)."""
         ...
+
+
+class Projection(Protocol):
+    """What a group of pendula on carriers answers, bundle by bundle in their order."""
+
+    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], total: Callable[[Any], Any]) -> Any:
+        """The inertia (lower half) and the force on each coordinate of the carrier of the pendula in these columns.
+
+        First joints move by these slopes (m, or m/rad, along the rail and down), and `felt` is their acceleration, less
+        gravity, without that of the coordinates.
+        """
+
+    def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
+        """θ'' (n, P, ...) from the second derivatives of each bundle's coordinates, and what these make of `felt`."""
 
 
 class Arranged(ABC):
@@ -55,7 +72,7 @@ class Arranged(ABC):
     def layout(self) -> Layout:
         """The arrangement of y."""
         works = self.counts_work and (self.system.works or self.load is not None)
-        return Layout(self.system.n_links, self.width, self.system.cart is not None, works)
+        return Layout.of(self.system, works=works, width=self.width)
 
     @cached_property
     def inputs(self) -> Inputs:
@@ -90,7 +107,7 @@ class Arranged(ABC):
         """
         if self.width == 1:
             return y, 0.0
-        first, half, found = int(self.layout.on_cart), self.layout.half, y.copy()
+        first, half, found = self.layout.first, self.layout.half, y.copy()
         places = slice(first, half), slice(half + first, 2 * half)
         u, w = (y[..., place].reshape(*y.shape[:-1], -1, 3) for place in places)
         length = np.sqrt((u * u).sum(-1))
@@ -120,10 +137,13 @@ class Suspended(Arranged):
         """Positions of every group's numbers among those of all links."""
 
     @abstractmethod
-    def acting(self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any) -> tuple[Any, Any]:
+    def acting(
+        self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any, base: Base | None = None
+    ) -> tuple[Any, Any, Any]:
         """Generalized forces of joints, of external `moments` and of the acceleration of a `support`; their power (W).
 
-        Conservative forces do not count in the power.
+        Conservative forces do not count in the power.  Last are the torques (N m) of the first joints on links below a
+        `base` that turns, (P, ...), else 0.
         """
 
     @abstractmethod
@@ -151,61 +171,90 @@ class Suspended(Arranged):
         """The time derivative of y, (size, ...), from what time brings at this instant."""
         return self.rubbed(y, instant)[0]
 
+    @cached_property
+    def carriers(self) -> Carriers | None:
+        """The structure, if there is one."""
+        return None if self.system.structure is None else Carriers(self.system)
+
+    def bearing(self, q: Any, v: Any, instant: Instant) -> Bearing:
+        """What carries the first joints, at this instant."""
+        if self.carriers is not None:
+            return CarriersAt(self.carriers, q, v, instant)
+        cart = self.system.cart is not None
+        return RailAt(self.system, q[0], v[0] if cart else 0.0, instant)
+
     def rubbed(self, y: Any, instant: Instant) -> tuple[Any, Rubbed]:
         """The same, and what dry friction does."""
-        system, layout, cart = self.system, self.layout, self.system.cart
-        first, half, push = int(layout.on_cart), layout.half, instant.push
-        q, v, (along, down) = y[:half], y[half : 2 * half], instant.support
+        system, layout = self.system, self.layout
+        first, half, push = layout.first, layout.half, instant.push
+        q, v = y[:half], y[half : 2 * half]
         found = np.empty_like(y)
         found[:half] = v
-        links, rates, gravity, rate = q[first:], v[first:], system.gravity - down, v[0] if cart else 0.0
+        links, rates, bearing = q[first:], v[first:], self.bearing(q, v, instant)
         drag = None if system.modal_damping is None else modal_drag(system, v)
         moments = push.moments if push.moments is None or links.ndim > 1 else np.ravel(push.moments)
-        mass, force, power, solved = 0.0, 0.0, 0.0, []
-        for place, (group, body) in zip(self.places, self.hung(instant), strict=True):
+        power, externals = 0.0, []
+        for k, (place, (group, body)) in enumerate(zip(self.places, self.hung(instant), strict=True)):
             own, speed, given = links[place], rates[place], None if moments is None else moments[place]
-            forces, work = self.acting(group, own, speed, given, instant.support if system.support else None)
+            joints = bearing.joints(k)
+            frame = instant.support if system.support else None
+            forces, work, reaction = self.acting(group, own, speed, given, frame, joints.base)
+            if bearing.torques is not None:
+                forces = forces + bearing.torques[place]
             if drag is not None:
                 resisting = drag[first:][place]
                 forces, work = forces + resisting, work + np.sum(resisting * speed, axis=(0, 1))
-            external = self.external(group, own, speed, rate, instant)
+            external = self.external(group, own, speed, joints.velocity, instant)
             if external is not None:
-                forces, force = forces + external.generalized, force - external.on_cart
-                work = work + external.power
-            one_mass, one_force, memory = body.pull(own, speed, forces, gravity)
-            mass, force, power = mass + one_mass, force + one_force, power + work
-            solved.append((place, group, body, memory, external))
-        x2 = along
-        if cart:
-            kept, working = cart_force(system, q[0], v[0])
-            outside = push.cart + working + (0.0 if drag is None else drag[0])
-            if instant.forces:
-                outside = outside + on_cart(system, instant.forces)
-            x2 = found[half] = (outside + kept - force) / (cart.mass + mass)
-            power = power + v[0] * outside
+                forces, work = forces + external.generalized, work + external.power
+            bearing.take(k, body, own, speed, forces, external, reaction)
+            power = power + work
+            externals.append((group, external))
+        carried, working = bearing.solved(drag)
+        for k, each in enumerate(carried):
+            found[half + k] = each
+        if first or system.structure is not None:
+            power = power + working
         accelerations = found[half : 2 * half]
         turned = accelerations[first:]
-        for place, _, body, memory, _ in solved:
-            turned[place] = body.turn(memory, x2)
+        for k, place in enumerate(self.places):
+            turned[place] = bearing.fall(k)
         rubbed = Rubbed(accelerations, ())
         if instant.gripping is not None:
             normal = partial(self.reaction, y, instant)
-            rubbed = instant.gripping.rubbed(accelerations, self.responses(links, instant), normal)
+            rubbed = instant.gripping.rubbed(accelerations, self.responses(q, instant), normal)
             accelerations[:] = rubbed.accelerations
-            x2 = accelerations[0] if cart else along
+            if isinstance(bearing, RailAt) and system.cart:
+                bearing.acceleration = accelerations[0]
             if rubbed.normal is not None:
                 power = power + v[0] * instant.gripping.pressed * rubbed.normal
         if instant.lengths is not None:
-            for place, group, _, _, external in solved:
-                winding = [part[group.index] for part in instant.lengths[1:]]
-                moved = links[place], rates[place], turned[place]
-                # without the support's acceleration: with the work of its inertial forces on what the ropes move
-                force = transmitted(group, winding, *moved, (x2 if cart else 0.0, -system.gravity), external)
-                rope = np.stack((np.sin(links[place]), np.cos(links[place])))
-                power = power + (winding[0] * (rope * force).sum(0)).sum((0, 1))
+            power = self._wound(power, links, rates, turned, instant, bearing, externals)
         if layout.works:
             found[-1] = power
         return found, rubbed
+
+    def _wound(
+        self,
+        power: Any,
+        links: Any,
+        rates: Any,
+        turned: Any,
+        instant: Instant,
+        bearing: Bearing,
+        externals: Sequence[Any],
+    ) -> Any:
+        """The `power` (W) with that of what winds the ropes."""
+        lengths, gravity = instant.lengths, self.system.gravity
+        assert lengths is not None
+        for k, (place, (group, external)) in enumerate(zip(self.places, externals, strict=True)):
+            winding = [part[group.index] for part in lengths[1:]]
+            moved = links[place], rates[place], turned[place]
+            # without the support's acceleration: with the work of its inertial forces on what the ropes move
+            force = transmitted(group, winding, *moved, bearing.start(k, gravity), external)
+            rope = np.stack((np.sin(links[place]), np.cos(links[place])))
+            power = power + (winding[0] * (rope * force).sum(0)).sum((0, 1))
+        return power
 
     def external(self, group: Group, links: Any, rates: Any, cart_rate: Any, instant: Instant) -> External | None:
         """Drag and applied forces on a group; None without any."""
@@ -219,7 +268,7 @@ class Suspended(Arranged):
         push = applied(group, self.system.forces, instant.forces, links, rates, cart_rate, winding)
         return push if drag is None else drag.plus(push)
 
-    def responses(self, links: Any, instant: Instant) -> Any:
+    def responses(self, q: Any, instant: Instant) -> Any:
         """M⁻¹Jᵀ, the accelerations (half, J) by a unit of friction at every contact, at the lengths of an instant."""
         gripping = instant.gripping
         assert gripping is not None
@@ -228,11 +277,11 @@ class Suspended(Arranged):
             instant = instant._replace(lengths=instant.lengths._replace(speed=still, acceleration=still))
         solvers = self.hung(instant)
         forces = gripping.forces(self.layout.half).T
-        return np.stack([inverted(self.system, solvers, links, one) for one in forces], axis=1)
+        return np.stack([inverted(self.system, solvers, q, one) for one in forces], axis=1)
 
     def reaction(self, y: Any, instant: Instant, accelerations: Any, whole: bool = True) -> Any:
         """The rail's push N up on the cart (N), or if not `whole` its part that is linear in the accelerations."""
-        system, first, half = self.system, int(self.layout.on_cart), self.layout.half
+        system, first, half = self.system, self.layout.first, self.layout.half
         links, rates, turned = y[first:half], y[half + first : 2 * half], accelerations[first:]
         found, gravity = 0.0, 0.0
         if whole and system.cart:
@@ -250,9 +299,12 @@ class Suspended(Arranged):
         return found
 
 
-def inverted(system: System, solvers: Sequence[tuple[Group, Body]], links: Any, p: Any) -> Any:
-    """M⁻¹ p (half, ...), the accelerations by generalized forces p alone, at the angles (L, ...)."""
-    first, found = int(system.cart is not None), np.zeros(np.shape(p), dtype=np.result_type(links, p))
+def inverted(system: System, solvers: Sequence[tuple[Group, Body]], q: Any, p: Any) -> Any:
+    """M⁻¹ p (half, ...), the accelerations by generalized forces p alone, at the coordinates q (half, ...)."""
+    if system.structure is not None:
+        return inverted_on_carriers(Carriers(system), solvers, q, p)
+    first, found = system.first, np.zeros(np.shape(p), dtype=np.result_type(q, p))
+    links = q[first:]
     solved, mass, force = [], 0.0, 0.0
     for group, body in solvers:
         angles = links[group.index]
@@ -281,17 +333,55 @@ class Recursion:
 
     def pull(self, angles: Any, rates: Any, torques: Any, gravity: float) -> tuple[Any, Any, Any]:
         """Mass (kg) and force (N) of the pull along the rail, summed over the pendula."""
-        bias = None
-        if self.winding is not None:
-            speed, acceleration = self.winding
-            bias = [Bias(*own) for own in zip(2 * speed * rates, acceleration, strict=True)]
+        bias = self._bias(rates)
         answer, turns = upward(self.links, self.sine(angles), self.cosine(angles), rates, torques, bias)
         return answer.xx.sum(0), (answer.px - gravity * answer.xz).sum(0), (turns, gravity, bias)
+
+    def response(self, angles: Any, rates: Any, torques: Any) -> Projection:
+        """What the pendula answer to motions of their first joints."""
+        bias = self._bias(rates)
+        return Recursed(self, *upward(self.links, self.sine(angles), self.cosine(angles), rates, torques, bias), bias)
+
+    def _bias(self, rates: Any) -> list[Bias] | None:
+        if self.winding is None:
+            return None
+        speed, acceleration = self.winding
+        return [Bias(*own) for own in zip(2 * speed * rates, acceleration, strict=True)]
 
     def turn(self, memory: Any, push: Any) -> Any:
         """θ'' (n, P, ...)."""
         turns, gravity, bias = memory
         return np.array(downward(self.links, turns, push, -gravity, bias))
+
+
+class Recursed:
+    """Pendula on carriers, by their answer f = M ã + p at the first joint."""
+
+    def __init__(self, body: Recursion, answer: Answer, turns: Any, bias: Any) -> None:
+        self.body, self.answer, self.turns, self.bias = body, answer, turns, bias
+
+    def projected(self, columns: Any, slopes: Sequence[Any], felt: tuple[Any, Any], total: Callable[[Any], Any]) -> Any:
+        """J^T M J, its lower half, and J^T (M ã + p) of the pendula in these columns, summed by `total`."""
+        xx, xz, zz, px, pz = (part[columns] for part in self.answer)
+        if all(np.ndim(slope) < np.ndim(xx) for pair in (*slopes, felt) for slope in pair):  # the same for all of them
+            xx, xz, zz, px, pz = (total(part) for part in (xx, xz, zz, px, pz))
+            total = _itself
+        fx, fz = driven(xx, xz, zz, *felt)
+        fx, fz = px + fx, pz + fz
+        block = []
+        for k, (x, z) in enumerate(slopes):
+            mx, mz = driven(xx, xz, zz, x, z)
+            block.append([total(v * mx + w * mz) for v, w in slopes[: k + 1]])
+        return block, [total(x * fx + z * fz) for x, z in slopes]
+
+    def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
+        """θ'' (n, P, ...) under accelerations (m/s²) of first joints along the rail and down, less gravity."""
+        ax, az = accelerations
+        return np.array(downward(self.body.links, self.turns, ax, az, self.bias))
+
+
+def _itself(value: Any) -> Any:
+    return value
 
 
 class Minimal(Suspended):
@@ -312,18 +402,23 @@ class Minimal(Suspended):
         own = self._lengthened(group, instant.lengths)
         return own, Recursion(own, winding=[part[group.index] for part in instant.lengths[1:]])
 
-    def acting(self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any) -> tuple[Any, Any]:
-        """Torques (n, P, ...) on the absolute angles, and the power of joints, moments and inertial forces."""
-        torques, power = moments, 0.0
+    def acting(
+        self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any, base: Base | None = None
+    ) -> tuple[Any, Any, Any]:
+        """Torques (n, P, ...) on the absolute angles, the power of joints, moments and inertial forces, reactions."""
+        torques, power, reaction = moments, 0.0, 0.0
         if moments is not None:
             power = np.sum(moments * rates)
         if support is not None:
             power = power + (inertial_torques(group, links, support) * rates).sum((0, 1))
         if group.hinged:
-            hinges, drained = joint_torques(group, links, rates)
+            hinges, drained = bending_torques(group, links, rates, base)
+            if base is not None:
+                reaction = hinges[0].copy()
+            hinges[:-1] -= hinges[1:].copy()
             torques = hinges if torques is None else torques + hinges
             power = power + drained
-        return np.zeros_like(links) if torques is None else torques, power
+        return np.zeros_like(links) if torques is None else torques, power, reaction
 
     def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> External:
         """Torques (n, P, ...) on the absolute angles, the force on the cart, and the power."""

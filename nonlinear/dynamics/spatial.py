@@ -10,6 +10,7 @@ import numpy as np
 from modal.types import Ints
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.drag import External, drag
+from nonlinear.dynamics.joints import Base
 from nonlinear.dynamics.minimal import Suspended
 from nonlinear.dynamics.recursion import links_of
 from nonlinear.dynamics.spatial_joints import generalized
@@ -50,7 +51,9 @@ class Spatial(Suspended):
         """Positions of the components (3, n, P) of every group among those of all links."""
         return tuple(3 * group.index + np.arange(3)[:, None, None] for group in self.system.groups)
 
-    def acting(self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any) -> tuple[Any, Any]:
+    def acting(
+        self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any, base: Base | None = None
+    ) -> tuple[Any, Any, Any]:
         """Generalized forces (3, n, P, ...) on u, and the power of dampers, moments and inertial forces."""
         power = 0.0
         if moments is not None:
@@ -64,7 +67,7 @@ class Spatial(Suspended):
             moments = hinges if moments is None else moments + hinges
         if group.damped:
             power = power + ball_joints.damper_power(group, links, rates)
-        return np.zeros_like(links) if moments is None else generalized(moments, links), power
+        return np.zeros_like(links) if moments is None else generalized(moments, links), power, 0.0
 
     def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> External:
         """The drag of a group, with generalized forces (3, n, P, ...) on u."""

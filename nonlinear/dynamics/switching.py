@@ -121,7 +121,7 @@ def _after(equations: Equations, kicks: Pairs, impulses: Sequence[Any]) -> list[
     layout, y = equations.minimal.layout, equations.y
     half, v = layout.half, y[layout.half : 2 * layout.half]
     at = equations.instant._replace(gripping=Gripping(kicks, [0.0] * len(kicks)))
-    columns = equations.minimal.responses(y[int(layout.on_cart) : half], at)
+    columns = equations.minimal.responses(y[:half], at)
     after = v.copy()
     for column, impulse in zip(columns.T, impulses, strict=True):
         after = after + column * impulse

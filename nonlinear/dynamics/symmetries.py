@@ -48,10 +48,10 @@ class Symmetry:
 def find_symmetries(system: System, start: State, *, planar: bool = True) -> tuple[Symmetry, ...]:
     """The reductions that apply to a system with this start, to be applied in sequence.
 
-    Without `planar` a scene in space remains spatial.  With dampers of modes, which act on all pendula at once, and
-    with lengths that change, none applies.
+    Without `planar` a scene in space remains spatial.  With dampers of modes, which act on all pendula at once, on
+    structures, and with lengths that change, none applies.
     """
-    if system.modal_damping is not None or system.hoisting is not None:
+    if system.modal_damping is not None or system.hoisting is not None or system.structure is not None:
         return ()
     found: list[Symmetry] = []
     for find in (*([in_one_plane] if planar else []), near, synchronous, natural):
@@ -74,7 +74,8 @@ def symmetrize(symmetries: Sequence[Symmetry], state: State) -> tuple[Motion, Mo
 
 def _instant(state: State) -> Motion:
     cart, rate = np.array([state.cart]), np.array([state.cart_rate])
-    return Motion(state.links[None], state.link_rates[None], cart, rate, np.zeros(1))
+    carried = state.supports[None], state.support_rates[None]
+    return Motion(state.links[None], state.link_rates[None], cart, rate, np.zeros(1), *carried)
 
 
 def in_one_plane(system: System, start: State) -> Symmetry | None:

@@ -19,6 +19,7 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.dense import SINGULAR
 from nonlinear.dynamics.drag import plane_drag
+from nonlinear.dynamics.energies import energy_on_carriers
 from nonlinear.dynamics.forms import Form, Symbolic, form_of, jacobian_of, module_of
 from nonlinear.dynamics.generated import UNDEFINED, Generated, Listed
 from nonlinear.dynamics.hamiltonian import momenta, potential
@@ -140,6 +141,19 @@ class Variational(Generated):
         """The derivative of the energy (J) by y, (d,)."""
         return self._conserved("energy", y)
 
+    def momenta(self, q: Floats, v: Floats) -> Floats:
+        """The momenta ∂T/∂q' = M(q) v (half, S) of a structure at many coordinates q and rates v (half, S).
+
+        Any other scene has them from `nonlinear.dynamics.hamiltonian`.
+        """
+        return np.array([np.broadcast_to(one, q.shape[1:]) for one in self._momenta([*q, *v])])
+
+    @cached_property
+    def _momenta(self) -> Any:
+        module = _gradients(self._still)
+        constants = module.constants(self._still.numbers(entries_of(self.system), prescribed_of(self.system)))
+        return module.function("momenta", constants, "arrays")
+
     def momentum_slope(self, y: Floats) -> Floats:
         """The derivative by y, (d,), of what a cart without a spring conserves: p_x and the impulse of what resists.
 
@@ -161,11 +175,15 @@ class Variational(Generated):
 
 @lru_cache(maxsize=64)
 def _gradients(form: Form) -> Module:
-    """The functions "energy" and "momentum" of a form: the derivatives of both by y."""
+    """The functions "energy" and, without a structure, "momentum" of a form: the derivatives of both by y."""
     own = Symbolic(form)
-    system, on_cart = own.system, form.on_cart
+    system, on_cart = own.system, form.first
     half = system.n_links + on_cart
     y = own.tape.inputs("y", 2 * half)
+    if system.structure is not None:
+        (slopes,) = partials(own.tape, [energy_on_carriers(system, y[:half], y[half:])], list(y))
+        energy = [slopes.get(k, 0.0) for k in range(2 * half)]
+        return Module(own.tape, {"energy": energy, "momenta": energy[half:]})
     links, rates, cart, speed = y[on_cart:half], y[half + on_cart :], y[0] if on_cart else 0.0, y[half]
     p = momenta(system, State(links, rates, cart_rate=speed if on_cart else 0.0))
     energy = (y[half:] * p).sum() / 2 + potential(system, cart, links)

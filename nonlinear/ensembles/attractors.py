@@ -20,7 +20,7 @@ from modal.scene import Scene, drive_period
 from modal.scene.parameters import Variation
 from modal.types import Floats, Ints
 from nonlinear.ensembles.running import Ensemble, ensemble
-from nonlinear.ensembles.strobes import KEPT, STATES, natural_units, repetition, settling_time, strobe_times
+from nonlinear.ensembles.strobes import KEPT, natural_units, repetition, settling_time, strobe_columns, strobe_times
 from nonlinear.postprocessing import largest_angle
 from nonlinear.simulation import simulate
 from nonlinear.system import State
@@ -62,6 +62,8 @@ class Attractor(Displayed):
             "rates_deg_per_s": np.degrees(self.state.link_rates).tolist(),
             "cart_m": self.state.cart,
             "cart_rate_m_per_s": self.state.cart_rate,
+            **({"supports": self.state.supports.tolist()} if len(self.state.supports) else {}),
+            **({"support_rates_per_s": self.state.support_rates.tolist()} if len(self.state.supports) else {}),
         }
 
 
@@ -92,7 +94,7 @@ def find_attractors(
         raise KeyboardInterrupt
     if len(found.failures) == found.size:
         raise SceneError([f"every start failed: {next(iter(found.failures.values()))}"])
-    states = [found.column(name)[:, -KEPT:] for name in STATES]
+    states = [found.column(name)[:, -KEPT:] for name in strobe_columns(found.question.system)]
     strobes = natural_units(found.question.system, states)
     repeats, turns = repetition(strobes, found.question.system.n_links)
     labels, members = clustered(strobes, repeats, turns)
@@ -137,7 +139,7 @@ def _apart(one: Floats, other: Floats, links: int) -> Floats:
 
 def _attractor(scene: Scene, period: float, p: int, turns: tuple[int, ...], last: list[Any]) -> Attractor:
     links = last[0] - 2 * np.pi * np.round(last[0] / (2 * np.pi))
-    state = State(links, last[1], float(last[2]), float(last[3]))
+    state = State(links, last[1], float(last[2]), float(last[3]), *last[4:])
     largest = nan if any(turns) else degrees(largest_angle(simulate(scene, p * period, start=state)))
     return Attractor(p, turns, largest, state)
 

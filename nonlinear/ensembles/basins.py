@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Form, Summary, as_csv, as_json, deferred, finite, grid, tabulated, titled
 from modal.scene import InitialCondition, Pendulum, Scene, describe, name_of, require, title_of
+from modal.scene.doors import checked
 from modal.scene.parameters import Variation, parse_variations
 from modal.types import Floats
 from nonlinear.ensembles.attractors import Attractor, find_attractors

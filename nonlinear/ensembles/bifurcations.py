@@ -13,22 +13,22 @@ from typing import Any
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import MultipendulaError, SceneError
 from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, counted, deferred, finite, grid, titled
 from modal.scene import Scene, describe, drive_period, name_of, require, title_of, validate_scene
+from modal.scene.doors import checked
 from modal.scene.parameters import Variable, Variation, find_places, parse_variations, validate_variations
 from modal.types import Floats, Ints
 from nonlinear.ensembles.running import ensemble
 from nonlinear.ensembles.strobes import (
     KEPT,
     MOST,
-    STATES,
     links_named,
     natural_units,
     repetition,
     settling_time,
     state_records,
+    strobe_columns,
     strobe_times,
     validate_strobes,
     within_a_turn,
@@ -196,10 +196,10 @@ def _strobed(
         raise KeyboardInterrupt
     reasons = {int(part[k]): reason for k, reason in found.failures.items()}
     if len(reasons) == len(part):
-        return [np.array(np.nan)] * len(STATES), reasons
+        return [np.array(np.nan)] * len(strobe_columns(found.question.system)), reasons
     rows = len(found.question.times) - len(every) + np.searchsorted(every, times)
     members = np.arange(len(part))[:, None]
-    return [found.column(name)[members, rows] for name in STATES], reasons
+    return [found.column(name)[members, rows] for name in strobe_columns(found.question.system)], reasons
 
 
 # ------------------------------------------------------------------------------------------------------- as text

@@ -15,7 +15,7 @@ from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.ensembles.measures import Columns, Context
 from nonlinear.ensembles.members import RATIO, Block, Part
-from nonlinear.ensembles.plain import STATES
+from nonlinear.ensembles.plain import state_columns
 from nonlinear.ensembles.question import COMPILED, LANES, PLAIN, Question
 from nonlinear.integration.readiness import reproducible
 from nonlinear.simulation import simulate
@@ -106,7 +106,7 @@ def _rows(question: Question, found: Found) -> tuple[Floats, Floats]:
 def states(layout: Layout, rows: Floats) -> Columns:
     """The parts of y (..., size) as columns."""
     motion = layout.read(rows.reshape(-1, rows.shape[-1]))
-    found = {column: getattr(motion, part) for part, column in STATES.items()}
+    found = {column: getattr(motion, part) for part, column in state_columns(layout.is_structured).items()}
     return {name: own.reshape(*rows.shape[:-1], *own.shape[1:]).copy() for name, own in found.items()}
 
 

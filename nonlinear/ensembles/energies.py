@@ -12,14 +12,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.types import Floats
+from nonlinear.dynamics.energies import kinetic_energy, potential_energy
 from nonlinear.dynamics.inputs import lengthened
-from nonlinear.dynamics.joints import spring_energy
+from nonlinear.dynamics.structure import Carriers, CarriersAt
 from nonlinear.integration.trajectory import NOISE
 from nonlinear.system import Group, Layout, Numbers
 
 
 class Energies(NamedTuple):
-    """Kinetic and potential energy (J) of every pendulum, (N, S), and of the cart, (S,)."""
+    """Kinetic and potential energy (J) of every pendulum, (N, S), and of the cart, (S,).
+
+    On a structure the latter are those of the carriers and of all springs between points.
+    """
 
     kinetic: Floats
     potential: Floats
@@ -51,8 +55,8 @@ class Accounts:
 
     def _parts(self, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Angles, their rates, and the cart's place and speed."""
-        first, half, none = int(self.layout.on_cart), self.layout.half, np.zeros(y.shape[1])
-        cart = (y[0], y[half]) if first else (none, none)
+        first, half, none = self.layout.first, self.layout.half, np.zeros(y.shape[1])
+        cart = (y[0], y[half]) if first and not self.layout.is_structured else (none, none)
         return y[first:half], y[half + first : 2 * half], *cart
 
     def energies(self, y: Floats, coasting: Floats | float = 0.0, time: float = 0.0) -> Energies:
@@ -60,10 +64,23 @@ class Accounts:
         angles, rates, x, speed = self._parts(y)
         system, speed = self.numbers.arrays, speed - coasting
         kinetic, potential = np.empty((2, system.n_pendula, y.shape[1]))
-        for group in system.groups:
-            own, turning = angles[group.index], rates[group.index]
-            kinetic[group.pendula] = _kinetic(*self._hung(group, time), own, turning, speed)
-            potential[group.pendula] = _potential(self._hung(group, time)[0], group, own, system.gravity)
+        half, bearing = self.layout.half, None
+        if system.structure is not None:
+            bearing = CarriersAt(Carriers(system), y[:half], y[half : 2 * half], bare=True)
+        for number, group in enumerate(system.groups):
+            own, turning, down, base = angles[group.index], rates[group.index], 0.0, None
+            velocity: Any = speed
+            if bearing is not None:
+                (_, down), velocity = bearing.pivots(number)
+                base = bearing.joints(number).base
+            kinetic[group.pendula] = kinetic_energy(*self._hung(group, time), own, turning, velocity)
+            potential[group.pendula] = potential_energy(
+                self._hung(group, time)[0], group, own, system.gravity, down, base and base[0]
+            )
+        if bearing is not None:
+            stored = sum((one.energy.sum(0) for _, one in bearing.tensions(y[:half], y[half : 2 * half])), 0.0)
+            carried = bearing.kinetic, bearing.potential + stored
+            return Energies(kinetic, potential, *(np.asarray(part + 0.0 * x) for part in carried))
         mass, _, stiffness = system.cart or (0.0, 0.0, 0.0)
         return Energies(kinetic, potential, np.asarray(mass * speed**2 / 2), np.asarray(stiffness * x**2 / 2))
 
@@ -111,26 +128,3 @@ class Accounts:
         ranges = [above, one.moving, two.moving, abs(two.stored - one.stored), abs(work), NOISE * abs(one.stored)]
         scale = np.max(np.broadcast_arrays(*ranges), axis=0)
         return np.asarray(np.abs(two.total - one.total - work) / np.where(scale > 0, scale, 1.0))
-
-
-def _kinetic(group: Group, winding: Any, angles: Floats, rates: Floats, speed: Floats) -> Floats:
-    """(P, S), where lengths change at speeds `winding` (m/s)."""
-    block, short = group.block, group.block.centre - group.block.length
-    found, sin, cos = block.inertia * rates**2, np.sin(angles), np.cos(angles)
-    for direction, pivot, along in ((cos * rates, speed, sin), (sin * rates, 0.0, -cos)):
-        joints = np.cumsum(block.length * direction + winding * along, axis=0)
-        found = found + block.mass * (joints + short * direction + pivot) ** 2
-    return np.asarray(found.sum(0) / 2)
-
-
-def _potential(group: Group, first: Group, angles: Floats, gravity: Any) -> Floats:
-    """(P, S), from the rest of a group with its `first` lengths."""
-    block, sigma = group.block, group.block.sigma
-    lifts = 2 * sigma * np.sin((angles - group.rest) / 2) ** 2
-    heights = np.cumsum(block.length * lifts, axis=0) + (block.centre - block.length) * lifts
-    if group is not first:
-        heights = heights + np.cumsum(sigma * (first.block.length - block.length), axis=0)
-    found = block.mass * gravity * heights
-    if group.sprung:
-        found = found + spring_energy(group, angles)
-    return np.asarray(found.sum(0))

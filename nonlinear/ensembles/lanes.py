@@ -110,7 +110,7 @@ def stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
 def stretched(numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[Task, Floats]:
     """The task of y and a tangent vector, and natural units of this."""
     lanes = Lanes(numbers, tangent=True)
-    layout = Layout(lanes.layout.links, 1, lanes.layout.on_cart, False)
+    layout = replace(lanes.layout, works=False)
     scale = shortest_scale(numbers, layout)
     v = np.random.default_rng(SEED).standard_normal((layout.size, 1)) * scale
     v = np.broadcast_to(v / np.sqrt(np.sum((v / scale) ** 2, axis=0)), y.shape)

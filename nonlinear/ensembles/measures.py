@@ -69,7 +69,7 @@ def _first_turn(context: Context, found: Found, ending: Floats) -> Columns:
 
 def places(system: System) -> list[str]:
     """Pendulum and link of every link, counted from 1: 1_2."""
-    labels = (label for label in system.labels if label != "x")
+    labels = system.labels[system.first :]
     return [label[len("theta") :].strip("[]").replace(",", "_") for label in labels]
 
 
@@ -110,7 +110,7 @@ def own_amplitudes(context: Context, rows: Floats) -> tuple[Complexes, Floats]:
     """
     system, layout = context.system, context.layout
     count = min(group.n for group in system.groups)
-    first, half = int(layout.on_cart), layout.half
+    first, half = layout.first, layout.half
     members, times = rows.shape[:2]
     flat = rows.reshape(-1, rows.shape[2])
     turned, rates = from_rest(system, flat[:, first:half]), flat[:, half + first : 2 * half]
@@ -154,7 +154,7 @@ def _modal(averaged: AveragedEquations, context: Context, rows: Floats) -> Compl
     """The amplitudes (C, S) of many states."""
     layout = context.layout
     q = rows[:, : layout.half].copy()
-    first = int(layout.on_cart)
+    first = layout.first
     q[:, first:] = from_rest(context.system, q[:, first:])
     v = rows[:, layout.half : 2 * layout.half]
     return np.asarray((q @ averaged.dual - 1j * (v @ averaged.dual) / averaged.omega).T)
@@ -235,7 +235,8 @@ def section_of(text: str, system: System) -> Section:
     if not np.isfinite(value):
         raise SceneError([f'{text}: "{match[3]}" is not a number'])
     row = known.index(match[1])
-    return Section(row, value if match[1] == "x" else radians(value), DIRECTIONS[match[2]])
+    turns = row >= system.first or (system.structure is not None and row in system.structure.turning)
+    return Section(row, radians(value) if turns else value, DIRECTIONS[match[2]])
 
 
 def validate_measures(wanted: Asked, scene: Scene) -> None:

@@ -90,11 +90,8 @@ class Part:
         good = np.array([place for place in range(self.size) if place not in reasons], dtype=np.int64)
         given, numbers = {place: own[good] for place, own in self._at.items()}, self.numbers(good)
         states = self.states.at(good) if self.states is not None else self._begun(given, len(good))
-        y = np.zeros((layout.size, len(good)))
-        first, half = int(layout.on_cart), layout.half
-        y[first:half], y[half + first : 2 * half] = states.links.T, states.link_rates.T
-        if first:
-            y[0], y[half] = states.cart, states.cart_rate
+        begun = replace(states, work=np.zeros(len(good)))
+        y = np.ascontiguousarray(layout.rows(begun).T)
         return Block(good, numbers, y, reasons)
 
     def numbers(self, good: Ints) -> Numbers:
@@ -113,7 +110,7 @@ class Part:
         if not others or not (self.scene.has_modal_damping or any(place[0] == RATIO for place in others)):
             return None
         own = [system_of(self.scene_of(int(place))).modal_damping for place in good]
-        size = system_of(self.scene).n_links + (self.scene.support.kind == "cart")
+        size = system_of(self.scene).n_links + (self.scene.cart is not None)
         none = np.zeros((size, size))
         return np.array([none if D is None else D for D in own]).reshape(len(own), size, size)
 
@@ -140,8 +137,9 @@ class Part:
                 one = self.scene.pendulum[int(p)]
                 columns = at[int(p)] + int(link) + one.n_links * np.arange(one.count)
                 parts[STARTING[str(name)]][:, columns] = np.deg2rad(own)[:, None]
-        none = np.zeros(size)
-        return Motion(parts[0], parts[1], none, none, none)
+        cart = np.full(size, begun.cart), np.full(size, begun.cart_rate)
+        carried = (np.repeat(own[None], size, axis=0) for own in (begun.supports, begun.support_rates))
+        return Motion(parts[0], parts[1], *cart, np.zeros(size), *carried)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -247,10 +245,11 @@ def _states(scene: Scene, starts: Starts) -> Motion:
         return starts
     if isinstance(starts, Sequence) and len(starts) and isinstance(starts[0], State):
         states = [validate_state(own, system) for own in starts]  # type: ignore[arg-type]
-        links, rates, cart, speed = (
-            np.array([getattr(own, part) for own in states]) for part in ("links", "link_rates", "cart", "cart_rate")
+        links, rates, cart, speed, *carried = (
+            np.array([getattr(own, part) for own in states])
+            for part in ("links", "link_rates", "cart", "cart_rate", "supports", "support_rates")
         )
-        return Motion(links, rates, cart, speed, np.zeros(len(states)))
+        return Motion(links, rates, cart, speed, np.zeros(len(states)), *carried)
     try:
         angles = np.array(starts, dtype=float)
     except (TypeError, ValueError):
@@ -262,5 +261,5 @@ def _states(scene: Scene, starts: Starts) -> Motion:
         raise SceneError(["starts: must be finite"])
     if system.spatial:
         raise SceneError(["starts: in space they must be states"])
-    none = np.zeros(len(angles))
-    return Motion(angles, np.zeros_like(angles), none, none, none)
+    none, still = np.zeros(len(angles)), np.zeros((len(angles), system.first if system.structure else 0))
+    return Motion(angles, np.zeros_like(angles), none, none, none, still, still)

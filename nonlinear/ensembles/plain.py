@@ -26,6 +26,8 @@ STATES = {
     "cart_rate": "cart_rate_m_per_s",
 }
 """The parts of a state as columns."""
+CARRIED = {"supports": "supports", "support_rates": "support_rates_per_s"}
+"""And those of a structure, (…, d) in m or rad, named as `System.labels` begins."""
 TURNS, SECTION = "over the top", "section"
 IN_SPACE = ("largest_angle", "pendulum_energy")
 """Measures that mean something in space."""
@@ -40,6 +42,11 @@ def validate_plain(measures: tuple[str, ...], scene: Scene) -> None:
         ]
     if problems:
         raise SceneError(problems)
+
+
+def state_columns(is_structured: bool) -> dict[str, str]:
+    """The parts of the states of a scene as columns."""
+    return STATES | CARRIED if is_structured else STATES
 
 
 @reproducible()
@@ -70,7 +77,7 @@ def columns(question: Question, scene: Scene, start: State) -> Columns:
 
 
 def _states(motion: Motion, single: bool) -> Columns:
-    parts = {column: getattr(motion, part) for part, column in STATES.items()}
+    parts = {column: getattr(motion, part) for part, column in state_columns(motion.supports.size > 0).items()}
     return {name: own[0] if single else own for name, own in parts.items()}
 
 
@@ -79,7 +86,7 @@ def _measured(question: Question, scene: Scene, run: Trajectory, sampled: Trajec
     names = question.measures.names
     if run.system.spatial:
         return _in_space(question, run, sampled)
-    layout = Layout(run.system.n_links, 1, run.system.cart is not None, run.system.works)
+    layout = Layout.of(run.system, works=run.system.works)
     rows = _rows(layout, sampled)
     ending = rows[np.searchsorted(sampled.times, question.ending)][None] if question.ending else rows[None, :0]
     whole = Found(rows[-1:].T, np.full(1, np.nan), np.full(1, np.nan))
@@ -97,7 +104,7 @@ def _measured(question: Question, scene: Scene, run: Trajectory, sampled: Trajec
 
 def _turns(run: Trajectory, layout: Layout) -> list[Passages]:
     """What goes over the top, of each link."""
-    first = int(layout.on_cart)
+    first = layout.first
     tops = [Level(first + link, np.pi, turns=True) for link in range(layout.links)]
     return [_counted(run, f"{TURNS} {place}", top, layout) for place, top in zip(places(run.system), tops, strict=True)]
 
@@ -125,14 +132,11 @@ def _in_space(question: Question, run: Trajectory, sampled: Trajectory) -> Colum
 
 def _rows(layout: Layout, run: Trajectory) -> Floats:
     """The y of a run, (T, size)."""
-    motion = run.motion
-    cart = ([motion.cart[:, None]], [motion.cart_rate[:, None]]) if layout.on_cart else ([], [])
-    work = [motion.work[:, None]] if layout.works else []
-    return np.hstack([*cart[0], motion.links, *cart[1], motion.link_rates, *work])
+    return layout.rows(run.motion)
 
 
 def _events(question: Question, scene: Scene) -> list[Event]:
-    found, first = [], int(question.system.cart is not None)
+    found, first = [], question.system.first
     if question.wanted.first_turns:
         for link, place in enumerate(places(question.system)):
             found.append(Event(f"{TURNS} {place}", _passing(Section(first + link, np.pi, 0), first)))
@@ -143,7 +147,7 @@ def _events(question: Question, scene: Scene) -> list[Event]:
 
 def _passing(section: Section, first: int) -> Any:
     if section.row < first:
-        return lambda state: state.cart - section.level
+        return lambda state: float([*state.supports, state.cart][section.row]) - section.level
     return lambda state: float(np.sin((state.links[section.row - first] - section.level) / 2))
 
 
@@ -151,5 +155,5 @@ def _crossings(run: Trajectory, section: Section, layout: Layout) -> Columns:
     level = level_of(layout, section.row, section.level)
     found = _counted(run, SECTION, level, layout, section.direction)
     motion = layout.read(found.rows)
-    parts = {column: getattr(motion, part) for part, column in STATES.items()}
+    parts = {column: getattr(motion, part) for part, column in state_columns(layout.is_structured).items()}
     return {"crossing_time_s": found.time, **{f"crossing_{name}": own for name, own in parts.items()}}

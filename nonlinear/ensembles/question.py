@@ -144,7 +144,7 @@ def refused(members: Members, duration: float, tolerance: float) -> str:
         return why
     if any(place[-1] == "count" for place in places):
         return "members differ in their number of links or pendula"
-    prescribed = any(place[:2] == ("support", "motion") or place[0] == "force" for place in places)
+    prescribed = any("motion" in place or place[0] == "force" for place in places)
     if prescribed and not system_of(scene).is_analytic:
         return "members differ in motions of the support or forces, of which not all are sines or constant"
     if any(_of_hoist(scene, place) for place in places):

@@ -30,7 +30,7 @@ from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, sp
 from nonlinear.ensembles.measures import asked, validate_measures
 from nonlinear.ensembles.members import Members, Starts, members_of
 from nonlinear.ensembles.parts import Parts, engine_of_folder
-from nonlinear.ensembles.plain import STATES, validate_plain
+from nonlinear.ensembles.plain import state_columns, validate_plain
 from nonlinear.ensembles.question import CHECKED, PLAIN, Question, chunk_of, refused, sample_of
 from nonlinear.integration import sample_times, validate, validate_numbers, validate_whole
 from nonlinear.integration.readiness import Forgone, lose, rented
@@ -130,7 +130,8 @@ class Ensemble(Displayed):
     @property
     def final(self) -> Motion:
         """The last states of all members; SceneError where they were not kept."""
-        parts = {part: self.column(column) for part, column in STATES.items()}
+        own = state_columns(self.question.system.structure is not None)
+        parts = {part: self.column(column) for part, column in own.items()}
         return Motion(**parts, work=np.full(self.size, np.nan))
 
     def to_dict(self) -> dict[str, Floats]:

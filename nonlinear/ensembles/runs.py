@@ -11,7 +11,7 @@ from collections.abc import Hashable, Iterable, Sequence
 import numpy as np
 
 from modal.errors import MultipendulaError
-from modal.scene import AnyLink, Moved, Scene, one_by_one, refusals, validate_scenes
+from modal.scene import AnyLink, ModalSupport, Scene, one_by_one, refusals, validate_scenes
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.found import Wanted
@@ -39,7 +39,16 @@ def form_of(scene: Scene) -> Hashable:
         (one.count, one.ways, tuple((link.count, link.drive is not None, _law(link)) for link in one.links))
         for one in scene.pendulum
     )
-    return scene.support.kind, _moved(scene), scene.has_modal_damping, pendula
+    return tuple(one.kind for one in scene.supports), _moved(scene), scene.has_modal_damping, pendula, _carried(scene)
+
+
+def _carried(scene: Scene) -> Hashable:
+    """What differs between structures: where pendula hang, what springs join, which have no length, modal supports."""
+    if not scene.is_structured:
+        return None
+    modal = tuple((one.M, one.K, one.D, one.points) for one in scene.supports if isinstance(one, ModalSupport))
+    springs = tuple((one.between, one.kind) for one in scene.spring)
+    return tuple(one.on for one in scene.pendulum), springs, modal, system_of(scene).slack
 
 
 def _law(link: AnyLink) -> Hashable:
@@ -49,8 +58,7 @@ def _law(link: AnyLink) -> Hashable:
 
 def _moved(scene: Scene) -> Hashable:
     """What differs between motions of a support and forces, the numbers of sines and of constant forces left out."""
-    motions = scene.support.motions if isinstance(scene.support, Moved) else ()
-    moved = tuple((one.direction, "sine") if one.kind == "sine" else one for one in motions)
+    moved = tuple((one.direction, "sine") if one.kind == "sine" else one for one in scene.motions)
     acting = tuple((one.on, one.direction, one.kind) if one.kind in TIMED else one for one in scene.force)
     return moved, acting
 

@@ -13,15 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from modal.doors import checked, checked_index, checked_number
 from modal.errors import SceneError
 from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, deferred, finite, titled
 from modal.scene import Scene, describe, name_of, require, title_of
+from modal.scene.doors import checked, checked_index, checked_number
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.found import Section
 from nonlinear.ensembles.measures import section_of
+from nonlinear.ensembles.plain import CARRIED
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.integration import estimate_timescales
 from nonlinear.reduction import usual_start
@@ -74,9 +75,12 @@ class PoincareSection(Displayed):
 
     def points(self) -> tuple[Floats, Floats]:
         """What is drawn: an angle in (−180°, 180°] and its rate in °/s, or the cart's m and m/s, (C,) each."""
+        place = self.system.labels.index(self.shown)
+        if self.system.structure is not None and place < self.system.first:
+            return tuple(self.ensemble.column(f"crossing_{name}")[:, place] for name in CARRIED.values())  # type: ignore[return-value]
         if self.shown == "x":
             return self.ensemble.column("crossing_cart_m"), self.ensemble.column("crossing_cart_rate_m_per_s")
-        link = self.system.labels.index(self.shown) - (self.system.labels[0] == "x")
+        link = place - self.system.first
         angle = np.degrees(self.ensemble.column("crossing_links_rad")[:, link])
         rate = np.degrees(self.ensemble.column("crossing_link_rates_rad_per_s")[:, link])
         return np.asarray(180 - (180 - angle) % 360), rate
@@ -101,7 +105,7 @@ def find_section(
     require(scene, "a Poincaré section")
     checked_index("orbits", orbits, 1, MOST_ORBITS)
     system = system_of(scene)
-    text = at or f"{next(label for label in system.labels if label != 'x')}>0"
+    text = at or f"{system.labels[system.first]}>0"
     section = section_of(f"section:{text}", system)
     energy = energy_of(scene, usual_start(scene)) if energy is None else checked_number("energy", energy)
     starts = starts_at(scene, section, energy, orbits)
@@ -110,7 +114,7 @@ def find_section(
     if found.interrupted:
         raise KeyboardInterrupt
     crossed = system.labels[section.row]
-    others = [label for label in system.labels if label not in {"x", crossed}]
+    others = [label for label in system.labels[system.first :] if label != crossed]
     return PoincareSection(found, energy, section, text, (others or [crossed])[0])
 
 
@@ -125,7 +129,7 @@ def starts_at(scene: Scene, section: Section, energy: float, count: int) -> list
     """So many states on a section with this energy (J); SceneError where none is found."""
     numbers = numbers_of(scene)
     layout = Lanes(numbers).layout
-    rng, first, half = np.random.default_rng(SEED), int(layout.on_cart), layout.half
+    rng, first, half = np.random.default_rng(SEED), layout.first, layout.half
     found: list[State] = []
     pace = estimate_timescales(scene).swing
     for _ in range(20):
@@ -168,7 +172,8 @@ def section_table(found: PoincareSection, form: Form) -> str:
 
 
 def _records(found: PoincareSection) -> list[dict[str, Any]]:
-    places = [label[len("theta") :].strip("[]").replace(",", "_") for label in found.system.labels if label != "x"]
+    labels = found.system.labels[found.system.first :]
+    places = [label[len("theta") :].strip("[]").replace(",", "_") for label in labels]
     column = found.ensemble.column
     rows = zip(
         found.orbit.astype(int).tolist(),

@@ -58,11 +58,11 @@ class Events:
 
     def top(self, link: int) -> Level:
         """Over which a link turns."""
-        return Level(int(self.layout.on_cart) + link, pi, turns=True)
+        return Level(self.layout.first + link, pi, turns=True)
 
     def widest(self, link: int) -> Callable[..., None]:
         """For links that turn back."""
-        row = int(self.layout.on_cart) + link
+        row = self.layout.first + link
 
         def seen(integrator: Any, time: float, sign: int, lane: int) -> None:
             if lane < self.count:
@@ -155,7 +155,7 @@ def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     if wanted.first_turns:
         found.first_turns = events.turns
     if wanted.largest:
-        half, start = lanes.layout.half, int(lanes.layout.on_cart)
+        half, start = lanes.layout.half, lanes.layout.first
         found.largest = np.max([np.abs(own[start:half]).max(0) for own in (y, found.y)] + [events.largest], axis=0)
     if wanted.section:
         section = wanted.section
@@ -192,7 +192,7 @@ def _integrator(task: Task, tolerance: float, events: Events | None, wanted: Wan
     layout = task.lanes.layout
     seen: list[tuple[str, int, float, Any]] = []
     if events is not None:
-        start, half = int(layout.on_cart), layout.half
+        start, half = layout.first, layout.half
         if wanted.first_turns:
             tops = [events.top(link) for link in range(layout.links)]
             seen += [("sin", top.row, top.value, events.passing(top, FIRST_FEW)) for top in tops]
@@ -253,7 +253,7 @@ class Judge:
     def __init__(self, numbers: Numbers, layout: Layout, scale: Floats, local: Floats, spared: float) -> None:
         lanes = Lanes(numbers, tangent=True)
         self.size, self.scale, self.local = 2 * layout.half, scale[: 2 * layout.half], local
-        self.spared, self.angles = spared, slice(int(layout.on_cart), layout.half)
+        self.spared, self.angles = spared, slice(layout.first, layout.half)
         self.constants = lanes.constants(numbers)
         self.pieces, self.timed = taylor.pieces_of(lanes), lanes.inputs.count > 0
         self.rates = taylor.evaluator(lanes.module, lanes.size, self.pieces)

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.modes import natural_frequencies
 from modal.report import (
@@ -38,6 +37,7 @@ from modal.report import (
     titled,
 )
 from modal.scene import Scene, describe, left_out, name_of, title_of
+from modal.scene.doors import checked
 from modal.scene.parameters import Variable, Variation, find_places, number_at
 from modal.types import Floats
 from nonlinear.ensembles.running import Ensemble, ensemble
@@ -369,7 +369,8 @@ def _members(found: Spread) -> Iterator[list[Any]]:
 
 def _coordinates(found: Spread) -> list[str]:
     """The labels of the links."""
-    return [label for label in system_of(found.scene).labels if label != "x"]
+    system = system_of(found.scene)
+    return list(system.labels[system.first :])
 
 
 def _whole(found: Spread) -> dict[str, Any]:

@@ -16,14 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import MultipendulaError, SceneError
 from modal.modes import natural_modes
 from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, counted, deferred, finite, titled
 from modal.scene import Scene, describe, drive_period, name_of, require, title_of, validate_scene
+from modal.scene.doors import checked
 from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import nearby
 from nonlinear.ensembles.measures import places
+from nonlinear.ensembles.plain import state_columns
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
 from nonlinear.reduction import usual_start
@@ -34,7 +35,6 @@ KEPT, MOST = 50, 16  # strobes by which a settled motion is judged, and the long
 SAME = 1e-4  # of natural units, within which a motion repeats
 STEADY = 0.9  # the part of its distance from a shorter period that a motion keeps
 DECAYED, FEWEST = 10.0, 200.0  # e-folds of the slowest decay in a transient, and its periods, at least
-STATES = ("links_rad", "link_rates_rad_per_s", "cart_m", "cart_rate_m_per_s")
 
 
 # ------------------------------------------------------------------------------------------------------- in time
@@ -63,18 +63,25 @@ def settling_time(scene: Scene, period: float) -> float:
 # ------------------------------------------------------------------------------------------------------- repetition
 
 
+def strobe_columns(system: System) -> list[str]:
+    """The columns of a state."""
+    return list(state_columns(system.structure is not None).values())
+
+
 def natural_units(system: System, states: Sequence[Floats]) -> Floats:
     """States (links, their rates, cart, its rate), (S, K, ...), in natural units, (S, K, D), angles (rad) first.
 
     The place of a cart without a spring is left out: wherever it is, it moves on in the same way.
     """
-    links, rates, cart, speed = states
+    links, rates, cart, speed, *carried = states
     length = float(system.by_link("length").min())
     rate = sqrt(system.gravity / length)
     columns = [links, rates / rate]
     if system.cart is not None:
         columns += [(cart / length)[..., None]] * bool(system.cart.stiffness)
         columns.append((speed / (length * rate))[..., None])
+    if carried:
+        columns += [carried[0] / system.first_units, carried[1] / (system.first_units * rate)]
     return np.concatenate(columns, axis=-1)
 
 
@@ -143,8 +150,11 @@ class StroboscopicSection(Displayed):
 
     @property
     def states(self) -> list[Floats]:
-        """Angles of links and their rates, (S, K, L), place and speed of the cart, (S, K), at the strobes."""
-        return [self.ensemble.column(name)[:, -len(self.times) :] for name in STATES]
+        """Angles of links and their rates, (S, K, L), place and speed of the cart, (S, K), at the strobes.
+
+        On a structure its coordinates and their rates, (S, K, d), follow.
+        """
+        return [self.ensemble.column(name)[:, -len(self.times) :] for name in strobe_columns(self.system)]
 
     @property
     def repeats(self) -> Ints:
@@ -275,11 +285,14 @@ def strobes_table(found: StroboscopicSection, form: Form) -> str:
 def state_records(system: System, states: Sequence[Floats]) -> Iterator[dict[str, float]]:
     """Of states (links, their rates, cart, its rate), (N, ...), a record each."""
     named = places(system)
-    for links, rates, x, speed in zip(*(own.tolist() for own in states), strict=True):
+    names = system.structure.names if system.structure else ()
+    for links, rates, x, speed, *carried in zip(*(own.tolist() for own in states), strict=True):
         yield (
             {f"theta_{place}_rad": own for place, own in zip(named, links, strict=True)}
             | {f"theta_dot_{place}_rad_per_s": own for place, own in zip(named, rates, strict=True)}
             | ({"x_m": x, "x_dot_m_per_s": speed} if system.cart is not None else {})
+            | (dict(zip(names, carried[0], strict=True)) if carried else {})
+            | ({f"{name}_per_s": own for name, own in zip(names, carried[1], strict=True)} if carried else {})
         )
 
 

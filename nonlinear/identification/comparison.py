@@ -8,12 +8,12 @@ from math import log
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import SceneError, meant
 from modal.identification import scene_with
 from modal.identification.parameters import natural_unit
 from modal.report import Displayed
-from modal.scene import Cart, Scene
+from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.scene.parameters import find_places, with_numbers
 from nonlinear.identification.fitting import fit
 from nonlinear.identification.records import FEWEST, Recording
@@ -121,7 +121,7 @@ def with_laws(scene: Scene, laws: Sequence[str]) -> tuple[Scene, list[str]]:
     for spot in spots:
         for name in ("damping", "friction", "drag", "quadratic_drag"):
             values[f"{spot}.{name}"] = 0.0
-    if isinstance(scene.support, Cart):
+    if scene.cart is not None:
         spots.append("support")
         values |= {"support.damping": 0.0, "support.friction": 0.0}
     for spot in spots:

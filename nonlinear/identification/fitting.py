@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import scipy
 
-from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.identification import (
     autocorrelation,
@@ -24,6 +23,7 @@ from modal.identification import (
     starts_of,
 )
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Booleans, Floats
 from nonlinear.identification.diagnosis import diagnose
 from nonlinear.identification.mistakes import find_mistake, require_radians, require_seconds

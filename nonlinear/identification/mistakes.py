@@ -17,7 +17,7 @@ import scipy
 from modal.errors import ComputationError, SceneError
 from modal.modes import natural_modes
 from modal.report import listed
-from modal.scene import Cart, Scene
+from modal.scene import Scene
 from nonlinear.identification.records import Recording
 from nonlinear.identification.starting import spectral_lines
 
@@ -72,7 +72,7 @@ def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
         names = [sensors[c].name for c in angles]
         way = " and ".join(f"{name}_deg={name}_rad" for name in names)
         yield Mistake(times(180 / np.pi, angles), f"{listed(names, len(names))} look like radians", f"columns {way}")
-    upright = isinstance(scene.support, Cart) and any(not one.pendulum for one in sensors)
+    upright = scene.cart is not None and any(not one.pendulum for one in sensors)
     for c in angles if len(angles) > 1 or upright else []:
         name = sensors[c].name
         yield Mistake(times(-1.0, [c]), f"{name} counts the other way", f"columns {name}_rad=-{name}_rad")

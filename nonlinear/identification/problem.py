@@ -17,7 +17,7 @@ from modal.errors import SceneError
 from modal.identification import Parameter, scene_with
 from modal.identification.parameters import numbers_at
 from modal.report import Displayed
-from modal.scene import Cart, Scene, refusals
+from modal.scene import Scene, refusals
 from modal.scene.parameters import Place, is_of_switch, number_at
 from modal.types import Booleans, Floats
 from nonlinear.dynamics.inputs import Inputs
@@ -112,7 +112,7 @@ class Problem(Displayed):
     @property
     def coordinates(self) -> int:
         """Number of coordinates of the scene."""
-        return self.system.n_links + int(self.system.cart is not None)
+        return self.system.n_links + self.system.first
 
     @cached_property
     def late(self) -> float:
@@ -123,8 +123,7 @@ class Problem(Displayed):
     def scale(self) -> Floats:
         """Natural units of a state."""
         units = np.ones(2 * self.coordinates)
-        if self.system.cart is not None:
-            units[0] = self.system.length
+        units[: self.system.first] = self.system.first_units
         units[self.coordinates :] = units[: self.coordinates] * self.system.rate
         return units
 
@@ -133,7 +132,7 @@ class Problem(Displayed):
         return {sensor: self._parts(sensor) for sensor in self.recording.sensors}
 
     def _parts(self, sensor: Sensor) -> tuple[tuple[int, float], ...]:
-        first = int(self.system.cart is not None)
+        first = self.system.first
         if not sensor.pendulum:
             return ((0, 1.0),)
         own = [k for k, pendulum in enumerate(self.system.pendulum) if pendulum == sensor.pendulum - 1]
@@ -166,9 +165,9 @@ class Problem(Displayed):
         found[layout.scales] = self.scaled
         if len(self.recording.sensors):
             found[layout.delays.start] = False
-        cart = self.scene.support
+        cart = self.scene.cart
         for k, sensor in enumerate(self.recording.sensors):
-            if not sensor.pendulum and isinstance(cart, Cart) and not cart.stiffness:
+            if not sensor.pendulum and cart and not cart.stiffness:
                 found[layout.offsets.start + k] = False
         return found
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from modal.errors import SceneError, meant
 from modal.report import Displayed, counted, listed
-from modal.scene import Cart, Scene
+from modal.scene import Scene
 from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, text_of
 from modal.types import Floats
 
@@ -189,7 +189,7 @@ def read_recording(
         name = os.fspath(path)
         try:
             header, rows = _table(name, where or {}, columns or {})
-            if not isinstance(scene.support, Cart) if scene else _is_still(header, rows):
+            if scene.cart is None if scene else _is_still(header, rows):
                 header = [f"({column})" if column == RUNS else column for column in header]
             tables.append((name, header, rows))
         except SceneError as error:
@@ -237,7 +237,7 @@ def _is_known(column: str) -> bool:
 def _absent(scene: Scene, sensor: Sensor) -> Iterator[str]:
     """What the sensor reads and the scene has not."""
     if not sensor.pendulum:
-        if not isinstance(scene.support, Cart):
+        if scene.cart is None:
             yield "column cart_m: the scene has no cart"
         return
     sizes = [one.n_links for one in scene.pendulum for _ in range(one.count)]

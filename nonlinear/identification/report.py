@@ -9,7 +9,6 @@ import numpy as np
 
 from modal.report import NOTHING, as_json, finite, grid, short, titled
 from modal.scene import title_of
-from modal.scene.parameters import Variation
 from nonlinear.identification.comparison import Candidate
 from nonlinear.identification.result import Fit
 
@@ -119,7 +118,7 @@ def fit_text(found: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -
     """The report as text; with `draws` a column has the standard deviations of a bootstrap."""
     rows, again = [], found.bootstrap(draws) if draws else None
     for k, one in enumerate(found.parameters):
-        unit = Variation(one.path, (one.value,)).unit
+        unit = one.unit_name
         held = k in set(found.held.tolist())
         spread = "held" if held else _spread(found.stds[k])
         more = [] if again is None else ["held" if held else _spread(again[k])]

@@ -26,7 +26,7 @@ def initial_states(problem: Problem) -> Floats:
     """The states (S, width) at the beginning of every segment, by a parabola through each sensor's first samples."""
     coordinates = problem.coordinates
     picks, back = problem.picks, np.linalg.pinv(problem.picks)
-    rest = np.concatenate((np.zeros(int(problem.system.cart is not None)), problem.system.rest))
+    rest = np.concatenate((np.zeros(problem.system.first), problem.system.rest))
     found = np.zeros((len(problem.recording.segments), 2 * coordinates))
     glance = GLANCE / problem.system.rate
     for s, segment in enumerate(problem.recording.segments):

@@ -166,6 +166,9 @@ def validate_forces(load: Load | None, system: System, start: State, time: float
     problems = []
     if system.cart is None and push.cart:
         problems.append("load: acts on the cart, but the support is fixed")
+    size = system.first if system.structure is not None else 0
+    if push.supports is not None and np.shape(push.supports) != (size,):
+        problems.append(f"load: supports have shape {np.shape(push.supports)}, this scene needs {(size,)}")
     if push.moments is not None and np.shape(push.moments) != shape:
         problems.append(f"load: moments have shape {np.shape(push.moments)}, this scene needs {shape}")
     if push.cart is None or not all(np.all(np.isfinite(part)) for part in push if part is not None):
@@ -213,6 +216,9 @@ def extent(state: State, system: System) -> float:
     else:
         aside = (state.links - system.rest + pi) % (2 * pi) - pi
     parts = [float(np.abs(aside).max()), float(np.abs(state.link_rates).max()) / system.rate]
+    if system.structure is not None:
+        units = system.first_units
+        parts += np.abs(state.supports / units).tolist() + np.abs(state.support_rates / (units * system.rate)).tolist()
     if cart and cart.stiffness:
         parts.append(abs(state.cart) / system.length)
     if cart and (cart.stiffness or cart.damping or system.rail or system.dragged):

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -46,26 +47,32 @@ class Escaping:
     impulse: Floats
     angle: Floats
 
-    def gamma(self, links: Floats, rest: Floats | float = 0.0) -> Floats:
-        """The value at every joint (..., J) from the values of its links (..., L)."""
-        padded = np.concatenate((links, np.zeros_like(links[..., :1])), axis=-1)
-        return np.asarray(padded[..., self.below] - padded[..., self.above] - rest)
+    def gamma(self, values: Floats, rest: Floats | float = 0.0) -> Floats:
+        """The value at every joint (..., J) from the values of all coordinates (..., half)."""
+        padded = np.concatenate((values, np.zeros_like(values[..., :1])), axis=-1)
+        below, above = np.array(self.pairs, dtype=np.int64).reshape(-1, 2).T
+        return np.asarray(padded[..., below] - padded[..., above] - rest)
 
-    @property
+    @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """The coordinates of v below and above every joint, −1 standing for the support."""
-        first = int(self.system.cart is not None)
+        """The coordinates of v below and above every joint, −1 standing for a support that does not turn."""
+        system, first = self.system, self.system.first
         above = np.where(self.above < 0, -1, self.above + first)
+        if system.structure is not None:
+            for joint in np.flatnonzero(self.above < 0):
+                pivot = system.structure.pivots[system.pendulum[self.below[joint]]]
+                angle = system.structure.angle_of(pivot.carrier)
+                above[joint] = -1 if angle is None else angle
         return tuple(zip((self.below + first).tolist(), above.tolist(), strict=True))
 
-    def jump(self, links: Floats, kicked: Floats) -> Floats:
-        """The change of the velocities (half of y) when joints are kicked by impulses (J,) in N m s."""
-        pushes = np.zeros(self.system.n_links + 1)
-        np.add.at(pushes, self.below, kicked)
-        np.add.at(pushes, self.above, -kicked)
-        pushes = np.append(np.zeros(int(self.system.cart is not None)), pushes[:-1])
+    def jump(self, q: Floats, kicked: Floats) -> Floats:
+        """The change of the velocities (half of y) at q when joints are kicked by impulses (J,) in N m s."""
+        pushes = np.zeros(len(q) + 1)
+        for (below, above), impulse in zip(self.pairs, kicked.tolist(), strict=True):
+            pushes[below] += impulse
+            pushes[above] -= impulse
         solvers = [(group, Recursion(group)) for group in self.system.groups]
-        return np.asarray(inverted(self.system, solvers, links, pushes))
+        return np.asarray(inverted(self.system, solvers, q, pushes[:-1]))
 
 
 def escaping(system: System) -> Escaping:
@@ -128,7 +135,7 @@ class Escapements:
         kick = side * joints.impulse
         self.side = np.where(side, -side, self.side)
         found = y.copy()
-        found[layout.half : 2 * layout.half] += joints.jump(y[layout.on_cart : layout.half], kick)
+        found[layout.half : 2 * layout.half] += joints.jump(y[: layout.half], kick)
         fed = kick * joints.gamma((y + found)[self._rates]) / 2
         found[-1] += fed.sum()
         which = np.flatnonzero(side)
@@ -137,14 +144,14 @@ class Escapements:
 
     @property
     def _rates(self) -> slice:
-        return slice(self.layout.half + self.layout.on_cart, 2 * self.layout.half)
+        return slice(self.layout.half, 2 * self.layout.half)
 
     def _out(self, rows: Floats) -> tuple[Floats, Floats]:
         """How far (rad) every joint is beyond the angle of its next kick, −inf on an inactive side, and its rate.
 
         Both (2, T, J): to the right and to the left.
         """
-        gamma = self.joints.gamma(rows[:, self.layout.on_cart : self.layout.half], self.joints.bent)
+        gamma = self.joints.gamma(rows[:, : self.layout.half], self.joints.bent)
         sides = np.array([1.0, -1.0])[:, None, None]
         over = np.where(self.side * sides < 0, -np.inf, sides * gamma - self.joints.angle)
         return over, sides * self.joints.gamma(rows[:, self._rates])
@@ -177,7 +184,7 @@ def escapements(system: System, layout: Layout, y: Floats, before: Kicks = NO_KI
     A joint that starts beyond its angle, or that was kicked before, has already had the kick on that side.
     """
     joints = escaping(system)
-    gamma = joints.gamma(y[layout.on_cart : layout.half], joints.bent)
+    gamma = joints.gamma(y[: layout.half], joints.bent)
     last = np.zeros(system.n_links)
     last[before.link] = before.impulse
     aside = np.where(np.abs(gamma) > joints.angle, gamma, last[joints.below])

@@ -198,7 +198,7 @@ class StickSlip:
         speeds = self.equations.sliding(rows)[:, 0]
         forces = [self.equations.rubbing(time, row).tau[0] for time, row in zip(times.tolist(), rows, strict=True)]
         layout = self.equations.layout
-        refuse_jam(self.equations.system, rows[-1, layout.half + layout.on_cart : 2 * layout.half], forces[-1])
+        refuse_jam(self.equations.system, rows[-1, layout.half + layout.first : 2 * layout.half], forces[-1])
         self._work[0] += (now - before) / 2 * float(WEIGHTS @ (np.array(forces) * speeds))
 
     def record(self, time: float, y: Floats) -> Friction:

@@ -57,7 +57,7 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
     """The text of the module for this form of scene and its switches."""
     sizes, layout = dict.fromkeys(SIZES, 0), lanes.layout
     switches, (module, name) = (crowd.switches, crowd.equations) if crowd else (None, (lanes.module, "rates"))
-    sizes |= {"D": lanes.size, "SIZE": layout.size, "HALF": layout.half, "FIRST": int(layout.on_cart)}
+    sizes |= {"D": lanes.size, "SIZE": layout.size, "HALF": layout.half, "FIRST": layout.first}
     sizes |= {"CONSTANTS": len(module.names), "TIMED": lanes.inputs.count}
     if lanes.inputs.count:
         sizes["DRIVEN"] = CLOCK if lanes.inputs.polynomials == [] else TABLES

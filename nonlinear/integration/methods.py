@@ -135,7 +135,10 @@ def choose(
     more = _added(system, driven)
     plain = form == "minimal" and method != "taylor" and not refusals(scene, "compiled equations", *more)
     plain = plain and "massless_cart" not in scene.features  # only floats pass close by the rest, where M is singular
+    carried = system.structure is not None and any(one.M is not None for one in system.structure.carriers)
     ways = offers(scene, system, duration, tolerance, size) if plain else {}
+    if carried:
+        ways.pop("compiled", None)
     written = system.n_links <= WRITTEN
     if written and system.kicked:
         ways.pop("compiled", None)
@@ -265,7 +268,7 @@ def _acted_on(system: System, load: Load | None) -> bool:
 
 def _bare(system: System) -> int:
     """Links up to which floats beat a dense matrix where only gravity acts; all where that would lose digits."""
-    if any(loses_digits(group, system) for group in system.groups):
+    if system.structure is not None or any(loses_digits(group, system) for group in system.groups):
         return WRITTEN
     return CHAINS if max(group.n for group in system.groups) > 2 else PAIRS
 
@@ -274,6 +277,8 @@ def _numeric(system: System, load: Load | None) -> Arranged:
     """The same by matrices or recursions."""
     if system.hoisting is not None:
         return Minimal(system, (None,) * len(system.groups), load)
+    if system.structure is not None:
+        return Minimal(system, tuple(Recursion(group) for group in system.groups), load)
     if system.n_links <= FEWEST and not any(loses_digits(group, system) for group in system.groups):
         return Small(system, load=load)
     return Minimal(system, tuple(body_of(group, system) for group in system.groups), load)

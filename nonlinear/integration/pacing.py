@@ -23,18 +23,20 @@ MOVED, RESTING = 4, 1e-300  # how many times what moves counts, as in `sharpened
 class Units:
     """Natural units of members: `length` (m) of the longest link, `rate` sqrt(g/l) (rad/s), `energy` g Σ b (J).
 
-    Each is (S,), or (1,) where members do not differ in it.
+    Each is (S,), or (1,) where members do not differ in it.  `turning` are the coordinates of carriers that are angles.
     """
 
     length: Floats
     rate: Floats
     energy: Floats
+    turning: tuple[int, ...] = ()
 
     def scale(self, layout: Layout) -> Floats:
         """Those of y, (size, S or 1), as in `Layout.natural`."""
         length, rate, energy = np.broadcast_arrays(self.length, self.rate, self.energy)
         half = np.ones((layout.half, len(length)))
-        half[: layout.on_cart] = length
+        half[: layout.first] = length
+        half[list(self.turning)] = 1.0
         return np.concatenate((half, half * rate, energy[None][: int(layout.works)]))
 
 
@@ -44,15 +46,20 @@ def units_of(numbers: Numbers) -> Units:
     length = np.max([group.block.length.max((0, 1)) for group in system.groups], axis=0)
     weight = sum(group.block.b.sum((0, 1)) for group in system.groups)
     gravity = np.atleast_1d(system.gravity)
-    return Units(np.asarray(length), np.sqrt(gravity / length), np.asarray(gravity * weight))
+    structure = numbers.system.structure
+    turning = () if structure is None else structure.turning
+    return Units(np.asarray(length), np.sqrt(gravity / length), np.asarray(gravity * weight), turning)
 
 
 def extents(numbers: Numbers, layout: Layout, y: Floats, units: Units) -> Floats:
     """How far each start y (size, S) is from rest, (S,), as in `nonlinear.integration.arguments.extent`."""
-    system, cart, first, half = numbers.arrays, numbers.arrays.cart, int(layout.on_cart), layout.half
+    system, cart, first, half = numbers.arrays, numbers.arrays.cart, layout.first, layout.half
     rest = numbers.system.rest[:, None]
     aside = (y[first:half] - rest + pi) % (2 * pi) - pi
     parts = [np.abs(aside).max(0), np.abs(y[half + first : 2 * half]).max(0) / units.rate]
+    if numbers.system.structure is not None:
+        scale = units.scale(layout)
+        parts += [np.abs(own / unit) for k in (0, half) for own, unit in zip(y[k : k + first], scale[k:], strict=False)]
     if cart is not None:
         held, braked = (np.asarray(own) > 0 for own in (system.cart.stiffness, system.cart.damping))  # type: ignore[union-attr]
         parts.append(np.abs(y[0]) / units.length * held)
@@ -63,7 +70,7 @@ def extents(numbers: Numbers, layout: Layout, y: Floats, units: Units) -> Floats
 
 def shaken(numbers: Numbers, layout: Layout, y: Floats, started: Floats, end: float) -> Floats:
     """The sizes of motions that time drives, (S,), as in `nonlinear.integration.arguments.shaken`."""
-    system, first, half = numbers.arrays, int(layout.on_cart), layout.half
+    system, first, half = numbers.arrays, layout.first, layout.half
     push = drive_of(system, np.linspace(0.0, end, LOOKS)[:, None])
     rests = (y[first:half] == numbers.system.rest[:, None]).all(0) & ~y[half + first : 2 * half].any(0)
     found = np.minimum(1.0, np.where(rests & (push < 1), push, np.maximum(push, started)))

@@ -48,7 +48,7 @@ class Level:
 
 def level_of(layout: Layout, row: int, value: float) -> Level:
     """The level of a component of y."""
-    return Level(row, value, turns=int(layout.on_cart) <= row < layout.half)
+    return Level(row, value, turns=layout.first <= row < layout.half)
 
 
 class Starts(NamedTuple):

@@ -43,7 +43,7 @@ class Switches:
     def places(self) -> Places:
         """Where numbers stand."""
         form, width = self.form, 3 if self.form.spatial else 1
-        half = form.on_cart + width * form.system.n_links
+        half = form.first + width * form.system.n_links
         contacts = 2 * len(form.contacts)
         timed = self.module.sizes.get("u", 0) - contacts
         size = 2 * half + form.works
@@ -73,7 +73,7 @@ class Switches:
 
         A joint that starts beyond its angle, or that was kicked before, has already had the kick on that side.
         """
-        at, first = self.places, int(self.form.on_cart)
+        at, first = self.places, self.form.first
         state, impulses = [0.0] * at.length, dict(zip(before.link.tolist(), before.impulse.tolist(), strict=True))
         last = [float(impulses.get(pair[0] - first, 0.0)) for pair in self.kicks]
         self._changing[0](t, [*map(float, y)], last, state, [*self.numbers], self.constants, [*u], self.happened)
@@ -156,7 +156,7 @@ class Switches:
         times = (before + now) / 2 + (now - before) / 2 * NODES
         rows, added, friction = inside(times).tolist(), self.inputs(state), self.function("friction")
         forces = [friction(y, [*u(t), *added], ())[0] for t, y in zip(times.tolist(), rows, strict=True)]
-        links = slice(at.half + int(self.form.on_cart), 2 * at.half)
+        links = slice(at.half + self.form.first, 2 * at.half)
         refuse_jam(self.form.system, np.array(rows[-1][links]), forces[-1])
         work = sum(w * force * y[at.half] for w, force, y in zip(WEIGHTS.tolist(), forces, rows, strict=True))
         state[at.told + 3 * at.J] += (now - before) / 2 * work
@@ -170,7 +170,7 @@ class Switches:
     def kicked(self) -> Kicks:
         """The kicks so far."""
         kicks = [each for each in self.happened if each[1] < len(self.kicks)]
-        which = np.array([self.kicks[int(each[1])][0] for each in kicks], dtype=np.int64) - int(self.form.on_cart)
+        which = np.array([self.kicks[int(each[1])][0] for each in kicks], dtype=np.int64) - self.form.first
         time, _, impulse, fed = np.array(kicks).reshape(-1, 4).T
         return Kicks(time, which, impulse, fed)
 
@@ -183,7 +183,7 @@ class Switches:
             phases += [(begin, end, j - contacts[0]) for begin, end in zip(times[::2], times[1::2], strict=False)]
         if self.rests(state):
             rest = max(each[0] for each in self.happened if each[1] in contacts)
-        links = np.array([below for below, _ in at.contacts], dtype=np.int64) - int(self.form.on_cart)
+        links = np.array([below for below, _ in at.contacts], dtype=np.int64) - self.form.first
         phases.sort()
         begin, end = (np.array([phase[k] for phase in phases], dtype=float) for k in (0, 1))
         return Friction(links[[phase[2] for phase in phases]], begin, end, links, np.array(self.work(y, state)), rest)

@@ -8,12 +8,15 @@ from math import ceil, pi, sqrt
 
 import numpy as np
 
+from modal.assembly import matrices
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes
 from modal.scene import Scene
+from modal.types import Complexes
 from nonlinear.system import system_of
 
 MOST_SURVEYED = 2000  # links of a scene up to which its modes are computed
+DENSE = 300  # and on a structure the eigenvalues of its matrices
 
 
 @dataclass(frozen=True)
@@ -35,15 +38,31 @@ modes_of = lru_cache(maxsize=4)(natural_modes)
 @lru_cache(maxsize=4)
 def estimate_timescales(scene: Scene) -> Timescales:
     """The time scales of a scene's modes where these are cheap, else estimates."""
-    if scene.n_links <= MOST_SURVEYED:
+    if scene.is_structured and scene.n_links <= DENSE:
+        return _surveyed(_of_matrices(scene), scene)
+    if scene.n_links <= MOST_SURVEYED and not scene.is_structured:
         try:
             found = _modes_of_scales(scene).eigenvalue
         except ComputationError:
             return _guessed(scene)
-        swings = np.abs(found[(np.abs(found.imag) > np.abs(found.real)) | (found.real > 0)])
-        swing = float(swings.max(initial=0.0)) or _guessed(scene).swing
-        return Timescales(swing, float(np.max(-found.real, initial=0.0)), True)
+        return _surveyed(found, scene)
     return _guessed(scene)
+
+
+def _surveyed(eigenvalues: Complexes, scene: Scene) -> Timescales:
+    """The time scales of these eigenvalues (1/s)."""
+    swings = np.abs(eigenvalues[(np.abs(eigenvalues.imag) > np.abs(eigenvalues.real)) | (eigenvalues.real > 0)])
+    swing = float(swings.max(initial=0.0)) or _guessed(scene).swing
+    return Timescales(swing, float(np.max(-eigenvalues.real, initial=0.0)), True)
+
+
+def _of_matrices(scene: Scene) -> Complexes:
+    """The eigenvalues (1/s) of M q'' + D q' + K q = 0, good enough for steps."""
+    one = matrices(scene.linearizable.still.unforced)
+    M, K, D = one.M, one.K, one.D
+    size = len(M)
+    A = np.block([[np.zeros((size, size)), np.eye(size)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
+    return np.asarray(np.linalg.eigvals(A).astype(complex))
 
 
 def _modes_of_scales(scene: Scene) -> Modes:

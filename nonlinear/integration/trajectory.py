@@ -148,7 +148,7 @@ class Trajectory(Displayed):
     @property
     def keeps_spin(self) -> bool:
         """Whether angular momentum about the vertical is conserved: in space, each pendulum on a fixed support."""
-        return self.system.spatial and self.system.cart is None and not (self.system.works or self.driven)
+        return self.system.spatial and self.system.first == 0 and not (self.system.works or self.driven)
 
     def momentum_drift(self) -> float:
         """The largest change of a conserved momentum over Σ m |v| without coasting, or Σ m r |v|; else NaN."""

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.doors import require_type
 from modal.errors import ComputationError
+from modal.scene.doors import require_type
 from nonlinear.dynamics import exactly_symmetric, is_unstable_equilibrium, symmetrize, synchronous
 from nonlinear.integration.arguments import extent
 from nonlinear.integration.run import Request, SimulationError

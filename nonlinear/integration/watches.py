@@ -96,7 +96,7 @@ class FirstTurns:
     times: Floats = field(init=False)
 
     def __post_init__(self) -> None:
-        first, half = int(self.layout.on_cart), self.layout.half
+        first, half = self.layout.first, self.layout.half
         self._levels = [Level(row, pi, turns=True) for row in range(first, half)]
         self._starts = [starts_of(level, self.layout, self.begun, self.slope) for level in self._levels]
         self.times = np.array([np.where(starts.passes, 0.0, inf) for starts in self._starts])
@@ -148,12 +148,12 @@ class Largest:
     angle: Floats = field(init=False)
 
     def __post_init__(self) -> None:
-        first, half = int(self.layout.on_cart), self.layout.half
+        first, half = self.layout.first, self.layout.half
         self.angle = np.abs(self.begun[first:half]).max(0)
 
     def see(self, step: Step) -> None:
         """Ends of steps, and turning points that may lie further out."""
-        first, half = int(self.layout.on_cart), self.layout.half
+        first, half = self.layout.first, self.layout.half
         found = self.angle[step.member]
         found = np.where(step.taken, np.maximum(found, np.abs(step.after[first:half]).max(0)), found)
         furthest = np.array([np.maximum(-low, high) for low, high in (reach(step, row) for row in range(first, half))])
@@ -206,7 +206,7 @@ class Growth:
         grown = np.sqrt(squared(v))
         v /= grown
         taken = step.taken & np.isfinite(grown) & (grown > 0)
-        far = np.abs(step.after[int(self.layout.on_cart) : half]).max(0)
+        far = np.abs(step.after[self.layout.first : half]).max(0)
         error = self.error[members] * grown + np.maximum(self.local[members], ROUNDING * far)
         columns = np.flatnonzero(taken)
         own = members[columns]

@@ -8,9 +8,9 @@ from itertools import islice
 
 import numpy as np
 
-from modal.doors import checked, checked_index, checked_number
 from modal.errors import ComputationError, SceneError
 from modal.scene import Scene, require
+from modal.scene.doors import checked, checked_index, checked_number
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
@@ -85,7 +85,7 @@ def turning(problem: Shooting, y: Floats, period: float) -> tuple[Floats, int]:
     """
     flow = problem.first
     layout, path = flow.equations.layout, flow(y, np.zeros((len(y), 0)), period).path
-    first = int(layout.on_cart)
+    first = layout.first
     angles = path.states[:, first : layout.half] - flow.system.rest
     leader = int(np.abs(angles).max(axis=0).argmax())
     if problem.passes:
@@ -124,7 +124,7 @@ def near(problem: Shooting, one: RelativeEquilibrium) -> tuple[Floats, float, in
     """The start of an averaged configuration: y, period (s), and the link that is the widest, which turns or passes."""
     system = one.averaged.system
     place = one.averaged.shapes @ one.z
-    first = int(system.cart is not None)
+    first = system.first
     leader = int(np.abs(place[first:]).argmax())
     turn = np.exp(-1j * np.angle(place[first + leader])) * (-1j if problem.passes else 1)
     q, v = (place * turn).real, (1j * one.omega * place * turn).real

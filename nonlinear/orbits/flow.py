@@ -103,7 +103,7 @@ class Flow(Displayed):
     @cached_property
     def rest(self) -> Floats:
         """The equilibrium, (n,)."""
-        return np.concatenate((np.zeros(int(self.equations.layout.on_cart)), self.system.rest))
+        return np.concatenate((np.zeros(self.equations.layout.first), self.system.rest))
 
     @cached_property
     def switched(self) -> Switched | None:

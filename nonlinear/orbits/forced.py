@@ -15,10 +15,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary
 from modal.scene import Scene, drive_period, require
+from modal.scene.doors import checked
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
@@ -97,7 +97,7 @@ def linear_response(scene: Scene) -> LinearResponse:
     motion = y + np.fft.irfft(found.T, many).T
     if not np.all(np.isfinite(motion)):
         raise ComputationError("the linear model has no steady response here")
-    links = slice(int(equations.layout.on_cart), equations.layout.half)
+    links = slice(equations.layout.first, equations.layout.half)
     return LinearResponse(drives.seconds, motion, motion[:, links] - flow.rest[links])
 
 
@@ -200,7 +200,7 @@ def _beside(problem: Shooting, y: Floats, value: float | None, words: str) -> tu
     """The orbit beside the motion from y, whose links gain the whole turns that they gain there."""
     flow = problem.flow_at(value)
     layout, period = flow.equations.layout, problem.clock.period(value) if problem.clock else np.inf
-    links, path = slice(int(layout.on_cart), layout.half), flow(y, np.zeros((len(y), 0)), period).path
+    links, path = slice(layout.first, layout.half), flow(y, np.zeros((len(y), 0)), period).path
     angles = path.states[:, links]
     y, turns = y.copy(), np.round((angles[-1] - angles[0]) / (2 * np.pi)).astype(int)
     middle = (angles.min(axis=0) + angles.max(axis=0)) / 2 - flow.rest[links]

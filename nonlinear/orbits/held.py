@@ -14,9 +14,9 @@ from math import degrees, radians
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import ComputationError
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
@@ -62,7 +62,7 @@ class Held:
 
 def _largest(problem: Quarter, u: Floats) -> tuple[float, Floats]:
     """The largest angle (rad) of any link over a quarter of a period, and its derivative by u."""
-    n, scale, first = problem.half, problem.flow.scale, int(problem.flow.equations.layout.on_cart)
+    n, scale, first = problem.half, problem.flow.scale, problem.flow.equations.layout.first
     y, quarter = problem.start(u), float(u[-1]) / problem.clock
     path = problem.flow(y, np.zeros((2 * n, 0)), quarter).path
     angles = np.abs(path.states[:, first:n] - problem.flow.rest[first:])

@@ -8,10 +8,10 @@ from math import degrees, radians
 
 import numpy as np
 
-from modal.doors import checked, checked_number
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes, table_numbers
 from modal.scene import Scene, require
+from modal.scene.doors import checked, checked_number
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import Point, follow, located, point
@@ -155,8 +155,7 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
 def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> Point:
     """The orbit of this amplitude (rad) beside the linear mode of this index, with the tangent towards larger ones."""
     shape = modes.shape(row)
-    cart = [float(np.real(shape.cart))] if problem.half > len(shape.angles) else []
-    phi = np.array([*cart, *np.real(shape.angles)]) / problem.flow.scale[: problem.half]
+    phi = np.real(modes.column(shape)) / problem.flow.scale[: problem.half]
     phi = phi / np.abs(np.real(shape.angles)).max()
     quarter = np.pi / 2 / modes.omega[row] * problem.clock
     across = np.append(phi, 0.0) / np.linalg.norm(phi)

@@ -72,7 +72,7 @@ class Orbit(Displayed):
     @cached_property
     def amplitudes(self) -> Floats:
         """The largest angle (rad) of every link from its equilibrium over the period, (L,)."""
-        half, first = self.flow.equations.layout.half, int(self.flow.equations.layout.on_cart)
+        half, first = self.flow.equations.layout.half, self.flow.equations.layout.first
         times, states, rates = self.path
         at = slice(first, half)
         fast = slice(half + first, 2 * half)
@@ -89,7 +89,7 @@ class Orbit(Displayed):
         """
         drive = next(iter(sines_of(self.scene).values()))
         times, q, _ = self._sampled
-        turned = q[:, int(self.flow.equations.layout.on_cart) :]
+        turned = q[:, self.flow.equations.layout.first :]
         if any(self.turns):
             turned = turned - 2 * np.pi * np.outer(times / self.period, self.turns)
         c = np.exp(-2j * np.pi * drive.frequency_hz * times) @ turned
@@ -112,7 +112,7 @@ class Orbit(Displayed):
     @cached_property
     def is_symmetric(self) -> bool:
         """Whether a forced motion is its own mirror image half a cycle of the drives later."""
-        angles = self._sampled[1][:, int(self.flow.equations.layout.on_cart) :] - self.flow.system.rest
+        angles = self._sampled[1][:, self.flow.equations.layout.first :] - self.flow.system.rest
         later = np.roll(angles, SAMPLES // 2, axis=0)
         return not any(self.turns) and bool(np.abs(angles + later).max() < SYMMETRIC * np.abs(angles).max())
 

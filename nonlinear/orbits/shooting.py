@@ -21,6 +21,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
+from modal.modes import natural_modes
 from modal.scene import Scene, drive_period, require
 from modal.scene.parameters import Variable, Variation, find_places, vary, with_numbers
 from modal.types import Floats
@@ -97,7 +98,7 @@ class Shooting:
         """What y gains in a period, in natural units, (d,)."""
         found, layout = np.zeros(self.size), self.first.equations.layout
         if self.turns:
-            found[int(layout.on_cart) : layout.half] = 2 * np.pi * np.array(self.turns)
+            found[layout.first : layout.half] = 2 * np.pi * np.array(self.turns)
         return found / self.first.scale
 
     @cached_property
@@ -208,7 +209,7 @@ class Shooting:
     def _conditions(self, length: int) -> tuple[Floats, Floats]:
         """Rows that fix the phase and the place of the cart, and what they give."""
         layout, rows, given = self.first.equations.layout, [], np.zeros(length)
-        place = int(layout.on_cart) + self.leader
+        place = layout.first + self.leader
         if self.clock is None:
             rows.append(place if self.passes else layout.half + place)
             given[place] = self.first.rest[place] / self.first.scale[place] if self.passes else 0.0
@@ -264,6 +265,15 @@ def _joined(paths: list[Path], part: float) -> Path:
     return Path(times, np.vstack([path.states for path in paths]), np.vstack([path.rates for path in paths]))
 
 
+def require_held(scene: Scene) -> None:
+    """ComputationError where carriers of a structure move freely along the rail."""
+    if scene.is_structured and not np.all(natural_modes(scene.conservative).omega):
+        raise ComputationError(
+            "periodic orbits on a structure are computed where something holds every support, and here one moves "
+            "freely: give it a spring, or one to the ground"
+        )
+
+
 def shooting(
     scene: Scene,
     *,
@@ -280,6 +290,7 @@ def shooting(
     """
     capability = "a forced periodic orbit" if cycles else "a periodic orbit"
     require(scene, capability)
+    require_held(scene)
 
     variable = Variable(scene, [variation.path] if variation else [])
 

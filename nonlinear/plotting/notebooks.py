@@ -5,10 +5,10 @@ from __future__ import annotations
 from io import BytesIO
 from typing import Any
 
-from modal.doors import require_type
 from modal.plotting import Pair, theme
 from modal.report import visible
 from modal.scene import title_of
+from modal.scene.doors import require_type
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.animation import animate
 

@@ -63,7 +63,7 @@ def bifurcation_figure(found: BifurcationDiagram) -> Figure:
 
 def link_name(found: StroboscopicSection | BifurcationDiagram, link: int) -> str:
     """How a figure calls a link: θ with its pendulum and number."""
-    label = [label for label in found.system.labels if label != "x"][link]
+    label = found.system.labels[found.system.first + link]
     return label.replace("theta[", r"θ$_{").replace("]", "}$")
 
 

@@ -56,6 +56,11 @@ def dataset_of(trajectory: Trajectory) -> Any:
     if system.cart is not None:
         variables["cart"] = ("time", motion.cart, _attributes("m", "position of the cart"))
         variables["cart_rate"] = ("time", motion.cart_rate, _attributes("m/s", "velocity of the cart"))
+    if system.structure is not None:
+        for k, name in enumerate(system.structure.names):
+            unit = "rad" if k in system.structure.turning else "m"
+            variables[name] = ("time", motion.supports[:, k], _attributes(unit, f"coordinate {name} of the structure"))
+            variables[f"{name}_rate"] = ("time", motion.support_rates[:, k], _attributes(f"{unit}/s", "its rate"))
     coordinates = {
         "time": ("time", trajectory.times, _attributes("s", "time")),
         "pendulum": np.arange(1, counts[0] + 1),

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.doors import checked, require_type
+from modal.scene.doors import checked, require_type
 from modal.types import Floats
 from nonlinear.integration import EXPLICIT, Choice, Trajectory, equations_of, prepare
 from nonlinear.postprocessing.resampling import extremes
@@ -105,10 +105,11 @@ def _on_cubics(trajectory: Trajectory, measured: Measured) -> Floats:
         s, h = (own.reshape(*own.shape, *[1] * (values.ndim - 1)) for own in (part[None], gaps[:, None]))
         one, two, rise, fall = (own[:, None] for own in (values[:-1], values[1:], rates[:-1], rates[1:]))
         found = one + s * s * (3 - 2 * s) * (two - one) + h * s * (1 - s) * (rise * (1 - s) - fall * s)
-        return found.reshape(-1, *values.shape[1:])
+        return found.reshape(len(gaps) * PLACES, *values.shape[1:])
 
     links, cart = cubic(motion.links, motion.link_rates), cubic(motion.cart, motion.cart_rate)
-    rows = measured(Motion(links, links, cart, cart, cart))
+    supports = cubic(motion.supports, motion.support_rates)
+    rows = measured(Motion(links, links, cart, cart, cart, supports, supports))
     return rows.reshape(len(gaps), PLACES, -1)
 
 

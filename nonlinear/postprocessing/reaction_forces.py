@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.doors import require_type
 from modal.errors import ComputationError
+from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.dynamics import Frictional, Reactions, vectors
 from nonlinear.integration import Choice, Trajectory, equations_of
@@ -15,7 +15,8 @@ from nonlinear.system import Motion
 def reaction_forces_of(trajectory: Trajectory) -> Reactions:
     """The force at every pivot and that of the rail on the cart, at the sampled times.
 
-    Raises ComputationError for a saved run with applied forces, which are not saved.
+    On a structure, where there is no one rail, `normal` is NaN.  Raises ComputationError for a saved run with applied
+    forces, which are not saved.
     """
     require_type("trajectory", trajectory, "Trajectory")
     if trajectory.driven and trajectory.equations is None:
@@ -28,11 +29,15 @@ def reaction_forces_of(trajectory: Trajectory) -> Reactions:
     tops = np.zeros(system.n_links, dtype=bool)
     tops[np.concatenate([group.index[0] for group in system.groups])] = True
     weight = system.cart.mass * system.gravity if system.cart else 0.0
-    return Reactions(weight - pivots[:, tops, -1].sum(1), pivots, tops)
+    normal = weight - pivots[:, tops, -1].sum(1)
+    return Reactions(np.full_like(normal, np.nan) if system.structure is not None else normal, pivots, tops)
 
 
 def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floats]:
-    """The cart's x'' (T,) and the second derivatives of the unit vectors (T, L, d)."""
+    """The cart's x'' (T,), or those of every pivot of a structure (T, L, 2); second derivatives of unit vectors.
+
+    The latter are (T, L, d).
+    """
     system = trajectory.system
     load = trajectory.equations.load if trajectory.equations else None
     form = "spatial" if system.spatial else "minimal"
@@ -48,4 +53,7 @@ def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floa
         return found.cart_rate, found.link_rates
     u, _ = vectors(motion)
     across = np.stack((u[..., 1], -u[..., 0]), axis=-1)
-    return found.cart_rate, found.link_rates[..., None] * across - motion.link_rates[..., None] ** 2 * u
+    pivots = found.cart_rate
+    if system.structure is not None:
+        pivots = trajectory.mechanics.pivot_accelerations(found.support_rates)
+    return pivots, found.link_rates[..., None] * across - motion.link_rates[..., None] ** 2 * u

@@ -7,6 +7,7 @@ With s = (t − t_i)/h and h = t_{i+1} − t_i, Hermite's basis on values y and 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +33,8 @@ def resample(times: Floats, motion: Motion, at: Floats) -> Motion:
     if links.ndim == 3:
         links, link_rates = _unit(links, link_rates)
     cart, cart_rate = _between(place, motion.cart, motion.cart_rate)
-    return Motion(links, link_rates, cart, cart_rate, np.interp(at, times, motion.work))
+    carried = _between(place, motion.supports, motion.support_rates)
+    return Motion(links, link_rates, cart, cart_rate, np.interp(at, times, motion.work), *carried)
 
 
 def extremes(times: Floats, values: Floats, rates: Floats) -> tuple[Floats, Floats]:
@@ -50,7 +52,7 @@ def extremes(times: Floats, values: Floats, rates: Floats) -> tuple[Floats, Floa
 
 def picked(motion: Motion, links: Ints) -> Motion:
     """The same motion with these links only."""
-    return Motion(motion.links[:, links], motion.link_rates[:, links], motion.cart, motion.cart_rate, motion.work)
+    return replace(motion, links=motion.links[:, links], link_rates=motion.link_rates[:, links])
 
 
 class _Place(NamedTuple):

@@ -11,15 +11,16 @@ from dataclasses import dataclass
 from math import degrees, isfinite
 from typing import Any
 
-from modal.doors import require_type
 from modal.eigen import counted
 from modal.errors import ComputationError, SceneError
 from modal.modes.solution_report import loaded, not_loaded
 from modal.report import visible
-from modal.scene import Moved, SineMotion, refusals, title_of
+from modal.scene import SineMotion, refusals, title_of
+from modal.scene.doors import require_type
 from nonlinear.dynamics import Dense, Generated, Reduced, Small, is_unstable_equilibrium
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
 from nonlinear.postprocessing.extents import Extent, extent_of, places_of
+from nonlinear.postprocessing.resampling import extremes
 from nonlinear.reduction import CORRECTED, LINEAR
 from nonlinear.system import System
 
@@ -107,19 +108,25 @@ def _way(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
 
 
 def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
-    angles = extent_of(trajectory)
+    angles, motion = extent_of(trajectory), trajectory.motion
     where = " from the vertical" if trajectory.system.spatial else ""
     yield "angles", f"{degrees(angles.low):.6g} to {degrees(angles.high):.6g} deg{where}{_at(angles)}"
     if support := trajectory.system.support:
-        moved = [motion.displacement(trajectory.times) for _, motion in support.motions]
+        moved = [own.displacement(trajectory.times) for _, own in support.motions]
         ways = zip(moved, support.ways, strict=True)
         told = " and ".join(f"{places.min():.6g} to {places.max():.6g} m {way}" for places, way in ways)
         yield "support", f"{told}; angles and energies are in its frame"
-    for motion in trajectory.system.prescribed:
-        if motion.words:
-            yield "", motion.words
+    for prescribed in trajectory.system.prescribed:
+        if prescribed.words:
+            yield "", prescribed.words
     if trajectory.system.support:
         yield from _parametric(trajectory)
+    if structure := trajectory.system.structure:
+        for k, name in enumerate(structure.names):
+            low, high = (float(own[k]) for own in extremes(trajectory.times, motion.supports, motion.support_rates))
+            turns = k in structure.turning
+            low, high = (degrees(low), degrees(high)) if turns else (low, high)
+            yield name, f"{low:.6g} to {high:.6g} {'deg' if turns else 'm'}"
     if trajectory.system.cart:
         places = extent_of(trajectory, places_of)
         yield "cart", f"{places.low:.6g} to {places.high:.6g} m{_at(places)}"
@@ -131,15 +138,15 @@ def _at(extent: Extent) -> str:
 
 def _parametric(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     """Whether small angles grow under a vertical sine, of few links."""
-    support = trajectory.scene.support
-    if trajectory.scene.n_links > FEW_LINKS or not isinstance(support, Moved):
+    scene = trajectory.scene
+    if scene.n_links > FEW_LINKS or not scene.is_moved:
         return
-    vertical = any(isinstance(one, SineMotion) and one.direction == "vertical" for one in support.motions)
-    if vertical and not refusals(trajectory.scene, "a Floquet multiplier"):
+    vertical = any(isinstance(one, SineMotion) and one.direction == "vertical" for one in scene.motions)
+    if vertical and not refusals(scene, "a Floquet multiplier"):
         from modal.vibration import parametric_stability
 
         with suppress(SceneError, ComputationError):
-            yield "parametric", parametric_stability(trajectory.scene).words
+            yield "parametric", parametric_stability(scene).words
 
 
 @dataclass(frozen=True)
@@ -198,7 +205,7 @@ def run_inventory(trajectory: Trajectory) -> Inventory:
 
 
 def _freedom(system: System) -> int:
-    return system.n_links * (2 if system.spatial else 1) + (system.cart is not None)
+    return system.n_links * (2 if system.spatial else 1) + system.first
 
 
 def _matrices(inner: Any, run: SolverInfo) -> Iterator[tuple[int, int]]:
@@ -220,7 +227,7 @@ def _matrices(inner: Any, run: SolverInfo) -> Iterator[tuple[int, int]]:
 
 def _coordinates(trajectory: Trajectory, inner: Any) -> Iterator[str]:
     run = trajectory.run
-    if trajectory.system.cart is None:
+    if trajectory.system.first == 0:
         yield f"no cart coordinate: the support {'moves as prescribed' if trajectory.system.support else 'is fixed'}"
     if run.reduced:
         yield f"all but {run.reduced}"

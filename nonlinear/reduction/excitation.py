@@ -57,7 +57,7 @@ def excite(system: System, times: Floats, motion: Motion, shapes: Floats, omega:
 
     `begun` (2, S) are their η and η' at the start.  They oscillate: no ω is zero.
     """
-    on = int(system.cart is not None)
+    on = system.first
     q, v = (
         np.concatenate((head[:, None][:, :on], part), axis=1)
         for head, part in ((motion.cart, motion.links - system.rest), (motion.cart_rate, motion.link_rates))

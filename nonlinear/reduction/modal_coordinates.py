@@ -25,11 +25,11 @@ from typing import Any
 import numpy as np
 
 from modal.assembly import Matrices, equilibrium_of
-from modal.doors import checked, checked_index
 from modal.errors import ComputationError
 from modal.modes import Modes
 from modal.report import Displayed
 from modal.scene import Scene, validate_scene
+from modal.scene.doors import checked, checked_index
 from modal.types import Complexes, Floats, Ints
 from nonlinear.system import Motion, State
 
@@ -111,11 +111,13 @@ def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = N
 
 @checked
 def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
-    """The q and v (T, n): the cart, then every link's angle, from the equilibrium."""
+    """The q and v (T, n): the cart or the structure, then every link's angle, from the equilibrium."""
     if motion.links.ndim != 2:
         raise ComputationError("modal coordinates: only for motion in the plane")
     q, v = motion.links - rest_angles(scene), motion.link_rates
-    if scene.support.kind == "cart":
+    if scene.is_structured:
+        return np.hstack((motion.supports, q)), np.hstack((motion.support_rates, v))
+    if scene.cart is not None:
         q, v = (np.column_stack(pair) for pair in ((motion.cart - rest_cart(scene), q), (motion.cart_rate, v)))
     return q, v
 
@@ -170,10 +172,12 @@ def start_in_mode(scene: Scene, modes: Modes, number: int, copy: int = 0, amplit
     if shape.across:
         raise ComputationError(f"mode {number + 1}: shape {copy + 1} moves across the rail")
     value = modes.eigenvalue[number] if scene.has_damping else 0.0
-    cart, angles = amplitude * complex(shape.cart), amplitude * shape.angles
+    cart, angles, supports = amplitude * complex(shape.cart), amplitude * shape.angles, amplitude * shape.supports
     return State(
         links=modes.rig.rest_angles + angles.real,
         link_rates=(value * angles).real + np.zeros(len(angles)),
         cart=modes.rig.cart_rest + cart.real,
         cart_rate=(value * cart).real,
+        supports=np.real(supports) + 0.0,
+        support_rates=np.real(value * supports) + 0.0,
     )

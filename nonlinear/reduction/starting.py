@@ -6,10 +6,10 @@ from math import radians
 
 import numpy as np
 
-from modal.doors import checked, checked_index
 from modal.errors import SceneError
 from modal.modes import UNCERTAIN, Modes, table_numbers
 from modal.scene import Scene, validate_scene
+from modal.scene.doors import checked, checked_index
 from nonlinear.integration import modes_of
 from nonlinear.reduction.modal_coordinates import start_in_mode
 from nonlinear.system import State, has_start, initial_state, of_plane

@@ -24,11 +24,11 @@ from typing import Any
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
 from modal.report import Displayed
 from modal.scene import Fixed, Scene, require
+from modal.scene.doors import checked
 from modal.types import Complexes, Floats
 from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
 from nonlinear.reduction.two_planes import join, split
@@ -109,7 +109,7 @@ class Flat:
 
     def motion(self, times: Floats) -> Motion:
         """The same as angles (T, L) and a cart."""
-        (q, v, _), on = self.deflections(times), int(self.scene.support.kind == "cart")
+        (q, v, _), on = self.deflections(times), int(self.scene.cart is not None)
         none = np.zeros(len(times))
         cart, cart_rate = (q[:, 0], v[:, 0]) if on else (none, none)
         return Motion(q[:, on:] + rest_angles(self.scene), v[:, on:], cart, cart_rate, none)
@@ -192,7 +192,7 @@ def _instant(start: State) -> Motion:
 
 def _drifts(scene: Scene, modes: Modes, number: int) -> bool:
     """Whether the mode is an undamped translation."""
-    return modes.eigenvalue[number] == 0 and not (scene.support.kind == "cart" and scene.support.damping)
+    return modes.eigenvalue[number] == 0 and not (scene.cart is not None and scene.cart.damping)
 
 
 def _drift(scene: Scene, modes: Modes, number: int, q: Floats, v: Floats) -> Swing:

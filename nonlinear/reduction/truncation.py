@@ -26,11 +26,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import SceneError
 from modal.modes import Modes
 from modal.report import Displayed
 from modal.scene import Scene, refusals
+from modal.scene.doors import checked
 from modal.types import Floats, Ints
 from nonlinear.integration import (
     SCIPY,

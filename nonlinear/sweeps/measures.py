@@ -286,7 +286,7 @@ def pendulum_energy(scene: Scene, seconds: float) -> dict[str, float]:
     found = {"pendula_energy_J": float(each.sum())}
     if len(each) <= FEW:
         found |= {f"pendulum_{number}_energy_J": float(value) for number, value in enumerate(each, 1)}
-    if scene.support.kind == "cart":
+    if scene.cart is not None:
         found["cart_energy_J"] = float(_ending(phases, mechanics.cart_kinetic + mechanics.cart_potential))
     return found
 

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from modal.doors import require_type
 from modal.errors import ComputationError, SceneError
 from modal.report import HTML_ROWS, Displayed, Summary, brief, deferred, grid, visible
-from modal.scene import Scene, left_out, name_of
+from modal.scene import Scene, SineMotion, left_out, name_of
+from modal.scene.doors import require_type
 from modal.scene.parameters import Place, Variable, find_places
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
@@ -118,15 +118,9 @@ class Sweep(Displayed):
 
 def vertical_places(scene: Scene) -> dict[Place, str]:
     """The places of the amplitude and the frequency of a scene's vertical sine, and their names."""
-    paths = ("support.motion", *(f"support.motion[{k}]" for k in range(2)))
-    places = {}
-    for path, name in product(paths, ("amplitude", "frequency_hz")):
-        with suppress(SceneError):
-            (place,) = find_places(scene, f"{path}.{name}")
-            index = place[2] if isinstance(place[2], int) else 0
-            if scene.support.motions[index].direction == "vertical":  # type: ignore[union-attr]
-                places[place] = name
-    return places
+    moved = zip(scene.motion_places, scene.motions, strict=True)
+    sines = [at for at, motion in moved if isinstance(motion, SineMotion) and motion.direction == "vertical"]
+    return {(*at, name): name for at, name in product(sines, ("amplitude", "frequency_hz"))}
 
 
 def sweep(

@@ -22,10 +22,10 @@ from math import exp, log
 import numpy as np
 
 from modal._compatibility import former
-from modal.doors import checked
 from modal.errors import SceneError
 from modal.report import Displayed
 from modal.scene import Scene, require
+from modal.scene.doors import checked
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Complexes, Floats
 from nonlinear.averaging import (

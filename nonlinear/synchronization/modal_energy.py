@@ -16,11 +16,11 @@ from math import pi
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import ComputationError
 from modal.modes import Mode, Modes, natural_modes, table_numbers
 from modal.report import Displayed
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Floats, Ints
 from nonlinear.averaging import LOCKED, below_for_good
 from nonlinear.integration import Trajectory
@@ -118,7 +118,7 @@ def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Surviva
     Raises ComputationError for a motion in space, for more coordinates than MOST, and where no mode oscillates.
     """
     scene = trajectory.scene.conservative
-    size = scene.n_links + (scene.support.kind == "cart")
+    size = scene.n_links + (scene.cart is not None)
     if trajectory.system.spatial:
         raise ComputationError("energies by modes: only for motion in the plane")
     if size > MOST:

@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 
 from modal import pair
-from modal.doors import require_type
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, counted, first_line
+from modal.scene.doors import require_type
 from modal.types import Complexes, Floats
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import last
@@ -115,7 +115,11 @@ class Phases(Displayed):
         ripples; NaN for a pendulum that is at rest at any time.  Raises ComputationError where the samples are too far
         apart to follow phases.
         """
-        late = last(self.times, SETTLED)
+        return self.mean_rates(SETTLED)
+
+    def mean_rates(self, part: float) -> Floats:
+        """The same over the last `part` of the run."""
+        late = last(self.times, part)
         times, z = self.times[late], self.z[late, :, self.leading]
         self._validate(times, z)
         half = (times[-1] - times[0]) / 2

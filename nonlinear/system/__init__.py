@@ -27,6 +27,8 @@ from nonlinear.system.numbers import (
     system_with,
     with_prescribed,
 )
+from nonlinear.system.populations import Population, populations_of, representatives, unrepresented
+from nonlinear.system.springs import drawn_place, place_of, slack_of
 from nonlinear.system.state import AppliedForces, Equations, Layout, Load, Motion, State, apart
 from nonlinear.system.system import Group, System, system_of
 
@@ -48,9 +50,11 @@ __all__ = [
     "Load",
     "Motion",
     "Numbers",
+    "Population",
     "State",
     "System",
     "apart",
+    "drawn_place",
     "entries_of",
     "has_start",
     "initial_state",
@@ -58,12 +62,17 @@ __all__ = [
     "numbers_of",
     "numbers_of_all",
     "of_plane",
+    "place_of",
+    "populations_of",
     "prescribed_of",
+    "representatives",
+    "slack_of",
     "state_at_rest",
     "system_of",
     "system_with",
     "turning_point",
     "unit_vectors",
+    "unrepresented",
     "validate_state",
     "velocities",
     "with_prescribed",

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ def velocities(angles: Any, azimuths: Any, rates: Any) -> Floats:
 def of_plane(state: State) -> State:
     """A state of angles (L,) as unit vectors (L, 3) in the vertical plane of the rail."""
     u, w = unit_vectors(state.links, 0.0), velocities(state.links, 0.0, state.link_rates)
-    return State(u, w, state.cart, state.cart_rate)
+    return replace(state, links=u, link_rates=w)
 
 
 def angles_of(u: Floats) -> tuple[Floats, Floats]:

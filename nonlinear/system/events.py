@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.doors import checked_number, require_type
 from modal.errors import SceneError
 from modal.report import summary_of
+from modal.scene.doors import checked_number, require_type
 from modal.types import Floats, Ints
 from nonlinear.system.state import State
 from nonlinear.system.system import System
@@ -105,7 +105,9 @@ NO_KICKS = Kicks(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros
 def level_crossing(
     system: System, coordinate: str, level: float = 0.0, direction: int = 0, *, stop: bool = False
 ) -> Event:
-    """The angle (rad) or cart position (m), named as in `modal.assembly.coordinate_labels`, passes a level.
+    """The angle (rad), cart position (m) or coordinate of a structure passes a level.
+
+    They are named as in `modal.assembly.coordinate_labels`.
 
     >>> from modal import load
     >>> from nonlinear import level_crossing, system_of
@@ -139,7 +141,10 @@ def _reader(system: System, coordinate: str, *, rate: bool) -> Callable[[State],
         raise SceneError(
             [f"event {coordinate}: links have no single angle in space; define an Event with its own function"]
         )
-    if coordinate == "x":
+    place = system.labels.index(coordinate)
+    if system.structure is not None and place < system.first:
+        return lambda state: float((state.support_rates if rate else state.supports)[place])
+    if place < system.first:
         return (lambda state: state.cart_rate) if rate else (lambda state: state.cart)
-    at = system.labels.index(coordinate) - (system.labels[0] == "x")
+    at = place - system.first
     return (lambda state: float(state.link_rates[at])) if rate else (lambda state: float(state.links[at]))

@@ -9,6 +9,7 @@ import numpy as np
 
 from modal.scene import Scene, places_of
 from modal.scene.points import Place
+from modal.structure import CarrierEnd, carrier_end
 from modal.types import Ints
 
 if TYPE_CHECKING:
@@ -32,12 +33,14 @@ class Spot(NamedTuple):
 class ActingForce:
     """A force (N) or torque (N m) at `places`, none for the cart; its size is a `course` of time.
 
-    `direction` is along the rail or upwards, None for a torque.
+    `direction` is along the rail or upwards, None for a torque.  `carrier` is a point of a structure, where it acts on
+    one.
     """
 
     places: tuple[Place, ...]
     direction: Direction | None
     motion: PrescribedMotion
+    carrier: CarrierEnd | None = None
 
     @property
     def course(self) -> Course:
@@ -64,6 +67,11 @@ def acting_forces(scene: Scene) -> tuple[ActingForce, ...]:
     from modal.vibration import prescribed_motion
 
     return tuple(
-        ActingForce(tuple(places_of(scene, one.on)), DIRECTIONS.get(one.direction), prescribed_motion(one))
+        ActingForce(
+            tuple(places_of(scene, one.on)),
+            DIRECTIONS.get(one.direction),
+            prescribed_motion(one),
+            carrier_end(scene, one.on) if scene.is_structured else None,
+        )
         for one in scene.force
     )

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from math import pi, radians
+from typing import Any
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import SceneError
 from modal.report import counted
 from modal.scene import Pendulum, Scene, validate_scene
+from modal.scene.doors import checked
+from modal.scene.supports import Adrift, Combined, Displaced, Turned
+from modal.structure import structure_of
 from modal.types import Floats
 from nonlinear.system.directions import of_plane, unit_vectors, velocities
 from nonlinear.system.state import State
@@ -22,16 +28,17 @@ NO_START = (
 
 
 def has_start(scene: Scene) -> bool:
-    """Whether a simulation knows where to begin: a pendulum has a start, or the support moves."""
+    """Whether a simulation knows where to begin: a pendulum or a support has a start, or the ground moves."""
     validate_scene(scene)
-    return scene.is_moved or any(pendulum.start for pendulum in scene.pendulum)
+    started = any(getattr(support, "start", None) for support in scene.supports)
+    return scene.is_moved or scene.ground is not None or started or any(pendulum.start for pendulum in scene.pendulum)
 
 
 def initial_state(scene: Scene) -> State:
     """The initial state given in the scene file; pendula without a start are at rest in their equilibrium position.
 
-    On a moved support the start is relative to it.  Raises SceneError where no pendulum has a start, unless the support
-    moves.
+    On a moved support the start is relative to it.  Raises SceneError where no pendulum and no support has a start,
+    unless the support moves.
 
     >>> from modal import load
     >>> from nonlinear import initial_state
@@ -42,11 +49,58 @@ def initial_state(scene: Scene) -> State:
     validate_scene(scene)
     if not has_start(scene):
         raise SceneError([NO_START])
-    rows = np.concatenate([np.tile(_of(pendulum), (pendulum.count, 1)) for pendulum in scene.pendulum])
+    rows = np.concatenate([_of_copies(scene, pendulum) for pendulum in scene.pendulum])
     angles, rates, azimuths = np.deg2rad(rows).T
     if scene.space == "plane":
-        return State(angles, rates)
+        return _on_supports(scene, State(angles, rates))
     return State(unit_vectors(angles, azimuths), velocities(angles, azimuths, rates))
+
+
+def _on_supports(scene: Scene, state: State) -> State:
+    """The same state with what carries the pendula where it starts."""
+    if not scene.is_structured:
+        (start,) = (getattr(support, "start", None) for support in scene.supports)
+        return state if start is None else replace(state, cart=start.displacement, cart_rate=start.rate)
+    size = structure_of(scene).offsets
+    places, rates = np.zeros((2, size[-1]))
+    for first, last, support in zip(size, size[1:], scene.supports, strict=False):
+        if (start := getattr(support, "start", None)) is not None:
+            places[first:last], rates[first:last] = _started(start)
+    return replace(state, supports=places, support_rates=rates)
+
+
+def _started(start: Displaced | Turned | Adrift | Combined) -> tuple[Any, Any]:
+    """The coordinates of a carrier and their rates, in m and rad."""
+    if isinstance(start, Displaced):
+        return start.displacement, start.rate
+    if isinstance(start, Turned):
+        return radians(start.angle_deg), radians(start.rate_deg)
+    if isinstance(start, Combined):
+        return start.displacements, 0.0 if start.rates is None else start.rates
+    rates = start.sway_rate, start.heave_rate, radians(start.roll_rate_deg)
+    return (start.sway, start.heave, radians(start.roll_deg)), rates
+
+
+def _of_copies(scene: Scene, pendulum: Pendulum) -> Floats:
+    """The same of all copies one after another, (count n, 3), spread over the phases of the first mode if asked."""
+    each = _of(pendulum)
+    if pendulum.start is None or not pendulum.start.spread:
+        return np.tile(each, (pendulum.count, 1))
+    rest = np.array([(0.0 if way == "down" else 180.0) for way in pendulum.ways])
+    psi = 2 * pi * np.arange(pendulum.count)[:, None] / pendulum.count
+    found = np.zeros((pendulum.count, pendulum.n_links, 3))
+    found[..., 0] = rest + (each[:, 0] - rest) * np.cos(psi)
+    found[..., 1] = -(each[:, 0] - rest) * _first_frequency(scene.gravity, pendulum) * np.sin(psi)
+    return found.reshape(-1, 3)
+
+
+@lru_cache(maxsize=64)
+def _first_frequency(gravity: float, pendulum: Pendulum) -> float:
+    """The lowest angular frequency (rad/s) of a pendulum on a fixed support, without losses and drives."""
+    from modal.modes import natural_frequencies
+
+    single = pendulum.replace(count=1, on=None, position=(0.0, 0.0), start=None)
+    return float(natural_frequencies([Scene(gravity=gravity, pendulum=(single,)).conservative])[0].min())
 
 
 def _of(pendulum: Pendulum) -> Floats:
@@ -80,6 +134,9 @@ def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
         raise SceneError([f"start: has {size}: this scene needs {' or '.join(map(str, accepted))}"])
     angles = np.deg2rad(np.tile(given, total // given.size))
     state = State(angles, np.zeros(total))
+    if scene.is_structured:
+        none = np.zeros(structure_of(scene).size)
+        return replace(state, supports=none, support_rates=none)
     return state if scene.space == "plane" else of_plane(state)
 
 
@@ -94,10 +151,18 @@ def validate_state(state: State, system: System) -> State:
         for name, values in parts.items()
         if np.shape(values) != shape
     ]
+    parts |= {"supports": state.supports, "support_rates": state.support_rates}
+    size = system.first if system.structure is not None else 0
+    problems += [
+        f"start.{name}: has {np.size(parts[name])} values, this scene has {size} coordinates of supports"
+        for name in ("supports", "support_rates")
+        if np.shape(parts[name]) != (size,)
+    ]
     parts |= {"cart": np.array(state.cart), "cart_rate": np.array(state.cart_rate)}
     problems += [f"start.{name}: must be finite" for name, values in parts.items() if not np.all(np.isfinite(values))]
     if system.cart is None and (state.cart or state.cart_rate):
-        problems.append("start.cart: the support of this scene is fixed")
+        words = "are given by supports" if system.structure is not None else "of this scene is fixed"
+        problems.append(f"start.cart: the support{'s' * (system.structure is not None)} {words}")
     if not problems and system.spatial and np.any(abs(np.sum(state.links**2, axis=1) - 1) > 1e-9):
         problems.append("start.links: must be unit vectors")
     if problems:

@@ -1,9 +1,11 @@
 """The numbers of a scene as a list, of which many members may each have their own.
 
 The list is gravity, the cart's mass, damper and spring, then of every link in the order of the file its mass, length,
-centre, inertia, damper, spring, the two constants of its drive, and its drag, field by field.  Beside it stand the
-entries of D_modal and the constants of sines that move the support, and of sines and constants that act as forces.
-Where members differ an entry is an array (S,), elsewhere one number.
+centre, inertia, damper, spring, the two constants of its drive, and its drag, field by field; then those of a structure
+(`structured`): of every carrier its place, mass, inertia, rods, centre, springs and dampers (of a modal one M, K, D
+and its points), of every entry of pendula where it hangs, of every spring its two numbers and its ends.  Beside it
+stand the entries of D_modal and the constants of sines that move the support, and of sines and constants that act as
+forces.  Where members differ an entry is an array (S,), elsewhere one number.
 """
 
 from __future__ import annotations
@@ -18,8 +20,10 @@ import numpy as np
 
 from modal.assembly import CartNumbers
 from modal.report import Displayed
-from modal.scene import AnyLink, Body, Cart, Escapement, Moved, Scene, validate_scene, validate_scenes
+from modal.scene import AnyLink, Body, Escapement, Scene, validate_scene, validate_scenes
 from modal.scene.parameters import Place
+from modal.structure import CarrierEnd, CarrierNumbers, End, GroundEnd, LinkEnd, Pivot, Structure
+from modal.structure.carriers import PLATFORM
 from modal.types import Floats
 from nonlinear.system.system import Group, System, system_of
 
@@ -53,6 +57,9 @@ class Numbers(Displayed):
         """Whether energy goes in or out of any member, or could where these entries differ."""
         system = self.system
         outside = any(part is not None for part in (system.modal_damping, system.hoisting))
+        if system.structure is not None:
+            first = BEFORE + len(FIELDS) * system.n_links
+            outside = outside or any(self._is_set(first + k) for k in _dampers(system.structure))
         return outside or bool(system.prescribed) or system.kicked or self._any_of(WORKING) or self._is_set(2)
 
     @cached_property
@@ -103,9 +110,9 @@ def numbers_of(
     """The numbers of a scene, with arrays (S,) of `values` at some of its places and D_modal (S, n, n)."""
     validate_scene(scene)
     given: Values = values or {}
-    support, cart = scene.support, [0.0, 0.0, 0.0]
-    if isinstance(support, Cart):
-        cart = [given.get(("support", name), getattr(support, name)) for name in ("mass", "damping", "stiffness")]
+    cart = [0.0, 0.0, 0.0]
+    if scene.cart is not None:
+        cart = [given.get(("support", name), getattr(scene.cart, name)) for name in ("mass", "damping", "stiffness")]
     rows = [
         row
         for p, pendulum in enumerate(scene.pendulum)
@@ -121,17 +128,17 @@ def numbers_of(
     if modal is not None:
         own = replace(own, modal_damping=modal[0])
     prescribed = _prescribed(own, _places_of_prescribed(scene), given, modal)
-    return Numbers(own, (given.get(("gravity",), scene.gravity), *cart, *fields), prescribed)
+    rest: list[Any] = []
+    if own.structure is not None:
+        rest = structured(own.structure)
+        for k, names in enumerate(_places_of_structure(scene, own.structure)):
+            rest[k] = next((given[name] for name in names if name in given), rest[k])
+    return Numbers(own, (given.get(("gravity",), scene.gravity), *cart, *fields, *rest), prescribed)
 
 
 def _places_of_prescribed(scene: Scene) -> list[Place]:
     """Where a scene has its motions and forces, in the order of `System.prescribed`."""
-    motions: list[Place] = []
-    if isinstance(scene.support, Moved):
-        single = not isinstance(scene.support.motion, tuple)
-        places: list[Place] = [(k,) for k in range(len(scene.support.motions))]
-        motions = [("support", "motion", *(() if single else place)) for place in places]
-    return [*motions, *(("force", k) for k in range(len(scene.force)))]
+    return [*scene.motion_places, *(("force", k) for k in range(len(scene.force)))]
 
 
 def _prescribed(system: System, places: Sequence[Place], given: Values, modal: Floats | None) -> tuple[Any, ...]:
@@ -171,7 +178,9 @@ def entries_of(system: System) -> list[float]:
         own |= {} if quadratic is None else {"quadratic_drag": quadratic}
         for name, values in own.items():
             fields[FIELDS.index(name), group.index] = values
-    return [system.gravity, *(map(float, system.cart or (0.0, 0.0, 0.0))), *fields.ravel().tolist()]
+    cart = map(float, system.cart or (0.0, 0.0, 0.0))
+    rest = [] if system.structure is None else structured(system.structure)
+    return [system.gravity, *cart, *fields.ravel().tolist(), *rest]
 
 
 def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
@@ -214,7 +223,8 @@ def system_with(system: System, entries: Sequence[Any], tail: bool = False) -> S
     gravity, *cart = entries[:BEFORE]
     fields = [_stacked(entries[at : at + links], tail) for at in range(BEFORE, BEFORE + len(FIELDS) * links, links)]
     groups = tuple(_group(group, dict(zip(FIELDS, fields, strict=True)), tail) for group in system.groups)
-    return replace(system, gravity=gravity, cart=system.cart and CartNumbers(*cart), groups=groups)
+    structure = system.structure and structure_with(system.structure, entries[BEFORE + len(FIELDS) * links :])
+    return replace(system, gravity=gravity, cart=system.cart and CartNumbers(*cart), groups=groups, structure=structure)
 
 
 def with_prescribed(system: System, prescribed: Sequence[Any]) -> System:
@@ -235,6 +245,123 @@ def with_prescribed(system: System, prescribed: Sequence[Any]) -> System:
         support = replace(support, motions=tuple(moved))
     acting = zip(forces, motions[len(motions) - len(forces) :], strict=True)
     return replace(found, support=support, forces=tuple(replace(one, motion=motion) for one, motion in acting))
+
+
+# ------------------------------------------------------------------------------------------------------ structures
+
+
+def structured(structure: Structure) -> list[Any]:
+    """The numbers of a structure, in order."""
+    found: list[Any] = []
+    for carrier in structure.carriers:
+        found += [*carrier.position, carrier.mass, carrier.inertia, carrier.length, *carrier.centre]
+        found += [*carrier.stiffness, *carrier.damping]
+        found += [own for part in _modal(carrier) for own in np.ravel(part).tolist()]
+    for pivot in _pivots(structure):
+        found += [] if isinstance(pivot.where, int) else pivot.where
+    for spring in structure.springs:
+        found += [spring.stiffness, spring.damping, *(own for end in spring.ends for own in _of_end(end))]
+    return found
+
+
+def structure_with(structure: Structure, numbers: Sequence[Any]) -> Structure:
+    """The same structure with other numbers: of pendula that hang from one point these stay one."""
+    given = iter(numbers)
+
+    def take(count: int) -> tuple[Any, ...]:
+        return tuple(next(given) for _ in range(count))
+
+    carriers = []
+    for one in structure.carriers:
+        position, (mass, inertia, length), centre = take(2), take(3), take(2)
+        stiffness, damping = take(len(one.stiffness)), take(len(one.damping))
+        arrays = [_stacked([_single(own) for own in take(part.size)]).reshape(part.shape) for part in _modal(one)]
+        modal = dict(zip(("M", "K", "D", "points"), arrays, strict=False))
+        law = {"stiffness": stiffness, "damping": damping, "centre": centre, "position": position, **modal}
+        carriers.append(replace(one, mass=mass, inertia=inertia, length=length, **law))
+    pivots = {
+        id(pivot): pivot if isinstance(pivot.where, int) else Pivot(pivot.carrier, take(2))
+        for pivot in _pivots(structure)
+    }
+    springs = []
+    for spring in structure.springs:
+        stiffness, damping = take(2)
+        first, second = (_end_with(end, take(len(_of_end(end)))) for end in spring.ends)
+        springs.append(spring._replace(stiffness=stiffness, damping=damping, ends=(first, second)))
+    return Structure(tuple(carriers), tuple(pivots[id(own)] for own in structure.pivots), tuple(springs))
+
+
+def _single(own: Any) -> Any:
+    """A number that no two members have different, by itself."""
+    return float(own[0]) if isinstance(own, np.ndarray) else own
+
+
+def _modal(carrier: CarrierNumbers) -> list[Floats]:
+    return [part for part in (carrier.M, carrier.K, carrier.D, carrier.points) if part is not None]
+
+
+def _pivots(structure: Structure) -> list[Pivot]:
+    """Each once, as copies of a pendulum have one."""
+    return list({id(pivot): pivot for pivot in structure.pivots}.values())
+
+
+def _of_end(end: End) -> tuple[Any, ...]:
+    if isinstance(end, LinkEnd):
+        return () if end.below is None else (end.below,)
+    where = end.place if isinstance(end, GroundEnd) else end.where
+    return where if isinstance(where, tuple) else ()
+
+
+def _end_with(end: End, numbers: tuple[Any, ...]) -> End:
+    if not numbers:
+        return end
+    if isinstance(end, LinkEnd):
+        return end._replace(below=numbers[0])
+    return end._replace(where=numbers) if isinstance(end, CarrierEnd) else GroundEnd(numbers)
+
+
+def _dampers(structure: Structure) -> list[int]:
+    """Which of its numbers are those of dampers."""
+    found: list[int] = []
+    at = 0
+    for carrier in structure.carriers:
+        at += 7 + len(carrier.stiffness)
+        found += range(at, at + len(carrier.damping))
+        at += len(carrier.damping)
+        for name in ("M", "K", "D", "points"):
+            part = getattr(carrier, name)
+            if part is not None:
+                found += range(at, at + part.size) if name == "D" else ()
+                at += part.size
+    at += sum(2 for pivot in _pivots(structure) if not isinstance(pivot.where, int))
+    for spring in structure.springs:
+        found.append(at + 1)
+        at += 2 + sum(len(_of_end(end)) for end in spring.ends)
+    return found
+
+
+def _places_of_structure(scene: Scene, structure: Structure) -> list[list[Place]]:
+    """Where the scene has each number of its structure: every name that it may go by."""
+    found: list[list[Place]] = []
+    for k, carrier in enumerate(structure.carriers):
+        heads: list[Place] = [("support", k), ("support",)] if len(structure.carriers) == 1 else [("support", k)]
+        names: list[Place] = [("position", 0), ("position", 1), ("mass",), ("inertia",), ("length",)]
+        names += [("centre", 0), ("centre", 1)]
+        for law in ("stiffness", "damping"):
+            names += (
+                [(law, way) for way in PLATFORM] if carrier.kind == "platform" else [(law,)] * len(carrier.stiffness)
+            )
+        found += [[(*head, *name) for head in heads] for name in names]
+        found += [[] for part in _modal(carrier) for _ in range(part.size)]
+    first = 0
+    for p, pendulum in enumerate(scene.pendulum):
+        if not isinstance(structure.pivots[first].where, int):
+            found += [[("pendulum", p, "position", k)] for k in (0, 1)]
+        first += pendulum.count
+    for spring in structure.springs:
+        found += [[("spring", spring.entry, name)] for name in ("stiffness", "damping")]
+        found += [[] for end in spring.ends for _ in _of_end(end)]
+    return found
 
 
 def _stacked(own: Sequence[Any], tail: bool = False) -> Any:

@@ -1,13 +1,13 @@
 """Positions and velocities of a scene: at one time, or at several along a leading axis.
 
 The integrator's vector is y = (x, links, x', links', work): x and x' only with a cart, work only where it is
-integrated.
+integrated.  On a structure the coordinates η of its carriers stand in the place of x.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -22,7 +22,8 @@ class State(Displayed):
     """Links in the order of the file: angles (L,) in rad from the downward vertical, unit vectors in space.
 
     In space `links` is (L, 3) with components along the rail, across it and down, `link_rates` (L, 3) its derivative
-    (1/s).  `cart` (m) and `cart_rate` (m/s) are 0 on a fixed support.
+    (1/s).  `cart` (m) and `cart_rate` (m/s) are 0 on a fixed support.  `supports` and `support_rates` (d,) are the
+    coordinates of a structure (m, rad) and their rates, empty on any other support.
 
     >>> import numpy as np
     >>> from modal import load
@@ -36,9 +37,14 @@ class State(Displayed):
     link_rates: Floats
     cart: float = 0.0
     cart_rate: float = 0.0
+    supports: Floats = field(default_factory=lambda: np.zeros(0))
+    support_rates: Floats = field(default_factory=lambda: np.zeros(0))
 
     def _summary(self) -> Summary:
         facts = [("cart (m)", brief(self.cart)), ("cart rate (m/s)", brief(self.cart_rate))]
+        if len(self.supports):
+            each = zip(self.supports, self.support_rates, strict=True)
+            facts = [(f"support {k}", f"{brief(own)}, rate {brief(rate)}") for k, (own, rate) in enumerate(each, 1)]
         spatial = self.links.ndim == 2
         names = ("direction", "rate (1/s)") if spatial else ("angle (rad)", "rate (rad/s)")
         rows = (
@@ -53,7 +59,8 @@ class State(Displayed):
 class Motion(Displayed):
     """States at T times: `links` and `link_rates` (T, L) or (T, L, 3), `cart` and `cart_rate` (T,).
 
-    `work` (T,) is the work of dampers and applied forces since the start (J).
+    `work` (T,) is the work of dampers and applied forces since the start (J).  `supports` and `support_rates` (T, d)
+    are the coordinates of a structure and their rates, (T, 0) on any other support.
 
     >>> from modal import load
     >>> from nonlinear import simulate
@@ -67,6 +74,14 @@ class Motion(Displayed):
     cart: Floats
     cart_rate: Floats
     work: Floats
+    supports: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    support_rates: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __post_init__(self) -> None:
+        if not self.supports.size:
+            none = np.zeros((len(self.cart), 0))
+            object.__setattr__(self, "supports", none)
+            object.__setattr__(self, "support_rates", none)
 
     def _summary(self) -> Summary:
         count, links = self.links.shape[:2]
@@ -74,7 +89,8 @@ class Motion(Displayed):
         return Summary(f"States of {counted(links, 'link', 'links')}{space} at {counted(count, 'time', 'times')}")
 
     def __getitem__(self, at: int) -> State:
-        return State(self.links[at], self.link_rates[at], float(self.cart[at]), float(self.cart_rate[at]))
+        cart = float(self.cart[at]), float(self.cart_rate[at])
+        return State(self.links[at], self.link_rates[at], *cart, self.supports[at], self.support_rates[at])
 
     def at(self, rows: Any) -> Motion:
         """The motion at some of the times: a slice, indices or a mask."""
@@ -93,6 +109,8 @@ def apart(one: Motion, other: Motion) -> Floats:
 class AppliedForces(NamedTuple):
     """External loads: a force on the cart (N) and moments on links, (L,) or in space (L, 3) (N m).
 
+    `supports` (d,) are generalized forces (N, N m) on the coordinates of a structure.
+
     >>> from modal import load
     >>> from nonlinear import AppliedForces, simulate, state_at_rest
     >>> scene = load("paper-cart-1")
@@ -104,6 +122,7 @@ class AppliedForces(NamedTuple):
 
     cart: float = 0.0
     moments: Floats | None = None
+    supports: Floats | None = None
 
     def __repr__(self) -> str:
         return summary_of(self).text()
@@ -149,17 +168,27 @@ class Equations(Protocol):
 
 @dataclass(frozen=True)
 class Layout:
-    """The arrangement of y: `width` numbers per link; `works` tells whether the work is its last component."""
+    """The arrangement of y: `width` numbers per link, `first` coordinates before those of links.
+
+    `works` tells whether the work is the last component of y, `is_structured` whether the first coordinates are those
+    of a structure, not of one cart.
+    """
 
     links: int
     width: int
-    on_cart: bool
+    first: int
     works: bool
+    is_structured: bool = False
+
+    @classmethod
+    def of(cls, system: System, *, works: bool, width: int = 1) -> Layout:
+        """That of the y of a system."""
+        return cls(system.n_links, width, system.first, works, system.structure is not None)
 
     @property
     def half(self) -> int:
         """Number of coordinates."""
-        return self.on_cart + self.links * self.width
+        return self.first + self.links * self.width
 
     @property
     def size(self) -> int:
@@ -168,21 +197,35 @@ class Layout:
 
     def begin(self, state: State) -> Floats:
         """The vector y of a state, with zero work."""
-        head, rate = ([state.cart], [state.cart_rate]) if self.on_cart else ([], [])
+        head: Any = []
+        rate: Any = []
+        if self.first:
+            head, rate = [state.cart], [state.cart_rate]
+        if self.is_structured:
+            head, rate = state.supports, state.support_rates
         work = [0.0] if self.works else []
         return np.concatenate((head, np.ravel(state.links), rate, np.ravel(state.link_rates), work))
 
+    def rows(self, motion: Motion) -> Floats:
+        """The vectors y (T, size) of a motion."""
+        head, rate = (motion.supports, motion.support_rates) if self.is_structured else _columns(motion, self.first)
+        links, rates = (np.reshape(own, (len(own), -1)) for own in (motion.links, motion.link_rates))
+        return np.hstack([head, links, rate, rates, *[motion.work[:, None]] * self.works])
+
     def read(self, rows: Floats) -> Motion:
         """The motion in vectors (T, size)."""
-        times, first, none = len(rows), int(self.on_cart), np.zeros(len(rows))
+        times, first, none = len(rows), self.first, np.zeros(len(rows))
         shape = (times, self.links) if self.width == 1 else (times, self.links, self.width)
         q, v = rows[:, : self.half], rows[:, self.half : 2 * self.half]
+        on_cart, carriers = first and not self.is_structured, first if self.is_structured else 0
         return Motion(
             links=q[:, first:].reshape(shape),
             link_rates=v[:, first:].reshape(shape),
-            cart=q[:, 0] if self.on_cart else none,
-            cart_rate=v[:, 0] if self.on_cart else none,
+            cart=q[:, 0] if on_cart else none,
+            cart_rate=v[:, 0] if on_cart else none,
             work=rows[:, -1] if self.works else none,
+            supports=q[:, :carriers],
+            support_rates=v[:, :carriers],
         )
 
     def natural(self, system: System) -> Floats:
@@ -191,9 +234,14 @@ class Layout:
         1 for links, l for the cart, sqrt(g/l) and l sqrt(g/l) for their rates, g Σ b for work.
         """
         half = np.ones(self.half)
-        half[: self.on_cart] = system.length
+        half[: self.first] = system.first_units
         return np.concatenate((half, half * system.rate, [system.energy] * self.works))
 
     def state(self, y: Floats) -> State:
         """The state of one vector y."""
         return self.read(y[None])[0]
+
+
+def _columns(motion: Motion, first: int) -> tuple[Floats, Floats]:
+    """The cart's place and speed, (T, 1) each, (T, 0) without one."""
+    return motion.cart[:, None][:, :first], motion.cart_rate[:, None][:, :first]

@@ -6,12 +6,13 @@ plus the support's displacement.  Vectors have the components (along the rail, d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from modal.scene import Moved
+from modal.scene import SupportMotion
 from modal.types import Floats
 from modal.vibration import PrescribedMotion, prescribed_motion
 from nonlinear.system.forces import DIRECTIONS, Direction
@@ -73,6 +74,6 @@ class MovingSupport:
         return np.sqrt(sum(size * size for size in sizes)).max(0)
 
 
-def moving_support(support: Moved) -> MovingSupport:
-    """The motion of a moved support as functions of time."""
-    return MovingSupport(tuple((DIRECTIONS[one.direction], prescribed_motion(one)) for one in support.motions))
+def moving_support(motions: Sequence[SupportMotion]) -> MovingSupport:
+    """The motions of a support or of the ground as functions of time."""
+    return MovingSupport(tuple((DIRECTIONS[one.direction], prescribed_motion(one)) for one in motions))

@@ -7,7 +7,7 @@ order of the file, pendulum by pendulum, top to bottom, which is the order of al
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import inf, radians
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -25,9 +25,11 @@ from modal.assembly import (
     rig_of,
 )
 from modal.report import Displayed, Summary, counted
-from modal.scene import Cart, Escapement, Moved, Pendulum, Scene, VanDerPol, validate_scene
+from modal.scene import Escapement, Pendulum, Scene, VanDerPol, validate_scene
+from modal.structure import Structure, is_damped
 from modal.types import Floats, Ints
 from nonlinear.system.forces import ActingForce, acting_forces
+from nonlinear.system.springs import slack_of
 
 if TYPE_CHECKING:
     from modal.vibration import Course, PrescribedMotion
@@ -181,7 +183,9 @@ class System(Displayed):
     `modal_damping` (n, n) is the D_modal of a plane scene's damping ratios in the coordinates (x, links), or None;
     `hoisting` the lengths that change in time, of which the groups hold the first; `support` the motion of a support
     that moves as prescribed, in whose frame the scene is then described; `rail` the dry friction on the rail; `forces`
-    act on points of links and on the cart.
+    act on points of links and on the cart.  `structure` is what carries the pendula where that is more than a fixed
+    support or one cart; its coordinates then stand in the place of x, and `slack` tells which of its springs have no
+    length as drawn.
 
     >>> from modal import load
     >>> from nonlinear import system_of
@@ -200,12 +204,29 @@ class System(Displayed):
     support: MovingSupport | None = None
     rail: Rail | None = None
     forces: tuple[ActingForce, ...] = ()
+    structure: Structure | None = None
+    slack: tuple[bool, ...] = ()
 
     def _summary(self) -> Summary:
         where = "on a cart" if self.cart else "on a support that moves" if self.support else "on a fixed support"
+        where = f"on a structure of {counted(self.first, 'coordinate', 'coordinates')}" if self.structure else where
         space = " in space" if self.spatial else ""
         links, pendula = counted(self.n_links, "link", "links"), counted(self.n_pendula, "pendulum", "pendula")
         return Summary(f"System of {links} in {pendula} {where}{space}", [("gravity", f"{self.gravity:g} m/s²")])
+
+    @property
+    def first(self) -> int:
+        """How many coordinates there are before those of links: 1 of a cart, those of a structure."""
+        return self.structure.size if self.structure else int(self.cart is not None)
+
+    @property
+    def first_units(self) -> Any:
+        """Natural units of these, (first,): the longest link for displacements (m), 1 for angles (rad)."""
+        if self.structure is None:
+            return self.length
+        units = np.full(self.first, self.length)
+        units[list(self.structure.turning)] = 1.0
+        return units
 
     @cached_property
     def n_links(self) -> int:
@@ -232,8 +253,9 @@ class System(Displayed):
 
     @cached_property
     def total_mass(self) -> float:
-        """Total mass of all links and the cart (kg)."""
-        return float(self.mass.sum()) + (self.cart.mass if self.cart else 0.0)
+        """Total mass of all links and of the cart or the carriers, modal ones excepted (kg)."""
+        carried = sum(float(one.mass) for one in self.structure.carriers) if self.structure else 0.0
+        return float(self.mass.sum()) + (self.cart.mass if self.cart else 0.0) + carried
 
     @cached_property
     def pendulum(self) -> Ints:
@@ -262,6 +284,7 @@ class System(Displayed):
     def dissipates(self) -> bool:
         """Whether there is any damper, drag or dry friction."""
         damped = bool(self.cart and np.any(self.cart.damping)) or any(group.damped for group in self.groups)
+        damped = damped or (self.structure is not None and is_damped(self.structure))
         return self.modal_damping is not None or damped or self.dragged or self.rubs
 
     @property
@@ -364,19 +387,20 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     modal = _modal_dampers(scene) if scene.has_modal_damping and not rig.spatial else None
     labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
     prescribed = modal, hoisting, _support(scene), _rail(scene), acting_forces(scene)
-    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, *prescribed)
+    found = System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, *prescribed, rig.structure)
+    if rig.structure is None:
+        return found
+    return replace(found, slack=slack_of(found))
 
 
 def _support(scene: Scene) -> MovingSupport | None:
-    if not isinstance(scene.support, Moved):
+    if not scene.is_moved:
         return None
     from nonlinear.system.support import moving_support
 
-    return moving_support(scene.support)
+    return moving_support(scene.motions)
 
 
 def _rail(scene: Scene) -> Rail | None:
-    support = scene.support
-    if not (isinstance(support, Cart) and support.has_friction):
-        return None
-    return Rail(support.friction, support.friction_coefficient)
+    cart = scene.cart
+    return Rail(cart.friction, cart.friction_coefficient) if cart and cart.has_friction else None

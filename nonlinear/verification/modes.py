@@ -16,12 +16,12 @@ from math import degrees, inf, isfinite, nan, pi, radians, sqrt
 
 import numpy as np
 
-from modal.doors import checked, checked_index
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene, name_of, require
+from modal.scene.doors import checked, checked_index
 from modal.types import Floats
 from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
 from nonlinear.postprocessing import LEAST_PERIODS

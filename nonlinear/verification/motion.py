@@ -12,11 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.doors import checked
 from modal.errors import ComputationError
 from modal.modes import Mode, Modes, natural_modes
 from modal.report import Displayed
 from modal.scene import require
+from modal.scene.doors import checked
 from modal.types import Floats
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import Line, lines

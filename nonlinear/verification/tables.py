@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import ceil, degrees, floor, isfinite, isinf, log10
 from typing import Any
 
-from modal.doors import checked
 from modal.modes.friction import stop_words
 from modal.report import NOTHING, Form, as_csv, as_json, digits, finite, grid, markdown, titled
 from modal.scene import describe, left_out, title_of
+from modal.scene.doors import checked
 from nonlinear.verification.measurement import Measurement
 from nonlinear.verification.modes import FARTHEST, Check, ModeCheck
 from nonlinear.verification.motion import Comparison, ModeInMotion

@@ -144,9 +144,10 @@ def test_the_corrected_rung_beats_the_linear_one(number: int) -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def steps_for_seconds() -> Iterator[None]:
-    """A clock on which a step of an integration takes 0.1 ms, however busy the machine is."""
+    """A clock on which a step of an integration takes 0.1 ms, however busy the machine is; each runs once."""
     with pytest.MonkeyPatch.context() as patched:
         clock = count()
+        patched.setattr(module, "REPEATS", 1)
         patched.setattr("nonlinear.accuracy.candidates.perf_counter", lambda: 1e-4 * next(clock))
         yield
 

@@ -41,7 +41,7 @@ def multipliers(gamma: float) -> Floats:
         return solve_ivp(rates, (0.0, 1.0), begun, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
 
     y = np.array([-np.pi / 2, 0.0])
-    for _ in range(30):
+    for _ in range(8):
         y = period(y)[:2]
     for _ in range(6):
         end = period(y)

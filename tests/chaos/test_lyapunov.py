@@ -225,7 +225,7 @@ def drawn(rng: np.random.Generator, ensemble: int, sticks: float) -> Exponent:
 @pytest.mark.parametrize(("ensemble", "sticks"), [(1, 2.0), (4, 2.0), (4, 10.0), (16, 10.0)])
 def test_intervals_hold_the_exponent_as_often_as_they_say(ensemble: int, sticks: float) -> None:
     rng = np.random.default_rng(11)
-    found = [drawn(rng, ensemble, sticks) for _ in range(1500)]
+    found = [drawn(rng, ensemble, sticks) for _ in range(600)]
     assert 0.935 < np.mean([abs(one.value - 1) < one.half_width for one in found]) < 0.99
 
 

@@ -19,7 +19,7 @@ from nonlinear.system import State, initial_state, numbers_of, system_of
 
 CLOCK = {"kind": "escapement", "impulse": 0.2, "angle_deg": 3.0}
 BOB = {"kind": "bob", "mass": 1.0, "length": 1.0, "damping": 0.02}
-SECONDS = 6.0
+SECONDS = 4.0
 
 
 def hung(*links: dict[str, Any], **more: Any) -> Scene:
@@ -51,7 +51,7 @@ def test_a_perturbation_goes_through_switches_as_in_the_flow_of_orbits(support: 
     task, scale = stretched(numbers, y[:, None], wanted)
     v = task.begun[len(y) :]
     end = flow(y, v, SECONDS)
-    assert np.count_nonzero(np.diff(end.path.times) == 0) >= 4
+    assert np.count_nonzero(np.diff(end.path.times) == 0) >= 2
 
     def gain(V: Any) -> float:
         return float(np.log(np.linalg.norm(V / scale)))

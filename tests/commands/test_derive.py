@@ -288,3 +288,48 @@ def test_a_title_stays_as_it_is(capsys: pytest.CaptureFixture[str], tmp_path: Pa
     )
     first = printed(capsys, "derive", str(path), "--format", "latex").splitlines()[0]
     assert first == r"\section*{cost \$5\_a \& 50\% x\_1}"
+
+
+SWINGS = """
+gravity = 9.81
+spring = [{ between = ["left", "right_one"], stiffness = 60, damping = 0.1 }]
+
+[[support]]
+kind = "swing"
+name = "left"
+mass = 2
+length = 0.25
+
+[[support]]
+kind = "tilt"
+name = "right_one"
+mass = 3
+inertia = 0.1
+centre = [0.0, 0.2]
+position = [2.0, 0.0]
+
+[[pendulum]]
+on = "left"
+links = [{ kind = "bob", mass = 0.3, length = 0.1 }]
+"""
+
+
+def test_a_structure_bears_the_names_of_its_supports(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "swings.toml"
+    path.write_text(SWINGS)
+    text = printed(capsys, "derive", str(path))
+    for line in (
+        "kinetic energy of left:  T = s_left'^2",
+        "potential energy of spring 1:  V = 30 (ℓ1 - 2)^2",
+        "pull of spring 1:  F_1 = 60 ℓ1 + ℓ1'/10 - 120",
+        "of φ_right_one:  ",
+        "det(s² M + s D + K)",
+    ):
+        assert line in text
+    assert "dot" not in text
+    assert text.count("checked term by term") == 1
+    latex = printed(capsys, "derive", str(path), "--symbolic", "supports,springs", "--format", "latex")
+    assert r"\ddot{\phi}_{\mathrm{right\_one}}" in latex
+    assert r"m_{\mathrm{left}} \dot{s}_{\mathrm{left}}^{2}" in latex
+    assert latex.count("{") == latex.count("}")
+    assert latex.isascii()

@@ -114,9 +114,11 @@ def test_two_sweeps_to_one_file_end_with_one_whole_result(tmp_path: Path) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("delay", [0.05, 0.5, 2.0])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_command_that_is_ended_says_so_in_one_line(delay: float, number: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("number", "delay"),
+    [(signal.SIGINT, 0.05), (signal.SIGTERM, 0.3), (signal.SIGINT, 1.2), (signal.SIGTERM, 1.2)],
+)
+def test_a_command_that_is_ended_says_so_in_one_line(number: int, delay: float, tmp_path: Path) -> None:
     """While it loads as well as at work."""
     words = ["animate", "chain-3", "--duration", "600", "--seconds", "600", "-o", str(tmp_path / "f.html")]
     begins = (
@@ -216,7 +218,7 @@ def test_what_is_put_off_comes_in_its_time(number: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("room", [0, 100, 3000])
+@pytest.mark.parametrize("room", [0, 3000])
 @pytest.mark.parametrize(
     "words",
     [
@@ -244,7 +246,7 @@ def test_a_full_disk_leaves_nothing(words: str, room: int, tmp_path: Path, capsy
     left = {path.name for path in tmp_path.iterdir()} - {"log"}
     assert not [name for name in left if name.startswith(".multipendula")]
     assert (code, left) == (0, {f"f.{kind}"}) or (code == 1 and left <= {"f.csv.journal"} and "File too large" in told)
-    assert code or room > 100
+    assert code or room > 0
 
 
 def test_an_mp4_that_has_no_room_is_told_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,7 @@ import pytest
 from amounts import usually
 from hostility import damage, interruptions, judge, options, scene_files
 
-MANY, CALLS, STOPPED = 40, 60, 6
+MANY, CALLS, STOPPED = 40, 30, 6
 
 
 @pytest.mark.slow
@@ -25,7 +25,7 @@ def test_scene_files(block: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("block", usually(range(2), range(4)))
+@pytest.mark.parametrize("block", usually(range(2), range(8)))
 def test_options(block: int, tmp_path: Path) -> None:
     for place, call in enumerate(random.Random(block).sample(options.calls(), CALLS)):
         folder = tmp_path / str(place)
@@ -47,7 +47,7 @@ def test_damaged_files(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are looked for in /proc")
-@pytest.mark.parametrize("number", usually(range(100_001, 100_004), range(100_000, 100_000 + STOPPED)))
+@pytest.mark.parametrize("number", usually(range(100_001, 100_003), range(100_000, 100_000 + STOPPED)))
 def test_interruptions(number: int, tmp_path: Path) -> None:
     done, faults = interruptions.case(number, tmp_path)
     assert (done, faults) == (done, [])

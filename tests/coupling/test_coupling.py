@@ -11,6 +11,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 import scipy.linalg
+from amounts import usually
 from compare import flat_omega
 from matplotlib.figure import Figure
 from oracle import Dense, dense
@@ -84,7 +85,7 @@ def test_next_to_a_pole_no_digit_is_lost() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*CARTS, *MILD, "thousand"])
+@pytest.mark.parametrize("name", [*CARTS, *usually([*MILD][::3], [*MILD]), "thousand"])
 def test_zeros_and_still_modes_are_the_modes(name: str) -> None:
     """The secular equation against bisection of the count (and dense matrices where joints have springs)."""
     one = {**CARTS, **MILD, "thousand": load("thousand-pendula")}[name]

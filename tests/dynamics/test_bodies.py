@@ -114,7 +114,7 @@ def test_a_singular_band_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def energy(equations: Minimal, y: Any) -> Any:
     """T + V (J) from A and b."""
-    system, half, first = equations.system, equations.layout.half, int(equations.layout.on_cart)
+    system, half, first = equations.system, equations.layout.half, equations.layout.first
     x, speed = (y[0], y[half]) if system.cart else (0.0, 0.0)
     found = (system.cart.mass * speed**2 + system.cart.stiffness * x**2) / 2 if system.cart else 0.0
     for group in system.groups:

@@ -148,7 +148,7 @@ def newton(system: System, time: float, y: np.ndarray, sign: np.ndarray, contact
 
     The unknowns are q'', the friction of those that stick, and with a coefficient N = m_c g + Σ m (g − z'').
     """
-    first, n = int(system.cart is not None), system.n_links
+    first, n = system.first, system.n_links
     half = first + n
     theta, v = y[first:half], y[half : 2 * half]
     w = v[first:]

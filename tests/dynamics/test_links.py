@@ -60,7 +60,7 @@ def chains(system: System) -> list[tuple[list[int], list[dict[str, float]]]]:
 def stepped(system: System, y: Any, at_rest: bool = False) -> Any:
     """The rates (2 half,) of y; with `at_rest` those of small deviations y from equilibrium."""
     links, support = Spoken(link_steps(linear=at_rest)), Spoken(support_steps(linear=at_rest))
-    first, half, wide = int(system.cart is not None), system.n_links + int(system.cart is not None), 1 + at_rest
+    first, half, wide = system.first, system.n_links + system.first, 1 + at_rest
 
     def step(name: str, numbers: dict[str, float], *given: Any) -> list[float]:
         return links(name, [numbers[key] for key in LINK], *given)
@@ -109,7 +109,7 @@ def test_linear_steps_are_their_derivative_at_rest(seed: int) -> None:
     """By complex steps; quadratic drag has none at rest and is left out."""
     equations = Generated(system_of(aired(motion_scene(seed), quadratic_drag=0.0)))
     layout, system = equations.layout, equations.system
-    rest = np.concatenate((np.zeros(int(system.cart is not None)), system.rest, np.zeros(layout.size)))[: layout.size]
+    rest = np.concatenate((np.zeros(system.first), system.rest, np.zeros(layout.size)))[: layout.size]
     y = np.random.default_rng(seed).normal(size=2 * layout.half)
     y = np.append(y, np.zeros(layout.size - len(y)))
     slope = equations.derivative(0.0, (rest + 1e-30j * y)[:, None])[: 2 * layout.half, 0].imag / 1e-30
@@ -120,7 +120,7 @@ def test_linear_steps_are_their_derivative_at_rest(seed: int) -> None:
 def test_paired_links_are_the_matrices(seed: int) -> None:
     scene = aired(motion_scene(seed), quadratic_drag=0.0)
     system, known = system_of(scene), matrices(scene)
-    first, said = int(system.cart is not None), Spoken(link_steps())
+    first, said = system.first, Spoken(link_steps())
     x, z = np.random.default_rng(seed).normal(size=(2, system.n_links + first))
     found = np.zeros(3)
     if cart := system.cart:
@@ -138,7 +138,7 @@ def test_paired_links_are_the_matrices(seed: int) -> None:
 def test_stored_energies_are_those_of_mechanics() -> None:
     equations = Minimal(system_of(motion_scene(3)), ())
     system, layout, said = equations.system, equations.layout, Spoken(link_steps())
-    y, first = np.random.default_rng(3).normal(size=layout.size), int(layout.on_cart)
+    y, first = np.random.default_rng(3).normal(size=layout.size), layout.first
     q, v = y[: layout.half], y[layout.half : 2 * layout.half]
     known = Mechanics(system, equations.read(y[None]))
     for places, numbers in chains(system):

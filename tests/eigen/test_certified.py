@@ -10,7 +10,7 @@ from scenes import extreme_scene
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, natural_modes
 
 SCENES, CHUNK = 2400, 50
-FIRST = usually(range(0, SCENES, 6 * CHUNK), range(0, SCENES, CHUNK))
+FIRST = usually(range(0, SCENES, 12 * CHUNK), range(0, SCENES, CHUNK))
 
 
 @pytest.mark.slow
@@ -78,7 +78,7 @@ def test_corners(scene: Scene) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n", [40, 60])
+@pytest.mark.parametrize("n", usually([39], [39, 60]))
 def test_long_chains_of_any_links(n: int) -> None:
     kinds = [Bob(mass=1.0, length=0.7), Rod(mass=2.5, length=1.1), Body(mass=0.3, length=0.9, centre=1.2, inertia=0.02)]
     scene = Scene(gravity=9.81, support=Cart(mass=3.0), pendulum=(Pendulum(links=tuple(kinds * (n // 3))),))

@@ -131,14 +131,6 @@ def test_codes_are_those_of_the_form_of_the_members(process: Process) -> None:
     assert code("heyoka", "order") == code("heyoka")
 
 
-@pytest.mark.parametrize("engine", ["numba", "heyoka"])
-@pytest.mark.slow
-def test_an_engine_that_has_run_is_ready(engine: str) -> None:
-    pytest.importorskip(engine)
-    ensemble(CHAIN, 0.2, starts=np.ones((3, 2)), engine=engine, workers=1, check=0)
-    assert code(engine).loaded
-
-
 def test_a_folder_goes_on_by_the_engine_it_was_begun_by(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     options = {"starts": np.ones((6, 2)), "chunk": 2, "workers": 1, "check": 0}
     folder = tmp_path / "begun"
@@ -195,14 +187,3 @@ def test_a_long_chain_is_not_compiled_for_minutes(process: Process) -> None:
     rope = load("rope")
     many = members_of(rope, np.zeros((10**4, rope.n_links)), None)
     assert choose_engine("auto", "", many, 100.0, 1e-9).engine == "numpy"
-
-
-@pytest.mark.slow
-def test_what_is_compiled_is_ready_afterwards() -> None:
-    pytest.importorskip("numba")
-    pytest.importorskip("heyoka")
-    first, second = compile_engines(CHAIN), compile_engines(CHAIN)
-    assert [code.action for code in second.codes] == ["was ready"] * 4
-    for found in (first, second):
-        assert all(Path(code.kept_in).is_dir() for code in found.codes)
-    assert "many motions  numba   was ready" in compilation_table(second, "text")

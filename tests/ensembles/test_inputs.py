@@ -107,10 +107,11 @@ def test_members_differ_in_the_numbers_of_a_feature(name: str, path: str, values
 def test_members_are_those_of_the_maximal_form() -> None:
     """Which has positions and pivot forces for unknowns, and nothing of the text of the equations."""
     for name in ("sine", "smooth"):
-        found = ensemble(SCENES[name], 2.0, vary=MASSES, engine="numpy", **OPTIONS)
-        for k, mass in enumerate(MASSES["pendulum[0].links[1].mass"]):
+        masses = [0.4, 1.3]
+        found = ensemble(SCENES[name], 1.2, vary={"pendulum[0].links[1].mass": masses}, engine="numpy", **OPTIONS)
+        for k, mass in enumerate(masses):
             scene = vary(SCENES[name], {"pendulum[0].links[1].mass": mass})
-            run = simulate(scene, 2.0, output=7, form="maximal", tolerance=1e-10)
+            run = simulate(scene, 1.2, output=7, form="maximal", tolerance=1e-10)
             np.testing.assert_allclose(found.column("links_rad")[k], run.motion.links, atol=3e-7)
 
 
@@ -155,10 +156,10 @@ def test_many_links_go_by_the_recursion(name: str) -> None:
 MEASURED = ("largest_angle", "first_turn", "lyapunov", "section:theta[1,2]=0")
 
 
-def alike(name: str, engine: str, within: float, measures: tuple[str, ...] = MEASURED) -> None:
+def alike(name: str, engine: str, within: float, measures: tuple[str, ...] = MEASURED, seconds: float = 2.0) -> None:
     """Whether members of an engine are those of lanes in NumPy, whatever is measured."""
     options = {**OPTIONS, "vary": MASSES, "measures": measures}
-    one, other = (ensemble(SCENES[name], 2.0, engine=own, **options) for own in ("numpy", engine))
+    one, other = (ensemble(SCENES[name], seconds, engine=own, **options) for own in ("numpy", engine))
     assert not other.failures
     assert one.columns == other.columns
     for column in one.columns:
@@ -176,7 +177,7 @@ COMPILED = ["sine", "record", "random", "ratio", "drag", "sine and drag", "smoot
 @pytest.mark.parametrize("name", COMPILED)
 def test_the_loop_that_numba_compiles_takes_the_steps_of_lanes(name: str) -> None:
     with interpreted():
-        alike(name, "numba", 1e-9)
+        alike(name, "numba", 1e-9, seconds=1.3)
 
 
 @pytest.mark.slow
@@ -188,7 +189,7 @@ def test_compiled_members_are_those_of_lanes(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", usually(["sine and ratio", "smooth and drag"], [*SERIES, *HOISTS]))
+@pytest.mark.parametrize("name", usually(["sine and ratio", "smooth"], [*SERIES, *HOISTS]))
 def test_members_by_taylor_series_are_those_of_lanes(name: str) -> None:
     pytest.importorskip("heyoka")
     alike(name, "heyoka", 1e-7)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from modal.scene import InitialCondition
 from modal.types import Floats
 from nonlinear import Event, State, simulate
 from nonlinear.chaos.tangent import Tangent
-from nonlinear.ensembles import Ensemble, ensemble
+from nonlinear.ensembles import Ensemble, compilation_table, compile_engines, ensemble, members_of
+from nonlinear.ensembles.costs import code_of, first_numbers
 from nonlinear.integration import SciPyStepper
 from nonlinear.integration.readiness import reproducible
 from nonlinear.postprocessing import extremes
@@ -195,3 +197,24 @@ def test_horizons_that_nobody_estimates_are_not_counted() -> None:
     found = ensemble(load("chain-2"), 0.2, starts=ANGLES[:1], engine="simulate", measures=["largest_angle"])
     assert np.all(np.isnan(found.column("horizon_s")))
     assert "horizons not estimated" in found.words()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["numba", "heyoka"])
+def test_an_engine_that_has_run_is_ready(engine: str) -> None:
+    pytest.importorskip(engine)
+    ensemble(load("chain-2"), 0.2, starts=ANGLES, engine=engine, workers=1, check=0)
+    code = code_of(engine, first_numbers(members_of(load("chain-2"), ANGLES, None)), 1e-9)
+    assert code
+    assert code.loaded
+
+
+@pytest.mark.slow
+def test_what_is_compiled_is_ready_afterwards() -> None:
+    pytest.importorskip("numba")
+    pytest.importorskip("heyoka")
+    first, second = (compile_engines(load("chain-2")) for _ in range(2))
+    assert [code.action for code in second.codes] == ["was ready"] * 4
+    for found in (first, second):
+        assert all(Path(code.kept_in).is_dir() for code in found.codes)
+    assert "many motions  numba   was ready" in compilation_table(second, "text")

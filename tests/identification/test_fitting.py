@@ -216,7 +216,7 @@ SWITCHED = {
 def test_numbers_of_clocks_cranes_and_shaken_scenes_are_found(name: str) -> None:
     """Within their error bars, from a run by the simulator with noise."""
     scene, true = load(KINDS / f"{name}.toml"), SWITCHED[name]
-    run = simulate(scene_with(scene, true), 3.0, output=151)
+    run = simulate(scene_with(scene, true), 3.0, output=81)
     pendula = [(p + 1, k + 1) for p in range(scene.pendulum[0].count) for k in range(2)]
     sensors, values = tuple(Sensor(*own) for own in pendula), run.motion.links
     if scene.support.kind == "cart":

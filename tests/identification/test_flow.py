@@ -17,7 +17,7 @@ from nonlinear import State, simulate
 from nonlinear.identification.problem import Problem
 from nonlinear.identification.records import Recording, Segment, Sensor
 
-TIMES = np.linspace(0.0, 2.0, 101)
+TIMES = np.linspace(0.0, 1.4, 29)
 TWO: list[dict[str, Any]] = [
     {"kind": "bob", "mass": 1.0, "length": 0.5, "damping": 0.01},
     {"kind": "rod", "mass": 0.5, "length": 0.4, "damping": 0.02},

@@ -123,7 +123,7 @@ def test_derivatives_are_those_of_the_residuals() -> None:
 def test_standard_deviations_are_those_of_noise_drawn_anew() -> None:
     truth, rng = measured(vary(given(), TRUE), 1e-4, shape_std=1e-3), np.random.default_rng(5)
     found, squares = [], []
-    for _ in range(16):
+    for _ in range(9):
         noisy = []
         for one in truth.modes:
             assert one.shape is not None

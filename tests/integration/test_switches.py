@@ -49,7 +49,7 @@ SCENES = {
 
 def first_of(run: Trajectory, switches: Switches) -> list[float]:
     """The y at the start of a run."""
-    motion, cart = run.motion, switches.form.on_cart
+    motion, cart = run.motion, switches.form.first
     parts = (motion.cart[:cart], motion.links[0], motion.cart_rate[:cart], motion.link_rates[0])
     y = np.concatenate([np.ravel(part) for part in parts]).tolist()
     return [*y, *[0.0] * (switches.places.size - len(y))]
@@ -134,9 +134,9 @@ def test_a_motion_with_switches_is_that_of_simulate(name: str) -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_floats_end_steps_where_numpy_finds_changes_on_interpolants(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    written = simulate(SCENES[name], 4.0, tolerance=1e-11, output=41)
+    written = simulate(SCENES[name], 2.5, tolerance=1e-11, output=41)
     monkeypatch.setattr(methods, "RUBBED", -1)
-    apart = simulate(SCENES[name], 4.0, tolerance=1e-11, output=41)
+    apart = simulate(SCENES[name], 2.5, tolerance=1e-11, output=41)
     assert isinstance(written.equations, Switched)
     assert not isinstance(apart.equations, Switched)
     assert written.motion.links == pytest.approx(apart.motion.links, abs=2e-8)
@@ -249,7 +249,7 @@ def test_columns_through_two_switches_at_once_are_those_of_one_after_the_other(k
     more = {"support": CART} if kicked else {}
     switches = switches_of(system_of(scene_of(link, angles=(0.0,), copies=2, ratio=1.0, **more)))
     at, h, end = switches.places, 1e-5, 0.1 if kicked else 1.2
-    y = [*[0.0] * switches.form.on_cart, 0.04, 0.04, *[0.0] * switches.form.on_cart, 0.6, 0.6]
+    y = [*[0.0] * switches.form.first, 0.04, 0.04, *[0.0] * switches.form.first, 0.6, 0.6]
     y += [0.0] * (at.size - len(y))
     direction = np.zeros(at.size)
     direction[[at.half - 2, at.half - 1, 2 * at.half - 2, 2 * at.half - 1]] = 1.0, -0.3, 0.2, -0.4  # the first leads

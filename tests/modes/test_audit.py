@@ -219,7 +219,7 @@ def test_a_thousand_equal_pendula_take_the_memory_of_two() -> None:
 
 @pytest.mark.slow
 def test_a_long_chain_takes_memory_in_proportion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One step of the search for all frequencies is as large as any; an n × n array would be 1.2 GB."""
+    """One step of the search for all frequencies is as large as any; an n × n array would be 288 MB."""
 
     def one_step(problem: Suspension, wanted: Any, low: Any, high: Any) -> Any:
         trial = np.linspace(*(end[0].view(float) for end in (low, high)), len(wanted)).reshape(-1, 1)
@@ -227,9 +227,9 @@ def test_a_long_chain_takes_memory_in_proportion(monkeypatch: pytest.MonkeyPatch
         return trial
 
     monkeypatch.setattr(bisection, "_between", one_step)
-    part, whole = (peak(lambda n=n: natural_modes(scene(rods(n)))[0]) for n in (1_600, 12_000))
+    part, whole = (peak(lambda n=n: natural_modes(scene(rods(n)))[0]) for n in (800, 6_000))
     assert whole < 10 * part
-    assert whole < 12_000**2 * 8 / 10
+    assert whole < 6_000**2 * 8 / 5
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from amounts import usually
 from scenes import extreme_scene, long_scene, mild_scene
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, load, natural_frequencies, natural_modes
@@ -23,7 +24,7 @@ def rods(n: int, support: Cart | None = None) -> Scene:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("accuracy", [1e-4, 1e-8, 1e-12, 1e-16])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", usually(range(5), range(12)))
 def test_modes_are_within_their_bounds_and_those_within_the_accuracy(seed: int, accuracy: float) -> None:
     for scene in (mild_scene(seed), extreme_scene(seed), long_scene(seed)):
         exact, found = natural_modes(scene), natural_modes(scene, accuracy=accuracy)
@@ -122,7 +123,7 @@ def one_by_one(scenes: list[Scene]) -> list[np.ndarray]:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PLACES)
 def test_many_scenes_have_the_frequencies_of_each(name: str) -> None:
-    scenes = varied(name, 3 if name == "thousand-pendula" else 7)
+    scenes = varied(name, 2 if name == "thousand-pendula" else 7)
     np.testing.assert_array_max_ulp(natural_frequencies(scenes), np.array(one_by_one(scenes)), 2)
 
 

@@ -256,7 +256,7 @@ def test_a_settled_run_lies_on_the_orbit_and_perturbed_ones_have_its_multipliers
         assert values.pop(at) == pytest.approx(value, abs=1e-6)
     rates = np.log(np.abs(orbit.floquet.others).max()) / orbit.period
     away = orbit.y.copy()
-    away[layout.half + int(layout.on_cart)] += 0.01 * scale[-1]
+    away[layout.half + layout.first] += 0.01 * scale[-1]
     settled = end(layout.state(away), int(np.ceil(np.log(1e-9) / rates / orbit.period)))
     missed = settled - orbit.y / scale
     assert np.abs(missed[orbit.floquet.neutral :]).max() < 1e-6

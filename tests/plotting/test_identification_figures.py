@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -73,8 +74,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["light", "dark"])
-@pytest.mark.parametrize("kind", FIGURES)
+@pytest.mark.parametrize(("kind", "name"), [*zip(FIGURES, cycle(["light", "dark"]))])
 def test_nothing_is_wrong_with_the_figure(kind: str, name: str) -> None:
     with theme(name):
         assert flaws(FIGURES[kind]()) == []

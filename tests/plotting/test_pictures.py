@@ -561,7 +561,7 @@ def test_the_themes_differ_in_colours_only() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", THEMES)
+@pytest.mark.parametrize("name", usually(THEMES[1:], THEMES))
 def test_a_style_is_found_by_its_name_and_makes_all_figures_alike(name: str) -> None:
     with style.context(f"modal.plotting.{name}"):
         figures = [FIGURES[kind]() for kind in ("bode", "run of one", "shapes of a crane", "claim of carts", "map")]

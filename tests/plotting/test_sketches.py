@@ -66,8 +66,7 @@ def symbols(figure: Figure) -> list[str]:
     return [text.get_text().strip("$").replace(" ", "") for text in figure.axes[0].texts if text.get_text()]
 
 
-@pytest.mark.parametrize("name", ["light", "dark"])
-@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
+@pytest.mark.parametrize(("scene", "name"), [*zip(SCENES.values(), itertools.cycle(["light", "dark"]))], ids=SCENES)
 def test_no_symbol_is_upon_another_or_leaves_the_sketch(scene: Scene, name: str) -> None:
     push = "F" if isinstance(scene.support, Cart) else ""
     with theme(name):

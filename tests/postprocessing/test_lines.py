@@ -91,7 +91,7 @@ def test_a_slowly_changing_frequency_counts_as_attention_says() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("degrees", [1, 10, 45, 90, 135, 160, 170])
+@pytest.mark.parametrize("degrees", [1, 45, 135, 170])
 def test_the_simple_pendulum_and_the_elliptic_integral(degrees: float) -> None:
     """ω = (π/2) √(g/l) / K(sin²(θ₀/2))."""
     a, g, l = np.radians(degrees), 9.81, 0.7

@@ -24,7 +24,7 @@ ROOT = Path(__file__).parent.parent.parent
 HOSTILE = "<script>alert('x')</script> & \u202e"
 MACHINERY = (
     *("modal.assembly", "modal.eigen", "nonlinear.dynamics", "nonlinear.integration", "nonlinear.system"),
-    *("modal.plotting", "modal.report"),
+    *("modal.plotting", "modal.report", "modal.structure"),
 )
 """Where equations and arrays of the inside are, which are nobody's result."""
 RESULTS = {

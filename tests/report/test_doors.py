@@ -15,9 +15,9 @@ import pytest
 import modal
 import nonlinear
 from modal import SceneError, load, natural_modes
-from modal.doors import checked, checked_index, checked_number, require_type
 from modal.errors import MultipendulaError
 from modal.identification import identify
+from modal.scene.doors import checked, checked_index, checked_number, require_type
 from nonlinear import initial_state, simulate
 from nonlinear.chaos import lyapunov_exponent
 from nonlinear.ensembles import find_section

@@ -14,7 +14,7 @@ CELLS = st.lists(st.lists(st.text("ab1ω振 -", max_size=30), min_size=4, max_si
 HEADINGS = ["number", "ω (rad/s)", "description", "a long heading (kg m²)"]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(text=WORDS, width=st.integers(NARROWEST, 90))
 def test_lines_are_folded_between_words(text: str, width: int) -> None:
     lines = folded(text, width).split("\n")
@@ -22,7 +22,7 @@ def test_lines_are_folded_between_words(text: str, width: int) -> None:
     assert all(breadth(line) <= width for line in lines)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(cells=CELLS, width=st.integers(NARROWEST, 90))
 def test_tables_are_stacked_and_nothing_is_lost(cells: list[list[str]], width: int) -> None:
     with fitted(width):
@@ -80,7 +80,7 @@ def test_the_width_ends_with_its_block_even_by_an_error() -> None:
     assert columns() is None
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(text=st.text("abω振e\u0301 ", max_size=120), width=st.integers(2, 40))
 def test_long_words_are_broken_where_nothing_else_helps(text: str, width: int) -> None:
     lines = broken(text, width)

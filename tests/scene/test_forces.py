@@ -28,7 +28,7 @@ def test_points_are_read() -> None:
     assert parse_point("pendulum[2].copies[1].links[0]@1.5e-1") == Point(2, 0, 1, 0.15)
     for text in (
         "",
-        "Cart",
+        "left right",
         "pendulum[0]",
         "pendulum[0].links[0]@",
         "pendulum[0].links[0]@-1",
@@ -49,7 +49,8 @@ def test_a_point_is_at_every_copy_and_every_link_of_a_run() -> None:
 @pytest.mark.parametrize(
     ("force", "message"),
     [
-        ({"on": "roof"}, 'force[0].on: is not a point such as "cart" or "pendulum[0].links[1]@0.5"'),
+        ({"on": "roof top"}, 'force[0].on: is not a point such as "cart", "NAME@0.2,0.1" of a support or "pendulum'),
+        ({"on": "roof"}, 'force[0].on = "roof": there is no support "roof"'),
         ({"on": "cart"}, 'force[0].on = "cart": the support is fixed, and there is no cart'),
         ({"on": "pendulum[2].links[0]"}, "the scene has 2 entries of pendulum, numbered from 0"),
         ({"on": "pendulum[1].copies[3].links[0]"}, "pendulum[1] has count = 3, and its copies are numbered from 0"),

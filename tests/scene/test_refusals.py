@@ -64,7 +64,7 @@ def test_the_first_mistakes_are_named_and_the_rest_is_counted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "many.toml"
-    for count in (MOST_TOLD - 1, MOST_TOLD, MOST_TOLD + 1, MOST_TOLD + 2, 100_000):
+    for count in (MOST_TOLD - 1, MOST_TOLD, MOST_TOLD + 1, MOST_TOLD + 2, 20_000):
         path.write_text("".join(f"k{k} = 1\n" for k in range(count)) + GOOD)
         told = refused(capsys, 2, "table", str(path))
         assert told[0] == f"multipendula: {path}: k0: is not a known key"

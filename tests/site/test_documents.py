@@ -10,6 +10,7 @@ import pytest
 from documents import KNOWN, ROOT, Page, WrongPageError, agrees, blocks, divided, tokens
 
 from multipendula.commands import COMMANDS, FIRST
+from nonlinear.accuracy import work_precision
 
 pytestmark = [pytest.mark.site, pytest.mark.slow]
 
@@ -35,12 +36,13 @@ PAGES = pages()
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A fresh folder, which is also home, with the scenes and records of the examples."""
+    """A fresh folder, which is also home, with the scenes and records of the examples; what is timed runs once."""
     for path in (ROOT / "examples").iterdir():
         if path.suffix in {".toml", ".csv"}:
             copy(path, tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setattr(work_precision, "REPEATS", 1)
     return tmp_path
 
 

@@ -5,6 +5,7 @@ Nothing is built and Sphinx is not needed; what a page has made from the code is
 
 from __future__ import annotations
 
+import json
 import re
 from functools import cache
 from importlib import import_module
@@ -16,7 +17,24 @@ import pytest
 
 import modal
 import nonlinear
-from modal.scene import Bob, Body, Cart, Escapement, InitialCondition, Pendulum, Rod, Scene, VanDerPol
+from modal.scene import (
+    Bob,
+    Body,
+    Cart,
+    Escapement,
+    Ground,
+    Heave,
+    InitialCondition,
+    ModalSupport,
+    Pendulum,
+    Platform,
+    Rod,
+    Scene,
+    Spring,
+    Swing,
+    Tilt,
+    VanDerPol,
+)
 
 pytestmark = pytest.mark.site
 
@@ -144,6 +162,9 @@ PARTS = {
     "The support": [Cart],
     "A pendulum": [Pendulum, InitialCondition],
     "A link": [Bob, Rod, Body],
+    "Structures": [Swing, Tilt, Heave, Platform, ModalSupport],
+    "Springs between points": [Spring],
+    "The ground": [Ground],
     "A drive": [VanDerPol, Escapement],
 }
 
@@ -158,7 +179,7 @@ def test_every_key_of_a_scene_is_explained(title: str, part: type[Scene]) -> Non
         if field.is_required:
             assert "required" in defaults, key
         elif isinstance(field.default, int | float | str) and key != "kind":
-            shown = f'"{field.default}"' if isinstance(field.default, str) else repr(field.default)
+            shown = json.dumps(field.default)
             assert f"`{shown}`" in defaults, key
         else:
             assert defaults, key

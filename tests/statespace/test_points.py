@@ -125,7 +125,7 @@ def test_what_is_wrong_with_a_point_is_told() -> None:
         "input force[3]: the scene has 1 entries of force",
         "input force:pendulum[4].links[0]: the scene has 1 entries of pendulum",
         "input lift:cart: the cart runs on a horizontal rail",
-        "input torque:roof: is not a point",
+        'input torque:roof: there is no support "roof"',
         "the link reaches 0.8 m",
     ):
         assert words in message

@@ -158,21 +158,13 @@ class Page:
 
     def ours(self, words: list[str], given: str, refused: bool | None) -> str:
         """What this project's command prints; its standard error is kept beside."""
-        out, err, before = io.StringIO(), io.StringIO(), sys.stdin
-        sys.stdin = io.TextIOWrapper(io.BytesIO(given.encode()), encoding="utf-8")
-        try:
-            with redirect_stdout(out), redirect_stderr(err):
-                code = main(words)
-        except SystemExit as left:
-            code = left.code
-        finally:
-            sys.stdin = before
-        self.errors += err.getvalue()
-        if "is deprecated" in err.getvalue():
-            raise WrongPageError(f"`multipendula {' '.join(words)}` has a former name: {err.getvalue()}")
+        code, out, err = outcome(words, given)
+        self.errors += err
+        if "is deprecated" in err:
+            raise WrongPageError(f"`multipendula {' '.join(words)}` has a former name: {err}")
         if refused is not None and bool(code) != refused:
-            raise WrongPageError(f"`multipendula {' '.join(words)}` leaves with {code}: {err.getvalue()}")
-        return out.getvalue()
+            raise WrongPageError(f"`multipendula {' '.join(words)}` leaves with {code}: {err}")
+        return out
 
     def spoken(self, text: str) -> None:
         """A command in running text; where it names no scene but SCENE, its words alone are looked at."""
@@ -203,6 +195,42 @@ class Page:
             raise WrongPageError("there is nothing before it that prints")
         if not any(agrees(text, printed) for printed in (self.printed, self.printed + self.errors)):
             raise WrongPageError(f"this was printed instead:\n{self.printed}{self.errors}")
+
+
+OUTCOMES: dict[object, tuple[tuple[object, str, str], dict[str, bytes]]] = {}
+"""What commands left, with the files that they wrote, by their words, standard input and the files that they name."""
+
+
+def outcome(words: list[str], given: str) -> tuple[object, str, str]:
+    """The exit code and what a command prints, which several pages show and one run proves for all of them."""
+    line, before = " ".join(words), present()
+    asked = (*words, given, *((name, content) for name, content in before.items() if name in line))
+    if asked not in OUTCOMES:
+        left = executed(words, given)
+        OUTCOMES[asked] = left, {name: own for name, own in present().items() if before.get(name) != own}
+    left, files = OUTCOMES[asked]
+    for name, content in files.items():
+        Path(name).write_bytes(content)
+    return left
+
+
+def present() -> dict[str, bytes]:
+    """The files of the current folder."""
+    return {path.name: path.read_bytes() for path in Path().iterdir() if path.is_file()}
+
+
+def executed(words: list[str], given: str) -> tuple[object, str, str]:
+    """The same, by running it in this process."""
+    out, err, before = io.StringIO(), io.StringIO(), sys.stdin
+    sys.stdin = io.TextIOWrapper(io.BytesIO(given.encode()), encoding="utf-8")
+    try:
+        with redirect_stdout(out), redirect_stderr(err):
+            code: object = main(words)
+    except SystemExit as ended:
+        code = ended.code
+    finally:
+        sys.stdin = before
+    return code, out.getvalue(), err.getvalue()
 
 
 def tokens(line: str) -> Iterator[str]:

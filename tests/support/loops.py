@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 
 from nonlinear.ensembles import compiled
+from nonlinear.integration import loops
 
+LANES = 4
+"""Side by side: enough for members that come while others are under way, and no time for lanes that stand still."""
 PLAIN = "def compiled(function):\n return function\n\nvectorized = compiled"
 
 
@@ -26,6 +29,8 @@ def module_of(text: str) -> ModuleType:
 def interpreted() -> Iterator[None]:
     """Engine numba without numba."""
     with pytest.MonkeyPatch.context() as patch, np.errstate(all="ignore"):
+        for place in (compiled, loops):
+            patch.setattr(place, "WIDTH", LANES)
         patch.setattr(compiled, "module_of", module_of)
         patch.setattr(compiled, "available", lambda: True)
         yield

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
@@ -17,11 +17,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from loops import interpreted
 
 from modal.errors import MultipendulaError
 from modal.scene import CAPABILITIES, Scene, left_out, load, refusals
 from multipendula import cli
+from nonlinear.accuracy import Candidate, work_precision
 from nonlinear.ensembles import ensemble
 from nonlinear.simulation import simulate
 from nonlinear.system import AppliedForces, State
@@ -108,7 +110,7 @@ def _fit(path: Path, scene: Scene, folder: Path) -> str:
     rng = np.random.default_rng(0)
     links = run.motion.links if run.motion.links.ndim == 2 else run.motion.links[..., 0]
     data = np.column_stack((run.times, links + 1e-3 * rng.standard_normal(links.shape)))
-    names = [label.replace("[", "_").replace(",", "_").rstrip("]") for label in run.system.labels if label != "x"]
+    names = [label.replace("[", "_").replace(",", "_").rstrip("]") for label in run.system.labels[run.system.first :]]
     header = ",".join(["time_s", *(f"{name}_rad" for name in names[: links.shape[1]])])
     np.savetxt(folder / "data.csv", data, delimiter=",", header=header, comments="")
     free = "damping" if scene.is_hoisted else "length"
@@ -137,6 +139,23 @@ def _by(words: str) -> Attempt:
 def _followed(path: Path, scene: Scene, folder: Path) -> str:
     begin = "" if scene.is_forced else " --start scene --duration 20"
     return _command(f"orbits @ {GRAVITY}{begin} --format json", path, folder)
+
+
+def first_of_each_family(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """In their order."""
+    found: dict[str, Candidate] = {}
+    for one in candidates:
+        found.setdefault(one.family, one)
+    return [*found.values()]
+
+
+def _compared(path: Path, scene: Scene, folder: Path) -> str:
+    """The loosest candidate of each family, once: what is left out, and why, is told of families."""
+    every = work_precision.list_candidates
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(work_precision, "REPEATS", 1)
+        patch.setattr(work_precision, "list_candidates", lambda scene: first_of_each_family(every(scene)))
+        return _command("tradeoff @ --duration 0.2", path, folder)
 
 
 def _simulated(**options: Any) -> Attempt:
@@ -188,7 +207,7 @@ ATTEMPTS: dict[str, Attempt] = {
     "spread": _by("spread @ --tolerance gravity=1% --members 20 --workers 1"),
     "spread motion": _by("spread @ --tolerance gravity=1% --members 8 --duration 1 --workers 1"),
     "keep modes": _by("simulate @ --keep-modes 1 --duration 1 -o #.csv"),
-    "tradeoff": _by("tradeoff @ --duration 0.5"),
+    "tradeoff": _compared,
     "advise": _by("advise @ --accuracy 1e-3 --duration 1"),
     "plot": _by("plot @ --duration 1 -o #.png"),
 }
@@ -294,6 +313,7 @@ OFF: dict[str, tuple[str, Callable[[Scene], Scene]]] = {
     "moved_both_ways": ("moved_support", lambda scene: scene.still),
     "force": ("force", lambda scene: scene.replace(force=())),
     "constant_force": ("constant_force", lambda scene: scene.replace(force=())),
+    "springs": ("springs", lambda scene: scene.replace(spring=())),
 }
 """The feature of a kind, and how to switch it off."""
 TIMED = {"tradeoff", "advise"}

@@ -1,8 +1,8 @@
 """Random scenes: every kind by its seed, and random states of them.
 
-`extreme_scene` and `sprung_scene` go to the ends of what can be written, all others have ordinary proportions:
-`mild_scene` for modes, `decimal_scene` for exact arithmetic, `long_scene` for long chains, `plane_scene` with all that
-acts in a plane, `spatial_scene` for motion in space, `motion_scene` with a start for runs.
+`extreme_scene`, `sprung_scene` and `structured_scene` go to the ends of what can be written, all others have ordinary
+proportions: `mild_scene` for modes, `decimal_scene` for exact arithmetic, `long_scene` for long chains, `plane_scene`
+with all that acts in a plane, `spatial_scene` for motion in space, `motion_scene` with a start for runs.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ from math import sin
 
 import numpy as np
 
-from modal.scene import Bob, Body, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene
+from modal.errors import SceneError
+from modal.scene import Bob, Body, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene, Spring
+from modal.scene.supports import Heave, Planar, Platform, Swing, Tilt
 from modal.types import Floats
 from nonlinear.dynamics import Minimal, Recursion
 from nonlinear.system import AppliedForces, Load, State, System
@@ -74,6 +76,71 @@ def sprung_scene(seed: int, spread: float, *, standing: bool = False) -> Scene:
     held = rng.choice([0.0, 0.0, total * decades()])
     support = Fixed() if rng.random() < 0.3 else Cart(mass=total * decades(), stiffness=held)
     return Scene(gravity=9.81, support=support, pendulum=tuple(pendula))
+
+
+def structured_scene(seed: int, spread: float, *, damped: float = 0.0) -> Scene:
+    """One to three supports of any kind with joint springs and springs between points; numbers of 10^±spread."""
+    rng = random.Random(seed)
+
+    def number() -> float:
+        return 10.0 ** rng.uniform(-spread, spread)
+
+    def some(share: float) -> float:
+        return number() if rng.random() < share else 0.0
+
+    def support(name: str) -> Fixed | Cart | Swing | Tilt | Heave | Platform:
+        kind = rng.choice([Fixed, Cart, Cart, Swing, Tilt, Heave, Platform])
+        at = {"name": name, "position": (round(rng.uniform(-2, 2), 3), round(rng.uniform(-0.5, 0.5), 3))}
+        own = {**at, "mass": number(), "damping": some(damped)}
+        body = {**at, "mass": number(), "inertia": number(), "centre": (rng.uniform(-0.2, 0.2), rng.uniform(0, 0.3))}
+        if kind is Fixed:
+            return Fixed(**at)
+        if kind is Cart:
+            return Cart(**own, stiffness=some(0.6))
+        if kind is Swing:
+            return Swing(**own, length=rng.uniform(0.3, 3), stiffness=some(0.6))
+        if kind is Heave:
+            return Heave(**own, stiffness=number())
+        if kind is Tilt:
+            return Tilt(**body, stiffness=number(), damping=some(damped))
+        ways = Planar(sway=some(damped), heave=some(damped), roll=some(damped))
+        return Platform(**body, stiffness=Planar(sway=some(0.6), heave=number(), roll=number()), damping=ways)
+
+    def link() -> Body:
+        m, l = number(), 10 ** rng.uniform(-1, 1)
+        inertia = m * l * l * 10 ** rng.uniform(-4, 0)
+        joint = {"stiffness": some(0.3), "damping": some(damped)}
+        return Body(mass=m, length=l, centre=l * rng.uniform(0.3, 1.2), inertia=inertia, **joint)
+
+    names = [f"s{k}" for k in range(rng.randint(1, 3))]
+    supports = [support(name) for name in names]
+    pendula = [
+        Pendulum(
+            on=rng.choice(names),
+            position=(round(rng.uniform(-1, 1), 3), round(rng.uniform(0, 0.6), 3)),
+            links=[link() for _ in range(rng.randint(1, 3))],
+            count=rng.choice([1, 1, 2, 3]),
+        )
+        for _ in range(rng.randint(1, 3))
+    ]
+
+    def point() -> str:
+        if rng.random() < 0.5:
+            return f"{rng.choice(names)}@{rng.uniform(-1, 1):.3f},{rng.uniform(-0.3, 0.3):.3f}"
+        if rng.random() < 0.3:
+            return f"ground@{rng.uniform(-1, 1):.3f},{rng.uniform(-1, 1):.3f}"
+        p = rng.randrange(len(pendula))
+        copy = f".copies[{rng.randrange(pendula[p].count)}]" if pendula[p].count > 1 else ""
+        return f"pendulum[{p}]{copy}.links[{rng.randrange(len(pendula[p].links))}]"
+
+    scene = Scene(gravity=9.81, support=supports, pendulum=pendula)
+    for _ in range(rng.randint(0, 3)):
+        spring = Spring(between=(point(), point()), stiffness=number(), damping=some(damped))
+        try:
+            scene = scene.replace(spring=(*scene.spring, spring))
+        except SceneError:  # both ends on one body, or on the ground
+            continue
+    return scene
 
 
 def mild_scene(seed: int, **link: float) -> Scene:

@@ -68,7 +68,7 @@ def test_an_orbit_far_from_a_configuration_is_no_certificate(monkeypatch: pytest
 @pytest.mark.slow
 def test_critical_values_are_located_on_the_full_equations() -> None:
     scene = floquet.metronomes(10.0, 3.0, 6e-5).scene
-    (variation,) = parse_variations([f"{DETUNED}=1e-5:1.01e-5:6"])
+    (variation,) = parse_variations([f"{DETUNED}=1e-5:1.01e-5:2"])
     found = follow_branches(scene, variation)
     branch = next(branch for branch in found.branches if agreement(branch.states[0]) == "in phase")
     at = next(k for k, (_, number) in enumerate(found.changes) if found.branches[number] is branch)

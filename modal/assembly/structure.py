@@ -1,0 +1,394 @@
+"""The linear side of a structure: how its pivots move, and its inertia, springs and dampers as elements that add.
+
+About the drawn rest, with the coordinates η of the carriers and the angles θ of all links, q = (η, θ),
+
+    M = Σ m b bᵀ,      K = Σ k a aᵀ,      D = Σ d c cᵀ.
+
+A pivot moves along the rail by Φ η, and down by Ψ η; a first joint with a spring or damper on a carrier that turns
+feels θ − φ, φ = Ω η.  Gravity holds every link by g b, and a coordinate η_i by −g Σ m ∂²z/∂η_i² of all pivots and own
+masses: of a swing (M_s + Σ m) g/L, of a board g (M d + Σ m h), which is negative where masses are above the axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from math import fsum
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.assembly.arrays import Rig
+from modal.assembly.dense import assembled, centres, dampers
+from modal.structure import (
+    CarrierEnd,
+    End,
+    GroundEnd,
+    LinkEnd,
+    Phi,
+    Row,
+    SpringNumbers,
+    Structure,
+    Where,
+    bends,
+    phi,
+    slopes,
+    tied,
+    turning,
+)
+from modal.types import Floats, Ints
+
+DRAWN_TOGETHER = 1e-12
+"""Ends of a spring this close, over their distance from the origin, are one point as drawn."""
+
+
+class Element(NamedTuple):
+    """`size` times the square of a row with these entries `row` at the coordinates `at`."""
+
+    at: tuple[int, ...]
+    row: tuple[float, ...]
+    size: float
+
+    def add_to(self, S: Floats) -> None:
+        """Add it to a matrix in place."""
+        row = np.array(self.row)
+        S[np.ix_(self.at, self.at)] += self.size * np.multiply.outer(row, row)
+
+
+class Elements(NamedTuple):
+    """The elements of M, K and D beside those of hanging chains along the rail.
+
+    `terms` (d,) are the sums of the absolute terms of which each coordinate's own stiffness is the sum.
+    """
+
+    inertia: tuple[Element, ...]
+    stiffness: tuple[Element, ...]
+    damping: tuple[Element, ...]
+    terms: Floats
+
+
+CANCELLED = 2.0**-48
+"""Entries of a row that is eliminated below this fraction of their terms are 0."""
+
+
+class SpringRow(NamedTuple):
+    """One way in which a spring acts: its extension is `row` q, its force N or N m for each unit of both numbers.
+
+    `along` is the part along the rail of the direction from its first end to its second; 0 for torsion.  `on_pendula`
+    are the pendula, from 0, that it ends on, with the sign of its pull on each.  `label` numbers springs from 1, in
+    the order of the file and counting copies, and tells two ways of one apart.
+    """
+
+    label: str
+    words: str
+    row: Row
+    stiffness: float
+    damping: float
+    along: float
+    torsion: bool
+    on_pendula: tuple[tuple[int, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Hanging:
+    """What hangs from the structure of a rig: for each pendulum, counting copies, its kind and its first link."""
+
+    rig: Rig
+
+    @property
+    def structure(self) -> Structure:
+        """The structure."""
+        assert self.rig.structure is not None
+        return self.rig.structure
+
+    @cached_property
+    def phi(self) -> Phi:
+        """How all pivots move."""
+        return phi(self.structure)
+
+    @cached_property
+    def kinds(self) -> Ints:
+        """The (block, column) of every pendulum, (P, 2)."""
+        members = np.array(self.rig.members)
+        return np.repeat(members[:, :2], members[:, 2], axis=0)
+
+    @cached_property
+    def first(self) -> Ints:
+        """The first link of every pendulum, in the order of the file, and the number of links, (P + 1,)."""
+        sizes = np.array([block.n for block in self.rig.blocks])[self.kinds[:, 0]]
+        return np.concatenate([[0], np.cumsum(sizes)])
+
+    @cached_property
+    def starts(self) -> Ints:
+        """The first pendulum of every entry of `Rig.members`."""
+        copies = np.array([copies for *_, copies in self.rig.members])
+        return np.asarray(np.cumsum(copies) - copies)
+
+    def owner(self, link: int) -> int:
+        """The pendulum of a link."""
+        return int(np.searchsorted(self.first, link, side="right")) - 1
+
+    @cached_property
+    def tied(self) -> frozenset[int]:
+        """The pendula that springs join to something."""
+        return tied(self.structure, np.diff(self.first).tolist())
+
+    # ------------------------------------------------------------------------------------------------- elements
+
+    @cached_property
+    def elements(self) -> Elements:
+        """All elements but those of the chains along the rail; modal supports have matrices of their own."""
+        structure, inertia, lost = self.structure, list[Element](), list[Element]()
+        parts: list[list[float]] = [[] for _ in range(structure.size)]
+        for carrier, numbers in enumerate(structure.carriers):
+            inertia += list(own_inertia(structure, carrier))
+            first = structure.offsets[carrier]
+            for k, (stiffness, damping) in enumerate(zip(numbers.stiffness, numbers.damping, strict=True)):
+                parts[first + k].append(float(stiffness))
+                lost += [Element((first + k,), (1.0,), float(damping))] * bool(damping)
+            for k, bend in bends(numbers, numbers.centre):
+                parts[first + k].append(self.rig.gravity * float(numbers.mass) * bend)
+        for (carrier, where), (mass, drag) in self._hung.items():
+            first = structure.offsets[carrier]
+            for k, bend in bends(structure.carriers[carrier], where):
+                parts[first + k].append(self.rig.gravity * mass * bend)
+            if down := _element(slopes(structure, carrier, where)[1], 1.0):
+                inertia.append(down._replace(size=mass))
+                lost += [down._replace(size=drag)] * bool(drag)
+        own, terms = [fsum(each) for each in parts], np.array([fsum(map(abs, each)) for each in parts])
+        held = [Element((k,), (1.0,), value) for k, value in enumerate(own) if value]
+        for spring in self.spring_rows:
+            if element := _element(spring.row, 1.0):
+                held += [element._replace(size=spring.stiffness)] * bool(spring.stiffness)
+                lost += [element._replace(size=spring.damping)] * bool(spring.damping)
+        return Elements(tuple(inertia), tuple(held), tuple(lost), terms)
+
+    @property
+    def free(self) -> int:
+        """How many motions no spring holds; no link swings in them."""
+        d = self.structure.size
+        rows = np.zeros((len(self.elements.stiffness) + len(self.rig.members) + d, d))
+        for row, element in zip(rows, self.elements.stiffness, strict=False):
+            for place, value in zip(element.at, element.row, strict=True):
+                row[place : place + 1] = value
+        joints = rows[len(self.elements.stiffness) :]
+        for row, (block, column, _), first in zip(joints, self.rig.members, self.starts.tolist(), strict=False):
+            row[:] = self.phi.turning[first] * (self.rig.blocks[block].stiffness[0, column] > 0)
+        for own, start in zip(self.structure.carriers, self.structure.offsets, strict=False):
+            if own.K is not None:
+                span = slice(start, start + own.size)
+                rows[-d:][span, span] = own.K
+        return int(null_space(rows).shape[1])
+
+    @property
+    def _hung(self) -> dict[tuple[int, Where], tuple[float, float]]:
+        """The mass (kg) and the drag (N s/m) of all pendula that hang from one point."""
+        found: dict[tuple[int, Where], list[tuple[float, float]]] = {}
+        each = [(block.mass.sum(0), block.drag.sum(0)) for block in self.rig.blocks]
+        for (block, column, copies), pendulum in zip(self.rig.members, self.starts.tolist(), strict=True):
+            pivot = self.structure.pivots[pendulum]
+            mass, drag = (float(part[column]) * copies for part in each[block])
+            found.setdefault((pivot.carrier, pivot.where), []).append((mass, drag))
+        return {point: (fsum(m for m, _ in own), fsum(d for _, d in own)) for point, own in found.items()}
+
+    @cached_property
+    def spring_rows(self) -> tuple[SpringRow, ...]:
+        """The rows of all springs between points and angles, one or two for each."""
+        return tuple(self._spring_rows())
+
+    def _spring_rows(self) -> Iterator[SpringRow]:
+        for number, spring in enumerate(self.structure.springs, start=1):
+            ways = list(self._ways(spring))
+            moving = [way for way in ways if any(way[0].values())] or ways[:1]
+            pulled = tuple(
+                (self.owner(end.link), sign)
+                for end, sign in zip(spring.ends, (1.0, -1.0), strict=True)
+                if isinstance(end, LinkEnd) and not spring.torsion
+            )
+            words = " and ".join(map(self._words, spring.ends))
+            for row, along, way in moving:
+                label = f"{number}" + way * (len(moving) > 1)
+                numbers = float(spring.stiffness), float(spring.damping)
+                yield SpringRow(label, words, row, *numbers, along, spring.torsion, pulled)
+
+    def _ways(self, spring: SpringNumbers) -> Iterator[tuple[Row, float, str]]:
+        """The extension of a spring in each of the ways in which it acts, the part of that along the rail, its name."""
+        if spring.torsion:
+            yield _difference(*map(self._angle, spring.ends[::-1])), 0.0, ""
+            return
+        places = [self._place(end) for end in spring.ends]
+        first, second = (place if place is not None else places[1 - k] for k, place in enumerate(places))
+        assert first is not None, "one end at least has a place"
+        assert second is not None
+        ways = [_difference(*rows) for rows in zip(*map(self._point, spring.ends[::-1]), strict=True)]
+        apart = second[0] - first[0], second[1] - first[1]
+        reach = np.hypot(*apart)
+        if reach <= DRAWN_TOGETHER * max(map(abs, (*first, *second))):
+            yield ways[0], 1.0, "_along"
+            yield ways[1], 0.0, "_down"
+            return
+        line: Row = {}
+        for row, part in zip(ways, apart, strict=True):
+            for column, value in row.items():
+                line[column] = line.get(column, 0.0) + value * float(part / reach)
+        yield line, float(apart[0] / reach), ""
+
+    def _words(self, end: End) -> str:
+        """What a spring ends on."""
+        if isinstance(end, GroundEnd):
+            return "the ground"
+        if isinstance(end, CarrierEnd):
+            return self.structure.carriers[end.carrier].name
+        pendulum = self.owner(end.link)
+        return f"link {pendulum + 1}_{end.link - int(self.first[pendulum]) + 1}"
+
+    def _angle(self, end: End) -> Row:
+        if isinstance(end, LinkEnd):
+            return {self.structure.size + end.link: 1.0}
+        return turning(self.structure, end.carrier) if isinstance(end, CarrierEnd) else {}
+
+    def _point(self, end: End) -> tuple[Row, Row]:
+        """The displacement of an end along the rail and down."""
+        if isinstance(end, GroundEnd):
+            return {}, {}
+        if isinstance(end, CarrierEnd):
+            return slopes(self.structure, end.carrier, end.where)
+        pendulum = self.owner(end.link)
+        along, down = slopes(self.structure, *self.structure.pivots[pendulum])
+        return along | dict(self._arms(pendulum, end)), down
+
+    def _arms(self, pendulum: int, end: LinkEnd) -> Iterator[tuple[int, float]]:
+        """How far a point of a link moves by each angle of its chain."""
+        number, column = self.kinds[pendulum]
+        block, first = self.rig.blocks[number], int(self.first[pendulum])
+        for i in range(end.link - first + 1):
+            own = end.below if i == end.link - first else block.length[i, column]
+            own = block.centre[i, column] if own is None else own
+            yield self.structure.size + first + i, float(block.sigma[i, column] * own)
+
+    def _place(self, end: End) -> tuple[float, float] | None:
+        """Where an end is as drawn, links hanging straight; None for the ground at the other end."""
+        if isinstance(end, GroundEnd):
+            return end.place
+        carrier, where = (
+            self.structure.pivots[self.owner(end.link)] if isinstance(end, LinkEnd) else (end.carrier, end.where)
+        )
+        own = self.structure.carriers[carrier]
+        still = (0.0,) * own.size
+        x, z = own.moving(where, still, still).place
+        below = sum(arm for _, arm in self._arms(self.owner(end.link), end)) if isinstance(end, LinkEnd) else 0.0
+        return float(x), float(z) + below
+
+
+def _difference(first: Row, second: Row) -> Row:
+    found = dict(first)
+    for column, value in second.items():
+        found[column] = found.get(column, 0.0) - value
+    return found
+
+
+def _element(row: Row, size: float) -> Element | None:
+    """The element of a row; None for one without entries."""
+    entries = {column: value for column, value in sorted(row.items()) if value}
+    return Element(tuple(entries), tuple(entries.values()), size) if entries else None
+
+
+def own_inertia(structure: Structure, carrier: int) -> Iterator[Element]:
+    """The elements of the own mass and inertia of a carrier that is none by modes."""
+    own = structure.carriers[carrier]
+    if own.M is not None or not own.size:
+        return
+    rows = (
+        *((row, own.mass) for row in slopes(structure, carrier, own.centre)),
+        (turning(structure, carrier), own.inertia),
+    )
+    for row, size in rows:
+        if size and (element := _element(row, float(size))):
+            yield element
+
+
+def add_modal(structure: Structure, M: Floats, K: Floats, D: Floats) -> None:
+    """Add the matrices of modal supports to those of a scene, in place."""
+    for own, first in zip(structure.carriers, structure.offsets, strict=False):
+        if own.M is not None and own.K is not None and own.D is not None:
+            at = slice(first, first + own.size)
+            M[at, at] += own.M
+            K[at, at] += own.K
+            D[at, at] += own.D
+
+
+def on_structure(rig: Rig) -> tuple[Floats, Floats, Floats]:
+    """(M, K, D) of a whole rig on a structure, over η and the angles of all links, without modal dampers."""
+    hanging = Hanging(rig)
+    structure, elements, d = hanging.structure, hanging.elements, hanging.structure.size
+    M, K, D = np.zeros((3, *(d + int(hanging.first[-1]),) * 2))
+    add_modal(structure, M, K, D)
+    for S, each in zip((M, K, D), elements[:3], strict=True):
+        for element in each:
+            element.add_to(S)
+    chains = {(block, column): _chain(rig, block, column) for block, column in rig.names}
+    for p, (block, column) in enumerate(hanging.kinds.tolist()):
+        along, turning = hanging.phi.along[p], hanging.phi.turning[p]
+        own, chain = slice(d + int(hanging.first[p]), d + int(hanging.first[p + 1])), chains[block, column]
+        M[own, own] += chain.A
+        K[own, own] += chain.K
+        M[:d, own] += np.multiply.outer(along, chain.b)
+        M[:d, :d] += chain.mass * np.multiply.outer(along, along)
+        for S, strength in ((K, chain.stiffness), (D, chain.damping)):
+            S[:d, own.start] -= strength * turning
+            S[:d, :d] += strength * np.multiply.outer(turning, turning)
+        D[own, own] += chain.D
+        if chain.drag is not None:
+            drag, rows = chain.drag
+            D[:d, own] += np.multiply.outer(along, drag @ rows)
+            D[:d, :d] += drag.sum() * np.multiply.outer(along, along)
+    for S in (M, K, D):
+        S[d:, :d] = S[:d, d:].T
+    return M, K, D
+
+
+class _Chain(NamedTuple):
+    """One chain on a support at rest: its matrices, b, mass, first joint, and drag with the rows of the centres."""
+
+    A: Floats
+    K: Floats
+    D: Floats
+    b: Floats
+    mass: float
+    stiffness: float
+    damping: float
+    drag: tuple[Floats, Floats] | None
+
+
+def _chain(rig: Rig, number: int, column: int) -> _Chain:
+    block = rig.blocks[number]
+    columns = [(block, column)]
+    A, K = assembled(columns, None, rig.gravity)
+    D = dampers(columns, None)
+    b = block.across[:, column] * block.b[:, column]
+    joint = float(block.stiffness[0, column]), float(block.damping[0, column])
+    drag = (block.drag[:, column], centres(block, column)) if block.drag[:, column].any() else None
+    return _Chain(A, K, D, b, float(block.mass[:, column].sum()), *joint, drag)
+
+
+def null_space(rows: Floats) -> Floats:
+    """Vectors (d, f) that all rows (E, d) leave unstretched, by elimination: entries that cancel to rounding are 0."""
+    A, terms, pivots = rows.copy(), np.abs(rows), dict[int, int]()
+    for i in range(len(A)):
+        if not A[i].any():
+            continue
+        c = int(np.abs(A[i]).argmax())
+        pivots[c] = i
+        A[i], terms[i] = A[i] / A[i, c], terms[i] / abs(A[i, c])
+        factor = A[:, c].copy()
+        factor[i] = 0.0
+        terms = terms + np.abs(factor)[:, None] * terms[i]
+        A = A - factor[:, None] * A[i]
+        A[np.abs(A) <= CANCELLED * terms] = 0.0
+    loose = [c for c in range(rows.shape[1]) if c not in pivots]
+    basis = np.zeros((rows.shape[1], len(loose)))
+    basis[loose, range(len(loose))] = 1.0
+    for c, i in pivots.items():
+        basis[c] = -A[i, loose]
+    return basis

@@ -1,0 +1,303 @@
+"""A structure and its pendula in few coordinates: η, and the modes of every pendulum alone while all else is held.
+
+A mode φ of one pendulum alone, φᵀAφ = 1, pushes its pivot with Γ = φᵀb; on a carrier that turns by Ω η a
+spring at the first joint pulls with k_1 φ_1.  Copies on pivots that move alike count as one, √N φ, their N − 1 other
+combinations leave everything else still.  Over η and the amplitudes of these modes
+
+    M = [[M_s + Σ m (ΦᵀΦ + ΨᵀΨ), h], [hᵀ, 1]],    K = [[K_s, g], [gᵀ, diag ω² + C]],
+
+h = √N Γ Φ, g = −√N k_1 φ_1 Ω, C from springs between pendula.  What remains of it for η is, at
+x = ω², the dynamic stiffness
+
+    S(x) = K_s − x (M_s + Σ Φᵀ diag(m_dyn(x), m) Φ)        (without springs at those joints and C)
+
+(Craig & Bampton, AIAA J. 6, 1313 (1968), with modes of the pendula by the recursion).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from modal.assembly import Element, Hanging, Rig, assembled, centres
+from modal.coupling.fixed_base import FixedBaseModes, places_within, without_damping
+from modal.eigen import find_spectrum
+from modal.errors import ComputationError
+from modal.types import Floats
+
+MOST_COORDINATES = 1200
+Kind = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """M and K over the d coordinates η and the amplitudes of the modes `own`, with the `shapes` φ (n,) of these."""
+
+    hanging: Hanging
+    own: FixedBaseModes
+    shapes: tuple[Floats, ...]
+    M: Floats
+    K: Floats
+
+    @property
+    def d(self) -> int:
+        """How many coordinates the structure has."""
+        return self.hanging.structure.size
+
+    @cached_property
+    def kinds(self) -> tuple[Kind, ...]:
+        """The kinds of pendula, as `own.kind` counts them."""
+        return tuple(self.hanging.rig.names)
+
+    @cached_property
+    def pivots(self) -> tuple[int, ...]:
+        """The first pendulum of every kind, as the structure counts them."""
+        first = {kind: p for p, kind in reversed(list(enumerate(map(tuple, self.hanging.kinds.tolist()))))}
+        return tuple(first[kind] for kind in self.kinds)
+
+    @cached_property
+    def along(self) -> Floats:
+        """Φ (kinds, d)."""
+        return self.hanging.phi.along[list(self.pivots)]
+
+    @cached_property
+    def turning(self) -> Floats:
+        """Ω (kinds, d)."""
+        return self.hanging.phi.turning[list(self.pivots)]
+
+    def columns(self, kind: int) -> list[int]:
+        """The coordinates of a kind."""
+        return (self.d + np.flatnonzero(self.own.kind == kind)).tolist()
+
+    def vector(self, element: Element) -> Floats:
+        """The row of an element in these coordinates."""
+        found, hanging = np.zeros(len(self.M)), self.hanging
+        for at, value in zip(element.at, element.row, strict=True):
+            if at < self.d:
+                found[at] += value
+                continue
+            pendulum = hanging.owner(at - self.d)
+            kind = self.kinds.index((int(hanging.kinds[pendulum, 0]), int(hanging.kinds[pendulum, 1])))
+            for column in self.columns(kind):
+                found[column] += value * self.shapes[column - self.d][at - self.d - int(hanging.first[pendulum])]
+        return found
+
+    def joined(self, strengths: Callable[[Kind], Floats]) -> Floats:
+        """Σ s (θ_i − θ_{i−1})² of numbers s (n,) at all joints of every kind as a matrix; θ − φ at the first."""
+        found, d = np.zeros_like(self.M), self.d
+        for k, kind in enumerate(self.kinds):
+            strength, columns = strengths(kind), self.columns(k)
+            copies = float(self.hanging.rig.blocks[kind[0]].count[kind[1]])
+            turns = np.array([np.diff(self.shapes[column - d], prepend=0.0) for column in columns]).T
+            found[np.ix_(columns, columns)] += (turns.T * strength) @ turns
+            found[np.ix_(range(d), columns)] -= np.sqrt(copies) * strength[0] * np.outer(self.turning[k], turns[0])
+            found[:d, :d] += copies * strength[0] * np.outer(self.turning[k], self.turning[k])
+        found[d:, :d] = found[:d, d:].T
+        return found
+
+    @cached_property
+    def carried(self) -> Floats:
+        """The dampers of carriers and of springs, and drag down."""
+        found, d = np.zeros_like(self.M), self.d
+        found[:d, :d] = _modal(self.hanging)[2]
+        for element in self.hanging.elements.damping:
+            vector = self.vector(element)
+            found += element.size * np.outer(vector, vector)
+        return found
+
+    @cached_property
+    def dragged(self) -> Floats:
+        """The linear drag of all links along the rail; that of pendula that move down is in `carried`."""
+        found, d = np.zeros_like(self.M), self.d
+        for k, (number, column) in enumerate(self.kinds):
+            block = self.hanging.rig.blocks[number]
+            drag, copies, columns = block.drag[:, column], float(block.count[column]), self.columns(k)
+            if not drag.any():
+                continue
+            moved = centres(block, column) @ np.array([self.shapes[at - d] for at in columns]).T
+            found[np.ix_(columns, columns)] += (moved.T * drag) @ moved
+            found[np.ix_(range(d), columns)] += np.sqrt(copies) * np.outer(self.along[k], drag @ moved)
+            found[:d, :d] += copies * drag.sum() * np.outer(self.along[k], self.along[k])
+        found[d:, :d] = found[:d, d:].T
+        return found
+
+    def eliminated(self, kept: Sequence[int], x: float) -> Floats:
+        """What the others make of K − xM for the coordinates `kept`, to be added to (K − xM) of these themselves.
+
+        LinAlgError where the others swing by themselves at x.
+        """
+        return np.asarray(self._schur(self.K - x * self.M, kept))
+
+    def pulled(self, modes: Sequence[int], x: float, D: Floats | None = None) -> Any:
+        """F: the shifts of ω² of some own modes near x, by springs among them and by all else, which resists as at x.
+
+        What resists is without the modes themselves: with η' alone, −x h hᵀ is moved from their poles
+        x²/(ω² − x) = xω²/(ω² − x) − x to the structure.  With iωD of dampers, the own ones of the modes included.
+        """
+        kept, d = [self.d + k for k in modes], self.d
+        S = self.K - x * self.M
+        h, omega = self.M[:d, kept], self.own.omega[list(modes)]
+        S[:d, :d] += x * (h @ h.T)
+        S[:d, kept] = self.K[:d, kept] - np.sqrt(x) * omega * h
+        S[kept, :d] = S[:d, kept].T
+        S[kept, kept] = 0.0
+        rate = np.full(len(S), np.sqrt(x))
+        rate[kept] = omega
+        damped: Any = S if D is None else S + 1j * np.sqrt(np.outer(rate, rate)) * D
+        return damped[kept][:, kept] + self._schur(damped, kept)
+
+    @cached_property
+    def _untied(self) -> bool:
+        """Whether no spring joins a pendulum to another, so that only the structure couples their modes."""
+        inner = self.K[self.d :, self.d :]
+        return not np.any(inner - np.diag(np.diag(inner)))
+
+    def _schur(self, S: Any, kept: Sequence[int]) -> Any:
+        """What elimination of all others from a symmetric S adds to those that are kept."""
+        own, rest = np.asarray(kept, dtype=np.intp), np.setdiff1d(np.arange(len(S)), kept)
+        found = np.zeros((len(own),) * 2, S.dtype)
+        more = np.zeros((len(own) + len(rest),) * 2, S.dtype)
+        if self._untied and not np.iscomplexobj(S):  # the modes that only the structure couples first, each by itself
+            local, rest = rest[rest >= self.d], rest[rest < self.d]
+            square = np.diag(S)[local]
+            if not square.all():
+                raise np.linalg.LinAlgError("a pendulum swings by itself at this frequency")
+            beside = S[np.ix_(np.concatenate((own, rest)), local)]
+            more = -(beside / square) @ beside.T
+            found += more[: len(own), : len(own)]
+        if len(rest):
+            count = len(own)
+            cross = S[np.ix_(own, rest)] + more[:count, count : count + len(rest)]
+            inner = S[np.ix_(rest, rest)] + more[count : count + len(rest), count : count + len(rest)]
+            found -= cross @ np.linalg.solve(inner, cross.T)
+        return found
+
+
+def reduced(rig: Rig) -> Reduced:
+    """A rig on a structure, in SI units, in these coordinates.
+
+    ComputationError for more than MOST_COORDINATES of them.
+    """
+    hanging = Hanging(rig)
+    if (size := hanging.structure.size + sum(block.mass.size for block in rig.blocks)) > MOST_COORDINATES:
+        raise ComputationError(
+            f"the structure and different pendula have {size} coordinates: at most {MOST_COORDINATES}"
+        )
+    held = _held(hanging)
+    own, shapes, push = _own_modes(hanging, held)
+    count, d = len(own.omega), hanging.structure.size
+    empty = np.zeros((d + count,) * 2)
+    found = Reduced(hanging, own, shapes, empty, empty)
+    joints = found.joined(lambda kind: rig.blocks[kind[0]].stiffness[:, kind[1]])
+    K = np.zeros_like(empty)
+    K[:d, :] += joints[:d, :]
+    for element in hanging.elements.stiffness:
+        vector = found.vector(element)
+        K += element.size * np.outer(vector, vector)
+    for k in range(len(found.kinds)):
+        columns = found.columns(k)
+        K[np.ix_(columns, columns)] = np.diag(own.omega[np.array(columns) - d] ** 2)
+    K[d:, :d] = K[:d, d:].T
+    M = np.eye(d + count)
+    M[:d, :d] = _inertia(hanging)
+    M[:d, d:] = (found.along[own.kind] * (np.sqrt(own.count) * push)[:, None]).T
+    M[d:, :d] = M[:d, d:].T
+    K[:d, :d] += _modal(hanging)[1]
+    return replace(found, M=M, K=K)
+
+
+def _modal(hanging: Hanging) -> tuple[Floats, Floats, Floats]:
+    """M, K and D (d, d) of modal supports."""
+    structure = hanging.structure
+    found = np.zeros((3, structure.size, structure.size))
+    for carrier, first in zip(structure.carriers, structure.offsets, strict=False):
+        if carrier.M is not None and carrier.K is not None and carrier.D is not None:
+            at = slice(first, first + carrier.size)
+            for part, matrix in zip(found, (carrier.M, carrier.K, carrier.D), strict=True):
+                part[at, at] = matrix
+    return found[0], found[1], found[2]
+
+
+def _inertia(hanging: Hanging) -> Floats:
+    """M_s + Σ m (ΦᵀΦ + ΨᵀΨ), (d, d): the structure with all pendula as if they were stiff."""
+    found = _modal(hanging)[0]
+    for element in hanging.elements.inertia:
+        element.add_to(found)
+    for (block, column, copies), pendulum in zip(hanging.rig.members, hanging.starts.tolist(), strict=True):
+        along = hanging.phi.along[pendulum]
+        found += copies * hanging.rig.blocks[block].mass[:, column].sum() * np.outer(along, along)
+    return found
+
+
+def _held(hanging: Hanging) -> dict[Kind, Floats]:
+    """The stiffness that springs add to the pendula that they join to something, all else held, (n, n) by kind."""
+    found: dict[Kind, Floats] = {}
+    d = hanging.structure.size
+    for element in hanging.elements.stiffness:
+        rows: dict[int, Floats] = {}
+        for at, value in zip(element.at, element.row, strict=True):
+            if at >= d:
+                pendulum = hanging.owner(at - d)
+                n = int(hanging.first[pendulum + 1] - hanging.first[pendulum])
+                rows.setdefault(pendulum, np.zeros(n))[at - d - int(hanging.first[pendulum])] = value
+        for pendulum, row in rows.items():
+            kind = int(hanging.kinds[pendulum, 0]), int(hanging.kinds[pendulum, 1])
+            found[kind] = found.get(kind, np.zeros((len(row),) * 2)) + element.size * np.outer(row, row)
+    return found
+
+
+def _own_modes(hanging: Hanging, held: dict[Kind, Floats]) -> tuple[FixedBaseModes, tuple[Floats, ...], Floats]:
+    """The modes of every kind of pendulum alone, ascending, their shapes, and Γ (K,) in √kg."""
+    rig = hanging.rig
+    names = list(rig.names)
+    modes = [*_free_modes(rig, frozenset(held)), *_tied_modes(rig, held)]
+    modes.sort(key=lambda mode: (mode[0], names.index(mode[1])))
+    omega, kinds, shapes = zip(*modes, strict=True)
+    kind = np.array([names.index(own) for own in kinds])
+    push = np.array(
+        [float(shape @ rig.blocks[b].b[:, column]) for (b, column), shape in zip(kinds, shapes, strict=True)]
+    )
+    rate = [_rate(rig, own, shape) for own, shape in zip(kinds, shapes, strict=True)]
+    count = np.array([int(rig.blocks[b].count[column]) for b, column in kinds])
+    own = FixedBaseModes(np.array(omega), push**2, kind, places_within(kind), count, np.array(rate))
+    return own, tuple(shapes), push
+
+
+def _free_modes(rig: Rig, tied: frozenset[Kind]) -> Iterator[tuple[float, Kind, Floats]]:
+    """ω, kind and shape of pendula that no spring joins to anything, by the recursion."""
+    natural, units = replace(without_damping(rig), cart=None, structure=None).natural()
+    found = find_spectrum(natural)
+    for value, group in zip(found.eigenvalue, found.groups, strict=True):
+        for part in group:
+            if part.kind is not None and part.kind not in tied:
+                details = found.details(part.source, [part.row])
+                size = np.sqrt(details.modal_mass[0] * units.mass) * units.length
+                yield float(abs(value)) * units.rate, part.kind, details.angles[0][:, 0, 0].real / size
+
+
+def _tied_modes(rig: Rig, held: dict[Kind, Floats]) -> Iterator[tuple[float, Kind, Floats]]:
+    """The same of pendula that springs join to something, which is held."""
+    for (number, column), more in held.items():
+        A, K = assembled([(rig.blocks[number], column)], None, rig.gravity)
+        squares, shapes = pencil(K + more, A)
+        for square, shape in zip(squares, shapes.T, strict=True):
+            yield float(np.sqrt(square)), (number, column), shape
+
+
+def pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:
+    """Squares ascending and vectors with vᵀMv = 1 of K v = ω² M v, by a Cholesky factor of M."""
+    size = np.sqrt(np.diag(M))
+    inverse = np.linalg.inv(np.linalg.cholesky(M / np.outer(size, size))) / size
+    squares, vectors = np.linalg.eigh(inverse @ K @ inverse.T)
+    return squares, inverse.T @ vectors
+
+
+def _rate(rig: Rig, kind: Kind, shape: Floats) -> float:
+    """φᵀDφ/2 of the joints and the drag of one pendulum."""
+    block, column = rig.blocks[kind[0]], kind[1]
+    turns, moved = np.diff(shape, prepend=0.0), centres(block, column) @ shape
+    return float(block.damping[:, column] @ turns**2 + block.drag[:, column] @ moved**2) / 2

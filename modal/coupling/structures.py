@@ -1,0 +1,571 @@
+"""The coupling of pendula through a structure: families, what of the structure each of them moves, and exchange.
+
+The structure alone, its pendula as if they were stiff, has the modes K_s u = ω² (M_s + Σ m (ΦᵀΦ + ΨᵀΨ)) u; along them
+the dynamic mass is the matrix −UᵀS(ω²)U/ω² (`modal.coupling.reduced`).  Pendula with a common own frequency ω_r form
+family r.  Those of its combinations that do not move the structure stay at ω_r; with a from the amplitudes of a family
+and everything else eliminated at x = ω_r²,
+
+    F a = (x − ω_r²) a,    F = C_rr − (K − xM)_r· (K − xM')··⁻¹ (K − xM)·r,    M' without the family's h hᵀ,
+
+has the eigenvalues ε ω_r²: to first order mode (r, ε) is shifted by Δω = ½ ε ω_r.  For one cart ε = μ_r/m_r, as in
+`modal.coupling.analysis`.  The modes themselves are those of the reduced pencil (K, M).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf, pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modal.assembly import ratio_at
+from modal.coupling.damping import Damped, nearest_values, negative_damping, slowest
+from modal.coupling.exchange import MOST_MODES, STRONG, Transfer, transfer
+from modal.coupling.fixed_base import FixedBaseModes
+from modal.coupling.reduced import Reduced, pencil
+from modal.eigen import degenerate_modes
+from modal.errors import ComputationError
+from modal.modes import moving_words, natural_modes, paired, table_numbers
+from modal.report import NOTHING, Displayed, Summary, brief, counted
+from modal.scene import Scene, name_of
+from modal.structure import Structure, slopes
+from modal.types import Floats, Ints
+
+RANK = 1e-10
+"""Smallest motion of the structure by a combination of equal pendula, over the largest, that is one."""
+STILL = 1e-20
+"""Largest share of a mode's kinetic energy in a structure that is said to stand still."""
+NOTHING_HOLDS = 256 * 2.0**-52
+"""A stiffness this small over the sum of the sizes of its terms is 0."""
+WEAK = 0.1
+"""Coupling strength below which a splitting is computed as such, not as a difference."""
+FAR = 0.2
+"""Relative difference of first order from the splitting above which it is not told."""
+CREEPING = 1e-12
+"""Smallest eigenvalue over the largest that is not 0."""
+MOST_SOLVED = 400
+"""Coordinates up to which damped eigenvalues are computed."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StructureMode(Displayed):
+    """A mode of the structure alone, its pendula stiff: `omega` (rad/s) and η by coordinates (d,).
+
+    η is such that the point that moves most, of all pivots and centres of mass, moves by 1 m; `mass` (kg) is then its
+    uᵀMu.  Where no such point moves, the largest of η is 1, and the mass in its unit.
+    """
+
+    omega: float
+    shape: Floats
+    mass: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Branch(Displayed):
+    """One mode of a family that moves other things: its ε, and its `omega` (rad/s), `splitting` ω − ω_r.
+
+    `motion` (d,) is what the structure does, in its own modes, `pattern` (√kg m) the amplitudes of the members.
+    `still` where the structure stands, and only springs between pendula split the family.
+    """
+
+    strength: float
+    omega: float
+    splitting: float
+    motion: Floats
+    pattern: Floats
+    still: bool
+
+    def is_first_order(self, omega: float) -> bool:
+        """Whether ½ ε ω_r of a family at ω_r is near its splitting, and the coupling weak."""
+        near = abs(self.strength * omega / 2 - self.splitting) <= FAR * abs(self.splitting)
+        return abs(self.strength) <= STRONG and near
+
+
+@dataclass(frozen=True, repr=False)
+class PendulumFamily(Displayed):
+    """Modes of single pendula of one frequency `omega` (rad/s): `members` are indices into the own modes.
+
+    There are `fold` in all, counting copies, of which `still` combinations move nothing else.  `mass` (d,) in kg is the
+    modal effective mass along each mode of the structure, Σ N (Γ Φ u)².
+    """
+
+    omega: float
+    members: tuple[int, ...]
+    fold: int
+    still: int
+    mass: Floats
+    branches: tuple[Branch, ...]
+
+
+@dataclass(frozen=True, repr=False)
+class Exchanged(Displayed):
+    """Own modes `first` and `second`, all copies moving alike: detuning δ and coupling g (rad/s), and the `exchange`.
+
+    `strength` is the larger of their own shifts over ω, `alone` tells that no third mode of that frequency takes part.
+    """
+
+    first: int
+    second: int
+    detuning: float
+    coupling: float
+    strength: float
+    alone: bool
+    exchange: Transfer
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StructureCoupling(Displayed):
+    """The coupling of a scene's pendula by the structure that they hang from, and by springs.
+
+    >>> from modal import load
+    >>> from modal.coupling import explain
+    >>> found = explain(load("two-swings"))
+    >>> found.words(found.modes[1].shape), found.families[0].still
+    ('two swings in antiphase', 28)
+    >>> [round(branch.omega, 6) for branch in found.families[0].branches]
+    [9.944274, 10.028201]
+    """
+
+    scene: Scene
+    reduced: Reduced
+
+    def _summary(self) -> Summary:
+        families = counted(len(self.families), "family", "families")
+        title = f"Coupling of {name_of(self.scene)}: {families} of modes on a structure"
+        facts = [("coordinates of the structure", ", ".join(self.structure.names) or "none")]
+        headings = ("family", "ω (rad/s)", "modes", "still", "coupling ε", "splitting (rad/s)")
+        rows = (
+            (
+                str(k + 1),
+                brief(one.omega),
+                str(one.fold),
+                str(one.still),
+                ", ".join(brief(branch.strength) for branch in one.branches) or NOTHING,
+                ", ".join(brief(branch.splitting) for branch in one.branches) or NOTHING,
+            )
+            for k, one in enumerate(self.families)
+        )
+        return Summary(title, facts, headings, rows, len(self.families))
+
+    @property
+    def structure(self) -> Structure:
+        """The structure."""
+        return self.reduced.hanging.structure
+
+    @property
+    def own(self) -> FixedBaseModes:
+        """The modes of every kind of pendulum alone, all else held."""
+        return self.reduced.own
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The kinds of pendula in words, with what they hang from where there are several carriers."""
+        found = tuple(self.reduced.hanging.rig.names.values())
+        if len(self.structure.carriers) == 1:
+            return found
+        carriers = [self.structure.carriers[self.structure.pivots[p].carrier].name for p in self.reduced.pivots]
+        return tuple(f"{name} on {carrier}" for name, carrier in zip(found, carriers, strict=True))
+
+    # ------------------------------------------------------------------------------------------- the structure
+
+    @cached_property
+    def modes(self) -> tuple[StructureMode, ...]:
+        """The structure's own modes, ascending, its pendula as if they were stiff."""
+        d = self.reduced.d
+        if not d:
+            return ()
+        square, shapes = _pencil(self.reduced.K[:d, :d], self.reduced.M[:d, :d])
+        found = []
+        for value, shape in zip(square.tolist(), shapes.T, strict=True):
+            largest = shape[np.abs(shape).argmax()]
+            scale = (self._farthest(shape) or abs(largest)) * np.sign(largest)
+            found.append(StructureMode(sqrt(value), shape / scale, 1 / float(scale) ** 2))
+        return tuple(found)
+
+    def _farthest(self, shape: Floats) -> float:
+        """How far the point of the structure goes that goes farthest."""
+        phi, structure = self.reduced.hanging.phi, self.structure
+        ways = [np.hypot(phi.along @ shape, phi.down @ shape).max()]
+        for k, own in enumerate(structure.carriers):
+            if own.size and own.M is None:
+                rows = [sum(shape[at] * value for at, value in row.items()) for row in slopes(structure, k, own.centre)]
+                ways.append(np.hypot(*rows))
+        return float(max(ways))
+
+    @cached_property
+    def basis(self) -> Floats:
+        """U (d, d), the structure's own modes as columns over η."""
+        d = self.reduced.d
+        return np.column_stack([mode.shape for mode in self.modes]) if d else np.zeros((0, 0))
+
+    def words(self, eta: Floats) -> str:
+        """What of the structure moves in a motion η (d,): two carts in antiphase, board tilts."""
+        return moving_words(self.structure, eta, np.diag(self.reduced.M)[: self.reduced.d])
+
+    def stiffness(self, omega: float) -> Floats:
+        """S (d, d) at ω (rad/s) over η: what a slow or fast push on the structure feels, N/m for coordinates in m."""
+        d, x = self.reduced.d, omega**2
+        direct = self.reduced.K[:d, :d] - x * self.reduced.M[:d, :d]
+        return np.asarray(direct + self.reduced.eliminated(range(d), x))
+
+    def dynamic(self, omega: float) -> Floats:
+        """The dynamic mass matrix −UᵀSU/ω² (d, d) in kg along the structure's own modes, at ω (rad/s)."""
+        return np.asarray(-self.basis.T @ self.stiffness(omega) @ self.basis / omega**2)
+
+    @property
+    def fast(self) -> Floats:
+        """The mass (d,) in kg that a fast push along each own mode feels: all but the modal effective masses."""
+        d = self.reduced.d
+        pushes = self.reduced.M[d:, :d] @ self.basis
+        return np.asarray(np.array([mode.mass for mode in self.modes]) - (pushes**2).sum(0))
+
+    def felt(self, omega: Floats) -> Floats:
+        """The mass (W, d) in kg that a push along each own mode feels at ω (W,), the others free to move: 1/(m⁻¹)_ss.
+
+        Its zeros are modes of the scene, its poles where all that is free holds this motion still.
+        """
+        found = np.full((len(omega), self.reduced.d), np.nan)
+        for row, value in zip(found, omega.tolist(), strict=True):
+            try:
+                row[:] = 1 / np.diag(np.linalg.inv(self.dynamic(value)))
+            except np.linalg.LinAlgError:
+                continue
+        return found
+
+    # -------------------------------------------------------------------------------------------- the families
+
+    @cached_property
+    def _members(self) -> tuple[Ints, ...]:
+        """The own modes of every family, ascending."""
+        gathered = degenerate_modes((self.own.omega**2,))
+        return tuple(
+            gathered.order[first : first + size] for first, size in zip(gathered.first, gathered.size, strict=True)
+        )
+
+    @cached_property
+    def _combinations(self) -> tuple[tuple[Floats, Floats], ...]:
+        """Of every family the combinations of its members that move other things, and those that do not, as columns."""
+        d, K, M = self.reduced.d, self.reduced.K, self.reduced.M
+        size = np.sqrt(np.diag(M)[:d])
+        found = []
+        for members in self._members:
+            at, whole = d + members, np.eye(len(members))
+            if K[np.ix_(at, np.setdiff1d(np.arange(d, len(K)), at))].any() or np.any(
+                K[np.ix_(at, at)] - np.diag(np.diag(K)[at])
+            ):
+                found.append((whole, whole[:, :0]))
+                continue
+            omega = self.own.omega[members[0]]
+            rows = np.hstack([K[at, :d] / (omega * size), M[at, :d] * omega / size])
+            left, sizes, _ = np.linalg.svd(rows)
+            rank = int(np.sum(sizes > RANK * omega))
+            found.append((left[:, :rank], left[:, rank:]))
+        return tuple(found)
+
+    @cached_property
+    def _moving(self) -> tuple[Floats, Floats]:
+        """ω² ascending and vectors (N, R) of all modes but those that leave everything but one family still."""
+        d, K, M = self.reduced.d, self.reduced.K, self.reduced.M
+        columns = [np.eye(len(K))[:, :d]]
+        for members, (moving, _) in zip(self._members, self._combinations, strict=True):
+            columns.append(np.zeros((len(K), moving.shape[1])))
+            columns[-1][d + members] = moving
+        T = np.hstack(columns)
+        square, shapes = _pencil(T.T @ K @ T, T.T @ M @ T)
+        return square, T @ shapes
+
+    @cached_property
+    def omega(self) -> Floats:
+        """All different natural frequencies (rad/s), ascending."""
+        still = [own.omega for own in self.families if own.still]
+        return np.unique(np.concatenate([np.sqrt(self._moving[0]), still]))
+
+    @cached_property
+    def families(self) -> tuple[PendulumFamily, ...]:
+        """The families, one for each distinct frequency of pendula alone, ascending."""
+        branches = self._branches
+        found = []
+        for r, (members, (_, still)) in enumerate(zip(self._members, self._combinations, strict=True)):
+            pushes = self.reduced.M[: self.reduced.d, self.reduced.d + members].T @ self.basis
+            fold = int(self.own.count[members].sum())
+            left = fold - len(members) + still.shape[1]
+            omega = float(self.own.omega[members[0]])
+            found.append(
+                PendulumFamily(omega, tuple(members.tolist()), fold, left, (pushes**2).sum(0), tuple(branches[r]))
+            )
+        return tuple(found)
+
+    @cached_property
+    def _branches(self) -> list[list[Branch]]:
+        """Of every family the modes that move other things; each mode belongs to one family or to the structure."""
+        d, (square, vectors) = self.reduced.d, self._moving
+        eigen = [self._shifts(r) for r in range(len(self._members))]
+        columns = [self.reduced.M[:, :d] @ self.basis / np.sqrt([mode.mass for mode in self.modes])] if d else []
+        places: list[tuple[int, int]] = [(-1, s) for s in range(d)]
+        for r, (members, (_, patterns)) in enumerate(zip(self._members, eigen, strict=True)):
+            columns.append(np.zeros((len(vectors), patterns.shape[1])))
+            columns[-1][d + members] = patterns
+            places += [(r, k) for k in range(patterns.shape[1])]
+        shares = (np.hstack(columns).T @ vectors) ** 2
+        taken = paired(shares, np.ones(shares.shape[1], dtype=np.int64))
+        found: list[list[Branch]] = [[] for _ in self._members]
+        for row, mode in enumerate(taken.tolist()):
+            r, k = places[row]
+            if r >= 0:
+                found[r].append(self._branch(r, k, eigen[r], float(square[mode]), vectors[:, mode]))
+        return [sorted(own, key=lambda branch: branch.omega) for own in found]
+
+    def _shifts(self, r: int) -> tuple[Floats, Floats]:
+        """ε ω_r² ascending and patterns (members, R) of a family, by first order; infinite where nothing resists."""
+        members, moving = self._members[r], self._combinations[r][0]
+        if not moving.shape[1]:
+            return np.zeros(0), moving
+        square = float(self.own.omega[members[0]]) ** 2
+        try:
+            shift, patterns = np.linalg.eigh(moving.T @ self.reduced.pulled(members.tolist(), square) @ moving)
+        except np.linalg.LinAlgError:
+            return np.full(moving.shape[1], inf), moving
+        return shift, moving @ patterns
+
+    def _apart(self, members: Ints, x: float) -> Floats:
+        """The exact shifts of ω² of some own modes by all else at x."""
+        at = (self.reduced.d + members).tolist()
+        own = self.reduced.K[np.ix_(at, at)]
+        return np.asarray(own - np.diag(np.diag(own)) + self.reduced.eliminated(at, x))
+
+    def _branch(self, r: int, k: int, eigen: tuple[Floats, Floats], square: float, vector: Floats) -> Branch:
+        members, (shift, patterns), d = self._members[r], eigen, self.reduced.d
+        pole = float(self.own.omega[members[0]])
+        moved = vector[:d]
+        share = float(moved @ self.reduced.M[:d, :d] @ moved)
+        strength = float(shift[k]) / pole**2
+        apart = square - pole**2
+        if abs(strength) < WEAK:
+            beside = np.linalg.eigvalsh(patterns.T @ self._apart(members, square) @ patterns)
+            near = float(beside[np.abs(beside - apart).argmin()])
+            apart = near if abs(near - apart) <= 1e-6 * pole**2 else apart
+        motion: Floats = np.asarray(np.linalg.solve(self.basis, moved) if d else moved, dtype=np.float64)
+        pattern = vector[d + members]
+        turn = np.sign(pattern[np.abs(pattern).argmax()]) or 1.0
+        omega = sqrt(square)
+        return Branch(strength, omega, apart / (omega + pole), turn * motion, turn * pattern, still=share <= STILL)
+
+    @cached_property
+    def structure_modes(self) -> tuple[tuple[float, Floats], ...]:
+        """ω (rad/s) of the modes that belong to the structure rather than to a family, with η in its own modes."""
+        taken = [branch.omega for family in self.families for branch in family.branches]
+        left = np.sqrt(self._moving[0]).tolist()
+        for omega in taken:
+            left.pop(int(np.abs(np.array(left) - omega).argmin()))
+        every = np.sqrt(self._moving[0])
+        rows = [int(np.abs(every - omega).argmin()) for omega in left]
+        vectors = self._moving[1][: self.reduced.d]
+        inverse = np.asarray(np.linalg.inv(self.basis), dtype=np.float64)
+        return tuple((omega, inverse @ vectors[:, k]) for omega, k in zip(left, rows, strict=True))
+
+    def beats(self, family: PendulumFamily) -> tuple[float, ...]:
+        """2π/|Δω| (s) of every two levels of a family that is weakly coupled: its still modes, and each that moves."""
+        if not all(branch.is_first_order(family.omega) for branch in family.branches):
+            return ()
+        levels = [0.0] * bool(family.still) + [branch.splitting for branch in family.branches]
+        levels.sort()
+        apart = [high - low for k, low in enumerate(levels) for high in levels[k + 1 :]]
+        return tuple(sorted((2 * pi / gap for gap in apart if gap > 0), reverse=True))
+
+    # ---------------------------------------------------------------------------------------------- exchange
+
+    @cached_property
+    def pairs(self) -> tuple[Exchanged, ...]:
+        """Pairs of own modes of different kinds, those that exchange most first; none of more than MOST_MODES modes."""
+        count = len(self.own.omega)
+        if count > MOST_MODES:
+            return ()
+        kinds = self.own.kind
+        pairs = [(a, b) for a in range(count) for b in range(a + 1, count) if kinds[a] != kinds[b]]
+        found = [one for a, b in pairs if (one := self._exchanged(a, b))]
+        return tuple(sorted(found, key=lambda one: -one.exchange.most))
+
+    def _exchanged(self, a: int, b: int) -> Exchanged | None:
+        wa, wb = float(self.own.omega[a]), float(self.own.omega[b])
+        x = wa * wb
+        try:
+            free = self.reduced.pulled((a, b), x)
+            lossy = free if self._dampers is None else self.reduced.pulled((a, b), x, self._dampers)
+        except np.linalg.LinAlgError:
+            return None
+        first, second = wa + free[0, 0] / (2 * wa), wb + free[1, 1] / (2 * wb)
+        coupling = float(free[0, 1]) / (2 * sqrt(x))
+        shifts = [complex(lossy[k, k]) / (2 * w) for k, w in enumerate((wa, wb))]
+        passed = transfer(wa + shifts[0], wb + shifts[1], complex(lossy[0, 1]) / (2 * sqrt(x)))
+        strength = max(abs(free[0, 0]) / wa**2, abs(free[1, 1]) / wb**2, abs(free[0, 1]) / x)
+        families = [members for members in self._members if a in members or b in members]
+        alone = sum(map(len, families)) == 2
+        return Exchanged(a, b, float(first - second), coupling, float(strength), alone, passed)
+
+    # ------------------------------------------------------------------------------------------------ dampers
+
+    @cached_property
+    def _losses(self) -> dict[str, Floats]:
+        """Matrices of what drains and feeds modes, by where it comes from."""
+        rig, reduced = self.reduced.hanging.rig, self.reduced
+        driven = negative_damping(self.scene, rig)
+        return {
+            "from_cart": reduced.carried,
+            "from_joints": reduced.joined(lambda kind: rig.blocks[kind[0]].damping[:, kind[1]]),
+            "from_drag": reduced.dragged,
+            "from_drives": reduced.joined(lambda kind: driven[kind[0]][:, kind[1]]),
+            "fed": reduced.joined(lambda kind: np.eye(rig.blocks[kind[0]].n)[0]),
+        }
+
+    @cached_property
+    def _dampers(self) -> Floats | None:
+        """D of all dampers and drag, and of the damping ratio; None where there are none."""
+        if not self.scene.has_damping:
+            return None
+        losses = self._losses
+        found = losses["from_cart"] + losses["from_joints"] + losses["from_drag"]
+        if self.reduced.hanging.rig.damping_ratio:
+            square, vectors = self._every
+            momenta = self.reduced.M @ vectors
+            omega = np.sqrt(square)
+            found = found + (momenta * (2 * ratio_at(self.reduced.hanging.rig)(omega) * omega)) @ momenta.T
+        return np.asarray(found)
+
+    @cached_property
+    def _every(self) -> tuple[Floats, Floats]:
+        """ω² and vectors of all modes in the reduced coordinates, those that are still among them."""
+        square, vectors = self._moving
+        squares, columns = [square], [vectors]
+        for members, (_, still) in zip(self._members, self._combinations, strict=True):
+            squares.append(np.full(still.shape[1], self.own.omega[members[0]] ** 2))
+            columns.append(np.zeros((len(vectors), still.shape[1])))
+            columns[-1][self.reduced.d + members] = still
+        return np.concatenate(squares), np.hstack(columns)
+
+    @cached_property
+    def damped(self) -> tuple[Damped, ...]:
+        """The damping and excitation of each mode that oscillates, ascending; `from_cart` is that of the structure."""
+        found = [*self._damped_together(), *self._damped_copies()]
+        return tuple(sorted(found, key=lambda mode: mode.omega))
+
+    def _damped_together(self) -> list[Damped]:
+        square, vectors = self._every
+        order = np.argsort(square, kind="stable")
+        square, vectors = square[order], vectors[:, order]
+        swinging = square > 0
+        square, vectors = square[swinging], vectors[:, swinging]
+        losses = self._losses
+        drained = sum(losses[name] for name in ("from_cart", "from_joints", "from_drag"))
+        gaps = np.flatnonzero(np.diff(square) > 1e-12 * square[1:]) + 1
+        for own in np.split(np.arange(len(square)), gaps):
+            if len(own) > 1:
+                vectors[:, own] = vectors[:, own] @ np.linalg.eigh(vectors[:, own].T @ drained @ vectors[:, own])[1]
+        parts = {name: np.einsum("ik,ij,jk->k", vectors, S, vectors) / 2 for name, S in losses.items()}
+        omega, d = np.sqrt(square), self.reduced.d
+        ratio = ratio_at(self.reduced.hanging.rig)(omega) * omega
+        rate = parts["from_cart"] + parts["from_joints"] + parts["from_drag"] + ratio
+        exact = self._exact(np.column_stack((rate, omega)))
+        share = np.einsum("ik,ij,jk->k", vectors[:d], self.reduced.M[:d, :d], vectors[:d])
+        return [
+            Damped(
+                omega=float(omega[k]),
+                fold=1,
+                still=bool(share[k] <= STILL),
+                kind=None,
+                exact=exact[k],
+                from_ratio=float(ratio[k]),
+                **{name: float(part[k]) for name, part in parts.items()},
+            )
+            for k in range(len(omega))
+        ]
+
+    def _exact(self, first: Floats) -> list[complex | None]:
+        """The damped eigenvalue of each mode of rates and frequencies `first` (R, 2)."""
+        D, n = self._dampers, len(self.reduced.M)
+        if D is None:
+            return [complex(0.0, omega) for omega in first[:, 1]]
+        if n > MOST_SOLVED:
+            return [None] * len(first)
+        values = _quadratic(self.reduced.M, D, self.reduced.K)
+        return nearest_values(first, slowest(_upper(values), len(first)))
+
+    def _damped_copies(self) -> list[Damped]:
+        """Equal pendula in antiphase, which move nothing else."""
+        found, losses, own, d = [], self._losses, self.own, self.reduced.d
+        rig = self.reduced.hanging.rig
+        for k, name in enumerate(self.names):
+            columns = np.array(self.reduced.columns(k))
+            if (copies := int(own.count[columns[0] - d])) < 2:
+                continue
+            omega = own.omega[columns - d]
+            parts = {key: S[np.ix_(columns, columns)] for key, S in losses.items() if key != "from_cart"}
+            ratio = ratio_at(rig)(omega) * omega
+            D = parts["from_joints"] + parts["from_drag"] + 2 * np.diag(ratio)
+            rate = np.diag(D) / 2
+            exact: list[complex | None] = [complex(0.0, value) for value in omega]
+            if D.any():
+                values = _quadratic(np.eye(len(columns)), D, np.diag(omega**2))
+                exact = nearest_values(np.column_stack((rate, omega)), slowest(_upper(values), len(columns)))
+            found += [
+                Damped(
+                    omega=float(omega[i]),
+                    fold=copies - 1,
+                    still=True,
+                    kind=name,
+                    from_cart=0.0,
+                    exact=exact[i],
+                    from_ratio=float(ratio[i]),
+                    **{key: float(S[i, i]) / 2 for key, S in parts.items()},
+                )
+                for i in range(len(columns))
+            ]
+        return found
+
+    # --------------------------------------------------------------------------------------------- the table
+
+    @cached_property
+    def _table(self) -> tuple[Floats, Ints] | None:
+        try:
+            return natural_modes(self.scene.conservative).omega, table_numbers(self.scene)
+        except ComputationError:
+            return None
+
+    def number(self, omega: float) -> int | None:
+        """The number in the table of the undamped mode of this frequency (rad/s), None where unknown."""
+        if self._table is None:
+            return None
+        known, numbers = self._table
+        return int(numbers[np.abs(known - omega).argmin()])
+
+
+def _pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:
+    """Squares ascending, 0 where nothing holds a mode, and vectors with vᵀMv = 1.
+
+    ComputationError for a structure that falls over.
+    """
+    square, vectors = pencil(K, M)
+    terms = np.einsum("ik,ij,jk->k", np.abs(vectors), np.abs(K), np.abs(vectors))
+    square = np.where(np.abs(square) <= NOTHING_HOLDS * terms, 0.0, square)
+    if np.any(square < 0):
+        raise ComputationError(
+            "the structure does not stand by itself: at rest it falls over, and nothing swings about it"
+        )
+    return square, vectors
+
+
+def _quadratic(M: Floats, D: Floats, K: Floats) -> NDArray[np.complex128]:
+    """All λ of λ²M + λD + K."""
+    n = len(M)
+    inverse = np.linalg.solve(M, np.hstack([K, D]))
+    values: NDArray[np.complex128] = np.linalg.eigvals(
+        np.block([[np.zeros((n, n)), np.eye(n)], [-inverse[:, :n], -inverse[:, n:]]])
+    )
+    return values
+
+
+def _upper(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """One of each conjugate pair, without the zeros of what nothing holds."""
+    upper: NDArray[np.complex128] = values[(values.imag >= 0) & (np.abs(values) > CREEPING * np.abs(values).max())]
+    return upper

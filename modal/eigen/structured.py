@@ -1,0 +1,409 @@
+"""Sources of modes of pendula on structures: free motions, what moves with the structure, and what leaves it still.
+
+The frequencies of a component (`modal.eigen.carried`) are found by counts where its springs form a tree
+(`modal.eigen.trees`), from the factors of K and M where all springs are positive (`modal.eigen.product`), and from
+dense matrices with dampers and where a coordinate falls, as under pivots above an axis.  All in natural units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modal.assembly import RatioAt
+from modal.eigen import dense, quadratic
+from modal.eigen.carried import Balanced, Carried, Reduced
+from modal.eigen.chains import EVERYTHING, Limits
+from modal.eigen.counts import Built, counted
+from modal.eigen.factor import BEYOND, Factor, is_wide
+from modal.eigen.recursion import joints, kinetic
+from modal.eigen.sources import ROUNDOFF, Details, Source, structured_error
+from modal.errors import ComputationError
+from modal.report import deferred
+from modal.types import Complexes, Floats, Ints
+
+LARGEST = 1200
+"""Coordinates of one component up to which shapes, and frequencies from factors, are computed."""
+NARROW = 64.0
+"""Factor on the error where the triangular factors are computed in floats no wider than the results."""
+Numbers = NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """R shapes of one component: every η (d, R) of the structure, and the angles (n, P, R) of every block."""
+
+    carried: Carried
+    eta: Numbers
+    angles: tuple[Numbers, ...]
+
+    @property
+    def energies(self) -> tuple[Floats, ...]:
+        """Twice the kinetic energy of each link of one copy over ω², (n, P, R); a mean over copies that move down."""
+        found = []
+        for number, (block, angle) in enumerate(zip(self.carried.rig.blocks, self.angles, strict=True)):
+            along = self.carried.pivots[number] @ self.eta
+            turn = angle * (block.sigma * block.length)[:, :, None]
+            parts = [(along.real, turn.real)] + [(along.imag, turn.imag)] * np.iscomplexobj(angle)
+            energy = sum((kinetic(block, joints(y, a), a) for y, a in parts), start=np.zeros(angle.shape))
+            sunk = self.carried.sinking[number]
+            if sunk is not None:
+                energy += block.mass[:, :, None] * np.abs(np.einsum("pij,ir,jr->pr", sunk, self.eta, self.eta.conj()))
+            found.append(energy)
+        return tuple(found)
+
+
+def _details(
+    moved: Moved, modal_mass: Floats, momentum: Floats, residual: Floats, energies: tuple[Floats, ...]
+) -> Details:
+    """The properties that a structure's modes have: no κ, and no share of a cart's."""
+    unknown = np.full(len(modal_mass), np.nan)
+    return Details(
+        modal_mass=modal_mass,
+        momentum=momentum,
+        cart=np.zeros(len(modal_mass)),
+        participation=unknown,
+        kappa=unknown,
+        residual=residual,
+        angles=moved.angles,
+        shares=tuple(part / modal_mass for part in energies),
+        eta=tuple(moved.eta),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FreeMotions:
+    """The motions of one component that nothing holds, ω = 0; where a damper drags it no dynamics are left of them."""
+
+    reduced: Reduced
+    route = "exact"
+
+    @property
+    def built(self) -> Built:
+        """One problem that is not solved."""
+        return Built("free motion of the structure with everything at rest on it", self._number, 0)
+
+    @property
+    def _number(self) -> int:
+        return int(self.reduced.free.shape[1])
+
+    @property
+    def eigenvalue(self) -> Complexes:
+        """0."""
+        return np.zeros(self._number, dtype=complex)
+
+    @property
+    def error(self) -> Floats:
+        """They are exact."""
+        return np.zeros(self._number)
+
+    def details(self, rows: Ints) -> Details:
+        """The structure alone is displaced, every angle is zero."""
+        shape = self.reduced.free[:, rows]
+        moved, one = moved_of(self.reduced, shape), np.ones(len(rows))
+        momentum = _cancelled(self.reduced.carried.momentum(self.reduced), shape)
+        momentum = momentum + (np.nan if self.reduced.is_damped else 0.0)
+        return _details(moved, one, momentum, 0 * one, moved.energies)
+
+
+@dataclass(frozen=True, eq=False)
+class OnStructure:
+    """The modes of one component but its free motions."""
+
+    reduced: Reduced
+    ratio: RatioAt | None = None
+    limits: Limits = EVERYTHING
+
+    @cached_property
+    def is_damped(self) -> bool:
+        """Whether there are dampers besides those of a damping ratio."""
+        return self.reduced.is_damped
+
+    @property
+    def _is_counted(self) -> bool:
+        return not self.is_damped and self.reduced.is_positive and self.reduced.tree is not None
+
+    @property
+    def route(self) -> str:
+        """Counts, factors or dense matrices."""
+        if self._is_counted:
+            return "effective mass"
+        return "product form" if self.reduced.is_positive and not self.is_damped else "dense"
+
+    @property
+    def built(self) -> Built:
+        """The unknowns of the component, and matrices where there are any."""
+        eta, n = len(self.reduced.component.eta), self.reduced.size
+        what = f"{counted(eta, 'coordinate')} of the structure and {counted(n - eta, 'link')}"
+        if self._is_counted:
+            return Built(what, 1, n)
+        if self.reduced.is_positive and not self.is_damped:
+            return Built(what, 1, n, (("factors", n, 2),))
+        own = [("M", n, 1), ("K", n, 1), *([("D", n, 1)] if self.is_damped else [])]
+        kind = "state" if self.is_damped else "symmetric"
+        return Built(what, 1, n, (*own, (kind, self._dense.order, self._dense.number)), self.is_damped)
+
+    @cached_property
+    def squares(self) -> Floats:
+        """ω² (R,) by counts."""
+        assert self.reduced.tree is not None
+        return self.reduced.tree.squares(self.limits.lowest)
+
+    @cached_property
+    def eigenvalue(self) -> Complexes:
+        """iω, growth rates, and with dampers −ζω + iω√(1−ζ²)."""
+        if self._is_counted:
+            return np.asarray(np.sqrt(self.squares) * 1j)
+        if self.is_damped or not self.reduced.is_positive:
+            return self._dense.eigenvalue
+        return np.asarray(self._product[0] * 1j)
+
+    @cached_property
+    def error(self) -> Floats:
+        """Relative error bounds."""
+        reduced, lost = self.reduced, 0.0
+        if self.is_damped or not reduced.is_positive:
+            return self._dense.error
+        if reduced.hidden.any():
+            lost = 2 * ROUNDOFF * reduced.cancelling
+        for _, matrices in reduced.modal:
+            lost += sum(len(S) * ROUNDOFF * _condition(S) for S in matrices[:2])
+        if self._is_counted:
+            blocks = [reduced.carried.rig.blocks[heavy.block] for heavy in reduced.component.heavies]
+            deepest = max((block.n for block in blocks), default=0)
+            own = structured_error(deepest + 2 * len(reduced.component.eta), len(blocks))
+            return np.full(len(self.squares), own + lost)
+        narrow = NARROW if not is_wide(reduced.size) else 1.0
+        return np.full(len(self._product[0]), narrow * (32 + 12 * reduced.size) * ROUNDOFF + lost)
+
+    @cached_property
+    def _product(self) -> tuple[Floats, Floats]:
+        """ω (R,) and shapes (n, R) from the factors."""
+        dense.refuse_beyond(LARGEST, self.reduced.size, "shapes on a structure")
+        M, K, _ = self.reduced.factors
+        return _product_modes(K, M, self.reduced.free.shape[1])
+
+    @cached_property
+    def _dense(self) -> dense.Eigen:
+        """Of dense matrices, free motions without dampers left out with their momentum."""
+        M, K, D = (factor.matrix for factor in self.reduced.factors)
+        largest = dense.LARGEST_DAMPED if self.is_damped else dense.LARGEST_UNDAMPED
+        dense.refuse_beyond(largest, len(M), "dampers" if self.is_damped else "falling coordinates")
+        if dense.is_singular(M):
+            raise ComputationError(BEYOND)
+        roots, modal = self._dampers
+        coasting = self.reduced.coasting if self.is_damped else self.reduced.free
+        kept, back, inertia, lost = _without(coasting, M)
+        stiffness, terms = K[np.ix_(kept, kept)], self.reduced.terms[kept]
+        if not self.is_damped:
+            found = dense.indefinite(inertia, stiffness, free=False, terms=terms)
+            return replace(found, shape=back @ found.shape, error=found.error * lost)
+        dampers = quadratic.Dampers(roots.strength[kept], _kept(roots.above, kept), _rows(roots.roots, kept))
+        own = None if modal is None else modal[:, kept]
+        found = quadratic.damped(inertia, stiffness, terms, dampers, own, free=False)
+        left = slice(self.reduced.free.shape[1] - coasting.shape[1], None)
+        assert D.shape == M.shape
+        return replace(
+            found,
+            eigenvalue=found.eigenvalue[left],
+            shape=back @ found.shape[:, left],
+            error=found.error[left] * lost,
+        )
+
+    @property
+    def _dampers(self) -> tuple[quadratic.Dampers, Floats | None]:
+        """Dampers of joints below the first by their links, all others by their rows; and C with D_modal = CᵀC."""
+        reduced, D = self.reduced, self.reduced.factors[2]
+        strength, above = np.zeros(reduced.size), np.full(reduced.size, -1)
+        by_rows = np.ones(len(D.size), dtype=bool)
+        for k, (row, size) in enumerate(zip(*D, strict=True)):
+            at = np.flatnonzero(row)
+            beside = at.size == 2 and at[0] >= len(reduced.component.eta) and row[at[1]] == -row[at[0]] == 1
+            if (at.size == 1 and abs(row[at[0]]) == 1 and not strength[at[0]]) or beside:
+                strength[at[-1]], by_rows[k] = size, False
+                above[at[-1]] = at[0] if beside else -1
+        roots = np.sqrt(D.size)[by_rows, None] * D.rows[by_rows]
+        modal = None
+        if self.ratio is not None:
+            M, K, _ = reduced.factors
+            if not reduced.is_positive:
+                raise ComputationError("damping_ratio: is not computed with dampers where a coordinate falls")
+            omega, shapes = _product_modes(K, M, reduced.free.shape[1])
+            modal = np.sqrt(2 * self.ratio(omega) * omega)[:, None] * (M.matrix @ shapes).T
+        return quadratic.Dampers(strength, above, roots if len(roots) else None), modal
+
+    def details(self, rows: Ints) -> Details:
+        """Shapes over the whole structure and every kind of pendulum."""
+        if self._is_counted:
+            return self._counted(rows)
+        reduced, value, shape = self.reduced, self.eigenvalue[rows], self._shapes(rows)
+        M, K, D = reduced.factors
+        moved = moved_of(reduced, shape)
+        modal_mass = (M.size[:, None] * np.abs(M.rows @ shape) ** 2).sum(0)
+        momentum = np.full(len(rows), np.nan)
+        if not self.is_damped:
+            momentum = _cancelled(reduced.carried.momentum(reduced), shape)
+            held = (K.size[:, None] * (K.rows @ shape) ** 2).sum(0)
+            residual = np.abs(1 + held / modal_mass / (value**2).real)
+        else:
+            terms = [(K, 0), (D, 1), (M, 2)]
+            push = sum(part.rows.T @ (part.size[:, None] * (part.rows @ shape)) * value**p for part, p in terms)
+            size = sum(
+                np.abs(part.rows.T)
+                @ (np.abs(part.size)[:, None] * (np.abs(part.rows) @ np.abs(shape)))
+                * np.abs(value) ** p
+                for part, p in terms
+            )
+            residual = (np.abs(push) / np.where(size > 0, size, 1.0)).max(0)
+        return _details(moved, modal_mass, momentum, residual, moved.energies)
+
+    def _counted(self, rows: Ints) -> Details:
+        """Shapes of a tree."""
+        tree, carried = self.reduced.tree, self.reduced.carried
+        assert tree is not None
+        shape, missed = tree.shapes(self.squares, rows)
+        moved = moved_of(self.reduced, shape)
+        momentum = _cancelled(carried.momentum(self.reduced), shape)
+        return _details(moved, np.ones(len(rows)), momentum, missed, moved.energies)
+
+    def _shapes(self, rows: Ints) -> Numbers:
+        """(n, R), real without dampers; what moves no more than rounding, in its share of the energy, is still."""
+        whole = self._dense.shape if self.is_damped or not self.reduced.is_positive else self._product[1]
+        first, M = len(self.reduced.component.eta), self.reduced.factors[0]
+        shape = whole[:, rows]
+        shape = dense.in_phase(shape, first if self.reduced.size > first else 0) if self.is_damped else shape.real
+        weight = np.sqrt((M.size[:, None] * M.rows**2).sum(0))[:, None]
+        sizes = np.abs(shape) * weight
+        return np.where(sizes > 4 * len(shape) * dense.EPS * sizes.max(0), shape, 0.0)
+
+
+def _product_modes(stiffness: Factor, inertia: Factor, free: int) -> tuple[Floats, Floats]:
+    """ω and shapes by `modal.eigen.product`, which loads SciPy's linear algebra: scenes without structures do not."""
+    found: tuple[Floats, Floats] = deferred("modal.eigen.product:product_modes")(stiffness, inertia, free)
+    return found
+
+
+def moved_of(reduced: Reduced, shape: Numbers) -> Moved:
+    """The shapes (n, R) of a component over the whole scene."""
+    carried, component = reduced.carried, reduced.component
+    eta = np.zeros((carried.size, shape.shape[1]), shape.dtype)
+    eta[component.eta] = shape[: len(component.eta)]
+    angles = tuple(np.zeros((*block.mass.shape, shape.shape[1]), shape.dtype) for block in carried.rig.blocks)
+    for heavy, at in zip(component.heavies, reduced.places.tolist(), strict=False):
+        own = shape[at : at + carried.rig.blocks[heavy.block].n]
+        for share in heavy.shares:
+            angles[heavy.block][:, share.column] += share.amplitude * own
+    return Moved(carried, eta, angles)
+
+
+def _cancelled(row: Floats, shape: Numbers) -> Floats:
+    """A row times shapes (n, R), 0 where no more than rounding is left of its terms."""
+    found: Floats = row @ shape
+    return np.where(np.abs(found) <= 4 * len(row) * dense.EPS * (np.abs(row) @ np.abs(shape)), 0.0, found)
+
+
+def _condition(S: Floats) -> float:
+    """How much roundings of a matrix with a unit diagonal count, 1 for a diagonal one."""
+    if not (S - np.diag(np.diag(S))).any():
+        return 1.0
+    scale = 1 / np.sqrt(np.abs(np.diag(S)) + np.finfo(float).tiny)
+    values = np.abs(np.linalg.eigvalsh(S * scale * scale[:, None]))
+    kept = values[values > 4 * len(S) * dense.EPS * values.max()]
+    return float(values.max() / kept.min())
+
+
+def _without(free: Floats, M: Floats) -> tuple[Ints, Floats, Floats, float]:
+    """What is left without free motions (n, f): coordinates, shapes from them, inertia, and its loss of digits.
+
+    In each motion one coordinate rests and the momentum is 0, as on a free cart.
+    """
+    n, f = free.shape
+    if not f:
+        return np.arange(n), np.eye(n), M, 1.0
+    resting = list[int]()
+    A = free.copy()
+    for k in range(f):
+        at = int(np.abs(A[:, k:] if k else A).max(1).argmax())
+        c = k + int(np.abs(A[at, k:]).argmax())
+        A[:, [k, c]] = A[:, [c, k]]
+        A[:, k] /= A[at, k]
+        others = np.arange(f) != k
+        A[:, others] -= np.multiply.outer(A[:, k], A[at, others])
+        resting.append(at)
+    kept = np.setdiff1d(np.arange(n), resting)
+    momentum = A.T @ M
+    follow = np.linalg.solve(momentum @ A, momentum[:, kept])
+    own = M[np.ix_(kept, kept)]
+    inertia = own - momentum[:, kept].T @ follow
+    lost = float((np.diag(own) / np.diag(inertia)).max(initial=1.0))
+    return kept, np.eye(n)[:, kept] - A @ follow, (inertia + inertia.T) / 2, lost
+
+
+def _kept(above: Ints, kept: Ints) -> Ints:
+    """The places of coordinates among those that are kept."""
+    at = {int(k): i for i, k in enumerate(kept)}
+    return np.array([at.get(int(above[k]), -1) for k in kept])
+
+
+def _rows(roots: Floats | None, kept: Ints) -> Floats | None:
+    return None if roots is None else roots[:, kept]
+
+
+@dataclass(frozen=True, eq=False)
+class Still:
+    """Combinations of equal pendula in different columns that leave the structure still: row i K + k of mode i."""
+
+    carried: Carried
+    balanced: Balanced
+    source: Source
+    rows: Ints
+
+    @property
+    def route(self) -> str:
+        """That of one of the pendula."""
+        return self.source.route
+
+    @property
+    def built(self) -> Built:
+        """What is known of one pendulum already."""
+        return Built("equal pendula that leave the structure still", 1, 0)
+
+    @cached_property
+    def eigenvalue(self) -> Complexes:
+        """Those of one pendulum on a fixed support, for each combination."""
+        return np.repeat(self.source.eigenvalue[self.rows], self.balanced.number)
+
+    @property
+    def error(self) -> Floats:
+        """Relative error bounds."""
+        return np.repeat(self.source.error[self.rows], self.balanced.number)
+
+    @property
+    def is_damped(self) -> bool:
+        """Whether the modes are complex."""
+        return bool(getattr(self.source, "is_damped", False))
+
+    def details(self, rows: Ints) -> Details:
+        """The angles of the pendulum, by the amplitudes of the combination."""
+        own, blocks = self.balanced, self.carried.rig.blocks
+        alone = self.source.details(self.rows[rows // own.number])
+        amplitude = own.vectors(rows % own.number) / np.sqrt(own.counts)
+        angles, shares = (
+            tuple(np.zeros((*b.mass.shape, len(rows)), part.dtype) for b in blocks)
+            for part in (alone.angles[0], alone.shares[0])
+        )
+        angles[own.block][:, own.columns] = alone.angles[0][:, 0][:, None] * amplitude.T
+        shares[own.block][:, own.columns] = alone.shares[0][:, 0][:, None] * amplitude.T**2
+        pushes = np.where(rows % own.number < own.pushes, amplitude @ own.counts, 0.0)
+        return replace(
+            alone,
+            momentum=alone.momentum * pushes,
+            angles=angles,
+            shares=shares,
+            kappa=np.full(len(rows), np.nan),
+            eta=tuple(np.zeros((self.carried.size, len(rows)))),
+        )

@@ -1,0 +1,418 @@
+"""What a structure looks like, to scale: carriers at their coordinates η, springs between their points, the ground.
+
+A `Scaffold` is made once for a scene; `Scaffold.pieces(eta, joints)` are lines and outlines (F, K, 2) in m, to the
+right and up, for F instants or F extremes of a mode.  Where things would be drawn upon each other they are set apart
+along the rail: carriers whose bodies overlap, and pendula that hang from one point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from modal.structure import CarrierEnd, CarrierNumbers, End, GroundEnd, LinkEnd, SpringNumbers, Structure, Where
+from modal.types import Floats, Ints
+
+Role = Literal["body", "line", "spring", "dot", "ground", "hatch", "guide"]
+STILL: frozenset[Role] = frozenset({"ground", "hatch", "guide"})
+"""The roles of what does not move with η."""
+THICK, MARGIN, LEAST = 0.055, 0.13, 0.2
+"""Half the height of a body, what it reaches beyond its points, and its least half length, over the unit."""
+WHEEL, GAP, WALL = 0.05, 0.55, 0.55
+"""Radius of wheels, room between bodies set apart, and from a body to the wall that its spring is fixed to."""
+FAR_OFF = 0.12
+"""Points this far above or below a body, over the unit, have a stem."""
+TEETH, TOOTH, LEAD = 7, 0.035, 0.18
+TURNS, COIL = 2.25, 0.085
+
+
+class Piece(NamedTuple):
+    """A line, or a closed outline, (F, K, 2) in m; its `role` says how it is drawn."""
+
+    role: Role
+    points: Floats
+    closed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Scaffold:
+    """A structure of which the pendula `drawn` are shown, and the first link of every pendulum, `first` (P + 1,).
+
+    `unit` (m) is the size of what has none of its own, that of the longest chain; `gap` is the room, over it, between
+    bodies that are set apart.
+    """
+
+    structure: Structure
+    drawn: Ints
+    first: Ints
+    unit: float
+    gap: float = GAP
+
+    # ------------------------------------------------------------------------------------------- where things are
+
+    @cached_property
+    def aside(self) -> Floats:
+        """How far (m) every drawn pendulum is set apart from those on its point; those of a modal support are one."""
+        found = np.zeros(len(self.drawn))
+        places: dict[Any, list[int]] = {}
+        for k, pendulum in enumerate(self.drawn.tolist()):
+            pivot = self.structure.pivots[pendulum]
+            places.setdefault(pivot.carrier if isinstance(pivot.where, int) else pivot, []).append(k)
+        for own in places.values():
+            step = self.unit * (0.95 if len(own) <= 2 else 0.5)
+            found[own] = step * (np.arange(len(own)) - (len(own) - 1) / 2)
+        return found
+
+    @cached_property
+    def _points(self) -> tuple[Floats, ...]:
+        """Every carrier's points of which something is drawn, (K, 2) in m along and below its origin."""
+        found: list[list[tuple[float, float]]] = [[] for _ in self.structure.carriers]
+        for pendulum, aside in zip(self.drawn.tolist(), self.aside.tolist(), strict=True):
+            carrier, where = self.structure.pivots[pendulum]
+            s, h = (0.0, 0.0) if isinstance(where, int) else where
+            found[carrier].append((float(s) + aside, float(h)))
+        for spring in self.structure.springs:
+            for end in spring.ends:
+                if isinstance(end, CarrierEnd) and not isinstance(end.where, int) and not spring.torsion:
+                    found[end.carrier].append((float(end.where[0]), float(end.where[1])))
+        return tuple(np.array(own).reshape(-1, 2) for own in found)
+
+    @cached_property
+    def _bodies(self) -> tuple[tuple[float, float, float], ...]:
+        """Left, right and height (m, along and below its origin) of every carrier's body."""
+        found = []
+        for own, points in zip(self.structure.carriers, self._points, strict=True):
+            near = points if own.turning is None else points[np.abs(points[:, 1]) < 10 * self.unit]
+            level = 0.0
+            if own.kind == "tilt" and len(near) and np.ptp(near[:, 1]) < FAR_OFF * self.unit:
+                level = float(near[:, 1].mean())
+            if own.kind == "platform":
+                near = near[np.abs(near[:, 1]) < 0.5 * self.unit]
+            least = LEAST * self.unit * (2.5 if own.kind == "platform" else 1.0)
+            along = np.concatenate([near[:, 0] - MARGIN * self.unit, near[:, 0] + MARGIN * self.unit, [-least, least]])
+            found.append((float(along.min()), float(along.max()), level))
+        return tuple(found)
+
+    def body(self, carrier: int) -> tuple[float, float, float]:
+        """Left, right and height (m, along and below its origin) of a carrier's body."""
+        return self._bodies[carrier]
+
+    @cached_property
+    def shifts(self) -> Floats:
+        """How far (m) every carrier is set apart along the rail, (C,); 0 where no two bodies overlap."""
+        carriers, high = self.structure.carriers, 3 * THICK * self.unit
+        boxes = []
+        for own, (left, right, level) in zip(carriers, self._bodies, strict=True):
+            x, z = (float(part) for part in own.position)
+            boxes.append((x + left, x + right, z + level))
+        moving = [k for k, own in enumerate(carriers) if own.size]
+        upon = any(
+            boxes[i][0] < boxes[j][1] and boxes[j][0] < boxes[i][1] and abs(boxes[i][2] - boxes[j][2]) < high
+            for n, i in enumerate(moving)
+            for j in moving[:n]
+        )
+        found, end = np.zeros(len(carriers)), -np.inf
+        for k in moving if upon else ():
+            found[k] = max(0.0, end - boxes[k][0]) if np.isfinite(end) else 0.0
+            end = boxes[k][1] + found[k] + self.gap * self.unit
+        return found
+
+    def place(self, carrier: int, where: Where, eta: Floats, aside: float = 0.0) -> Floats:
+        """Where a point of a carrier is drawn at η (F, d), (F, 2) to the right and up."""
+        own = self.structure.carriers[carrier]
+        first = self.structure.offsets[carrier]
+        values = [eta[:, first + k] for k in range(own.size)]
+        shift = float(self.shifts[carrier])
+        if isinstance(where, int):
+            shift, at = shift + aside, where
+        else:
+            at = (float(where[0]) + aside, float(where[1]))  # type: ignore[assignment]
+        x, z = own.moving(at, values, [0.0] * own.size).place
+        return np.stack(np.broadcast_arrays(x + shift + 0 * eta.sum(1), -z + 0 * eta.sum(1)), axis=-1)
+
+    def pivots(self, eta: Floats) -> Floats:
+        """Where the drawn pendula hang at η (F, d), (F, D, 2)."""
+        every = zip(self.drawn.tolist(), self.aside.tolist(), strict=True)
+        pivots = self.structure.pivots
+        each = [self.place(pivots[p].carrier, pivots[p].where, eta, aside) for p, aside in every]
+        return np.stack(each, axis=1)
+
+    def reach(self, supports: Any) -> float:
+        """How far (m) the points of the structure are from rest in a small motion with these η (d,), over its size."""
+        if not len(supports):
+            return 0.0
+        small = 1e-4 * self.unit / max(float(np.abs(supports).max()), 1e-300)
+        eta = np.array([small * np.real(supports), 0.0 * np.real(supports)])
+        ends = [piece.points for piece in self.pieces(eta, {}) if piece.role in {"body", "line", "dot"}]
+        moved = [np.linalg.norm(points[0] - points[1], axis=-1).max() for points in (*ends, self.pivots(eta))]
+        return float(max(moved)) / small
+
+    # --------------------------------------------------------------------------------------------------- pieces
+
+    def pieces(self, eta: Floats, joints: Mapping[int, Floats]) -> list[Piece]:
+        """All of it at η (F, d), with the `joints` (F, n + 1, 2) of the pendula that are drawn."""
+        found = [piece for k in range(len(self.structure.carriers)) for piece in self._carrier(k, eta)]
+        for spring in self.structure.springs:
+            found += self._spring(spring, eta, joints)
+        return found
+
+    def _at(self, k: int, points: Sequence[tuple[float, float]], eta: Floats) -> Floats:
+        """Points of a carrier, (F, K, 2)."""
+        return np.stack([self.place(k, point, eta) for point in points], axis=1)
+
+    def _fixed(self, k: int, points: Sequence[tuple[float, float]]) -> Floats:
+        """Points of the ground beside a carrier as drawn, (1, K, 2)."""
+        x, z = self.structure.carriers[k].position
+        return np.array([[(float(x) + self.shifts[k] + s, -(float(z) + h)) for s, h in points]])
+
+    def _carrier(self, k: int, eta: Floats) -> Iterator[Piece]:
+        own, u = self.structure.carriers[k], self.unit
+        left, right, level = self._bodies[k]
+        if not own.size:
+            yield from self._ceiling(k)
+            return
+        if own.points is not None:
+            yield from self._frame(k, eta)
+            return
+        half = THICK * u
+        if own.kind == "platform":
+            hull = [(left, -half), (right, -half), (0.82 * right, 2.2 * half), (0.82 * left, 2.2 * half)]
+            yield Piece("body", self._at(k, hull, eta), closed=True)
+        else:
+            high = half if own.kind != "tilt" else 0.6 * half
+            box = [(left, level - high), (right, level - high), (right, level + high), (left, level + high)]
+            yield Piece("body", self._at(k, box, eta), closed=True)
+        for s, h in self._points[k].tolist():
+            if abs(h - level) > FAR_OFF * u:
+                foot = (0.3 * s if own.kind == "platform" else s, level)
+                yield Piece("line", self._at(k, [foot, (s, h)], eta))
+        yield from getattr(self, f"_{own.kind}")(k, own, eta)
+
+    def _ceiling(self, k: int) -> Iterator[Piece]:
+        """What stands still, hatched from above."""
+        points, u = self._points[k], self.unit
+        for h in np.unique(points[:, 1]):
+            along = points[points[:, 1] == h, 0]
+            yield from _hatched(self._fixed(k, [(along.min() - 0.16 * u, h), (along.max() + 0.16 * u, h)]), u)
+
+    def _frame(self, k: int, eta: Floats) -> Iterator[Piece]:
+        """The points of a modal support where something is fixed to them, as dots."""
+        numbers = sorted(
+            {pivot.where for pivot in self.structure.pivots if pivot.carrier == k}
+            | {
+                end.where
+                for spring in self.structure.springs
+                for end in spring.ends
+                if isinstance(end, CarrierEnd) and end.carrier == k
+            },
+            key=str,
+        )
+        for where in numbers:
+            asides = [
+                float(aside)
+                for p, aside in zip(self.drawn.tolist(), self.aside, strict=True)
+                if self.structure.pivots[p] == (k, where)
+            ] or [0.0]
+            ends = [self.place(k, where, eta, aside) for aside in (min(asides), max(asides))]
+            margin = np.array([LEAST * self.unit / 2, 0.0])
+            yield Piece("line", np.stack([ends[0] - margin, ends[1] + margin], axis=1))
+            yield Piece("dot", np.stack([(ends[0] + ends[1]) / 2], axis=1))
+
+    def _cart(self, k: int, own: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
+        left, right, _ = self._bodies[k]
+        u, low = self.unit, (THICK + WHEEL) * self.unit
+        for s in (0.75 * left + 0.25 * right, 0.25 * left + 0.75 * right):
+            middle = self.place(k, (s, low), eta)[:, None]
+            turn = np.linspace(0, 2 * np.pi, 25)
+            yield Piece("body", middle + WHEEL * u * np.stack((np.cos(turn), np.sin(turn)), axis=-1), closed=True)
+        rail = low + WHEEL * u
+        yield Piece("ground", self._fixed(k, [(left - 0.3 * u, rail), (right + 0.3 * u, rail)]))
+        yield from self._to_wall(k, own.stiffness[0], own.damping[0], eta)
+
+    def _swing(self, k: int, own: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
+        left, right, _ = self._bodies[k]
+        length, u = float(own.length), self.unit
+        for s in (left + 0.06 * u, right - 0.06 * u):
+            top = np.broadcast_to(self._fixed(k, [(s, -length)]), (len(eta), 1, 2))
+            yield Piece("line", np.concatenate([top, self._at(k, [(s, 0.0)], eta)], axis=1))
+        yield from _hatched(self._fixed(k, [(left - 0.06 * u, -length), (right + 0.06 * u, -length)]), u)
+        yield from self._to_wall(k, own.stiffness[0], 0.0, eta)
+
+    def _tilt(self, k: int, own: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
+        left, right, level = self._bodies[k]
+        u, way = self.unit, 1.0 if level < 0 or (level == 0 and not len(self._points[k])) else -1.0
+        foot = min(max(0.0, left), right)
+        if abs(level) > THICK * u:
+            yield Piece("line", self._at(k, [(0.0, 0.0), (foot, level)], eta))
+        apex, base = (0.0, 0.0), way * 0.17 * u
+        yield Piece("ground", self._fixed(k, [apex, (-0.09 * u, base), (0.09 * u, base)]), closed=True)
+        yield from _hatched(self._fixed(k, [(-0.16 * u, base), (0.16 * u, base)]), u, way)
+        if own.stiffness[0]:
+            angle = eta[:, self.structure.offsets[k]]
+            yield Piece("spring", _spiral(self.place(k, (0.0, 0.0), eta), angle, u))
+        yield Piece("dot", self._at(k, [(float(own.centre[0]), float(own.centre[1]))], eta))
+
+    def _heave(self, k: int, own: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
+        left, right, _ = self._bodies[k]
+        u = self.unit
+        for s in (left - 0.03 * u, right + 0.03 * u):
+            yield Piece("guide", self._fixed(k, [(s, -0.3 * u), (s, 0.3 * u)]))
+        yield from self._to_floor(k, own.stiffness[0], eta, (left + right) / 2)
+
+    def _platform(self, k: int, own: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
+        left, right, _ = self._bodies[k]
+        sway, heave, roll = own.stiffness
+        yield from self._to_wall(k, sway, 0.0, eta)
+        at = (0.6 * left, 0.6 * right) if roll else ((left + right) / 2,)
+        for s in at:
+            yield from self._to_floor(k, heave or roll, eta, s)
+        yield Piece("dot", self._at(k, [(float(own.centre[0]), float(own.centre[1]))], eta))
+
+    def _to_wall(self, k: int, stiffness: Any, damping: Any, eta: Floats, level: float = 0.0) -> Iterator[Piece]:
+        """A spring along the rail to a wall on the side where there is room."""
+        if not (stiffness or damping):
+            return
+        side = self._side(k)
+        end = self._bodies[k][1 if side > 0 else 0]
+        wall = end + side * WALL * self.unit
+        yield from self._wall(k, wall, level, side)
+        near = self.place(k, (end, level), eta)
+        far = np.broadcast_to(self._fixed(k, [(wall, level)])[:, 0], near.shape)
+        yield Piece("spring", _zigzag(far, near, self.unit, damped=not stiffness))
+
+    def _side(self, k: int) -> float:
+        """On which side of a carrier there is room for a wall: −1 left, 1 right."""
+        middles = [
+            float(own.position[0]) + float(self.shifts[i]) + sum(self._bodies[i][:2]) / 2
+            for i, own in enumerate(self.structure.carriers)
+        ]
+        return 1.0 if len(middles) > 1 and middles[k] == max(middles) and middles[k] > min(middles) else -1.0
+
+    def _wall(self, k: int, at: float, level: float, side: float) -> Iterator[Piece]:
+        u = self.unit
+        yield Piece("ground", self._fixed(k, [(at, level - 0.11 * u), (at, level + 0.11 * u)]))
+        for h in np.linspace(-0.11, 0.08, 5) * u:
+            yield Piece("hatch", self._fixed(k, [(at, level + h + 0.04 * u), (at + side * 0.05 * u, level + h)]))
+
+    def _to_floor(self, k: int, stiffness: Any, eta: Floats, s: float) -> Iterator[Piece]:
+        """A spring from below."""
+        if not stiffness:
+            return
+        u, low = self.unit, THICK * self.unit * (2.2 if self.structure.carriers[k].kind == "platform" else 1.0)
+        floor = low + 0.42 * u
+        yield from _hatched(self._fixed(k, [(s - 0.12 * u, floor), (s + 0.12 * u, floor)]), u, 1.0)
+        near = self.place(k, (s, low), eta)
+        far = np.broadcast_to(self._fixed(k, [(s, floor)])[:, 0], near.shape)
+        yield Piece("spring", _zigzag(far, near, u))
+
+    # --------------------------------------------------------------------------------------------------- springs
+
+    def _spring(self, spring: SpringNumbers, eta: Floats, joints: Mapping[int, Floats]) -> Iterator[Piece]:
+        """A spring between points, or a spiral for one between angles; nothing of pendula that are not drawn."""
+        damped = not spring.stiffness
+        ends = [self._end(end, eta, joints, torsion=spring.torsion) for end in spring.ends]
+        if spring.torsion:
+            for end, place in zip(spring.ends, ends, strict=True):
+                if isinstance(end, LinkEnd) and place is not None:
+                    yield Piece("spring", _spiral(place, np.zeros(len(eta)), self.unit))
+            found = [place for place in ends if place is not None]
+            if len(found) == 2:
+                yield Piece("guide", np.stack(found, axis=1))
+            return
+        anchored = next((k for k, end in enumerate(spring.ends) if isinstance(end, GroundEnd)), None)
+        if anchored is not None and ends[1 - anchored] is not None:
+            yield from self._grounded(spring.ends[1 - anchored], spring.ends[anchored], eta, joints, damped=damped)
+            return
+        one, other = ends
+        if one is not None and other is not None:
+            yield Piece("spring", _zigzag(*self._edges(spring.ends, one, other), self.unit, damped=damped))
+
+    def _edges(self, ends: tuple[End, End], one: Floats, other: Floats) -> tuple[Floats, Floats]:
+        """The ends of a spring between origins of carriers side by side, at the edges of their bodies."""
+        found = [one, other]
+        for k, end in enumerate(ends):
+            if isinstance(end, CarrierEnd) and end.where == (0.0, 0.0):
+                left, right, level = self._bodies[end.carrier]
+                toward = np.sign(found[1 - k][0, 0] - found[k][0, 0])
+                if abs(found[1 - k][0, 0] - found[k][0, 0]) > right - left and not level:
+                    found[k] = found[k] + np.array([right if toward > 0 else left, 0.0])
+        return found[0], found[1]
+
+    def _grounded(
+        self, end: End, ground: End, eta: Floats, joints: Mapping[int, Floats], *, damped: bool
+    ) -> Iterator[Piece]:
+        """A spring from a point to the ground: to its place, or to a wall beside the point as drawn."""
+        assert isinstance(ground, GroundEnd)
+        near = self._end(end, eta, joints, torsion=False)
+        assert near is not None
+        carrier = end.carrier if isinstance(end, CarrierEnd) else None
+        if ground.place is not None:
+            far = np.array([float(ground.place[0]), -float(ground.place[1])])
+            far = far + ([self.shifts[carrier], 0.0] if carrier is not None else [0.0, 0.0])
+            yield from _hatched(far + np.array([[[-0.08, 0.0], [0.08, 0.0]]]) * self.unit, self.unit, 1.0)
+            yield Piece("spring", _zigzag(np.broadcast_to(far, near.shape), near, self.unit, damped=damped))
+        elif carrier is not None and not isinstance(end.where, int):  # type: ignore[union-attr]
+            level = self._bodies[carrier][2] if end.where == (0.0, 0.0) else float(end.where[1])  # type: ignore[union-attr]
+            yield from self._to_wall(carrier, not damped, damped, eta, level)
+        else:
+            wall = near[0] + np.array([-WALL * self.unit, 0.0])
+            yield Piece("ground", wall + np.array([[[0.0, -0.11], [0.0, 0.11]]]) * self.unit)
+            yield Piece("spring", _zigzag(np.broadcast_to(wall, near.shape), near, self.unit, damped=damped))
+
+    def _end(self, end: End, eta: Floats, joints: Mapping[int, Floats], *, torsion: bool) -> Floats | None:
+        """Where an end is drawn, (F, 2); None of the ground, and of pendula that are not drawn."""
+        if isinstance(end, GroundEnd):
+            return None
+        if isinstance(end, CarrierEnd):
+            return self.place(end.carrier, end.where, eta)
+        pendulum = int(np.searchsorted(self.first, end.link, side="right")) - 1
+        if pendulum not in joints:
+            return None
+        chain, i = joints[pendulum], end.link - int(self.first[pendulum])
+        if torsion:
+            return chain[:, i]
+        along = chain[:, i + 1] - chain[:, i]
+        if end.below is None:
+            return chain[:, i + 1]
+        size = np.linalg.norm(along, axis=-1, keepdims=True)
+        return np.asarray(chain[:, i] + along * (float(end.below) / np.where(size > 0, size, 1.0)))
+
+
+def _hatched(line: Floats, unit: float, way: float = -1.0) -> Iterator[Piece]:
+    """A line of the ground (1, 2, 2) with hatching above (−1) or below it."""
+    yield Piece("ground", line)
+    (left, level), (right, _) = line[0]
+    count = max(3, round((right - left) / (0.08 * unit)))
+    lean = 0.05 * unit
+    for x in np.linspace(left, right, count + 1)[:-1]:
+        yield Piece("hatch", np.array([[(x, level), (x + lean, level - way * lean)]]))
+
+
+def _zigzag(start: Floats, end: Floats, unit: float, *, damped: bool = False) -> Floats:
+    """A spring from `start` to `end` (F, 2); of a damper alone a box across the line, (F, K, 2)."""
+    along = end - start
+    size = np.linalg.norm(along, axis=-1, keepdims=True)
+    way = np.divide(along, size, out=np.broadcast_to([1.0, 0.0], along.shape).copy(), where=size > 0)
+    across = np.stack((-way[:, 1], way[:, 0]), axis=-1)
+    if damped:
+        shares = np.array([0.0, 0.4, 0.4, 0.6, 0.6, 0.4, 0.4, 0.6, 0.6, 1.0])
+        aside = np.array([0.0, 0.0, 1.0, 1.0, -1.0, -1.0, 0.0, 0.0, 0.0, 0.0])
+    else:
+        shares = np.concatenate(
+            [[0.0, LEAD], LEAD + (1 - 2 * LEAD) * (np.arange(TEETH) + 0.5) / TEETH, [1 - LEAD, 1.0]]
+        )
+        aside = np.concatenate([[0.0, 0.0], np.where(np.arange(TEETH) % 2, -1.0, 1.0), [0.0, 0.0]])
+    found: Floats = start[:, None] + shares[:, None] * along[:, None] + TOOTH * unit * aside[:, None] * across[:, None]
+    return found
+
+
+def _spiral(middle: Floats, angle: Floats, unit: float) -> Floats:
+    """A spiral about points (F, 2), turned by an angle (F,)."""
+    turn = np.linspace(0, 2 * np.pi * TURNS, 50)
+    radius = COIL * unit * (0.15 + 0.85 * turn / turn[-1])
+    whole = turn - np.pi / 2 + np.outer(angle, 1 - turn / turn[-1])
+    return np.asarray(middle[:, None] + radius[:, None] * np.stack((np.cos(whole), np.sin(whole)), axis=-1))

@@ -1,0 +1,270 @@
+"""Frequency responses of scenes on structures, by elimination of the whole, in any arithmetic.
+
+    (K + iωD − ω²M) q = F,      y = (Y0 + iω Y1 − ω² Y2) q + thrust
+
+over q = (η, θ_1, …): for a force F of each input, ω²p for the ground displaced by 1 m, p being the momentum of
+everything at unit velocity along the rail, and −(K + iωD − ω²M)_x for a prescribed cart x, whose row is left out.  The
+elements of the structure (`modal.assembly.structure`) and the matrices of chains are assembled from the numbers of the
+scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modal import pair
+from modal.assembly import Hanging, Rig, matrices_of, own_inertia
+from modal.eigen import Arithmetic
+from modal.scene import Scene
+from modal.statespace.points import is_point, point_input, pushed
+from modal.statespace.signals import PUSHES, READINGS, SUPPORT, Geometry, OutputGroup, Signal
+from modal.structure import bends
+from modal.types import Booleans, Floats
+
+MOVES = {name: order for order, name in enumerate(SUPPORT)} | {"cart_velocity": 1, "cart_acceleration": 2}
+"""How often the displacement that moves a support or the cart is differentiated in each input."""
+
+
+class Given(NamedTuple):
+    """An input: its generalized force (q,) and that on every pendulum, or what it moves, and its order."""
+
+    F: Floats
+    thrust: Floats
+    moves: str = ""
+    order: int = 0
+
+
+class Reading(NamedTuple):
+    """An output: rows (q,) that multiply q, q' and q'', the lowest being of `order`; `moved` is added by the ground."""
+
+    rows: tuple[Floats | None, ...]
+    order: int
+    moved: tuple[float, int]
+    pendulum: int | None
+
+
+def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal]) -> list[Given]:
+    """What these inputs are; KeyError for an unknown name."""
+    none = np.zeros(geometry.size), np.zeros(len(geometry.tips))
+    every: dict[str, Given] = {}
+    for group in (make(geometry) for name, make in PUSHES.items() if name != "cart_force"):
+        for k, signal in enumerate(group.signals):
+            every[signal.name] = Given(group.F[:, k], group.thrust[:, k])
+    for name, order in MOVES.items():
+        every[name] = Given(*none, "ground" if name in SUPPORT else "cart", order)
+    found = []
+    for signal in signals:
+        if is_point(signal.name):
+            own = pushed(geometry, point_input(scene, signal.name))
+            found.append(Given(own.F[:, 0], own.thrust[:, 0]))
+        else:
+            found.append(every[signal.name])
+    return found
+
+
+def outputs_named(geometry: Geometry, signals: Sequence[Signal]) -> list[Reading]:
+    """What these outputs are; KeyError for an unknown name."""
+    left_out = () if geometry.on_cart else ("cart_position", "cart_velocity")
+    every: dict[str, Reading] = {}
+    for group in (make(geometry) for name, make in READINGS.items() if name not in left_out):
+        for k, signal in enumerate(group.signals):
+            every[signal.name] = _reading(group, k)
+    return [every[signal.name] for signal in signals]
+
+
+def _reading(group: OutputGroup, k: int) -> Reading:
+    parts = (group.position, group.rate, group.acceleration)
+    rows = tuple(None if part is None or not part[k].any() else part[k] for part in parts)
+    translation = 0.0 if group.translation is None else float(group.translation[k])
+    lowest = next((order for order, row in enumerate(rows) if row is not None), 0)
+    return Reading(rows, 0 if group.pushed else lowest, (translation, group.order), k if group.pushed else None)
+
+
+def structural_response(
+    geometry: Geometry, rig: Rig, given: Sequence[Given], read: Sequence[Reading], dampers: Any = None
+) -> Callable[[Arithmetic], Any]:
+    """The evaluation (p, m, W) of outputs for inputs, each divided by the power of iω that its order is.
+
+    `dampers` are those of modes (n, n), in decimals.
+    """
+    held, pattern = int(any(one.moves == "cart" for one in given)), _filled(rig)
+    is_damped = rig.is_damped or dampers is not None
+
+    def evaluate(numbers: Arithmetic) -> Any:
+        M, K, D = matrices_in(rig, numbers)
+        omega, felt = numbers.omega, numbers.felt
+        square = omega * omega
+        if dampers is not None:
+            D = D + numbers.exact(dampers)[..., None]
+        A = felt(K + numbers.imaginary(D) * omega - square * M if is_damped else K - square * M)
+        zero, none = 0 * omega, 0 * A[:, :1]
+        momentum = numbers.number(geometry.momentum)[:, None]
+        columns = [
+            square * momentum if one.moves == "ground"
+            else -A[:, 0] if one.moves == "cart"
+            else numbers.number(one.F)[:, None]
+            for one in given
+        ]  # fmt: skip
+        F = np.stack([column + none[:, 0] for column in columns], axis=1)
+        q = np.array(F)
+        filled = None if dampers is not None else pattern[held:, held:]
+        q[held:] = solved(A[held:, held:], F[held:], numbers, filled)
+        if held:
+            q[0] = np.array([zero + int(one.moves == "cart") for one in given])
+        carried = np.array([zero + int(one.moves == "ground") for one in given])
+        powers = [1, numbers.imaginary(omega) if is_damped else None, -square]
+        found = []
+        for row in read:
+            own = 0 * q[0]
+            for order, part in enumerate(row.rows):
+                if part is not None:
+                    moved = (numbers.number(part)[:, None, None] * q).sum(0)
+                    own = own + powers[order - row.order] * moved
+            translation, order = row.moved
+            if translation:
+                own = own + powers[order - row.order] * numbers.number(translation) * carried
+            if row.pendulum is not None:
+                own = own + numbers.number(np.array([one.thrust[row.pendulum] for one in given]))[:, None]
+            found.append(felt(own))
+        return np.array(found)
+
+    return evaluate
+
+
+def matrices_in(rig: Rig, numbers: Arithmetic) -> tuple[Any, Any, Any]:
+    """M, K and D (n, n, 1) of a scene on a structure, without the dampers of modes."""
+    hanging = Hanging(rig)
+    d, first = hanging.structure.size, hanging.first.tolist()
+    zero = numbers.number(np.zeros((d + first[-1],) * 2))
+    M, K, D = zero + 0, zero + 0, zero + 0
+    _add_carriers(hanging, numbers, M, K, D)
+    for spring in hanging.spring_rows:
+        _add(K, spring.row, numbers.number(spring.stiffness), numbers)
+        _add(D, spring.row, numbers.number(spring.damping), numbers)
+    chains = {(block, column): _chain(rig, block, column, numbers) for block, column in rig.names}
+    for p, (block, column) in enumerate(hanging.kinds.tolist()):
+        chain, own = chains[block, column], slice(d + first[p], d + first[p + 1])
+        for S, part in ((M, chain.M), (K, chain.K), (D, chain.D)):
+            S[own, own] = S[own, own] + part
+        if d:
+            _add_pivot(hanging, numbers, p, chain, own.start, M, K, D)
+    for S in (M, K, D):
+        S[d:, :d] = S[:d, d:].T
+    return M[..., None], K[..., None], D[..., None]
+
+
+def _add(S: Any, row: dict[int, float], size: Any, numbers: Arithmetic) -> None:
+    """Add `size` times the square of a row to a matrix in place."""
+    at, entries = list(row), numbers.number(list(row.values()))
+    S[np.ix_(at, at)] = S[np.ix_(at, at)] + size * entries[:, None] * entries
+
+
+def _add_carriers(hanging: Hanging, numbers: Arithmetic, M: Any, K: Any, D: Any) -> None:
+    """Add the own inertia, springs, dampers and weights of all carriers."""
+    structure, number, gravity = hanging.structure, numbers.number, numbers.number(hanging.rig.gravity)
+    for carrier, (own, start) in enumerate(zip(structure.carriers, structure.offsets, strict=False)):
+        if own.M is not None:
+            at = slice(start, start + own.size)
+            for S, part in ((M, own.M), (K, own.K), (D, own.D)):
+                S[at, at] = S[at, at] + number(np.asarray(part))
+            continue
+        for element in own_inertia(structure, carrier):
+            _add(M, dict(zip(element.at, element.row, strict=True)), number(element.size), numbers)
+        for k in range(own.size):
+            _add(K, {start + k: 1.0}, number(float(own.stiffness[k])), numbers)
+            _add(D, {start + k: 1.0}, number(float(own.damping[k])), numbers)
+        for k, bend in bends(own, own.centre):
+            _add(K, {start + k: 1.0}, gravity * number(float(own.mass)) * number(bend), numbers)
+
+
+def _add_pivot(
+    hanging: Hanging, numbers: Arithmetic, p: int, chain: _Chain, first: int, M: Any, K: Any, D: Any
+) -> None:
+    """Add what a pendulum, whose angles begin at row `first`, does to the structure through its pivot."""
+    structure, gravity, d = hanging.structure, numbers.number(hanging.rig.gravity), hanging.structure.size
+    pivot, own = structure.pivots[p], slice(first, first + len(chain.b))
+    for k, bend in bends(structure.carriers[pivot.carrier], pivot.where):
+        held = gravity * chain.mass * numbers.number(bend)
+        _add(K, {structure.offsets[pivot.carrier] + k: 1.0}, held, numbers)
+    along, down, turning = (numbers.number(part[p])[:, None] for part in hanging.phi)
+    moved = along * along.T + down * down.T
+    M[:d, own] = M[:d, own] + along * chain.b
+    M[:d, :d] = M[:d, :d] + chain.mass * moved
+    for S, strength in ((K, chain.stiffness), (D, chain.damping)):
+        S[:d, first] = S[:d, first] - strength * turning[:, 0]
+        S[:d, :d] = S[:d, :d] + strength * (turning * turning.T)
+    D[:d, own] = D[:d, own] + along * chain.dragged
+    D[:d, :d] = D[:d, :d] + chain.drag * moved
+
+
+class _Chain(NamedTuple):
+    """A chain on a support at rest: matrices (n, n), b and the sum of rows of dragged centres (n,), single numbers."""
+
+    M: Any
+    K: Any
+    D: Any
+    b: Any
+    mass: Any
+    stiffness: Any
+    damping: Any
+    dragged: Any
+    drag: Any
+
+
+def _chain(rig: Rig, block: int, column: int, numbers: Arithmetic) -> _Chain:
+    own = rig.blocks[block]
+    names = ("mass", "length", "centre", "inertia", "across", "stiffness", "damping", "drag")
+    m, l, c, inertia, way, k, e, drag = (numbers.number(getattr(own, name)[:, column]) for name in names)
+    n = len(m)
+    M = np.array(pair.inertia_matrix(m, l, c, inertia)) * (way[:, None] * way)
+    b = np.array(pair.first_moments(m, l, c)) * way
+    zero = 0 * M
+    K, D = zero + 0, zero + 0
+    for i in range(n):
+        K[i, i] = K[i, i] + numbers.number(rig.gravity) * b[i]
+        for S, strength in ((K, k[i]), (D, e[i])):
+            S[i, i] = S[i, i] + strength
+            if i:
+                S[i - 1, i - 1] = S[i - 1, i - 1] + strength
+                S[i, i - 1], S[i - 1, i] = S[i, i - 1] - strength, S[i - 1, i] - strength
+    rows = zero + 0
+    for i in range(n):
+        rows[i, :i], rows[i, i] = (way * l)[:i], way[i] * c[i]
+    if own.drag[:, column].any():
+        D = D + (rows[:, :, None] * (drag[:, None] * rows)[:, None]).sum(0)
+    return _Chain(M, K, D, b, m.sum(), k[0], e[0], (drag[:, None] * rows).sum(0), drag.sum())
+
+
+def _filled(rig: Rig) -> Booleans:
+    """Which entries (n, n) of M, K or D are not 0: pendula meet in springs and the structure alone."""
+    found = matrices_of(replace(rig, damping_ratio=0.0))
+    return np.asarray((found.M != 0) | (found.K != 0) | (found.D != 0))
+
+
+def solved(A: Any, F: Any, numbers: Arithmetic, filled: Booleans | None = None) -> Any:
+    """A⁻¹ F (n, m, W) of a symmetric A (n, n, W), the last row first.
+
+    `filled` (n, n) tells where A is not 0; None for anywhere.
+    """
+    A, F, size = np.array(A), np.array(F), len(A)
+    rows, diagonal = [], [A[k, k] for k in range(size)]
+    there = None if filled is None else filled.copy()
+    for k in range(size - 1, -1, -1):
+        P = numbers.pivot(A[k, k], diagonal[k])
+        at: Any = slice(k) if there is None else np.flatnonzero(there[k, :k])
+        block = (at, at) if there is None else np.ix_(at, at)
+        row = numbers.felt(A[k, at] / P)
+        A[block] = numbers.felt(A[block] - A[at, k][:, None] * row)
+        F[at] = numbers.felt(F[at] - row[:, None] * F[k])
+        F[k] = numbers.felt(F[k] / P)
+        rows.append((at, row))
+        if there is not None:
+            there[block] = True
+    for k, (at, row) in enumerate(rows[::-1]):
+        if len(row):
+            F[k] = numbers.felt(F[k] - (row[:, None] * F[at]).sum(0))
+    return F

@@ -1,0 +1,56 @@
+"""Structures: what pendula hang from where it is more than a fixed support or one cart, and springs between points.
+
+In: a `Scene`.  Out: its `Structure`, carriers whose points move exactly, at any angle, with their coordinates η.
+
+    (M_s(η) + Σ J_pᵀ R_p J_p) η'' = Q_s − Σ J_pᵀ [p_p + R_p (J_p' η' − g e_z)]
+
+Start with `carriers`; equations of motion and matrices are made elsewhere from what is here.
+"""
+
+from modal.structure.carriers import CarrierNumbers, Moving, carrier_numbers
+from modal.structure.rest import Phi, Row, bends, is_damped, phi, slopes, tied, turning
+from modal.structure.scaling import coordinate_units, scaled
+from modal.structure.structure import (
+    CarrierEnd,
+    End,
+    GroundEnd,
+    LinkEnd,
+    Pivot,
+    SpringNumbers,
+    Structure,
+    Where,
+    carrier_end,
+    structure_of,
+)
+from modal.structure.weights import Weight, carried, hung_masses, unbalanced, weights
+
+__all__ = [
+    "CarrierEnd",
+    "CarrierNumbers",
+    "End",
+    "GroundEnd",
+    "LinkEnd",
+    "Moving",
+    "Phi",
+    "Pivot",
+    "Row",
+    "SpringNumbers",
+    "Structure",
+    "Weight",
+    "Where",
+    "bends",
+    "carried",
+    "carrier_end",
+    "carrier_numbers",
+    "coordinate_units",
+    "hung_masses",
+    "is_damped",
+    "phi",
+    "scaled",
+    "slopes",
+    "structure_of",
+    "tied",
+    "turning",
+    "unbalanced",
+    "weights",
+]

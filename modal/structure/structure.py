@@ -1,0 +1,153 @@
+"""The structure of a scene: its carriers, the first joints that they carry, and the springs between points.
+
+With the coordinates η of all carriers one after another, the pivots r_p(η) with J_p = ∂r_p/∂η, and a chain that answers
+an acceleration a of its pivot with the force R (a − g e_z) + p,
+
+    (M_s(η) + Σ J_pᵀ R_p J_p) η'' = Q_s − Σ J_pᵀ [p_p + R_p (J_p' η' − g e_z)] − Σ (torques of first joints)
+
+A first joint on a carrier that turns measures its angle from the carrier.  A carrier's own spring acts on η and carries
+the weight at the drawn rest: its potential is ½ k η² + W η with W_i = g Σ m ∂z/∂η_i there, where k_i > 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, cast
+
+from modal.scene import Scene, places_of
+from modal.scene.doors import require_type
+from modal.scene.points import CarrierPoint, GroundPoint, parse_point
+from modal.structure.carriers import CarrierNumbers, carrier_numbers
+
+Where = tuple[Any, Any] | int
+"""A point of a carrier: (s, h) in m from its origin, or the number of a point of a modal one."""
+
+
+class Pivot(NamedTuple):
+    """Where a pendulum hangs: the index of its carrier, and the point of it."""
+
+    carrier: int
+    where: Where
+
+
+class LinkEnd(NamedTuple):
+    """A point of a link, `link` in the order of the file, `below` (m) its upper joint (None: its centre of mass)."""
+
+    link: int
+    below: Any
+
+
+class CarrierEnd(NamedTuple):
+    """A point of a carrier."""
+
+    carrier: int
+    where: Where
+
+
+class GroundEnd(NamedTuple):
+    """A point of the ground (m along, m down); None: at the other end as drawn."""
+
+    place: tuple[Any, Any] | None
+
+
+End = LinkEnd | CarrierEnd | GroundEnd
+
+
+class SpringNumbers(NamedTuple):
+    """A spring and damper between two ends, N/m and N s/m; `torsion` N m/rad and N m s/rad between their angles.
+
+    It belongs to this `entry` of the file.
+    """
+
+    ends: tuple[End, End]
+    torsion: bool
+    stiffness: Any
+    damping: Any
+    entry: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """Carriers in the order of the file, a pivot for each pendulum counting copies, springs."""
+
+    carriers: tuple[CarrierNumbers, ...]
+    pivots: tuple[Pivot, ...]
+    springs: tuple[SpringNumbers, ...]
+
+    @cached_property
+    def offsets(self) -> tuple[int, ...]:
+        """Where the coordinates of each carrier begin, and how many there are."""
+        ends = [0]
+        for carrier in self.carriers:
+            ends.append(ends[-1] + carrier.size)
+        return tuple(ends)
+
+    @property
+    def size(self) -> int:
+        """How many coordinates η there are."""
+        return self.offsets[-1]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The name of every coordinate with its unit: NAME_m, NAME_rad, NAME_sway_m, …; x of one cart alone."""
+        if [carrier.kind for carrier in self.carriers] == ["cart"]:
+            return ("x",)
+        return tuple(f"{carrier.name}_{suffix}" for carrier in self.carriers for suffix in carrier.suffixes)
+
+    @cached_property
+    def turning(self) -> tuple[int, ...]:
+        """Which of η are angles by which carriers turn."""
+        angles = (self.angle_of(carrier) for carrier in range(len(self.carriers)))
+        return tuple(angle for angle in angles if angle is not None)
+
+    def own(self, carrier: int, values: Sequence[Any]) -> Sequence[Any]:
+        """Those of η that belong to a carrier."""
+        return values[self.offsets[carrier] : self.offsets[carrier + 1]]
+
+    def angle_of(self, carrier: int) -> int | None:
+        """Which of η is the angle of a carrier; None if it does not turn."""
+        turning = self.carriers[carrier].turning
+        return None if turning is None else self.offsets[carrier] + turning
+
+
+def structure_of(scene: Scene) -> Structure:
+    """The structure of a scene that is structured (`Scene.is_structured`)."""
+    require_type("scene", scene, "Scene")
+    carriers = tuple(carrier_numbers(support) for support in scene.supports)
+    named = {name: index for index, name in enumerate(scene.support_names)}
+    pivots = []
+    for pendulum in scene.pendulum:
+        point = None if pendulum.on is None else parse_point(pendulum.on)
+        carrier, where = 0, cast("Where", pendulum.position)
+        if isinstance(point, CarrierPoint):
+            carrier, where = named[point.name], where if point.point is None else point.point
+        pivots += [Pivot(carrier, where)] * pendulum.count
+    springs = []
+    for entry, spring in enumerate(scene.spring):
+        ends = [_ends(scene, text, named) for text in spring.between]
+        count = max(map(len, ends))
+        pairs = zip(*(each * (count if len(each) == 1 else 1) for each in ends), strict=True)
+        law = spring.kind == "torsion", spring.stiffness, spring.damping, entry
+        springs += [SpringNumbers(pair, *law) for pair in pairs]
+    return Structure(carriers, tuple(pivots), tuple(springs))
+
+
+def carrier_end(scene: Scene, text: str) -> CarrierEnd | None:
+    """The point of a carrier that a text names, None for any other point."""
+    require_type("scene", scene, "Scene")
+    ends = _ends(scene, text, {name: index for index, name in enumerate(scene.support_names)})
+    return ends[0] if len(ends) == 1 and isinstance(ends[0], CarrierEnd) else None
+
+
+def _ends(scene: Scene, text: str, named: dict[str, int]) -> list[End]:
+    """All points that the name of one end of a spring means: one, or one of every copy."""
+    point = parse_point(text)
+    if point is None:
+        return [CarrierEnd(0, (0.0, 0.0))]
+    if isinstance(point, GroundPoint):
+        return [GroundEnd(point.place)]
+    if isinstance(point, CarrierPoint):
+        return [CarrierEnd(named[point.name], point.place if point.point is None else point.point)]
+    return [LinkEnd(place.link, place.below) for place in places_of(scene, text)]

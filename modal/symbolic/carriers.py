@@ -1,0 +1,142 @@
+"""Carriers in symbols: places and speeds of their points, written from the drawing and not from `modal.structure`.
+
+The origin as drawn is at (x₀, z₀), x along the rail and z down; a point (s, h) of a carrier lies at
+
+    cart        (x₀ + x + s,  z₀ + h)
+    swing       (x₀ + L sin(s_a/L) + s,  z₀ + L cos(s_a/L) − L + h)         s_a along the arc
+    tilt        (x₀ + s cos φ + h sin φ,  z₀ + h cos φ − s sin φ)
+    heave       (x₀ + s,  z₀ − y + h)                                       y up
+    platform    (x₀ + x + s cos φ + h sin φ,  z₀ − y + h cos φ − s sin φ)
+    modal       (x₀ + Σ P_k η_k,  z₀ + Σ Q_k η_k)                           by its array `points`
+
+Speeds are written a second time, as they read best; a derivation checks that they are the rates of the places.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import sympy as sp
+
+from modal.symbolic.lagrange import Coordinate, coordinate
+
+LETTERS: dict[str, tuple[str, ...]] = {
+    "fixed": (),
+    "cart": ("x",),
+    "swing": ("s",),
+    "tilt": ("phi",),
+    "heave": ("y",),
+    "platform": ("x", "y", "phi"),
+}
+"""The letters of the coordinates of every kind but "modal", which the name of a carrier follows."""
+Where = tuple[Any, Any] | int
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicCarrier:
+    """A carrier: its kind and name, the origin as drawn, and its numbers or symbols in SymPy.
+
+    `index` is what follows the letters of its coordinates: its name, or nothing for one cart alone.
+    `stiffness` and `damping` are matrices (d, d), diagonal but for a modal support, whose masses are `masses` (d, d)
+    and whose `points` (P, 2, d) move with its coordinates.  `carries` tells for each coordinate whether the own spring
+    carries the weight as drawn.
+    """
+
+    kind: str
+    name: str
+    index: tuple[str, ...]
+    position: tuple[Any, Any]
+    stiffness: Any
+    damping: Any
+    carries: tuple[bool, ...]
+    mass: Any = sp.S.Zero
+    inertia: Any = sp.S.Zero
+    length: Any = sp.S.Zero
+    centre: tuple[Any, Any] = (sp.S.Zero, sp.S.Zero)
+    masses: Any = None
+    points: tuple[Any, ...] = ()
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """Its coordinates, such as x_left, s_left, phi_board, or eta_frame_1 of a modal one."""
+        if self.kind == "modal":
+            return tuple(coordinate("eta", *self.index, k + 1) for k in range(self.masses.rows))
+        return tuple(coordinate(letter, *self.index) for letter in LETTERS[self.kind])
+
+    @property
+    def angle(self) -> Coordinate | None:
+        """Its coordinate φ; None if it does not turn."""
+        return self.coordinates[-1] if self.kind in {"tilt", "platform"} else None
+
+    def place(self, where: Where) -> tuple[Any, Any]:
+        """(along, down) of a point in m."""
+        x, z = self.position
+        dx, dz = self._displaced()
+        if isinstance(where, int):
+            eta = [c.q for c in self.coordinates]
+            along, down = ([a * q for a, q in zip(row, eta, strict=True)] for row in self.points[where])
+            return x + sp.Add(*along), z + sp.Add(*down)
+        s, h = where
+        if self.angle is None:
+            return x + dx + s, z + dz + h
+        S, C = sp.sin(self.angle.q), sp.cos(self.angle.q)
+        return x + dx + s * C + h * S, z + dz + h * C - s * S
+
+    def _displaced(self) -> tuple[Any, Any]:
+        """How far its origin is from where it is drawn."""
+        q = [c.q for c in self.coordinates]
+        if self.kind == "cart":
+            return q[0], sp.S.Zero
+        if self.kind == "swing":
+            return self.length * sp.sin(q[0] / self.length), self.length * (sp.cos(q[0] / self.length) - 1)
+        if self.kind == "heave":
+            return sp.S.Zero, -q[0]
+        if self.kind == "platform":
+            return q[0], -q[1]
+        return sp.S.Zero, sp.S.Zero
+
+    def speed_squared(self, where: Where) -> Any:
+        """|v|² of a point, in the rates of the coordinates."""
+        v = [c.v for c in self.coordinates]
+        if isinstance(where, int):
+            along, down = ([a * rate for a, rate in zip(row, v, strict=True)] for row in self.points[where])
+            return sp.expand(sp.Add(*along) ** 2 + sp.Add(*down) ** 2)
+        s, h = where
+        if self.kind == "tilt":
+            return (s**2 + h**2) * v[0] ** 2
+        if self.angle is not None:
+            S, C = sp.sin(self.angle.q), sp.cos(self.angle.q)
+            turned = v[0] * (h * C - s * S) + v[1] * (h * S + s * C)
+            return v[0] ** 2 + v[1] ** 2 + (s**2 + h**2) * v[2] ** 2 + 2 * v[2] * turned
+        return v[0] ** 2 if v else sp.S.Zero
+
+    def speed_across(self, where: Where, theta: Any) -> Any:
+        """The velocity of a point along (cos θ, −sin θ), by which the angle θ of a link below it grows."""
+        S, C = sp.sin(theta), sp.cos(theta)
+        v = [c.v for c in self.coordinates]
+        if isinstance(where, int):
+            along, down = ([a * rate for a, rate in zip(row, v, strict=True)] for row in self.points[where])
+            return sp.Add(*along) * C - sp.Add(*down) * S
+        parts = {"cart": [C], "heave": [S], "platform": [C, S]}.get(self.kind, [])
+        if self.kind == "swing":
+            parts = [sp.cos(theta - self.coordinates[0].q / self.length)]
+        if self.angle is not None:
+            turned = theta - self.angle.q
+            parts = [*parts, where[1] * sp.cos(turned) + where[0] * sp.sin(turned)]
+        return sp.Add(*(part * rate for part, rate in zip(parts, v, strict=True)))
+
+    @property
+    def kinetic(self) -> Any:
+        """½ M |v|² + ½ I φ'² of the centre of mass, or ½ η'ᵀ M η'."""
+        v = sp.Matrix([c.v for c in self.coordinates])
+        if self.masses is not None:
+            return sp.expand((v.T * self.masses * v)[0]) / 2
+        turning = self.angle.v if self.angle is not None else 0
+        return sp.expand(self.mass * self.speed_squared(self.centre) + self.inertia * turning**2) / 2
+
+    def symbols(self) -> Iterator[Any]:
+        """All numbers of it."""
+        yield from (self.mass, self.inertia, self.length, *self.stiffness, *self.damping)
+        yield from self.masses or ()

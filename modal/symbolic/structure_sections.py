@@ -1,0 +1,86 @@
+"""The sections of a derivation that are written of a structure: energies part by part, equations, M, K and D."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import sympy as sp
+
+from modal.errors import SceneError
+from modal.symbolic.lagrangian import vanishes
+from modal.symbolic.papers import equal
+from modal.symbolic.structures import SymbolicStructure, force_of, force_symbol
+from modal.symbolic.typesetting import Line, Section
+
+CHECKED_UP_TO = 6
+"""Most links of which T is compared with the rates of all places."""
+
+
+def lagrangian(system: SymbolicStructure) -> Section:
+    """T and V of every carrier, chain and spring; SceneError if T and the rates of places disagree."""
+    lines = list(_pivots(system))
+    for part in (*system.parts, *system.stored):
+        if part.T != 0:
+            lines.append(Line(f"kinetic energy of {part.words}", equal(sp.Symbol("T"), part.T)))
+        if part.V != 0:
+            lines.append(Line(f"potential energy of {part.words}", equal(sp.Symbol("V"), part.V)))
+    lines += _lengths(system)
+    if system.dissipation != 0:
+        lines.append(Line("dissipation function", equal(sp.Symbol("R"), system.dissipation)))
+    lines.append(Line("Lagrangian, of the sums of these", equal(sp.Symbol("L"), sp.Symbol("T") - sp.Symbol("V"))))
+    if len(system.links) <= CHECKED_UP_TO:
+        T = sp.Add(*(part.T for part in system.parts))
+        if not vanishes(system.cartesian() - T):
+            raise SceneError(["T and the rates of all places disagree: please report this scene"])
+        words = "T equals the kinetic energy from the Cartesian velocities of all masses: checked term by term"
+        lines.append(Line(words))
+    return Section("Lagrangian", lines)
+
+
+def _pivots(system: SymbolicStructure) -> Iterator[Line]:
+    """Places of first joints, one line for those that share one."""
+    places: dict[tuple[Any, Any], list[int]] = {}
+    for p, place in enumerate(system.pivots):
+        places.setdefault(place, []).append(p + 1)
+    for place, (first, *more) in places.items():
+        which = f"pendulum {first}" if not more else f"pendula {', '.join(map(str, (first, *more)))}"
+        yield Line(f"first joint of {which}, along the rail and down", sp.Tuple(*place))
+
+
+def _lengths(system: SymbolicStructure) -> Iterator[Line]:
+    for spring in system.springs:
+        if spring.rest is not None:
+            yield Line(f"length of spring {spring.number + 1}", equal(spring.ell.q, sp.sqrt(spring.square)))
+
+
+def equations(system: SymbolicStructure) -> Section:
+    """Lagrange's equations; a stretched spring enters by its pull F and its length."""
+    pairs = zip(system.coordinates, system.equations(), strict=True)
+    lines = [Line(f"of {c.q}", equal(form, 0)) for c, form in pairs]
+    stretched = [spring for spring in system.springs if spring.rest is not None]
+    pulls = [Line(f"pull of spring {one.number + 1}", equal(force_symbol(one), force_of(one))) for one in stretched]
+    return Section("Equations of motion", [*lines, *_lengths(system), *pulls])
+
+
+def matrices(system: SymbolicStructure) -> Section:
+    """M, K and D about the drawn rest."""
+    M, K, D = system.matrices()
+    damped = any(D)
+    lines = [Line("small deviations from equilibrium", sp.Matrix([c.q for c in system.coordinates]))]
+    lines += [
+        Line(f"the scene as drawn is an equilibrium where, by {q}", equal(slope, 0))
+        for q, slope in system.conditions.items()
+    ]
+    lines.append(Line("mass matrix", equal(sp.Symbol("M"), M)))
+    lines.append(Line("stiffness matrix", equal(sp.Symbol("K"), K)))
+    lines += [Line("damping matrix", equal(sp.Symbol("D"), D))] if damped else []
+    return Section("Linearized: M q'' + D q' + K q = 0" if damped else "Linearized: M q'' + K q = 0", lines)
+
+
+SECTIONS_OF_STRUCTURES: dict[str, Callable[[Any], Section]] = {
+    "lagrangian": lagrangian,
+    "equations": equations,
+    "matrices": matrices,
+}
+"""How each section is written."""

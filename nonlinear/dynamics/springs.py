@@ -1,0 +1,300 @@
+"""Springs and dampers between points of links, carriers and the ground, and between their angles.
+
+With Δ the vector from one end to the other, Δ₀ as drawn and δ = Δ − Δ₀ what displacements add to it,
+
+    F = (k e + d u·Δ') u,   u = Δ/|Δ|,   e = |Δ| − |Δ₀| = (2 Δ₀·δ + δ·δ)/(|Δ| + |Δ₀|)
+
+acts on the one end and −F on the other; where a spring has no length as drawn, F = k Δ + d Δ' exactly.  Displacements
+are found without the places themselves, so that small motions keep their digits.  A force F on the point at the
+distance s from the upper joint of a link acts on its angle by s n·F, on those above it by l n·F, n = (cos θ, −sin θ),
+and on what carries the first joint; forces on one link are added up before they are handed on, as those of drag are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from modal.structure import CarrierEnd, End, LinkEnd, Moving, SpringNumbers, Structure
+from modal.types import Booleans, Ints
+from nonlinear.system import Group, System, drawn_place, place_of
+
+GROUND = -1
+Vector = tuple[Any, Any]
+
+
+class Carrying(Protocol):
+    """What is asked of carriers at an instant; groups of pendula are given by their numbers."""
+
+    def pivots(self, group: int) -> tuple[Vector, Vector]:
+        """Displacements (m) and velocities (m/s) of first joints, (P, ...) each."""
+
+    def point(self, end: CarrierEnd) -> tuple[Vector, Moving, Vector]:
+        """The displacement of a point of a carrier, how it moves, and its velocity."""
+
+    def angle(self, number: int, values: Sequence[Any] | None = None) -> Any:
+        """The angle (rad) of a carrier, or of other `values` of its coordinates."""
+
+    def push(self, number: int, moving: Moving, force: Vector) -> None:
+        """A force (N) on a point of a carrier."""
+
+    def turn(self, number: int, torque: Any) -> None:
+        """A torque (N m) on a carrier."""
+
+
+class Tension(NamedTuple):
+    """Of so many springs the extension e (m, or rad), the pull (N, or N m) and the energy (J), (E, ...) each.
+
+    `force` (2, E, ...) is that on their first ends (N), of those between angles the torque (E, ...), and `power` (...)
+    what their dampers take (W).
+    """
+
+    extension: Any
+    pull: Any
+    energy: Any
+    force: Any
+    power: Any
+
+
+class Strained(NamedTuple):
+    """What all springs do: generalized forces on the angles of links (L, ...), and on first joints of every group.
+
+    The latter are (2, P, ...) along the rail and down, None where no spring ends in a group; those `on_links` are
+    (2, L, ...), and `power` is in W.
+    """
+
+    torques: Any
+    at_joints: list[Any]
+    power: Any
+    on_links: Any
+
+
+def stretched(k: Any, d: Any, ax: Any, az: Any, rest: Any, x: Any, z: Any, vx: Any, vz: Any) -> tuple[Any, ...]:
+    """Extension, pull, force on the first end along the rail and down, power of one with Δ₀ = (ax, az), |Δ₀| = rest.
+
+    δ = (x, z) and Δ' = (vx, vz).
+    """
+    bx, bz = ax + x, az + z
+    length = np.sqrt(bx * bx + bz * bz)
+    extension = (2 * (ax * x + az * z) + (x * x + z * z)) / (length + rest)
+    ux, uz = bx / length, bz / length
+    rate = ux * vx + uz * vz
+    pull = k * extension + d * rate
+    return extension, pull, ux * pull, uz * pull, -(d * (rate * rate))
+
+
+def slack(k: Any, d: Any, x: Any, z: Any, vx: Any, vz: Any) -> tuple[Any, ...]:
+    """The same of one without a length as drawn: δ = Δ."""
+    length = np.sqrt(x * x + z * z)
+    return length, k * length, k * x + d * vx, k * z + d * vz, -(d * (vx * vx + vz * vz))
+
+
+def twisted(stiffness: Any, damping: Any, turned: Any, turning: Any) -> Tension:
+    """Springs between angles."""
+    torque, power = stiffness * turned + damping * turning, -(damping * (turning * turning)).sum(0)
+    return Tension(turned, torque, stiffness * (turned * turned) / 2, torque, power)
+
+
+def _tension(stiffness: Any, own: tuple[Any, ...]) -> Tension:
+    extension, pull, fx, fz, power = own
+    return Tension(extension, pull, stiffness * (extension * extension) / 2, np.stack((fx, fz)), power.sum(0))
+
+
+class Nodes(NamedTuple):
+    """The points at which springs end: those of links, `link` (N,) and `below` (N, ...), then those of carriers."""
+
+    link: Ints
+    below: Any
+    carriers: tuple[CarrierEnd, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Springs:
+    """The springs of a system with a structure."""
+
+    system: System
+
+    @cached_property
+    def structure(self) -> Structure:
+        """What they belong to."""
+        assert self.system.structure is not None
+        return self.system.structure
+
+    @cached_property
+    def kinds(self) -> tuple[Ints, Ints, Ints]:
+        """The numbers of those with a length as drawn, of those without, and of those between angles."""
+        torsion: Booleans = np.array([spring.torsion for spring in self.structure.springs])
+        loose: Booleans = np.array(self.system.slack)
+        return np.flatnonzero(~torsion & ~loose), np.flatnonzero(~torsion & loose), np.flatnonzero(torsion)
+
+    @cached_property
+    def nodes(self) -> tuple[Nodes, Ints]:
+        """The points, and the two of every spring (2, E), −1 for the ground; those between angles have none."""
+        links: list[tuple[int, int, LinkEnd]] = []
+        carriers: list[tuple[int, int, CarrierEnd]] = []
+        for k in np.concatenate(self.kinds[:2]).tolist():
+            for side, end in enumerate(self.structure.springs[k].ends):
+                if isinstance(end, LinkEnd):
+                    links.append((side, k, end))
+                elif isinstance(end, CarrierEnd):
+                    carriers.append((side, k, end))
+        pairs = np.full((2, len(self.structure.springs)), GROUND)
+        for number, (side, k, _) in enumerate([*links, *carriers]):
+            pairs[side, k] = number
+        link = np.array([end.link for *_, end in links], dtype=np.int64)
+        below = filled([self.below(end) for *_, end in links])
+        return Nodes(link, below, tuple(end for *_, end in carriers)), pairs
+
+    def below(self, end: LinkEnd) -> Any:
+        """The distance (m) of an end from the upper joint of its link."""
+        if end.below is not None:
+            return end.below
+        group, row, column = place_of(self.system, end.link)
+        return group.block.centre[row, column]
+
+    @cached_property
+    def numbers(self) -> tuple[Any, Any]:
+        """Stiffness and damping, (E, ...) each."""
+        springs = self.structure.springs
+        return filled([spring.stiffness for spring in springs]), filled([spring.damping for spring in springs])
+
+    @cached_property
+    def drawn(self) -> tuple[Any, Any]:
+        """Δ₀ (2, E, ...) and |Δ₀| (E, ...) of those with a length as drawn."""
+        pairs = [self.structure.springs[k].ends for k in self.kinds[0]]
+        places = [tuple(drawn_place(self.system, end) for end in ends) for ends in pairs]
+        apart = [tuple(b[k] - a[k] if a and b else 0.0 for k in (0, 1)) for a, b in places]
+        rest = [np.sqrt(x * x + z * z) for x, z in apart]
+        return np.stack([filled([each[k] for each in apart]) for k in (0, 1)]), filled(rest)
+
+    def tensions(self, q: Any, v: Any, carrying: Carrying) -> list[tuple[Ints, Tension]]:
+        """What springs of each kind do, with their numbers, at coordinates q and rates v (half, ...)."""
+        tight, loose, torsion = self.kinds
+        stiffness, damping = (_spread(own, q) for own in self.numbers)
+        found = []
+        if len(tight) or len(loose):
+            places, speeds = self._moved(q, v, carrying)
+            _, (one, other) = self.nodes
+            stretch, speed = (own[:, other] - own[:, one] for own in (places, speeds))
+            if len(tight):
+                apart, rest = _spread(self.drawn[0], stretch), _spread(self.drawn[1], q)
+                own = stretch[:, tight], speed[:, tight]
+                law = stiffness[tight], damping[tight], *apart, rest
+                found.append((tight, _tension(stiffness[tight], stretched(*law, *own[0], *own[1]))))
+            if len(loose):
+                law = stiffness[loose], damping[loose]
+                found.append((loose, _tension(law[0], slack(*law, *stretch[:, loose], *speed[:, loose]))))
+        if len(torsion):
+            angles = [
+                np.stack([self._bent(self.structure.springs[k], values, carrying) for k in torsion])
+                for values in (q, v)
+            ]
+            found.append((torsion, twisted(stiffness[torsion], damping[torsion], *angles)))
+        return found
+
+    def _bent(self, spring: SpringNumbers, values: Any, carrying: Carrying) -> Any:
+        one, other = (self._angle(end, values, carrying) for end in spring.ends)
+        return other - one
+
+    def _angle(self, end: End, values: Any, carrying: Carrying) -> Any:
+        if isinstance(end, LinkEnd):
+            return values[self.structure.size + end.link]
+        return carrying.angle(end.carrier, values) if isinstance(end, CarrierEnd) else 0.0
+
+    def _moved(self, q: Any, v: Any, carrying: Carrying) -> tuple[Any, Any]:
+        """Displacements and velocities (2, N + 1, ...) of all points, the ground last."""
+        size, (nodes, _) = self.structure.size, self.nodes
+        count = len(nodes.link)
+        links = q[size:]
+        shape = (2, count + len(nodes.carriers) + 1, *links.shape[1:])
+        places, speeds = (np.full(shape, 0.0, dtype=links.dtype) for _ in range(2))
+        if count:
+            upper = [np.full((2, *links.shape), 0.0, dtype=links.dtype) for _ in range(2)]
+            for number, group in enumerate(self.system.groups):
+                own = _upper(group, links[group.index], v[size:][group.index])
+                for found, steps, pivot in zip(upper, own, carrying.pivots(number), strict=True):
+                    for k in (0, 1):
+                        found[k][group.index] = steps[k] + pivot[k]
+            theta, omega, below = links[nodes.link], v[size:][nodes.link], _spread(nodes.below, links)
+            S, C = np.sin(theta), np.cos(theta)
+            along = below * S, -(below * versed(theta))
+            turning = below * (C * omega), -(below * (S * omega))
+            for k in (0, 1):
+                places[k, :count] = upper[0][k][nodes.link] + along[k]
+                speeds[k, :count] = upper[1][k][nodes.link] + turning[k]
+        for number, end in enumerate(nodes.carriers, count):
+            place, _, speed = carrying.point(end)
+            for k in (0, 1):
+                places[k, number], speeds[k, number] = place[k], speed[k]
+        return places, speeds
+
+    def forces(self, q: Any, v: Any, carrying: Carrying) -> Strained:
+        """What they do; carriers at which they end are pushed and turned at once."""
+        size, (nodes, pairs) = self.structure.size, self.nodes
+        links, count = q[size:], len(nodes.link)
+        torques, power = np.full(links.shape, 0.0, dtype=links.dtype), 0.0
+        pushes = np.full((2, count + len(nodes.carriers) + 1, *links.shape[1:]), 0.0, dtype=links.dtype)
+        for numbers, own in self.tensions(q, v, carrying):
+            power = power + own.power
+            if numbers is self.kinds[2]:
+                for number, torque in zip(numbers, own.force, strict=True):
+                    for end, sign in zip(self.structure.springs[number].ends, (1.0, -1.0), strict=True):
+                        if isinstance(end, LinkEnd):
+                            torques[end.link] = torques[end.link] + sign * torque
+                        elif isinstance(end, CarrierEnd):
+                            carrying.turn(end.carrier, sign * torque)
+                continue
+            for k in (0, 1):
+                np.add.at(pushes[k], pairs[0, numbers], own.force[k])
+                np.subtract.at(pushes[k], pairs[1, numbers], own.force[k])
+        for number, end in enumerate(nodes.carriers, count):
+            carrying.push(end.carrier, carrying.point(end)[1], (pushes[0, number], pushes[1, number]))
+        at_joints: list[Any] = [None] * len(self.system.groups)
+        on, moment = np.full((2, 2, *links.shape), 0.0, dtype=links.dtype)
+        if count:
+            below = _spread(nodes.below, links)
+            for k in (0, 1):
+                np.add.at(on[k], nodes.link, pushes[k, :count])
+                np.add.at(moment[k], nodes.link, below * pushes[k, :count])
+            for number, group in enumerate(self.system.groups):
+                own, theta = on[:, group.index], links[group.index]
+                through = np.cumsum(own[:, ::-1], axis=1)[:, ::-1]
+                arms = _spread(group.block.length, theta) * (through - own) + moment[:, group.index]
+                torques[group.index] = torques[group.index] + (np.cos(theta) * arms[0] - np.sin(theta) * arms[1])
+                at_joints[number] = through[:, 0]
+        return Strained(torques, at_joints, power, on)
+
+
+def _upper(group: Group, angles: Any, rates: Any) -> tuple[Any, Any]:
+    """Displacements and velocities (2, n, P, ...) of upper joints, as if the first were at rest."""
+    length = _spread(group.block.length, angles)
+    steps = np.stack((length * np.sin(angles), -(length * versed(angles))))
+    moves = np.stack((length * (np.cos(angles) * rates), -(length * (np.sin(angles) * rates))))
+    return np.cumsum(steps, axis=1) - steps, np.cumsum(moves, axis=1) - moves
+
+
+def versed(angle: Any) -> Any:
+    """1 − cos, with all digits."""
+    half = np.sin(angle / 2)
+    return 2 * (half * half)
+
+
+def filled(values: Sequence[Any]) -> Any:
+    """An array (N, ...) of numbers, arrays or symbols."""
+    if any(isinstance(one, np.ndarray) and one.ndim for one in values):
+        return np.stack(np.broadcast_arrays(*values))
+    plain = all(isinstance(one, float | int) for one in values)
+    found = np.empty(len(values), dtype=float if plain else object)
+    found[:] = values
+    return found
+
+
+def _spread(constant: Any, like: Any) -> Any:
+    """Constants (…, N) as (…, N, 1) where what they meet has further axes."""
+    return (
+        constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim)) if like.ndim > constant.ndim else constant
+    )

@@ -1,0 +1,68 @@
+"""Where the ends of springs between points are drawn."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from modal.structure import CarrierEnd, End, GroundEnd, Structure
+
+Vector = tuple[Any, Any]
+
+
+class Hanging(Protocol):
+    """What is asked of a system: its groups of pendula, and what carries them."""
+
+    @property
+    def groups(self) -> tuple[Any, ...]:
+        """The groups (`nonlinear.system.Group`)."""
+        ...
+
+    @property
+    def structure(self) -> Structure | None:
+        """The structure."""
+        ...
+
+
+def place_of(system: Hanging, link: int) -> tuple[Any, int, int]:
+    """The group, row and column of a link in the order of the file."""
+    for group in system.groups:
+        rows, columns = np.nonzero(group.index == link)
+        if len(rows):
+            return group, int(rows[0]), int(columns[0])
+    raise IndexError(link)
+
+
+def drawn_place(system: Hanging, end: End) -> Vector | None:
+    """Where an end is drawn (m); None for the ground below the other end."""
+    structure = system.structure
+    assert structure is not None
+    if isinstance(end, GroundEnd):
+        return end.place
+    if isinstance(end, CarrierEnd):
+        return _drawn(structure, end.carrier, end.where)
+    group, row, column = place_of(system, end.link)
+    pivot = structure.pivots[int(group.pendula[column])]
+    x, z = _drawn(structure, pivot.carrier, pivot.where)
+    for above in range(row):
+        z = z + group.block.length[above, column]
+    return x, z + (group.block.centre[row, column] if end.below is None else end.below)
+
+
+def _drawn(structure: Structure, number: int, where: Any) -> Vector:
+    carrier = structure.carriers[number]
+    if isinstance(where, int):
+        return carrier.position
+    return carrier.position[0] + where[0], carrier.position[1] + where[1]
+
+
+def slack_of(system: Hanging) -> tuple[bool, ...]:
+    """Which springs of a structure have no length as drawn."""
+    if system.structure is None:
+        return ()
+    found = []
+    for spring in system.structure.springs:
+        one, other = (None, None) if spring.torsion else (drawn_place(system, end) for end in spring.ends)
+        found.append(one is None or other is None or bool(np.all(np.asarray(one) == np.asarray(other))))
+    return tuple(found)
