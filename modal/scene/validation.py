@@ -51,6 +51,8 @@ LISTS_OF_TABLES = {
 }
 ONE, LIST = "(one)", "(list)"
 """Steps that the validator adds to the place of a value that may be one or a list."""
+UNREAD = "is read with the scene file that names it: load that file, or give the numbers themselves"
+"""Of a file where a part is made by hand."""
 Schema = dict[str, Any]
 """A schema of pydantic's validator for a value."""
 REQUIRED = object()
