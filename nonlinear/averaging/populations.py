@@ -27,6 +27,7 @@ from modal.errors import ComputationError
 from modal.modes import natural_modes
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene, require
+from modal.scene.doors import require_type
 from modal.types import Complexes, Floats
 from nonlinear.averaging.equations import AveragedEquations, derivative
 from nonlinear.averaging.equilibria import EFFORT, FIRST, RelativeEquilibrium, relative_equilibrium
@@ -95,6 +96,7 @@ def patterns_of(scene: Scene) -> tuple[Pattern, ...]:
 
     ComputationError for more populations, and where no few pendula stand for the others.
     """
+    require_type("scene", scene, "Scene")
     populations = populations_of(scene)
     if len(populations) > 2:
         raise ComputationError(f"patterns are those of one or two populations, and this scene has {len(populations)}")
