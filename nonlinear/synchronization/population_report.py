@@ -195,15 +195,8 @@ def diagram_csv(found: PopulationDiagram) -> str:
 
 def _diagram_rows(found: PopulationDiagram) -> Iterator[tuple[Any, ...]]:
     for branch in found.branches:
-        rows = zip(
-            branch.values.tolist(),
-            branch.is_stable,
-            branch.omega.tolist(),
-            branch.angle.tolist(),
-            branch.motions,
-            strict=True,
-        )
-        for stable, value, omega, angle, motion in rows:
+        numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist()
+        for value, stable, omega, angle, motion in zip(*numbers, branch.motions, strict=True):
             if motion.orbit is None or motion.averaged is None:
                 continue
             for name, exact, averaged in zip(motion.names, motion.orbit.growth, motion.averaged.growth, strict=True):
