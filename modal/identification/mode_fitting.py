@@ -38,6 +38,7 @@ from modal.identification.parameters import (
 from modal.modes import Modes, natural_modes
 from modal.report import listed, percent, short
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Floats, Ints
 
 ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the residuals tell it
@@ -64,6 +65,7 @@ UNLIKELY = 0.01  # probability of a larger chi-square below which the model is d
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 
+@checked
 def fit_modes(
     scene: Scene,
     measured: MeasuredModes,

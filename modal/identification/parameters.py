@@ -18,6 +18,7 @@ import numpy as np
 from modal.errors import SceneError, meant
 from modal.report import Displayed, Summary
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.scene.parameters import Place, Variable, find_places, number_at, unit_at, with_numbers
 from modal.types import Floats, Ints
 
@@ -87,6 +88,7 @@ class Parameter(Displayed):
         return self.z_of(mean), std / abs(self.slope(self.z_of(mean)))
 
 
+@checked
 def find_parameters(scene: Scene, paths: Iterable[str], priors: Sequence[str] = ()) -> tuple[Parameter, ...]:
     """The numbers at these paths, each for itself where a path has `[*]`; none for "none".
 
@@ -190,6 +192,7 @@ def numbers_at(parameters: Sequence[Parameter], z: Floats) -> dict[str, float]:
     return {one.path: one.at(float(own)) for one, own in zip(parameters, z, strict=True)}
 
 
+@checked
 def scene_with(scene: Scene, values: Mapping[str, float]) -> Scene:
     """The scene with these numbers, checked again."""
     return Variable(scene, values).at(values) if values else scene

@@ -17,6 +17,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief
 from modal.scene import Scene, VanDerPol
+from modal.scene.doors import require_type
 from nonlinear.averaging import AveragedPattern, Pattern, averaged_pattern, patterns_of
 from nonlinear.orbits import PatternOrbit, free_amplitude, pattern_orbit
 
@@ -80,6 +81,7 @@ class SymmetricMotion(Displayed):
 
 def symmetric_motions(scene: Scene) -> tuple[SymmetricMotion, ...]:
     """The patterns of a structured scene with their growth rates; ComputationError where populations have none."""
+    require_type("scene", scene, "Scene")
     return tuple(symmetric_motion(pattern) for pattern in patterns_of(scene))
 
 
