@@ -168,7 +168,7 @@ def _branch_cells(found: PopulationDiagram, one: MotionBranch) -> tuple[str, ...
     if not len(one.values):
         return one.name, NOTHING, NOTHING, "nowhere", "nowhere"
     stable = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in found.intervals(one)) or "nowhere"
-    exists = "{:.7g} to {:.7g}".format(*found.ends(one))
+    exists = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in found.windows(one))
     return one.name, _ends(one.omega), _ends(np.rad2deg(one.angle)), exists, stable
 
 
