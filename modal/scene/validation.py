@@ -359,15 +359,14 @@ def _problem(finding: Mapping[str, Any], words: str) -> str:
     return f"{place} = {_shown(finding['input'])}: {words}".removeprefix(" = ")
 
 
-def _written(location: tuple[int | str, ...]) -> tuple[int | str, ...]:
+def _in_file(location: tuple[int | str, ...]) -> tuple[int | str, ...]:
     """A location without the marks of one support or a list of them, which no file has."""
     return tuple(part for part in location if part not in (ONE, LIST))
 
 
 def _place(location: tuple[int | str, ...], is_key: bool) -> str:
     """The location as written in the file, without the kinds that the validator adds after a support or a link."""
-    parts = []
-    location = _written(location)
+    parts, location = [], _in_file(location)
     for position, part in enumerate(location):
         before = location[max(0, position - 2) : position]
         behind = before[-1:] in {("support",), ("drive",), ("motion",)} or (
@@ -404,7 +403,7 @@ def _words(finding: Mapping[str, Any]) -> str:
     if kind == "tuple_type" and isinstance(finding["input"], Mapping):
         return f"must be a list: write {LISTS_OF_TABLES.get(str(finding['loc'][-1]), '[…]')}"
     if kind == "union_tag_not_found":
-        key = next(part for part in reversed(_written(finding["loc"])) if isinstance(part, str))
+        key = next(part for part in reversed(_in_file(finding["loc"])) if isinstance(part, str))
         return f"needs a kind, one of {KINDS[key]}"
     if kind in {"literal_error", "union_tag_invalid"}:
         return f"must be one of {context.get('expected') or context['expected_tags']}".replace("'", '"')
