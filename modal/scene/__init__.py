@@ -4,7 +4,7 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`, whose pendula are chains of `links` and hang from `supports`; `springs` join points, `structures`
+Start with `model`, whose pendula are chains of `links` and hang from `supports`; `springs` join points, `losses` are loss angles, `structures`
 tells what is wrong with both, `support_arrays` reads those of linear structures; `motion` moves a support and acts on
 `points`, `periods` tells when that repeats, `records` reads its records, `hoist` changes a length; `files` reads and
 writes scenes, `sealed` detects damaged files, `validation` checks every part and words the messages, `parameters` finds
@@ -19,6 +19,7 @@ from modal.scene.features import FEATURES
 from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
 from modal.scene.hoist import Hoist, LengthLaw
 from modal.scene.links import AnyLink, Bob, Body, Escapement, Rod, VanDerPol
+from modal.scene.losses import LossTable, is_lossy
 from modal.scene.model import (
     InitialCondition,
     Pendulum,
@@ -69,6 +70,7 @@ __all__ = [
     "Hoist",
     "InitialCondition",
     "LengthLaw",
+    "LossTable",
     "ModalSupport",
     "Moved",
     "Pendulum",

@@ -50,7 +50,8 @@ LISTS_OF_TABLES = {
     "links": "links = [{ … }, …]",
 }
 ONE, LIST = "(one)", "(list)"
-"""Steps that the validator adds to the place of a value that may be one or a list."""
+ADDED = {ONE, LIST, "(number)", "(table)"}
+"""Steps that the validator adds to the place of a value that may be one or a list, or a number or a table."""
 Schema = dict[str, Any]
 """A schema of pydantic's validator for a value."""
 REQUIRED = object()
@@ -359,7 +360,7 @@ def _problem(finding: Mapping[str, Any], words: str) -> str:
 def _place(location: tuple[int | str, ...], is_key: bool) -> str:
     """The location as written in the file, without the kinds that the validator adds after a support or a link."""
     parts = []
-    location = tuple(part for part in location if part not in (ONE, LIST))
+    location = tuple(part for part in location if part not in ADDED)
     for position, part in enumerate(location):
         before = location[max(0, position - 2) : position]
         behind = before[-1:] in {("support",), ("drive",), ("motion",)} or (
