@@ -97,6 +97,7 @@ __all__ = [
     "dumps",
     "example_names",
     "frequencies_of",
+    "is_lossy",
     "kind_of",
     "left_out",
     "load",
