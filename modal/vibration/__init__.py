@@ -1,10 +1,10 @@
 """Supports that move: their motion, random vibration, shock, and parametric excitation.  Needs SciPy.
 
 In: a scene, and the motion of its support: prescribed, recorded, or random with a power spectral density.  Out: the
-motion as functions of time; PSD and RMS of every output and mode; exact histories, peaks and their combination by SRSS
+motion as functions of time; PSD and RMS of every output and mode, and of thermal noise; exact histories, peaks and their combination by SRSS
 and CQC; Floquet multipliers under vertical motion, and the boundaries of growth.
 
-Start with `prescribed`; `random`, `shock`, `parametric` and `boundaries` (of growth) each answer one question.
+Start with `prescribed`; `random`, `thermal`, `shock`, `parametric` and `boundaries` (of growth) each answer one question.
 """
 
 from modal.vibration.boundaries import Boundary, Tongues, tongues
@@ -16,8 +16,11 @@ from modal.vibration.prescribed import Course, PrescribedMotion, Record, prescri
 from modal.vibration.random import RandomResponse, random_response
 from modal.vibration.report import random_report, shock_report
 from modal.vibration.shock import ShockResponse, shock_response
+from modal.vibration.thermal import BOLTZMANN, ThermalNoise, thermal_noise
+from modal.vibration.thermal_report import thermal_frequencies, thermal_report
 
 __all__ = [
+    "BOLTZMANN",
     "KINDS",
     "Boundary",
     "Course",
@@ -26,6 +29,7 @@ __all__ = [
     "RandomResponse",
     "Record",
     "ShockResponse",
+    "ThermalNoise",
     "Tongues",
     "correlation",
     "cqc",
@@ -38,6 +42,9 @@ __all__ = [
     "shock_response",
     "srss",
     "stabilities",
+    "thermal_frequencies",
+    "thermal_noise",
+    "thermal_report",
     "tongues",
     "vertical_sine",
 ]

@@ -28,7 +28,7 @@ from modal.statespace import state_space, to_modal_form
 from modal.statespace.frequency import Elimination
 from modal.statespace.full_damping import MOST, is_small
 from modal.types import Complexes, Floats
-from modal.vibration.random import nodes, poles_of
+from modal.vibration.random import PRECISE, nodes, poles_of
 from modal.vibration.response import ModalResponse
 
 BOLTZMANN = 1.380649e-23
@@ -59,16 +59,16 @@ class ThermalNoise(ModalResponse):
     def _elimination(self) -> Elimination:
         return Elimination(self.scene, self.dissipators, self.outputs)
 
-    def budget(self, f: ArrayLike) -> Floats:
+    def budget(self, f: ArrayLike, tolerance: float = TOLERANCE) -> Floats:
         """The PSD of every output from each of the `places`, (places, p, W) in its unit squared per hertz.
 
-        At f = 0 that of dampers; infinite there with loss angles.
+        At f = 0 that of dampers; infinite there with loss angles.  `tolerance` is the relative error of each response.
         """
         omega = tau * np.atleast_1d(np.asarray(f, dtype=float))
         found = np.zeros((len(self.places), len(self.outputs), len(omega)))
         if not self.dissipators:
             return found
-        H: Complexes = self._elimination.along(omega, TOLERANCE)
+        H: Complexes = self._elimination.along(omega, tolerance)
         with np.errstate(all="ignore"):
             for j, one in enumerate(self.dissipators):
                 strength = 4 * BOLTZMANN * self.temperature * one.strength(omega)
@@ -87,7 +87,7 @@ class ThermalNoise(ModalResponse):
         """The RMS (p,) of every output from the noise between two frequencies (Hz)."""
         total = np.zeros(len(self.outputs))
         for omega, weight in nodes(tau * low, tau * high, poles_of(self.form)):
-            total += self.psd(omega / tau) @ weight / tau
+            total += self.budget(omega / tau, PRECISE).sum(0) @ weight / tau
         return np.sqrt(total)
 
 
