@@ -211,6 +211,8 @@ def _factors(place: str, D: Floats, start: int) -> list[Dissipator]:
     sizes, rows = np.linalg.eigh(D)
     kept = np.flatnonzero(sizes > NEGLIGIBLE * sizes[-1]) if len(sizes) else ()
     return [
-        Dissipator(place, OTHER, {start + k: float(value) for k, value in enumerate(rows[:, j]) if value}, float(sizes[j]))
+        Dissipator(
+            place, OTHER, {start + k: float(value) for k, value in enumerate(rows[:, j]) if value}, float(sizes[j])
+        )
         for j in kept
     ]

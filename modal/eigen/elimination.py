@@ -30,7 +30,7 @@ from modal.types import Floats
 
 TORQUE, FORCE, TURN = "torque", "force", "turn"
 Load = tuple[str, int]
-"""A torque at the upper joint of a link, a force on its centre of mass or a torque on it alone, and the link, from 0."""
+"""A torque at the upper joint of a link, a force on its centre or a torque on it alone, and the link, from 0."""
 
 
 class Hung(NamedTuple):

@@ -83,5 +83,5 @@ def _elongations(losses: Sequence[Dissipator], columns: Floats) -> Floats:
     at = np.array([column for one in losses for column in one.row], dtype=np.int64)
     entries = np.array([value for one in losses for value in one.row.values()])
     found = np.zeros((len(columns), len(losses)), dtype=columns.dtype)
-    np.add.at(found, (slice(None), owner), columns[:, at] * entries)
+    np.add.at(found.T, owner, (columns[:, at] * entries).T)
     return found

@@ -1,4 +1,4 @@
-"""Random vibration as PSDs, thermal noise as amplitude spectral densities, and shock as histories with the combinations of their peaks."""
+"""Random vibration as PSDs, thermal noise by places, and shock as histories with the combinations of their peaks."""
 
 from __future__ import annotations
 

@@ -4,11 +4,12 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`, whose pendula are chains of `links` and hang from `supports`; `springs` join points, `losses` are loss angles, `structures`
-tells what is wrong with both, `support_arrays` reads those of linear structures; `motion` moves a support and acts on
-`points`, `periods` tells when that repeats, `records` reads its records, `hoist` changes a length; `files` reads and
-writes scenes, `sealed` detects damaged files, `validation` checks every part and words the messages, `parameters` finds
-and varies numbers by path, `titles` says what hangs in a scene without a title, `summary` what a scene shows of itself.
+Start with `model`, whose pendula are chains of `links` and hang from `supports`; `springs` join points, `losses` are
+the loss angles of both, `structures` tells what is wrong with supports and springs, `support_arrays` reads those of
+linear structures; `motion` moves a support and acts on `points`, `periods` tells when that repeats, `records` reads its
+records, `hoist` changes a length; `files` reads and writes scenes, `sealed` detects damaged files, `validation` checks
+every part and words the messages, `parameters` finds and varies numbers by path, `titles` says what hangs in a scene
+without a title, `summary` what a scene shows of itself.
 """
 
 from typing import TYPE_CHECKING

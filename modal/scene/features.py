@@ -197,9 +197,7 @@ FEATURES: dict[str, Feature] = {
     "dampers": Feature(
         "dampers", "remove the dampers", _damps, support=("damping", "D"), spring="damping", link=("damping",)
     ),
-    "loss": Feature(
-        "loss angles", "remove them, or give dampers", is_lossy, spring="loss", link=("loss", "wire_loss")
-    ),
+    "loss": Feature("loss angles", "remove them, or give dampers", is_lossy, spring="loss", link=("loss", "wire_loss")),
     "linear_drag": Feature("linear drag", "remove the drag", link=("drag",)),
     "quadratic_drag": Feature("quadratic drag", "remove it, or give drag", link=("quadratic_drag",)),
     "damping_ratio": Feature("a damping ratio", "give dampers at joints instead", _ratio, scene="damping_ratio"),

@@ -52,9 +52,9 @@ class Link(Part):
     """Mass (kg) and length (m) of a link, and what acts on it besides gravity.
 
     At its upper joint a damper (N m s/rad), a spring (N m/rad), dry `friction` (N m) and a drive; at its centre the
-    `drag` (N s/m) and `quadratic_drag` (N s²/m²) of still air.  `loss` is the loss angle φ of the spring,
-    stiffness (1 + iφ), `wire_loss` that of a bob's rope, (weight below/length)(1 + iφ), φ already diluted.  `hoist` prescribes the length of a bob's rope from a
-    time on, `length` being that before.
+    `drag` (N s/m) and `quadratic_drag` (N s²/m²) of still air.  `loss` is the loss angle φ of the spring, stiffness
+    (1 + iφ), `wire_loss` that of a bob's rope, (weight below/length)(1 + iφ), φ already diluted.
+    `hoist` prescribes the length of a bob's rope from a time on, `length` being that before.
     """
 
     mass: float = field(POSITIVE)

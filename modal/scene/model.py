@@ -119,9 +119,9 @@ class Pendulum(Part):
             at = f".links[{len(self.links) - 1}].centre = 0.0"
             yield f"{at}: must be positive in the last link, or gravity does not act on it"
         wires = self._wires() if "up" in self.ways else []
-        for at, (way, loss) in enumerate(zip(self.ways, wires, strict=False)):
+        for place, (way, loss) in enumerate(zip(self.ways, wires, strict=False)):
             if way == "up" and is_lossy(loss):
-                yield f".equilibrium[{at}] = \"up\": this link has a wire_loss, and a wire hangs"
+                yield f'.equilibrium[{place}] = "up": this link has a wire_loss, and a wire hangs'
         started = [(f"start.{name}", values) for name, values in self.start or () if name != "spread"]
         lists = [("equilibrium", self.equilibrium), *started]
         for name, values in lists:

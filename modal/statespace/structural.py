@@ -81,14 +81,14 @@ def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Di
     for name, order in MOVES.items():
         every[name] = Given(*none, "ground" if name in SUPPORT else "cart", order)
     found = []
-    for signal in signals:
-        if isinstance(signal, Dissipator):
-            found.append(Given(_dense(signal, geometry.size), none[1]))
-        elif is_point(signal.name):
-            own = pushed(geometry, point_input(scene, signal.name))
+    for one in signals:
+        if isinstance(one, Dissipator):
+            found.append(Given(_dense(one, geometry.size), none[1]))
+        elif is_point(one.name):
+            own = pushed(geometry, point_input(scene, one.name))
             found.append(Given(own.F[:, 0], own.thrust[:, 0]))
         else:
-            found.append(every[signal.name])
+            found.append(every[one.name])
     return found
 
 

@@ -1,10 +1,12 @@
-"""Supports that move: their motion, random vibration, shock, and parametric excitation.  Needs SciPy.
+"""Supports that move: their motion, random vibration, shock, and parametric excitation; thermal noise.  Needs SciPy.
 
-In: a scene, and the motion of its support: prescribed, recorded, or random with a power spectral density.  Out: the
-motion as functions of time; PSD and RMS of every output and mode, and of thermal noise; exact histories, peaks and their combination by SRSS
-and CQC; Floquet multipliers under vertical motion, and the boundaries of growth.
+In: a scene, and the motion of its support: prescribed, recorded, or random with a power spectral density, or a
+temperature.  Out: the motion as functions of time; PSD and RMS of every output and mode; exact histories, peaks and
+their combination by SRSS and CQC; thermal noise with its budget; Floquet multipliers under vertical motion, and the
+boundaries of growth.
 
-Start with `prescribed`; `random`, `thermal`, `shock`, `parametric` and `boundaries` (of growth) each answer one question.
+Start with `prescribed`; `random`, `thermal`, `shock`, `parametric` and `boundaries` (of growth) each answer one
+question.
 """
 
 from modal.vibration.boundaries import Boundary, Tongues, tongues

@@ -1,12 +1,13 @@
 """Thermal noise of a scene: what its dampers and loss angles do to every output at a temperature T.
 
-Each dissipator along a row r, with the coefficient c_j = d + k φ/ω, pushes with a force of the one-sided PSD 4 k_B T c_j
-along its row (the fluctuation-dissipation theorem: Callen & Welton, Phys. Rev. 83, 34 (1951)), so that
+Each dissipator along a row r, with the coefficient c_j = d + k φ/ω, pushes along its row with a force of the one-sided
+PSD 4 k_B T c_j (the fluctuation-dissipation theorem: Callen & Welton, Phys. Rev. 83, 34 (1951)), so that
 
     S_y(f) = 4 k_B T Σ_j c_j(ω) |H_yj(ω)|²,        = 4 k_B T |Im H_xF|/ω   of a displacement x,
 
-which by reciprocity is a sum of (Im k_j) |Δ_j|² over the elongations Δ_j for a force on x: positive terms, where Im H_xF
-would cancel for small losses.  H comes from elimination (`modal.statespace.frequency`), to 13 digits at any frequency.
+which by reciprocity is a sum of (Im k_j) |Δ_j|² over the elongations Δ_j for a force on x: positive terms, where
+Im H_xF would cancel for small losses.  H comes from elimination (`modal.statespace.frequency`), to 13 digits at any
+frequency.
 For dampers alone ∫ S_x df = k_B T (K⁻¹)_xx; with a constant loss angle the integral grows without bound towards 0 Hz.
 """
 
@@ -108,7 +109,9 @@ def thermal_noise(scene: Scene, temperature: float, outputs: Sequence[str] = USU
     if not (isfinite(temperature) and 0 < temperature <= HOTTEST):
         problems.append(f"temperature {temperature:g}: must be above 0 K and at most {HOTTEST:g} K")
     if "pivot_forces" in outputs or any(name.startswith("spring_force") for name in outputs):
-        problems.append("outputs: thermal noise is that of positions, angles, their rates and accelerations, not of forces")
+        problems.append(
+            "outputs: thermal noise is that of positions, angles, their rates and accelerations, not of forces"
+        )
     if problems:
         raise SceneError(problems)
     require(scene, "thermal noise")

@@ -24,9 +24,7 @@ MOST_SHOWN = 6
 STEPS = (1.0, 2.0, 5.0)
 
 
-def thermal_frequencies(
-    noise: ThermalNoise, beside: RandomResponse | None = None, at: Sequence[float] = ()
-) -> Floats:
+def thermal_frequencies(noise: ThermalNoise, beside: RandomResponse | None = None, at: Sequence[float] = ()) -> Floats:
     """Frequencies (Hz) that show every resonance: those of a PSD beside it, or around the modes, and `at`."""
     if beside is not None:
         return np.unique(np.concatenate([response_frequencies(beside), at]))
