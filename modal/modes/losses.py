@@ -19,6 +19,8 @@ from modal.assembly import Dissipator, loss_angles, loss_at, losses_of
 from modal.modes.modes import Modes
 from modal.types import Floats
 
+CLOSE = 3.0
+"""Relative differences of ω² over losses below which two modes mix."""
 MOST_SHAPES = 60
 """Most shapes of one frequency among which the one that loses most is found."""
 
@@ -56,6 +58,18 @@ def quality_factors(modes: Modes, indices: Sequence[int] | None = None) -> Float
     lost = 2 * ratio + mode_losses(modes, chosen.tolist())
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where((modes.omega[chosen] > 0) & (ratio >= 0) & (ratio < 1), 1 / lost, np.nan)
+
+
+def sharing(modes: Modes) -> list[int]:
+    """The numbers of modes that another is closer to, relative to ω², than CLOSE times the larger of both losses.
+
+    Their shapes mix, so that the first order of each alone is a guide.
+    """
+    if not modes.scene.has_losses or len(modes) < 2:
+        return []
+    losses, square = np.nan_to_num(mode_losses(modes)), modes.omega**2
+    near = np.diff(square) <= CLOSE * np.maximum(losses[1:], losses[:-1]) * square[1:]
+    return [int(number) for number in modes.number[np.append(near, False) | np.append(False, near)]]
 
 
 def _loss(modes: Modes, index: int, losses: Sequence[Dissipator], alike: bool) -> float:
