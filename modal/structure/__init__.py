@@ -7,7 +7,7 @@ In: a `Scene`.  Out: its `Structure`, carriers whose points move exactly, at any
 Start with `carriers`; equations of motion and matrices are made elsewhere from what is here.
 """
 
-from modal.structure.carriers import CarrierNumbers, Moving, carrier_numbers
+from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
 from modal.structure.rest import Phi, Row, bends, is_damped, phi, slopes, tied, turning
 from modal.structure.scaling import coordinate_units, scaled
 from modal.structure.structure import (
@@ -25,6 +25,7 @@ from modal.structure.structure import (
 from modal.structure.weights import Weight, carried, hung_masses, unbalanced, weights
 
 __all__ = [
+    "PLATFORM",
     "CarrierEnd",
     "CarrierNumbers",
     "End",
