@@ -51,8 +51,7 @@ def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal]) ->
     """What these inputs are; KeyError for an unknown name."""
     none = np.zeros(geometry.size), np.zeros(len(geometry.tips))
     every: dict[str, Given] = {}
-    alone = geometry.on_cart and geometry.carried is None
-    for group in (make(geometry) for name, make in PUSHES.items() if name != "cart_force" or alone):
+    for group in (make(geometry) for name, make in PUSHES.items() if name != "cart_force"):
         for k, signal in enumerate(group.signals):
             every[signal.name] = Given(group.F[:, k], group.thrust[:, k])
     for name, order in MOVES.items():

@@ -14,7 +14,7 @@ for the active pieces, such as two equal peaks; the second derivatives are diffe
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,9 +23,13 @@ import scipy
 from modal.types import Floats
 
 FIRST, LARGEST, COARSE, FINE = 0.15, 0.5, 2e-3, 1e-9
-"""Trust region in logarithms of numbers: at first, at most, where Newton's method is tried, and at the end."""
+"""Trust region in logarithms of numbers: at first, at most, and at the end of a coarse and of a fine descent."""
+NEAR, SMALL, ROUGH = 0.04, 1e-3, 1e-3
+"""Trust region or gain at which Newton's method is tried, and the change at which a coarse one ends."""
+POOR, HALF = 0.05, 0.6
+"""Parts of the promised gain from which on a step is taken, and the trust region grows."""
 PENALTY = 20.0
-ROUNDS, NEWTONS, TRIES = 120, 8, 4
+ROUNDS, NEWTONS, TRIES = 120, 8, 6
 SETTLED = 1e-13
 ACTIVE = 1e-7
 NUDGE = 2e-5
@@ -33,6 +37,8 @@ NUDGE = 2e-5
 ALLOWED = 1e-9
 """By how much a limit may be exceeded, relative."""
 WORSE = 1e-11
+APART, HELPING = 1e4, 2e3
+"""Differences of the labels of pieces of different cases, and of values beside peaks, which are bounds, from peaks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +69,14 @@ class Point:
     limits: tuple[Faces, ...]
 
     @property
+    def faces(self) -> tuple[Faces, ...]:
+        """Those of all costs, then of all limits."""
+        return (*self.costs, *self.limits)
+
+    @property
     def is_finite(self) -> bool:
         """Whether every cost and limit has a value."""
-        return all(len(one.values) and np.all(np.isfinite(one.values)) for one in (*self.costs, *self.limits))
+        return all(len(one.values) and np.all(np.isfinite(one.values)) for one in self.faces)
 
     @property
     def cost(self) -> float:
@@ -110,29 +121,42 @@ def descend(evaluate: Evaluate, z: Floats, low: Floats, high: Floats, *, coarse:
     for rounds in range(1, ROUNDS + 1):
         if not here.is_finite:
             break
-        step = _linear_step(here, low, high, radius)
+        step = _linear_step(here, here.faces, low, high, radius)
         gain = here.merit - step.merit
-        if not coarse and tried < TRIES and (radius <= COARSE or gain <= 1e-4 * radius):
+        if tried < TRIES and (radius <= NEAR or gain <= SMALL):
             tried += 1
-            better = polished(evaluate, here, step.weights, low, high)
+            better = polished(evaluate, here, step.weights, low, high, enough=ROUGH if coarse else 0.0)
             if better is not None:
                 return Minimum(better, rounds, True)
         if gain <= SETTLED * max(1.0, abs(here.merit)) or radius < (COARSE if coarse else FINE):
             break
         there = evaluate(np.clip(here.z + step.delta, low, high), False)
+        if there.merit > here.merit - HALF * gain and there.is_finite:
+            delta = _linear_step(here, _corrected(here, there), low, high, radius).delta
+            other = evaluate(np.clip(here.z + delta, low, high), False)
+            there = min((there, other), key=lambda one: one.merit)
         ratio = (here.merit - there.merit) / gain
-        if ratio > 0.05:
+        if ratio > POOR:
             here = evaluate(there.z, True)
-            radius = min(2 * radius, LARGEST) if ratio > 0.7 else radius
+            radius = min(2 * radius, LARGEST) if ratio > HALF else radius
         else:
             radius = min(radius, float(np.abs(step.delta).max())) / 3
     return Minimum(here, rounds, False)
 
 
-def _linear_step(here: Point, low: Floats, high: Floats, radius: float) -> _Step:
-    """The best step of the linearized pieces within a trust region, and the multipliers of all pieces."""
-    faces, n = (*here.costs, *here.limits), len(here.z)
-    costs = len(here.costs)
+def _corrected(here: Point, there: Point) -> tuple[Faces, ...]:
+    """The pieces of a point, with their values such that those at the end of a step are right (second order)."""
+    change = there.z - here.z
+    found = []
+    for one, other in zip(here.faces, there.faces, strict=True):
+        values = other.pick(one.at)[0] - one.gradients @ change
+        found.append(Faces(values, one.gradients, one.at))
+    return tuple(found)
+
+
+def _linear_step(here: Point, faces: Sequence[Faces], low: Floats, high: Floats, radius: float) -> _Step:
+    """The best step of linearized pieces within a trust region about a point, and the multipliers of all pieces."""
+    n, costs = len(here.z), len(here.costs)
     sizes = [len(one.values) for one in faces]
     A = np.zeros((sum(sizes), n + len(faces)))
     b = np.concatenate([-one.values for one in faces])
@@ -155,10 +179,11 @@ def _linear_step(here: Point, low: Floats, high: Floats, radius: float) -> _Step
 
 
 def polished(
-    evaluate: Evaluate, here: Point, weights: tuple[Floats, ...], low: Floats, high: Floats
+    evaluate: Evaluate, here: Point, weights: tuple[Floats, ...], low: Floats, high: Floats, enough: float = 0.0
 ) -> Point | None:
     """Newton's method on the active pieces from a point; None where it does not settle at a point that is no worse."""
-    faces = (*here.costs, *here.limits)
+    faces = here.faces
+    weights = tuple(_of_peaks(one, own) for one, own in zip(faces, weights, strict=True))
     active = [one.at[own > ACTIVE] for one, own in zip(faces, weights, strict=True)]
     multipliers = np.concatenate([own[own > ACTIVE] for own in weights])
     costs = len(here.costs)
@@ -202,15 +227,24 @@ def polished(
         if np.any(z < low - edge) or np.any(z > high + edge) or np.abs(z - start).max() > 0.5:
             return None
         before = max(change, 1e-12)
-        if change < 1e-11:
+        if change < max(1e-11, enough):
             break
-    if before > 1e-6 or np.any(multipliers < -1e-6):
+    if before > max(1e-6, enough) or np.any(multipliers < -1e-6):
         return None
     there = evaluate(np.clip(z, low, high), True)
     return there if there.merit <= here.merit + WORSE * max(1.0, abs(here.merit)) else None
 
 
+def _of_peaks(one: Faces, weights: Floats) -> Floats:
+    """The multipliers of values beside peaks added to those of the nearest peak."""
+    beside = one.at - APART * np.round(one.at / APART) > HELPING / 2
+    found = np.where(beside, 0.0, weights)
+    for k in np.flatnonzero(beside & (weights > ACTIVE)).tolist():
+        found[int(np.where(beside, np.inf, np.abs(one.at - (one.at[k] - HELPING))).argmin())] += weights[k]
+    return found
+
+
 def _active(point: Point, active: list[Floats]) -> tuple[Floats, Floats]:
     """Values (A,) and gradients (A, n) of the pieces with these labels."""
-    parts = [one.pick(at) for one, at in zip((*point.costs, *point.limits), active, strict=True)]
+    parts = [one.pick(at) for one, at in zip(point.faces, active, strict=True)]
     return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])

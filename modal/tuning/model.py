@@ -23,7 +23,7 @@ from modal.assembly import differences, matrices
 from modal.errors import SceneError, meant
 from modal.scene import Scene, require
 from modal.scene.parameters import Place, Variable, with_numbers
-from modal.statespace.points import EXAMPLES, is_point, validate_points
+from modal.statespace.points import EXAMPLES, is_point, point_input, pushed, validate_points
 from modal.statespace.signals import (
     DRIVES,
     OF_A_CART,
@@ -36,11 +36,12 @@ from modal.statespace.signals import (
     inputs_of,
     outputs_of,
 )
-from modal.statespace.structural import Given, Reading, inputs_named, outputs_named
 from modal.types import Complexes, Floats
 
 MOST_COORDINATES = 200
 """Coordinates of a scene that can be tuned."""
+SHOWN = 12
+"""Names listed in a message."""
 
 
 class Channel(NamedTuple):
@@ -75,68 +76,94 @@ class Kind(NamedTuple):
     translated: int
 
 
+MOVES = {name: order for order, name in enumerate(SUPPORT)} | {"cart_velocity": 1, "cart_acceleration": 2}
+"""How often the displacement that moves a support or the cart is differentiated in each input."""
+Source = tuple[str, int]
+"""A group of inputs or outputs (`PUSHES`, `READINGS`) and a signal's index in it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """A scene by its channels, as a function of numbers; `signals` are outputs and inputs with their units."""
+    """A scene by its channels, as a function of numbers; `signals` are outputs and inputs with their units.
+
+    `read` and `given` say where the rows of outputs and the forces of inputs come from.
+    """
 
     channels: tuple[Channel, ...]
     kinds: tuple[Kind, ...]
     signals: tuple[tuple[Signal, Signal], ...]
+    read: tuple[Source, ...]
+    given: tuple[Source | None, ...]
 
     def arrays(self, scene: Scene) -> Arrays:
         """The model of a scene of the same form."""
         geometry, found = geometry_of(scene), matrices(scene)
-        given, read = _ports(scene, geometry, self.signals)
-        n = geometry.size
-        Y = np.zeros((len(read), 3, n))
-        thrust, translation = np.zeros(len(read)), np.zeros(len(read))
-        for c, (row, column) in enumerate(zip(read, given, strict=True)):
-            for order, part in enumerate(row.rows):
+        n, many = geometry.size, len(self.channels)
+        Y, F = np.zeros((many, 3, n)), np.zeros((many, n))
+        thrust, translation = np.zeros(many), np.zeros(many)
+        for c, ((name, k), given) in enumerate(zip(self.read, self.given, strict=True)):
+            group = READINGS[name](geometry)
+            for order, part in enumerate((group.position, group.rate, group.acceleration)):
                 if part is not None:
-                    Y[c, order] = part
-            translation[c] = row.moved[0]
-            if row.pendulum is not None and not column.moves:
-                thrust[c] = column.thrust[row.pendulum]
-        F = np.array([column.F for column in given]).reshape(len(given), n)
+                    Y[c, order] = part[k]
+            if group.translation is not None:
+                translation[c] = group.translation[k]
+            if given is not None:
+                push = pushed(geometry, point_input(scene, given[0])) if is_point(given[0]) else PUSHES[given[0]](geometry)
+                F[c] = push.F[:, given[1]]
+                if group.pushed:
+                    thrust[c] = push.thrust[k, given[1]]
         momentum = found.M[:, 0] if geometry.on_cart else geometry.momentum
         return Arrays(found.M, found.K, found.D, momentum, F, Y, thrust, translation)
-
-
-def _ports(
-    scene: Scene, geometry: Geometry, signals: Sequence[tuple[Signal, Signal]]
-) -> tuple[list[Given], list[Reading]]:
-    given = inputs_named(scene, geometry, [column for _, column in signals])
-    return given, outputs_named(geometry, [row for row, _ in signals])
 
 
 def reduced(scene: Scene, channels: Sequence[Channel]) -> Reduced:
     """The channels of a scene; SceneError names every signal that it does not have, and what its model refuses."""
     geometry = geometry_of(scene)
     inputs, outputs = _inputs(geometry), _outputs(geometry)
-    points = [one.input for one in channels if is_point(one.input)]
     problems: list[str] = []
     try:
-        validate_points(scene, points)
+        validate_points(scene, [one.input for one in channels if is_point(one.input)])
     except SceneError as error:
         problems += error.problems
     for one in channels:
         if one.output not in outputs:
-            words = "must be one output, such as " + ", ".join([*outputs][:8]) + meant(one.output, [*outputs])
-            problems.append(f"output {one.output}: {words}")
-        if one.input not in inputs and not is_point(one.input):
-            words = "must be one input: " + ", ".join([*inputs][:8]) + f", or {EXAMPLES}" + meant(one.input, [*inputs])
-            problems.append(f"input {one.input}: {words}")
+            problems.append(f"output {one.output}: {_among([*outputs], one.output)}")
+        if one.input not in {*inputs, *MOVES} and not is_point(one.input):
+            problems.append(f"input {one.input}: {_among([*inputs, *MOVES], one.input)}, or {EXAMPLES}")
+        if one.input in DRIVES and not geometry.on_cart:
+            problems.append(f"input {one.input}: there is no cart alone")
         if one.input in SUPPORT:
             problems += _moved_problems(scene, geometry, one.input)
     if problems:
         raise SceneError(list(dict.fromkeys(problems)))
-    signals = tuple(
-        (outputs[one.output], inputs.get(one.input) or Signal(one.input, "N m" if "torque" in one.input else "N", ""))
-        for one in channels
+    read = tuple(outputs[one.output][0] for one in channels)
+    given = tuple(_given(inputs, one.input) for one in channels)
+    signals = tuple((outputs[one.output][1], _signal(inputs, one.input)) for one in channels)
+    kinds = tuple(
+        Kind(
+            "" if one.input not in MOVES else "ground" if one.input in SUPPORT else "cart",
+            MOVES.get(one.input, 0),
+            READINGS[name](geometry).order,
+        )
+        for one, (name, _) in zip(channels, read, strict=True)
     )
-    given, read = _ports(scene, geometry, signals)
-    kinds = tuple(Kind(a.moves, a.order, b.moved[1]) for a, b in zip(given, read, strict=True))
-    return Reduced(tuple(channels), kinds, signals)
+    return Reduced(tuple(channels), kinds, signals, read, given)
+
+
+def _among(names: Sequence[str], wrong: str) -> str:
+    return f"must be one of {', '.join(names[:SHOWN])}{', …' * (len(names) > SHOWN)}{meant(wrong, names)}"
+
+
+def _given(inputs: dict[str, tuple[Source, Signal]], name: str) -> Source | None:
+    """Where the force of an input comes from, None of a motion."""
+    return (name, 0) if is_point(name) else inputs[name][0] if name in inputs else None
+
+
+def _signal(inputs: dict[str, tuple[Source, Signal]], name: str) -> Signal:
+    if is_point(name):
+        return Signal(name, "N m" if name.startswith("torque") else "N", "")
+    return inputs[name][1] if name in inputs else {**SUPPORT, **DRIVES}[name]
 
 
 def _moved_problems(scene: Scene, geometry: Geometry, name: str) -> list[str]:
@@ -149,20 +176,22 @@ def _moved_problems(scene: Scene, geometry: Geometry, name: str) -> list[str]:
     return []
 
 
-def _inputs(geometry: Geometry) -> dict[str, Signal]:
-    groups = [make(geometry) for name, make in PUSHES.items() if name not in OF_A_CART or geometry.on_cart]
+def _inputs(geometry: Geometry) -> dict[str, tuple[Source, Signal]]:
+    """The forces of a scene by name."""
+    known = {*inputs_of(geometry), "coordinate_forces"}
+    names = [name for name in PUSHES if name in known and (name != "cart_force" or geometry.on_cart)]
     if geometry.on_cart and geometry.carried:
-        groups = [make(geometry) for name, make in PUSHES.items() if name != "cart_force"]
-    found = {signal.name: signal for group in groups for signal in group.signals}
-    known = set(inputs_of(geometry))
-    moves = {**(DRIVES if geometry.on_cart else {}), **SUPPORT}
-    return {**found, **{name: signal for name, signal in moves.items() if name in known}}
+        names.remove("coordinate_forces")
+    groups = [(name, PUSHES[name](geometry)) for name in names]
+    return {signal.name: ((name, k), signal) for name, group in groups for k, signal in enumerate(group.signals)}
 
 
-def _outputs(geometry: Geometry) -> dict[str, Signal]:
-    known = set(outputs_of(geometry))
+def _outputs(geometry: Geometry) -> dict[str, tuple[Source, Signal]]:
+    """The outputs of a scene by name."""
+    known = outputs_of(geometry)
     names = [name for name in READINGS if name in known and (name not in OF_A_CART or geometry.on_cart)]
-    return {signal.name: signal for name in names for signal in READINGS[name](geometry).signals}
+    groups = [(name, READINGS[name](geometry)) for name in names]
+    return {signal.name: ((name, k), signal) for name, group in groups for k, signal in enumerate(group.signals)}
 
 
 # ------------------------------------------------------------------------------------------------ functions of numbers

@@ -9,13 +9,11 @@ import numpy as np
 
 from modal.scene import Scene
 from modal.scene.parameters import Place
-from modal.tuning.minimax import Faces, Point
+from modal.tuning.minimax import APART, HELPING, Faces, Point
 from modal.tuning.pieces import Pieces, Quantities, Setting
 from modal.tuning.quantities import FreeNumber, Limit, Quantity
 from modal.types import Floats
 
-APART = 1e4
-"""Difference of the labels of pieces of different cases."""
 Factors = Mapping[Place, float]
 
 
@@ -93,6 +91,7 @@ class Objective:
         values, gradients, at = one.values, one.gradients, one.at
         slopes = gradients * own if with_gradients else np.zeros((len(values), n))
         labels = np.log(np.maximum(at, 1e-12)) + APART * case
+        labels = labels if one.helps is None else labels + HELPING * one.helps
         if j >= len(self.aims):
             limit = self.limits[j - len(self.aims)]
             return Faces(np.log(np.maximum(values, 1e-300) / limit.most), _relative(slopes, values), labels)

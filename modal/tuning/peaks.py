@@ -23,18 +23,27 @@ NEAR, NEARER = 1e-4, 1e-6
 FAR = 1e-6
 """A frequency, over that of the slowest pole, that stands for 0; its inverse for infinity."""
 UNDAMPED = 1e-11
+NEARLY, MOST_BESIDE = 0.8, 24
+"""Part of the largest |H| from which on a frequency of the grid is beside a peak, and the most of these."""
 
 
 @dataclass(frozen=True, eq=False)
 class Peaks:
     """Frequencies `omega` (P,) in rad/s of maxima of |H| and of the ends of the band; `inside` (P,) are maxima.
 
-    `endless` says where |H| has no bound, "" where it has one.
+    `beside` (Q,) are frequencies of the grid where |H| is nearly as large: as numbers change, two peaks may merge and
+    one wander fast, while |H| at a frequency changes slowly.  `endless` says where |H| has no bound, "" where it has one.
     """
 
     omega: Floats
     inside: Booleans
+    beside: Floats
     endless: str = ""
+
+    @classmethod
+    def none(cls, words: str) -> Peaks:
+        """Those of a response without bound."""
+        return cls(np.zeros(0), np.zeros(0, bool), np.zeros(0), words)
 
 
 def find_peaks(model: Model, channel: int, band: tuple[float, float] | None) -> Peaks:
@@ -48,7 +57,7 @@ def find_peaks(model: Model, channel: int, band: tuple[float, float] | None) -> 
     for pole in poles[np.abs(poles.real) <= UNDAMPED * np.abs(poles)].tolist():
         at = abs(pole.imag)
         if low <= at <= high and _is_infinite(model, channel, at):
-            return Peaks(np.zeros(0), np.zeros(0, bool), f"at {at / (2 * np.pi):.6g} Hz, where nothing damps a mode")
+            return Peaks.none(f"at {at / (2 * np.pi):.6g} Hz, where nothing damps a mode")
     omega = _grid(poles, *inner)
     if band is None:
         omega = np.concatenate(([low], omega, [high]))
@@ -56,12 +65,14 @@ def find_peaks(model: Model, channel: int, band: tuple[float, float] | None) -> 
         size = np.abs(model.response(channel, omega))
     size = np.where(np.isfinite(size), size, 0.0)
     if band is None and (words := _unbounded(size)):
-        return Peaks(np.zeros(0), np.zeros(0, bool), words)
+        return Peaks.none(words)
     at = np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])) + 1
     found = _refined(model, channel, omega[at - 1], omega[at], omega[at + 1]) if len(at) else np.zeros(0)
     ends = [k for k, beside in ((0, 1), (-1, -2)) if size[k] >= size[beside] and size[k] > 0]
     every = np.concatenate((found, omega[ends]))
-    return Peaks(every, np.arange(len(every)) < len(found))
+    near = np.flatnonzero(size >= NEARLY * size.max())
+    near = near[np.linspace(0, len(near) - 1, min(len(near), MOST_BESIDE)).astype(int)]
+    return Peaks(every, np.arange(len(every)) < len(found), omega[near])
 
 
 def _grid(poles: np.ndarray, low: float, high: float) -> Floats:

@@ -61,7 +61,7 @@ class Pieces:
     """Numbers `values` (P,), of which a quantity is the largest or least, and `gradients` (P, n) by the free numbers.
 
     `at` (P,) are what they belong to: frequencies in rad/s, or numbers of modes; `inside` (P,) tells maxima of a
-    response from ends of a band.  A quantity that has no finite value has no pieces and says in `endless` why.
+    response from ends of a band, `helps` (P,) values beside peaks that are no pieces but bounds.  A quantity that has no finite value has no pieces and says in `endless` why.
     """
 
     values: Floats
@@ -69,6 +69,7 @@ class Pieces:
     at: Floats
     inside: Booleans
     endless: str = ""
+    helps: Booleans | None = None
 
     @classmethod
     def none(cls, words: str, n: int) -> Pieces:
@@ -170,10 +171,13 @@ class At:
         if not self.by:
             size = np.abs(self.model.response(channel, found.omega))
             return Pieces(size, np.zeros((len(size), 0)), found.omega, found.inside)
-        H, slopes = self.model.gradient(channel, found.omega, self.slopes)
+        omega = np.concatenate((found.omega, found.beside))
+        H, slopes = self.model.gradient(channel, omega, self.slopes)
         size = np.abs(H)
         by = (np.conj(H)[:, None] * slopes).real / np.where(size > 0, size, 1.0)[:, None]
-        return Pieces(size, by, found.omega, found.inside)
+        helps = np.arange(len(omega)) >= len(found.omega)
+        inside = np.concatenate((found.inside, np.zeros(len(found.beside), bool)))
+        return Pieces(size, by, omega, inside, helps=helps)
 
     def _rms(self, quantity: Quantity) -> Pieces:
         channel, n = self._channel(quantity), len(self.by)
