@@ -271,6 +271,17 @@ CAPABILITIES: dict[str, Capability] = {
             beside=UNLOADED,
         ),
         Capability(
+            "tuning",
+            LINEAR - NO_RATIO.keys() | STRUCTURED,
+            leaves=ABOUT,
+            refuses={
+                **CONSTANT,
+                "damping_ratio": "follows every number through the modes",
+                "constant_force": "moves the equilibrium with every number",
+            },
+            beside=UNLOADED,
+        ),
+        Capability(
             "a derivation",
             SHAPE | {"dampers", "massless_cart", "space", "structure", "springs"},
             leaves=_each(DRIVES, UNDRIVEN),
