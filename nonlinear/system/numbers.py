@@ -59,7 +59,7 @@ class Numbers(Displayed):
         outside = any(part is not None for part in (system.modal_damping, system.hoisting))
         if system.structure is not None:
             first = BEFORE + len(FIELDS) * system.n_links
-            outside = outside or any(self._is_set(first + k) for k in _dampers(system.structure))
+            outside = outside or any(self._is_set(first + k) for k in dampers_of(system.structure))
         return outside or bool(system.prescribed) or system.kicked or self._any_of(WORKING) or self._is_set(2)
 
     @cached_property
@@ -318,7 +318,7 @@ def _end_with(end: End, numbers: tuple[Any, ...]) -> End:
     return end._replace(where=numbers) if isinstance(end, CarrierEnd) else GroundEnd(numbers)
 
 
-def _dampers(structure: Structure) -> list[int]:
+def dampers_of(structure: Structure) -> list[int]:
     """Which of its numbers are those of dampers."""
     found: list[int] = []
     at = 0
