@@ -2,8 +2,8 @@
 
 A `Scaffold` is made once for a scene; `Scaffold.pieces(eta, joints)` are lines and outlines (F, K, 2) in m, to the
 right and up, for F instants or F extremes of a mode.  Where things would be drawn upon each other they are set apart
-along the rail: carriers whose bodies overlap, and pendula that hang from one point.  All is plain arithmetic of η and the
-joints, which may be recorded symbols.
+along the rail: carriers whose bodies overlap, and pendula that hang from one point.  All is plain arithmetic of η and
+the joints, which may be recorded symbols.
 """
 
 from __future__ import annotations
@@ -440,5 +440,8 @@ def _spiral(middle: Floats, angle: Floats, unit: float) -> Floats:
     """A spiral about points (F, 2), turned by an angle (F,)."""
     turn = np.linspace(0, 2 * np.pi * TURNS, 50)
     radius = COIL * unit * (0.15 + 0.85 * turn / turn[-1])
-    whole = turn - np.pi / 2 + np.outer(angle, 1 - turn / turn[-1])
-    return np.asarray(middle[:, None] + radius[:, None] * np.stack((np.cos(whole), np.sin(whole)), axis=-1))
+    whole = turn[:-1] - np.pi / 2 + np.outer(angle, 1 - turn[:-1] / turn[-1])
+    inner = radius[:-1, None] * np.stack((np.cos(whole), np.sin(whole)), axis=-1)
+    still = radius[-1] * np.array([np.sin(turn[-1]), -np.cos(turn[-1])])
+    ends = np.broadcast_to(still, (len(inner), 1, 2))
+    return np.asarray(middle[:, None] + np.concatenate([inner, ends], axis=1))

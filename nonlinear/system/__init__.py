@@ -24,6 +24,7 @@ from nonlinear.system.numbers import (
     numbers_of,
     numbers_of_all,
     prescribed_of,
+    structure_places,
     system_with,
     with_prescribed,
 )
@@ -68,6 +69,7 @@ __all__ = [
     "representatives",
     "slack_of",
     "state_at_rest",
+    "structure_places",
     "system_of",
     "system_with",
     "turning_point",

@@ -22,7 +22,7 @@ from modal.assembly import CartNumbers
 from modal.report import Displayed
 from modal.scene import AnyLink, Body, Escapement, Scene
 from modal.scene.parameters import Place
-from modal.structure import CarrierEnd, CarrierNumbers, End, GroundEnd, LinkEnd, Pivot, Structure
+from modal.structure import CarrierEnd, CarrierNumbers, End, GroundEnd, LinkEnd, Pivot, Structure, structure_of
 from modal.structure.carriers import PLATFORM
 from modal.types import Floats
 from nonlinear.system.system import Group, System, system_of
@@ -336,6 +336,18 @@ def dampers_of(structure: Structure) -> list[int]:
         found.append(at + 1)
         at += 2 + sum(len(_of_end(end)) for end in spring.ends)
     return found
+
+
+def structure_places(scene: Scene) -> list[tuple[int, Place]]:
+    """Which entries are numbers of a structure that have a place in the scene, and that place."""
+    structure, links = structure_of(scene), sum(one.n_links * one.count for one in scene.pendulum)
+    first = BEFORE + len(FIELDS) * links
+    several = isinstance(scene.support, tuple)
+    return [
+        (first + k, names[0 if several or names[0][0] != "support" else -1])
+        for k, names in enumerate(_places_of_structure(scene, structure))
+        if names
+    ]
 
 
 def _places_of_structure(scene: Scene, structure: Structure) -> list[list[Place]]:
