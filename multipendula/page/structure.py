@@ -1,9 +1,9 @@
 """What the page of a structure has of its own: the equations and the drawing of this scene, written from Python.
 
-The module `structure` of the page is made here.  In a scene on one support at most it says null; else it exports the
-functions of `nonlinear.dynamics.structure_steps`, those of `modal.structure.outlines` recorded, and which numbers they
-take: the entries of `nonlinear.system.entries_of` that are `kept`, where the scene's file has each (`places`), and the
-constants of what is prescribed.
+The module `structure` of the page is made here.  Of a scene that is no structure it says null; else it has the
+functions of `nonlinear.dynamics.structure_steps`, those of `modal.structure.outlines` recorded, and the numbers that
+they take: the entries of `nonlinear.system.entries_of` that are `kept`, with their `places` in the scene, then what is
+`prescribed`, with the places and units of its `constants`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def structure_module(scene: Scene) -> str:
     if not scene.is_structured:
         return NONE
     from nonlinear.dynamics import structure_steps
-    from nonlinear.system import entries_of, prescribed_of, structure_places, system_of
+    from nonlinear.system import entries_of, prescribed_of, prescribed_places, structure_places, system_of
 
     system = system_of(scene)
     structure = system.structure
@@ -45,6 +45,8 @@ def structure_module(scene: Scene) -> str:
         "kept": steps.kept,
         "prescribed": prescribed_of(system),
         "places": [[k, list(place)] for k, place in structure_places(scene)],
+        "constants": [[list(place), unit] for place, unit in prescribed_places(scene, system)],
+        "motion": list(scene.motion_places[0]) if scene.motions else None,
         "timed": bool(system.prescribed),
         "coordinates": list(_coordinates(structure)),
         "bases": _bases(structure),

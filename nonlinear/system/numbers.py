@@ -135,6 +135,17 @@ def numbers_of(
     return Numbers(own, (given.get(("gravity",), scene.gravity), *cart, *fields, *rest), prescribed)
 
 
+def prescribed_places(scene: Scene, system: System) -> list[tuple[Place, float]]:
+    """Where a scene has the constants of its motions and forces, one after the other, and the unit of each there."""
+    if not system.is_analytic:
+        return []
+    return [
+        ((*place, name), unit)
+        for place, motion in zip(_places_of_prescribed(scene), system.prescribed, strict=True)
+        for name, unit in motion.units.items()
+    ]
+
+
 def _places_of_prescribed(scene: Scene) -> list[Place]:
     """Where a scene has its motions and forces, in the order of `System.prescribed`."""
     return [*scene.motion_places, *(("force", k) for k in range(len(scene.force)))]
