@@ -30,6 +30,40 @@ export function placed(scene, place) {
   return place.reduce((part, key) => part?.[key], scene);
 }
 
+// The support of a scene by its number.
+export function supportOf(scene, number) {
+  return Array.isArray(scene.support) ? scene.support[number] : scene.support;
+}
+
+// The numbers of supports and springs that may change: those that are not 0, which the text has, and all dampers.
+export function numbersOf(scene) {
+  const units = { mass: "kg", inertia: "kg m²" };
+  const ofCarrier = (support, place, number) => {
+    const own = structure.coordinates.filter(({ carrier }) => carrier === number);
+    const laws = ["stiffness", "damping"].flatMap((law) =>
+      own.flatMap(({ name, unit, kind }) => {
+        const way = kind === "platform" ? name.split(" ").at(-1) : null;
+        return unit ? [{ label: named(law, way), unit: unitOf(law, unit), place: [...place, law, ...(way ? [way] : [])] }] : [];
+      }),
+    );
+    const masses = Object.keys(units).map((key) => ({ label: named(key), unit: units[key], place: [...place, key] }));
+    return { name: support.name ?? support.kind, numbers: [...masses, ...laws].filter((one) => isThere(scene, one.place)) };
+  };
+  const several = Array.isArray(scene.support);
+  const supports = [scene.support].flat().map((support, k) => ofCarrier(support, several ? ["support", k] : ["support"], k));
+  const springs = (scene.spring ?? []).map(({ between, kind }, k) => ({
+    name: `Spring ${between.join(" – ")}`,
+    numbers: ["stiffness", "damping"]
+      .map((law) => ({ label: named(law), unit: unitOf(law, kind === "torsion" ? "rad" : "m"), place: ["spring", k, law] }))
+      .filter((one) => isThere(scene, one.place)),
+  }));
+  return [...supports, ...springs].filter(({ numbers }) => numbers.length);
+}
+
+const isThere = (scene, place) => placed(scene, place) > 0 || (place.includes("damping") && placed(scene, place.slice(0, -1)) !== undefined);
+const named = (law, way = null) => `${law[0].toUpperCase()}${law.slice(1)}${way ? ` in ${way}` : ""}`;
+const unitOf = (law, unit) => ({ stiffness: { m: "N/m", rad: "N m/rad" }, damping: { m: "N s/m", rad: "N m s/rad" } })[law][unit];
+
 // The motion of the ground or of a support; undefined where all is at rest.
 export function motionIn(scene) {
   return structure.motion ? placed(scene, structure.motion) : undefined;

@@ -91,13 +91,15 @@ export function atRest(system) {
 // The state that a scene's `start` describes; null where it has none.
 export function startOf(scene, system) {
   if (system.structure) return startGiven() && Float64Array.from(startGiven());
-  if (!scene.pendulum.some((pendulum) => pendulum.start)) return null;
+  const { start: onRail } = scene.support;
+  if (!onRail && !scene.pendulum.some((pendulum) => pendulum.start)) return null;
   const y = atRest(system);
+  [y[0], y[system.size]] = [onRail?.displacement ?? 0, onRail?.rate ?? 0];
   for (const { entry, first, links } of system.chains) {
     const start = scene.pendulum[entry].start;
     for (let i = 0; start && i < links.length; i++) {
-      y[1 + first + i] = (start.angles_deg[i] * Math.PI) / 180;
-      y[1 + system.size + first + i] = ((start.rates_deg?.[i] ?? 0) * Math.PI) / 180;
+      y[system.lead + first + i] = (start.angles_deg[i] * Math.PI) / 180;
+      y[system.size + system.lead + first + i] = ((start.rates_deg?.[i] ?? 0) * Math.PI) / 180;
     }
   }
   return y;
