@@ -8,8 +8,18 @@ own, all equations and the drawing (`carriers.js`).  In `modules/`, `system.js` 
 what is seen.  Start with `document`.
 """
 
-from multipendula.page.document import LARGEST, MODULES, joined, page
+from multipendula.page.document import LARGEST, LARGEST_OF_STRUCTURES, MODULES, joined, page
 from multipendula.page.payload import MOST_LINKS, recording_of, scene_data
 from multipendula.page.structure import structure_module
 
-__all__ = ["LARGEST", "MODULES", "MOST_LINKS", "joined", "page", "recording_of", "scene_data", "structure_module"]
+__all__ = [
+    "LARGEST",
+    "LARGEST_OF_STRUCTURES",
+    "MODULES",
+    "MOST_LINKS",
+    "joined",
+    "page",
+    "recording_of",
+    "scene_data",
+    "structure_module",
+]

@@ -25,8 +25,8 @@ MODAL = ("steps", "structure", "carriers", "system", "matrices", "amplitude", "s
 PHYSICS = (*MODAL, "tableau", "dop853", "equations", "kicks", "motion", "scene_file", "recording")
 """The modules that touch no document; `steps`, `structure` and `tableau` are written."""
 MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "main")
-LARGEST = 300_000
-"""Bytes of a page, at most."""
+LARGEST, LARGEST_OF_STRUCTURES = 300_000, 800_000
+"""Bytes of a page, at most, and of that of a structure, whose equations stand in it link by link."""
 IMPORT = re.compile(r"^import (\{[^}]*\}) from \"\./(\w+)\.js\";$", re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:const|function|class) (\w+))", re.MULTILINE)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Moved, Scene, describe, refusals
+from modal.scene import CAPABILITIES, Moved, Scene, describe, refusals
 from modal.scene.points import Point, parse_point
 from modal.structure import structure_of
 from modal.types import Floats
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 MOST_LINKS = 60
 MOST_COORDINATES = 40
 """Of a structure, with those of its links: its equations stand in the page link by link."""
-MOST_NUMBERS = 30_000
-"""Of a recording: 160 kB as 32-bit floats in base64."""
+MOST_NUMBERS = 27_000
+"""Of a recording: 144 kB as 32-bit floats in base64."""
 
 
 def scene_data(scene: Scene) -> dict[str, Any]:
@@ -33,6 +33,8 @@ def scene_data(scene: Scene) -> dict[str, Any]:
         raise SceneError(problems)
     data = describe(scene)
     if scene.is_structured:
+        if "support" not in data:
+            data["support"] = describe(scene.supports[0])
         _renumber(data, scene)
     else:
         data.pop("ground", None)
@@ -59,7 +61,7 @@ def _problems(scene: Scene) -> Iterator[str]:
     if scene.is_structured:
         yield from _structure_problems(scene)
     elif scene.force:
-        yield "force[0]: the live page shows forces on structures alone; its own drive acts on any scene"
+        yield f"force[0]: the live page {CAPABILITIES['the live page'].unless['force']}"
     if scene.cart and scene.cart.mass == 0 and "massless_cart" not in scene.features:
         yield "support.mass = 0.0: the live page needs a cart with mass"
 
@@ -106,8 +108,8 @@ def _renumbered(text: str, scene: Scene) -> str:
 def recording_of(trajectory: Trajectory) -> dict[str, Any]:
     """The samples of a motion, evenly thinned out to what a page holds, as 32-bit floats in base64.
 
-    A row is (x, angles, x', rates, work) in SI units, on a structure with its coordinates in place of x; `drift` is that
-    of the energy over the whole run.
+    A row is (x, angles, x', rates, work) in SI units, with the coordinates of a structure for x; `drift` is that of the
+    energy over the whole run.
     """
     motion, times = trajectory.motion, trajectory.times
     first, rate = motion.cart, motion.cart_rate
