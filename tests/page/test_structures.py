@@ -7,6 +7,7 @@ import subprocess
 from copy import deepcopy
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 from shutil import which
 from typing import Any
 
@@ -93,7 +94,8 @@ const motion = new $motion.Motion(system, y0, { tolerance: 1e-12, linear: false 
 motion.advance(%(seconds)s);
 const shaken = structuredClone(scene);
 for (const part of [shaken.ground?.motion, ...(shaken.force ?? [])]) if (part) part.amplitude *= 1e-6;
-const small = new $motion.Motion($system.systemOf(shaken), rest.map((value, i) => value + 1e-6 * (y0[i] - value)), { tolerance: 1e-12 });
+const begun = rest.map((value, i) => value + 1e-6 * (y0[i] - value));
+const small = new $motion.Motion($system.systemOf(shaken), begun, { tolerance: 1e-12 });
 small.advance(%(seconds)s);
 const changed = structuredClone(scene);
 for (const [place, value] of %(changes)s) {
@@ -121,6 +123,11 @@ def scene_of(name: str) -> Scene:
     return scene_from(ZOO) if name == "zoo" else load(name)
 
 
+@cache
+def text_of(name: str) -> str:
+    return structure_module(scene_of(name))
+
+
 def states_of(name: str) -> np.ndarray:
     """A time and a state with large angles, row by row."""
     system = system_of(scene_of(name))
@@ -144,7 +151,7 @@ def answers() -> dict[str, Any]:
             "seconds": SECONDS,
         }
         question = QUESTION % {key: json.dumps(value) for key, value in given.items()}
-        modules = joined((*PHYSICS, "numbers", "view"), structure_module(scene))
+        modules = joined((*PHYSICS, "numbers", "view"), text_of(name))
         scripts.append(f"{json.dumps(name)}: (() => {{ {modules}\n{question} }})()")
     return asked(f"process.stdout.write(JSON.stringify({{ {', '.join(scripts)} }}));")
 
@@ -324,3 +331,115 @@ def test_what_the_page_of_a_structure_does_not_treat_is_named() -> None:
         }
     )
     assert scene_data(scene)["spring"][0]["between"] == ["pendulum[0].links[2]@0.5", "ground"]
+
+
+HAND = """(() => {
+  const canvas = element("scene");
+  pass(3);
+  const stroke = (name) => canvas.ink.drawn.filter(([, colour]) => colour === name).length;
+  const found = { title: element("title").textContent, bodies: stroke("--cart"), springs: stroke("--muted") };
+  found.rows = element("rows").children.map((line) => line.children.map((cell) => cell.textContent).slice(1));
+  const numbers = element("of-cart").children.filter(({ type }) => type === "number");
+  found.parts = element("of-cart").beside?.[0].children[1].children.map((option) => option.textContent) ?? [];
+  found.sliders = numbers.map((one) => one.attributes["aria-label"]);
+  element("rows").children[0].click();
+  pass(40);
+  found.energy = element("energy").textContent;
+  found.drift = element("drift").textContent;
+  element("play").click();
+  element("hang").click();
+  pass(2);
+  element("kick").click();
+  pass(4);
+  element("hang").click();
+  element("drive").fire("change", { target: { checked: true } });
+  pass(4);
+  found.time = element("time").textContent;
+  element("drive").fire("change", { target: { checked: false } });
+  element("hang").click();
+  pass(1);
+  %s
+  return found;
+})()
+"""
+DRAG = """
+  const rest = canvas.ink.drawn.filter(([kind, colour]) => kind === "fill" && colour === "--cart").at(-1)[2];
+  const middle = [0, 1].map((k) => rest.reduce((total, place) => total + place[k], 0) / rest.length);
+  const event = ([x, y]) => ({ clientX: x, clientY: y, pointerId: 1 });
+  canvas.fire("pointerdown", event(middle));
+  canvas.fire("pointermove", event([middle[0] + 15, middle[1] + 8]));
+  pass(1);
+  const held = canvas.ink.drawn.filter(([kind, colour]) => kind === "fill" && colour === "--cart").at(-1)[2];
+  found.moved = held.map((place, k) => [place[0] - rest[k][0], place[1] - rest[k][1]]);
+  canvas.fire("pointerup", event(middle));
+  pass(3);
+  found.released = element("play").textContent;
+  element("hang").click();
+  const number = element("of-cart").children.find(({ type }) => type === "number");
+  const before = element("rows").children[0].children[1].textContent;
+  Object.assign(number, { value: String(2 * Number(number.value)) }).fire("change");
+  found.changed = [before, element("rows").children[0].children[1].textContent];
+"""
+
+
+@pytest.fixture(scope="module")
+def pages() -> dict[str, Any]:
+    """What is seen on the pages and what the hand does there, in as much of a browser as they need."""
+    browser = Path(__file__).with_name("browserless.js").read_text(encoding="utf-8")
+    scripts = []
+    for name in (*SHIPPED, "zoo"):
+        scene = scene_of(name)
+        given = (
+            f"element('data').textContent = {json.dumps(json.dumps({'scene': scene_data(scene), 'recording': None}))};"
+        )
+        hand = HAND % ("" if name == "two-bobs" else DRAG)
+        scripts.append(
+            f"answers[{json.dumps(name)}] = (() => {{ {browser}\n{given}\n{joined(structure=text_of(name))}\n"
+            f"return {hand}; }})();"
+        )
+    return asked(f"const answers = {{}};\n{' '.join(scripts)}\nprocess.stdout.write(JSON.stringify(answers));")
+
+
+@EVERY
+def test_the_page_shows_what_there_is(pages: dict[str, Any], name: str) -> None:
+    found, scene = pages[name], scene_of(name)
+    assert found["title"] == (scene.title or "")
+    modes = natural_modes(scene.conservative)
+    assert [row[0] for row in found["rows"]] == [f"{omega / (2 * np.pi):.5g}" for omega in modes.omega]
+    assert found["springs"] >= len(scene.spring)
+    assert found["bodies"] >= sum(size > 0 for size in (own.size for own in structure_of(scene).carriers)) - (
+        name == "zoo"
+    )
+    assert found["energy"].endswith("J")
+    assert found["energy"] != "0 J"
+    assert float(found["drift"].partition("·")[0]) >= 0
+    assert found["time"] != "0.00 s"
+
+
+def test_supports_and_springs_have_sliders(pages: dict[str, Any]) -> None:
+    assert pages["tower"]["parts"] == ["floor1", "floor2", "Spring ground – floor1", "Spring floor1 – floor2"]
+    assert pages["tower"]["sliders"] == ["Mass, kg", "Damping, N s/m"]
+    assert pages["beam"]["sliders"] == ["Mass, kg", "Inertia, kg m²", "Stiffness, N m/rad", "Damping, N m s/rad"]
+    assert pages["ship-crane"]["sliders"][2:5] == [
+        "Stiffness in sway, N/m",
+        "Stiffness in heave, N/m",
+        "Stiffness in roll, N m/rad",
+    ]
+    for name in ("two-swings", "tower", "beam", "ship-crane"):
+        before, after = pages[name]["changed"]
+        assert before != after
+
+
+@pytest.mark.parametrize("name", ["two-swings", "tower", "beam", "ship-crane", "zoo"])
+def test_a_carrier_goes_with_the_hand(pages: dict[str, Any], name: str) -> None:
+    """The corner that is held, as far as the carrier's coordinates allow."""
+    moved = np.array(pages[name]["moved"])
+    nearest = np.abs(moved - [15.0, 8.0]).sum(axis=1).min()
+    along = {"two-swings": 1.0, "tower": 0.01, "ship-crane": 0.01}.get(name)
+    if name in {"two-swings", "tower"}:
+        assert np.abs(moved[:, 0] - 15.0).max() < 2.0  # a swing rises as it goes
+    elif along is not None:
+        assert nearest < along
+    else:
+        assert np.abs(moved).max() > 2.0
+    assert pages[name]["released"] == "Pause"

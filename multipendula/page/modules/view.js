@@ -4,6 +4,7 @@ import { coordinatesOf, piecesAt, pivotsAt } from "./carriers.js";
 import { clamp } from "./numbers.js";
 import { atRest } from "./system.js";
 
+const ON = 12; // pixels
 const [STEP, WEAK] = [1e-5, 1e-9]; // of a difference, over the longest pendulum; added to squares that may be 0
 
 export class View {
@@ -114,8 +115,10 @@ export class View {
         }
       });
     });
-    if (best.link !== undefined) return { link: best.link };
-    if (this.system.structure) return this.carrierUnder(point, y, near);
+    // On a body a bob near it is not meant.
+    const carrier = this.system.structure ? this.carrierUnder(point, y, near) : null;
+    if (best.link !== undefined && !(carrier?.inside && best.distance > ON)) return { link: best.link };
+    if (this.system.structure) return carrier;
     const [x, top] = this.pixel([y[0], 0]);
     const onCart = Math.abs(point[0] - x) < this.half * this.scale && Math.abs(point[1] - top) < Math.max(22, near);
     return this.system.cart && onCart ? { cart: true } : null;
@@ -130,10 +133,10 @@ export class View {
       const inside = closed && within(point, seen);
       seen.forEach(([px, py], corner) => {
         const distance = Math.hypot(point[0] - px, point[1] - py);
-        if ((inside || distance < near) && distance < (best?.distance ?? Infinity)) best = { carrier, piece, corner, distance };
+        if ((inside || distance < near) && distance < (best?.distance ?? Infinity)) best = { carrier, piece, corner, distance, inside };
       });
     });
-    return best && { carrier: best.carrier, piece: best.piece, corner: best.corner };
+    return best;
   }
 
   // The state in which a corner of a carrier is as near to a point (m) as its coordinates allow, with the least motion
