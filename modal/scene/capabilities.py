@@ -20,6 +20,7 @@ from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field, replace
 
 from modal.errors import SceneError
+from modal.scene.doors import require_type
 from modal.scene.features import DRAG, DRIVES, FEATURES, FRICTION, LOSS
 from modal.scene.model import Scene
 
@@ -486,6 +487,7 @@ CAPABILITIES: dict[str, Capability] = {
 
 def refusals(scene: Scene, capability: str, *more: str) -> list[str]:
     """A sentence for everything that a scene, with `more` features of a call, has and the capability refuses."""
+    require_type("scene", scene, "Scene")
     one, has = CAPABILITIES[capability], scene.features | set(more)
     found = [f"{_place(scene, name)}: {one.name} {_why(one, name)}" for name in one.refuses if name in has]
     found += [f"{_place(scene, a)}: {why}: remove {b}" for (a, b), why in one.apart.items() if {a, b} <= has]
@@ -522,10 +524,12 @@ def require(scene: Scene, capability: str, *more: str) -> None:
 
 def left_out(scene: Scene, capability: str = "the table of modes") -> tuple[str, ...]:
     """What a capability leaves out of a scene, a sentence each."""
+    require_type("scene", scene, "Scene")
     return tuple(dict.fromkeys(words for _, words in _met(CAPABILITIES[capability].leaves, scene.features)))
 
 
 def one_by_one(scene: Scene, *more: str) -> str:
     """Why members of a scene, with `more` features that some of them have, go one by one; "" for side by side."""
+    require_type("scene", scene, "Scene")
     met = _met(CAPABILITIES["an ensemble"].singly, scene.features | set(more))
     return next((f"no engine takes {FEATURES[name].words} side by side" for name, _ in met), "")

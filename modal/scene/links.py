@@ -84,9 +84,11 @@ class Link(Part):
         return self.replace(drive=drive, **{name: getattr(self, name) * factor for name in self.extensive})
 
     def problems(self) -> Iterator[str]:
-        """A hoist of anything but a bob."""
+        """A hoist of anything but a bob, and one that cannot begin at this length."""
         if self.hoist and getattr(self, "kind", "") != "bob":
             yield '.hoist: only the massless rope of a bob can change its length: write kind = "bob"'
+        elif self.hoist:
+            yield from (f".hoist{problem}" for problem in self.hoist.problems_from(self.length))
 
     def length_at(self, time: float) -> float:
         """The length (m) at a time (s)."""

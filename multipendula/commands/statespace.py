@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
 from modal.exports import FORMATS
 from multipendula.command import Command
 from multipendula.commands.models import add_model_file, add_signals, model_of, scene_at, scene_of
-from multipendula.commands.shared import about, drawn, estimate_of, listed, noted, output, picture, say
+from multipendula.commands.shared import about, drawn, estimate_of, listed, noted, output, picture, remark, say
 from multipendula.completion import files
 from multipendula.options import (
     PICTURES,
@@ -57,7 +56,7 @@ def export(options: argparse.Namespace) -> None:
     with whole_file(options.file) as stream:
         stream.write(content)
     if note := target.note(content):
-        print(f"multipendula: {note}", file=sys.stderr)
+        remark(note)
 
 
 def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:

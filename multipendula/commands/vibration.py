@@ -91,7 +91,7 @@ def _add_written(page: Page) -> None:
 
 
 def _report(
-    options: argparse.Namespace, respond: Callable[..., Any], written: Callable[[Any, str], str], figure: str
+    options: argparse.Namespace, respond: Callable[..., Any], written: Callable[[Any, Any], str], figure: str
 ) -> None:
     """The response of the scene as a report and as a picture, whose name is judged before anything is computed."""
     from modal.scene import load

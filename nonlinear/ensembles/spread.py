@@ -25,6 +25,7 @@ from modal.report import (
     HTML_ROWS,
     NOTHING,
     Displayed,
+    Form,
     Summary,
     as_json,
     brief,
@@ -36,6 +37,7 @@ from modal.report import (
     titled,
 )
 from modal.scene import Scene, describe, left_out, name_of, title_of
+from modal.scene.doors import checked
 from modal.scene.parameters import Variable, Variation, find_places, number_at
 from modal.types import Floats
 from nonlinear.ensembles.running import Ensemble, ensemble
@@ -256,6 +258,7 @@ def _share(x: Floats, r: Floats) -> float:
     return float(np.corrcoef(x, r)[0, 1] ** 2)
 
 
+@checked
 def find_spread(
     scene: Scene,
     tolerances: Sequence[str],
@@ -310,7 +313,8 @@ def _scenes(scene: Scene, values: dict[str, Floats]) -> tuple[dict[int, Scene], 
     return scenes, failures
 
 
-def spread_table(found: Spread, form: str) -> str:
+@checked
+def spread_table(found: Spread, form: Form) -> str:
     """As text, csv (one line a member, with its angles at every sample of a motion) or json, the `form`."""
     if form == "csv":
         return csv_rows(_members(found))

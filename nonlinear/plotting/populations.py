@@ -61,7 +61,7 @@ def populations_figure(found: PopulationDiagram) -> Figure:
 def _panel(axis: Axes, found: PopulationDiagram, branch: MotionBranch, names: list[str]) -> None:
     axis.axhline(0.0, color=muted(), lw=0.8, zorder=1)
     for low, high in found.intervals(branch):
-        axis.plot([low, high], [0.0, 0.0], color=muted(), lw=BAR, alpha=0.6, solid_capstyle="butt", zorder=2)
+        axis.plot([low, high], [0.0, 0.0], color=muted(), lw=BAR, solid_capstyle="butt", zorder=2)
     for number, name in enumerate(names):
         if name not in branch.sectors:
             continue
@@ -80,7 +80,7 @@ def _handles(names: list[str], ends: bool) -> list[Line2D]:
     return [
         *lines,
         Line2D([], [], color=ink(), lw=1.0, ls=(0, (2, 2)), label="averaged equations"),
-        Line2D([], [], color=muted(), lw=BAR, alpha=0.6, label="stable"),
+        Line2D([], [], color=muted(), lw=BAR, label="stable"),
         Line2D([], [], label="threshold", **mark()),
         *[Line2D([], [], label="the motion itself begins or ends", **mark("s"))] * ends,
     ]

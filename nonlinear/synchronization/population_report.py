@@ -21,6 +21,10 @@ RATES = (
     "every population moves as one pendulum. Disturbances keep their symmetry (own), lead towards the other motion "
     "(other), or are of pendula against each other, which their support does not feel (within a population)."
 )
+EXACT = (
+    "exact: where a growth rate by Floquet multipliers of the full equations vanishes; averaged: where one of the "
+    "averaged equations does."
+)
 
 
 def population_sections(found: PopulationPhases, motions: tuple[SymmetricMotion, ...], why: str) -> Iterator[str]:
@@ -154,10 +158,9 @@ def diagram_text(found: PopulationDiagram) -> str:
     if found.thresholds:
         columns = (with_unit("averaged", unit), with_unit("exact", unit), "motion", "sector", "event")
         parts += ["", grid([_threshold_cells(one) for one in found.thresholds], columns)]
-        reasons = [
-            f"{one.pattern.capitalize()} at {one.value:.6g}: {one.reason}." for one in found.thresholds if one.reason
-        ]
-        parts += [line for words in reasons for line in ("", _filled(words))]
+        for one in found.thresholds:
+            parts += ["", _filled(f"{capital(one.pattern)} at {one.value:.6g}: {one.reason}.")] if one.reason else []
+        parts += ["", _filled(EXACT)]
     return "\n".join(parts) + "\n"
 
 
