@@ -112,7 +112,6 @@ IN_TIME: Sentences = {
 }
 """What is said of k (1 + iφ): no equations of motion in time have such a spring."""
 UNLOADED: Sentences = {"load": "only `simulate` is given applied forces"}
-PLAYED = "simulates pendula on one cart or one support: animate films a run of this scene, shapes its modes"
 HANGS_STRAIGHT = "a massless cart has no equation of motion where all that pulls it hangs straight down"
 ENDS: Sentences = {"massless_cart": HANGS_STRAIGHT}
 STOPS: Sentences = {"massless_cart": "the step needed is smaller than the spacing between numbers"}
@@ -311,12 +310,9 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "the live page",
-            SHAPE | {"dampers", "moved_support"} | DRAG | DRIVES,
-            refuses={
-                **_each(FRICTION | FORCED | _of("hoist space damping_ratio"), "cannot show it"),
-                "massless_cart": "cannot show it",
-                **_each(STRUCTURED, PLAYED),
-            },
+            SHAPE | {"dampers", "moved_support"} | DRAG | DRIVES | STRUCTURED,
+            refuses=_each(FRICTION | _of("constant_force hoist space damping_ratio massless_cart"), "cannot show it"),
+            unless={"force": "shows forces on structures alone, and on any scene its own drive"},
             beside=UNLOADED,
         ),
         Capability(
