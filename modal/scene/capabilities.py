@@ -168,7 +168,7 @@ PERIODIC = Capability(
 
 FORCED_ORBIT = Capability(
     "a forced periodic orbit",
-    SHAPE | {"dampers", "damping_ratio", "moved_support"} | DRAG | FORCED,
+    SHAPE | {"dampers", "damping_ratio", "moved_support"} | DRAG | FORCED | STRUCTURED,
     refuses={**CONSTANT, **PLANE, **STICKS, **_each(DRIVES, "does not follow clocks and drives at joints")},
     unless=ENDS,
     beside=UNLOADED,
@@ -177,9 +177,10 @@ FORCED_ORBIT = Capability(
 
 STROBED = Capability(
     "a stroboscopic section",
-    SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | {"moved_support"},
+    SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED | {"moved_support"},
     refuses={**CONSTANT, **PLANE},
     unless=STOPS,
+    apart=UNRUBBED,
     beside=UNLOADED,
     needs={DRIVEN_IN_TIME: "a stroboscopic section needs a period: a sine that moves the support or acts"},
 )
@@ -360,7 +361,7 @@ CAPABILITIES: dict[str, Capability] = {
         replace(SIDE_BY_SIDE, name="an ensemble", refuses=NONE, singly=BESIDE_NONE),
         Capability(
             "motion in a few modes",
-            SHAPE | LOSS | {"quadratic_drag"},
+            SHAPE | LOSS | STRUCTURED | {"quadratic_drag"},
             refuses={
                 **STILL,
                 **_each(DRIVEN_IN_TIME, "has no error estimate where what acts in time moves modes that are left out"),
@@ -374,7 +375,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "motion in closed form",
-            LINEAR,
+            LINEAR | STRUCTURED,
             leaves=_each(DRIVES, UNDRIVEN),
             refuses={**STILL, **CONSTANT, **STICKS, "quadratic_drag": "has no term for it"},
             beside=UNLOADED,
@@ -382,13 +383,14 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a comparison of methods",
-            ACTING - {"load"} | FRICTION | DRIVES | {"space", "hoist"},
+            ACTING - {"load"} | FRICTION | DRIVES | STRUCTURED | {"space", "hoist"},
             unless=ENDS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
         Capability(
             "a check of modes",
-            LINEAR,
+            LINEAR | STRUCTURED,
             leaves={name: words for name, words in ABOUT.items() if name not in STILL},
             refuses={name: words for name, words in {**STILL, **CONSTANT}.items() if name not in LEANING},
             unless=LEANING,
@@ -397,14 +399,15 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a comparison with modes",
-            SHAPE | LOSS | DRAG | FRICTION | DRIVES,
+            SHAPE | LOSS | DRAG | FRICTION | DRIVES | STRUCTURED,
             refuses={**STILL, **CONSTANT, **PLANE},
             unless=ENDS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
         Capability(
             "a periodic orbit of a mode",
-            SHAPE - {"inverted"},
+            SHAPE - {"inverted"} | STRUCTURED,
             leaves={
                 "dampers": "Dampers are left out: the orbits of a mode conserve energy.",
                 "damping_ratio": "Damping ratios are left out: the orbits of a mode conserve energy.",
@@ -427,14 +430,15 @@ CAPABILITIES: dict[str, Capability] = {
         FORCED_ORBIT,
         Capability(
             "a Lyapunov exponent",
-            SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | {"moved_support"},
+            SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED | {"moved_support"},
             refuses={**CONSTANT, **PLANE},
             unless=STOPS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
         Capability(
             "a Poincaré section",
-            SHAPE,
+            SHAPE | STRUCTURED,
             refuses={
                 **STILL,
                 **_each(_of("moved_support force"), "needs a motion that keeps its energy: find_strobes takes it"),
@@ -456,7 +460,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a Floquet multiplier",
-            SHAPE - {"cart"} | LOSS | {"quadratic_drag", "moved_support", "space"},
+            SHAPE - {"cart"} | LOSS | STRUCTURED | {"quadratic_drag", "moved_support", "space"},
             refuses={
                 **_each(FORCED, "needs a scene without forces"),
                 **_each(FRICTION, "does not follow what sticks and slips"),
@@ -479,9 +483,10 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a fit of motions",
-            SHAPE | {"dampers", "moved_support", "hoist"} | DRAG | FRICTION | DRIVES | FORCED,
+            SHAPE | {"dampers", "moved_support", "hoist"} | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED,
             refuses={**PLANE, **NO_RATIO},
             unless=ENDS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
     )

@@ -23,6 +23,7 @@ SMALL = radians(0.5)  # the first orbit of a branch
 STEP, COARSE = 0.08, 0.2  # longest steps in natural units, for a curve and to reach a point
 FARTHEST = radians(170)
 MOST = 2000  # orbits of a branch
+STILL = 1e-9  # angle (rad) of links over the displacements (m, rad) of carriers, below which they hang still
 
 
 def nonlinear_mode(
@@ -137,16 +138,23 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
         raise SceneError([f"mode {number}: the equilibrium is unstable"])
     if still.omega[row] == 0:
         raise SceneError([f"mode {number}: a rigid translation does not oscillate"])
+    if _is_carriers_alone(still, row):
+        raise SceneError([f"mode {number}: moves no link, and orbits are told by the largest angle of one"])
     return still, row
+
+
+def _is_carriers_alone(modes: Modes, row: int) -> bool:
+    """Whether a mode of a structure moves carriers and leaves every link as it hangs."""
+    shape = modes.shape(row)
+    return bool(len(shape.supports)) and np.abs(shape.angles).max() < STILL * np.abs(shape.supports).max()
 
 
 def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> Point:
     """The orbit of this amplitude (rad) beside the linear mode of this index, with the tangent towards larger ones."""
     shape = modes.shape(row)
-    cart = [float(np.real(shape.cart))] if problem.half > len(shape.angles) else []
-    phi = np.array([*cart, *np.real(shape.angles)]) / problem.flow.scale[: problem.half]
+    phi = np.real(modes.column(shape)) / problem.flow.scale[: problem.half]
     phi = phi / np.abs(np.real(shape.angles)).max()
-    quarter = np.pi / 2 / modes.omega[row] * problem.clock
+    quarter = 2 * np.pi / problem.parts / modes.omega[row] * problem.clock
     across = np.append(phi, 0.0) / np.linalg.norm(phi)
     found = point(problem, np.append(amplitude * phi, quarter), across)
     if found is None:
