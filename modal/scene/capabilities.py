@@ -120,6 +120,11 @@ HOISTING = {
 MINIMAL = ("form minimal", "form minimal takes it")
 UNRUBBED = {(one, name): "dry friction on structures is not solved" for one in sorted(STRUCTURED) for name in FRICTION}
 """What is refused together: dry friction, and structures or springs between points."""
+AIRLESS = {
+    (one, name): "Hill's equations on structures have no place for drag"
+    for one in sorted(STRUCTURED)
+    for name in sorted(DRAG)
+}
 EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
 
 # ------------------------------------------------------------------------------------------------------- the table
@@ -467,6 +472,7 @@ CAPABILITIES: dict[str, Capability] = {
                 **_each(DRIVES, "is computed without drives"),
                 "hoist": "needs constant lengths",
             },
+            apart=AIRLESS,
             beside={**UNLOADED, **_each(_of("cart massless_cart"), "a cart is no support that moves as prescribed")},
             needs={_of("moved_support"): 'support.kind: a Floquet multiplier needs kind = "moved"'},
         ),

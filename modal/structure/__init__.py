@@ -22,9 +22,10 @@ from modal.structure.structure import (
     carrier_end,
     structure_of,
 )
-from modal.structure.weights import Weight, carried, hung_masses, unbalanced, weights
+from modal.structure.weights import BALANCED, Weight, carried, hung_masses, unbalanced, weights
 
 __all__ = [
+    "BALANCED",
     "CarrierEnd",
     "CarrierNumbers",
     "End",

@@ -173,17 +173,27 @@ def _records(found: PoincareSection) -> list[dict[str, Any]]:
         column("crossing_time_s").tolist(),
         column("crossing_links_rad").tolist(),
         column("crossing_link_rates_rad_per_s").tolist(),
-        column("crossing_cart_m").tolist(),
-        column("crossing_cart_rate_m_per_s").tolist(),
+        _carried(found),
         strict=True,
     )
     return [
         {"motion": motion + 1, "time_s": time}
         | {f"theta_{place}_rad": own for place, own in zip(places, links, strict=True)}
         | {f"theta_dot_{place}_rad_per_s": own for place, own in zip(places, rates, strict=True)}
-        | {"x_m": x, "x_dot_m_per_s": speed}
-        for motion, time, links, rates, x, speed in rows
+        | carried
+        for motion, time, links, rates, carried in rows
     ]
+
+
+def _carried(found: PoincareSection) -> list[dict[str, float]]:
+    """The cart, or the coordinates of a structure, at every crossing."""
+    column, structure = found.ensemble.column, found.system.structure
+    if structure is None:
+        both = zip(column("crossing_cart_m").tolist(), column("crossing_cart_rate_m_per_s").tolist(), strict=True)
+        return [{"x_m": x, "x_dot_m_per_s": speed} for x, speed in both]
+    rates = [f"{name}_per_s" for name in structure.names]
+    each = zip(*(column(f"crossing_{name}").tolist() for name in CARRIED.values()), strict=True)
+    return [dict(zip((*structure.names, *rates), (*eta, *speeds), strict=True)) for eta, speeds in each]
 
 
 def _whole(found: PoincareSection) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from nonlinear.ensembles.plain import state_columns
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
 from nonlinear.reduction import usual_start
-from nonlinear.system import System, system_of
+from nonlinear.system import System, system_of, translations
 
 ORBITS, SPREAD, STROBES, SEED = 24, 10.0, 200, 7  # motions, degrees and strobes where nobody says
 KEPT, MOST = 50, 16  # strobes by which a settled motion is judged, and the longest period (T) that is told
@@ -70,7 +70,7 @@ def strobe_columns(system: System) -> list[str]:
 def natural_units(system: System, states: Sequence[Floats]) -> Floats:
     """States (links, their rates, cart, its rate), (S, K, ...), in natural units, (S, K, D), angles (rad) first.
 
-    The place of a cart without a spring is left out: wherever it is, it moves on in the same way.
+    The place of a cart or of carriers that nothing holds is left out: wherever they are, they move on in the same way.
     """
     links, rates, cart, speed, *carried = states
     length = float(system.by_link("length").min())
@@ -80,7 +80,10 @@ def natural_units(system: System, states: Sequence[Floats]) -> Floats:
         columns += [(cart / length)[..., None]] * bool(system.cart.stiffness)
         columns.append((speed / (length * rate))[..., None])
     if carried:
-        columns += [carried[0] / system.first_units, carried[1] / (system.first_units * rate)]
+        places = carried[0]
+        for along in translations(system):
+            places = places - (places @ along)[..., None] * along / (along @ along)
+        columns += [places / system.first_units, carried[1] / (system.first_units * rate)]
     return np.concatenate(columns, axis=-1)
 
 
