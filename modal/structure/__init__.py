@@ -8,7 +8,7 @@ Start with `carriers`; equations of motion and matrices are made elsewhere from 
 """
 
 from modal.structure.carriers import CarrierNumbers, Moving, carrier_numbers
-from modal.structure.rest import Phi, Row, bends, is_damped, phi, slopes, tied, turning
+from modal.structure.rest import Phi, Row, bends, drawn_together, is_damped, phi, slopes, tied, turning
 from modal.structure.scaling import coordinate_units, scaled
 from modal.structure.structure import (
     CarrierEnd,
@@ -44,6 +44,7 @@ __all__ = [
     "carrier_end",
     "carrier_numbers",
     "coordinate_units",
+    "drawn_together",
     "hung_masses",
     "is_damped",
     "phi",

@@ -187,13 +187,10 @@ def _records(found: PoincareSection) -> list[dict[str, Any]]:
 
 def _carried(found: PoincareSection) -> list[dict[str, float]]:
     """The cart, or the coordinates of a structure, at every crossing."""
-    column, structure = found.ensemble.column, found.system.structure
-    if structure is None:
-        both = zip(column("crossing_cart_m").tolist(), column("crossing_cart_rate_m_per_s").tolist(), strict=True)
-        return [{"x_m": x, "x_dot_m_per_s": speed} for x, speed in both]
-    rates = [f"{name}_per_s" for name in structure.names]
-    each = zip(*(column(f"crossing_{name}").tolist() for name in CARRIED.values()), strict=True)
-    return [dict(zip((*structure.names, *rates), (*eta, *speeds), strict=True)) for eta, speeds in each]
+    own = ("cart_m", "cart_rate_m_per_s") if found.system.structure is None else CARRIED.values()
+    columns = [found.ensemble.column(f"crossing_{name}") for name in own]
+    rows = np.hstack([each.reshape(len(found.orbit), -1) for each in columns]).tolist()
+    return [dict(zip(found.system.first_columns, row, strict=True)) for row in rows]
 
 
 def _whole(found: PoincareSection) -> dict[str, Any]:

@@ -285,14 +285,12 @@ def strobes_table(found: StroboscopicSection, form: str) -> str:
 def state_records(system: System, states: Sequence[Floats]) -> Iterator[dict[str, float]]:
     """Of states (links, their rates, cart, its rate), (N, ...), a record each."""
     named = places(system)
-    names = system.structure.names if system.structure else ()
     for links, rates, x, speed, *carried in zip(*(own.tolist() for own in states), strict=True):
         yield (
             {f"theta_{place}_rad": own for place, own in zip(named, links, strict=True)}
             | {f"theta_dot_{place}_rad_per_s": own for place, own in zip(named, rates, strict=True)}
             | ({"x_m": x, "x_dot_m_per_s": speed} if system.cart is not None else {})
-            | (dict(zip(names, carried[0], strict=True)) if carried else {})
-            | ({f"{name}_per_s": own for name, own in zip(names, carried[1], strict=True)} if carried else {})
+            | (dict(zip(system.first_columns, (*carried[0], *carried[1]), strict=True)) if carried else {})
         )
 
 
