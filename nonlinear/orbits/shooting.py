@@ -21,7 +21,6 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.modes import natural_modes
 from modal.scene import Scene, drive_period, require
 from modal.scene.parameters import Variable, Variation, find_places, vary, with_numbers
 from modal.types import Floats
@@ -287,15 +286,6 @@ def _joined(paths: list[Path], part: float) -> Path:
     return Path(times, np.vstack([path.states for path in paths]), np.vstack([path.rates for path in paths]))
 
 
-def require_held(scene: Scene) -> None:
-    """ComputationError where carriers of a structure move freely along the rail."""
-    if scene.is_structured and not np.all(natural_modes(scene.conservative).omega):
-        raise ComputationError(
-            "periodic orbits on a structure are computed where something holds every support, and here one moves "
-            "freely: give it a spring, or one to the ground"
-        )
-
-
 def shooting(
     scene: Scene,
     *,
@@ -312,7 +302,6 @@ def shooting(
     """
     capability = "a forced periodic orbit" if cycles else "a periodic orbit"
     require(scene, capability)
-    require_held(scene)
 
     variable = Variable(scene, [variation.path] if variation else [])
 
