@@ -175,7 +175,7 @@ def switching(name: str, quick: bool) -> str:
     starts = np.random.default_rng(1).uniform(-1, 1, (size, scene.n_links)) * (0.2 if name == "clocks" else 1.0)
     reference = ours(scene, "numpy", 1e-13)(starts)
     routes = {"`simulate` in a loop": (one_by_one(scene), 8 if quick else 64), "NumPy": (ours(scene, "numpy"), size)}
-    if find_spec("numba"):
+    if find_spec("numba") and not quick:
         routes["numba"] = ours(scene, "numba"), size
     rows = [measured(kind, route, starts[:count], reference, 3) for kind, (route, count) in routes.items()]
     lines = [
@@ -245,13 +245,14 @@ formulas of chains of up to six links.
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
-    for option in ("--quick", "--write", "--map"):
+    parser.add_argument("--quick", action="store_true", help="few members, one scene each, switches without compiling")
+    for option in ("--write", "--map"):
         parser.add_argument(option, action="store_true")
     options = parser.parse_args()
     parts = [HEAD.format(versions=versions(), duration=DURATION, tolerance=TOLERANCE)]
-    for name in SCENES:
+    for name in [*SCENES][: 1 if options.quick else None]:
         parts += [f"## {NAMES[name].capitalize()}", table(rows_of(name, options.quick))]
-    for name in SWITCHING:
+    for name in [*SWITCHING][: 1 if options.quick else None]:
         parts += [f"## {NAMES[name].capitalize()}", switching(name, options.quick)]
     if options.map:
         parts += ["## Many", turns(512, 20.0), memory(1_000_000)]

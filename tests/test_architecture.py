@@ -19,6 +19,7 @@ DOORS = {*PACKAGES, "modal._compatibility", "multipendula.__main__"}
 HEAVY = {
     "matplotlib": {"modal.plotting", "nonlinear.plotting"},
     "scipy": {
+        "modal.eigen.product",
         "modal.statespace.hoisting",
         "modal.statespace.sampling",
         "modal.statespace.transfer",

@@ -29,7 +29,7 @@ from nonlinear.integration import Trajectory
 from nonlinear.simulation import SimulationError
 
 DOCS = Path(__file__).parent.parent.parent / "docs"
-PATIENCE, QUICK_PATIENCE = 4.0, 1.0  # time limits (s) of a rival
+PATIENCE, QUICK_PATIENCE = 4.0, 0.2  # time limits (s) of a rival
 OURS = 60.0  # our time limit (s)
 FINE = {"rtol": 1e-9, "atol": 1e-9}
 

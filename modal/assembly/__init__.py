@@ -5,8 +5,8 @@ In: a `Scene`.  Out: `Rig`, arrays of pendula with equal ones counted once, and 
     M q'' + D q' + K q = 0,    q = (x, θ_1, …, θ_n)
 
 Every other room works on these arrays and never asks what kind a link is.  Start with `arrays`; `stacks` are many
-scenes of one form, `single` is one short chain in floats, `linearization` is the dense form for printing, for small
-problems and for tests.
+scenes of one form, `structure` is what carries pendula where it is more than one cart, `single` is one short chain in
+floats, `linearization` is the dense form for printing, for small problems and for tests.
 """
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of

@@ -7,7 +7,9 @@ has the velocity w_k = Σ_{j≤k} σ_j l_j' downwards even at rest.  With the ma
     D += Σ m hᵀ 2h' + d hᵀh,    K += Σ m hᵀ h'' + d hᵀ h',
 
 and what draws a mass k down, and holds all links above upright, is m_k (g − w_k') − d_k w_k in place of m_k g.
-Quadratic drag |v| v is linear in a small motion beside w: it adds `quadratic_drag` |w| to d.
+Quadratic drag |v| v is linear in a small motion beside w: it adds `quadratic_drag` |w| to d, and twice that to the drag
+of a pivot that moves up and down.  On a structure (`modal.assembly.structure`) rows begin with those of the pivots, and
+what draws the masses down bends its coordinates; what it pushes up and down as it speeds up is no term of these.
 """
 
 from __future__ import annotations
@@ -16,15 +18,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.assembly.arrays import rig_of
+from modal.assembly.arrays import Rig, rig_of
 from modal.assembly.dense import assembled, dampers, displacements, joints
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices_of
+from modal.assembly.structure import Hanging, on_structure
 from modal.errors import SceneError
-from modal.scene import Bob, Scene
+from modal.scene import Bob, Scene, validate_scene
+from modal.scene.points import Point, parse_point
+from modal.structure import bends
 from modal.types import Floats, Ints
 
 Law = Callable[[Any], tuple[Any, Any, Any]]
@@ -120,6 +125,7 @@ def hoisting_of(scene: Scene, given: Hoists | None = None) -> Hoisting | None:
 
     Raises SceneError for a law of a link that is no bob or does not exist, and for one that gives no three numbers.
     """
+    validate_scene(scene)
     if not (given or scene.is_hoisted):
         return None
     if not isinstance(given or {}, Mapping):
@@ -177,11 +183,13 @@ class Instant:
 
 def matrices_at(scene: Scene, time: float) -> Matrices:
     """M, K and D (SI) of M q'' + D q' + K q = 0 at a time (s), for lengths that change; M alone is symmetric then."""
+    validate_scene(scene)
     return matrices_along(scene)(time)
 
 
 def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
     """`matrices_at` as a function of time, for many times."""
+    validate_scene(scene)
     if not scene.is_hoisted:
         constant = matrices_of(rig_of(scene))
         return lambda time: constant
@@ -194,11 +202,14 @@ def instants(scene: Scene) -> Callable[[float], Instant]:
 
     SceneError for a scene without one, and under constant forces, whose equilibrium would change with the lengths.
     """
+    validate_scene(scene)
     hoisting, rig = hoisting_of(scene), rig_of(scene)
     if hoisting is None:
         raise SceneError(["hoist: no link of this scene has one"])
     if rig.leans:
         raise SceneError([LEANS])
+    if rig.structure:
+        _refuse_springs(scene)
     chains = [
         rig.blocks[block].take(np.array([column])) for block, column, copies in rig.members for _ in range(copies)
     ]
@@ -208,11 +219,14 @@ def instants(scene: Scene) -> Callable[[float], Instant]:
     )
     bare = [(replace(chain, drag=np.zeros_like(chain.drag)), 0) for chain in chains]
     metre = [(replace(chain, length=np.ones_like(chain.length)), 0) for chain in chains]
+    carried = _carried(rig)
     springs, joint_dampers = assembled(bare, rig.cart, 0.0)[1], dampers(bare, rig.cart)
-    first, labels, quadratic = int(rig.cart is not None), coordinate_labels(rig), quadratic_drags(scene)
-    pattern = displacements(metre, rig.cart, joints)[:, first:]
+    if carried:
+        springs, joint_dampers = carried.K, carried.D
+    first, labels, quadratic = rig.leading, coordinate_labels(rig), quadratic_drags(scene)
+    pattern = displacements(metre, rig.cart, joints)[:, int(rig.cart is not None) :]
     above, own = np.where(hoisting.moving, pattern, np.tril(pattern, -1)), np.diag(~hoisting.moving * sigma * centre)
-    index, sides = np.arange(first, first + len(mass)), np.ones((len(mass), first))
+    index, sides = np.arange(first, first + len(mass)), carried.along if carried else np.ones((len(mass), first))
     resting: dict[bytes, Instant] = {}
 
     def rest(time: float) -> Instant:
@@ -232,16 +246,70 @@ def instants(scene: Scene) -> Callable[[float], Instant]:
         M = massive @ rows
         M[index, index] += inertia
         M[:first, :first] += rig.cart.mass if rig.cart else 0.0
+        pull = mass * (rig.gravity - fallen) - drag * falling
         K = springs + massive @ bend + dragged @ rate
-        K[index, index] += (rows.T @ (mass * (rig.gravity - fallen) - drag * falling))[first:]
+        K[index, index] += (rows.T @ pull)[first:]
         D = joint_dampers + 2 * massive @ rate + dragged @ rows
+        if carried:
+            sunk = carried.down.T
+            M += carried.M
+            M[:first, :first] += (sunk * mass) @ carried.down
+            K[range(first), range(first)] += pull @ carried.bends
+            D[:first, :first] += (sunk * (linear + 2 * quadratic * np.abs(falling))) @ carried.down
         return Instant(Matrices(M, K, D, labels), rate, bend, drag)
 
     return at
 
 
+class _Carried(NamedTuple):
+    """What carries L links: M, K and D without them, the rows (L, d) of their pivots, and −∂²z/∂η² of these."""
+
+    M: Floats
+    K: Floats
+    D: Floats
+    along: Floats
+    down: Floats
+    bends: Floats
+
+
+def _carried(rig: Rig) -> _Carried | None:
+    """The structure of a rig, None without one."""
+    if rig.structure is None:
+        return None
+    hanging, d = Hanging(rig), rig.leading
+    light = dict.fromkeys(("mass", "inertia", "drag"), np.zeros_like)
+    blocks = [replace(one, **{name: zero(getattr(one, name)) for name, zero in light.items()}) for one in rig.blocks]
+    M, K, D = on_structure(replace(rig, blocks=tuple(blocks), gravity=0.0))
+    for own, start in zip(rig.structure.carriers, rig.structure.offsets, strict=False):
+        for k, bend in bends(own, own.centre):
+            K[start + k, start + k] += rig.gravity * float(own.mass) * bend
+    each = np.diff(hanging.first)
+    bent = np.zeros((len(each), d))
+    for row, (carrier, where) in zip(bent, rig.structure.pivots, strict=True):
+        for k, bend in bends(rig.structure.carriers[carrier], where):
+            row[rig.structure.offsets[carrier] + k] = bend
+    along, down, bent = (np.repeat(rows, each, axis=0) for rows in (hanging.phi.along, hanging.phi.down, bent))
+    return _Carried(M, K, D, along, down, bent)
+
+
+def _refuse_springs(scene: Scene) -> None:
+    """SceneError for springs at links of pendula that a hoist makes longer or shorter, which would stretch them."""
+    problems = []
+    for index, spring in enumerate(scene.spring if scene.is_hoisted else ()):
+        for end, text in enumerate(spring.between):
+            point = parse_point(text)
+            if spring.kind == "torsion" or not isinstance(point, Point):
+                continue
+            if any(link.hoist for link in scene.pendulum[point.pendulum].links[: point.link + 1]):
+                at = f'spring[{index}].between[{end}] = "{text}"'
+                problems.append(f"{at}: the hoist would stretch it: there is no equilibrium along it")
+    if problems:
+        raise SceneError(problems)
+
+
 def quadratic_drags(scene: Scene) -> Floats:
     """That of every link (L,), in the order of the file."""
+    validate_scene(scene)
     return np.concatenate(
         [
             np.tile([link.quadratic_drag for link in pendulum.links for _ in range(link.count)], pendulum.count)

@@ -211,7 +211,7 @@ def _damping(coupling: StructureCoupling) -> Iterator[str]:
         yield _damped(coupling, mode)
     if len(modes) > MOST_LISTED and scene.has_damping:
         yield f"{len(modes) - MOST_LISTED} more modes are in the JSON form."
-    if scene.has_damping and modes:
+    if scene.has_damping and modes and not scene.is_driven:
         last, first = (choose(modes, key=lambda mode: mode.decay) for choose in (min, max))
         spared = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay]
         if spared:

@@ -18,17 +18,16 @@ from functools import cached_property
 from math import inf, pi, sqrt
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from modal.assembly import ratio_at
 from modal.coupling.damping import Damped, nearest_values, negative_damping, slowest
 from modal.coupling.exchange import MOST_MODES, STRONG, Transfer, transfer
 from modal.coupling.fixed_base import FixedBaseModes
-from modal.coupling.reduced import Reduced
+from modal.coupling.reduced import Reduced, pencil
 from modal.eigen import degenerate_modes
 from modal.errors import ComputationError
-from modal.modes import moving_words, natural_modes, table_numbers
+from modal.modes import moving_words, natural_modes, paired, table_numbers
 from modal.report import NOTHING, Displayed, Summary, brief, counted
 from modal.scene import Scene, name_of
 from modal.structure import Structure, slopes
@@ -118,7 +117,16 @@ class Exchanged(Displayed):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StructureCoupling(Displayed):
-    """The coupling of a scene's pendula by the structure that they hang from, and by springs."""
+    """The coupling of a scene's pendula by the structure that they hang from, and by springs.
+
+    >>> from modal import load
+    >>> from modal.coupling import explain
+    >>> found = explain(load("two-swings"))
+    >>> found.words(found.modes[1].shape), found.families[0].still
+    ('two swings in antiphase', 28)
+    >>> [round(branch.omega, 6) for branch in found.families[0].branches]
+    [9.944274, 10.028201]
+    """
 
     scene: Scene
     reduced: Reduced
@@ -301,9 +309,9 @@ class StructureCoupling(Displayed):
             columns[-1][d + members] = patterns
             places += [(r, k) for k in range(patterns.shape[1])]
         shares = (np.hstack(columns).T @ vectors) ** 2
-        rows, taken = scipy.optimize.linear_sum_assignment(-shares)
+        taken = paired(shares, np.ones(shares.shape[1], dtype=np.int64))
         found: list[list[Branch]] = [[] for _ in self._members]
-        for row, mode in zip(rows.tolist(), taken.tolist(), strict=True):
+        for row, mode in enumerate(taken.tolist()):
             r, k = places[row]
             if r >= 0:
                 found[r].append(self._branch(r, k, eigen[r], float(square[mode]), vectors[:, mode]))
@@ -537,7 +545,7 @@ def _pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:
 
     ComputationError for a structure that falls over.
     """
-    square, vectors = scipy.linalg.eigh(K, M)
+    square, vectors = pencil(K, M)
     terms = np.einsum("ik,ij,jk->k", np.abs(vectors), np.abs(K), np.abs(vectors))
     square = np.where(np.abs(square) <= NOTHING_HOLDS * terms, 0.0, square)
     if np.any(square < 0):

@@ -6,7 +6,8 @@ In: a `Rig`.  Out: a `Spectrum`, the eigenvalues in ascending order, each with t
 
 A chain uses the effective-mass recursion and bisection (`chains`, in floats `short`), with joint springs or inverted
 links `sprung_chains`; many different pendula on one cart the secular equation (`coupled`); dampers the quadratic
-problem (`quadratic`). Start with `spectrum`, which chooses.
+problem (`quadratic`).  On structures (`structured`) counts go on through trees of springs (`trees`), loops and springs
+between links take the factors of K and M (`product`). Start with `spectrum`, which chooses.
 
 `elimination` is the recursion at any complex frequency, with loads, in the floats or decimals of `arithmetic`.
 """

@@ -15,11 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly import ARRAYS, Block, Hanging, Rig, add_modal, null_space
-from modal.eigen.product import Factor
+from modal.assembly import ARRAYS, Block, Element, Hanging, Rig, add_modal, null_space
+from modal.eigen.factor import Factor
 from modal.eigen.recursion import at_infinity
-from modal.eigen.sturm import chains_of
-from modal.eigen.trees import Tree
+from modal.eigen.trees import Hung, Tree
 from modal.structure import slopes
 from modal.types import Floats, Ints
 
@@ -98,8 +97,9 @@ class Balanced(NamedTuple):
 
 
 class Component(NamedTuple):
-    """Coordinates of the structure (in ascending order) and combinations of pendula that move together."""
+    """Coordinates of the structure, in ascending order, and combinations of pendula that move together."""
 
+    group: int
     eta: Ints
     heavies: tuple[Heavy, ...]
 
@@ -163,6 +163,20 @@ class Carried:
         return np.array([_leader(leader, k) for k in range(len(leader))], dtype=np.int64)
 
     @cached_property
+    def owned(self) -> dict[int, tuple[list[Element], list[Element], list[Element]]]:
+        """The elements of M, K and D by the number of their part."""
+        node = {p: self.size + k for k, p in enumerate(sorted(self.hanging.tied))}
+        found: dict[int, tuple[list[Element], list[Element], list[Element]]] = {
+            int(k): ([], [], []) for k in self.groups
+        }
+        for which, part in enumerate(self.hanging.elements[:3]):
+            for element in part:
+                at = element.at[0]
+                at = at if at < self.size else node[self.hanging.owner(at - self.size)]
+                found[int(self.groups[at])][which].append(element)
+        return found
+
+    @cached_property
     def parted(self) -> tuple[tuple[Component, ...], tuple[Balanced, ...]]:
         """The components, and the combinations of pendula in different columns that leave the structure still."""
         tied = {p: self.size + k for k, p in enumerate(sorted(self.hanging.tied))}
@@ -183,7 +197,7 @@ class Carried:
             owned[group] += heavies
             still += balanced
         eta = np.arange(self.size)
-        components = [Component(eta[self.groups[: self.size] == group], tuple(own)) for group, own in owned.items()]
+        components = [Component(g, eta[self.groups[: self.size] == g], tuple(own)) for g, own in owned.items()]
         return tuple(components), tuple(still)
 
     def _combined(self, block: int, columns: list[int]) -> tuple[list[Heavy], list[Balanced]]:
@@ -258,10 +272,10 @@ class Carried:
             M += (self.pivots[number].T * felt) @ self.pivots[number]
         return np.diag(np.linalg.inv(M))
 
-    def momentum(self, reduced: Reduced) -> Floats:
-        """The momentum along the rail (n,) by each rate of a component; NaN where a modal support is part of it."""
-        component, structure = reduced.component, self.hanging.structure
-        found, whole = np.zeros(reduced.size), np.zeros(self.size)
+    @cached_property
+    def _pushed(self) -> Floats:
+        """The momentum along the rail by each rate of the structure, (d,)."""
+        structure, whole = self.hanging.structure, np.zeros(self.size)
         for carrier, own in enumerate(structure.carriers):
             span = slice(structure.offsets[carrier], structure.offsets[carrier + 1])
             if own.M is not None:
@@ -271,7 +285,12 @@ class Carried:
                     whole[place] += float(own.mass) * value
         for number, block in enumerate(self.rig.blocks):
             whole += (block.count * block.mass.sum(0)) @ self.pivots[number]
-        found[: len(component.eta)] = whole[component.eta]
+        return whole
+
+    def momentum(self, reduced: Reduced) -> Floats:
+        """The momentum along the rail (n,) by each rate of a component; NaN where a modal support is part of it."""
+        component, found = reduced.component, np.zeros(reduced.size)
+        found[: len(component.eta)] = self._pushed[component.eta]
         for heavy, at in zip(component.heavies, reduced.places.tolist(), strict=False):
             block = self.rig.blocks[heavy.block]
             several = sum(share.copies * share.amplitude for share in heavy.shares)
@@ -325,19 +344,29 @@ class Reduced:
         return self._factor(0), self._factor(1), self._factor(2)
 
     def _factor(self, which: int) -> Factor:
-        parts = [*self._elements(which), *self._modal(which)]
-        for heavy, at in zip(self.component.heavies, self.places.tolist(), strict=False):
-            parts += list(self._chain(heavy, at)[which])
-        rows = np.array([row for row, _ in parts]).reshape(-1, self.size)
-        return Factor(rows, np.array([size for _, size in parts]))
+        own = self.squares[which]
+        rows = np.zeros((len(own), self.size))
+        for row, element in zip(rows, own, strict=True):
+            row[list(element.at)] = element.row
+        parts = [
+            self._chain(heavy, at)[which] for heavy, at in zip(self.component.heavies, self.places[:-1], strict=True)
+        ]
+        return Factor(
+            np.concatenate([rows, *(part.rows for part in parts)]),
+            np.concatenate([[element.size for element in own], *(part.size for part in parts)]),
+        )
 
-    def _elements(self, which: int) -> Iterator[tuple[Floats, float]]:
-        known = self._known
-        for element in self.carried.hanging.elements[which]:
-            if element.at[0] in known:
-                row = np.zeros(self.size)
-                row[[known[place] for place in element.at]] = element.row
-                yield row, element.size
+    @cached_property
+    def squares(self) -> tuple[tuple[Element, ...], ...]:
+        """The elements of M, K and D but those of the chains themselves, in the coordinates of the component."""
+        known, owned = self._known, self.carried.owned[self.component.group]
+        found = [[one._replace(at=tuple(known[place] for place in one.at)) for one in own] for own in owned]
+        for start, matrices in self.modal:
+            for own, S in zip(found, matrices, strict=True):
+                root, signs = square_root(S)
+                at = tuple(range(start, start + len(S)))
+                own += [Element(at, tuple(row), sign) for row, sign in zip(root.tolist(), signs.tolist(), strict=True)]
+        return tuple(map(tuple, found))
 
     @property
     def modal(self) -> Iterator[tuple[int, tuple[Floats, Floats, Floats]]]:
@@ -347,15 +376,7 @@ class Reduced:
             if own.M is not None and own.K is not None and own.D is not None and start in self._known:
                 yield self._known[start], (own.M, own.K, own.D)
 
-    def _modal(self, which: int) -> Iterator[tuple[Floats, float]]:
-        for start, matrices in self.modal:
-            root, signs = square_root(matrices[which])
-            for part, sign in zip(root, signs, strict=True):
-                row = np.zeros(self.size)
-                row[start : start + len(part)] = part
-                yield row, float(sign)
-
-    def _chain(self, heavy: Heavy, at: int) -> tuple[list[tuple[Floats, float]], ...]:
+    def _chain(self, heavy: Heavy, at: int) -> tuple[Factor, Factor, Factor]:
         """The squares of M, K and D of one combination."""
         block, p, w = self.carried.rig.blocks[heavy.block], heavy.column, heavy.weight
         eta, n, size = self.component.eta, block.n, self.size
@@ -370,19 +391,33 @@ class Reduced:
         turn[1:] -= angle[:-1]
         turn[0, : len(eta)] -= heavy.felt[eta]
 
-        def squares(rows: Floats, sizes: Floats) -> list[tuple[Floats, float]]:
-            return [(row, w * value) for row, value in zip(rows, sizes[:, p].tolist(), strict=True) if value]
+        def factor(*parts: tuple[Floats, Floats]) -> Factor:
+            rows, sizes = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+            return Factor(rows[sizes != 0], w * sizes[sizes != 0])
 
+        weight = block.sigma[:, p] * block.b[:, p] * self.carried.rig.gravity
         return (
-            squares(centre, block.mass) + squares(angle, block.inertia),
-            squares(angle, block.sigma * block.b * self.carried.rig.gravity) + squares(turn, block.stiffness),
-            squares(turn, block.damping) + squares(centre, block.drag),
+            factor((centre, block.mass[:, p]), (angle, block.inertia[:, p])),
+            factor((angle, weight), (turn, block.stiffness[:, p])),
+            factor((turn, block.damping[:, p]), (centre, block.drag[:, p])),
         )
+
+    @cached_property
+    def is_damped(self) -> bool:
+        """Whether there are dampers or drag."""
+        return bool(self.squares[2]) or any(
+            block.damping[:, heavy.column].any() or block.drag[:, heavy.column].any() for block, heavy in self._chains
+        )
+
+    @property
+    def _chains(self) -> Iterator[tuple[Block, Heavy]]:
+        return ((self.carried.rig.blocks[heavy.block], heavy) for heavy in self.component.heavies)
 
     @cached_property
     def is_positive(self) -> bool:
         """Whether all springs are positive."""
-        return bool((self.factors[1].size > 0).all())
+        hang = all((block.sigma[:, heavy.column] > 0).all() for block, heavy in self._chains)
+        return hang and all(element.size > 0 for element in self.squares[1])
 
     @cached_property
     def terms(self) -> Floats:
@@ -398,17 +433,37 @@ class Reduced:
         elements, eta = self.carried.hanging.elements, self.component.eta
         left = np.zeros(self.carried.size)
         for element in elements.stiffness:
-            if len(element.at) == 1 and element.row == (1.0,):
+            if len(element.at) == 1 and element.row == (1.0,) and element.at[0] < left.size:
                 left[element.at[0]] += abs(element.size)
         return np.maximum(elements.terms - left, 0.0)[eta]
+
+    @property
+    def cancelling(self) -> float:
+        """The largest ratio of the sum of absolute terms of an η's stiffness to what is left of it."""
+        left = np.zeros(len(self.component.eta))
+        for element in self.squares[1]:
+            for place, value in zip(element.at, element.row, strict=True):
+                if place < len(left):
+                    left[place] += element.size * value**2
+        held = left > 0
+        return float(1 + (self.hidden[held] / left[held]).max(initial=0.0))
 
     @cached_property
     def free(self) -> Floats:
         """Motions (n, f) without any spring, orthonormal in M; no angle takes part in them."""
-        d = len(self.component.eta)
-        rows = self.factors[1].rows[:, :d]
-        basis = null_space(rows[np.abs(rows).sum(1) > 0])
-        M = self.factors[0].matrix[:d, :d]
+        eta = self.component.eta
+        d = len(eta)
+        joints = [heavy.felt[eta] * (block.stiffness[0, heavy.column] > 0) for block, heavy in self._chains]
+        rows = np.zeros((len(self.squares[1]), d))
+        M = np.zeros((d, d))
+        for row, element in zip(rows, self.squares[1], strict=True):
+            row[[k for k in element.at if k < d]] = [value for k, value in zip(*element[:2], strict=True) if k < d]
+        for element in self.squares[0]:
+            element.add_to(M)
+        for block, heavy in self._chains:
+            mass = heavy.weight * block.mass[:, heavy.column].sum()
+            M += mass * np.multiply.outer(heavy.along[eta], heavy.along[eta])
+        basis = null_space(np.concatenate([rows, np.reshape(joints, (len(joints), d))]))
         found = np.zeros((self.size, basis.shape[1]))
         for k in range(basis.shape[1]):
             before = found[:d, :k]
@@ -425,76 +480,67 @@ class Reduced:
     @cached_property
     def tree(self) -> Tree | None:
         """The component as a tree of coordinates with plain chains; None for any other."""
-        blocks, eta = self.carried.rig.blocks, self.component.eta
-        known, hung = self._known, list[tuple[Heavy, int]]()
-        for heavy in self.component.heavies:
+        known, d, hung = self._known, len(self.component.eta), list[tuple[Heavy, int]]()
+        for block, heavy in self._chains:
             at = np.flatnonzero(heavy.along)
-            if len(at) != 1 or heavy.felt.any() or not blocks[heavy.block].is_plain[heavy.column]:
+            if len(at) != 1 or heavy.felt.any() or not block.is_plain[heavy.column]:
                 return None
             hung.append((heavy, known[int(at[0])]))
-        mass, stiffness, springs = np.zeros(len(eta)), np.zeros(len(eta)), dict[tuple[int, int], tuple[float, ...]]()
-        factors = [self._factor_of_structure(which) for which in (0, 1)]
-        for factor, own in zip(factors, (mass, stiffness), strict=True):
-            for row, size in zip(*factor, strict=True):
-                at = np.flatnonzero(row)
-                if size < 0 or at.size > 2 or at[-1] >= len(eta) or (at.size > 1 and own is mass):
+        mass, stiffness, springs = np.zeros(d), np.zeros(d), dict[tuple[int, int], tuple[float, float, float]]()
+        for own, elements in zip((mass, stiffness), self.squares, strict=False):
+            for element in elements:
+                if element.size < 0 or len(element.at) > (1 if own is mass else 2) or element.at[-1] >= d:
                     return None
-                if at.size == 1:
-                    own[at[0]] += size * row[at[0]] ** 2
-                elif (pair := (int(at[0]), int(at[1]))) in springs:
+                if len(element.at) == 1:
+                    own[element.at[0]] += element.size * element.row[0] ** 2
+                elif (pair := (element.at[0], element.at[1])) in springs:
                     return None
                 else:
-                    springs[pair] = (float(size), float(row[at[0]]), float(row[at[1]]))
-        if not len(eta) or len(springs) != len(eta) - 1:
+                    springs[pair] = (element.size, element.row[0], element.row[1])
+        if not d or len(springs) != d - 1:
             return None
         return _tree(mass, stiffness, springs, self._hung(hung))
 
-    def _factor_of_structure(self, which: int) -> Factor:
-        parts = [*self._elements(which), *self._modal(which)]
-        rows = np.array([row for row, _ in parts]).reshape(-1, self.size)
-        return Factor(rows, np.array([size for _, size in parts]))
-
-    def _hung(self, hung: list[tuple[Heavy, int]]) -> dict[int, tuple[Block, Ints]]:
-        found = {}
+    def _hung(self, hung: list[tuple[Heavy, int]]) -> list[Hung]:
+        """The chains of every block, h² times as heavy, whose angles are h times as large."""
+        found = []
         for number in sorted({heavy.block for heavy, _ in hung}):
-            own = [(heavy, at) for heavy, at in hung if heavy.block == number]
-            block = self.carried.rig.blocks[number].take(np.array([heavy.column for heavy, _ in own]))
-            factor = np.array([heavy.weight * float(heavy.along.sum()) ** 2 for heavy, _ in own])
-            found[number] = block.heavier(factor), np.array([at for _, at in own])
+            own = [(k, heavy, at) for k, (heavy, at) in enumerate(hung) if heavy.block == number]
+            block = self.carried.rig.blocks[number].take(np.array([heavy.column for _, heavy, _ in own]))
+            h = np.array([float(heavy.along.sum()) for _, heavy, _ in own])
+            heavier = block.heavier(np.array([heavy.weight for _, heavy, _ in own]) * h**2)
+            places = np.array([at for *_, at in own])
+            found.append(Hung(heavier, places, h, self.places[[k for k, *_ in own]]))
         return found
 
 
 def _tree(
-    mass: Floats,
-    stiffness: Floats,
-    springs: dict[tuple[int, int], tuple[float, ...]],
-    hung: dict[int, tuple[Block, Ints]],
+    mass: Floats, stiffness: Floats, springs: dict[tuple[int, int], tuple[float, float, float]], hung: list[Hung]
 ) -> Tree | None:
     """The tree of coordinates in the order in which they are reached from the first; None where there is a loop."""
+    beside: list[list[tuple[int, float, float, float]]] = [[] for _ in mass]
+    for (one, two), (size, near, far) in springs.items():
+        beside[one].append((two, size, near, far))
+        beside[two].append((one, size, far, near))
     order, above = [0], {0: (-1, 0.0, 0.0, 0.0)}
     for i in order:
-        for (one, two), (size, near, far) in springs.items():
-            for this, that, alpha, beta in ((one, two, near, far), (two, one, far, near)):
-                if this == i and that not in above:
-                    order.append(that)
-                    above[that] = (i, size, alpha, beta)
+        for other, size, near, far in beside[i]:
+            if other not in above:
+                order.append(other)
+                above[other] = (i, size, near, far)
     if len(order) < len(mass):
         return None
     at = {place: k for k, place in enumerate(order)}
-    spring, near, far = np.array([above[place][1:] for place in order]).T
-    chains = []
-    for block, places in hung.values():
-        arrays = (block.mass, block.length, block.centre, block.inertia)
-        own = chains_of(*(values.reshape(block.n, -1, 1, 1) for values in arrays))
-        chains.append((own, np.array([at[place] for place in places.tolist()])))
+    spring, near_end, far_end = np.array([above[place][1:] for place in order]).T
     return Tree(
+        np.array(order),
         np.array([at.get(above[place][0], -1) for place in order]),
         stiffness[order],
         mass[order],
         spring,
-        near,
-        far,
-        tuple(chains),
+        near_end,
+        far_end,
+        tuple(own._replace(places=np.array([at[place] for place in own.places.tolist()])) for own in hung),
     )
 
 

@@ -17,32 +17,17 @@ Free motions, without any spring, have exactly ω = 0: their number is known, an
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy
 
+from modal.eigen.factor import BEYOND, Factor, is_wide
 from modal.errors import ComputationError
 from modal.types import Floats, Ints
 
-WIDE = 200
-"""Coordinates up to which the triangular factors are computed in the widest floats of the machine."""
 KEEP_ALL = 0
 """LAPACK's joba "C": no singular value is set to zero, as "A" does below n ε of the largest."""
-BEYOND = "the ratios in this scene are beyond double precision on its product form"
-
-
-class Factor(NamedTuple):
-    """The sum of `size` (E,) times the squares of `rows` (E, n)."""
-
-    rows: Floats
-    size: Floats
-
-    @property
-    def matrix(self) -> Floats:
-        """The sum, (n, n)."""
-        found: Floats = (self.rows.T * self.size) @ self.rows
-        return found
 
 
 def product_modes(stiffness: Factor, inertia: Factor, free: int = 0) -> tuple[Floats, Floats]:
@@ -67,13 +52,9 @@ def product_modes(stiffness: Factor, inertia: Factor, free: int = 0) -> tuple[Fl
     _, R2, order2 = scipy.linalg.qr((L * d).astype(float), mode="economic", pivoting=True)
     omega, u = _jacobi((R2 @ U.astype(float)[order2]).T)
     shapes = np.empty((n, n - free))
-    shapes[order] = scipy.linalg.solve_triangular(R.astype(float), u)
+    for j in reversed(range(n)):  # quicker than LAPACK's threads where n is small
+        shapes[order[j]] = u[j] = (u[j] - R[j, j + 1 :].astype(float) @ u[j + 1 :]) / float(R[j, j])
     return omega, shapes / size[:, None].astype(float)
-
-
-def is_wide(size: int) -> bool:
-    """Whether the triangular factors of so many coordinates are computed in wider floats."""
-    return size <= WIDE and bool(np.finfo(np.longdouble).eps < np.finfo(float).eps)
 
 
 def _root(factor: Factor, wide: Any) -> Any:

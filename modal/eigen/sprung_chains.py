@@ -145,7 +145,7 @@ class _Shape(NamedTuple):
             own[..., column] -= (its * share)[..., 0]
 
 
-def _gathered(block: Block, found: Eliminated, x: Floats, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
+def gathered(block: Block, found: Eliminated, x: Floats, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
     """The load on each link (n, P, R) once everything below is eliminated, and the force on the pivot (P, R)."""
     felt, pivot = np.empty_like(moment), np.zeros(moment.shape[1:])
     passed, turned = pivot, _turned(block)
@@ -157,8 +157,8 @@ def _gathered(block: Block, found: Eliminated, x: Floats, force: Floats, moment:
     return felt, pivot
 
 
-def _descended(block: Block, found: Eliminated, x: Floats, felt: Floats, pivot: Floats) -> tuple[Floats, Floats]:
-    """Angles and displacements of the centres (n, P, R) under the load on each link, the pivot displaced (R,).
+def descended(block: Block, found: Eliminated, x: Floats, felt: Floats, pivot: Floats) -> tuple[Floats, Floats]:
+    """Angles and displacements of the centres (n, P, R) under the load on each link, pivots displaced (R,) or (P, R).
 
     The lower joint moves by y + l θ = (y (D + x l H) + l (s φ + …)) / D, in which D + x l H needs no μ.
     """
@@ -345,7 +345,7 @@ class SprungProblem:
     def _answer(self, found: list[Eliminated], x: Floats, loads: _Loads) -> _Shape:
         """(K − x M)⁻¹ of these loads."""
         parts = zip(self.blocks, found, loads.force, loads.moment, strict=True)
-        felt, pivots = zip(*(_gathered(block, one, x, *load) for block, one, *load in parts), strict=True)
+        felt, pivots = zip(*(gathered(block, one, x, *load) for block, one, *load in parts), strict=True)
         cart = np.zeros(len(x))
         if self.cart:
             mass = self.cart.mass + sum(one.mass[0].sum(0) for one in found)
@@ -353,7 +353,7 @@ class SprungProblem:
             stiffness = np.where(stiffness == 0, -NUDGE * (self.cart.stiffness + np.abs(x) * self._hanging), stiffness)
             cart = (loads.cart + sum(pivot.sum(0) for pivot in pivots)) / stiffness
         moved = zip(self.blocks, found, felt, strict=True)
-        angles, centres = zip(*(_descended(block, one, x, own, cart) for block, one, own in moved), strict=True)
+        angles, centres = zip(*(descended(block, one, x, own, cart) for block, one, own in moved), strict=True)
         return _Shape(angles, centres, cart)
 
     def _inertial(self, shape: _Shape) -> _Loads:

@@ -19,10 +19,11 @@ from modal.eigen import dense, quadratic
 from modal.eigen.carried import Balanced, Carried, Reduced
 from modal.eigen.chains import EVERYTHING, Limits
 from modal.eigen.counts import Built, counted
-from modal.eigen.product import BEYOND, is_wide, product_modes
+from modal.eigen.factor import BEYOND, Factor, is_wide
 from modal.eigen.recursion import joints, kinetic
 from modal.eigen.sources import ROUNDOFF, Details, Source, structured_error
 from modal.errors import ComputationError
+from modal.report import deferred
 from modal.types import Complexes, Floats, Ints
 
 LARGEST = 1200
@@ -105,7 +106,7 @@ class FreeMotions:
         shape = self.reduced.free[:, rows]
         moved, one = moved_of(self.reduced, shape), np.ones(len(rows))
         momentum = _cancelled(self.reduced.carried.momentum(self.reduced), shape)
-        momentum = momentum + (np.nan if self.reduced.factors[2].size.size else 0.0)
+        momentum = momentum + (np.nan if self.reduced.is_damped else 0.0)
         return _details(moved, one, momentum, 0 * one, moved.energies)
 
 
@@ -120,7 +121,7 @@ class OnStructure:
     @cached_property
     def is_damped(self) -> bool:
         """Whether there are dampers besides those of a damping ratio."""
-        return bool(self.reduced.factors[2].size.size)
+        return self.reduced.is_damped
 
     @property
     def _is_counted(self) -> bool:
@@ -168,7 +169,7 @@ class OnStructure:
         if self.is_damped or not reduced.is_positive:
             return self._dense.error
         if reduced.hidden.any():
-            lost = 2 * ROUNDOFF * float((reduced.terms / np.diag(reduced.factors[1].matrix)).max())
+            lost = 2 * ROUNDOFF * reduced.cancelling
         for _, matrices in reduced.modal:
             lost += sum(len(S) * ROUNDOFF * _condition(S) for S in matrices[:2])
         if self._is_counted:
@@ -184,7 +185,7 @@ class OnStructure:
         """ω (R,) and shapes (n, R) from the factors."""
         dense.refuse_beyond(LARGEST, self.reduced.size, "shapes on a structure")
         M, K, _ = self.reduced.factors
-        return product_modes(K, M, self.reduced.free.shape[1])
+        return _product_modes(K, M, self.reduced.free.shape[1])
 
     @cached_property
     def _dense(self) -> dense.Eigen:
@@ -231,12 +232,14 @@ class OnStructure:
             M, K, _ = reduced.factors
             if not reduced.is_positive:
                 raise ComputationError("damping_ratio: is not computed with dampers where a coordinate falls")
-            omega, shapes = product_modes(K, M, reduced.free.shape[1])
+            omega, shapes = _product_modes(K, M, reduced.free.shape[1])
             modal = np.sqrt(2 * self.ratio(omega) * omega)[:, None] * (M.matrix @ shapes).T
         return quadratic.Dampers(strength, above, roots if len(roots) else None), modal
 
     def details(self, rows: Ints) -> Details:
         """Shapes over the whole structure and every kind of pendulum."""
+        if self._is_counted:
+            return self._counted(rows)
         reduced, value, shape = self.reduced, self.eigenvalue[rows], self._shapes(rows)
         M, K, D = reduced.factors
         moved = moved_of(reduced, shape)
@@ -258,6 +261,15 @@ class OnStructure:
             residual = (np.abs(push) / np.where(size > 0, size, 1.0)).max(0)
         return _details(moved, modal_mass, momentum, residual, moved.energies)
 
+    def _counted(self, rows: Ints) -> Details:
+        """Shapes of a tree."""
+        tree, carried = self.reduced.tree, self.reduced.carried
+        assert tree is not None
+        shape, missed = tree.shapes(self.squares, rows)
+        moved = moved_of(self.reduced, shape)
+        momentum = _cancelled(carried.momentum(self.reduced), shape)
+        return _details(moved, np.ones(len(rows)), momentum, missed, moved.energies)
+
     def _shapes(self, rows: Ints) -> Numbers:
         """(n, R), real without dampers; what moves no more than rounding, in its share of the energy, is still."""
         whole = self._dense.shape if self.is_damped or not self.reduced.is_positive else self._product[1]
@@ -267,6 +279,12 @@ class OnStructure:
         weight = np.sqrt((M.size[:, None] * M.rows**2).sum(0))[:, None]
         sizes = np.abs(shape) * weight
         return np.where(sizes > 4 * len(shape) * dense.EPS * sizes.max(0), shape, 0.0)
+
+
+def _product_modes(stiffness: Factor, inertia: Factor, free: int) -> tuple[Floats, Floats]:
+    """ω and shapes by `modal.eigen.product`, which loads SciPy's linear algebra: scenes without structures do not."""
+    found: tuple[Floats, Floats] = deferred("modal.eigen.product:product_modes")(stiffness, inertia, free)
+    return found
 
 
 def moved_of(reduced: Reduced, shape: Numbers) -> Moved:

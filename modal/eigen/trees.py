@@ -4,7 +4,7 @@ A coordinate η with its own spring k and mass m, on which chains hang that move
 
     s = k − x (m + Σ h² μ(x)) + Σ α² κ s'/(β² κ + s')
 
-of x = ω² and the effective masses μ of `modal.eigen.recursion`; the last sum is over the springs κ (α η − β η')² to
+of x = ω² and the effective masses μ of `modal.eigen.recursion`; the last sum is over the springs κ (α η + β η')² to
 coordinates η' further from the root.  The number of modes below x is that of chains' D < 0, of β²κ + s' < 0 and of
 s < 0 at the root (Sylvester's law of inertia).  Every rounding is one of a number of the scene.
 """
@@ -13,34 +13,58 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
+from modal.assembly import Block, CartNumbers
 from modal.eigen.bisection import located
-from modal.eigen.sturm import Chains, count_and_mass
+from modal.eigen.sprung_chains import Eliminated, descended, eliminated, gathered
+from modal.eigen.sturm import Chains, Suspension, count_and_mass
 from modal.types import Floats, Ints
 
 NUDGE = 2.0**-60
 """An exact zero of a pivot becomes minus this fraction of its terms."""
+ITERATIONS = 3
+CLOSE = 1e-8
+"""Relative gap of ω² within which shapes are made orthogonal one after another."""
+NO_CART = CartNumbers(0.0, 0.0, 0.0)
 LOWER = 2.0**-48
 """Factor by which a trial value is lowered until no mode is below it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Tree:
-    """Coordinates, the root first and each after its `parent` (N,), −1 of the root.
+class Hung(NamedTuple):
+    """Chains of one length with h² copies of each folded into their masses, and the coordinate of each.
 
-    `stiffness` and `mass` (N,) are their own, `spring`, `near` and `far` (N,) are κ, α at the parent and β.  Chains
-    hang in groups, h² copies of each folded into their masses, with the coordinate of each, (P,).
+    Their angles, h times those of these chains, stand among all coordinates from `first` on; all (P,).
     """
 
+    block: Block
+    places: Ints
+    h: Floats
+    first: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """Coordinates in an `order` (N,), the root first and each after its `parent` (N,), −1 of the root.
+
+    `stiffness` and `mass` (N,) are their own, `spring`, `near` and `far` (N,) are κ, α at the parent and β.
+    """
+
+    order: Ints
     parent: Ints
     stiffness: Floats
     mass: Floats
     spring: Floats
     near: Floats
     far: Floats
-    chains: tuple[tuple[Chains, Ints], ...]
+    hung: tuple[Hung, ...]
+
+    @cached_property
+    def chains(self) -> tuple[tuple[Chains, Ints], ...]:
+        """The constants of the chains, with the coordinate of each."""
+        return tuple((Suspension.on_cart([own.block], NO_CART).chains[0], own.places) for own in self.hung)
 
     @property
     def free(self) -> int:
@@ -62,16 +86,20 @@ class Tree:
             np.add.at(s, places, mass[:, :, 0])
         passed = np.zeros_like(s)
         for i in reversed(range(len(s))):
-            inertia = trial * (self.mass[i] + s[i])
-            own = self.stiffness[i] - inertia + passed[i]
-            near, far = self.spring[i] * self.near[i] ** 2, self.spring[i] * self.far[i] ** 2
-            size = self.stiffness[i] + np.abs(inertia) + np.abs(passed[i]) + far
-            pivot = far + own
-            pivot = np.where(pivot == 0, -NUDGE * size, pivot)
+            own, pivot, near = self._pivot(i, trial, s[i], passed[i])
             total += pivot < 0
             if self.parent[i] >= 0:
                 passed[self.parent[i]] += near * (own / pivot)
         return total[:, None]
+
+    def _pivot(self, i: int, x: Floats, felt: Floats, passed: Floats) -> tuple[Floats, Floats, float]:
+        """S of a coordinate on which chains have the effective mass `felt`, β²κ + s, and α²κ."""
+        inertia = x * (self.mass[i] + felt)
+        stiffness = self.stiffness[i] - inertia + passed
+        near, far = self.spring[i] * self.near[i] ** 2, self.spring[i] * self.far[i] ** 2
+        pivot = far + stiffness
+        size = self.stiffness[i] + np.abs(inertia) + np.abs(passed) + far
+        return stiffness, np.where(pivot == 0, -NUDGE * size, pivot), float(near)
 
     def take(self, supports: Ints | slice) -> Tree:
         """The tree itself: it is one problem."""
@@ -92,3 +120,108 @@ class Tree:
         modes = self.size - self.free
         wanted = np.arange(modes)[:lowest]
         return located(self, wanted, modes)[:, 0] if modes else np.zeros(0)
+
+    # ----------------------------------------------------------------------------------------------------- shapes
+
+    def shapes(self, squares: Floats, rows: Ints) -> tuple[Floats, Floats]:
+        """Shapes (n, R) of these rows of all `squares`, and errors of their Rayleigh quotients over ω², (R,).
+
+        By inverse iteration in the elimination of the counts, from loads of every link's own size.  Rows of close
+        squares are computed together.
+        """
+        near = np.concatenate([[0], np.cumsum(np.diff(squares) > CLOSE * squares[:-1])])
+        members = np.flatnonzero(np.isin(near, near[rows]))
+        x, place = squares[members], members - np.searchsorted(near, near[members])
+        found = [eliminated(own.block, x) for own in self.hung]
+        random = np.random.default_rng(0)
+        every = range(int(place.max(initial=0)) + 1)
+        sizes = [np.sqrt(own.block.diagonal) for own in self.hung]
+        drawn = [[size * random.uniform(0.5, 1.0, size.shape) for size in sizes] for _ in every]
+        moments = [np.stack([own[k] for own in drawn], axis=-1)[..., place] for k in range(len(sizes))]
+        pushed = np.stack([np.sqrt(self.mass) * random.uniform(0.5, 1.0, len(self.mass)) for _ in every], axis=1)
+        loads = pushed[:, place], [np.zeros_like(moment) for moment in moments], moments
+        for _ in range(ITERATIONS):
+            shape = self._answer(found, x, loads)
+            size = np.sqrt(_work(self._inertial(shape), shape))
+            shape = _scaled(shape, 1 / size)
+            missed = _work(loads, shape) / size
+            for k in np.flatnonzero(place).tolist():
+                for before in range(k - int(place[k]), k):
+                    one, other = _column(shape, k), _column(shape, before)
+                    share = _work(self._inertial(other), one)
+                    for own, its in zip(_arrays(shape), _arrays(other), strict=True):
+                        own[..., k] -= (its * share)[..., 0]
+                last = _column(shape, k)
+                size = np.sqrt(_work(self._inertial(last), last))
+                for part in _arrays(shape):
+                    part[..., k] /= size
+            loads = self._inertial(shape)
+        at = np.searchsorted(members, rows)
+        return self._written(shape)[:, at], np.abs(missed / x)[at]
+
+    def _answer(self, found: list[Eliminated], x: Floats, loads: _Loads) -> _Shape:
+        """(K − x M)⁻¹ of these loads."""
+        parts = zip(self.hung, found, *loads[1:], strict=True)
+        felt = [gathered(own.block, one, x, *load) for own, one, *load in parts]
+        mass, force = np.zeros((len(self.mass), len(x))), loads[0].copy()
+        for own, one, (_, pulled) in zip(self.hung, found, felt, strict=True):
+            np.add.at(mass, own.places, one.mass[0])
+            np.add.at(force, own.places, pulled)
+        eta, passed, pivot = np.zeros_like(force), np.zeros_like(force), np.zeros_like(force)
+        across = -self.spring * self.near * self.far
+        for i in reversed(range(len(eta))):
+            stiffness, pivot[i], near = self._pivot(i, x, mass[i], passed[i])
+            if self.parent[i] >= 0:
+                passed[self.parent[i]] += near * (stiffness / pivot[i])
+                force[self.parent[i]] += across[i] * force[i] / pivot[i]
+        for i in range(len(eta)):
+            above = eta[self.parent[i]] if self.parent[i] >= 0 else 0.0
+            eta[i] = (force[i] + across[i] * above) / pivot[i]
+        every = zip(self.hung, found, felt, strict=True)
+        moved = [descended(own.block, one, x, load, eta[own.places]) for own, one, (load, _) in every]
+        return eta, [angles for angles, _ in moved], [centres for _, centres in moved]
+
+    def _inertial(self, shape: _Shape) -> _Loads:
+        """M φ: forces on coordinates, on centres, and moments."""
+        eta, angles, centres = shape
+        return (
+            self.mass[:, None] * eta,
+            [own.block.mass[:, :, None] * part for own, part in zip(self.hung, centres, strict=True)],
+            [own.block.inertia[:, :, None] * part for own, part in zip(self.hung, angles, strict=True)],
+        )
+
+    def _written(self, shape: _Shape) -> Floats:
+        """One column for each shape, coordinates in the order of the component."""
+        eta, angles, _ = shape
+        found = np.zeros((self.size, eta.shape[1]))
+        found[self.order] = eta
+        for own, part in zip(self.hung, angles, strict=True):
+            for p, (first, h) in enumerate(zip(own.first.tolist(), own.h.tolist(), strict=True)):
+                found[first : first + own.block.n] = h * part[:, p]
+        return found
+
+
+_Shape = tuple[Floats, list[Floats], list[Floats]]
+"""Coordinates (N, R), angles and displacements of centres (n, P, R) of every group."""
+_Loads = tuple[Floats, list[Floats], list[Floats]]
+"""Forces on coordinates, forces on centres and moments."""
+
+
+def _arrays(shape: _Shape) -> list[Floats]:
+    return [shape[0], *shape[1], *shape[2]]
+
+
+def _column(shape: _Shape, k: int) -> _Shape:
+    return shape[0][:, [k]], [part[:, :, [k]] for part in shape[1]], [part[:, :, [k]] for part in shape[2]]
+
+
+def _scaled(shape: _Shape, factor: Floats) -> _Shape:
+    return shape[0] * factor, [part * factor for part in shape[1]], [part * factor for part in shape[2]]
+
+
+def _work(loads: _Loads, shape: _Shape) -> Floats:
+    """The work (R,) of loads on shapes."""
+    found: Floats = (loads[0] * shape[0]).sum(0)
+    for force, moment, angles, centres in zip(*loads[1:], *shape[1:], strict=True):
+        found = found + (force * centres + moment * angles).sum((0, 1))
+    return found

@@ -18,6 +18,7 @@ import numpy as np
 
 from modal.modes.modes import Modes, natural_modes
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Complexes, Floats, Ints
 
 DIGITS = 9
@@ -40,6 +41,7 @@ def table_numbers(scene: Scene, still: Modes | None = None) -> Ints:
     return found
 
 
+@checked
 def counterparts(modes: Modes, others: Modes, among: Sequence[int] | None = None) -> Ints:
     """For every row (R,) of `modes` the index of the most similar row of `others` (one of `among`)."""
     chosen = np.arange(len(others)) if among is None else np.asarray(among, dtype=np.intp)
@@ -82,9 +84,8 @@ def lettered(index: int) -> str:
 
 
 def _alike(modes: Modes, others: Modes) -> Floats:
-    """The w (R, S), over the cart and the links where both have a cart, else over the links."""
-    on_cart = modes.on_cart and others.on_cart
-    left_out = int(modes.on_cart and not on_cart)
+    """The w (R, S), over all coordinates where both have them, else over the links."""
+    left_out = max(modes.rig.leading - others.rig.leading, 0)
     M = modes.matrices.M[left_out:, left_out:]
     one, own = _stacked(modes, M)
     other, whose = _stacked(others, M)

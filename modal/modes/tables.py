@@ -7,7 +7,7 @@ from math import isnan
 from typing import Any
 
 from modal.assembly import Matrices
-from modal.errors import ComputationError
+from modal.errors import ComputationError, SceneError, meant
 from modal.modes.columns import Column, Stds, added_by, columns_of, printed, that_fit
 from modal.modes.losses import sharing
 from modal.modes.mode import Mode
@@ -29,6 +29,7 @@ from modal.report import (
     widths_of,
 )
 from modal.scene import Scene, describe, title_of
+from modal.scene.doors import checked
 from modal.types import Floats
 
 __all__ = ["GUIDE", "matrices_table", "table"]
@@ -38,6 +39,7 @@ GUIDE = "the 1 % amplitude is a guide"
 SPLIT = "± –: the numbers split a frequency that several modes share, so it has no standard deviation of its own."
 
 
+@checked
 def table(
     modes: Modes,
     rows: Sequence[Mode],
@@ -63,6 +65,8 @@ def table(
     `chosen` are names of columns to print instead, `all`, or after a + to add; a table of chosen columns leaves out
     none, it is stacked.  `sensitive` adds the sensitivities of the frequencies to the numbers of the scene.
     """
+    if form not in (forms := ("text", "csv", "json", *_WRITERS)):
+        raise SceneError([f"form {form}: must be one of {', '.join(forms)}{meant(form, forms)}"])
     every = columns_of(modes, rows, chosen, stds, amplitude_deg)
     if form == "json":
         return _json(modes, rows, every, shapes=shapes, sensitive=sensitive)

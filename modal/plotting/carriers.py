@@ -11,7 +11,7 @@ from matplotlib.patches import Polygon
 from modal.plotting.outlines import STILL, Piece
 from modal.plotting.style import ink, mixed, muted, paper
 
-WIDTHS = {"body": 1.3, "line": 1.6, "spring": 1.0, "ground": 1.8, "hatch": 0.8, "guide": 0.9}
+WIDTHS = {"body": 1.3, "line": 1.6, "spring": 1.0, "dot": 1.2, "ground": 1.8, "hatch": 0.8, "guide": 0.9}
 ORDER = {"body": 1.5, "line": 1.2, "spring": 1.1, "dot": 1.8, "ground": 0.8, "hatch": 0.7, "guide": 0.6}
 FILL = 0.45
 """Part of its colour in a body that is filled."""

@@ -42,23 +42,26 @@ class Piece(NamedTuple):
 class Scaffold:
     """A structure of which the pendula `drawn` are shown, and the first link of every pendulum, `first` (P + 1,).
 
-    `unit` (m) is the size of what has none of its own, that of the longest chain.
+    `unit` (m) is the size of what has none of its own, that of the longest chain; `gap` is the room, over it, between
+    bodies that are set apart.
     """
 
     structure: Structure
     drawn: Ints
     first: Ints
     unit: float
+    gap: float = GAP
 
     # ------------------------------------------------------------------------------------------- where things are
 
     @cached_property
     def aside(self) -> Floats:
-        """How far (m) every drawn pendulum is set apart from those that hang from the same point."""
+        """How far (m) every drawn pendulum is set apart from those on its point; those of a modal support are one."""
         found = np.zeros(len(self.drawn))
         places: dict[Any, list[int]] = {}
         for k, pendulum in enumerate(self.drawn.tolist()):
-            places.setdefault(self.structure.pivots[pendulum], []).append(k)
+            pivot = self.structure.pivots[pendulum]
+            places.setdefault(pivot.carrier if isinstance(pivot.where, int) else pivot, []).append(k)
         for own in places.values():
             step = self.unit * (0.95 if len(own) <= 2 else 0.5)
             found[own] = step * (np.arange(len(own)) - (len(own) - 1) / 2)
@@ -94,6 +97,10 @@ class Scaffold:
             found.append((float(along.min()), float(along.max()), level))
         return tuple(found)
 
+    def body(self, carrier: int) -> tuple[float, float, float]:
+        """Left, right and height (m, along and below its origin) of a carrier's body."""
+        return self._bodies[carrier]
+
     @cached_property
     def shifts(self) -> Floats:
         """How far (m) every carrier is set apart along the rail, (C,); 0 where no two bodies overlap."""
@@ -111,7 +118,7 @@ class Scaffold:
         found, end = np.zeros(len(carriers)), -np.inf
         for k in moving if upon else ():
             found[k] = max(0.0, end - boxes[k][0]) if np.isfinite(end) else 0.0
-            end = boxes[k][1] + found[k] + GAP * self.unit
+            end = boxes[k][1] + found[k] + self.gap * self.unit
         return found
 
     def place(self, carrier: int, where: Where, eta: Floats, aside: float = 0.0) -> Floats:

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 from modal.errors import ComputationError
 from modal.modes import UNCERTAIN
 from modal.plotting.curves import draw_curves
-from modal.plotting.layout import headline, key, log_ticks, mark_modes
+from modal.plotting.layout import LONGEST, headline, key, log_ticks, mark_modes
 from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, muted, save, sheet, thickness
 from modal.scene import title_of
 from modal.statespace import ModalForm, Signal, frequency_response, impulse_response, impulse_times
@@ -95,11 +95,13 @@ def bode_figure(
     inside = [(k, omega) for k, omega in enumerate(form.modes.omega.tolist(), 1) if low <= omega <= high]
     mark_modes(upper, inside)
     mark_modes(lower, inside, numbered=False)
-    held = ", with the fixed-base modes" if any(block.mode is None for block in form.blocks) else ""
+    held = ", with the fixed-base modes" if form.is_held else ""
     words = f"response to {_named(given)}{held}"
     notes = [f"peaks of undamped modes are infinite and cut at {top:g} dB".replace("-", "−")] if infinite else []
     notes += [f"zeros cut at {bottom:g} dB".replace("-", "−")] if cut else []
     names = [f"{_named(form.model.outputs[output])} / {_named(given)}" for output in shown]
+    if max(map(len, names)) > LONGEST:  # the title names the input, too
+        names = [_named(form.model.outputs[output]) for output in shown]
     _finish(figure, form, names, words + (", ± 2 standard deviations" if std else ""), "; ".join(notes))
     return figure
 

@@ -17,8 +17,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle, FancyArrowPatch, FancyBboxPatch
 
 from modal.errors import ComputationError
+from modal.plotting.carriers import draw_pieces
+from modal.plotting.structure_sketches import labels_of, schematic
 from modal.plotting.style import colour, ink, muted, paper, shade, sheet
-from modal.scene import AnyLink, Bob, Rod, Scene
+from modal.scene import AnyLink, Bob, Rod, Scene, validate_scene
 from modal.types import Floats
 
 TILTS = (31.0, 48.0, 26.0, 40.0)
@@ -52,18 +54,22 @@ def sketch_figure(scene: Scene, angles_deg: Sequence[float] | None = None, *, pu
 
     `push` is the symbol of a horizontal force on the cart, such as "F".  Where the angles are left out they are chosen
     so that every symbol has its place.  Raises ComputationError for more than 3 pendula or 4 links below each other,
-    in space for more than one link, for links that stand upright and for a push without a cart.
+    in space for more than one link, for links that stand upright and for a push without a cart.  Of equal pendula on a
+    structure one is drawn.
 
     >>> from modal import load
     >>> from modal.plotting import sketch_figure
     >>> [text.get_text() for text in sketch_figure(load("paper-cart-1"), push="F").axes[0].texts]
     ['$g$', '$m_c$', '$x$', '$F$', '$\\theta_{1}$', '$l$', '$c$', '$m g$', '$\\theta_{2}$', '$l$', '$c$', '$m g$']
     """
+    validate_scene(scene)
     chains = _chains(scene)
     _refuse(scene, chains, push)
     if scene.space == "space":
         return _in_space()
     tilts = _tilts(chains, angles_deg)
+    if scene.is_structured:
+        return _structured(scene, chains, tilts)
     pendula = _placed(scene, chains, tilts)
     links = [one for chain in pendula for one in chain]
     weighed = [one.centre - np.array([0, WEIGHT]) for one in links]
@@ -82,8 +88,54 @@ def sketch_figure(scene: Scene, angles_deg: Sequence[float] | None = None, *, pu
     return figure
 
 
+def _structured(scene: Scene, chains: list[list[AnyLink]], tilts: list[Floats]) -> Figure:
+    """Carriers side by side with their coordinates, springs, and a pendulum of each entry."""
+    longest = max(link.length for chain in chains for link in chain)
+    lengths = [np.maximum([link.length / longest for link in chain], SHORTEST) for chain in chains]
+    scaffold = schematic(scene, lengths)
+    still = np.zeros((1, scaffold.structure.size))
+    drawn, joints = [], {}
+    for p, (chain, angles, length) in enumerate(zip(chains, tilts, lengths, strict=True)):
+        ways = np.stack((np.sin(angles), -np.cos(angles)), axis=1)
+        joints[p] = scaffold.pivots(still)[0, p] + np.vstack(([0, 0], np.cumsum(length[:, None] * ways, axis=0)))
+        named = [_number(scene, p + 1, i) for i in range(1, len(chain) + 1)]
+        centres = [min(link.centre / link.length, 1.4) for link in chain]
+        drawn.append(
+            [
+                _Drawn(link, start, end, start + centre * (end - start), float(angle), number)
+                for link, start, end, centre, angle, number in zip(
+                    chain, joints[p], joints[p][1:], centres, angles, named, strict=False
+                )
+            ]
+        )
+    pieces = scaffold.pieces(still, {p: own[None] for p, own in joints.items()})
+    told = list(labels_of(scaffold, pieces))
+    weights = [one.centre - np.array([0, WEIGHT]) for own in drawn for one in own]
+    points = np.concatenate(
+        [piece.points.reshape(-1, 2) for piece in pieces]
+        + list(joints.values())
+        + [np.array(weights), *(np.array([label.place]) for label in told)]
+    )
+    (left, bottom), (right, top) = points.min(axis=0), points.max(axis=0)
+    figure, axis = _sheet(left - MARGIN, right + 0.8, bottom - 0.2, max(top, ABOVE) + 0.2)
+    _arrow(axis, (right + 0.45, WEIGHT / 2), (right + 0.45, -WEIGHT / 2), ink())
+    _say(axis, "g", right + 0.58, 0.0)
+    draw_pieces(axis, pieces, {"color": shade(0.6)}, rests=True)
+    for own in drawn:
+        for one, below in zip(own, [*own[1:], None], strict=True):
+            _link(axis, one, below, _symbols(scene))
+    for label in told:
+        x, y = label.place
+        if label.arrow:
+            _arrow(axis, (x, y), label.arrow, ink())
+            x, y = label.arrow[0] + 0.14, label.arrow[1] + 0.04
+        _say(axis, label.symbol, x, y, zorder=7)
+    return figure
+
+
 def _chains(scene: Scene) -> list[list[AnyLink]]:
-    pendula = (pendulum for pendulum in scene.pendulum for _ in range(pendulum.count))
+    """The links of every pendulum, of an entry on a structure once."""
+    pendula = (pendulum for pendulum in scene.pendulum for _ in range(1 if scene.is_structured else pendulum.count))
     return [[link for link in pendulum.links for _ in range(link.count)] for pendulum in pendula]
 
 
@@ -139,7 +191,7 @@ def _placed(scene: Scene, chains: list[list[AnyLink]], tilts: list[Floats]) -> l
 def _number(scene: Scene, pendulum: int, link: int) -> str:
     """The subscript of a link's symbols: none, its number, that of its pendulum, or both."""
     single = all(one.n_links == 1 for one in scene.pendulum)
-    if scene.n_pendula == 1:
+    if len(_chains(scene)) == 1:
         return "" if single else f"{link}"
     return f"{pendulum}" if single else f"{pendulum},{link}"
 

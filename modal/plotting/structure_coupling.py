@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -10,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from modal.coupling import StructureCoupling, family_name
 from modal.plotting.layout import SMALL, headline, key, shortened
-from modal.plotting.style import WIDE, colour, ink, mixed, paper, sheet
+from modal.plotting.style import QUIET, WIDE, colour, ink, mixed, paper, sheet
 from modal.scene import title_of
 from modal.types import Floats
 
@@ -21,7 +23,7 @@ LOGARITHMIC = 30.0
 """Ratio of frequencies from which their axis is logarithmic."""
 LEAST = 1e-6
 """Smallest share of kinetic energy that makes a mode of the scene one of a panel."""
-APART = 0.045
+APART = 0.075
 """Least distance of words at levels, over the height of their axis."""
 
 
@@ -135,7 +137,11 @@ def _levels(axis: Axes, coupling: StructureCoupling, wide: bool) -> None:
     for s, mode in enumerate(coupling.modes):
         axis.plot(right, [mode.omega] * 2, color=colour(1), ls="-.", lw=1.6)
         told["right"].append((mode.omega, f"s{s + 1} {mode.omega:.5g}"))
-    axis.set(xlim=(-0.75, 4.75), ylabel="angular frequency ω (rad/s)", yscale="log" if wide else "linear")
+    axis.set(
+        xlim=(-0.75, 4.75 if coupling.modes else 3.2),
+        ylabel="angular frequency ω (rad/s)",
+        yscale="log" if wide else "linear",
+    )
     axis.margins(y=0.08)
     places = {"left": (left[0] - 0.05, "right"), "middle": (2.45, "left"), "right": (right[1] + 0.05, "left")}
     for column, (x, ha) in places.items():
@@ -150,7 +156,7 @@ def _level(axis: Axes, middle: tuple[float, float], omega: float, side: float, b
     """A level of the scene, and the line to what it comes from."""
     axis.plot(middle, [omega] * 2, color=colour(4), lw=1.8, zorder=3)
     end = middle[0] if side < middle[0] else middle[1]
-    axis.plot([side, end], [before, omega], color=mixed(hue, 0.55), lw=0.9, zorder=1)
+    axis.plot([side, end], [before, omega], color=mixed(hue, 0.55), lw=0.9, gid=QUIET, zorder=1)
 
 
 def _matched(coupling: StructureCoupling) -> list[int]:
@@ -167,8 +173,16 @@ def _matched(coupling: StructureCoupling) -> list[int]:
 def _words(axis: Axes, told: list[tuple[float, str]], x: float, ha: str) -> None:
     """Words beside levels, pushed apart where they would touch; a drift stands at the lower end."""
     axis.set_ylim(axis.get_ylim())
-    transform, last = axis.transScale + axis.transLimits, -np.inf
-    for omega, words in sorted(told):
-        at = float(transform.transform((x, omega))[1]) if omega or axis.get_yscale() == "linear" else 0.0
-        last = max(at, last + APART)
-        axis.text(x, last, words, transform=axis.get_xaxis_transform(), ha=ha, va="center", fontsize=SMALL)
+    transform, linear = axis.transScale + axis.transLimits, axis.get_yscale() == "linear"
+    told = sorted(told)
+    places = [float(transform.transform((x, omega))[1]) if omega or linear else 0.0 for omega, _ in told]
+    for k in range(1, len(places)):
+        places[k] = max(places[k], places[k - 1] + APART)
+    highest = 1.0
+    for k in reversed(range(len(places))):
+        places[k] = min(places[k], highest)
+        highest = places[k] - APART
+    box = {"facecolor": paper(), "edgecolor": "none", "pad": 0.8}
+    for place, (_, words) in zip(places, told, strict=True):
+        look: dict[str, Any] = {"ha": ha, "va": "center", "fontsize": SMALL, "bbox": box, "zorder": 4}
+        axis.text(x, place, words, transform=axis.get_xaxis_transform(), **look)

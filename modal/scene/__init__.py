@@ -8,8 +8,8 @@ Start with `model`, whose pendula are chains of `links` and hang from `supports`
 the loss angles of both, `structures` tells what is wrong with supports and springs, `support_arrays` reads those of
 linear structures; `motion` moves a support and acts on `points`, `periods` tells when that repeats, `records` reads its
 records, `hoist` changes a length; `files` reads and writes scenes, `sealed` detects damaged files, `validation` checks
-every part and words the messages, `parameters` finds and varies numbers by path, `titles` says what hangs in a scene
-without a title, `summary` what a scene shows of itself.
+every part and words the messages, `parameters` finds and varies numbers by path, `contents` reads files, `doors` checks
+arguments, `titles` says what hangs in a scene without a title, `summary` what a scene shows of itself.
 """
 
 from typing import TYPE_CHECKING
@@ -28,6 +28,7 @@ from modal.scene.model import (
     describe,
     scene_from,
     validate_scene,
+    validate_scenes,
 )
 from modal.scene.motion import (
     ConstantForce,
@@ -113,6 +114,7 @@ __all__ = [
     "sines_of",
     "title_of",
     "validate_scene",
+    "validate_scenes",
     "what_hangs",
     "whole_file",
 ]

@@ -20,6 +20,7 @@ from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field, replace
 
 from modal.errors import SceneError
+from modal.scene.doors import require_type
 from modal.scene.features import DRAG, DRIVES, FEATURES, FRICTION, LOSS
 from modal.scene.model import Scene
 
@@ -111,6 +112,7 @@ IN_TIME: Sentences = {
 }
 """What is said of k (1 + iφ): no equations of motion in time have such a spring."""
 UNLOADED: Sentences = {"load": "only `simulate` is given applied forces"}
+PLAYED = "simulates pendula on one cart or one support: animate films a run of this scene, shapes its modes"
 HANGS_STRAIGHT = "a massless cart has no equation of motion where all that pulls it hangs straight down"
 ENDS: Sentences = {"massless_cart": HANGS_STRAIGHT}
 STOPS: Sentences = {"massless_cart": "the step needed is smaller than the spacing between numbers"}
@@ -125,7 +127,6 @@ HOISTING = {
     ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
 }
 MINIMAL = ("form minimal", "form minimal takes it")
-STRUCTURED = _of("structure springs")
 UNRUBBED = {(one, name): "dry friction on structures is not solved" for one in sorted(STRUCTURED) for name in FRICTION}
 """What is refused together: dry friction, and structures or springs between points."""
 EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
@@ -153,7 +154,7 @@ MOVED_MODEL = replace(
 GROWS = {**CONSTANT_MODEL.unless, "inverted": "grows by itself"}
 AVERAGED = Capability(
     "averaging",
-    SHAPE - {"inverted"} | {"dampers", "linear_drag", "joint_friction"} | DRIVES,
+    SHAPE - {"inverted"} | {"dampers", "linear_drag", "joint_friction"} | DRIVES | STRUCTURED,
     refuses={
         **STILL,
         **CONSTANT,
@@ -164,14 +165,16 @@ AVERAGED = Capability(
         "quadratic_drag": "has no exact mean for it",
         **_each(FRICTION - {"joint_friction"}, "does not know when a cart sticks"),
     },
+    apart=UNRUBBED,
     beside=UNLOADED,
 )
 
 PERIODIC = Capability(
     "a periodic orbit",
-    SHAPE | LOSS | DRIVES | FRICTION,
+    SHAPE | LOSS | DRIVES | FRICTION | STRUCTURED,
     refuses={**STILL, **CONSTANT, **PLANE, "quadratic_drag": "is computed without it"},
     unless=ENDS,
+    apart=UNRUBBED,
     beside=UNLOADED,
 )
 
@@ -253,12 +256,12 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a shaper",
-            LINEAR - {"inverted"},
+            LINEAR - {"inverted"} | STRUCTURED,
             leaves={**OMITTED, **LOSSLESS},
             refuses=SHIFTED,
             unless={"inverted": "is unstable"},
             beside=UNLOADED,
-            needs={_of("cart"): 'support.kind: a shaper needs kind = "cart"'},
+            needs={_of("cart structure"): 'support.kind: a shaper needs kind = "cart", or a structure'},
         ),
         Capability(
             "a derivative of modes",
@@ -301,6 +304,7 @@ CAPABILITIES: dict[str, Capability] = {
             refuses={
                 **_each(FRICTION | FORCED | _of("hoist space damping_ratio"), "cannot show it"),
                 "massless_cart": "cannot show it",
+                **_each(STRUCTURED, PLAYED),
             },
             beside=UNLOADED,
         ),
@@ -356,7 +360,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "compiled equations",
-            SHAPE | DRIVES | {"dampers"},
+            SHAPE | DRIVES | STRUCTURED | {"dampers"},
             refuses=_each(
                 FRICTION | DRAG | FORCED | _of("space hoist moved_support damping_ratio load"), "are without it"
             ),
@@ -430,7 +434,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a periodic orbit of a mode",
-            SHAPE - {"inverted"},
+            SHAPE - {"inverted"} | STRUCTURED,
             leaves={
                 "dampers": "Dampers are left out: the orbits of a mode conserve energy.",
                 "loss": "Loss angles are left out: the orbits of a mode conserve energy.",
@@ -498,9 +502,10 @@ CAPABILITIES: dict[str, Capability] = {
         replace(AVERAGED, name="a branch of configurations", needs=EXCITED),
         Capability(
             "synchronization",
-            SHAPE - {"inverted"} | LOSS | DRAG | FRICTION | DRIVES,
+            SHAPE - {"inverted"} | LOSS | DRAG | FRICTION | DRIVES | STRUCTURED,
             refuses={**STILL, **CONSTANT, **PLANE, "inverted": "compares phases of hanging pendula"},
             unless=ENDS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
         Capability(
@@ -516,6 +521,7 @@ CAPABILITIES: dict[str, Capability] = {
 
 def refusals(scene: Scene, capability: str, *more: str) -> list[str]:
     """A sentence for everything that a scene, with `more` features of a call, has and the capability refuses."""
+    require_type("scene", scene, "Scene")
     one, has = CAPABILITIES[capability], scene.features | set(more)
     found = [f"{_place(scene, name)}: {one.name} {_why(one, name)}" for name in one.refuses if name in has]
     found += [f"{_place(scene, a)}: {why}: remove {b}" for (a, b), why in one.apart.items() if {a, b} <= has]
@@ -552,10 +558,12 @@ def require(scene: Scene, capability: str, *more: str) -> None:
 
 def left_out(scene: Scene, capability: str = "the table of modes") -> tuple[str, ...]:
     """What a capability leaves out of a scene, a sentence each."""
+    require_type("scene", scene, "Scene")
     return tuple(dict.fromkeys(words for _, words in _met(CAPABILITIES[capability].leaves, scene.features)))
 
 
 def one_by_one(scene: Scene, *more: str) -> str:
     """Why members of a scene, with `more` features that some of them have, go one by one; "" for side by side."""
+    require_type("scene", scene, "Scene")
     met = _met(CAPABILITIES["an ensemble"].singly, scene.features | set(more))
     return next((f"no engine takes {FEATURES[name].words} side by side" for name, _ in met), "")

@@ -32,6 +32,10 @@ class VanDerPol(Part):
     strength: float = field(POSITIVE)
     angle_deg: float = field(number(ge=1e-6, le=180))
 
+    def stronger(self, factor: float) -> VanDerPol:
+        """So many times the torque."""
+        return self.replace(strength=self.strength * factor)
+
 
 class Escapement(Part):
     """A kick `impulse` (N m s) in the direction of motion each time that |γ| passes `angle_deg` outwards.
@@ -43,6 +47,10 @@ class Escapement(Part):
     kind: Literal["escapement"] = field(one_of("escapement"), default="escapement")
     impulse: float = field(POSITIVE)
     angle_deg: float = field(number(ge=0, lt=180), default=0.0)
+
+    def stronger(self, factor: float) -> Escapement:
+        """So many times the kick."""
+        return self.replace(impulse=self.impulse * factor)
 
 
 Drive = VanDerPol | Escapement
@@ -74,18 +82,21 @@ class Link(Part):
     """Whether the centre scales with the length and the inertia with mass times length²."""
     extensive: ClassVar[tuple[str, ...]] = ("mass", "damping", "stiffness", "friction", "drag", "quadratic_drag")
 
-    def heavier(self, factor: int) -> Self:
-        """That many copies as one."""
-        return self.replace(**{name: getattr(self, name) * factor for name in self.extensive})
+    def heavier(self, factor: float) -> Self:
+        """That many copies as one, with so much stronger a drive."""
+        drive = self.drive and self.drive.stronger(factor)
+        return self.replace(drive=drive, **{name: getattr(self, name) * factor for name in self.extensive})
 
     def problems(self) -> Iterator[str]:
-        """A hoist or a wire's loss of anything but a bob, and the loss of no spring."""
+        """A hoist or a wire of anything but a bob, the loss of no spring, a hoist that cannot begin so."""
         if is_lossy(self.wire_loss) and getattr(self, "kind", "") != "bob":
             yield '.wire_loss: only a bob hangs on a wire: write kind = "bob", or give loss to a stiffness'
         if is_lossy(self.loss) and not self.stiffness:
             yield ".loss: is that of the joint's stiffness, which is 0: give a stiffness"
         if self.hoist and getattr(self, "kind", "") != "bob":
             yield '.hoist: only the massless rope of a bob can change its length: write kind = "bob"'
+        elif self.hoist:
+            yield from (f".hoist{problem}" for problem in self.hoist.problems_from(self.length))
 
     def length_at(self, time: float) -> float:
         """The length (m) at a time (s)."""

@@ -8,7 +8,7 @@ sliding with a constant force, and holds what is at rest up to that limit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from os import PathLike, fspath
 from typing import Any, Literal
 from unicodedata import category
@@ -433,6 +433,16 @@ def validate_scene(given: object) -> Scene:
         return given
     meant = f': load("{fspath(given)}") gives one' if isinstance(given, str | PathLike) else ""
     raise SceneError([f"a Scene is required, not {type(given).__name__}{meant}"])
+
+
+def validate_scenes(given: object) -> Sequence[Scene]:
+    """A list of scenes; SceneError for anything else, with the place of what is none."""
+    if isinstance(given, str) or not isinstance(given, Sequence):
+        raise SceneError([f"a list of Scenes is required, not {type(given).__name__}"])
+    wrong = [k for k, one in enumerate(given) if not isinstance(one, Scene)]
+    if wrong:
+        raise SceneError([f"scenes[{wrong[0]}]: a Scene is required, not {type(given[wrong[0]]).__name__}"])
+    return given
 
 
 def scene_from(data: object) -> Scene:

@@ -17,13 +17,23 @@ from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace, state_space
 from modal.statespace.reduction import minimal, truncate
 from modal.statespace.response import frequency_response, impulse_response, impulse_table, impulse_times, response_table
-from modal.statespace.shapers import over_length, residual_vibration, robustness, shaper_for, swing_words, swings_of
+from modal.statespace.shapers import (
+    drives_of,
+    over_length,
+    residual_vibration,
+    robustness,
+    shaper_for,
+    swing_words,
+    swings_of,
+    usual_drive,
+)
 from modal.statespace.signals import Signal
 
 __all__ = [
     "ModalForm",
     "Signal",
     "StateSpace",
+    "drives_of",
     "frequency_response",
     "impulse_response",
     "impulse_table",
@@ -42,6 +52,7 @@ __all__ = [
     "truncate",
     "unreached",
     "unseen",
+    "usual_drive",
 ]
 
 if not TYPE_CHECKING:

@@ -20,19 +20,21 @@ from itertools import pairwise
 import numpy as np
 import scipy
 
-from modal.assembly import Matrices, hoisting_of, matrices, matrices_along
+from modal.assembly import Matrices, hoisting_of, matrices, matrices_along, rig_of
 from modal.errors import ComputationError, SceneError
 from modal.modes import labelled, natural_modes, table_numbers
 from modal.report import Displayed
 from modal.scene import Body, Fixed, Pendulum, Scene
+from modal.scene.points import Point, parse_point
 from modal.statespace.model import fixed, refuse_no_inertia
-from modal.statespace.shapers import Drive, Kind, Shaper, shaper_for
+from modal.statespace.shapers import Drive, Kind, Shaper, drives_of, shaper_for
 from modal.statespace.varying import hoisting_times
 from modal.types import Floats, Ints
 
 TOLERANCE = 1e-10
 LOOKS = 200
 """Times at which the size of a command is looked up."""
+MOST_SWINGS = 1e5  # of the fastest mode during one law of length
 PUSHES = 4
 """Times at which a command between two stops, a sum of cubic polynomials, is zero only if it is zero throughout."""
 MOST_LINKS = 100
@@ -88,6 +90,8 @@ def frequencies_along(scene: Scene, samples: int = 21, drive: Drive = "cart_forc
 def _uncoupled(scene: Scene, held: bool) -> list[tuple[Scene, int]]:
     """Scenes whose modes together are those of this one, whatever the lengths, and how often each mode occurs."""
     still = scene.conservative.in_plane
+    if still.is_structured:
+        return _uncoupled_on_structure(still)
     equal: Counter[Pendulum] = Counter()
     for one in still.pendulum:
         equal[one.replace(count=1, start=None)] += one.count
@@ -96,6 +100,22 @@ def _uncoupled(scene: Scene, held: bool) -> list[tuple[Scene, int]]:
         return alone
     together = tuple(_heavier(one, copies) for one, copies in equal.items())
     return [(still.replace(pendulum=together), 1), *((one, copies - 1) for one, copies in alone if copies > 1)]
+
+
+def _uncoupled_on_structure(still: Scene) -> list[tuple[Scene, int]]:
+    """The same where copies of a pendulum move a structure together; copies that springs join stay as they are."""
+    joined = {
+        point.pendulum for one in still.spring for end in one.between if isinstance(point := parse_point(end), Point)
+    }
+    together, alone = [], []
+    for index, one in enumerate(still.pendulum):
+        if one.count == 1 or index in joined:
+            together.append(one)
+            continue
+        together.append(_heavier(one.replace(count=1, start=None), one.count))
+        own = one.replace(count=1, start=None, on=None, position=(0.0, 0.0))
+        alone.append((still.replace(support=Fixed(), spring=(), ground=None, pendulum=(own,)), one.count - 1))
+    return [(still.replace(pendulum=tuple(together)), 1), *alone]
 
 
 def _heavier(pendulum: Pendulum, copies: int) -> Pendulum:
@@ -110,7 +130,7 @@ def _heavier(pendulum: Pendulum, copies: int) -> Pendulum:
 def _followed(scene: Scene, times: Floats) -> tuple[Floats, Floats]:
     """ω (T, R) of a scene in which no two modes cross, and the largest angle (T, R) of every shape, φᵀMφ = 1."""
     each = [_modes(scene.at(time)) for time in times.tolist()]
-    links = int(scene.cart is not None)
+    links = rig_of(scene).leading
     return np.array([omega for omega, _, _ in each]), np.array([np.abs(phi[links:]).max(0) for _, phi, _ in each])
 
 
@@ -264,20 +284,23 @@ def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_accelerat
     if not held:
         refuse_no_inertia(matrices_along(scene)(begin).M)
     last = max(hoisting.breaks[-1], begin + shaper.duration)
+    pushed = None if held else drives_of(scene).index(drive)
     found = [
-        _amplitude(scene.at(last), _impelled(scene, begin + times, amplitudes, last, held), held=held)
+        _amplitude(scene.at(last), _impelled(scene, begin + times, amplitudes, last, pushed), held=held)
         for times, amplitudes in ((shaper.times, shaper.amplitudes), (np.zeros(1), np.ones(1)))
     ]
     return found[0] / found[1]
 
 
-def _impelled(scene: Scene, times: Floats, amplitudes: Floats, last: float, held: bool) -> Floats:
-    """(q, q') at a time after impulses from rest: of the cart's speed where its motion is prescribed, or of a force."""
-    n, hoisting, along = scene.n_links + 1, hoisting_of(scene), matrices_along(scene)
+def _impelled(scene: Scene, times: Floats, amplitudes: Floats, last: float, pushed: int | None) -> Floats:
+    """(q, q') after impulses from rest: of a force on a coordinate, or (None) of the speed of a cart that is held."""
+    hoisting, along, held = hoisting_of(scene), matrices_along(scene), pushed is None
     knots = [time for time in hoisting.breaks if time > times[0]] if hoisting else []
-    y, size = np.zeros(2 * n), float(np.abs(_pushed(along(float(times[0])), held)[1]).max())
+    start = _pushed(along(float(times[0])), held, pushed or 0)[1]
+    n, size = len(start), float(np.abs(start).max())
+    y = np.zeros(2 * n)
     for time, after, amplitude in zip(times.tolist(), [*times[1:].tolist(), last], amplitudes.tolist(), strict=True):
-        y[n:] += amplitude * _pushed(along(time), held)[1]
+        y[n:] += amplitude * _pushed(along(time), held, pushed or 0)[1]
         stops = [time, *(knot for knot in knots if time < knot < after), after]
         y = _integrated(scene, y, stops, None, held=held, size=size)
     return y
@@ -290,7 +313,7 @@ def _integrated(
 
     `size` is that of the motion, in rad; `command` the acceleration of a cart whose motion is prescribed.
     """
-    along, hoisting, n = matrices_along(scene), hoisting_of(scene), scene.n_links + 1
+    along, hoisting, n = matrices_along(scene), hoisting_of(scene), len(y) // 2
     spans = [getattr(law, "breaks", (-np.inf, np.inf)) for _, law in hoisting.laws] if hoisting else []
     constant = None if hoisting else _pushed(along(0.0), held)
 
@@ -306,6 +329,9 @@ def _integrated(
             y = np.asarray(scipy.linalg.expm(np.vstack((np.eye(n, 2 * n, n), A)) * (end - begin)) @ y, dtype=np.float64)
             continue
         before = float(np.nextafter(end, begin))
+        swings = (end - begin) * float(np.linalg.norm(_pushed(along(begin), held)[0][:, :n], 2)) ** 0.5 / (2 * np.pi)
+        if not swings <= MOST_SWINGS:
+            raise ComputationError(f"the hoist takes {swings:.3g} swings: at most {MOST_SWINGS:g} are followed")
         found = scipy.integrate.solve_ivp(
             lambda time, state, before=before: slope(min(time, before), state),
             (begin, end),
@@ -320,10 +346,13 @@ def _integrated(
     return y
 
 
-def _pushed(found: Matrices, held: bool) -> tuple[Floats, Floats]:
-    """A (n, 2n) and B (n,) of q'' = A (q, q') + B u, u the acceleration of a cart that is held, else a force on it."""
+def _pushed(found: Matrices, held: bool, pushed: int = 0) -> tuple[Floats, Floats]:
+    """A (n, 2n) and B (n,) of q'' = A (q, q') + B u, u the acceleration of a cart that is held, else a force.
+
+    The force acts on the coordinate `pushed`, a cart's if there is one.
+    """
     n, first = len(found.M), int(held)
-    force = -found.M[:, 0] if held else np.eye(n)[0]
+    force = -found.M[:, 0] if held else np.eye(n)[pushed]
     right = np.hstack((-found.K, -found.D, force[:, None]))[first:]
     solved = np.eye(n, 2 * n + 1, 2 * n) if held else np.zeros((n, 2 * n + 1))
     solved[first:] = np.linalg.solve(found.M[first:, first:], right)
@@ -344,7 +373,7 @@ def _amplitude(scene: Scene, y: Floats, *, held: bool) -> float:
     if not len(omega):
         return 0.0
     dual = phi.T @ own.M[first:, first:]
-    each = phi[1 - first :] * (dual @ q + 1j * (dual @ rate) / omega)
+    each = phi[0 if held else rig_of(scene).leading :] * (dual @ q + 1j * (dual @ rate) / omega)
     return float(np.abs(np.add.reduceat(each, np.flatnonzero(np.diff(row, prepend=-1)), axis=1)).sum(1).max())
 
 

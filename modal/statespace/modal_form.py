@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
 from modal.report import NOTHING, Displayed, Summary, brief, deferred, first_line
+from modal.scene.doors import checked
 from modal.statespace.model import StateSpace, fixed
 from modal.statespace.signals import DRIVES, SUPPORT, Signal
 from modal.types import Complexes, Floats
@@ -69,6 +70,11 @@ class ModalForm(Displayed):
     modes: Modes
     model: StateSpace
     blocks: tuple[Block, ...]
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the cart's motion is prescribed, so that the modes are those on a fixed support."""
+        return any(signal.name in DRIVES for signal in self.model.inputs)
 
     def plot(self, **options: Any) -> Any:
         """A matplotlib figure of magnitude and phase; `options` are those of `modal.plotting.bode_figure`."""
@@ -119,6 +125,7 @@ def block_diagonal(blocks: Sequence[Floats]) -> Floats:
     return whole
 
 
+@checked
 def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     """The model of `modes.scene` decomposed into modes.
 
@@ -130,13 +137,17 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     given = {signal.name for signal in model.inputs}
     if "cart_acceleration" in given and any(link.drag for link in modes.scene.links()):
         raise ComputationError("drag couples the modes with the cart's velocity: prescribe that, not its acceleration")
-    found = held(modes) if given & DRIVES.keys() else modes
+    is_held = bool(given & DRIVES.keys())
+    found = held(modes) if is_held else modes
     driven = bool(given & {*DRIVES, *SUPPORT} - {"support_displacement"})
     n = len(model.A)
     size = found.scene.n_links + found.rig.leading
     if n - 2 * size not in ((1, 2) if driven else (0,)):
         raise ValueError(f"the model has {n} states: it does not belong to this scene, which has {size} coordinates")
-    blocks = [*(_cart(model, n - 2 * size, size) if driven else ()), *_own(found, n, size, first=int(driven))]
+    blocks = [
+        *(_cart(model, n - 2 * size, size) if driven else ()),
+        *_own(found, n, size, "fixed-base " * is_held, first=int(driven)),
+    ]
     if sum(len(block.A) for block in blocks) != n:
         raise ComputationError("the modes of this scene do not span its motion in double precision")
     return ModalForm(found, model, tuple(blocks))
@@ -163,8 +174,8 @@ def _cart(model: StateSpace, states: int, size: int) -> Iterator[Block]:
     yield Block(None, 0, 0.0, names, A, eye[:, places], eye[places], unit[0], unit[-1])
 
 
-def _own(modes: Modes, n: int, size: int, first: int) -> Iterator[Block]:
-    """The modes, their coordinates being states `first` … and their rates the last `size`."""
+def _own(modes: Modes, n: int, size: int, kind: str, first: int) -> Iterator[Block]:
+    """The modes of this kind, their coordinates being states `first` … and their rates the last `size`."""
     found, shapes = modes.matrices, all_shapes(modes)
     for number, value in enumerate(modes.eigenvalue.tolist()):
         for copy, shape in enumerate(shapes[number]):
@@ -177,7 +188,7 @@ def _own(modes: Modes, n: int, size: int, first: int) -> Iterator[Block]:
             vectors: tuple[Numbers, Numbers, Numbers] = phi, found.M @ phi, 0 * forces if coasts else forces
             alone = np.isrealobj(phi) and (not value.imag if modes.is_classical else not vectors[2].any())
             make = _swing if alone else _pair if value.imag else _single
-            made = make(name, f"coordinate of {'fixed-base ' if first else ''}mode {name}", value, *vectors)
+            made = make(name, f"coordinate of {kind}mode {name}", value, *vectors)
             right, left = np.zeros((n, len(made.A))), np.zeros((len(made.A), n))
             right[first : first + size], right[n - size :] = made.right
             left[:, first : first + size], left[:, n - size :] = made.left

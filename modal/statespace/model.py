@@ -37,12 +37,11 @@ from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, counted, deferred
 from modal.scene import Fixed, Scene, require, validate_scene
+from modal.scene.doors import checked
 from modal.scene.points import CarrierPoint, parse_point
 from modal.statespace.points import EXAMPLES, is_point, push_of, validate_points
 from modal.statespace.signals import (
     DRIVES,
-    INPUTS,
-    OUTPUTS,
     READINGS,
     SUPPORT,
     Geometry,
@@ -50,8 +49,8 @@ from modal.statespace.signals import (
     OutputGroup,
     Signal,
     geometry_of,
-    own_inputs,
-    own_outputs,
+    inputs_of,
+    outputs_of,
     reading_in,
     validate_signals,
 )
@@ -135,6 +134,7 @@ class _Motion(NamedTuple):
     support: tuple[tuple[Floats, Floats] | None, ...] = ()
 
 
+@checked
 def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
     """The model of a scene with these groups of inputs and outputs (`modal.statespace.signals.INPUTS` and `OUTPUTS`).
 
@@ -160,10 +160,10 @@ def assembled(
         geometry = replace(geometry, rate=given.rate, bend=given.bend, drag=given.drag)
     usual = _usual(geometry)
     wanted = validate_signals(
-        inputs or usual[0], (*INPUTS, *own_inputs(geometry)), "input", geometry, more=is_point, written=EXAMPLES
+        inputs or usual[0], inputs_of(geometry), "input", geometry, more=is_point, written=EXAMPLES
     )
     validate_points(scene, wanted)
-    read = validate_signals(outputs or usual[1], (*OUTPUTS, *own_outputs(geometry)), "output", geometry)
+    read = validate_signals(outputs or usual[1], outputs_of(geometry), "output", geometry)
     drive, push = _drive(wanted), _pushes(scene, geometry, wanted)
     if drive in SUPPORT:
         require(scene, "a linear model of a moved support")

@@ -1,7 +1,8 @@
 """Reduced models: without uncontrollable or unobservable states, or with the most important modes.
 
 Equal pendula on a cart that is pushed or driven move alike: N of them are replaced by one, N times as heavy, without
-their antiphase modes.  Of different pendula with a common frequency only the controllable combination remains.
+their antiphase modes; on a structure so are the copies of a pendulum, which hang from one point.  Of different pendula
+with a common frequency only the controllable combination remains.
 
 The static gain −C A⁻¹ B of the modes that a truncation removes is added to D (residualization, the
 mode-acceleration method of Craig & Kurdila, Fundamentals of Structural Dynamics), so that G(0) of all oscillating modes
@@ -23,11 +24,13 @@ from modal.eigen import TOLERANCE
 from modal.errors import SceneError
 from modal.modes import Modes, natural_modes
 from modal.scene import Pendulum, Scene
+from modal.scene.doors import checked
+from modal.scene.points import Point, parse_point
 from modal.statespace.gains import NOISE, without_noise
 from modal.statespace.modal_form import Block, ModalForm, block_diagonal, to_modal_form
 from modal.statespace.model import StateSpace, state_space
 from modal.statespace.points import is_point
-from modal.statespace.signals import OF_A_CART, Signal
+from modal.statespace.signals import OF_A_CART, SUPPORT, Signal, geometry_of, own_signals
 from modal.types import Floats
 
 Choice = Literal["contribution", "lowest"]
@@ -57,6 +60,8 @@ def fold_equals(scene: Scene) -> Folded:
                 [f"{place}: copies under constant forces are not merged: write them one by one" for place in several]
             )
         return Folded(scene, tuple(range(1, len(scene.pendulum) + 1)), (1,) * len(scene.pendulum))
+    if scene.is_structured:
+        return _fold_copies(scene)
     kinds: dict[tuple[int, int], tuple[int, Pendulum, int]] = {}
     passed = 1
     for pendulum, (block, column, copies) in zip(scene.pendulum, rig_of(scene).members, strict=True):
@@ -70,6 +75,25 @@ def fold_equals(scene: Scene) -> Folded:
     return Folded(folded.replace(damping_ratio=_carried(scene, folded)), firsts, counts)
 
 
+def _fold_copies(scene: Scene) -> Folded:
+    """The copies of every pendulum on a structure as one, but of those that springs join to something."""
+    ends = [parse_point(text) for spring in scene.spring for text in spring.between]
+    joined = {point.pendulum for point in ends if isinstance(point, Point)}
+    firsts: list[int] = []
+    copies: list[int] = []
+    passed = 1
+    for p, pendulum in enumerate(scene.pendulum):
+        alone = p in joined
+        firsts += range(passed, passed + pendulum.count) if alone else [passed]
+        copies += [1] * pendulum.count if alone else [pendulum.count]
+        passed += pendulum.count
+    if max(copies) == 1:
+        return Folded(scene, tuple(firsts), tuple(copies))
+    heavy = tuple(one if p in joined else _heavier(one, one.count) for p, one in enumerate(scene.pendulum))
+    folded = scene.replace(damping_ratio=0.0, pendulum=heavy, force=())
+    return Folded(folded.replace(damping_ratio=_carried(scene, folded)), tuple(firsts), tuple(copies))
+
+
 def _carried(scene: Scene, folded: Scene) -> float | tuple[float, ...]:
     """The damping ratios of a scene with the modes numbered as those of the folded one."""
     if not isinstance(scene.damping_ratio, tuple):
@@ -77,6 +101,7 @@ def _carried(scene: Scene, folded: Scene) -> float | tuple[float, ...]:
     return tuple(ratio_at(rig_of(scene))(frequencies(rig_of(folded))).tolist())
 
 
+@checked
 def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
     """The model with the same transfer functions without the modes that do not contribute to them.
 
@@ -89,7 +114,8 @@ def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...]
     if max(fold.copies) > 1 and (at := [name for name in inputs if is_point(name)]):
         raise SceneError([f"input {name}: {APART}" for name in at])
     model = state_space(fold.scene, inputs, outputs)
-    inside = [signal.name for signal in model.inputs if signal.name not in OF_A_CART]
+    outside = OF_A_CART | SUPPORT.keys() | own_signals(geometry_of(fold.scene))
+    inside = [signal.name for signal in model.inputs if signal.name not in outside]
     if inside and max(fold.copies) > 1:
         raise SceneError([f"input {name}: {APART}" for name in inside])
     model = _read_off_the_first(fold, model)
@@ -130,8 +156,11 @@ def _heavier(pendulum: Pendulum, count: int) -> Pendulum:
 def _read_off_the_first(fold: Folded, model: StateSpace) -> StateSpace:
     """Names of the whole scene; a force on a pivot is divided among all pendula that were merged."""
     number = {str(place): first for place, first in enumerate(fold.first, 1)}
+    kept = own_signals(geometry_of(fold.scene))
 
     def renamed(name: str) -> str:
+        if name in kept:
+            return name
         return re.sub(r"_(\d+)", lambda match: f"_{number[match[1]]}", name, count=1)
 
     def all_renamed(signals: Iterable[Signal]) -> tuple[Signal, ...]:
@@ -184,6 +213,7 @@ def _independent(blocks: Sequence[Block], gains: Floats) -> Sequence[Block]:
 # ------------------------------------------------------------------------------------------------------ truncation
 
 
+@checked
 def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribution") -> StateSpace:
     """The model of `modes.scene` with `count` modes, copies counted, in modal coordinates.
 

@@ -21,7 +21,8 @@ Seering & Singer, J. Mech. Des. 116, 654 (1994); UM: Singhose, Singer & Seering,
 on a grid: Murphy & Watanabe, IEEE Trans. Robot. Autom. 8, 285 (1992).)
 
 The relevant frequencies depend on the drive: if the trolley follows an acceleration or a velocity whatever hangs from
-it, the load swings as on a fixed support.  A trolley driven by a force moves with its load, at the free frequencies.
+it, the load swings as on a fixed support.  A trolley driven by a force moves with its load, at the free frequencies,
+and so does a structure that a force on one of its coordinates moves, as `ship_sway_force`.
 """
 
 from __future__ import annotations
@@ -40,8 +41,11 @@ from modal.eigen import smallest_where
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
 from modal.report import Displayed, Summary, counted, tabulated
-from modal.scene import Scene, refusals
+from modal.scene import Scene, refusals, validate_scene
+from modal.scene.doors import checked, checked_index, require_type
 from modal.statespace.model import fixed
+from modal.statespace.signals import coordinates_of
+from modal.structure import structure_of
 from modal.types import Booleans, Complexes, Floats
 
 TOLERANCE = 0.05
@@ -53,9 +57,13 @@ NEWTON_STEPS, HUMP_STEPS, HUMP = 30, 12, 2001
 Kind = Literal["zv", "zvd", "ei", "um"]
 Train = tuple[Floats, Floats]
 """Times (n,) in s and amplitudes (n,) of impulses."""
+REACHED = 2.0**-40
+"""Share of a coordinate in a mode below which it is rounding, and its force does not excite the mode."""
 ON_GRID = 1e-9
 """Of a step: how near a multiple of it a time is taken for one."""
-Drive = Literal["cart_force", "cart_acceleration", "cart_velocity"]
+Drive = Literal["cart_force", "cart_acceleration", "cart_velocity"] | str
+"""What moves the cart, or the force on a coordinate of a structure by its name."""
+PUSH, HELD = "cart_force", ("cart_acceleration", "cart_velocity")
 ASSUMED = {
     "cart_acceleration": "trolley motion prescribed: the load swings as on a fixed support",
     "cart_velocity": "trolley motion prescribed: the load swings as on a fixed support",
@@ -117,6 +125,7 @@ def shaper(swings: Sequence[Swing], kind: Kind = "zv", step: float = 0.0, tolera
     return reduce(Shaper.__mul__, (_single(swing, kind, step, tolerance) for swing in swings))
 
 
+@checked
 def shaper_for(
     scene: Scene,
     count: int = 1,
@@ -137,23 +146,29 @@ def shaper_for(
 def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[Swing]:
     """The modes that a drive excites, in ascending order: fixed-base modes under a prescribed motion.
 
-    Under "cart_force" they are the free modes that move the cart.  Raises SceneError for another drive and for a fixed
-    support, ComputationError for an unstable equilibrium.
+    Under "cart_force" they are the free modes that move the cart, under the force on a coordinate of a structure those
+    that move this.  Raises SceneError for a drive that the scene does not have and for a fixed support,
+    ComputationError for an unstable equilibrium.
     """
+    validate_scene(scene)
     modes, rows = swing_rows(scene, drive)
     return [Swing(mode.omega, mode.damping_ratio) for mode in modes.rows(rows)]
 
 
 def swing_rows(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
     """The modes of the scene with this drive, and the indices of those that it excites."""
-    drives = get_args(Drive)
+    drives = drives_of(scene)
     problems = (
-        [] if drive in drives else [f"drive = {drive!r}: must be one of {', '.join(drives)}{meant(drive, drives)}"]
+        [f"drive {drive!r}: must be one of {', '.join(drives)}{meant(str(drive), drives)}"]
+        if drives and drive not in drives
+        else []
     )
     problems += refusals(scene, "a shaper")
+    if not (drives or problems):
+        problems = ["support: a shaper needs a coordinate that a force moves, and all supports are fixed"]
     if problems:
         raise SceneError(problems)
-    pushed = drive == "cart_force"
+    pushed = drive not in HELD
     modes = natural_modes(scene if pushed else fixed(scene))
     every = list(modes)
     if growing := next((mode for mode in every if mode.growth_rate), None):
@@ -161,15 +176,51 @@ def swing_rows(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
             f"the equilibrium is unstable, with a growth rate of {growing.growth_rate:.4g} "
             "1/s: no shaper can suppress that"
         )
-    return modes, [mode.number - 1 for mode in every if mode.oscillates and (not pushed or mode.cart_participation)]
+    excited = _excited(modes, drives.index(drive)) if scene.is_structured and pushed else None
+    return modes, [
+        mode.number - 1
+        for mode in every
+        if mode.oscillates
+        and (not pushed or (mode.cart_participation if excited is None else excited[mode.number - 1]))
+    ]
 
 
+def drives_of(scene: Scene) -> tuple[str, ...]:
+    """The drives that a scene has: forces on coordinates in their order, then prescribed motions of one cart alone.
+
+    >>> from modal import load
+    >>> drives_of(load("crane-hook")), drives_of(load("tower"))
+    (('cart_force', 'cart_acceleration', 'cart_velocity'), ('floor1_force', 'floor2_force'))
+    """
+    require_type("scene", scene, "Scene")
+    names = [one.force for one in coordinates_of(structure_of(scene))] if scene.is_structured else [PUSH]
+    return (*names, *(HELD if names == [PUSH] else ()))
+
+
+def usual_drive(scene: Scene) -> Drive:
+    """The drive where none is named: of one cart its acceleration, of a structure the force on its first coordinate."""
+    require_type("scene", scene, "Scene")
+    drives = drives_of(scene)
+    return HELD[0] if HELD[0] in drives or not drives else drives[0]
+
+
+def _excited(modes: Modes, coordinate: int) -> Booleans:
+    """Which modes (R,) move a coordinate of the structure, whose own force then excites them."""
+    moved = np.zeros(len(modes))
+    shapes = modes.matrix
+    np.maximum.at(
+        moved, shapes.row, np.abs(shapes.shapes[coordinate]) * np.sqrt(modes.matrices.M[coordinate, coordinate])
+    )
+    return np.asarray(moved > REACHED, dtype=np.bool_)
+
+
+@checked
 def swing_words(scene: Scene, count: int = 1, drive: Drive = "cart_acceleration") -> Iterator[str]:
     """The assumptions of a shaper for the `count` slowest modes, then a line for each, with the table's mode."""
     modes, rows = swing_rows(scene, drive)
-    pushed, told = drive == "cart_force", scene.n_links <= MOST_COMPARED
+    pushed, told = drive not in HELD, scene.n_links <= MOST_COMPARED
     beside = [""] * len(modes) if pushed or not told else _beside(modes, natural_modes(scene))
-    yield ASSUMED[drive]
+    yield ASSUMED.get(drive) or f"{drive}: what it pushes swings with all that the structure carries, as in the table"
     for number, (row, mode) in enumerate(zip(rows[:count], modes.rows(rows[:count]), strict=True), start=1):
         name = f"mode {mode.number}" if pushed else f"fixed-base mode {number}"
         yield f"{name}: {mode.omega:.9g} rad/s, damping ratio {mode.damping_ratio:.4g}{beside[row]}"
@@ -177,7 +228,12 @@ def swing_words(scene: Scene, count: int = 1, drive: Drive = "cart_acceleration"
 
 def _beside(modes: Modes, table: Modes) -> list[str]:
     """For every fixed-base mode the most similar mode of the table, with a free cart."""
-    moving = {mode.number - 1: mode for mode in table if mode.oscillates and mode.cart_participation}
+    excited = _excited(table, 0) if table.rig.structure else None
+    moving = {
+        mode.number - 1: mode
+        for mode in table
+        if mode.oscillates and (mode.cart_participation if excited is None else excited[mode.number - 1])
+    }
     if not moving:
         return [""] * len(modes)
     found = (moving[row] for row in counterparts(modes, table, list(moving)).tolist())
@@ -240,9 +296,12 @@ def robustness(
     return Robustness(np.asarray(values, dtype=np.float64), 100 * np.array(rows).reshape(len(rows), count))
 
 
+@checked
 def over_length(scene: Scene, lengths: ArrayLike, pendulum: int = 0, link: int = 0) -> list[Scene]:
     """The scene with these lengths (m) of one link as specified, pendulum and link counted from 0."""
+    checked_index("pendulum", pendulum, 0, len(scene.pendulum) - 1)
     entry = scene.pendulum[pendulum]
+    checked_index("link", link, 0, len(entry.links) - 1)
     found = []
     for length in np.asarray(lengths, dtype=np.float64).tolist():
         changed = entry.links[link].replace(length=length)

@@ -93,7 +93,7 @@ class Geometry:
 
 
 class Coordinate(NamedTuple):
-    """A coordinate of a structure: its `name` (`lower_m`), its unit, what it is.
+    """A coordinate of a structure: its `name` (`lower_m`), its unit, what it is, and what a force on it pushes.
 
     `along` is how far the origin of its carrier moves along the rail with it.
     """
@@ -101,6 +101,7 @@ class Coordinate(NamedTuple):
     name: str
     unit: str
     meaning: str
+    pushed: str
     along: float
 
     @property
@@ -112,8 +113,8 @@ class Coordinate(NamedTuple):
 
     @property
     def force_unit(self) -> str:
-        """N or N m; none of a coordinate of a modal support."""
-        return {"m": "N", "rad": "N m"}.get(self.unit, "")
+        """N or N m; 1 of a coordinate of a modal support."""
+        return {"m": "N", "rad": "N m"}.get(self.unit, "1")
 
     def derivative(self, order: int) -> str:
         """The name of its rate or its second derivative, as `lower_dot_m_per_s`."""
@@ -160,32 +161,32 @@ class Carried:
 
 
 WORDS = {
-    "cart": "displacement of the cart",
-    "swing": "displacement along its arc of the swing",
-    "tilt": "angle of the board",
-    "heave": "displacement upwards of the support",
-    "sway_m": "displacement along the rail of the platform",
-    "heave_m": "displacement upwards of the platform",
-    "roll_rad": "angle of the platform",
-    "modal": "coordinate of the modal support",
+    "cart": ("displacement of the cart", "force along the rail on the cart"),
+    "swing": ("displacement along its arc of the swing", "force along its arc on the swing"),
+    "tilt": ("angle of the board", "torque on the board"),
+    "heave": ("displacement upwards of the support", "force upwards on the support"),
+    "sway_m": ("displacement along the rail of the platform", "force along the rail on the platform"),
+    "heave_m": ("displacement upwards of the platform", "force upwards on the platform"),
+    "roll_rad": ("angle of the platform", "torque on the platform"),
+    "modal": ("coordinate of the modal support", "generalized force on a coordinate of the modal support"),
 }
-"""What coordinates are, by the kind of their carrier or their own ending."""
+"""What coordinates are, and forces on them, by the kind of their carrier or their own ending."""
 
 
 def coordinates_of(structure: Structure) -> tuple[Coordinate, ...]:
     """The coordinates of a structure in their order."""
     if structure.names == ("x",):
-        return (Coordinate("x", "m", "position of the cart", 1.0),)
+        return (Coordinate("x", "m", "position of the cart", "force on the cart along the rail", 1.0),)
     found = []
     for number, own in enumerate(structure.carriers):
         still = (0.0,) * own.size
         origin = own.moving(0 if own.M is not None else (0.0, 0.0), still, still).slopes
         for k, suffix in enumerate(own.suffixes):
-            name = structure.names[structure.offsets[number] + k]
             unit = "" if own.M is not None else suffix.rpartition("_")[2]
-            what = f"{WORDS.get(suffix) or WORDS[own.kind]} {own.name}"
+            meaning, pushed = (f"{words} {own.name}" for words in WORDS.get(suffix) or WORDS[own.kind])
             along = 0.0 if own.M is not None or unit == "rad" else float(origin[k][0])
-            found.append(Coordinate(name, unit, what, along))
+            name = structure.names[structure.offsets[number] + k]
+            found.append(Coordinate(name, unit, meaning, pushed, along))
     return tuple(found)
 
 
@@ -278,16 +279,8 @@ def _link_forces(geometry: Geometry) -> InputGroup:
 
 def _coordinate_forces(geometry: Geometry) -> InputGroup:
     coordinates = coordinates_in(geometry)
-    signals = [Signal(one.force, one.force_unit, _pushing(one)) for one in coordinates]
+    signals = [Signal(one.force, one.force_unit, one.pushed) for one in coordinates]
     return InputGroup(signals, np.eye(geometry.size)[:, : len(signals)], _nothing(geometry, len(signals)))
-
-
-def _pushing(one: Coordinate) -> str:
-    """What the force or torque on a coordinate is."""
-    if one.name == "x":
-        return "force on the cart along the rail"
-    what = {"m": "force", "rad": "torque"}.get(one.unit, "generalized force")
-    return f"{what} on the {one.meaning}"
 
 
 def coordinates_in(geometry: Geometry) -> tuple[Coordinate, ...]:
@@ -315,7 +308,8 @@ SUPPORT = {
     "support_acceleration": Signal("support_acceleration", "m/s^2", "acceleration of the support along the rail"),
 }
 """Motions of the fixed support, or of the ground under a cart and under a structure."""
-INPUTS = (*PUSHES, *DRIVES, *SUPPORT)
+INPUTS = (*(name for name in PUSHES if name != "coordinate_forces"), *DRIVES, *SUPPORT)
+"""Those of scenes on a fixed support or a cart; a structure has `coordinate_forces` besides."""
 
 
 # ------------------------------------------------------------------------------------------------------ outputs
@@ -416,7 +410,7 @@ def _spring_forces(geometry: Geometry) -> OutputGroup:
 
 def _coordinates(geometry: Geometry) -> OutputGroup:
     found = coordinates_in(geometry)
-    signals = [Signal(one.name, one.unit, one.meaning) for one in found]
+    signals = [Signal(one.name, one.unit or "1", one.meaning) for one in found]
     return OutputGroup(signals, np.eye(geometry.size)[: len(found)], translation=_in_laboratory(found))
 
 
@@ -471,10 +465,11 @@ READINGS: dict[str, Callable[[Geometry], OutputGroup]] = {
     "spring_forces": _spring_forces,
     "spring_extensions": _spring_extensions,
 }
-OUTPUTS = tuple(READINGS)
 OF_A_CART = {"cart_force", "cart_position", "cart_velocity", "cart_acceleration"}
 OF_STRUCTURES = {"coordinate_forces", "coordinates", "coordinate_rates", "coordinate_accelerations"}
 OF_SPRINGS = {"spring_forces", "spring_extensions"}
+OUTPUTS = tuple(name for name in READINGS if name not in OF_STRUCTURES | OF_SPRINGS)
+"""Those of scenes on a fixed support or a cart."""
 
 
 def pushes_in(geometry: Geometry, name: str) -> InputGroup:
@@ -511,6 +506,25 @@ def own_inputs(geometry: Geometry) -> tuple[str, ...]:
     return tuple(one.force for one in coordinates_in(geometry))
 
 
+def inputs_of(geometry: Geometry) -> tuple[str, ...]:
+    """The names of all inputs of a scene but those at points."""
+    own = own_inputs(geometry)
+    return (*INPUTS, *["coordinate_forces"] * bool(own), *own)
+
+
+def outputs_of(geometry: Geometry) -> tuple[str, ...]:
+    """The names of all groups of outputs of a scene, and of those that a structure has by themselves."""
+    own = [name for name in READINGS if name in OF_STRUCTURES | OF_SPRINGS and not _lacks(name, geometry)]
+    return (*OUTPUTS, *own, *own_outputs(geometry))
+
+
+def own_signals(geometry: Geometry) -> frozenset[str]:
+    """The names of all signals that a structure has by itself, those of states among them."""
+    states = [one.derivative(1).replace("_dot", "_dot_free") for one in coordinates_in(geometry)]
+    states += [f"{one.name}_free" for one in coordinates_in(geometry)]
+    return frozenset((*own_inputs(geometry), *own_outputs(geometry), *states))
+
+
 def own_outputs(geometry: Geometry) -> tuple[str, ...]:
     """The names of all outputs that a structure has by themselves."""
     return tuple(signal.name for group in _named_readings(geometry) for signal in group.signals)
@@ -532,10 +546,10 @@ def validate_signals(
     if isinstance(words, str):
         raise SceneError([f'{what} {words}: must be a tuple of names: ("{words}",)'])
     there = ", ".join(known) + (f"; or {written}" if written else "")
-    unknown = [word for word in words if word not in known and not more(word)]
+    unknown = [word for word in words if word not in known and not more(word) and not _lacks(word, geometry)]
     problems = [f"{what} {word}: must be one of {there}{meant(word, known)}" for word in unknown]
     problems += [f"{what} {word}: named twice" for word in dict.fromkeys(words) if words.count(word) > 1]
-    problems += [f"{what} {word}: {why}" for word in words if word in known and (why := _lacks(word, geometry))]
+    problems += [f"{what} {word}: {why}" for word in words if (why := _lacks(word, geometry))]
     if problems:
         raise SceneError(problems)
     return words

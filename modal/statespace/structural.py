@@ -11,18 +11,19 @@ scene.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal import pair
-from modal.assembly import SPRING, Dissipator, Hanging, Rig, loss_at, own_inertia
+from modal.assembly import SPRING, Dissipator, Hanging, Rig, loss_at, matrices_of, own_inertia
 from modal.eigen import Arithmetic
 from modal.scene import Scene
 from modal.statespace.points import is_point, point_input, pushed
 from modal.statespace.signals import PUSHES, READINGS, SUPPORT, Geometry, OutputGroup, Signal
 from modal.structure import bends
-from modal.types import Floats
+from modal.types import Booleans, Floats
 
 MOVES = {name: order for order, name in enumerate(SUPPORT)} | {"cart_velocity": 1, "cart_acceleration": 2}
 """How often the displacement that moves a support or the cart is differentiated in each input."""
@@ -124,7 +125,9 @@ def structural_response(
     `dampers` are those of modes (n, n), in decimals; `losses` are all loss angles.
     """
     pulling = [one for one in losses if one.kind == SPRING]
-    held = int(any(one.moves == "cart" for one in given))
+    held, pattern = int(any(one.moves == "cart" for one in given)), _filled(rig)
+    for one in losses:
+        pattern[np.ix_(list(one.row), list(one.row))] = True
     is_damped = rig.is_damped or dampers is not None
 
     def evaluate(numbers: Arithmetic) -> Any:
@@ -146,7 +149,8 @@ def structural_response(
         ]  # fmt: skip
         F = np.stack([column + none[:, 0] for column in columns], axis=1)
         q = np.array(F)
-        q[held:] = solved(A[held:, held:], F[held:], numbers)
+        filled = None if dampers is not None else pattern[held:, held:]
+        q[held:] = solved(A[held:, held:], F[held:], numbers, filled)
         if held:
             q[0] = np.array([zero + int(one.moves == "cart") for one in given])
         carried = np.array([zero + int(one.moves == "ground") for one in given])
@@ -277,18 +281,32 @@ def _chain(rig: Rig, block: int, column: int, numbers: Arithmetic) -> _Chain:
     return _Chain(M, K, D, b, m.sum(), k[0], e[0], (drag[:, None] * rows).sum(0), drag.sum())
 
 
-def solved(A: Any, F: Any, numbers: Arithmetic) -> Any:
-    """A⁻¹ F (n, m, W) of a symmetric A (n, n, W), the last row first."""
+def _filled(rig: Rig) -> Booleans:
+    """Which entries (n, n) of M, K or D are not 0: pendula meet in springs and the structure alone."""
+    found = matrices_of(replace(rig, damping_ratio=0.0))
+    return np.asarray((found.M != 0) | (found.K != 0) | (found.D != 0))
+
+
+def solved(A: Any, F: Any, numbers: Arithmetic, filled: Booleans | None = None) -> Any:
+    """A⁻¹ F (n, m, W) of a symmetric A (n, n, W), the last row first.
+
+    `filled` (n, n) tells where A is not 0; None for anywhere.
+    """
     A, F, size = np.array(A), np.array(F), len(A)
     rows, diagonal = [], [A[k, k] for k in range(size)]
+    there = None if filled is None else filled.copy()
     for k in range(size - 1, -1, -1):
         P = numbers.pivot(A[k, k], diagonal[k])
-        row = numbers.felt(A[k, :k] / P)
-        A[:k, :k] = numbers.felt(A[:k, :k] - A[:k, k][:, None] * row)
-        F[:k] = numbers.felt(F[:k] - row[:, None] * F[k])
+        at: Any = slice(k) if there is None else np.flatnonzero(there[k, :k])
+        block = (at, at) if there is None else np.ix_(at, at)
+        row = numbers.felt(A[k, at] / P)
+        A[block] = numbers.felt(A[block] - A[at, k][:, None] * row)
+        F[at] = numbers.felt(F[at] - row[:, None] * F[k])
         F[k] = numbers.felt(F[k] / P)
-        rows.append(row)
-    for k, row in enumerate(rows[::-1]):
-        if k:
-            F[k] = numbers.felt(F[k] - (row[:, None] * F[:k]).sum(0))
+        rows.append((at, row))
+        if there is not None:
+            there[block] = True
+    for k, (at, row) in enumerate(rows[::-1]):
+        if len(row):
+            F[k] = numbers.felt(F[k] - (row[:, None] * F[at]).sum(0))
     return F

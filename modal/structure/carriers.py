@@ -50,6 +50,19 @@ class Moving(NamedTuple):
         )
 
 
+def swung(S: Any, C: Any, length: Any, rate: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+    """Slope and bias of a swing whose rods stand at an angle of this sine and cosine."""
+    ww = rate * rate / length
+    return (C, -S), (-S * ww, -C * ww)
+
+
+def turned(s: Any, h: Any, S: Any, C: Any, rate: Any) -> tuple[tuple[Any, Any], tuple[Any, Any], tuple[Any, Any]]:
+    """Place from the origin, slope and bias of a point (s, h) of what has turned, by sine and cosine of its angle."""
+    ww = rate * rate
+    arm = s * C + h * S, h * C - s * S
+    return arm, (h * C - s * S, -h * S - s * C), (-(arm[0] * ww), -(arm[1] * ww))
+
+
 @dataclass(frozen=True, eq=False)
 class CarrierNumbers:
     """A support as numbers: `position` and `centre` (m), mass (kg), inertia about its centre (kg m²), rods' length (m).
@@ -106,11 +119,10 @@ class CarrierNumbers:
             x, z = self.position[0] + s, self.position[1] + h
             return Moving((x + pose[0], z + pose[1]), slopes, bias)
         S, C, w = sine(eta[turning]), cosine(eta[turning]), rates[turning]
-        arm, turn = (s * C + h * S, h * C - s * S), (h * C - s * S, -h * S - s * C)
+        arm, turn, thrown = turned(s, h, S, C, w)
         slopes = (*slopes[:turning], turn)
-        ww = w * w
         place = self.position[0] + pose[0] + arm[0], self.position[1] + pose[1] + arm[1]
-        return Moving(place, slopes, (bias[0] - arm[0] * ww, bias[1] - arm[1] * ww))
+        return Moving(place, slopes, (bias[0] + thrown[0], bias[1] + thrown[1]))
 
     def _pose(self, eta: Sequence[Any], rates: Sequence[Any], sine: Function, cosine: Function) -> Any:
         """Displacement of the origin, its slopes and its bias."""
@@ -118,8 +130,8 @@ class CarrierNumbers:
             return (eta[0], 0.0), ((1.0, 0.0),), (0.0, 0.0)
         if self.kind == "swing":
             S, C = sine(eta[0] / self.length), cosine(eta[0] / self.length)
-            ww = rates[0] * rates[0] / self.length
-            return (self.length * S, self.length * (C - 1)), ((C, -S),), (-S * ww, -C * ww)
+            slope, bias = swung(S, C, self.length, rates[0])
+            return (self.length * S, self.length * (C - 1)), (slope,), bias
         if self.kind == "tilt":
             return (0.0, 0.0), (), (0.0, 0.0)
         if self.kind == "heave":

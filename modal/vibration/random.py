@@ -27,6 +27,7 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.modes import mode_losses, natural_modes
 from modal.scene import Scene, require
+from modal.scene.doors import checked
 from modal.scene.records import Spectrum
 from modal.statespace import ModalForm, frequency_response, state_space, to_modal_form
 from modal.statespace.gains import without_noise
@@ -236,6 +237,7 @@ def nodes(low: float, high: float, poles: list[complex]) -> Iterator[tuple[Float
         yield omega[at : at + BLOCK], weight[at : at + BLOCK]
 
 
+@checked
 def random_response(
     scene: Scene, spectrum: Spectrum, outputs: tuple[str, ...] = USUAL, source: str = INPUT
 ) -> RandomResponse:

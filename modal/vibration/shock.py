@@ -16,6 +16,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.modes import natural_modes
 from modal.scene import RecordMotion, Scene, require
+from modal.scene.doors import checked
 from modal.statespace import state_space, to_modal_form
 from modal.statespace.response import Term
 from modal.types import Booleans, Complexes, Floats
@@ -103,6 +104,7 @@ class ShockResponse(ModalResponse):
         return int(reached[0]) + 1 if len(reached) else None
 
 
+@checked
 def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] = USUAL) -> ShockResponse:
     """The response of a scene at rest to a record of its support's motion along the rail.
 

@@ -1,4 +1,4 @@
-"""The command explain: how the cart couples the pendula."""
+"""The command explain: how the cart, or the structure, couples the pendula."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from multipendula.parser import Page
 
 
 def explain(options: argparse.Namespace) -> None:
-    """Explain, in words and in a figure, how the cart couples the pendula."""
+    """Explain, in words and in a figure, how the cart or the structure couples the pendula."""
     from modal.coupling import coupling_report, explain
     from modal.scene import load
 
@@ -37,12 +37,15 @@ COMMANDS = (
         details=(
             "The dynamic mass that a force on the cart feels at each frequency, which modes leave the cart still and "
             "which move it, how fast pendula exchange energy, the limits of a massless and of an immense cart, and how "
-            "dampers affect each family. Every number is given with its formula."
+            "dampers affect each family. On a structure: its own modes and the mass that a push along them feels, what "
+            "of it each family moves, and the exchange through it and through springs. Every number is given with its "
+            "formula."
         ),
         examples=(
             ("explain paper-cart-2", "families of modes, beats and dynamic mass"),
             ("explain metronomes -o coupling.png", "with a figure"),
             ("explain crane-two-loads --format markdown", "the energy exchange of two different loads"),
+            ("explain two-swings -o coupling.png", "two populations of metronomes on swings joined by a spring"),
         ),
     ),
 )

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 OUTPUTS = (
     *("cart_position", "cart_velocity", "angles", "rates", "relative_angles", "relative_rates"),
     *("joint_positions", "tip_positions", "tip_accelerations", "pivot_forces"),
+    *("coordinates", "coordinate_rates", "coordinate_accelerations", "spring_forces", "spring_extensions"),
 )
 """The groups of outputs of a model."""
 
@@ -49,19 +50,21 @@ def add_signals(page: Page) -> None:
     page.rephrase(r"^input(?=[ :])", "--input")
     page.rephrase(r"^output(?=[ :])", "--signals")
     inputs = (
-        *("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces"),
+        *("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces", "coordinate_forces"),
         *("support_displacement", "support_velocity", "support_acceleration"),
         *("force:", "lift:", "torque:", "force[0]"),
     )
     words = (
-        "cart_force (default on a cart), cart_acceleration or cart_velocity; joint_torques (default on a fixed "
-        "support), link_forces; support_displacement, support_velocity or support_acceleration; force:POINT, "
-        "lift:POINT or torque:POINT, with a POINT such as pendulum[0].links[1]@0.5; force[0], the scene's first force"
+        "cart_force (default on a cart), cart_acceleration or cart_velocity; coordinate_forces (default on a "
+        "structure) or one of them, as floor2_force; joint_torques (default on a fixed support), link_forces; "
+        "support_displacement, support_velocity or support_acceleration; force:POINT, lift:POINT or torque:POINT, with "
+        "a POINT such as pendulum[0].links[1]@0.5 or ship@0.2,0.1; force[0], the scene's first force"
     )
     add_words(page.asked, "--input", inputs, metavar="WORDS", help=words)
     words = (
         "cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, joint_positions, "
-        "tip_positions, tip_accelerations, pivot_forces"
+        "tip_positions, tip_accelerations, pivot_forces; of a structure coordinates,angles (default), "
+        "coordinate_rates, coordinate_accelerations, spring_forces, spring_extensions, or single ones, as floor2_m"
     )
     add_words(page.asked, "--signals", OUTPUTS, metavar="WORDS", help=words)
     words = "the model at the lengths that a hoist has at this time"

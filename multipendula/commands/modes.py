@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
-from multipendula.commands.shared import about, bar, chosen, drawn, estimate_of, noted, output, picture
+from multipendula.commands.shared import about, bar, chosen, drawn, estimate_of, noted, output, picture, remark
 from multipendula.options import (
     FILMS,
     PICTURES,
@@ -141,9 +141,7 @@ def shapes(options: argparse.Namespace) -> None:
         else:
             draw_shapes(modes, shown, stream, amplitude_deg=options.amplitude, form=form)
     if len(shown) < len(numbers):
-        print(
-            f"multipendula: drew the first {len(shown)} of {len(numbers)} modes; choose with --modes", file=sys.stderr
-        )
+        remark(f"drew the first {len(shown)} of {len(numbers)} modes; choose with --modes")
 
 
 def _shapes_arguments(page: Page) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
 from modal.exports import FORMATS
 from multipendula.command import Command
 from multipendula.commands.models import add_model_file, add_signals, model_of, scene_at, scene_of
-from multipendula.commands.shared import about, drawn, estimate_of, listed, noted, output, picture, say
+from multipendula.commands.shared import about, drawn, estimate_of, listed, noted, output, picture, remark, say
 from multipendula.completion import files
 from multipendula.options import (
     PICTURES,
@@ -57,7 +56,7 @@ def export(options: argparse.Namespace) -> None:
     with whole_file(options.file) as stream:
         stream.write(content)
     if note := target.note(content):
-        print(f"multipendula: {note}", file=sys.stderr)
+        remark(note)
 
 
 def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
@@ -191,22 +190,23 @@ def shaper(options: argparse.Namespace) -> None:
     """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
     from modal.report import csv_rows, folded
     from modal.scene import load
-    from modal.statespace import shaper_for, swing_words
+    from modal.statespace import shaper_for, swing_words, usual_drive
 
     scene = noted(load(options.scene), "a shaper")
+    drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
     step, tolerance = options.discrete or 0.0, options.tolerance / 100
-    found = shaper_for(scene, options.count, options.kind, options.drive, step=step, tolerance=tolerance)
-    remarks = list(swing_words(scene, options.count, options.drive))
+    found = shaper_for(scene, options.count, options.kind, drive, step=step, tolerance=tolerance)
+    remarks = list(swing_words(scene, options.count, drive))
     if estimate is not None:
         from modal.identification import shaped_modes
 
-        shaped = shaped_modes(found, estimate, options.drive, options.count)
+        shaped = shaped_modes(found, estimate, drive, options.count)
         remarks += [left.words(number) for number, left in enumerate(shaped, 1)]
     if scene.is_hoisted:
         from modal.statespace.hoisting import residual_words
 
-        remarks += residual_words(scene, options.count, options.kind, options.drive, found)
+        remarks += residual_words(scene, options.count, options.kind, drive, found)
     impulses = zip(found.times.tolist(), found.amplitudes.tolist(), strict=True)
     with output(options.output) as write:
         write("".join(folded(f"# {words}", mark="# ") + "\n" for words in remarks))
@@ -227,8 +227,12 @@ def _shaper_arguments(page: Page) -> None:
     words = "for the K slowest modes (default 1)"
     page.asked.add_argument("--count", metavar="K", type=whole(99999), default=1, help=words)
     drives = ("cart_acceleration", "cart_velocity", "cart_force")
-    words = "what moves the cart: cart_acceleration (default), cart_velocity or cart_force"
-    page.asked.add_argument("--drive", metavar="NAME", choices=drives, default=drives[0], help=words)
+    words = (
+        "what moves the cart: cart_acceleration (default), cart_velocity or cart_force; of a structure the force on "
+        "one of its coordinates (default the first), as ship_sway_force"
+    )
+    add_words(page.asked, "--drive", drives, comma="", metavar="NAME", help=words)
+    page.rephrase(r"^drive = '(\S+)':", r"--drive \1:")
     add_text(page)
 
 

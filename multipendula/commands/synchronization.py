@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import start_of
-from multipendula.commands.shared import bar, drawn, film_form, picture, say, validated
+from multipendula.commands.shared import bar, drawn, film_form, forewarning, picture, remark, say, validated
 from multipendula.completion import places
 from multipendula.options import (
     FILMS,
@@ -26,6 +25,7 @@ from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from modal.scene import Scene
+    from modal.scene.parameters import Variation
     from nonlinear.synchronization import SynchronizationStudy
 
 
@@ -68,7 +68,8 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
 
     start = start_of(scene, options.start, undamped=True)
     with bar(1.0, "run") as report:
-        found = study_synchronization(scene, options.duration, start=start, report=lambda now, end: report(now / end))
+        told = forewarning(report, scene, options.duration)
+        found = study_synchronization(scene, options.duration, start=start, report=lambda now, end: told(now / end))
     say(_told(found, options.format), options.format)
     if options.output:
         _draw(found, options.output, options.theme)
@@ -96,7 +97,7 @@ def _film(found: SynchronizationStudy, name: str, theme: str) -> None:
     form = film_form(name)
     with drawn(name, theme) as stream, bar(SECONDS) as report:
         shown = animate(found.trajectory, stream, form, **strobe(found.phases, form), report=report)
-    print(f"multipendula: {shown.frames} frames, one every {shown.motion / shown.frames:.4g} s", file=sys.stderr)
+    remark(f"{shown.frames} frames, one every {shown.motion / shown.frames:.4g} s")
 
 
 def _branches(scene: Scene, options: argparse.Namespace) -> None:
@@ -104,6 +105,9 @@ def _branches(scene: Scene, options: argparse.Namespace) -> None:
     from nonlinear.synchronization import branches_csv, branches_text, follow_branches
 
     (variation,) = parse_variations([options.vary])
+    if _has_populations(scene):
+        _diagram(scene, variation, options)
+        return
     with bar(0, "branch") as report:
         found = follow_branches(scene, variation, report)
     say(branches_csv(found) if options.format == "csv" else branches_text(found), options.format)
@@ -112,6 +116,26 @@ def _branches(scene: Scene, options: argparse.Namespace) -> None:
 
         with drawn(options.output, options.theme) as stream:
             draw_branches(found, stream, picture(options.output))
+
+
+def _has_populations(scene: Scene) -> bool:
+    """Whether its populations have symmetric motions."""
+    from nonlinear.system import populations_of, unrepresented
+
+    return scene.is_structured and len(populations_of(scene)) <= 2 and not any(unrepresented(scene))
+
+
+def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) -> None:
+    from nonlinear.synchronization import diagram_csv, diagram_text, follow_populations
+
+    with bar(0, "motion") as report:
+        found = follow_populations(scene, variation, report)
+    say(diagram_csv(found) if options.format == "csv" else diagram_text(found), options.format)
+    if options.output:
+        from nonlinear.plotting import draw_populations
+
+        with drawn(options.output, options.theme) as stream:
+            draw_populations(found, stream, picture(options.output))
 
 
 COMMANDS = (
@@ -124,10 +148,14 @@ COMMANDS = (
             "For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady "
             "oscillations, and which of them this start ends in and when; a simulation of the full equations then "
             "measures the same. With --vary every steady oscillation is followed along one number of the scene instead."
+            " Of equal pendula on the supports of a structure the verdict comes first: which population is locked, and "
+            "to which; then the growth rates of the motions in which every population is one pendulum, and with --vary "
+            "the values at which these begin or cease to last."
         ),
         examples=(
-            ("sync huygens -o huygens.png --film huygens.gif", "two clocks on a beam, with a figure and a film"),
+            ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),
             ("sync huygens --vary support.mass=3:30:3log -o branches.png", "the range of each steady oscillation"),
+            ("sync two-swings --duration 60", "two swings with 15 metronomes each, of which half agree"),
         ),
     ),
 )

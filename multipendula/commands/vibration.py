@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 OUTPUTS = (
     *("angles", "tip_accelerations", "rates", "relative_angles", "relative_rates", "joint_positions"),
     *("tip_positions", "cart_position", "cart_velocity", "pivot_forces"),
+    *("coordinates", "coordinate_rates", "coordinate_accelerations", "spring_forces", "spring_extensions"),
 )
 
 
@@ -75,8 +76,9 @@ def _vibration_arguments(page: Page) -> None:
     )
     offer(page.asked.add_argument("--psd", metavar="CSV", help=words), files((".csv",)))
     words = (
-        "the input that the PSD is of: support_acceleration (default), cart_force, force:POINT, lift:POINT or "
-        "torque:POINT, with a POINT such as pendulum[0].links[1]@0.5, or force[0] of the scene"
+        "the input that the PSD is of: support_acceleration (default), cart_force, on a structure the force on a "
+        "coordinate, as floor2_force, force:POINT, lift:POINT or torque:POINT, with a POINT such as "
+        "pendulum[0].links[1]@0.5, or force[0] of the scene"
     )
     kelvin = number("kelvin above 0 and at most 1e6", most=1e6)
     told = "thermal noise at this temperature, with a budget by place; beside the PSD's where there is a --psd"
@@ -132,7 +134,7 @@ def _add_written(page: Page) -> None:
 
 
 def _report(
-    options: argparse.Namespace, respond: Callable[..., Any], written: Callable[[Any, str], str], figure: str
+    options: argparse.Namespace, respond: Callable[..., Any], written: Callable[[Any, Any], str], figure: str
 ) -> None:
     """The response of the scene as a report and as a picture, whose name is judged before anything is computed."""
     from modal.scene import load

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from math import degrees, pi
@@ -13,7 +13,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.modes import table_numbers
 from modal.report import Displayed
-from modal.scene import Scene, require
+from modal.scene import Scene, require, validate_scene
 from modal.types import Complexes, Floats
 from nonlinear.averaging.equations import AveragedEquations, average
 from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibrium
@@ -149,6 +149,7 @@ def predict(scene: Scene, start: State | None = None) -> Prediction:
     Raises ComputationError where nothing excites it or it is outside the scope of `nonlinear.averaging.equations`, for
     a start at rest, and where drives are so strong that averaged amplitudes grow without bound.
     """
+    validate_scene(scene)
     require(scene, "a prediction of synchronization")
     system = system_of(scene)
     state = validate_state(start if start is not None else initial_state(scene), system)
@@ -178,8 +179,17 @@ def _aside(found: AveragedEquations, start: State) -> State:
     off = next(_beside(z)) - z
     q, v = (found.shapes @ off).real, (found.shapes @ (1j * found.omega * off)).real
     on = found.system.first
+    links, turning = start.links + q[on:], start.link_rates + v[on:]
+    if found.system.structure is not None:
+        return replace(
+            start,
+            links=links,
+            link_rates=turning,
+            supports=start.supports + q[:on],
+            support_rates=start.support_rates + v[:on],
+        )
     cart, rate = (float(value[0]) if on else 0.0 for value in (q, v))
-    return State(start.links + q[on:], start.link_rates + v[on:], start.cart + cart, start.cart_rate + rate)
+    return State(links, turning, start.cart + cart, start.cart_rate + rate)
 
 
 def _beside(z: Complexes) -> Iterator[Complexes]:

@@ -15,6 +15,7 @@ import numpy as np
 from modal.eigen.compiling import available, in_place
 from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
+from nonlinear.dynamics.compiled_structure import Flat, flat_of, rate_on_carriers
 from nonlinear.dynamics.inputs import NOTHING
 from nonlinear.dynamics.joints import joint_law
 from nonlinear.dynamics.minimal import Minimal
@@ -62,13 +63,20 @@ def _link(links, i):  # type: ignore[no-untyped-def]
 
 
 @partial(in_place, forceinline=True)
-def rate(y, links, first, cart, gravity, hinged, works, push, moments, turns, found):  # type: ignore[no-untyped-def]
+def rate(  # type: ignore[no-untyped-def]  # noqa: PLR0912
+    y, links, first, cart, gravity, hinged, works, structure, push, moments, turns, found
+):
     """The whole of `Minimal.derivative`, into `found`.
 
     `first` are the first links of the pendula, `cart` holds mass, damper and spring, or is empty; where no joint is
     `hinged`, none has a spring, a damper or a drive.  `turns` (5, L) is room for sin, cos, and hx, hz, e over D, whose
-    divisions overlap on the way up.
+    divisions overlap on the way up.  Of what hangs from a `structure` neither push nor moments are asked.
     """
+    if structure is not None:
+        d, half = len(structure.kind), len(structure.kind) + len(links)
+        _sines(y[d:half], turns[0], turns[1])
+        rate_on_carriers(y, links, first, gravity, hinged, works, structure, turns, found)
+        return
     on_cart = int(cart.size > 0)
     half = on_cart + len(links)
     angles, rates, turned = y[on_cart:half], y[half + on_cart : 2 * half], found[half + on_cart : 2 * half]
@@ -121,8 +129,8 @@ class Compiled(Minimal):
             raise MissingExtraError("numba", "fast")
 
     @cached_property
-    def scene(self) -> tuple[Floats, Ints, Floats, float, bool, bool]:
-        """Arguments of `rate`: constants and first links of pendula, cart, gravity, whether joints act, y has work."""
+    def scene(self) -> tuple[Floats, Ints, Floats, float, bool, bool, Flat | None]:
+        """Arguments of `rate`: constants, first links, cart, gravity, whether joints act, y has work, a structure."""
         cart = self.system.cart
         return (
             _rows(self.system),
@@ -131,6 +139,7 @@ class Compiled(Minimal):
             self.system.gravity,
             any(group.hinged for group in self.system.groups),
             self.layout.works,
+            None if self.system.structure is None else flat_of(self.system),
         )
 
     def derivative(self, time: float, y: Any) -> Any:

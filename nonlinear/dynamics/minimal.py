@@ -25,7 +25,7 @@ from nonlinear.dynamics.contacts import Rubbed
 from nonlinear.dynamics.drag import External, plane_drag
 from nonlinear.dynamics.inputs import Inputs, Instant, Lengths, lengthened
 from nonlinear.dynamics.joints import Base, bending_torques, inertial_torques, modal_drag
-from nonlinear.dynamics.recursion import Answer, Bias, downward, links_of, upward
+from nonlinear.dynamics.recursion import Answer, Bias, downward, driven, links_of, upward
 from nonlinear.dynamics.structure import Carriers, CarriersAt, inverted_on_carriers
 from nonlinear.system import Group, Layout, Load, Motion, State, System
 
@@ -366,10 +366,11 @@ class Recursed:
         if all(np.ndim(slope) < np.ndim(xx) for pair in (*slopes, felt) for slope in pair):  # the same for all of them
             xx, xz, zz, px, pz = (total(part) for part in (xx, xz, zz, px, pz))
             total = _itself
-        fx, fz = px + (xx * felt[0] + xz * felt[1]), pz + (xz * felt[0] + zz * felt[1])
+        fx, fz = driven(xx, xz, zz, *felt)
+        fx, fz = px + fx, pz + fz
         block = []
         for k, (x, z) in enumerate(slopes):
-            mx, mz = xx * x + xz * z, xz * x + zz * z
+            mx, mz = driven(xx, xz, zz, x, z)
             block.append([total(v * mx + w * mz) for v, w in slopes[: k + 1]])
         return block, [total(x * fx + z * fz) for x, z in slopes]
 

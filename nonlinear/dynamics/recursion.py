@@ -49,6 +49,11 @@ class Answer(NamedTuple):
     pz: Any
 
 
+def driven(xx: Any, xz: Any, zz: Any, x: Any, z: Any) -> tuple[Any, Any]:
+    """M (x, z), along the rail and down."""
+    return xx * x + xz * z, xz * x + zz * z
+
+
 class Bias(NamedTuple):
     """Accelerations (m/s²) of a link's bob and lower joint across and along it that its rotation does not explain."""
 

@@ -73,30 +73,35 @@ class Strained(NamedTuple):
     on_links: Any
 
 
-def stretched(stiffness: Any, damping: Any, apart: Any, rest: Any, stretch: Any, speed: Any) -> Tension:
-    """Springs with a length as drawn: Δ₀ (2, E, ...), |Δ₀| (E, ...), δ and Δ' (2, E, ...)."""
-    across = apart + stretch
-    length = np.sqrt((across * across).sum(0))
-    extension = (2 * (apart * stretch).sum(0) + (stretch * stretch).sum(0)) / (length + rest)
-    u = across / length
-    rate = (u * speed).sum(0)
-    pull = stiffness * extension + damping * rate
-    energy = stiffness * (extension * extension) / 2
-    return Tension(extension, pull, energy, u * pull, -(damping * (rate * rate)).sum(0))
+def stretched(k: Any, d: Any, ax: Any, az: Any, rest: Any, x: Any, z: Any, vx: Any, vz: Any) -> tuple[Any, ...]:
+    """Extension, pull, force on the first end along the rail and down, power of one with Δ₀ = (ax, az), |Δ₀| = rest.
+
+    δ = (x, z) and Δ' = (vx, vz).
+    """
+    bx, bz = ax + x, az + z
+    length = np.sqrt(bx * bx + bz * bz)
+    extension = (2 * (ax * x + az * z) + (x * x + z * z)) / (length + rest)
+    ux, uz = bx / length, bz / length
+    rate = ux * vx + uz * vz
+    pull = k * extension + d * rate
+    return extension, pull, ux * pull, uz * pull, -(d * (rate * rate))
 
 
-def slack(stiffness: Any, damping: Any, stretch: Any, speed: Any) -> Tension:
-    """Springs without: δ = Δ."""
-    square = (stretch * stretch).sum(0)
-    length, force = np.sqrt(square), stiffness * stretch + damping * speed
-    power = -(damping * (speed * speed).sum(0)).sum(0)
-    return Tension(length, stiffness * length, stiffness * square / 2, force, power)
+def slack(k: Any, d: Any, x: Any, z: Any, vx: Any, vz: Any) -> tuple[Any, ...]:
+    """The same of one without a length as drawn: δ = Δ."""
+    length = np.sqrt(x * x + z * z)
+    return length, k * length, k * x + d * vx, k * z + d * vz, -(d * (vx * vx + vz * vz))
 
 
 def twisted(stiffness: Any, damping: Any, turned: Any, turning: Any) -> Tension:
     """Springs between angles."""
     torque, power = stiffness * turned + damping * turning, -(damping * (turning * turning)).sum(0)
     return Tension(turned, torque, stiffness * (turned * turned) / 2, torque, power)
+
+
+def _tension(stiffness: Any, own: tuple[Any, ...]) -> Tension:
+    extension, pull, fx, fz, power = own
+    return Tension(extension, pull, stiffness * (extension * extension) / 2, np.stack((fx, fz)), power.sum(0))
 
 
 class Nodes(NamedTuple):
@@ -178,9 +183,11 @@ class Springs:
             if len(tight):
                 apart, rest = _spread(self.drawn[0], stretch), _spread(self.drawn[1], q)
                 own = stretch[:, tight], speed[:, tight]
-                found.append((tight, stretched(stiffness[tight], damping[tight], apart, rest, *own)))
+                law = stiffness[tight], damping[tight], *apart, rest
+                found.append((tight, _tension(stiffness[tight], stretched(*law, *own[0], *own[1]))))
             if len(loose):
-                found.append((loose, slack(stiffness[loose], damping[loose], stretch[:, loose], speed[:, loose])))
+                law = stiffness[loose], damping[loose]
+                found.append((loose, _tension(law[0], slack(*law, *stretch[:, loose], *speed[:, loose]))))
         if len(torsion):
             angles = [
                 np.stack([self._bent(self.structure.springs[k], values, carrying) for k in torsion])

@@ -84,12 +84,22 @@ def displacement(carrier: CarrierNumbers, where: Any, eta: Sequence[Any]) -> Vec
     elif carrier.kind == "platform":
         x, z = eta[0], -eta[1]
     elif carrier.kind == "swing":
-        x, z = carrier.length * np.sin(eta[0] / carrier.length), -(carrier.length * versed(eta[0] / carrier.length))
+        x, z = along_arc(carrier.length, np.sin(eta[0] / carrier.length), versed(eta[0] / carrier.length))
     if carrier.turning is None:
         return x, z
     phi, (s, h) = eta[carrier.turning], where
-    S, V = np.sin(phi), versed(phi)
-    return x + (h * S - s * V), z - (s * S + h * V)
+    right, down = swayed(s, h, np.sin(phi), versed(phi))
+    return x + right, z + down
+
+
+def along_arc(length: Any, sine: Any, versine: Any) -> Vector:
+    """How far (m) the end of a rod of this length is from where it hangs still."""
+    return length * sine, -(length * versine)
+
+
+def swayed(s: Any, h: Any, sine: Any, versine: Any) -> Vector:
+    """How far (m) a point (s, h) of what turns is from where it is drawn."""
+    return h * sine - s * versine, -(s * sine + h * versine)
 
 
 def has(number: Any) -> bool:
@@ -467,18 +477,23 @@ def _summed(values: Any) -> Any:
 
 def eliminated(block: Sequence[Sequence[Any]], right: list[Any]) -> list[Any]:
     """The x of A x = right, A positive definite, given by its lower half."""
-    A, size = [list(row) for row in block], range(len(right))
-    for k in size:
-        for i in size[k + 1 :]:
+    eliminate([list(row) for row in block], right, 0, len(right))
+    return right
+
+
+def eliminate(A: Any, right: Any, first: int, end: int) -> None:
+    """Turn `right` into the solution of a block of A, from row `first` to before `end`, whose lower half is changed."""
+    for k in range(first, end):
+        for i in range(k + 1, end):
             share = A[i][k] / A[k][k]
             for j in range(k + 1, i + 1):
                 A[i][j] = A[i][j] - share * A[j][k]
             right[i] = right[i] - share * right[k]
-    for k in reversed(size):
-        for i in size[k + 1 :]:
+    for back in range(first, end):
+        k = end - 1 - (back - first)
+        for i in range(k + 1, end):
             right[k] = right[k] - A[i][k] * right[i]
         right[k] = right[k] / A[k][k]
-    return right
 
 
 def inverted_on_carriers(carriers: Carriers, solvers: Sequence[Any], q: Any, p: Any) -> Any:

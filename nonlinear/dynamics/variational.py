@@ -141,6 +141,19 @@ class Variational(Generated):
         """The derivative of the energy (J) by y, (d,)."""
         return self._conserved("energy", y)
 
+    def momenta(self, q: Floats, v: Floats) -> Floats:
+        """The momenta ∂T/∂q' = M(q) v (half, S) of a structure at many coordinates q and rates v (half, S).
+
+        Any other scene has them from `nonlinear.dynamics.hamiltonian`.
+        """
+        return np.array([np.broadcast_to(one, q.shape[1:]) for one in self._momenta([*q, *v])])
+
+    @cached_property
+    def _momenta(self) -> Any:
+        module = _gradients(self._still)
+        constants = module.constants(self._still.numbers(entries_of(self.system), prescribed_of(self.system)))
+        return module.function("momenta", constants, "arrays")
+
     def momentum_slope(self, y: Floats) -> Floats:
         """The derivative by y, (d,), of what a cart without a spring conserves: p_x and the impulse of what resists.
 
@@ -169,7 +182,8 @@ def _gradients(form: Form) -> Module:
     y = own.tape.inputs("y", 2 * half)
     if system.structure is not None:
         (slopes,) = partials(own.tape, [energy_on_carriers(system, y[:half], y[half:])], list(y))
-        return Module(own.tape, {"energy": [slopes.get(k, 0.0) for k in range(2 * half)]})
+        energy = [slopes.get(k, 0.0) for k in range(2 * half)]
+        return Module(own.tape, {"energy": energy, "momenta": energy[half:]})
     links, rates, cart, speed = y[on_cart:half], y[half + on_cart :], y[0] if on_cart else 0.0, y[half]
     p = momenta(system, State(links, rates, cart_rate=speed if on_cart else 0.0))
     energy = (y[half:] * p).sum() / 2 + potential(system, cart, links)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import pi
 from time import perf_counter
 from typing import Any
@@ -11,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
-from modal.report import Displayed, Summary, as_json, by_column, grid, tabulated, titled
+from modal.report import Displayed, Form, Summary, as_json, by_column, grid, tabulated, titled
 from modal.scene import Scene, refusals, title_of, validate_scene
+from modal.scene.doors import checked
 from nonlinear.ensembles.costs import code_of, first_numbers
 from nonlinear.ensembles.measures import asked, validate_measures
 from nonlinear.ensembles.members import members_of
@@ -104,7 +106,10 @@ def _codes(scene: Scene, tolerance: float, measures: Sequence[str]) -> Iterator[
     problems = refusals(scene, "compiled equations")
     if system.kicked and system.n_links <= WRITTEN:
         problems += [f"escapement: kicks of up to {WRITTEN} links are found by plain DOP853"]
-    yield _ready(ONE, COMPILED, problems, integrator, compiled)
+    carriers = system.structure.carriers if system.structure else ()
+    problems += [f"support.{one.name}: modal supports are not compiled" for one in carriers if one.M is not None]
+    kernel = partial(integrator, structured=system.structure is not None)
+    yield _ready(ONE, COMPILED, problems, kernel, compiled)
     yield _ready(ONE, SERIES, refusals(scene, "method taylor"), series, expanded)
     starts = [[TILT] * scene.n_links] * 2
     for engine in (COMPILED, SERIES):
@@ -139,7 +144,8 @@ def _ready(
     return CompiledCode(runs, engine, action, seconds, kept_in(before))
 
 
-def compilation_table(found: Compilation, form: str) -> str:
+@checked
+def compilation_table(found: Compilation, form: Form) -> str:
     """As text or json, the `form`.
 
     >>> from modal import load

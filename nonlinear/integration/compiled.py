@@ -3,7 +3,7 @@
 Its sums over stages are written out from the data of `method`, where its control of steps stands too, so that it takes
 the steps of SciPy's.  Scenes are passed as arrays: one kernel serves all, and is cached on disk.
 numba's cache depends on the date of this file alone: whoever changes `method` or, in `nonlinear.dynamics`, `compiled`,
-`recursion`, `sincos` or `joint_law` must touch this file as well.
+`compiled_structure` and what it compiles, `recursion`, `sincos` or `joint_law` must touch this file as well.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def _stages(first, last, y, h, K, z, scene, turns):  # type: ignore[no-untyped-d
 
 
 @compiled
-def _steps(scene, clock, relative, absolute, y, stages, due, rows, ends, states):  # type: ignore[no-untyped-def]
+def _stepping(scene, clock, relative, absolute, y, stages, due, rows, ends, states):  # type: ignore[no-untyped-def]
     """Up to len(ends) steps to the end of `clock` (time, length to try, longest, end, length of the last step).
 
     `y` and the first of the `stages` are those of the beginning, then of the end.  Fills `rows` at the times `due`, and
@@ -132,18 +132,30 @@ def _steps(scene, clock, relative, absolute, y, stages, due, rows, ends, states)
     return steps, filled, calls
 
 
-def loaded() -> bool:
-    """Whether the kernel is ready in this process."""
-    return bool(getattr(_steps, "signatures", ()))
+@compiled
+def _steps(scene, clock, relative, absolute, y, stages, due, rows, ends, states):  # type: ignore[no-untyped-def]
+    """`_stepping` of pendula on a support or a cart."""
+    return _stepping(scene, clock, relative, absolute, y, stages, due, rows, ends, states)
+
+
+@compiled
+def _steps_on_carriers(scene, clock, relative, absolute, y, stages, due, rows, ends, states):  # type: ignore[no-untyped-def]
+    """The same of pendula on a structure, kept by itself."""
+    return _stepping(scene, clock, relative, absolute, y, stages, due, rows, ends, states)
+
+
+def loaded(*, structured: bool = False) -> bool:
+    """Whether the kernel, that of structures if asked, is ready in this process."""
+    return bool(getattr(_steps_on_carriers if structured else _steps, "signatures", ()))
 
 
 @contextmanager
-def announced() -> Iterator[None]:
+def announced(*, structured: bool = False) -> Iterator[None]:
     """A block that may load or compile the kernel, uninterrupted; a terminal is told what takes long."""
-    if loaded():
+    if loaded(structured=structured):
         yield
         return
-    if not integrator().kept and sys.stderr.isatty():
+    if not integrator(structured=structured).kept and sys.stderr.isatty():
         print(COMPILING, file=sys.stderr)
     with undisturbed():
         yield
@@ -169,8 +181,10 @@ class CompiledDOP853(DOP853):  # type: ignore[misc]
         rows, ends, states = np.empty((len(due), self.n)), np.empty(most), np.empty((most, self.n))
         y, self.K_extended[0] = self.y.copy(), self.f
         given = (self.rtol, self.absolute, y, self.K_extended, due, rows, ends, states)
-        with announced():
-            steps, filled, calls = _steps(self.scene, clock, *given)
+        structured = self.scene[-1] is not None
+        run = _steps_on_carriers if structured else _steps
+        with announced(structured=structured):
+            steps, filled, calls = run(self.scene, clock, *given)
         self.nfev += calls
         if steps:
             self.t_old, self.y_old = (self.t, self.y) if steps == 1 else (float(ends[steps - 2]), states[steps - 2])

@@ -13,7 +13,7 @@ from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import taylor
 from nonlinear.integration.readiness import Code, Offer, cached
 from nonlinear.integration.timescales import estimate_timescales
-from nonlinear.system import System
+from nonlinear.system import System, system_of
 
 WRITTEN = 32  # links of a scene up to which equations are generated in floats
 PER_PERIOD = 14.0  # steps of DOP853 per period at tolerance 1e-6 and large angles
@@ -29,7 +29,8 @@ def offers(scene: Scene, system: System, duration: float, tolerance: float, size
     kicks = periods * PER_KICK * system.kicks_a_period
     steps = periods * PER_PERIOD * (1e-6 / tolerance) ** (1 / 8) + kicks
     each = 1.5e-5 + links * (1e-5 + 6e-7 * longest) if links <= WRITTEN else 2e-3 + 6e-6 * links
-    ways = {"DOP853": Offer(steps * each), "compiled": Offer(steps * (5e-6 + 8e-7 * links), integrator())}
+    compiled = integrator(structured=system.structure is not None)
+    ways = {"DOP853": Offer(steps * each), "compiled": Offer(steps * (5e-6 + 8e-7 * links), compiled)}
     if taylor.takes(system):
         each = 3e-6 + links * (1e-6 if links <= taylor.UNROLLED else 1.5e-6 + 2e-7 * longest)
         code = taylor.code_of(form_of(system), Inputs(system).pieces or (), taylor.uneven(tolerance * size))
@@ -37,13 +38,20 @@ def offers(scene: Scene, system: System, duration: float, tolerance: float, size
     return ways
 
 
-def integrator() -> Code:
-    """The compiled integrator, and how far it is."""
+def least_seconds(scene: Scene, duration: float, tolerance: float, members: int = 1) -> float:
+    """Roughly what so many motions of a scene take by the fastest way once it is ready, on one core (s)."""
+    ways = offers(scene, system_of(scene), duration, tolerance)
+    return float(members * min(way.running for way in ways.values()))
+
+
+def integrator(*, structured: bool = False) -> Code:
+    """The compiled integrator, or that of structures, and how far it is."""
+    function = "_steps_on_carriers" if structured else "_steps"
 
     def steps() -> Any:
-        return getattr(sys.modules.get("nonlinear.integration.compiled"), "_steps", None)
+        return getattr(sys.modules.get("nonlinear.integration.compiled"), function, None)
 
     module = sys.modules.get("nonlinear.integration.compiled")
-    loaded = bool(module and module.loaded())
-    kept = loaded or cached(Path(__file__).parent / "compiled.py", "_steps")
-    return Code("numba", "DOP853", COMPILING, loaded, kept, steps)
+    loaded = bool(module and module.loaded(structured=structured))
+    kept = loaded or cached(Path(__file__).parent / "compiled.py", function)
+    return Code("numba", "DOP853 on structures" if structured else "DOP853", COMPILING, loaded, kept, steps)

@@ -9,7 +9,7 @@ Start with `modes` (`held` along a number) for conservative scenes, with `cycles
 `forced` under drives of a period.  `symmetric` and
 `shooting` have the equations of orbits, `flow` integrates them with their variational equations,
 `continuation` follows their solutions, `floquet` tells stability, `special` where it changes, and `entering` what
-leaves there.
+leaves there.  `populations` has the orbits on which every population of equal pendula moves as one.
 """
 
 from nonlinear.orbits.branch import Branch
@@ -30,6 +30,7 @@ from nonlinear.orbits.forced import LinearResponse, follow_forced, forced_orbit,
 from nonlinear.orbits.held import mode_along
 from nonlinear.orbits.modes import at_amplitude, mode_orbit, nonlinear_mode, orbit_where_off, oscillating
 from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.populations import PatternOrbit, free_amplitude, pattern_orbit
 from nonlinear.orbits.report import orbits_csv, orbits_record, orbits_text
 from nonlinear.orbits.special import Special
 
@@ -40,6 +41,7 @@ __all__ = [
     "Flow",
     "LinearResponse",
     "Orbit",
+    "PatternOrbit",
     "Special",
     "at_amplitude",
     "crossed",
@@ -48,6 +50,7 @@ __all__ = [
     "follow_cycles",
     "follow_forced",
     "forced_orbit",
+    "free_amplitude",
     "growth",
     "last_swing",
     "limit_cycles",
@@ -60,6 +63,7 @@ __all__ = [
     "orbits_record",
     "orbits_text",
     "oscillating",
+    "pattern_orbit",
     "periodic_orbit",
     "require_cycles",
     "require_forced",

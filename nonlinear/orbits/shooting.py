@@ -21,6 +21,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
+from modal.modes import natural_modes
 from modal.scene import Scene, drive_period, require
 from modal.scene.parameters import Variable, Variation, find_places, vary, with_numbers
 from modal.types import Floats
@@ -31,7 +32,8 @@ from nonlinear.orbits.flow import Arrival, Flow, NumberChange, Path
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.system import system_of
 
-SEGMENTS = 2
+SEGMENTS, MOST_SEGMENTS = 2, 10_000
+FINEST, COARSEST = 1e-15, 1e-2  # tolerances
 NUDGE = 1e-7  # of the range of a number, for derivatives by one where the form of the equations changes
 BESIDE = 1e-4  # of a number of a scene, for derivatives of those of the equations by it
 
@@ -263,6 +265,15 @@ def _joined(paths: list[Path], part: float) -> Path:
     return Path(times, np.vstack([path.states for path in paths]), np.vstack([path.rates for path in paths]))
 
 
+def require_held(scene: Scene) -> None:
+    """ComputationError where carriers of a structure move freely along the rail."""
+    if scene.is_structured and not np.all(natural_modes(scene.conservative).omega):
+        raise ComputationError(
+            "periodic orbits on a structure are computed where something holds every support, and here one moves "
+            "freely: give it a spring, or one to the ground"
+        )
+
+
 def shooting(
     scene: Scene,
     *,
@@ -279,6 +290,7 @@ def shooting(
     """
     capability = "a forced periodic orbit" if cycles else "a periodic orbit"
     require(scene, capability)
+    require_held(scene)
 
     variable = Variable(scene, [variation.path] if variation else [])
 

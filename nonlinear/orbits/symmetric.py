@@ -24,12 +24,19 @@ from modal.types import Floats
 from nonlinear.orbits.floquet import of_symmetric
 from nonlinear.orbits.flow import Flow
 from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.shooting import require_held
 from nonlinear.system import system_of
 
 UNMOVED = (
     "a massless cart has no equation of motion where all that pulls it hangs straight down, and the orbits of a mode "
     "pass there: give it a mass"
 )
+UNEVEN = (
+    "the orbits of a mode are followed where a motion is its own mirror image half a period later, and this structure "
+    "has supports or springs that answer one way otherwise than the other"
+)
+SEED, TRIALS, WIDE = 5, 3, 0.3  # motions at which that is asked, and how wide they are in natural units
+EVEN = 1e-9  # of the accelerations, a part that may be even by rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,4 +94,20 @@ def quarter_of(scene: Scene, tolerance: float) -> Quarter:
     require(scene, "a periodic orbit of a mode")
     if is_singular(matrices(scene).M):
         raise ComputationError(UNMOVED)
-    return Quarter(scene, Flow(system_of(scene), tolerance))
+    require_held(scene)
+    flow = Flow(system_of(scene), tolerance)
+    if scene.is_structured and not _is_odd(flow):
+        raise ComputationError(UNEVEN)
+    return Quarter(scene, flow)
+
+
+def _is_odd(flow: Flow) -> bool:
+    """Whether the equations of motion are odd in the coordinates, as this method needs."""
+    random, half, scale = np.random.default_rng(SEED), len(flow.rest), flow.scale
+    for _ in range(TRIALS):
+        aside = scale * random.uniform(-WIDE, WIDE, len(scale))
+        rest = np.concatenate((flow.rest, np.zeros(half)))
+        there, back = (flow.equations.derivative(0.0, rest + way * aside)[half:] for way in (1, -1))
+        if np.abs((there + back) / scale[half:]).max() > EVEN * np.abs((there - back) / scale[half:]).max():
+            return False
+    return True

@@ -19,6 +19,7 @@ from nonlinear.plotting.identification import draw_fit, fit_figure
 from nonlinear.plotting.notebooks import show_film
 from nonlinear.plotting.orbit_films import film_orbit
 from nonlinear.plotting.orbits import draw_orbits, orbits_figure
+from nonlinear.plotting.populations import draw_populations, populations_figure
 from nonlinear.plotting.run import draw_run
 from nonlinear.plotting.strobes import bifurcation_figure, draw_bifurcations, draw_strobes, strobes_figure
 from nonlinear.plotting.sweeps import draw_sweep, validate_axes
@@ -40,6 +41,7 @@ __all__ = [
     "draw_finding",
     "draw_fit",
     "draw_orbits",
+    "draw_populations",
     "draw_run",
     "draw_running",
     "draw_section",
@@ -52,6 +54,7 @@ __all__ = [
     "film_orbit",
     "fit_figure",
     "orbits_figure",
+    "populations_figure",
     "section_figure",
     "show_film",
     "spread_figure",

@@ -32,7 +32,7 @@ from modal.scene import title_of
 from modal.types import Floats
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.artists import Gauges, Scenery
-from nonlinear.plotting.scene import energies_of, stage_of
+from nonlinear.plotting.scene import Stage, energies_of, stage_of
 
 if TYPE_CHECKING:
     from nonlinear.synchronization import Phases
@@ -70,7 +70,7 @@ class Film(MovingFigure):
             self.right = Gauges(bars, line, energies_of(trajectory, times), times)
         else:
             self.right = Scenery(self.figure.add_axes(HALVES[1]), stage_of(beside, times), ratio, trail)
-        self._words(_caption(trajectory, len(stage.actors), stage.follows, speed, beside))
+        self._words(_caption(trajectory, stage, speed, beside))
         self._moving = sorted([*self.scenery.moving, *self.right.moving, self.clock], key=Artist.get_zorder)
         self.show(0)
 
@@ -110,13 +110,16 @@ def _fit(text: Text, width: float) -> None:
     text.set_fontsize(float(text.get_fontsize()) * min(1.0, room / max(text.get_window_extent().width, 1.0)))
 
 
-def _caption(trajectory: Trajectory, drawn: int, follows: bool, speed: float, beside: Trajectory | None) -> str:
-    system = trajectory.system
+def _caption(trajectory: Trajectory, stage: Stage, speed: float, beside: Trajectory | None) -> str:
+    system, drawn = trajectory.system, len(stage.actors)
     words = ["real time" if speed == 1 else f"{speed:.3g} seconds a second"]
     words += [f"{drawn} of {system.n_pendula} pendula drawn"] if drawn < system.n_pendula else []
-    words += ["pivots set apart"] if drawn > 1 else []
+    if stage.pieces:
+        words += ["what would overlap is set apart"] * stage.apart
+    else:
+        words += ["pivots set apart"] if drawn > 1 else []
     words += ["oblique view, with the shadow on a floor"] if system.spatial else []
-    words += ["the camera follows the cart"] if follows else []
+    words += ["the camera follows the cart"] if stage.follows else []
     last = "energy above equilibrium" if beside is None else f"left: {trajectory.run.form}; right: {beside.run.form}"
     return "; ".join([*words, last])
 

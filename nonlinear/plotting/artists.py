@@ -19,7 +19,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting import QUIET, SMALL, colour, ink, muted, paper, shade
+from modal.plotting import QUIET, SMALL, Piece, colour, ink, muted, paper, shade
+from modal.plotting.carriers import ORDER, WIDTHS
 from modal.scene import Bob, Rod
 from modal.types import Floats
 from nonlinear.plotting.scene import DETAIL, OBLIQUE, Actor, Energies, Stage
@@ -65,7 +66,8 @@ class Scenery:
         self.cart = _Cart(axis, stage) if stage.on_cart else None
         if stage.on_cart:
             _rail(axis, -0.17 * stage.depth)
-        self.ceiling = None if stage.on_cart else _Ceiling(axis, stage)
+        self.ceiling = None if stage.on_cart or stage.pieces else _Ceiling(axis, stage)
+        self.structure = _Structure(axis, stage) if stage.pieces else None
         points = _points_per_metre(axis, self.limits)
         self.players = [_Player(axis, actor, colour(k), points, trail) for k, actor in enumerate(stage.actors)]
         if stage.floor is not None:
@@ -75,7 +77,7 @@ class Scenery:
     def moving(self) -> list[Artist]:
         """What a frame draws anew, and over it the axis' own lines, if it shows any."""
         cart = [self.cart.box, *self.cart.circles] if self.cart else []
-        beam = self.ceiling.moving if self.ceiling else []
+        beam = self.ceiling.moving if self.ceiling else self.structure.moving if self.structure else []
         return [
             *cart,
             *beam,
@@ -91,6 +93,8 @@ class Scenery:
             self.cart.show(float(self.stage.cart[frame]))
         if self.ceiling:
             self.ceiling.show(self.stage.support[frame])
+        if self.structure:
+            self.structure.show(frame)
         for player in self.players:
             player.show(frame)
 
@@ -164,6 +168,43 @@ class _Ceiling:
         if self.moves:
             self.hatching.set_segments(list(self.strokes + place))
             self.beam.set_data(np.add(self.ends, place[0]), [place[1], place[1]])
+
+
+class _Structure:
+    """The pieces of a structure: bodies, their rods and springs, and the ground, which moves where it is made to."""
+
+    def __init__(self, axis: Axes, stage: Stage) -> None:
+        axis.set_axis_off()
+        self.pieces, self.drawn = stage.pieces, [_piece(axis, piece) for piece in stage.pieces]
+
+    @property
+    def moving(self) -> list[Artist]:
+        """What has more than one place."""
+        return [drawn for drawn, piece in zip(self.drawn, self.pieces, strict=True) if len(piece.points) > 1]
+
+    def show(self, frame: int) -> None:
+        for drawn, piece in zip(self.drawn, self.pieces, strict=True):
+            if len(piece.points) == 1:
+                continue
+            if isinstance(drawn, Polygon):
+                drawn.set_xy(piece.points[frame])
+            else:
+                drawn.set_data(*piece.points[frame].T)
+
+
+def _piece(axis: Axes, piece: Piece) -> Polygon | Line2D:
+    """A piece where it is first."""
+    points, order, width = piece.points[0], ORDER[piece.role], WIDTHS[piece.role]
+    if piece.closed:
+        face = shade(BODY) if piece.role == "body" else paper()
+        body = Polygon(points, closed=True, facecolor=face, edgecolor=ink(), lw=width, joinstyle="round", zorder=order)
+        axis.add_patch(body)
+        return body
+    look: dict[str, Any] = {"color": ink() if piece.role in {"ground", "line"} else muted(), "lw": width}
+    if piece.role == "dot":
+        look = {"marker": "o", "ms": 4.0, "color": paper(), "mec": ink(), "mew": 1.2, "ls": ""}
+    look |= {"ls": "--"} if piece.role == "guide" else {}
+    return axis.plot(*points.T, **look, solid_joinstyle="round", zorder=order)[0]
 
 
 def _floor(axis: Axes, stage: Stage) -> None:
@@ -295,7 +336,8 @@ def _bars(axis: Axes, energies: Energies) -> tuple[list[Rectangle], list[Rectang
     lower = axis.bar(range(count), kinetic[0], 0.62, color=shade(KINETIC), label="kinetic")
     upper = axis.bar(range(count), potential[0], 0.62, bottom=kinetic[0], color=shade(POTENTIAL), label="potential")
     spare = max(FEWEST - count, 0) / 2
-    axis.set(xlim=(-0.6 - spare, count - 0.4 + spare), ylim=(0, _top(kinetic + potential)))
+    low = min(0.0, 1.06 * float(potential.min()))
+    axis.set(xlim=(-0.6 - spare, count - 0.4 + spare), ylim=(low, _top(kinetic + potential)))
     letters = sum(len(name) + 1 for name in energies.names)
     axis.set_xticks(range(count), energies.names)
     for label in axis.get_xticklabels():

@@ -27,8 +27,10 @@ from modal.plotting import (
     sheet,
 )
 from modal.scene import Scene, title_of
+from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.integration import Trajectory
+from nonlinear.plotting.scene import carrier_name
 from nonlinear.postprocessing import WINDOW_NAME, power_spectrum, resample, resolution
 
 MOST_LINES, MOST_MARKS, FEWEST = 6, 24, 32
@@ -40,6 +42,7 @@ DEEPEST = 1e-10  # smallest power shown in a spectrum over the strongest line
 
 def draw_run(trajectory: Trajectory, stream: IO[bytes], *, kind: str = "png") -> None:
     """Write the picture of a run as png, svg or pdf; ComputationError for a run of a single instant."""
+    require_type("trajectory", trajectory, "Trajectory")
     save(run_figure(trajectory), stream, kind)
 
 
@@ -65,20 +68,21 @@ def run_figure(trajectory: Trajectory) -> Figure:
     """
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
-    on_cart = trajectory.system.cart is not None
-    figure = sheet(WIDE, 8.6 if on_cart else 7.2)
-    grid = figure.add_gridspec(6, 2, width_ratios=(3, 2))
-    tall = 2 if on_cart else 3
+    carried = _carried(trajectory)
+    figure = sheet(WIDE, 7.2 + 1.4 * len(carried))
+    rows = 6 if len(carried) < 2 else 2 * (2 + len(carried))
+    grid = figure.add_gridspec(rows, 2, width_ratios=(3, 2))
+    tall = 2 if carried else 3
     angles = figure.add_subplot(grid[:tall, 0])
     energies = figure.add_subplot(grid[-tall:, 0], sharex=angles)
     drawn = _Drawn.of(trajectory)
     smooth = _smooth(trajectory)
     _angles(angles, smooth, drawn)
-    if on_cart:
-        _cart(figure.add_subplot(grid[2:4, 0], sharex=angles), trajectory)
+    for k, (title, unit, curves) in enumerate(carried):
+        _moved(figure.add_subplot(grid[2 + 2 * k : 4 + 2 * k, 0], sharex=angles), trajectory, title, unit, curves)
     _energies(energies, trajectory)
-    _portrait(figure.add_subplot(grid[:3, 1]), smooth, drawn)
-    _spectrum(figure.add_subplot(grid[3:, 1]), trajectory, drawn)
+    _portrait(figure.add_subplot(grid[: rows // 2, 1]), smooth, drawn)
+    _spectrum(figure.add_subplot(grid[rows // 2 :, 1]), trajectory, drawn)
     headline(figure, title_of(trajectory.scene), "motion")
     caption(figure, _caption(trajectory, drawn))
     return figure
@@ -98,7 +102,7 @@ def _smooth(trajectory: Trajectory) -> Trajectory:
 
 def _names(trajectory: Trajectory) -> list[str]:
     """Names of the links: pendulum.link, or the number of either where there is one of the other."""
-    labels = [label for label in trajectory.system.labels if label != "x"]
+    labels = [label for label in trajectory.system.labels if label.startswith("theta[")]
     places = [label.removeprefix("theta[").removesuffix("]").split(",") for label in labels]
     if trajectory.system.n_pendula == 1:
         return [f"link {link}" for _, link in places]
@@ -135,9 +139,31 @@ def _angles(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
     legend(axis)
 
 
-def _cart(axis: Axes, trajectory: Trajectory) -> None:
-    axis.plot(trajectory.times, trajectory.motion.cart, color=ink(), lw=1.2)
-    framed(axis, "time (s)", "position x (m)", "Cart")
+def _carried(trajectory: Trajectory) -> list[tuple[str, str, dict[str, Floats]]]:
+    """What carries the pendula: for each unit a title, the label of its axis, and curves (T,) by their names."""
+    system, motion = trajectory.system, trajectory.motion
+    if system.cart is not None:
+        return [("Cart", "position x (m)", {"x": motion.cart})]
+    found: dict[str, dict[str, Floats]] = {}
+    for name, values in zip(system.labels, motion.supports.T, strict=False):
+        unit = "rad" if name.endswith("_rad") else "m" if name == "x" or name.endswith("_m") else "each unit"
+        shown = np.rad2deg(values) if unit == "rad" else values
+        found.setdefault(unit, {})[name.removesuffix(f"_{unit}").replace("_", " ")] = shown
+    words = {"rad": "angle (°)", "m": "displacement (m)", "each unit": "coordinate (each unit)"}
+    return [("Structure", words[unit], curves) for unit, curves in found.items()]
+
+
+def _moved(axis: Axes, trajectory: Trajectory, title: str, label: str, curves: dict[str, Floats]) -> None:
+    if title == "Cart":
+        axis.plot(trajectory.times, *curves.values(), color=ink(), lw=1.2)
+        framed(axis, "time (s)", label, title)
+        return
+    numbers, names, stand_for = pick(np.array(list(curves.values())), list(curves), MOST_LINES)
+    values = list(curves.values())
+    draw_curves(axis, [(trajectory.times, values[k]) for k in numbers], names=names)
+    part = f": {stand_for} of {len(curves)} coordinates" if stand_for < len(curves) else ""
+    framed(axis, "time (s)", label, title + part)
+    legend(axis, least=1)
 
 
 def _energies(axis: Axes, trajectory: Trajectory) -> None:
@@ -145,7 +171,8 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
     mechanics, times = trajectory.mechanics, trajectory.times
     kinetic = mechanics.of_pendula(mechanics.kinetic)
     potential = mechanics.of_pendula(mechanics.potential)
-    if trajectory.system.n_pendula == 1 and trajectory.system.cart is None:
+    carried = carrier_name(trajectory.system)
+    if trajectory.system.n_pendula == 1 and not carried:
         curves = {"kinetic": kinetic[:, 0], "potential": potential[:, 0], "total": (kinetic + potential)[:, 0]}
         left_out = False
     else:
@@ -153,8 +180,8 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
         numbers, labels, stand_for = pick(each.T, [f"pendulum {k}" for k in range(1, each.shape[1] + 1)], MOST_LINES)
         curves, left_out = dict(zip(labels, each[:, numbers].T, strict=True)), stand_for < each.shape[1]
     draw_curves(axis, [(times, energy) for energy in curves.values()], names=list(curves))
-    if trajectory.system.cart is not None:
-        axis.plot(times, mechanics.cart_kinetic + mechanics.cart_potential, color=ink(), lw=1.2, label="cart")
+    if carried:
+        axis.plot(times, mechanics.cart_kinetic + mechanics.cart_potential, color=ink(), lw=1.2, label=carried)
     if left_out:
         _range(axis, times, kinetic + potential, "pendula")
     framed(axis, "time (s)", "energy (J)", "Energy above equilibrium")

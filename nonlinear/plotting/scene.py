@@ -6,12 +6,12 @@ projection: y across the rail is drawn as y/2 to the upper right.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from modal.plotting import evenly, side_by_side
+from modal.plotting import STILL, Piece, Scaffold, evenly, side_by_side
 from modal.scene import AnyLink
 from modal.types import Floats, Ints
 from nonlinear.dynamics import Mechanics, vectors
@@ -20,6 +20,7 @@ from nonlinear.postprocessing import picked, resample
 from nonlinear.system import Motion, System
 
 MOST_PENDULA, DETAIL, CLAUSE = 12, 3, 4_000_000
+FEW, SHORT = 6, {"structure": "base"}  # pendula up to which there is room for long names of bars
 OBLIQUE = 0.5 * np.array([np.cos(np.radians(35)), np.sin(np.radians(35))])
 
 
@@ -58,7 +59,8 @@ class Stage:
     """The drawn pendula, the position of the cart (F,) in m, the pivots on it and the length (m) of the longest chain.
 
     `floor` is the depth of the floor below the rail (m), None in the plane; `support` (F, 2) the place of a moved
-    support to the right and up (m), zero elsewhere.
+    support to the right and up (m), zero elsewhere.  `pieces` are those of a structure, (F, K, 2) each, with the ground
+    that moves; there is neither a cart nor a beam then.  `apart` tells that some are not drawn in their place.
     """
 
     actors: tuple[Actor, ...]
@@ -68,6 +70,8 @@ class Stage:
     on_cart: bool
     floor: float | None
     support: Floats
+    pieces: tuple[Piece, ...] = ()
+    apart: bool = False
 
     @property
     def half(self) -> float:
@@ -87,9 +91,14 @@ class Stage:
     @cached_property
     def extent(self) -> tuple[Floats, Floats]:
         """The smallest and largest coordinates (m), relative to the camera, of everything that moves."""
-        corners = [-self.half, self.half] + (self.cart - self.camera)[:, None]
-        across = [corners.ravel()]
-        up = [(np.array([-0.2, 0.14]) * self.depth + self.support[:, 1:]).ravel()]
+        across, up = [], []
+        if self.pieces:
+            across += [piece.points[..., 0].ravel() for piece in self.pieces]
+            up += [piece.points[..., 1].ravel() for piece in self.pieces]
+        else:
+            corners = [-self.half, self.half] + (self.cart - self.camera)[:, None]
+            across.append(corners.ravel())
+            up.append((np.array([-0.2, 0.14]) * self.depth + self.support[:, 1:]).ravel())
         for actor in self.actors:
             shadow = [] if actor.shadow is None else [actor.shadow]
             for points in (actor.joints, actor.centres, *shadow):
@@ -119,9 +128,15 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
         centre = np.where(system.hoisting.moving, length, centre)
     depth = max(float(length[..., place].sum(-1).max()) for place in places)
     pivots = side_by_side(len(places), depth)
+    scaffold = _scaffold(system, pendula, depth)
+    hung = [
+        np.column_stack((pivot + motion.cart, 0.0 * motion.cart)) for pivot, motion in zip(pivots, moved, strict=True)
+    ]
+    if scaffold is not None:
+        hung = list(scaffold.pivots(moved[0].supports).transpose(1, 0, 2) * (1.0, -1.0))
     shapes = [
         _shape(motion, length[..., place], centre[..., place], pivot, shaken)
-        for motion, place, pivot in zip(moved, places, pivots, strict=True)
+        for motion, place, pivot in zip(moved, places, hung, strict=True)
     ]
     floor = max(float(joints[..., -1].max()) for joints, _ in shapes) + 0.3 * depth if system.spatial else None
     actors = tuple(
@@ -130,15 +145,33 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
     )
     support = np.column_stack((shaken[:, 0], -shaken[:, -1]))[::DETAIL]
     cart = moved[0].cart[::DETAIL] + support[:, 0]
-    return Stage(actors, cart, pivots, depth, system.cart is not None, floor, support)
+    stage = Stage(actors, cart, pivots, depth, system.cart is not None, floor, support)
+    if scaffold is None:
+        return stage
+    joints = {p: actor.joints - support[:, None] for p, actor in zip(pendula.tolist(), actors, strict=True)}
+    pieces = [
+        piece._replace(points=piece.points + support[:, None]) if support.any() or piece.role not in STILL else piece
+        for piece in scaffold.pieces(moved[0].supports[::DETAIL], joints)
+    ]
+    apart = bool(scaffold.shifts.any() or scaffold.aside.any())
+    return replace(stage, cart=0.0 * cart, pieces=tuple(pieces), apart=apart)
 
 
-def _shape(motion: Motion, length: Floats, centre: Floats, pivot: float, support: Floats) -> tuple[Floats, Floats]:
-    """Joints (G, n + 1, d) and centres (G, n, d)."""
+def _scaffold(system: System, pendula: Ints, depth: float) -> Scaffold | None:
+    """What draws the structure of a system, None where there is none."""
+    if system.structure is None:
+        return None
+    first = np.searchsorted(system.pendulum, np.arange(system.n_pendula + 1))
+    return Scaffold(system.structure, pendula, first, depth)
+
+
+def _shape(motion: Motion, length: Floats, centre: Floats, pivots: Floats, support: Floats) -> tuple[Floats, Floats]:
+    """Joints (G, n + 1, d) and centres (G, n, d) from `pivots` (G, 2), along the rail and down."""
     along = vectors(motion)[0]
     joints = np.cumsum(length[..., None] * along, axis=1)
     joints = np.concatenate((np.zeros_like(joints[:, :1]), joints), axis=1)
-    joints[..., 0] += pivot + motion.cart[:, None]
+    joints[..., 0] += pivots[:, :1]
+    joints[..., -1] += pivots[:, 1:]
     joints += support[:, None]
     return joints, joints[:, :-1] + centre[..., None] * along
 
@@ -159,18 +192,29 @@ def _links(trajectory: Trajectory, pendulum: int) -> tuple[AnyLink, ...]:
 
 
 def energies_of(trajectory: Trajectory, at: Floats) -> Energies:
-    """The energies of the drawn pendula, of a cart after them, and of everything, at the times `at` (F,) in s."""
+    """The energies of the drawn pendula, then of what carries them, and of everything, at the times `at` (F,) in s."""
     rows = max(1, CLAUSE // trajectory.system.n_links)
     parts = [_energies(trajectory, at[first : first + rows]) for first in range(0, len(at), rows)]
     kinetic, potential = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
-    own, cart = chosen(trajectory.system), trajectory.system.cart is not None
-    bars = np.append(own, trajectory.system.n_pendula) if cart else own
-    names = (*map(str, own + 1), *["cart"] * cart)
+    own, carried = chosen(trajectory.system), carrier_name(trajectory.system)
+    bars = np.append(own, trajectory.system.n_pendula) if carried else own
+    carried = SHORT.get(carried, carried) if len(own) > FEW else carried
+    names = (*map(str, own + 1), *[carried] * bool(carried))
     return Energies(names, kinetic[:, bars], potential[:, bars], (kinetic.sum(1), potential.sum(1)))
 
 
+def carrier_name(system: System) -> str:
+    """What has energy beside the pendula, in a word; "" where nothing has.
+
+    A structure has that of all springs between points.
+    """
+    if system.structure is not None:
+        return "structure" if system.structure.size else "springs"
+    return "cart" if system.cart is not None else ""
+
+
 def _energies(trajectory: Trajectory, at: Floats) -> tuple[Floats, Floats]:
-    """Kinetic energy and potential energy above equilibrium of every pendulum and, last, of the cart."""
+    """Kinetic energy and potential energy above equilibrium of every pendulum and, last, of cart or structure."""
     found = Mechanics(trajectory.system, resample(trajectory.times, trajectory.motion, at), at)
     kinetic, potential = found.of_pendula(found.kinetic), found.of_pendula(found.potential)
     return np.column_stack((kinetic, found.cart_kinetic)), np.column_stack((potential, found.cart_potential))

@@ -35,10 +35,11 @@ from modal.plotting import (
 )
 from modal.report import counted
 from modal.scene import title_of
+from modal.scene.doors import require_type
 from modal.types import Floats, Ints
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import picked, resample, smooth
-from nonlinear.synchronization import Phases, Survival, find_survival
+from nonlinear.synchronization import Phases, Survival, find_survival, population_phases
 
 MOST_LINES = HUES
 PERIODS, POINTS = 4, 600  # periods in each window, and points drawn in it
@@ -53,11 +54,13 @@ def draw_sync(trajectory: Trajectory, phases: Phases, stream: IO[bytes], kind: s
     Of many pendula only some are drawn, and their energies as a band; where the energy cannot be divided among modes
     the picture gives the reason.
     """
+    require_type("trajectory", trajectory, "Trajectory")
     save(sync_figure(trajectory, phases), stream, kind)
 
 
 def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
     """The same as a figure."""
+    require_type("trajectory", trajectory, "Trajectory")
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
     figure = sheet(WIDE, 9.8)
@@ -123,7 +126,13 @@ def _close(trajectory: Trajectory, links: Ints, start: float, width: float) -> t
 
 
 def _order(axis: Axes, phases: Phases) -> None:
-    axis.plot(phases.times, phases.order[:, phases.leading], color=ink(), lw=1.4)
+    """The order parameter of all pendula, and on a structure that of every population."""
+    axis.plot(phases.times, phases.order[:, phases.leading], color=ink(), lw=1.4, label="all")
+    populations = population_phases(phases)
+    if populations is not None and 1 < len(populations.populations) < MOST_LINES:
+        names = [f"population {k + 1}, {one.name}" for k, one in enumerate(populations.populations)]
+        draw_curves(axis, [(phases.times, one) for one in populations.order.T], names=names, first=FIRST)
+        legend(axis, 3)
     axis.set(xlim=(phases.times[0], phases.times[-1]), ylim=(-0.03, 1.03))
     which = f" (fixed-base mode {phases.leading + 1})" if phases.omega.shape[1] > 1 else ""
     framed(axis, "time (s)", "order parameter R (–)", f"Agreement of phases{which}: 1 in phase, 0 balanced")

@@ -6,6 +6,7 @@ With the direction u of every link and its tangents t = ∂u/∂q, a the acceler
     ρ_x = M x'' + c_c x' + k_c x + e_x·Σ b_j u_j'',
 
 Q_i of springs, dampers and drives at the joints; sums run down and up each chain, so O(links) operations per instant.
+On a structure ρ = M (q'' − a), a being the accelerations of the equations of motion.
 The coordinates are those of `nonlinear.reduction.two_planes`: θ in the plane, in space p = θ (cos φ, sin φ) from the
 rest with
 
@@ -17,14 +18,17 @@ All arrays have times on their last axis; vectors have their components on the f
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.drag import drag, plane_drag
 from nonlinear.dynamics.joints import cart_force, joint_torques, modal_drag
+from nonlinear.dynamics.variational import Variational
 from nonlinear.reduction.two_planes import factors
 from nonlinear.system import Group, System
 
@@ -36,6 +40,9 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
 
     One plane, or of a system in space the ones along the rail (with the cart, N; the links' in N m) and across it.
     """
+    require_type("system", system, "System")
+    if system.structure is not None:
+        return [_on_structure(system, planes[0])]
     on = system.first
     starts = [on, 0][: len(planes)]
     found = [np.zeros(plane.shape[1:]) for plane in planes]
@@ -56,6 +63,19 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
     if system.modal_damping is not None:
         found[0] -= modal_drag(system, planes[0][1])
     return found
+
+
+def _on_structure(system: System, plane: Floats) -> Floats:
+    """ρ = M(q) (q'' − a) (half, T), a being the accelerations of the equations of motion."""
+    equations, (q, rate, turn) = _written(system), plane
+    q = q + np.concatenate((np.zeros(system.first), system.rest))[:, None]
+    return equations.momenta(q, turn - equations.derivative(0.0, np.concatenate((q, rate)))[len(q) :])
+
+
+@lru_cache(maxsize=16)
+def _written(system: System) -> Variational:
+    """Its equations, written once for all evaluations."""
+    return Variational(system)
 
 
 def _planar(group: Group, own: list[Floats], felt: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:

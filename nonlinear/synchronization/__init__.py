@@ -5,30 +5,46 @@ energy; the branches of configurations along a parameter, and a report.
 
     η_p = |η_p| e^{iψ_p},    R = |Σ e^{iψ_p}|/N
 
-Start with `study`; `phases` measures, `continuation` follows branches, `report` words both.
+Equal pendula on the supports of a structure are populations: which of them lock (`populations`), which disturbances
+leave the motions in which they all do the same (`sectors`), and where (`thresholds`).  Start with `study`; `phases`
+measures, `continuation` follows branches, `report` words both.
 """
 
 from nonlinear.synchronization.continuation import Branch, Branches, follow_branches
 from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.patterns import agreement
 from nonlinear.synchronization.phases import ENDING, Phases, phases_of
+from nonlinear.synchronization.population_report import diagram_csv, diagram_text
+from nonlinear.synchronization.populations import PopulationPhases, population_phases
 from nonlinear.synchronization.report import branches_csv, branches_text, sync_record, sync_text
+from nonlinear.synchronization.sectors import SymmetricMotion, symmetric_motions
 from nonlinear.synchronization.study import SynchronizationStudy, study_synchronization, theory_of_scene
+from nonlinear.synchronization.thresholds import MotionBranch, PopulationDiagram, Threshold, follow_populations
 
 __all__ = [
     "ENDING",
     "Branch",
     "Branches",
+    "MotionBranch",
     "Phases",
+    "PopulationDiagram",
+    "PopulationPhases",
     "Survival",
+    "SymmetricMotion",
     "SynchronizationStudy",
+    "Threshold",
     "agreement",
     "branches_csv",
     "branches_text",
+    "diagram_csv",
+    "diagram_text",
     "find_survival",
     "follow_branches",
+    "follow_populations",
     "phases_of",
+    "population_phases",
     "study_synchronization",
+    "symmetric_motions",
     "sync_record",
     "sync_text",
     "theory_of_scene",

@@ -23,6 +23,7 @@ import numpy as np
 from modal import pair
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, counted, first_line
+from modal.scene.doors import require_type
 from modal.types import Complexes, Floats
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import last
@@ -114,7 +115,11 @@ class Phases(Displayed):
         ripples; NaN for a pendulum that is at rest at any time.  Raises ComputationError where the samples are too far
         apart to follow phases.
         """
-        late = last(self.times, SETTLED)
+        return self.mean_rates(SETTLED)
+
+    def mean_rates(self, part: float) -> Floats:
+        """The same over the last `part` of the run."""
+        late = last(self.times, part)
         times, z = self.times[late], self.z[late, :, self.leading]
         self._validate(times, z)
         half = (times[-1] - times[0]) / 2
@@ -157,6 +162,7 @@ def phases_of(trajectory: Trajectory) -> Phases:
     Raises ComputationError for a motion in space, for pendula that do not oscillate about equilibrium on a fixed
     support, and for chains too long for dense matrices.
     """
+    require_type("trajectory", trajectory, "Trajectory")
     system, motion = trajectory.system, trajectory.motion
     if system.spatial:
         raise ComputationError("phases: only for motion in the plane")

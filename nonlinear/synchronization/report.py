@@ -30,6 +30,7 @@ from modal.report import (
     with_unit,
 )
 from modal.scene import describe, title_of
+from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.averaging import ASIDE, RelativeEquilibrium
 from nonlinear.orbits import Orbit, Special, growth
@@ -38,6 +39,7 @@ from nonlinear.synchronization.continuation import Branch, Branches, Change
 from nonlinear.synchronization.modal_energy import Survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import ENDING
+from nonlinear.synchronization.population_report import population_record, population_sections
 from nonlinear.synchronization.study import SynchronizationStudy, Theory
 from nonlinear.system import System
 
@@ -64,11 +66,14 @@ MOST_LINES, MOST_UNSTABLE = 16, 8  # configurations in the table, and unstable o
 
 def sync_text(found: SynchronizationStudy) -> str:
     """The report for a terminal."""
+    require_type("found", found, "SynchronizationStudy")
     parts = [headed(title_of(found.scene)), *_sections(found)]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
 def _sections(found: SynchronizationStudy) -> Iterator[str]:
+    if found.populations is not None:
+        yield from population_sections(found.populations, found.motions, found.motionless)
     if found.theory is None:
         yield f"No prediction: {found.silent}."
     else:
@@ -245,7 +250,9 @@ def _energies(found: SynchronizationStudy) -> Iterator[str]:
     trajectory = found.trajectory
     late = last(trajectory.times, ENDING)
     pendula, cart = found.phases.energy[late].sum(axis=1).mean(), trajectory.mechanics.cart_kinetic[late].mean()
-    yield f"Energy at the end: pendula {pendula:.4g} J" + (f", cart {cart:.3g} J." if trajectory.system.cart else ".")
+    carrying = "cart" if trajectory.system.cart else "supports"
+    has = trajectory.system.cart or trajectory.system.structure
+    yield f"Energy at the end: pendula {pendula:.4g} J" + (f", {carrying} {cart:.3g} J." if has else ".")
     kicks, work = trajectory.kicks, float(trajectory.motion.work[-1])
     if len(kicks.time):
         fed = float(kicks.energy.sum())
@@ -267,6 +274,7 @@ def _others(system: System, work: float) -> str:
 
 def sync_record(found: SynchronizationStudy) -> dict[str, Any]:
     """The JSON record: modes are numbered as in the table; null where there is no value."""
+    require_type("found", found, "SynchronizationStudy")
     theory = found.theory
     return {
         "scene": describe(found.scene),
@@ -275,7 +283,14 @@ def sync_record(found: SynchronizationStudy) -> dict[str, Any]:
         "no_prediction": found.silent or None,
         "simulation": _simulation_record(found),
         "agrees": found.agrees,
+        **_populations_record(found),
     }
+
+
+def _populations_record(found: SynchronizationStudy) -> dict[str, Any]:
+    if found.populations is None:
+        return {}
+    return population_record(found.populations, found.motions, found.motionless)
 
 
 def _configuration_record(one: RelativeEquilibrium, orbit: Orbit | None = None) -> dict[str, Any]:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import pi
 from typing import Any
 
+import numpy as np
+
 from modal.errors import ComputationError
 from modal.report import Displayed
-from modal.scene import Scene, refusals, require
+from modal.scene import Scene, refusals, require, validate_scene
+from modal.scene.doors import checked
 from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relative_equilibria
 from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.orbits import Orbit
@@ -18,11 +21,16 @@ from nonlinear.simulation import simulate
 from nonlinear.synchronization.certificates import certified, uncertified
 from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
+from nonlinear.synchronization.populations import PopulationPhases, population_phases
+from nonlinear.synchronization.sectors import SymmetricMotion, symmetric_motions
 from nonlinear.system import State
 
 LONGER, BEYOND = 1.5, 30  # duration over the predicted locking time, and periods added to it
 SHARE = 0.05  # largest difference of the survivor's share of the energy from the predicted one
 USUAL, MOST = 200, 5000  # default and longest duration in periods
+FEW = 8  # pendula on a structure among which configurations are searched for one by one
+FOLDS, LONGEST = 10.0, 2000  # e-folding times of populations that a run lasts, and most periods of it
+LOOSE = 1e-7  # tolerance of runs of populations
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -58,7 +66,11 @@ class Theory(Displayed):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SynchronizationStudy(Displayed):
-    """Theory and simulation of a scene; without theory or modes, `silent` and `unmeasured` say why."""
+    """Theory and simulation of a scene; without theory or modes, `silent` and `unmeasured` say why.
+
+    On a structure `populations` are the phases of the run by populations, and `motions` their symmetric motions, or
+    `motionless` says why there are none.
+    """
 
     scene: Scene
     theory: Theory | None
@@ -67,6 +79,9 @@ class SynchronizationStudy(Displayed):
     phases: Phases
     survival: Survival | None
     unmeasured: str
+    populations: PopulationPhases | None = None
+    motions: tuple[SymmetricMotion, ...] = ()
+    motionless: str = ""
 
     @property
     def agrees(self) -> bool | None:
@@ -96,12 +111,21 @@ class SynchronizationStudy(Displayed):
 
 def theory_of_scene(scene: Scene, start: State | None = None) -> Theory:
     """The theory of a self-excited scene; ComputationError outside the scope of averaged equations."""
+    validate_scene(scene)
     prediction = predict(scene, start)
     return Theory(relative_equilibria(prediction.averaged), prediction)
 
 
-def usual_duration(scene: Scene, theory: Theory | None) -> float:
-    """Seconds after which the predicted outcome is visible, at most MOST periods of the slowest mode."""
+def usual_duration(scene: Scene, theory: Theory | None, motions: Sequence[SymmetricMotion] = ()) -> float:
+    """Seconds after which the predicted outcome is visible, at most MOST periods of the slowest mode.
+
+    Of populations that is FOLDS times as long as the slowest of their growth rates needs, up to LONGEST periods.
+    """
+    orbits = [one.orbit for one in motions if one.orbit]
+    if orbits:
+        period = max(one.orbit.period for one in orbits)
+        slowest = min(abs(rate) for one in orbits for rate in one.growth)
+        return float(np.clip(FOLDS / slowest if slowest else np.inf, USUAL * period, LONGEST * period))
     if theory is None:
         return USUAL * 2 * pi / (estimate_timescales(scene).swing or 1.0)
     period = 2 * pi / float(theory.prediction.averaged.omega.min())
@@ -110,6 +134,7 @@ def usual_duration(scene: Scene, theory: Theory | None) -> float:
     return min(wished, MOST * period)
 
 
+@checked
 def study_synchronization(
     scene: Scene,
     duration: float | None = None,
@@ -126,15 +151,26 @@ def study_synchronization(
     """
     require(scene, "synchronization")
     silent = "; ".join(refusals(scene, "a prediction of synchronization"))
+    motions: tuple[SymmetricMotion, ...] = ()
+    motionless = silent
+    if scene.is_structured and not silent:
+        motions, motionless = _tried(lambda: symmetric_motions(scene))
+        motions = motions or ()
+        if scene.n_pendula > FEW:
+            silent = f"among {scene.n_pendula} pendula on a structure steady motions are not searched for one by one"
     theory, silent = (None, silent) if silent else _tried(lambda: theory_of_scene(scene, start))
-    length = duration or usual_duration(scene, theory)
+    length = duration or usual_duration(scene, theory, motions)
+    if scene.is_structured:
+        options.setdefault("tolerance", LOOSE)
     if theory is not None and theory.prediction.unstable:
         start = theory.prediction.start
     trajectory = simulate(scene, length, start=start, report=lambda elapsed: report(elapsed, length), **options)
     if trajectory.run.interrupted:
         raise KeyboardInterrupt
     found, unmeasured = _tried(lambda: find_survival(trajectory, theory and theory.prediction.averaged.modes))
-    return SynchronizationStudy(scene, theory, silent, trajectory, phases_of(trajectory), found, unmeasured)
+    phases = phases_of(trajectory)
+    told = population_phases(phases), motions, motionless
+    return SynchronizationStudy(scene, theory, silent, trajectory, phases, found, unmeasured, *told)
 
 
 def _tried(action: Callable[[], Any]) -> tuple[Any, str]:

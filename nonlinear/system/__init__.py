@@ -27,6 +27,7 @@ from nonlinear.system.numbers import (
     system_with,
     with_prescribed,
 )
+from nonlinear.system.populations import Population, populations_of, representatives, unrepresented
 from nonlinear.system.springs import drawn_place, place_of, slack_of
 from nonlinear.system.state import AppliedForces, Equations, Layout, Load, Motion, State, apart
 from nonlinear.system.system import Group, System, system_of
@@ -49,6 +50,7 @@ __all__ = [
     "Load",
     "Motion",
     "Numbers",
+    "Population",
     "State",
     "System",
     "apart",
@@ -61,13 +63,16 @@ __all__ = [
     "numbers_of_all",
     "of_plane",
     "place_of",
+    "populations_of",
     "prescribed_of",
+    "representatives",
     "slack_of",
     "state_at_rest",
     "system_of",
     "system_with",
     "turning_point",
     "unit_vectors",
+    "unrepresented",
     "validate_state",
     "velocities",
     "with_prescribed",

@@ -20,7 +20,7 @@ import numpy as np
 
 from modal.assembly import CartNumbers
 from modal.report import Displayed
-from modal.scene import AnyLink, Body, Escapement, Scene
+from modal.scene import AnyLink, Body, Escapement, Scene, validate_scene, validate_scenes
 from modal.scene.parameters import Place
 from modal.structure import CarrierEnd, CarrierNumbers, End, GroundEnd, LinkEnd, Pivot, Structure
 from modal.structure.carriers import PLATFORM
@@ -108,6 +108,7 @@ def numbers_of(
     scene: Scene, values: Values | None = None, system: System | None = None, modal: Floats | None = None
 ) -> Numbers:
     """The numbers of a scene, with arrays (S,) of `values` at some of its places and D_modal (S, n, n)."""
+    validate_scene(scene)
     given: Values = values or {}
     cart = [0.0, 0.0, 0.0]
     if scene.cart is not None:
@@ -184,6 +185,7 @@ def entries_of(system: System) -> list[float]:
 
 def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
     """Of scenes that differ in numbers alone."""
+    validate_scenes(scenes)
     system = system_of(scenes[0])
     each = [numbers_of(scene) for scene in scenes]
     return Numbers(system, _joined([own.entries for own in each]), _joined([own.prescribed for own in each]))

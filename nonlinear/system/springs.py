@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from modal.structure import CarrierEnd, End, GroundEnd, Structure
-from nonlinear.system.system import Group, System
 
 Vector = tuple[Any, Any]
 
 
-def place_of(system: System, link: int) -> tuple[Group, int, int]:
+class Hanging(Protocol):
+    """What is asked of a system: its groups of pendula, and what carries them."""
+
+    @property
+    def groups(self) -> tuple[Any, ...]:
+        """The groups (`nonlinear.system.Group`)."""
+        ...
+
+    @property
+    def structure(self) -> Structure | None:
+        """The structure."""
+        ...
+
+
+def place_of(system: Hanging, link: int) -> tuple[Any, int, int]:
     """The group, row and column of a link in the order of the file."""
     for group in system.groups:
         rows, columns = np.nonzero(group.index == link)
@@ -21,7 +34,7 @@ def place_of(system: System, link: int) -> tuple[Group, int, int]:
     raise IndexError(link)
 
 
-def drawn_place(system: System, end: End) -> Vector | None:
+def drawn_place(system: Hanging, end: End) -> Vector | None:
     """Where an end is drawn (m); None for the ground below the other end."""
     structure = system.structure
     assert structure is not None
@@ -44,7 +57,7 @@ def _drawn(structure: Structure, number: int, where: Any) -> Vector:
     return carrier.position[0] + where[0], carrier.position[1] + where[1]
 
 
-def slack_of(system: System) -> tuple[bool, ...]:
+def slack_of(system: Hanging) -> tuple[bool, ...]:
     """Which springs of a structure have no length as drawn."""
     if system.structure is None:
         return ()

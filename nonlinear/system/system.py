@@ -25,10 +25,11 @@ from modal.assembly import (
     rig_of,
 )
 from modal.report import Displayed, Summary, counted
-from modal.scene import Escapement, Pendulum, Scene, VanDerPol
+from modal.scene import Escapement, Pendulum, Scene, VanDerPol, validate_scene
 from modal.structure import Structure, is_damped
 from modal.types import Floats, Ints
 from nonlinear.system.forces import ActingForce, acting_forces
+from nonlinear.system.springs import slack_of
 
 if TYPE_CHECKING:
     from modal.vibration import Course, PrescribedMotion
@@ -368,6 +369,7 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     >>> len(system_of(load("paper-cart-2")).groups)
     1
     """
+    validate_scene(scene)
     rig = rig_of(scene.replace(force=()) if scene.force else scene)
     hanging = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     sizes = np.array([rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)])
@@ -388,8 +390,6 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     found = System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, *prescribed, rig.structure)
     if rig.structure is None:
         return found
-    from nonlinear.system.springs import slack_of
-
     return replace(found, slack=slack_of(found))
 
 

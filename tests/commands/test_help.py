@@ -189,7 +189,7 @@ print(*sys.modules)"""
 def test_the_words_are_those_of_the_packages() -> None:
     from modal.exports import FORMATS
     from modal.statespace.points import WAYS
-    from modal.statespace.signals import INPUTS, OUTPUTS
+    from modal.statespace.signals import INPUTS, OF_SPRINGS, OF_STRUCTURES, OUTPUTS, PUSHES
     from modal.symbolic.derivation import SECTIONS
     from modal.symbolic.system import SYMBOLIC
     from nonlinear.integration import FORMS
@@ -202,8 +202,9 @@ def test_the_words_are_those_of_the_packages() -> None:
     assert completion.shipped() == example_names()
     assert offered("derive", "--show") == list(SECTIONS)
     assert offered("derive", "--symbolic") == list(SYMBOLIC)
-    assert sorted(offered("export", "--input")) == sorted((*INPUTS, *(f"{way}:" for way in WAYS), "force[0]"))
-    assert sorted(offered("export", "--signals")) == sorted(OUTPUTS)
+    inputs = {*INPUTS, *PUSHES, *(f"{way}:" for way in WAYS), "force[0]"}
+    assert sorted(offered("export", "--input")) == sorted(inputs)
+    assert sorted(offered("export", "--signals")) == sorted({*OUTPUTS, *(OF_STRUCTURES - PUSHES.keys()), *OF_SPRINGS})
     assert offered("export", "--to") == list(FORMATS)
     assert offered("simulate", "--method") == list(METHODS)
     assert offered("simulate", "--form") == list(FORMS)

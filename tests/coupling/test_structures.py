@@ -7,6 +7,7 @@ import json
 from functools import cache
 from typing import Any
 
+import mpmath as mp
 import numpy as np
 import pytest
 import scipy
@@ -212,6 +213,21 @@ def test_two_carts_with_three_bobs_each() -> None:
     # ε = μ/m with the dynamic mass 2 m_c − 2 k/ω² of both carts at ω² = g
     expected = sorted(3 / (5 - k / 9.81) for k in (30.0, 70.0))
     assert sorted(branch.strength for branch in family.branches) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("mass", [1e2, 1e10])
+def test_splittings_keep_their_digits_however_heavy_the_carts(mass: float) -> None:
+    """(k − x(m + 3))(g − x) = 3 x² of each cart with its bobs, in phase with k, in antiphase with k + 2κ."""
+    held = [cart.replace(mass=mass, stiffness=0.3 * mass) for cart in (LEFT, RIGHT)]
+    joined = BETWEEN.replace(stiffness=0.2 * mass)
+    branches = explained(CARTS.replace(support=held, spring=(joined,))).families[0].branches
+    with mp.workdps(60):
+        g, m = mp.mpf(9.81), mp.mpf(mass)
+        for branch, spring in zip(branches, (0.3 * mass, 0.3 * mass + 2 * (0.2 * mass)), strict=True):
+            a, b, c = m, -(mp.mpf(spring) + (m + 3) * g), spring * g
+            roots = [(-b + sign * mp.sqrt(b * b - 4 * a * c)) / (2 * a) for sign in (1, -1)]
+            exact = min((mp.sqrt(x) - mp.sqrt(g) for x in roots), key=lambda value: abs(value - branch.splitting))
+            assert branch.splitting == pytest.approx(float(exact), rel=1e-13)
 
 
 def test_a_push_feels_nothing_where_the_scene_swings() -> None:

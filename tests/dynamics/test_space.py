@@ -117,9 +117,9 @@ def pushed(time: float, state: State) -> AppliedForces:
 
 
 def pushed_in_space(time: float, state: State) -> AppliedForces:
-    cart, moments = pushed(time, state)
-    assert moments is not None
-    return AppliedForces(cart, moments[:, None] * np.array([0.0, 1.0, 0.0]))
+    push = pushed(time, state)
+    assert push.moments is not None
+    return AppliedForces(push.cart, push.moments[:, None] * np.array([0.0, 1.0, 0.0]))
 
 
 def unwound(equations: Spatial, angles: np.ndarray) -> np.ndarray:

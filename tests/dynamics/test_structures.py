@@ -382,6 +382,17 @@ def test_what_is_written_equals_the_recursion() -> None:
     )
 
 
+@pytest.mark.slow
+def test_compiled_loops_equal_the_recursion() -> None:
+    pytest.importorskip("numba")
+    from nonlinear.dynamics.compiled import Compiled
+
+    system = system_of(varied(lambda d: [p["links"][0].pop("drag", None) for p in d["pendulum"]], modal=False))
+    y = np.append(shaken(system, 7), 0.0)
+    expected = plain(system).derivative(0.0, y)
+    np.testing.assert_allclose(Compiled(system).derivative(0.0, y), expected, rtol=0, atol=1e-11)
+
+
 def test_members_with_numbers_of_their_own() -> None:
     scene = varied(modal=False)
     system, numbers = system_of(scene), numbers_of(scene)

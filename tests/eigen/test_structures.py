@@ -19,7 +19,8 @@ from modal import Bob, Cart, Pendulum, Scene, natural_frequencies, natural_modes
 from modal.assembly import matrices, null_space, rig_of
 from modal.eigen import find_spectrum
 from modal.eigen.carried import Balanced, Carried, Reduced, square_root
-from modal.eigen.product import Factor, product_modes
+from modal.eigen.factor import Factor
+from modal.eigen.product import product_modes
 from modal.errors import ComputationError
 from modal.scene import Rod, Spring
 from modal.scene.supports import ModalSupport, Planar, Platform, Swing, Tilt

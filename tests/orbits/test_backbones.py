@@ -7,6 +7,7 @@ from math import pi, radians, sqrt
 
 import numpy as np
 import pytest
+from amounts import usually
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
@@ -74,7 +75,9 @@ def test_near_one_to_three_shifts_and_the_angle_of_1_percent(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("ratio", "angle"), [(3.005, 23), (3.0125, 34), (3.036, 52), (3.069, 68)])
+@pytest.mark.parametrize(
+    ("ratio", "angle"), usually([(3.005, 23), (3.069, 68)], [(3.005, 23), (3.0125, 34), (3.036, 52), (3.069, 68)])
+)
 def test_mode_1_turns_in_frequency_just_above_one_to_three(ratio: float, angle: float) -> None:
     branch = nonlinear_mode(with_ratio(ratio), 1, radians(72), longest=0.25)
     turns = [special.orbit for special in branch.special if special.kind == "fold" and special.of == "omega"]

@@ -9,11 +9,11 @@ from scipy.integrate import solve_ivp
 from scipy.io import loadmat
 from scipy.special import jv, yv
 
-from modal import load, natural_modes
+from modal import load, natural_frequencies, natural_modes
 from modal.errors import ComputationError, SceneError
 from modal.exports import FORMATS, format_named
 from modal.plotting.hoisting import hoist_figure
-from modal.scene import Bob, Cart, Fixed, Hoist, Pendulum, Scene
+from modal.scene import Bob, Cart, Fixed, Hoist, Pendulum, Scene, Spring, Swing
 from modal.statespace import minimal, shaper_for, state_space, swings_of
 from modal.statespace.hoisting import (
     Travel,
@@ -247,3 +247,35 @@ def test_constant_models_and_other_scenes_are_refused() -> None:
     upright = crane().pendulum[0].replace(equilibrium=("up",))
     with pytest.raises(ComputationError, match="unstable"):
         frequencies_along(Scene(gravity=G, pendulum=(upright,)))
+
+
+# ------------------------------------------------------------------------------------------------------ on structures
+
+
+def towed() -> Scene:
+    """A cart beside a swing, each with loads on ropes that are hoisted."""
+    rope = Bob(mass=2.0, length=1.5, hoist=Hoist(to=0.8, begin=0.5, duration=3.0))
+    return Scene(
+        gravity=9.81,
+        support=[Cart(name="truck", mass=3.0, stiffness=6.0), Swing(name="stage", mass=2.0, length=0.7)],
+        pendulum=[Pendulum(on="truck", links=[rope], count=2), Pendulum(on="stage", links=[rope])],
+        spring=[Spring(between=("truck", "stage"), stiffness=20.0)],
+    )
+
+
+def test_frequencies_along_a_hoist_of_a_structure_are_those_at_each_time() -> None:
+    along = frequencies_along(towed(), samples=3)
+    for time, omega in zip(along.times.tolist(), along.omega, strict=True):
+        assert np.allclose(np.sort(omega), natural_frequencies(towed().at(time)), rtol=1e-12)
+
+
+def test_a_shaper_leaves_nothing_where_the_lengths_of_a_structure_stay() -> None:
+    """An impulse on one coordinate, at lengths that hardly change: the promise for constant lengths is kept."""
+    scene = towed()
+    slow = Hoist(to=1.5 * (1 - 1e-7), begin=0.0, duration=1.0)
+    pendula = [one.replace(links=[one.links[0].replace(hoist=slow)]) for one in scene.pendulum]
+    scene = scene.replace(pendulum=pendula)
+    drive = "stage_force"
+    made = shaper_for(scene.at(0.0), 4, "zv", drive)
+    assert shaper_residual(scene, made, drive) < 1e-5
+    assert shaper_residual(scene, shaper_for(scene.at(0.0), 1, "zv", drive), drive) > 1e-2

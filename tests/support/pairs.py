@@ -110,7 +110,7 @@ def _fit(path: Path, scene: Scene, folder: Path) -> str:
     rng = np.random.default_rng(0)
     links = run.motion.links if run.motion.links.ndim == 2 else run.motion.links[..., 0]
     data = np.column_stack((run.times, links + 1e-3 * rng.standard_normal(links.shape)))
-    names = [label.replace("[", "_").replace(",", "_").rstrip("]") for label in run.system.labels if label != "x"]
+    names = [label.replace("[", "_").replace(",", "_").rstrip("]") for label in run.system.labels[run.system.first :]]
     header = ",".join(["time_s", *(f"{name}_rad" for name in names[: links.shape[1]])])
     np.savetxt(folder / "data.csv", data, delimiter=",", header=header, comments="")
     free = "damping" if scene.is_hoisted else "length"

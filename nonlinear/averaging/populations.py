@@ -1,0 +1,298 @@
+"""Populations that do the same, every one as one pendulum: their patterns, and who leaves them, by averaged equations.
+
+In a pattern (all populations in phase, or two in antiphase) every population moves as one pendulum of its mass.  Small
+disturbances fall into sectors that do not mix.  Where G exchanges the two populations with their supports, in antiphase
+with the sign changed, a pattern is a motion with Gq = q, and
+
+    own                     Gδ = δ: the populations do the same, in another way
+    other                   Gδ = −δ: towards the other pattern
+    within a population     δ sums up to 0 over its pendula, and the support does not feel it: N − 1 times the same
+
+Without that symmetry own and other are one sector, "common".  The pattern is one oscillation, so that all modes turn
+with one rate Ω here (`nonlinear.averaging.equations`): the averaged equations are harmonic balance, and their growth
+rates follow from a matrix for each sector.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy
+
+from modal.assembly import matrices
+from modal.errors import ComputationError
+from modal.modes import natural_modes
+from modal.report import Displayed, Summary, brief, counted
+from modal.scene import Scene, require
+from modal.scene.doors import require_type
+from modal.types import Complexes, Floats
+from nonlinear.averaging.equations import AveragedEquations, derivative
+from nonlinear.averaging.equilibria import EFFORT, FIRST, RelativeEquilibrium, relative_equilibrium
+from nonlinear.averaging.slow_flow import settle
+from nonlinear.dynamics.variational import Variational
+from nonlinear.system import Population, System, populations_of, representatives, system_of
+
+OWN, OTHER, COMMON, WITHIN = "own", "other", "common", "within a population"
+IN_PHASE, ANTIPHASE = "in phase", "antiphase"
+UPRIGHT = {"heave": (0,), "platform": (1,)}  # coordinates that a mirror image leaves as they are
+MIXED = 1e-8  # of what a sector does, that may be in another one by rounding
+TRIALS, SEED = 3, 7
+SETTLINGS, MORE = 6, 2.0  # stretches of slow flow before Newton's method is given up, and how much longer each is
+FAINT = 1e-3  # rad, below which a motion has died out
+WIDE = 0.3  # rad, or in natural units: the size of the trials
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sector(Displayed):
+    """Disturbances of one kind: an orthonormal `basis` (half, k) of their coordinates."""
+
+    name: str
+    basis: Floats
+
+    def _summary(self) -> Summary:
+        return Summary(f"{self.name}: {counted(self.basis.shape[1], 'disturbance', 'disturbances')} of a pattern")
+
+    @cached_property
+    def states(self) -> Floats:
+        """The basis of coordinates and rates, (2 half, 2k)."""
+        return np.asarray(scipy.linalg.block_diag(self.basis, self.basis))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Pattern(Displayed):
+    """All populations of a scene alike: `few` is the scene of their representatives.
+
+    The motion is one of the first sector; `mean` has a coordinate (half,) of every population's first link, with the
+    sign by which it swings.
+    """
+
+    name: str
+    scene: Scene
+    few: Scene
+    populations: tuple[Population, ...]
+    system: System
+    mean: Floats
+    sectors: tuple[Sector, ...]
+
+    def _summary(self) -> Summary:
+        several = counted(len(self.populations), "population", "populations")
+        return Summary(f"{several} {self.name}", [("sectors", ", ".join(one.name for one in self.sectors))])
+
+    @property
+    def is_split(self) -> bool:
+        """Whether own and other disturbances are told apart."""
+        return self.sectors[0].name == OWN
+
+    def at(self, scene: Scene) -> Pattern:
+        """The same pattern of a scene with other numbers."""
+        return next(one for one in patterns_of(scene) if one.name == self.name)
+
+
+def patterns_of(scene: Scene) -> tuple[Pattern, ...]:
+    """The patterns of a structured scene with one or two populations, all in phase first.
+
+    ComputationError for more populations, and where no few pendula stand for the others.
+    """
+    require_type("scene", scene, "Scene")
+    populations = populations_of(scene)
+    if len(populations) > 2:
+        raise ComputationError(f"patterns are those of one or two populations, and this scene has {len(populations)}")
+    few = representatives(scene)
+    system = system_of(few)
+    names = (IN_PHASE, ANTIPHASE)[: len(populations)]
+    return tuple(_pattern(name, scene, few, populations, system) for name in names)
+
+
+def _pattern(name: str, scene: Scene, few: Scene, populations: tuple[Population, ...], system: System) -> Pattern:
+    means, within = _means(populations, system)
+    sign = -1.0 if name == ANTIPHASE else 1.0
+    supports = np.eye(system.first + system.n_links)[:, : system.first]
+    inside = [Sector(WITHIN, basis) for basis in within if basis.size]
+    both = np.hstack((supports, *means))
+    lead = np.sum([sign**k * own[:, 0] for k, own in enumerate(means)], axis=0)
+    common = Pattern(name, scene, few, populations, system, lead, (Sector(COMMON, both), *_numbered(inside)))
+    if len(populations) == 1:
+        return replace(common, sectors=(Sector(OWN, both), *inside))
+    G = _exchange(populations, system, means, sign)
+    if G is None:
+        return common
+    own, other = (Sector(word, _eigenspace(G, both, way)) for word, way in ((OWN, 1.0), (OTHER, -1.0)))
+    split = replace(common, sectors=(own, other, *inside[:1]))
+    return split if _is_invariant(split) else common
+
+
+def _numbered(inside: Sequence[Sector]) -> Iterator[Sector]:
+    """Those within several populations, each with its number."""
+    for number, one in enumerate(inside, start=1):
+        yield Sector(f"within population {number}" if len(inside) > 1 else one.name, one.basis)
+
+
+def _means(populations: Sequence[Population], system: System) -> tuple[list[Floats], list[Floats]]:
+    """Orthonormal coordinates (half, n) of every population: the means of its representatives, and differences."""
+    unit = np.eye(system.first + system.n_links)[:, system.first :]
+    means, differences, p = [], [], 0
+    for one in populations:
+        each = [unit[:, system.pendulum == p + k] for k in range(one.halves)]
+        means.append(np.sum(each, axis=0) / np.sqrt(one.halves))
+        differences.append((each[0] - each[1]) / np.sqrt(2) if one.halves > 1 else each[0][:, :0])
+        p += one.halves
+    return means, differences
+
+
+def _exchange(populations: Sequence[Population], system: System, means: Sequence[Floats], sign: float) -> Floats | None:
+    """G (half, half) on the means; None where the two populations are no images of each other."""
+    first, second = populations
+    structure = system.structure
+    assert structure is not None
+    carriers = [structure.carriers[one.support] for one in populations]
+    alike = first.pendulum == second.pendulum and first.size == second.size
+    if (
+        not alike
+        or first.support == second.support
+        or carriers[0].kind != carriers[1].kind
+        or carriers[0].M is not None
+    ):
+        return None
+    G = sign * (means[0] @ means[1].T + means[1] @ means[0].T)
+    image = {first.support: second.support, second.support: first.support}
+    for number, carrier in enumerate(structure.carriers):
+        to = image.get(number, number)
+        for k in range(carrier.size):
+            upright = k in UPRIGHT.get(carrier.kind, ())
+            G[structure.offsets[to] + k, structure.offsets[number] + k] = 1.0 if upright else sign
+    return np.asarray(G)
+
+
+def _eigenspace(G: Floats, both: Floats, way: float) -> Floats:
+    """An orthonormal basis (half, k) of the δ in the span of `both` with Gδ = ±δ."""
+    U, sizes, _ = np.linalg.svd((both + way * (G @ both)) / 2)
+    return np.asarray(U[:, : int(np.count_nonzero(sizes > 0.5))])
+
+
+def _is_invariant(pattern: Pattern) -> bool:
+    """Whether motions of the first sector stay in it, and no sector's disturbances go over into another one."""
+    equations = Variational(pattern.system)
+    scale, random = equations.scale, np.random.default_rng(SEED)
+    spaces = [one.states for one in pattern.sectors[:2]]
+    rest = np.concatenate((np.zeros(pattern.system.first), pattern.system.rest, np.zeros(len(scale) // 2)))
+    for _ in range(TRIALS):
+        own = spaces[0] @ random.uniform(-WIDE, WIDE, spaces[0].shape[1])
+        rate, J = equations.linearized(rest + scale * own)
+        J = J * scale / scale[:, None]
+        for space, other in (spaces, spaces[::-1]):
+            if np.abs(other.T @ J @ space).max() > MIXED * np.abs(J).max():
+                return False
+        if np.abs(spaces[1].T @ (rate / scale)).max() > MIXED * np.abs(rate / scale).max():
+            return False
+    return True
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AveragedPattern(Displayed):
+    """A pattern in the averaged equations: the `state` in its own shapes, and a matrix for each sector."""
+
+    pattern: Pattern
+    state: RelativeEquilibrium
+    blocks: tuple[Floats, ...]
+
+    def _summary(self) -> Summary:
+        rates = brief(np.array(self.growth))
+        return Summary(f"{self.pattern.name}, averaged", [("ω (rad/s)", brief(self.omega)), ("growth (1/s)", rates)])
+
+    @property
+    def omega(self) -> float:
+        """The frequency Ω (rad/s)."""
+        return self.state.omega
+
+    @cached_property
+    def amplitude(self) -> float:
+        """The largest angle (rad)."""
+        return self.state.averaged.largest(self.state.z)
+
+    @cached_property
+    def exponents(self) -> tuple[Complexes, ...]:
+        """The eigenvalues (1/s) of every sector, the neutral one of the first left out, fastest growing first."""
+        found = []
+        for number, block in enumerate(self.blocks):
+            values = np.linalg.eigvals(block).astype(complex)
+            if not number:
+                values = np.delete(values, np.abs(values).argmin())
+            found.append(values[np.argsort(-values.real)])
+        return tuple(found)
+
+    @property
+    def growth(self) -> tuple[float, ...]:
+        """The largest growth rate (1/s) of every sector."""
+        return tuple(float(values[0].real) for values in self.exponents)
+
+
+def averaged_pattern(pattern: Pattern, near_by: AveragedPattern | None = None) -> AveragedPattern:
+    """The pattern in the averaged equations, beside one of a scene with other numbers, or from small swings.
+
+    ComputationError where none is found, or the scene is out of their scope.
+    """
+    require(pattern.few, "averaging")
+    whole = [_averaged(pattern, sector) for sector in pattern.sectors]
+    own = whole[0]
+    if not pattern.system.kicked and rest_growth(pattern) <= 0:
+        raise ComputationError(f"the motion {pattern.name} dies out: its losses exceed what the drives feed")
+    for z in _starts(pattern, own, near_by):
+        state = relative_equilibrium(own, z)
+        if state is not None and own.largest(state.z) > FAINT:
+            return AveragedPattern(pattern, state, tuple(_block(state, one) for one in whole))
+    raise ComputationError(f"no steady motion {pattern.name} was found")
+
+
+def _starts(pattern: Pattern, own: AveragedEquations, near_by: AveragedPattern | None) -> Iterator[Complexes]:
+    """Amplitudes from which Newton's method may find it: those beside, or of slow flow from small swings."""
+    if near_by is not None:
+        yield own.dual.T @ (near_by.state.averaged.shapes @ near_by.state.z)
+    z: Complexes = np.asarray(own.dual.T @ pattern.mean, dtype=complex)
+    z, least = FIRST * z / own.largest(z), 0.0
+    for _ in range(SETTLINGS):
+        motion = settle(own, z[:, None], EFFORT, least)[0]
+        z, least = motion.z[:, -1], MORE * float(motion.times[-1])
+        yield z
+
+
+def rest_growth(pattern: Pattern) -> float:
+    """The growth rate (1/s) of small motions of the pattern about rest: no oscillation lasts where all decay."""
+    E, none = pattern.sectors[0].states, np.zeros(pattern.system.first)
+    rest = np.concatenate((none, pattern.system.rest, np.zeros(len(E) // 2)))
+    J = Variational(pattern.system).linearized(rest)[1]
+    return float(np.linalg.eigvals(E.T @ J @ E).real.max())
+
+
+def _averaged(pattern: Pattern, sector: Sector) -> AveragedEquations:
+    """The averaged equations of motions in one sector, in its own modes, all of one band."""
+    scene = pattern.few.conservative
+    M, E = matrices(scene), sector.basis
+    squares, vectors = scipy.linalg.eigh(E.T @ M.K @ E, E.T @ M.M @ E)
+    if squares[0] <= 0:
+        raise ComputationError("averaged equations need one mode for each coordinate; something moves freely here")
+    shapes, none = E @ vectors, np.zeros(len(squares), dtype=np.int64)
+    modes = natural_modes(scene)
+    return AveragedEquations(pattern.few, pattern.system, modes, shapes, M.M @ shapes, np.sqrt(squares), none, none)
+
+
+def _block(state: RelativeEquilibrium, sector: AveragedEquations) -> Floats:
+    """The derivative (2k, 2k) of the flow by the amplitudes of one sector, beside the state."""
+    own, k = state.averaged, len(sector.omega)
+    if sector is own:
+        return derivative(own.flow, state.z, state.turning)
+    joint = replace(
+        own,
+        shapes=np.hstack((own.shapes, sector.shapes)),
+        dual=np.hstack((own.dual, sector.dual)),
+        omega=np.concatenate((own.omega, sector.omega)),
+        row=np.concatenate((own.row, sector.row)),
+        band=np.concatenate((own.band, sector.band)),
+    )
+    z: Complexes = np.concatenate((state.z, np.zeros(k, dtype=complex)))
+    slope = derivative(joint.flow, z, state.turning)
+    size = len(z)
+    kept = np.r_[size - k : size, 2 * size - k : 2 * size]
+    return np.asarray(slope[np.ix_(kept, kept)])

@@ -1,0 +1,404 @@
+"""The equations of structures compiled by numba (extra `fast`): loops over flat arrays of carriers, links and springs.
+
+What is done at each is the text of `nonlinear.dynamics.structure`, `springs` and `recursion` and of
+`modal.structure.carriers`; here is only its order.  Modal supports are left to the written text and to NumPy.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modal.eigen.compiling import in_place
+from modal.structure import CarrierEnd, End, LinkEnd
+from modal.structure.carriers import swung, turned
+from modal.types import Booleans, Floats, Ints
+from nonlinear.dynamics.joints import joint_law
+from nonlinear.dynamics.recursion import Answer, Link, Turn, driven, ended, hung, passed
+from nonlinear.dynamics.springs import slack, stretched, versed
+from nonlinear.dynamics.structure import Carriers, along_arc, eliminate, swayed
+from nonlinear.dynamics.text import sincos
+from nonlinear.system import System
+
+STRAIGHT, ARC, TURNING = 0, 1, 2
+"""Kinds of coordinates: along a line, of a swing along its arc, of what turns."""
+TIGHT, LOOSE, TORSION = 0, 1, 2
+GROUND, ON_LINK, ON_CARRIER = 0, 1, 2
+WAYS = {"cart": ((1.0, 0.0),), "heave": ((0.0, -1.0),), "platform": ((1.0, 0.0), (0.0, -1.0), (0.0, 0.0))}
+
+_sincos, _joint_law, _versed = in_place(sincos), in_place(joint_law), in_place(versed)
+_ended, _passed, _hung, _driven = in_place(ended), in_place(passed), in_place(hung), in_place(driven)
+_swung, _turned, _along_arc, _swayed = in_place(swung), in_place(turned), in_place(along_arc), in_place(swayed)
+_stretched, _slack, _eliminate = in_place(stretched), in_place(slack), in_place(eliminate)
+
+
+class Flat(NamedTuple):
+    """A structure in flat arrays; the last are room for what is computed.
+
+    Of every coordinate `kind`, `way` (d, 2), `length` of rods, and `law` (d, 3): stiffness, damping, carried weight; of
+    every carrier its first coordinate (c + 1,), the one that is its angle or −1, and `body` (c, 4): mass, inertia about
+    its origin, centre; of every pendulum its `carrier`, `where` (P, 2) it hangs, and whether its first joint moves as
+    that of the one before it; of every spring `spring` (E,), `numbers` (E, 5): k, d, Δ₀, |Δ₀|, and of its ends `ends`
+    (E, 2, 2): kind and number, for those between angles a coordinate or −1, with `points` (E, 2, 2); `pulls` tells
+    whether any ends at a link.
+    """
+
+    kind: Ints
+    way: Floats
+    length: Floats
+    law: Floats
+    first: Ints
+    angle: Ints
+    body: Floats
+    carrier: Ints
+    where: Floats
+    alike: Booleans
+    spring: Ints
+    numbers: Floats
+    ends: Ints
+    points: Floats
+    pulls: bool
+    A: Floats
+    right: Floats
+    slopes: Floats
+    turns: Floats
+    moved: Floats
+    loads: Floats
+
+
+def flat_of(system: System) -> Flat:
+    """The arrays of a system on a structure without modal supports."""
+    carriers = Carriers(system)
+    structure, d, links = carriers.structure, carriers.structure.size, system.n_links
+    kind, way, length, law = np.zeros(d, dtype=np.int64), np.zeros((d, 2)), np.ones(d), np.zeros((d, 3))
+    angle, body = np.full(len(structure.carriers), -1), np.zeros((len(structure.carriers), 4))
+    for number, carrier in enumerate(structure.carriers):
+        s, h = carrier.centre
+        body[number] = carrier.mass, carrier.inertia + carrier.mass * (s * s + h * h), s, h
+        at = structure.angle_of(number)
+        angle[number] = -1 if at is None else at
+        for k, row in enumerate(zip(carrier.stiffness, carrier.damping, strict=True), structure.offsets[number]):
+            law[k] = *row, carriers.weights[k]
+            kind[k] = TURNING if k == at else ARC if carrier.kind == "swing" else STRAIGHT
+            length[k] = carrier.length or 1.0
+            if kind[k] == STRAIGHT:
+                way[k] = WAYS[carrier.kind][k - structure.offsets[number]]
+    springs = structure.springs
+    kinds, numbers = np.zeros(len(springs), dtype=np.int64), np.zeros((len(springs), 5))
+    ends, points = np.zeros((len(springs), 2, 2), dtype=np.int64), np.zeros((len(springs), 2, 2))
+    if carriers.springs:
+        numbers[:, :2] = np.transpose(carriers.springs.numbers)
+        for number, own in enumerate(carriers.springs.kinds):
+            kinds[own] = number
+        if len(tight := carriers.springs.kinds[0]):
+            apart, rest = carriers.springs.drawn
+            numbers[tight, 2:4], numbers[tight, 4] = apart.T, rest
+        for k, spring in enumerate(springs):
+            for side, end in enumerate(spring.ends):
+                ends[k, side], points[k, side] = _end(carriers, end, spring.torsion)
+    room = np.zeros((d, d)), np.zeros(d), np.zeros((2, d)), np.zeros((3, d)), np.zeros((4, links)), np.zeros((4, links))
+    pivots, pulls = structure.pivots, bool(np.any(ends[..., 0] == ON_LINK))
+    alike = [
+        own.carrier == other.carrier and (own.where == other.where or angle[own.carrier] < 0)
+        for own, other in zip(pivots[1:], pivots[:-1], strict=True)
+    ]
+    held = np.array([pivot.carrier for pivot in pivots]), np.array([pivot.where for pivot in pivots], dtype=float)
+    first = np.array(structure.offsets)
+    return Flat(
+        kind,
+        way,
+        length,
+        law,
+        first,
+        angle,
+        body,
+        *held,
+        np.array([False, *alike]),
+        kinds,
+        numbers,
+        ends,
+        points,
+        pulls,
+        *room,
+    )
+
+
+def _end(carriers: Carriers, end: End, torsion: bool) -> tuple[tuple[int, int], tuple[Any, Any]]:
+    structure = carriers.structure
+    if isinstance(end, LinkEnd):
+        if torsion:
+            return (ON_LINK, structure.size + end.link), (0.0, 0.0)
+        assert carriers.springs is not None
+        return (ON_LINK, end.link), (carriers.springs.below(end), 0.0)
+    if isinstance(end, CarrierEnd):
+        if torsion:
+            angle = structure.angle_of(end.carrier)
+            return (ON_CARRIER, -1 if angle is None else angle), (0.0, 0.0)
+        assert isinstance(end.where, tuple)
+        return (ON_CARRIER, end.carrier), end.where
+    return (GROUND, -1), (0.0, 0.0)
+
+
+@in_place
+def _slope(F, y, half, carrier, s, h):  # type: ignore[no-untyped-def]
+    """Slopes of a point of a carrier, into F.slopes, and its bias."""
+    bx = bz = 0.0
+    for k in range(F.first[carrier], F.first[carrier + 1]):
+        if F.kind[k] == STRAIGHT:
+            F.slopes[0, k], F.slopes[1, k] = F.way[k, 0], F.way[k, 1]
+        elif F.kind[k] == ARC:
+            slope, bias = _swung(F.turns[0, k], F.turns[1, k], F.length[k], y[half + k])
+            F.slopes[0, k], F.slopes[1, k] = slope
+            bx, bz = bx + bias[0], bz + bias[1]
+        else:
+            _, slope, bias = _turned(s, h, F.turns[0, k], F.turns[1, k], y[half + k])
+            F.slopes[0, k], F.slopes[1, k] = slope
+            bx, bz = bx + bias[0], bz + bias[1]
+    return bx, bz
+
+
+@in_place
+def _along(F, values, start, carrier):  # type: ignore[no-untyped-def]
+    """J times the numbers of a carrier among `values`, with the slopes that are in F."""
+    x = z = 0.0
+    for k in range(F.first[carrier], F.first[carrier + 1]):
+        x, z = x + F.slopes[0, k] * values[start + k], z + F.slopes[1, k] * values[start + k]
+    return x, z
+
+
+@in_place
+def _displaced(F, y, carrier, s, h):  # type: ignore[no-untyped-def]
+    """How far a point of a carrier is from where it is drawn."""
+    x = z = 0.0
+    for k in range(F.first[carrier], F.first[carrier + 1]):
+        if F.kind[k] == STRAIGHT:
+            dx, dz = F.way[k, 0] * y[k], F.way[k, 1] * y[k]
+        elif F.kind[k] == ARC:
+            dx, dz = _along_arc(F.length[k], F.turns[0, k], F.turns[2, k])
+        else:
+            dx, dz = _swayed(s, h, F.turns[0, k], F.turns[2, k])
+        x, z = x + dx, z + dz
+    return x, z
+
+
+@in_place
+def _push(F, carrier, x, z):  # type: ignore[no-untyped-def]
+    """A force on the point whose slopes are in F."""
+    for k in range(F.first[carrier], F.first[carrier + 1]):
+        F.right[k] += F.slopes[0, k] * x + F.slopes[1, k] * z
+
+
+@in_place
+def _chained(F, y, links, first, half, sin, cos):  # type: ignore[no-untyped-def]
+    """Displacements and velocities of the upper joints of all links, into F.moved."""
+    d, moved = len(F.kind), F.moved
+    for p in range(len(first) - 1):
+        c, s, h = F.carrier[p], F.where[p, 0], F.where[p, 1]
+        _slope(F, y, half, c, s, h)
+        x, z = _displaced(F, y, c, s, h)
+        vx, vz = _along(F, y, half, c)
+        for i in range(first[p], first[p + 1]):
+            moved[0, i], moved[1, i], moved[2, i], moved[3, i] = x, z, vx, vz
+            l, w = links[i, 1], y[half + d + i]
+            x, z = x + l * sin[i], z - l * _versed(y[d + i])
+            vx, vz = vx + l * (cos[i] * w), vz - l * (sin[i] * w)
+
+
+@in_place
+def _ending(F, y, half, sin, cos, k, side):  # type: ignore[no-untyped-def]
+    """Displacement and velocity of one end of a spring."""
+    d, at, a, b = len(F.kind), F.ends[k, side, 1], F.points[k, side, 0], F.points[k, side, 1]
+    if F.ends[k, side, 0] == ON_LINK:
+        w = y[half + d + at]
+        x, z = F.moved[0, at] + a * sin[at], F.moved[1, at] - a * _versed(y[d + at])
+        return x, z, F.moved[2, at] + a * (cos[at] * w), F.moved[3, at] - a * (sin[at] * w)
+    if F.ends[k, side, 0] == ON_CARRIER:
+        _slope(F, y, half, at, a, b)
+        x, z = _displaced(F, y, at, a, b)
+        vx, vz = _along(F, y, half, at)
+        return x, z, vx, vz
+    return 0.0, 0.0, 0.0, 0.0
+
+
+@in_place
+def _pulled(F, y, half, k, side, x, z):  # type: ignore[no-untyped-def]
+    """The force (x, z) on one end of a spring."""
+    at, a, b = F.ends[k, side, 1], F.points[k, side, 0], F.points[k, side, 1]
+    if F.ends[k, side, 0] == ON_LINK:
+        F.loads[0, at] += x
+        F.loads[1, at] += z
+        F.loads[2, at] += a * x
+        F.loads[3, at] += a * z
+    elif F.ends[k, side, 0] == ON_CARRIER:
+        _slope(F, y, half, at, a, b)
+        _push(F, at, x, z)
+
+
+@in_place
+def _strained(F, y, half, sin, cos, torque):  # type: ignore[no-untyped-def]
+    """Forces of all springs between points, into F.loads, F.right and `torque`; the power of their dampers."""
+    d, power = len(F.kind), 0.0
+    for k in range(len(F.spring)):
+        n = F.numbers[k]
+        if F.spring[k] == TORSION:
+            turned, turning = 0.0, 0.0
+            for side in range(2):
+                at, sign = F.ends[k, side, 1], 2.0 * side - 1.0
+                if at >= 0:
+                    turned, turning = turned + sign * y[at], turning + sign * y[half + at]
+            own = n[0] * turned + n[1] * turning
+            power -= n[1] * (turning * turning)
+            for side in range(2):
+                at, sign = F.ends[k, side, 1], 1.0 - 2.0 * side
+                if at >= d:
+                    torque[at - d] += sign * own
+                elif at >= 0:
+                    F.right[at] += sign * own
+            continue
+        ax, az, avx, avz = _ending(F, y, half, sin, cos, k, 0)
+        bx, bz, bvx, bvz = _ending(F, y, half, sin, cos, k, 1)
+        x, z, vx, vz = bx - ax, bz - az, bvx - avx, bvz - avz
+        if F.spring[k] == TIGHT:
+            _, _, fx, fz, lost = _stretched(n[0], n[1], n[2], n[3], n[4], x, z, vx, vz)
+        else:
+            _, _, fx, fz, lost = _slack(n[0], n[1], x, z, vx, vz)
+        power += lost
+        _pulled(F, y, half, k, 0, fx, fz)
+        _pulled(F, y, half, k, 1, -fx, -fz)
+    return power
+
+
+@in_place
+def _begun(F, y, half, gravity):  # type: ignore[no-untyped-def]
+    """The carriers' own inertia, springs, dampers and weights, into F.A and F.right; the power of their dampers."""
+    power = 0.0
+    for k in range(len(F.kind)):
+        if F.kind[k] != STRAIGHT:
+            angle = y[k] / F.length[k]
+            F.turns[0, k], F.turns[1, k] = _sincos(angle)
+            F.turns[2, k] = _versed(angle) if len(F.spring) else 0.0
+    for c in range(len(F.angle)):
+        m, about, s, h = F.body[c, 0], F.body[c, 1], F.body[c, 2], F.body[c, 3]
+        bx, bz = _slope(F, y, half, c, s, h)
+        for k in range(F.first[c], F.first[c + 1]):
+            kept, working = _joint_law(y[k], y[half + k], F.law[k, 0], F.law[k, 1], 0.0, 0.0)
+            ax, az = bx, bz - gravity
+            if F.kind[k] != STRAIGHT:
+                ax, az = 0.0, -gravity
+            F.right[k] = kept + working - m * (F.slopes[0, k] * ax + F.slopes[1, k] * az) - F.law[k, 2]
+            power += working * y[half + k]
+            for j in range(F.first[c], k + 1):
+                F.A[k, j] = m * (F.slopes[0, k] * F.slopes[0, j] + F.slopes[1, k] * F.slopes[1, j])
+            if F.kind[k] == TURNING:
+                F.A[k, k] = about
+            elif F.kind[k] == ARC:
+                F.A[k, k] = m
+    return power
+
+
+@in_place
+def _link(links, i):  # type: ignore[no-untyped-def]
+    return Link(links[i, 0], links[i, 1], links[i, 2], links[i, 3], links[i, 4], links[i, 5], links[i, 6])
+
+
+@in_place
+def _hinge(F, links, y, half, i, top, c):  # type: ignore[no-untyped-def]
+    """Moment (N m) on link i of the spring, damper and drive above it, and the power (W) of the latter two."""
+    at, law = len(F.kind) + i, links[i]
+    bend, speed = y[at], y[half + at]
+    if i > top:
+        bend, speed = bend - y[at - 1], speed - y[half + at - 1]
+    elif F.angle[c] >= 0:
+        bend, speed = bend - y[F.angle[c]], speed - y[half + F.angle[c]]
+    kept, working = _joint_law(bend - law[9], speed, law[7], law[8], law[10], law[11])
+    return kept + working, working * speed
+
+
+@in_place
+def _project(F, y, half, gravity, p, own):  # type: ignore[no-untyped-def]
+    """What the pendula that end with p answer, on the coordinates of their carrier."""
+    c = F.carrier[p]
+    bx, bz = _slope(F, y, half, c, F.where[p, 0], F.where[p, 1])
+    fx, fz = _driven(own.xx, own.xz, own.zz, bx, bz - gravity)
+    _push(F, c, -(own.px + fx), -(own.pz + fz))
+    for k in range(F.first[c], F.first[c + 1]):
+        mx, mz = _driven(own.xx, own.xz, own.zz, F.slopes[0, k], F.slopes[1, k])
+        for j in range(F.first[c], k + 1):
+            F.A[k, j] += F.slopes[0, j] * mx + F.slopes[1, j] * mz
+
+
+@in_place
+def _climb(y, links, first, half, gravity, hinged, F, turns, torque):  # type: ignore[no-untyped-def]
+    """The upward pass of all pendula; `torque` is that of springs between angles.  The power (W) of joints."""
+    d, power = len(F.kind), 0.0
+    rates, sin, cos, hx, hz, e = y[half + d : 2 * half], turns[0], turns[1], turns[2], turns[3], turns[4]
+    xx = xz = zz = px = pz = 0.0
+    for p in range(len(first) - 1):
+        below, hinge_below, tx, tz = Answer(0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
+        c, hinge = F.carrier[p], 0.0
+        for i in range(first[p + 1] - 1, first[p] - 1, -1):
+            Q = 0.0
+            if hinged:
+                hinge, lost = _hinge(F, links, y, half, i, first[p], c)
+                Q, hinge_below, power = hinge - hinge_below, hinge, power + lost
+            if F.pulls:
+                ax, az = links[i, 1] * tx + F.loads[2, i], links[i, 1] * tz + F.loads[3, i]
+                Q += torque[i] + (cos[i] * ax - sin[i] * az)
+                tx, tz = tx + F.loads[0, i], tz + F.loads[1, i]
+            if i == first[p + 1] - 1:
+                below, turn = _ended(_link(links, i), sin[i], cos[i], rates[i], Q)
+            else:
+                below, turn = _passed(_link(links, i), below, sin[i], cos[i], rates[i], Q)
+            share = 1.0 / turn.D
+            hx[i], hz[i], e[i] = share * turn.hx, share * turn.hz, share * turn.e
+        if F.angle[c] >= 0:
+            F.right[F.angle[c]] -= hinge
+        xx, xz, zz, px, pz = xx + below.xx, xz + below.xz, zz + below.zz, px + below.px - tx, pz + below.pz - tz
+        if p == len(first) - 2 or not F.alike[p + 1]:
+            _project(F, y, half, gravity, p, Answer(xx, xz, zz, px, pz))
+            xx = xz = zz = px = pz = 0.0
+    return power
+
+
+@in_place
+def _descend(y, links, first, half, gravity, F, turns, found):  # type: ignore[no-untyped-def]
+    """The downward pass, which gives θ''."""
+    d = len(F.kind)
+    rates, sin, cos, hx, hz, e = y[half + d : 2 * half], turns[0], turns[1], turns[2], turns[3], turns[4]
+    startx = startz = 0.0
+    for p in range(len(first) - 1):
+        c = F.carrier[p]
+        if not F.alike[p]:
+            bx, bz = _slope(F, y, half, c, F.where[p, 0], F.where[p, 1])
+            x, z = _along(F, F.right, 0, c)
+            startx, startz = x + bx, z + (bz - gravity)
+        ax, az = startx, startz
+        for i in range(first[p], first[p + 1]):
+            turn = Turn(hx[i], hz[i], e[i], 1.0, sin[i], cos[i], rates[i])
+            found[i], ax, az = _hung(_link(links, i), turn, ax, az)
+
+
+@in_place
+def rate_on_carriers(y, links, first, gravity, hinged, works, F, turns, found):  # type: ignore[no-untyped-def]
+    """The whole of `Minimal.derivative` on a structure, into `found`; `turns` as in `nonlinear.dynamics.compiled`."""
+    d = len(F.kind)
+    half = d + len(links)
+    torque = found[half + d : 2 * half]
+    for i in range(half):
+        found[i] = y[half + i]
+    power = _begun(F, y, half, gravity)
+    if len(F.spring):
+        if F.pulls:
+            for i in range(len(links)):
+                torque[i] = F.loads[0, i] = F.loads[1, i] = F.loads[2, i] = F.loads[3, i] = 0.0
+            _chained(F, y, links, first, half, turns[0], turns[1])
+        power += _strained(F, y, half, turns[0], turns[1], torque)
+    power += _climb(y, links, first, half, gravity, hinged, F, turns, torque)
+    for c in range(len(F.angle)):
+        _eliminate(F.A, F.right, F.first[c], F.first[c + 1])
+    for k in range(d):
+        found[half + k] = F.right[k]
+    _descend(y, links, first, half, gravity, F, turns, torque)
+    if works:
+        found[2 * half] = power

@@ -1,0 +1,171 @@
+"""Populations that do the same, on the full equations: their periodic orbits, and the multipliers of every sector.
+
+The orbit is one of a few pendula that stand for all (`nonlinear.averaging.populations`), and Newton's method
+
+    Eᵀ[φ_T(E c) − E c] = 0
+
+stays among the motions y = E c of its pattern, so that it goes through values at which neighbours in another sector
+begin to grow.  Sectors do not mix, so that the multipliers of each are the eigenvalues of FᵀVF, V = ∂φ_T/∂y and F its
+basis; those within a population are of one pendulum under the given motion of its support, and belong to N − 1
+disturbances of the whole scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.report import Displayed, Summary, brief
+from modal.scene import Fixed, Pendulum, Scene, require
+from modal.scene.doors import require_type
+from modal.types import Complexes, Floats
+from nonlinear.averaging import AveragedPattern, Pattern, averaged_pattern
+from nonlinear.orbits.cycles import limit_cycles, near
+from nonlinear.orbits.floquet import deflated, whole
+from nonlinear.orbits.flow import Arrival, Flow
+from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.shooting import shooting
+
+TOLERANCE = 1e-12
+CLOSED = 1e-10  # of the unknowns in natural units, the last Newton step
+ROUNDING = 1e-7  # the last step that is accepted where further ones do not become smaller
+NEWTON = 25
+LEAP = 0.3  # rad, or in natural units: the longest step
+FAINT = 1e-3  # rad, below which a motion has died out
+BEATS = 1e-6  # of a multiplier, its imaginary part from which on a pair oscillates
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PatternOrbit(Displayed):
+    """The periodic orbit of a pattern, and V (d, d) over a period in natural units."""
+
+    pattern: Pattern
+    orbit: Orbit
+    V: Floats
+
+    def _summary(self) -> Summary:
+        growth = brief(np.array(self.growth))
+        names = ", ".join(one.name for one in self.pattern.sectors)
+        facts = [("ω (rad/s)", brief(self.orbit.omega)), (f"growth (1/s): {names}", growth)]
+        return Summary(f"Periodic orbit, populations {self.pattern.name}", facts)
+
+    @cached_property
+    def maps(self) -> tuple[Floats, ...]:
+        """The map (2k, 2k) of every sector over a period, of the first without the shift of time."""
+        states = [one.states for one in self.pattern.sectors]
+        own = states[0].T @ self.V @ states[0]
+        along = states[0].T @ (self.orbit.path.rates[0] / self.orbit.flow.scale)
+        return deflated(own, [along], []), *(F.T @ self.V @ F for F in states[1:])
+
+    @cached_property
+    def multipliers(self) -> tuple[Complexes, ...]:
+        """The multipliers of every sector, the largest first, without that of the shift of time."""
+        found = []
+        for one in self.maps:
+            values = np.linalg.eigvals(one).astype(complex)
+            found.append(values[np.argsort(-np.abs(values))])
+        return tuple(found)
+
+    @property
+    def growth(self) -> tuple[float, ...]:
+        """The largest growth rate (1/s) of every sector, log |μ|/T."""
+        return tuple(float(np.log(np.abs(values[0])) / self.orbit.period) for values in self.multipliers)
+
+    @property
+    def beats(self) -> tuple[float, ...]:
+        """The rate (rad/s) at which the fastest growing disturbance of every sector oscillates about the orbit."""
+        return tuple(float(abs(np.angle(values[0])) / self.orbit.period) for values in self.multipliers)
+
+    @property
+    def turns(self) -> tuple[bool, ...]:
+        """Whether it oscillates at all: whether its multiplier is one of a pair."""
+        return tuple(bool(abs(values[0].imag) > BEATS) for values in self.multipliers)
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether disturbances of every sector decay."""
+        return max(self.growth) < 0
+
+    @cached_property
+    def amplitudes(self) -> tuple[float, ...]:
+        """The largest angle (rad) of the pendula of every population."""
+        found, p = [], 0
+        for one in self.pattern.populations:
+            found.append(float(self.orbit.amplitudes[self.pattern.system.pendulum == p].max()))
+            p += one.halves
+        return tuple(found)
+
+
+def pattern_orbit(
+    pattern: Pattern, near_by: AveragedPattern | PatternOrbit | None = None, *, tolerance: float = TOLERANCE
+) -> PatternOrbit:
+    """The periodic orbit of a pattern beside an averaged one, or beside that of a scene with other numbers.
+
+    ComputationError where none is found, or it has died out.
+    """
+    require(pattern.few, "a periodic orbit")
+    flow = Flow(pattern.system, tolerance)
+    y, period, leader = _guess(pattern, near_by or averaged_pattern(pattern))
+    E = pattern.sectors[0].states
+    half = len(E) // 2
+    turning = half + pattern.system.first + leader
+    c, T, before = E.T @ ((y - _rest(pattern)) / flow.scale), period, np.inf
+    for _ in range(NEWTON):
+        here, arrived = _passed(pattern, flow, c, T)
+        missed = E.T @ ((arrived.y - here) / flow.scale)
+        slope = E.T @ arrived.V - np.eye(len(c))
+        by_time = E.T @ (arrived.path.rates[-1] / flow.scale)
+        J = np.block([[slope, by_time[:, None] / pattern.system.rate], [E[turning], np.zeros(1)]])
+        step = np.linalg.solve(J, -np.append(missed, E[turning] @ c))
+        size = float(np.abs(step).max())
+        if not np.isfinite(size):
+            break
+        part = min(1.0, LEAP / size) if size else 1.0
+        c, T = c + part * step[:-1], T + part * step[-1] / pattern.system.rate
+        if size < CLOSED or (size < ROUNDING and size > before / 2):
+            return _finished(pattern, flow, c, T)
+        before = size
+    raise ComputationError(f"no periodic orbit {pattern.name} was found")
+
+
+def _rest(pattern: Pattern) -> Floats:
+    system = pattern.system
+    return np.concatenate((np.zeros(system.first), system.rest, np.zeros(system.first + system.n_links)))
+
+
+def _passed(pattern: Pattern, flow: Flow, c: Floats, T: float, V: Floats | None = None) -> tuple[Floats, Arrival]:
+    """The start of a motion of the pattern, and its end with V in natural units, by default that of the pattern."""
+    E = pattern.sectors[0].states
+    y = _rest(pattern) + flow.scale * (E @ c)
+    arrived = flow(y, flow.scale[:, None] * (E if V is None else V), T)
+    return y, arrived._replace(V=arrived.V / flow.scale[:, None])
+
+
+def _guess(pattern: Pattern, other: AveragedPattern | PatternOrbit) -> tuple[Floats, float, int]:
+    """A start, a period (s), and the link that turns back at the start, that swings furthest."""
+    if isinstance(other, PatternOrbit):
+        return other.orbit.y, other.orbit.period, int(other.orbit.amplitudes.argmax())
+    problem = shooting(pattern.few)
+    return near(problem, other.state)
+
+
+def _finished(pattern: Pattern, flow: Flow, c: Floats, T: float) -> PatternOrbit:
+    y, arrived = _passed(pattern, flow, c, T, np.eye(len(flow.scale)))
+    residual = float(np.abs((arrived.y - y) / flow.scale).max())
+    rates = arrived.path.rates[0] / flow.scale
+    floquet = whole(arrived.V, [rates], [], conservative=False)
+    orbit = Orbit(pattern.few, flow, y, T, floquet, residual, arrived.path, symmetric=False)
+    if orbit.amplitude < FAINT:
+        raise ComputationError(f"the motion {pattern.name} dies out")
+    return PatternOrbit(pattern, orbit, arrived.V)
+
+
+def free_amplitude(scene: Scene, pendulum: Pendulum) -> float | None:
+    """The largest angle (rad) of one pendulum on a support at rest, whose drive sustains it; None for none."""
+    require_type("scene", scene, "Scene")
+    alone = Scene(gravity=scene.gravity, support=Fixed(), pendulum=(pendulum.replace(position=(0.0, 0.0), on=None),))
+    found = limit_cycles(alone)
+    return max((orbit.amplitude for orbit in found), default=None)

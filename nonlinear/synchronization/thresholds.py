@@ -1,0 +1,265 @@
+"""Symmetric motions of populations along a number of the scene, and where any of them changes its stability.
+
+The growth rates of every sector are computed at the values of the variation; between two at which one has opposite
+signs its root is found (Brent's method), by the Floquet multipliers and by the averaged equations.  So is the value at
+which the motion itself dies out: where small swings about rest begin to decay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import scipy
+
+from modal.errors import ComputationError
+from modal.report import Displayed, Summary, counted
+from modal.scene import Scene, require
+from modal.scene.parameters import Variation, vary
+from modal.types import Floats
+from nonlinear.averaging import averaged_pattern, patterns_of, rest_growth
+from nonlinear.orbits import PatternOrbit, pattern_orbit, require_cycles
+from nonlinear.synchronization.sectors import SymmetricMotion, symmetric_motion
+
+EXACT = 1e-12  # of a root, its width
+ITERATIONS = 60
+Report = Callable[[int], object]
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """A value at which disturbances of a `sector` of a motion begin to grow (`rises`) or to decay, as the number grows.
+
+    `averaged` is the same by the averaged equations, None where they have none beside it; `beat` (rad/s) the rate at
+    which the disturbance oscillates about the orbit, and `reason` a sentence.  A `sector` "" is the motion itself: it
+    emerges from rest or dies out.
+    """
+
+    value: float
+    averaged: float | None
+    pattern: str
+    sector: str
+    rises: bool
+    becomes: str
+    beat: float = 0.0
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionBranch(Displayed):
+    """A symmetric motion at K ascending values of a number, those at which it exists."""
+
+    name: str
+    variation: Variation
+    values: Floats
+    motions: tuple[SymmetricMotion, ...]
+
+    def _summary(self) -> Summary:
+        return Summary(f"Populations {self.name} at {counted(len(self.values), 'value', 'values')}", [])
+
+    @cached_property
+    def sectors(self) -> tuple[str, ...]:
+        """The names of its sectors: of the first value."""
+        return self.motions[0].names if self.motions else ()
+
+    def growth(self, sector: str) -> Floats:
+        """The growth rate (1/s) of a sector at every value, (K,); NaN where the motion has no such sector."""
+        return np.array([self._of(one, sector, one.orbit) for one in self.motions])
+
+    def averaged_growth(self, sector: str) -> Floats:
+        """The same by the averaged equations, (K,)."""
+        return np.array([self._of(one, sector, one.averaged) for one in self.motions])
+
+    def _of(self, one: SymmetricMotion, sector: str, found: object) -> float:
+        growth = getattr(found, "growth", None)
+        return growth[one.names.index(sector)] if growth is not None and sector in one.names else np.nan
+
+    @cached_property
+    def is_stable(self) -> tuple[bool, ...]:
+        """Whether all disturbances decay, at every value."""
+        return tuple(one.is_stable for one in self.motions)
+
+    @cached_property
+    def angle(self) -> Floats:
+        """The largest angle (rad) of any link, (K,)."""
+        return np.array([one.orbit.orbit.amplitude if one.orbit else np.nan for one in self.motions])
+
+    @cached_property
+    def omega(self) -> Floats:
+        """The frequency (rad/s), (K,)."""
+        return np.array([one.orbit.orbit.omega if one.orbit else np.nan for one in self.motions])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PopulationDiagram(Displayed):
+    """The symmetric motions of a scene's populations along a number, and all thresholds in ascending order."""
+
+    scene: Scene
+    variation: Variation
+    branches: tuple[MotionBranch, ...]
+    thresholds: tuple[Threshold, ...]
+
+    def _summary(self) -> Summary:
+        found = [(f"{one.pattern}, {one.sector or 'rest'}", f"{one.value:.9g}") for one in self.thresholds]
+        return Summary(f"{counted(len(found), 'threshold', 'thresholds')} along {self.variation.path}", found)
+
+    def windows(self, branch: MotionBranch) -> tuple[tuple[float, float], ...]:
+        """The intervals in which a motion exists; of one that was not found everywhere in between, its ends."""
+        values, found = self.variation.values, list[tuple[float, float]]()
+        begin = float(values[0]) if branch.values[0] == values[0] else None
+        for one in self.thresholds:
+            if one.pattern == branch.name and not one.sector:
+                if not one.rises and begin is not None:
+                    found.append((begin, one.value))
+                begin = one.value if one.rises else None
+        if begin is not None:
+            found.append((begin, float(branch.values[-1])))
+        return tuple(found) or ((float(branch.values[0]), float(branch.values[-1])),)
+
+    def intervals(self, branch: MotionBranch) -> tuple[tuple[float, float], ...]:
+        """The intervals in which a motion is stable."""
+        return tuple(own for low, high in self.windows(branch) for own in self._stable(branch, low, high))
+
+    def _stable(self, branch: MotionBranch, low: float, high: float) -> Iterator[tuple[float, float]]:
+        """Those within one interval in which it exists."""
+        first = branch.motions[int(np.searchsorted(branch.values, low))]
+        growth = first.orbit.growth if first.orbit else ()
+        growing = {name for name, rate in zip(first.names, growth, strict=True) if rate > 0}
+        begin = None if growing else low
+        for one in self.thresholds:
+            if one.pattern == branch.name and one.sector and low < one.value < high:
+                growing = growing | {one.sector} if one.rises else growing - {one.sector}
+                if growing and begin is not None:
+                    yield begin, one.value
+                begin = None if growing else one.value if begin is None else begin
+        if begin is not None:
+            yield begin, high
+
+
+def follow_populations(scene: Scene, variation: Variation, report: Report = lambda done: None) -> PopulationDiagram:
+    """The symmetric motions of a scene along a number; `report` is called with the number followed so far.
+
+    Raises SceneError for a variation of fewer than two values or of a count, ComputationError where nothing excites the
+    scene or populations have no symmetric motions.
+    """
+    require_cycles(scene, variation)
+    require(scene, "a prediction of synchronization")
+    walk = PopulationWalk(scene, variation)
+    branches, thresholds = list[MotionBranch](), list[Threshold]()
+    for name in [one.name for one in patterns_of(walk.scene_at(variation.values[0]))]:
+        branch = walk.branch(name)
+        crossings = sorted(walk.thresholds(name, branch), key=lambda pair: pair[0].value)
+        branches.append(_joined(branch, crossings))
+        thresholds += [one for one, _ in crossings]
+        report(len(branches))
+    return PopulationDiagram(scene, variation, tuple(branches), tuple(sorted(thresholds, key=lambda one: one.value)))
+
+
+def _joined(branch: MotionBranch, crossings: list[tuple[Threshold, SymmetricMotion | None]]) -> MotionBranch:
+    """The branch with the motions at its thresholds."""
+    every = [*zip(branch.values.tolist(), branch.motions, strict=True)]
+    every += [(one.value, motion) for one, motion in crossings if motion is not None]
+    every.sort(key=lambda pair: pair[0])
+    values, motions = [value for value, _ in every], tuple(motion for _, motion in every)
+    return MotionBranch(branch.name, branch.variation, np.array(values), motions)
+
+
+class PopulationWalk:
+    """Symmetric motions at the values of a variation, each found beside the one before."""
+
+    def __init__(self, scene: Scene, variation: Variation) -> None:
+        self.scene, self.variation = scene, variation
+
+    def scene_at(self, value: float) -> Scene:
+        """The scene with the number at a value."""
+        return vary(self.scene, {self.variation.path: value})
+
+    def motion(self, name: str, value: float, beside: SymmetricMotion | None) -> SymmetricMotion:
+        """The motion of a name at a value."""
+        pattern = next(one for one in patterns_of(self.scene_at(value)) if one.name == name)
+        return symmetric_motion(pattern, beside if beside is not None and beside.orbit else None)
+
+    def branch(self, name: str) -> MotionBranch:
+        """The motion of a name at all values at which it exists."""
+        values, motions = list[float](), list[SymmetricMotion]()
+        before: SymmetricMotion | None = None
+        for value in self.variation.values:
+            before = self.motion(name, value, before)
+            if before.orbit is not None:
+                values.append(value)
+                motions.append(before)
+        return MotionBranch(name, self.variation, np.array(values), tuple(motions))
+
+    def thresholds(self, name: str, branch: MotionBranch) -> Iterator[tuple[Threshold, SymmetricMotion | None]]:
+        """All its thresholds, with the motions there."""
+        there = dict(zip(branch.values.tolist(), branch.motions, strict=True))
+        for a, b in pairwise(self.variation.values):
+            one, other = there.get(a), there.get(b)
+            if one and other and one.names == other.names and one.orbit and other.orbit:
+                for sector, (low, high) in enumerate(zip(one.orbit.growth, other.orbit.growth, strict=True)):
+                    if low * high < 0:
+                        yield self._crossing(name, sector, (a, one), (b, other))
+        yield from self._ends(name, set(there))
+
+    def _crossing(
+        self, name: str, sector: int, low: tuple[float, SymmetricMotion], high: tuple[float, SymmetricMotion]
+    ) -> tuple[Threshold, SymmetricMotion]:
+        """Where the growth rate of a sector vanishes between two values."""
+        (a, one), (b, other) = low, high
+        orbits: list[PatternOrbit] = [found for found in (one.orbit,) if found]
+        assert other.orbit is not None
+
+        def exact(value: float) -> float:
+            pattern = orbits[-1].pattern.at(self.scene_at(value))
+            orbits.append(pattern_orbit(pattern, orbits[-1]))
+            return orbits[-1].growth[sector]
+
+        at = float(scipy.optimize.brentq(exact, a, b, xtol=EXACT * abs(b), rtol=EXACT, maxiter=ITERATIONS))
+        motion = self.motion(name, at, one)
+        orbit = motion.orbit
+        assert orbit is not None
+        rises = other.orbit.growth[sector] > 0
+        others = max((rate for k, rate in enumerate(orbit.growth) if k != sector), default=-1.0)
+        becomes = ("loses stability" if rises else "becomes stable") if others < 0 else ""
+        within = self._averaged(name, sector, (a, one), (b, other))
+        beat = orbit.beats[sector] if orbit.turns[sector] else 0.0
+        found = Threshold(at, within, name, motion.names[sector], rises, becomes, beat, motion.crossing(sector))
+        return found, motion
+
+    def _averaged(
+        self, name: str, sector: int, low: tuple[float, SymmetricMotion], high: tuple[float, SymmetricMotion]
+    ) -> float | None:
+        """The same by the averaged equations, within the range; None where there is none."""
+        (a, one), (b, _) = low, high
+        beside = one.averaged
+        assert beside is not None
+        first, last = self.variation.values[0], self.variation.values[-1]
+
+        def growth(value: float) -> float:
+            return averaged_pattern(beside.pattern.at(self.scene_at(value)), beside).growth[sector]
+
+        try:
+            for share in (0.0, 0.5, 1.0, 2.0):
+                ends = max(first, a - share * (b - a)), min(last, b + share * (b - a))
+                if growth(ends[0]) * growth(ends[1]) < 0:
+                    return float(scipy.optimize.brentq(growth, *ends, xtol=1e-10 * abs(b), maxiter=ITERATIONS))
+        except ComputationError:
+            pass
+        return None
+
+    def _ends(self, name: str, there: set[float]) -> Iterator[tuple[Threshold, None]]:
+        """Where the motion emerges from rest or dies out: small swings about rest neither grow nor decay."""
+        if len(there) == len(self.variation.values):
+            return
+
+        def growth(value: float) -> float:
+            return rest_growth(next(one for one in patterns_of(self.scene_at(value)) if one.name == name))
+
+        for a, b in pairwise(self.variation.values):
+            low, high = growth(a), growth(b)
+            if low * high < 0:
+                at = float(scipy.optimize.brentq(growth, a, b, xtol=EXACT * abs(b), rtol=EXACT, maxiter=ITERATIONS))
+                yield Threshold(at, at, name, "", high > 0, "emerges from rest" if high > 0 else "dies out"), None

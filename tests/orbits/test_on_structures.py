@@ -1,0 +1,54 @@
+"""Periodic orbits on structures: they close in the simulator, and what they do not follow is refused with a reason."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from modal import Bob, Pendulum, Scene, load, natural_modes
+from modal.errors import ComputationError
+from modal.scene import Spring
+from modal.scene.supports import Cart, Swing
+from nonlinear.orbits import mode_orbit, periodic_orbit
+from nonlinear.simulation import simulate
+from nonlinear.system import State, apart
+
+SWING_AND_CART = Scene(
+    gravity=9.81,
+    support=[
+        Swing(name="left", mass=2.0, length=0.5),
+        Cart(name="right", mass=3.0, position=(1.0, 0.0), stiffness=5.0),
+    ],
+    pendulum=[
+        Pendulum(on="left", links=[Bob(mass=1.0, length=0.6)]),
+        Pendulum(on="right", links=[Bob(mass=0.5, length=0.4)]),
+    ],
+)
+
+
+@pytest.mark.parametrize("mode", [2, 3])
+def test_orbits_of_a_mode_close_in_the_simulator(mode: int) -> None:
+    orbit = mode_orbit(SWING_AND_CART, mode, np.radians(20.0))
+    assert orbit.amplitude == pytest.approx(np.radians(20.0))
+    linear = natural_modes(SWING_AND_CART).omega[mode - 1]
+    assert 0 < abs(orbit.omega / linear - 1) < 0.02
+    run = simulate(SWING_AND_CART, orbit.period, start=orbit.state, output=2, tolerance=1e-11)
+    assert apart(run.motion.at(slice(0, 1)), run.motion.at(slice(1, 2)))[0] < 1e-7
+    assert run.motion.supports[1] == pytest.approx(run.motion.supports[0], abs=1e-7)
+    assert orbit.floquet.is_stable
+    assert len(orbit.floquet.all) == 8
+
+
+def test_what_is_no_mirror_image_of_itself_or_moves_freely_is_refused() -> None:
+    with pytest.raises(ComputationError, match="mirror image"):
+        mode_orbit(load("beam"), 1, 0.1)
+    carts = [Cart(name=name, mass=1.0, position=(place, 0.0)) for name, place in (("a", 0.0), ("b", 1.0))]
+    free = Scene(
+        gravity=9.81,
+        support=carts,
+        spring=[Spring(between=("a", "b"), stiffness=5.0)],
+        pendulum=[Pendulum(on="a", links=[Bob(mass=0.2, length=0.5)])],
+    )
+    start = State(np.array([0.1]), np.zeros(1), supports=np.zeros(2), support_rates=np.zeros(2))
+    with pytest.raises(ComputationError, match="moves freely"):
+        periodic_orbit(free, start, 1.0)
