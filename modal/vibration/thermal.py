@@ -104,7 +104,7 @@ def thermal_noise(scene: Scene, temperature: float, outputs: tuple[str, ...] = U
     >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=40.0, length=0.6, wire_loss=1e-6)])])
     >>> found = thermal_noise(scene, 290.0)
     >>> [f"{value:.4e}" for value in found.asd([10.0, 100.0])[0]]
-    ['1.6450e-18', '5.2031e-21']
+    ['2.5963e-18', '8.1765e-21']
     """
     problems = []
     if not (isfinite(temperature) and 0 < temperature <= HOTTEST):
