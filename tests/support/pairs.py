@@ -271,8 +271,6 @@ UNDAMPED = (
         "cart",
         "cart_m_0",
         "count_100",
-        "springs",
-        "structure",
         "quadratic_drag",
         "moved_vertical",
     ),
