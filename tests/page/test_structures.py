@@ -27,7 +27,7 @@ from nonlinear.dynamics import Mechanics, Minimal, Recursion
 from nonlinear.system import Motion, initial_state, system_of
 
 NODE = which("node")
-pytestmark = pytest.mark.skipif(NODE is None, reason="no Node is installed here")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(NODE is None, reason="no Node is installed here")]
 
 SHIPPED = ("two-bobs", "two-swings", "tower", "beam", "ship-crane")
 ZOO: dict[str, Any] = {
@@ -344,7 +344,7 @@ HAND = """(() => {
   found.parts = element("of-cart").beside?.[0].children[1].children.map((option) => option.textContent) ?? [];
   found.sliders = numbers.map((one) => one.attributes["aria-label"]);
   element("rows").children[0].click();
-  pass(40);
+  pass(12);
   found.energy = element("energy").textContent;
   found.drift = element("drift").textContent;
   element("play").click();
