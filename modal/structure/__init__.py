@@ -8,9 +8,9 @@ In: a `Scene`.  Out: its `Structure`, carriers whose points move exactly, at any
 what is here.
 """
 
-from modal.structure.carriers import CarrierNumbers, Moving, carrier_numbers
+from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
 from modal.structure.outlines import STILL, Piece, Scaffold
-from modal.structure.rest import Phi, Row, bends, is_damped, phi, slopes, tied, turning
+from modal.structure.rest import Phi, Row, bends, drawn_together, is_damped, phi, slopes, tied, turning
 from modal.structure.scaling import coordinate_units, scaled
 from modal.structure.structure import (
     CarrierEnd,
@@ -24,9 +24,11 @@ from modal.structure.structure import (
     carrier_end,
     structure_of,
 )
-from modal.structure.weights import Weight, carried, hung_masses, unbalanced, weights
+from modal.structure.weights import BALANCED, Weight, carried, hung_masses, unbalanced, weights
 
 __all__ = [
+    "BALANCED",
+    "PLATFORM",
     "STILL",
     "CarrierEnd",
     "CarrierNumbers",
@@ -48,6 +50,7 @@ __all__ = [
     "carrier_end",
     "carrier_numbers",
     "coordinate_units",
+    "drawn_together",
     "hung_masses",
     "is_damped",
     "phi",

@@ -33,6 +33,7 @@ from nonlinear.system.populations import Population, populations_of, representat
 from nonlinear.system.springs import drawn_place, place_of, slack_of
 from nonlinear.system.state import AppliedForces, Equations, Layout, Load, Motion, State, apart
 from nonlinear.system.system import Group, System, system_of
+from nonlinear.system.translations import translations
 
 __all__ = [
     "NO_FRICTION",
@@ -74,6 +75,7 @@ __all__ = [
     "structure_places",
     "system_of",
     "system_with",
+    "translations",
     "turning_point",
     "unit_vectors",
     "unrepresented",

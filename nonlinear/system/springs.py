@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from modal.structure import CarrierEnd, End, GroundEnd, Structure
+from modal.structure import CarrierEnd, End, GroundEnd, Structure, drawn_together
 
 Vector = tuple[Any, Any]
 
@@ -64,5 +64,5 @@ def slack_of(system: Hanging) -> tuple[bool, ...]:
     found = []
     for spring in system.structure.springs:
         one, other = (None, None) if spring.torsion else (drawn_place(system, end) for end in spring.ends)
-        found.append(one is None or other is None or bool(np.all(np.asarray(one) == np.asarray(other))))
+        found.append(one is None or other is None or drawn_together(one, other))
     return tuple(found)
