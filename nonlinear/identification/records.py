@@ -354,7 +354,9 @@ def _segments(
     sensors: Sequence[Sensor],
     carriers: Carriers,
 ) -> list[Segment]:
-    number = {column: [_number(row[k]) for _, row in rows] for k, column in enumerate(header) if _is_number(column, carriers)}
+    number = {
+        column: [_number(row[k]) for _, row in rows] for k, column in enumerate(header) if _is_number(column, carriers)
+    }
     problems = []
     for column, values in number.items():
         bad = next((k for k, value in enumerate(values) if value is None or isinf(value)), None)

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, load
+from modal.errors import SceneError
 from modal.scene import Ground, Moved, SineForce, SineMotion, Spring
 from modal.scene.parameters import Variation, vary
 from modal.scene.supports import Heave, Swing
-from modal.errors import SceneError
 from modal.vibration import parametric_stability
 from nonlinear import initial_state, simulate
 from nonlinear.accuracy.work_precision import late
@@ -47,7 +47,9 @@ PUSHED = Scene(
 HELD = PUSHED.replace(support=Cart(mass=3.0, damping=0.3, stiffness=20.0))
 SHAKE = SineMotion(amplitude=0.05, frequency_hz=0.6)
 SHAKEN = Scene(
-    gravity=9.81, support=Moved(motion=SHAKE), pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, damping=0.1, drag=0.1)])]
+    gravity=9.81,
+    support=Moved(motion=SHAKE),
+    pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, damping=0.1, drag=0.1)])],
 )
 
 
@@ -155,7 +157,9 @@ def test_fits(tmp_path: Path) -> None:
 
     def fitted(scene: Scene) -> Any:
         wrong = scene.replace(support=Cart(mass=2.7))
-        return fit(wrong, read_recording(scene, [tmp_path / "data.csv"]), ["support.mass", "pendulum[0].links[0].length"])
+        return fit(
+            wrong, read_recording(scene, [tmp_path / "data.csv"]), ["support.mass", "pendulum[0].links[0].length"]
+        )
 
     plain, null = both(CART, fitted)
     np.testing.assert_allclose(null.values, plain.values, rtol=1e-9)
@@ -179,7 +183,7 @@ def test_a_mode_beyond_a_spring_whose_ends_meet_ends_there() -> None:
     assert np.sin(branch.orbits[-1].amplitude) == pytest.approx(0.1, rel=1e-3)
 
 
-# ------------------------------------------------------------------------------------------- where nothing plain is alike
+# ----------------------------------------------------------------------------------------- where nothing plain is alike
 
 UNLIKE = load(Path(__file__).parent / "scenes" / "structure.toml")
 """A swing and a board, on which left and right differ."""

@@ -138,7 +138,9 @@ def _by(words: str) -> Attempt:
 
 def _compared_with_modes(path: Path, scene: Scene, folder: Path) -> str:
     links = scene.n_links if scene.is_structured else scene.pendulum[0].n_links
-    return _command(f"check @ --general --start angles:{','.join(['5', *['0'] * (links - 1)])} --duration 2", path, folder)
+    return _command(
+        f"check @ --general --start angles:{','.join(['5', *['0'] * (links - 1)])} --duration 2", path, folder
+    )
 
 
 def _followed(path: Path, scene: Scene, folder: Path) -> str:
