@@ -21,6 +21,7 @@ import numpy as np
 from modal.errors import SceneError
 from modal.report import csv_comment, csv_rows
 from modal.scene import Scene, describe, kind_of, scene_from, sealed, whole_file
+from modal.scene.doors import checked
 from modal.scene.sealed import finite_array, index, reading, require_keys
 from modal.types import Floats
 from nonlinear.dynamics import links_of_contacts
@@ -57,6 +58,7 @@ BOTH_WAYS = tuple(
 REDUCED = (TRUNCATED, LINEAR, CORRECTED)
 
 
+@checked
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     """Write a .npz or .csv file atomically; SceneError for any other file name.
 

@@ -20,6 +20,7 @@ from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field, replace
 
 from modal.errors import SceneError
+from modal.scene.doors import require_type
 from modal.scene.features import DRAG, DRIVES, FEATURES, FRICTION, LOSS
 from modal.scene.model import Scene
 
@@ -102,8 +103,15 @@ NO_RATIO: Sentences = {"damping_ratio": "has no place for dampers that belong to
 STICKS = _each(FRICTION, "does not follow what sticks and slips")
 NO_DRAG = _each(DRAG, "is computed without drag")
 LOSSES = _each(LOSS, "needs a scene without losses")
+LOSSLESS: Sentences = {
+    "loss": "Loss angles are left out: they are a complex stiffness at each frequency, which response, vibration and "
+    "table take."
+}
+IN_TIME: Sentences = {
+    "loss": "has no place for loss angles, which belong to frequencies: response, vibration and table take them"
+}
+"""What is said of k (1 + iφ): no equations of motion in time have such a spring."""
 UNLOADED: Sentences = {"load": "only `simulate` is given applied forces"}
-PLAYED = "simulates pendula on one cart or one support: animate films a run of this scene, shapes --film its modes"
 HANGS_STRAIGHT = "a massless cart has no equation of motion where all that pulls it hangs straight down"
 ENDS: Sentences = {"massless_cart": HANGS_STRAIGHT}
 STOPS: Sentences = {"massless_cart": "the step needed is smaller than the spacing between numbers"}
@@ -130,10 +138,13 @@ EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; gi
 # ------------------------------------------------------------------------------------------------------- the table
 
 AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, Scene.at(seconds)"}
+TABLE = Capability(
+    "the table of modes", LINEAR | STRUCTURED | {"loss"}, leaves=OMITTED, unless=LEANING, beside=UNLOADED
+)
 CONSTANT_MODEL = Capability(
     "a constant linear model",
     LINEAR - {"massless_cart"} | STRUCTURED,
-    leaves=ABOUT,
+    leaves={**ABOUT, **LOSSLESS},
     refuses=AT_ONE_TIME,
     unless={"massless_cart": "the mass matrix is singular", **LEANING},
     beside=UNLOADED,
@@ -207,33 +218,51 @@ STRUCTURES: Sentences = {
     "structure": "has no place for structures yet",
     "springs": "has no place for springs between points yet",
 }
-"""What a capability refuses that says nothing else of structures."""
+UNTOLD: Sentences = {**STRUCTURES, **IN_TIME}
+"""What a capability refuses that says nothing else of structures and loss angles."""
 
 
 def _told(one: Capability) -> Capability:
-    """A capability with the entries of `STRUCTURES` that it has none of its own for."""
-    more = {name: words for name, words in STRUCTURES.items() if not one.entries(name)}
+    """A capability with the entries of `UNTOLD` that it has none of its own for."""
+    more = {name: words for name, words in UNTOLD.items() if not one.entries(name)}
     return replace(one, refuses={**one.refuses, **more})
 
 
 CAPABILITIES: dict[str, Capability] = {
     one.name: _told(one)
     for one in (
-        Capability("the table of modes", LINEAR | STRUCTURED, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
+        TABLE,
+        replace(TABLE, name="mode shapes", takes=TABLE.takes - {"loss"}, leaves={**OMITTED, **LOSSLESS}),
         Capability(
             "the explanation of the coupling",
             LINEAR - {"inverted"} | {"structure", "springs"},
-            leaves=ABOUT,
+            leaves={**ABOUT, **LOSSLESS},
             refuses={**CONSTANT, **SHIFTED, "inverted": "has no frequency for a link that stands"},
             beside=UNLOADED,
         ),
         CONSTANT_MODEL,
+        replace(CONSTANT_MODEL, name="a frequency response", takes=CONSTANT_MODEL.takes | {"loss"}, leaves=ABOUT),
+        replace(CONSTANT_MODEL, name="an impulse response", leaves=ABOUT, refuses={**AT_ONE_TIME, **IN_TIME}),
         MOVED_MODEL,
-        replace(MOVED_MODEL, name="random vibration", takes=MOVED_MODEL.takes - {"inverted"}, unless=GROWS),
+        replace(MOVED_MODEL, name="a shock", leaves=ABOUT, refuses={**MOVED_MODEL.refuses, **IN_TIME}),
+        replace(
+            MOVED_MODEL,
+            name="random vibration",
+            takes=MOVED_MODEL.takes - {"inverted"} | {"loss"},
+            leaves=ABOUT,
+            unless=GROWS,
+        ),
+        replace(
+            CONSTANT_MODEL,
+            name="thermal noise",
+            takes=CONSTANT_MODEL.takes - {"inverted"} | {"loss"},
+            leaves=ABOUT,
+            unless=GROWS,
+        ),
         Capability(
             "a shaper",
             LINEAR - {"inverted"} | STRUCTURED,
-            leaves=OMITTED,
+            leaves={**OMITTED, **LOSSLESS},
             refuses=SHIFTED,
             unless={"inverted": "is unstable"},
             beside=UNLOADED,
@@ -242,28 +271,39 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "a derivative of modes",
             LINEAR - NO_RATIO.keys() | STRUCTURED,
-            leaves=ABOUT,
+            leaves={**ABOUT, **LOSSLESS},
             refuses={**CONSTANT, **NO_RATIO, **SHIFTED},
+            beside=UNLOADED,
+        ),
+        Capability(
+            "tuning",
+            LINEAR - NO_RATIO.keys() | STRUCTURED,
+            leaves=ABOUT,
+            refuses={
+                **CONSTANT,
+                "damping_ratio": "follows every number through the modes",
+                "constant_force": "moves the equilibrium with every number",
+            },
             beside=UNLOADED,
         ),
         Capability(
             "a derivation",
             SHAPE | {"dampers", "massless_cart", "space", "structure", "springs"},
             leaves=_each(DRIVES, UNDRIVEN),
-            refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG, "has no symbols for it")},
+            refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG | {"loss"}, "has no symbols for it")},
             beside=UNLOADED,
         ),
         Capability(
             "a polynomial in ω²",
             LINEAR - LOSS,
-            leaves=ABOUT,
+            leaves={**ABOUT, **LOSSLESS},
             refuses={**CONSTANT, **LOSSES, **SHIFTED, **BODILESS},
             beside=UNLOADED,
         ),
         Capability(
             "an enclosure",
             LINEAR - LOSS - {"inverted", "joint_springs"},
-            leaves=ABOUT,
+            leaves={**ABOUT, **LOSSLESS},
             refuses={
                 **CONSTANT,
                 **LOSSES,
@@ -276,12 +316,9 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "the live page",
-            SHAPE | {"dampers", "moved_support"} | DRAG | DRIVES,
-            refuses={
-                **_each(FRICTION | FORCED | _of("hoist space damping_ratio"), "cannot show it"),
-                "massless_cart": "cannot show it",
-                **_each(STRUCTURED, PLAYED),
-            },
+            SHAPE | {"dampers", "moved_support"} | DRAG | DRIVES | STRUCTURED,
+            refuses=_each(FRICTION | _of("constant_force hoist space damping_ratio massless_cart"), "cannot show it"),
+            unless={"force": "shows forces on structures alone, and on any scene its own drive"},
             beside=UNLOADED,
         ),
         Capability(
@@ -415,6 +452,7 @@ CAPABILITIES: dict[str, Capability] = {
             SHAPE - {"inverted"} | STRUCTURED,
             leaves={
                 "dampers": "Dampers are left out: the orbits of a mode conserve energy.",
+                "loss": "Loss angles are left out: the orbits of a mode conserve energy.",
                 "damping_ratio": "Damping ratios are left out: the orbits of a mode conserve energy.",
                 **_each(DRAG, "Drag is left out: the orbits of a mode conserve energy."),
                 **_each(FRICTION, "Dry friction is left out: the orbits of a mode conserve energy."),
@@ -501,6 +539,7 @@ CAPABILITIES: dict[str, Capability] = {
 
 def refusals(scene: Scene, capability: str, *more: str) -> list[str]:
     """A sentence for everything that a scene, with `more` features of a call, has and the capability refuses."""
+    require_type("scene", scene, "Scene")
     one, has = CAPABILITIES[capability], scene.features | set(more)
     found = [f"{_place(scene, name)}: {one.name} {_why(one, name)}" for name in one.refuses if name in has]
     found += [f"{_place(scene, a)}: {why}: remove {b}" for (a, b), why in one.apart.items() if {a, b} <= has]
@@ -537,10 +576,12 @@ def require(scene: Scene, capability: str, *more: str) -> None:
 
 def left_out(scene: Scene, capability: str = "the table of modes") -> tuple[str, ...]:
     """What a capability leaves out of a scene, a sentence each."""
+    require_type("scene", scene, "Scene")
     return tuple(dict.fromkeys(words for _, words in _met(CAPABILITIES[capability].leaves, scene.features)))
 
 
 def one_by_one(scene: Scene, *more: str) -> str:
     """Why members of a scene, with `more` features that some of them have, go one by one; "" for side by side."""
+    require_type("scene", scene, "Scene")
     met = _met(CAPABILITIES["an ensemble"].singly, scene.features | set(more))
     return next((f"no engine takes {FEATURES[name].words} side by side" for name, _ in met), "")

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from modal.assembly import matrices, quadratic_drags, rig_of
 from modal.errors import ComputationError, SceneError
-from modal.scene import Scene, SineMotion, require
+from modal.scene import Scene, SineMotion, require, validate_scene
 from modal.statespace.signals import geometry_of
 from modal.structure import BALANCED, hung_masses, structure_of, weights
 from modal.types import Booleans, Complexes, Floats
@@ -178,6 +178,7 @@ def vertical_sine(scene: Scene) -> SineMotion:
     >>> vertical_sine(Scene(gravity=9.81, support=shaken, pendulum=[Pendulum(links=[Bob(mass=1, length=1)])])).amplitude
     0.02
     """
+    validate_scene(scene)
     require(scene, "a Floquet multiplier")
     at = f"{scene.motion_places[0][0]}.motion"
     vertical = next((one for one in scene.motions if one.direction == "vertical"), None)

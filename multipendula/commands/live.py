@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import Any
 
 from multipendula.command import Command
 from multipendula.commands.runs import recorded
-from multipendula.commands.shared import in_a_folder, say
+from multipendula.commands.shared import in_a_folder, remark, say
 from multipendula.options import add_file, add_run
 from multipendula.parser import Page
 
@@ -34,7 +33,7 @@ def play(options: argparse.Namespace) -> None:
         say(f"{visible(options.output)}: {len(content) / 1000:.0f} kB, open it in any browser\n")
     if recording and recording["samples"] < recording["of"]:
         words = f"{recording['samples']} of {recording['of']} samples of the run are in the page"
-        print(f"multipendula: {words}", file=sys.stderr)
+        remark(words)
 
 
 def _shown(name: str) -> tuple[dict[str, Any], dict[str, Any] | None]:

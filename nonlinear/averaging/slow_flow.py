@@ -230,13 +230,16 @@ def _least_reach(averaged: AveragedEquations, z: Complexes, turns: Complexes) ->
 
 
 def _pace(averaged: AveragedEquations, z: Complexes) -> float:
-    """Steps per second from these amplitudes (C, S) on."""
-    turning = averaged.turning(z)
+    """Steps per second from these amplitudes (C, S) on; modes that are left out set no pace."""
+    turning, own = averaged.turning(z), averaged.shapes.any(axis=0)
+    both = np.tile(own, 2)
     slopes = (
-        derivative(averaged.smooth, start, pace) for start, pace in zip(z.T, turning.T, strict=True) if start.any()
+        derivative(averaged.smooth, start, pace)[np.ix_(both, both)]
+        for start, pace in zip(z.T, turning.T, strict=True)
+        if start.any()
     )
     fast = max((np.linalg.norm(slope, 2) for slope in slopes), default=0.0)
-    return max(float(fast) / GAIN, float(np.abs(averaged.detuning(turning)).max()) / TURN)
+    return max(float(fast) / GAIN, float(np.abs(averaged.detuning(turning)[own]).max()) / TURN)
 
 
 def _going(averaged: AveragedEquations, z: Complexes, starts: Complexes) -> Booleans:

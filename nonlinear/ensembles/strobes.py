@@ -18,8 +18,9 @@ import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
 from modal.modes import natural_modes
-from modal.report import Displayed, Summary, as_csv, as_json, by_column, counted, deferred, finite, titled
-from modal.scene import Scene, describe, drive_period, name_of, require, title_of
+from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, counted, deferred, finite, titled
+from modal.scene import Scene, describe, drive_period, name_of, require, title_of, validate_scene
+from modal.scene.doors import checked
 from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import nearby
 from nonlinear.ensembles.measures import places
@@ -225,6 +226,7 @@ def find_strobes(
     >>> found.period, found.times.tolist()[:3], found.repeats.tolist()
     (2.0, [20.0, 22.0, 24.0], [1, 1])
     """
+    validate_scene(scene)
     require(scene, "a stroboscopic section")
     validate(
         lambda: validate_whole(1, orbits=orbits),
@@ -265,7 +267,8 @@ def validate_strobes(*, phase_deg: float, spread_deg: float = 0.0, settle: float
 # ------------------------------------------------------------------------------------------------------- as text
 
 
-def strobes_table(found: StroboscopicSection, form: str) -> str:
+@checked
+def strobes_table(found: StroboscopicSection, form: Form) -> str:
     """As text, csv (one line a strobe) or json, the `form`."""
     if form == "csv":
         return as_csv(_records(found))

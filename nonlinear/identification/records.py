@@ -24,7 +24,7 @@ import numpy as np
 from modal.errors import SceneError, meant
 from modal.report import Displayed, counted, listed
 from modal.scene import Scene
-from modal.scene.files import limited
+from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, text_of
 from modal.structure import structure_of
 from modal.types import Floats
 
@@ -35,6 +35,7 @@ SENSOR = re.compile(r"theta_([1-9][0-9]{0,6})_([1-9][0-9]{0,6})_(rad|deg)|cart_m
 LIKE_ONE = re.compile(r"theta_(?!dot_)|cart|time", re.ASCII)
 MOST_ANGLE = 60.0  # rad: some ten turns; beyond them the column is in degrees
 FEWEST = 4  # samples of a segment
+MOST_STEPS = 10_000_000  # of a segment, its gaps included
 TURN = 2 * pi
 JUMP = 0.75  # of a turn from one sample to the next: no motion, if all readings lie within one turn
 FEW_CHANGES = 2  # different values that a record has at least
@@ -292,16 +293,11 @@ def _table(
 ) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The header of a file, and its rows with their line numbers."""
     try:
-        with open(name, "rb") as stream:
-            text = limited(stream).decode("utf-8-sig")
+        text = text_of(name)
         reader = csv.reader(line for line in io.StringIO(text, newline="") if not line.startswith("#"))
         header, *rows = [*enumerate(reader, 1)] or [(1, [])]
-    except OSError as error:
-        raise SceneError([f"{name}: {error.strerror or error}"]) from None
-    except ValueError as error:
-        if isinstance(error, SceneError):
-            raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
-        raise SceneError([f"{name}: is not text in UTF-8, or its name is none"]) from None
+    except SceneError as error:
+        raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
     except csv.Error as error:
         raise SceneError([f"{name}: {error}"]) from None
     given = [word.strip() for word in header[1]]
@@ -411,6 +407,8 @@ def _segment_problems(segment: Segment, sensors: Sequence[Sensor]) -> Iterator[s
     if len(back):
         at = segment.times[back[0]]
         yield f"{segment.where}: the time does not go on after {at:.9g} s"
+    if len(segment.times) > 1:
+        yield from _clock_problems(segment)
     if len(segment.times) < FEWEST:
         yield f"{segment.where}: has {counted(len(segment.times), 'row', 'rows')}, at least {FEWEST} are needed"
     for sensor, values in zip(sensors, segment.values.T, strict=True):
@@ -421,6 +419,16 @@ def _segment_problems(segment: Segment, sensors: Sequence[Sensor]) -> Iterator[s
             yield f"{segment.where}: {sensor.name} reaches {most:.4g} rad: {hint}"
 
 
+def _clock_problems(segment: Segment) -> Iterator[str]:
+    """Times that double precision cannot square, and gaps of more samples than can be filled."""
+    step, span = float(np.median(np.diff(segment.times))), float(segment.times[-1]) - float(segment.times[0])
+    largest = float(np.abs(segment.times).max())
+    if largest > LARGEST_READ or 0 < step < SMALLEST_READ:
+        yield f"{segment.where}: its times reach {largest:.3g} s in steps of {step:.3g} s: {SIZES_READ}"
+    elif step > 0 and span > MOST_STEPS * step:
+        yield f"{segment.where}: lasts {span:.3g} s, over {MOST_STEPS:,} of its steps of {step:.3g} s".replace(",", " ")
+
+
 def _empty(sensors: Sequence[Sensor], segments: Sequence[Segment]) -> Iterator[str]:
     """Sensors and segments that say nothing."""
     for k, sensor in enumerate(sensors):
@@ -428,6 +436,8 @@ def _empty(sensors: Sequence[Sensor], segments: Sequence[Segment]) -> Iterator[s
         own = own[np.isfinite(own)]
         if not len(own):
             yield f"column {sensor.name}: has no values"
+        elif not SMALLEST_READ <= (largest := float(np.abs(own).max())) <= LARGEST_READ and largest:
+            yield f"column {sensor.name}: reaches {largest:.3g} {sensor.unit}: {SIZES_READ}"
         elif len(np.unique(own)) < FEW_CHANGES:
             yield f"column {sensor.name}: is constant, {own[0]:.6g} {sensor.unit}: nothing can be fitted to it"
     for one in segments:

@@ -10,6 +10,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.scene import Scene, require
+from modal.scene.doors import checked, checked_index, checked_number
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
@@ -18,12 +19,13 @@ from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import Point, corrected, follow, level, located, tangent_of
 from nonlinear.orbits.orbit import Orbit
-from nonlinear.orbits.shooting import SEGMENTS, Clock, Shooting, shooting, spread
+from nonlinear.orbits.shooting import COARSEST, FINEST, MOST_SEGMENTS, SEGMENTS, Clock, Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles
-from nonlinear.system import Motion, State, System, translations
+from nonlinear.system import Motion, State, System, system_of, translations, validate_state
 
 TOLERANCE = 1e-11
 CLOSED = 1e-8
+SMALLEST = 1e-100  # period (s)
 SAME = 1e-6
 DRIFTING = 1e-2  # how close to c/M the rate of the cart's drift is
 DYING = 1e-2  # of the first amplitude, below which a branch has died out
@@ -32,6 +34,7 @@ LOOSE, ROUGH = 1e-9, 1e-5  # tolerance and accuracy where only a critical value 
 STEPS, BEYOND = 40, 4.0  # orbits across a critical value; how far they go, over the distance to it
 
 
+@checked
 def periodic_orbit(
     scene: Scene,
     start: State,
@@ -47,6 +50,10 @@ def periodic_orbit(
     the `period` (s) is kept; otherwise it is the first guess, and the link that moves furthest turns back at the start.
     Raises ComputationError where the method finds none.
     """
+    checked_number("tolerance", tolerance, FINEST, COARSEST)
+    checked_index("segments", segments, 1, MOST_SEGMENTS)
+    checked_number("period", period, SMALLEST)
+    validate_state(start, system_of(scene))
     probe = shooting(scene, tolerance=tolerance, segments=segments, force=force)
     y = probe.first.equations.begin(start)
     if force is not None:
@@ -128,6 +135,7 @@ def near(problem: Shooting, one: RelativeEquilibrium) -> tuple[Floats, float, in
     return np.concatenate((q, v)), 2 * np.pi / one.omega, leader
 
 
+@checked
 def cycle_of(scene: Scene, one: RelativeEquilibrium, *, tolerance: float = TOLERANCE) -> Orbit:
     """The limit cycle close to an averaged configuration; ComputationError where there is none."""
     problem = shooting(scene, tolerance=tolerance)
@@ -135,8 +143,10 @@ def cycle_of(scene: Scene, one: RelativeEquilibrium, *, tolerance: float = TOLER
     return solved(replace(problem, leader=leader), y, period)
 
 
+@checked
 def limit_cycles(scene: Scene, *, tolerance: float = TOLERANCE) -> tuple[Orbit, ...]:
     """The limit cycles close to the averaged configurations of a driven scene, each once."""
+    checked_number("tolerance", tolerance, FINEST, COARSEST)
     found: list[Orbit] = []
     for one in relative_equilibria(average(scene)):
         try:
@@ -194,6 +204,7 @@ def _dampings(system: System) -> Floats:
     return np.diag(np.concatenate(own))
 
 
+@checked
 def follow_cycles(
     scene: Scene,
     variation: Variation,
@@ -229,6 +240,7 @@ def follow_cycles(
     return tuple(found)
 
 
+@checked
 def require_cycles(scene: Scene, variation: Variation) -> None:
     """Raise, without computing anything, what `follow_cycles` raises for this scene and variation."""
     validate_variations(scene, [variation])
@@ -304,6 +316,7 @@ def known(orbit: Orbit, branch: Branch) -> bool:
     )
 
 
+@checked
 def crossed(scene: Scene, variation: Variation, one: RelativeEquilibrium, value: float, at: float) -> Special | None:
     """The first special point on the orbits that begin beside a configuration at a value of a number, towards `at`.
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
@@ -79,6 +80,7 @@ def _largest(problem: Quarter, u: Floats) -> tuple[float, Floats]:
     return abs(turned), np.append(np.sign(turned) * V[column], 0.0)
 
 
+@checked
 def mode_along(
     scene: Scene,
     number: int,

@@ -31,7 +31,8 @@ from nonlinear.orbits.flow import Arrival, Flow, NumberChange, Path
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.system import system_of, translations
 
-SEGMENTS = 2
+SEGMENTS, MOST_SEGMENTS = 2, 10_000
+FINEST, COARSEST = 1e-15, 1e-2  # tolerances
 NUDGE = 1e-7  # of the range of a number, for derivatives by one where the form of the equations changes
 BESIDE = 1e-4  # of a number of a scene, for derivatives of those of the equations by it
 

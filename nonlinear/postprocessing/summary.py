@@ -16,6 +16,7 @@ from modal.errors import ComputationError, SceneError
 from modal.modes.solution_report import loaded, not_loaded
 from modal.report import visible
 from modal.scene import SineMotion, refusals, title_of
+from modal.scene.doors import require_type
 from nonlinear.dynamics import Dense, Generated, Reduced, Small, is_unstable_equilibrium
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
 from nonlinear.postprocessing.extents import Extent, extent_of, places_of
@@ -188,6 +189,7 @@ class Inventory:
 
 def run_inventory(trajectory: Trajectory) -> Inventory:
     """The inventory of a run made in this process; ComputationError for one that was read from a file."""
+    require_type("trajectory", trajectory, "Trajectory")
     system, equations = trajectory.system, trajectory.equations
     if trajectory.run.method == CLOSED:
         return Inventory(

@@ -28,6 +28,7 @@ from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
 from modal.report import Displayed
 from modal.scene import Fixed, Scene, require
+from modal.scene.doors import checked
 from modal.types import Complexes, Floats
 from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
 from nonlinear.reduction.two_planes import join, split
@@ -143,6 +144,7 @@ class Superposition(Displayed):
         return replace(self, planes=tuple(planes))
 
 
+@checked
 def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
     """The motion from this start as a function of times (T,) in s, amplitude-corrected or linear.
 

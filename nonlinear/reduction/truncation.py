@@ -30,6 +30,7 @@ from modal.errors import SceneError
 from modal.modes import Modes
 from modal.report import Displayed
 from modal.scene import Scene, refusals
+from modal.scene.doors import checked
 from modal.types import Floats, Ints
 from nonlinear.integration import (
     SCIPY,
@@ -172,6 +173,7 @@ class Survey(Displayed):
         return Truncated(self.system, self.system.rest, shapes, dual)
 
 
+@checked
 def simulate_truncated(
     scene: Scene,
     duration: float,
@@ -285,6 +287,7 @@ def _validate(scene: Scene, method: str) -> None:
         raise SceneError(found)
 
 
+@checked
 def survey_modes(scene: Scene, system: System, start: State) -> Survey:
     """The modes of the scene without its dampers, and the start in them; SceneError where they do not span it."""
     still = scene.conservative

@@ -25,7 +25,7 @@ from modal.assembly import (
     rig_of,
 )
 from modal.report import Displayed, Summary, counted
-from modal.scene import Escapement, Pendulum, Scene, VanDerPol
+from modal.scene import Escapement, Pendulum, Scene, VanDerPol, validate_scene
 from modal.structure import Structure, is_damped
 from modal.types import Floats, Ints
 from nonlinear.system.forces import ActingForce, acting_forces
@@ -377,6 +377,7 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     >>> len(system_of(load("paper-cart-2")).groups)
     1
     """
+    validate_scene(scene)
     rig = rig_of(scene.replace(force=()) if scene.force else scene)
     hanging = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     sizes = np.array([rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)])
