@@ -195,7 +195,8 @@ def vertical_sine(scene: Scene) -> SineMotion:
 def hill_systems(scene: Scene) -> tuple[HillSystem, ...]:
     """The systems of a scene, whatever the amplitude and the frequency of its support; equal pendula once.
 
-    SceneError for a scene without vertical sine or whose weights push carriers, ComputationError for masses beyond double precision.
+    SceneError for a scene without vertical sine or whose weights push carriers, ComputationError for masses beyond
+    double precision.
     """
     vertical_sine(scene)
     return tuple(_on_structure(scene) if scene.is_structured else _systems(scene))

@@ -30,9 +30,9 @@ class Tangent:
 
     @cached_property
     def scale(self) -> Floats:
-        """Natural units of y, (size, 1): 1 for angles, l for the cart or what moves in m, sqrt(g/l) and l sqrt(g/l) for their rates.
+        """Natural units of y, (size, 1): 1 for angles, l for the cart, sqrt(g/l) and l sqrt(g/l) for their rates.
 
-        l is the shortest link.
+        l is the shortest link, the unit of all that moves in m.
         """
         length = float(self.system.by_link("length").min())
         half = np.ones(self.equations.layout.half)

@@ -171,7 +171,7 @@ class Problem(Displayed):
         found[layout.scales] = self.scaled
         if len(self.recording.sensors):
             found[layout.delays.start] = False
-        adrift = translations(self.system).any(0)
+        adrift = np.abs(translations(self.system)).sum(axis=0) > 0
         for k, sensor in enumerate(self.recording.sensors):
             if not sensor.pendulum and adrift[self.parts(sensor)[0][0]]:
                 found[layout.offsets.start + k] = False

@@ -30,7 +30,8 @@ class Orbit(Displayed):
     """A motion of `scene` that begins at y and closes after `period` (s), but for `residual` in natural units.
 
     `value` is that of the number along which it was continued, if any; `path` covers the period, or where `symmetric`
-    its first quarter, or its first half where it comes to rest at both ends of it.  A forced motion has so many `cycles` of its drives in it, and links gain `turns` whole turns.
+    its first quarter, or its first half where it comes to rest at both ends of that.  A forced motion has so many
+    `cycles` of its drives in it, and links gain `turns` whole turns.
     """
 
     scene: Scene = field(repr=False)

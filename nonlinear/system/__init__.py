@@ -30,7 +30,7 @@ from nonlinear.system.numbers import (
     with_prescribed,
 )
 from nonlinear.system.populations import Population, populations_of, representatives, unrepresented
-from nonlinear.system.springs import drawn_place, place_of, slack_of
+from nonlinear.system.springs import drawn_place, ends_may_meet, place_of, slack_of
 from nonlinear.system.state import AppliedForces, Equations, Layout, Load, Motion, State, apart
 from nonlinear.system.system import Group, System, system_of
 from nonlinear.system.translations import translations
@@ -58,6 +58,7 @@ __all__ = [
     "System",
     "apart",
     "drawn_place",
+    "ends_may_meet",
     "entries_of",
     "has_start",
     "initial_state",
