@@ -32,15 +32,13 @@ from modal.structure import (
     Structure,
     Where,
     bends,
+    drawn_together,
     phi,
     slopes,
     tied,
     turning,
 )
 from modal.types import Floats, Ints
-
-DRAWN_TOGETHER = 1e-12
-"""Ends of a spring this close, over their distance from the origin, are one point as drawn."""
 
 
 class Element(NamedTuple):
@@ -222,12 +220,12 @@ class Hanging:
         assert first is not None, "one end at least has a place"
         assert second is not None
         ways = [_difference(*rows) for rows in zip(*map(self._point, spring.ends[::-1]), strict=True)]
-        apart = second[0] - first[0], second[1] - first[1]
-        reach = np.hypot(*apart)
-        if reach <= DRAWN_TOGETHER * max(map(abs, (*first, *second))):
+        if drawn_together(first, second):
             yield ways[0], 1.0, "_along"
             yield ways[1], 0.0, "_down"
             return
+        apart = second[0] - first[0], second[1] - first[1]
+        reach = np.hypot(*apart)
         line: Row = {}
         for row, part in zip(ways, apart, strict=True):
             for column, value in row.items():

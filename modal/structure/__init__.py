@@ -20,9 +20,10 @@ from modal.structure.structure import (
     Structure,
     Where,
     carrier_end,
+    drawn_together,
     structure_of,
 )
-from modal.structure.weights import Weight, carried, hung_masses, unbalanced, weights
+from modal.structure.weights import carried, hung_masses, unbalanced, weights
 
 __all__ = [
     "CarrierEnd",
@@ -36,13 +37,13 @@ __all__ = [
     "Row",
     "SpringNumbers",
     "Structure",
-    "Weight",
     "Where",
     "bends",
     "carried",
     "carrier_end",
     "carrier_numbers",
     "coordinate_units",
+    "drawn_together",
     "hung_masses",
     "is_damped",
     "phi",

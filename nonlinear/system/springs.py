@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from modal.structure import CarrierEnd, End, GroundEnd, Structure
+from modal.structure import CarrierEnd, End, GroundEnd, Structure, drawn_together
 
 Vector = tuple[Any, Any]
 
@@ -58,11 +58,11 @@ def _drawn(structure: Structure, number: int, where: Any) -> Vector:
 
 
 def slack_of(system: Hanging) -> tuple[bool, ...]:
-    """Which springs of a structure have no length as drawn."""
+    """Which springs of a structure have no length as drawn; no torsion spring has one."""
     if system.structure is None:
         return ()
-    found = []
+    slack = []
     for spring in system.structure.springs:
-        one, other = (None, None) if spring.torsion else (drawn_place(system, end) for end in spring.ends)
-        found.append(one is None or other is None or bool(np.all(np.asarray(one) == np.asarray(other))))
-    return tuple(found)
+        first, second = (None, None) if spring.torsion else (drawn_place(system, end) for end in spring.ends)
+        slack.append(first is None or second is None or drawn_together(first, second))
+    return tuple(slack)
