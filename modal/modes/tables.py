@@ -9,6 +9,7 @@ from typing import Any
 from modal.assembly import Matrices
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes.columns import Column, Stds, added_by, columns_of, printed, that_fit
+from modal.modes.losses import sharing
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.report import (
@@ -137,6 +138,11 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
         notes.append("! beyond double precision: no digit of this frequency is certain.")
     if any(row.growth_rate for row in rows):
         notes.append("unstable: the scene leaves this equilibrium; every growing mode is paired with a decaying one.")
+    if modes.scene.has_losses:
+        own = set(sharing(modes)) & {row.number for row in rows}
+        if own:
+            numbers = ", ".join(map(str, sorted(own)))
+            notes.append(f"Q of modes {numbers} is a guide: they are closer to each other than their losses, and mix.")
     if any(row.indistinct for row in rows):
         notes.append("~ closer to the next frequency than the error bounds can distinguish.")
     return notes

@@ -16,11 +16,11 @@ from modal.errors import ComputationError
 from modal.modes import Mode, Modes, Shape
 from modal.plotting.carriers import draw_pieces
 from modal.plotting.layout import caption, evenly, headline, side_by_side
-from modal.plotting.outlines import Scaffold
 from modal.plotting.profiles import profiles_figure
 from modal.plotting.style import QUIET, WIDE, colour, ink, mixed, muted, paper, rest, save, sheet
 from modal.scene import AnyLink, Bob, Rod, Scene, title_of
 from modal.scene.doors import require_type
+from modal.structure import Scaffold
 from modal.types import Floats
 
 FARTHEST = 0.3  # largest displacement of the cart over the picture's depth

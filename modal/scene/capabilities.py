@@ -103,8 +103,15 @@ NO_RATIO: Sentences = {"damping_ratio": "has no place for dampers that belong to
 STICKS = _each(FRICTION, "does not follow what sticks and slips")
 NO_DRAG = _each(DRAG, "is computed without drag")
 LOSSES = _each(LOSS, "needs a scene without losses")
+LOSSLESS: Sentences = {
+    "loss": "Loss angles are left out: they are a complex stiffness at each frequency, which response, vibration and "
+    "table take."
+}
+IN_TIME: Sentences = {
+    "loss": "has no place for loss angles, which belong to frequencies: response, vibration and table take them"
+}
+"""What is said of k (1 + iφ): no equations of motion in time have such a spring."""
 UNLOADED: Sentences = {"load": "only `simulate` is given applied forces"}
-PLAYED = "simulates pendula on one cart or one support: animate films a run of this scene, shapes its modes"
 HANGS_STRAIGHT = "a massless cart has no equation of motion where all that pulls it hangs straight down"
 ENDS: Sentences = {"massless_cart": HANGS_STRAIGHT}
 STOPS: Sentences = {"massless_cart": "the step needed is smaller than the spacing between numbers"}
@@ -126,10 +133,13 @@ EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; gi
 # ------------------------------------------------------------------------------------------------------- the table
 
 AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, Scene.at(seconds)"}
+TABLE = Capability(
+    "the table of modes", LINEAR | STRUCTURED | {"loss"}, leaves=OMITTED, unless=LEANING, beside=UNLOADED
+)
 CONSTANT_MODEL = Capability(
     "a constant linear model",
     LINEAR - {"massless_cart"} | STRUCTURED,
-    leaves=ABOUT,
+    leaves={**ABOUT, **LOSSLESS},
     refuses=AT_ONE_TIME,
     unless={"massless_cart": "the mass matrix is singular", **LEANING},
     beside=UNLOADED,
@@ -202,33 +212,51 @@ STRUCTURES: Sentences = {
     "structure": "has no place for structures yet",
     "springs": "has no place for springs between points yet",
 }
-"""What a capability refuses that says nothing else of structures."""
+UNTOLD: Sentences = {**STRUCTURES, **IN_TIME}
+"""What a capability refuses that says nothing else of structures and loss angles."""
 
 
 def _told(one: Capability) -> Capability:
-    """A capability with the entries of `STRUCTURES` that it has none of its own for."""
-    more = {name: words for name, words in STRUCTURES.items() if not one.entries(name)}
+    """A capability with the entries of `UNTOLD` that it has none of its own for."""
+    more = {name: words for name, words in UNTOLD.items() if not one.entries(name)}
     return replace(one, refuses={**one.refuses, **more})
 
 
 CAPABILITIES: dict[str, Capability] = {
     one.name: _told(one)
     for one in (
-        Capability("the table of modes", LINEAR | STRUCTURED, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
+        TABLE,
+        replace(TABLE, name="mode shapes", takes=TABLE.takes - {"loss"}, leaves={**OMITTED, **LOSSLESS}),
         Capability(
             "the explanation of the coupling",
             LINEAR - {"inverted"} | {"structure", "springs"},
-            leaves=ABOUT,
+            leaves={**ABOUT, **LOSSLESS},
             refuses={**CONSTANT, **SHIFTED, "inverted": "has no frequency for a link that stands"},
             beside=UNLOADED,
         ),
         CONSTANT_MODEL,
+        replace(CONSTANT_MODEL, name="a frequency response", takes=CONSTANT_MODEL.takes | {"loss"}, leaves=ABOUT),
+        replace(CONSTANT_MODEL, name="an impulse response", leaves=ABOUT, refuses={**AT_ONE_TIME, **IN_TIME}),
         MOVED_MODEL,
-        replace(MOVED_MODEL, name="random vibration", takes=MOVED_MODEL.takes - {"inverted"}, unless=GROWS),
+        replace(MOVED_MODEL, name="a shock", leaves=ABOUT, refuses={**MOVED_MODEL.refuses, **IN_TIME}),
+        replace(
+            MOVED_MODEL,
+            name="random vibration",
+            takes=MOVED_MODEL.takes - {"inverted"} | {"loss"},
+            leaves=ABOUT,
+            unless=GROWS,
+        ),
+        replace(
+            CONSTANT_MODEL,
+            name="thermal noise",
+            takes=CONSTANT_MODEL.takes - {"inverted"} | {"loss"},
+            leaves=ABOUT,
+            unless=GROWS,
+        ),
         Capability(
             "a shaper",
             LINEAR - {"inverted"} | STRUCTURED,
-            leaves=OMITTED,
+            leaves={**OMITTED, **LOSSLESS},
             refuses=SHIFTED,
             unless={"inverted": "is unstable"},
             beside=UNLOADED,
@@ -237,28 +265,39 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "a derivative of modes",
             LINEAR - NO_RATIO.keys() | STRUCTURED,
-            leaves=ABOUT,
+            leaves={**ABOUT, **LOSSLESS},
             refuses={**CONSTANT, **NO_RATIO, **SHIFTED},
+            beside=UNLOADED,
+        ),
+        Capability(
+            "tuning",
+            LINEAR - NO_RATIO.keys() | STRUCTURED,
+            leaves=ABOUT,
+            refuses={
+                **CONSTANT,
+                "damping_ratio": "follows every number through the modes",
+                "constant_force": "moves the equilibrium with every number",
+            },
             beside=UNLOADED,
         ),
         Capability(
             "a derivation",
             SHAPE | {"dampers", "massless_cart", "space", "structure", "springs"},
             leaves=_each(DRIVES, UNDRIVEN),
-            refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG, "has no symbols for it")},
+            refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG | {"loss"}, "has no symbols for it")},
             beside=UNLOADED,
         ),
         Capability(
             "a polynomial in ω²",
             LINEAR - LOSS,
-            leaves=ABOUT,
+            leaves={**ABOUT, **LOSSLESS},
             refuses={**CONSTANT, **LOSSES, **SHIFTED, **BODILESS},
             beside=UNLOADED,
         ),
         Capability(
             "an enclosure",
             LINEAR - LOSS - {"inverted", "joint_springs"},
-            leaves=ABOUT,
+            leaves={**ABOUT, **LOSSLESS},
             refuses={
                 **CONSTANT,
                 **LOSSES,
@@ -271,12 +310,9 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "the live page",
-            SHAPE | {"dampers", "moved_support"} | DRAG | DRIVES,
-            refuses={
-                **_each(FRICTION | FORCED | _of("hoist space damping_ratio"), "cannot show it"),
-                "massless_cart": "cannot show it",
-                **_each(STRUCTURED, PLAYED),
-            },
+            SHAPE | {"dampers", "moved_support"} | DRAG | DRIVES | STRUCTURED,
+            refuses=_each(FRICTION | _of("constant_force hoist space damping_ratio massless_cart"), "cannot show it"),
+            unless={"force": "shows forces on structures alone, and on any scene its own drive"},
             beside=UNLOADED,
         ),
         Capability(
@@ -408,6 +444,7 @@ CAPABILITIES: dict[str, Capability] = {
             SHAPE - {"inverted"} | STRUCTURED,
             leaves={
                 "dampers": "Dampers are left out: the orbits of a mode conserve energy.",
+                "loss": "Loss angles are left out: the orbits of a mode conserve energy.",
                 "damping_ratio": "Damping ratios are left out: the orbits of a mode conserve energy.",
                 **_each(DRAG, "Drag is left out: the orbits of a mode conserve energy."),
                 **_each(FRICTION, "Dry friction is left out: the orbits of a mode conserve energy."),

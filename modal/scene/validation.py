@@ -50,7 +50,8 @@ LISTS_OF_TABLES = {
     "links": "links = [{ … }, …]",
 }
 ONE, LIST = "(one)", "(list)"
-"""Steps that the validator adds to the place of a value that may be one or a list."""
+ADDED = {ONE, LIST, "(number)", "(table)"}
+"""Steps that the validator adds to the place of a value that may be one or a list, or a number or a table."""
 UNREAD = "is read with the scene file that names it: load that file, or give the numbers themselves"
 """Of a file where a part is made by hand."""
 Schema = dict[str, Any]
@@ -360,8 +361,8 @@ def _problem(finding: Mapping[str, Any], words: str) -> str:
 
 
 def _in_file(location: tuple[int | str, ...]) -> tuple[int | str, ...]:
-    """A location without the marks of one support or a list of them, which no file has."""
-    return tuple(part for part in location if part not in (ONE, LIST))
+    """A location without the marks of one or several and of a number or a table, which no file has."""
+    return tuple(part for part in location if part not in ADDED)
 
 
 def _place(location: tuple[int | str, ...], is_key: bool) -> str:

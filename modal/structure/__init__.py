@@ -4,10 +4,12 @@ In: a `Scene`.  Out: its `Structure`, carriers whose points move exactly, at any
 
     (M_s(η) + Σ J_pᵀ R_p J_p) η'' = Q_s − Σ J_pᵀ [p_p + R_p (J_p' η' − g e_z)]
 
-Start with `carriers`; equations of motion and matrices are made elsewhere from what is here.
+`outlines` is what it looks like.  Start with `carriers`; equations of motion and matrices are made elsewhere from
+what is here.
 """
 
-from modal.structure.carriers import CarrierNumbers, Moving, carrier_numbers
+from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
+from modal.structure.outlines import STILL, Piece, Scaffold
 from modal.structure.rest import Phi, Row, bends, is_damped, phi, slopes, tied, turning
 from modal.structure.scaling import coordinate_units, scaled
 from modal.structure.structure import (
@@ -26,6 +28,8 @@ from modal.structure.structure import (
 from modal.structure.weights import carried, hung_masses, unbalanced, weights
 
 __all__ = [
+    "PLATFORM",
+    "STILL",
     "CarrierEnd",
     "CarrierNumbers",
     "End",
@@ -33,8 +37,10 @@ __all__ = [
     "LinkEnd",
     "Moving",
     "Phi",
+    "Piece",
     "Pivot",
     "Row",
+    "Scaffold",
     "SpringNumbers",
     "Structure",
     "Where",

@@ -38,7 +38,7 @@ from modal.report import (
 )
 from modal.scene import Scene, describe, left_out, name_of, title_of
 from modal.scene.doors import checked
-from modal.scene.parameters import Variable, Variation, find_places, number_at
+from modal.scene.parameters import Variable, find_places, number_at, unit_at
 from modal.types import Floats
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
@@ -67,10 +67,11 @@ class Tolerance:
         """As it is written."""
         return f"{self.path}={self.sigma:g}" if self.sigma else f"{self.path}={self.low:g}:{self.high:g}"
 
-    def around(self, value: float) -> str:
-        """In words, with the number's own value and unit."""
-        unit = Variation(self.path, (value,)).unit
+    def around(self, scene: Scene) -> str:
+        """In words, with the scene's own number and its unit."""
+        unit = unit_at(scene, find_places(scene, self.path)[0])
         if self.sigma:
+            value = _value(scene, self.path)
             return f"{self.path} = {value:g} ± {self.sigma:g} {unit}".rstrip()
         return f"{self.path} from {self.low:g} to {self.high:g} {unit}".rstrip()
 
@@ -175,7 +176,7 @@ class Spread(Displayed):
     @property
     def words(self) -> str:
         """What the members were drawn from, numbers with their standard deviations."""
-        texts = [one.around(_value(self.scene, one.path)) for one in self.tolerances]
+        texts = [one.around(self.scene) for one in self.tolerances]
         if self.estimate is not None:
             texts.append(f"{counted(len(self.estimate.paths), 'fitted number', 'fitted numbers')} by their covariance")
         return ", ".join(texts)

@@ -168,7 +168,7 @@ def _branch_cells(found: PopulationDiagram, one: MotionBranch) -> tuple[str, ...
     if not len(one.values):
         return one.name, NOTHING, NOTHING, "nowhere", "nowhere"
     stable = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in found.intervals(one)) or "nowhere"
-    exists = "{:.7g} to {:.7g}".format(*found.ends(one))
+    exists = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in found.windows(one))
     return one.name, _ends(one.omega), _ends(np.rad2deg(one.angle)), exists, stable
 
 
@@ -195,15 +195,8 @@ def diagram_csv(found: PopulationDiagram) -> str:
 
 def _diagram_rows(found: PopulationDiagram) -> Iterator[tuple[Any, ...]]:
     for branch in found.branches:
-        rows = zip(
-            branch.values.tolist(),
-            branch.is_stable,
-            branch.omega.tolist(),
-            branch.angle.tolist(),
-            branch.motions,
-            strict=True,
-        )
-        for stable, value, omega, angle, motion in rows:
+        numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist()
+        for value, stable, omega, angle, motion in zip(*numbers, branch.motions, strict=True):
             if motion.orbit is None or motion.averaged is None:
                 continue
             for name, exact, averaged in zip(motion.names, motion.orbit.growth, motion.averaged.growth, strict=True):
