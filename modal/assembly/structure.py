@@ -221,12 +221,12 @@ class Hanging:
         assert first is not None, "one end at least has a place"
         assert second is not None
         ways = [_difference(*rows) for rows in zip(*map(self._point, spring.ends[::-1]), strict=True)]
-        apart = second[0] - first[0], second[1] - first[1]
-        reach = np.hypot(*apart)
         if drawn_together(first, second):
             yield ways[0], 1.0, "_along"
             yield ways[1], 0.0, "_down"
             return
+        apart = second[0] - first[0], second[1] - first[1]
+        reach = np.hypot(*apart)
         line: Row = {}
         for row, part in zip(ways, apart, strict=True):
             for column, value in row.items():

@@ -85,11 +85,11 @@ def _reach(system: Hanging, end: End) -> float:
 
 
 def slack_of(system: Hanging) -> tuple[bool, ...]:
-    """Which springs of a structure have no length as drawn."""
+    """Which springs of a structure have no length as drawn; no torsion spring has one."""
     if system.structure is None:
         return ()
-    found = []
+    slack = []
     for spring in system.structure.springs:
-        one, other = (None, None) if spring.torsion else (drawn_place(system, end) for end in spring.ends)
-        found.append(one is None or other is None or drawn_together(one, other))
-    return tuple(found)
+        first, second = (None, None) if spring.torsion else (drawn_place(system, end) for end in spring.ends)
+        slack.append(first is None or second is None or drawn_together(first, second))
+    return tuple(slack)
