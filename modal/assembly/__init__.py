@@ -24,6 +24,20 @@ from modal.assembly.hoisting import (
     quadratic_drags,
 )
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
+from modal.assembly.losses import (
+    CART,
+    DRAG,
+    JOINT,
+    SPRING,
+    WIRE,
+    Dissipator,
+    LossAngles,
+    dissipators_of,
+    loss_angles,
+    loss_at,
+    losses_of,
+    on_lines,
+)
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.single import Single, single
 from modal.assembly.stacks import Group, Stack, can_stack, keep_form, stacked, varied
@@ -40,10 +54,16 @@ from modal.assembly.structure import (
 
 __all__ = [
     "ARRAYS",
+    "CART",
+    "DRAG",
+    "JOINT",
+    "SPRING",
+    "WIRE",
     "Arrays",
     "Block",
     "CartNumbers",
     "Columns",
+    "Dissipator",
     "Element",
     "Elements",
     "Equilibrium",
@@ -52,6 +72,7 @@ __all__ = [
     "Hoisting",
     "Hoists",
     "Instant",
+    "LossAngles",
     "Matrices",
     "RatioAt",
     "Rest",
@@ -68,6 +89,7 @@ __all__ = [
     "dampers",
     "differences",
     "displacements",
+    "dissipators_of",
     "drag_of",
     "equilibrium_of",
     "frequencies",
@@ -75,6 +97,9 @@ __all__ = [
     "instants",
     "joints",
     "keep_form",
+    "loss_angles",
+    "loss_at",
+    "losses_of",
     "masses_below",
     "matrices",
     "matrices_along",
@@ -83,6 +108,7 @@ __all__ = [
     "modal_dampers",
     "modal_factor",
     "null_space",
+    "on_lines",
     "on_structure",
     "own_inertia",
     "quadratic_drags",

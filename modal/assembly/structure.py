@@ -32,15 +32,13 @@ from modal.structure import (
     Structure,
     Where,
     bends,
+    drawn_together,
     phi,
     slopes,
     tied,
     turning,
 )
 from modal.types import Floats, Ints
-
-DRAWN_TOGETHER = 1e-12
-"""Ends of a spring this close, over their distance from the origin, are one point as drawn."""
 
 
 class Element(NamedTuple):
@@ -77,7 +75,7 @@ class SpringRow(NamedTuple):
 
     `along` is the part along the rail of the direction from its first end to its second; 0 for torsion.  `on_pendula`
     are the pendula, from 0, that it ends on, with the sign of its pull on each.  `label` numbers springs from 1, in
-    the order of the file and counting copies, and tells two ways of one apart.
+    the order of the file and counting copies, and tells two ways of one apart.  It belongs to this `entry` of the file.
     """
 
     label: str
@@ -88,6 +86,7 @@ class SpringRow(NamedTuple):
     along: float
     torsion: bool
     on_pendula: tuple[tuple[int, float], ...]
+    entry: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +209,7 @@ class Hanging:
             for row, along, way in moving:
                 label = f"{number}" + way * (len(moving) > 1)
                 numbers = float(spring.stiffness), float(spring.damping)
-                yield SpringRow(label, words, row, *numbers, along, spring.torsion, pulled)
+                yield SpringRow(label, words, row, *numbers, along, spring.torsion, pulled, spring.entry)
 
     def _ways(self, spring: SpringNumbers) -> Iterator[tuple[Row, float, str]]:
         """The extension of a spring in each of the ways in which it acts, the part of that along the rail, its name."""
@@ -224,7 +223,7 @@ class Hanging:
         ways = [_difference(*rows) for rows in zip(*map(self._point, spring.ends[::-1]), strict=True)]
         apart = second[0] - first[0], second[1] - first[1]
         reach = np.hypot(*apart)
-        if reach <= DRAWN_TOGETHER * max(map(abs, (*first, *second))):
+        if drawn_together(first, second):
             yield ways[0], 1.0, "_along"
             yield ways[1], 0.0, "_down"
             return

@@ -130,7 +130,7 @@ class Reduced:
 
         LinAlgError where the others swing by themselves at x.
         """
-        return np.asarray(_schur(self.K - x * self.M, kept))
+        return np.asarray(self._schur(self.K - x * self.M, kept))
 
     def pulled(self, modes: Sequence[int], x: float, D: Floats | None = None) -> Any:
         """F: the shifts of ω² of some own modes near x, by springs among them and by all else, which resists as at x.
@@ -148,16 +148,33 @@ class Reduced:
         rate = np.full(len(S), np.sqrt(x))
         rate[kept] = omega
         damped: Any = S if D is None else S + 1j * np.sqrt(np.outer(rate, rate)) * D
-        return damped[kept][:, kept] + _schur(damped, kept)
+        return damped[kept][:, kept] + self._schur(damped, kept)
 
+    @cached_property
+    def _untied(self) -> bool:
+        """Whether no spring joins a pendulum to another, so that only the structure couples their modes."""
+        inner = self.K[self.d :, self.d :]
+        return not np.any(inner - np.diag(np.diag(inner)))
 
-def _schur(S: Any, kept: Sequence[int]) -> Any:
-    """What elimination of all other coordinates adds to those that are kept."""
-    rest = np.setdiff1d(np.arange(len(S)), kept)
-    if not len(rest):
-        return np.zeros((len(kept),) * 2, S.dtype)
-    beside = S[:, rest]
-    return -beside[kept] @ np.linalg.solve(beside[rest], S[rest][:, kept])
+    def _schur(self, S: Any, kept: Sequence[int]) -> Any:
+        """What elimination of all others from a symmetric S adds to those that are kept."""
+        own, rest = np.asarray(kept, dtype=np.intp), np.setdiff1d(np.arange(len(S)), kept)
+        found = np.zeros((len(own),) * 2, S.dtype)
+        more = np.zeros((len(own) + len(rest),) * 2, S.dtype)
+        if self._untied and not np.iscomplexobj(S):  # the modes that only the structure couples first, each by itself
+            local, rest = rest[rest >= self.d], rest[rest < self.d]
+            square = np.diag(S)[local]
+            if not square.all():
+                raise np.linalg.LinAlgError("a pendulum swings by itself at this frequency")
+            beside = S[np.ix_(np.concatenate((own, rest)), local)]
+            more = -(beside / square) @ beside.T
+            found += more[: len(own), : len(own)]
+        if len(rest):
+            count = len(own)
+            cross = S[np.ix_(own, rest)] + more[:count, count : count + len(rest)]
+            inner = S[np.ix_(rest, rest)] + more[count : count + len(rest), count : count + len(rest)]
+            found -= cross @ np.linalg.solve(inner, cross.T)
+        return found
 
 
 def reduced(rig: Rig) -> Reduced:

@@ -34,6 +34,7 @@ from modal.types import Floats, Ints
 TOLERANCE = 1e-10
 LOOKS = 200
 """Times at which the size of a command is looked up."""
+MOST_SWINGS = 1e5  # of the fastest mode during one law of length
 PUSHES = 4
 """Times at which a command between two stops, a sum of cubic polynomials, is zero only if it is zero throughout."""
 MOST_LINKS = 100
@@ -221,6 +222,23 @@ def travel_residuals(scene: Scene, travel: Travel, *, kind: Kind = "zv", count: 
     return (*found, Residual("the travel as it is, without the hoist", constant))
 
 
+def travel_swing(scene: Scene, travel: Travel, kind: Kind | None = None) -> float:
+    """The largest angle (rad) that a travel of the cart leaves, shaped for the lengths before it if a `kind` is given.
+
+    Lengths may change with a hoist or stay.
+
+    >>> from modal import Bob, Cart, Pendulum, Scene
+    >>> crane = Scene(gravity=9.81, support=Cart(mass=5.0), pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
+    >>> round(travel_swing(crane, Travel(1.0, 0.0, 2.0)), 6), travel_swing(crane, Travel(1.0, 0.0, 2.0), "zv") < 1e-9
+    (0.141296, True)
+    """
+    _refuse_many(scene)
+    if scene.cart is None:
+        raise SceneError(["travel: the support is fixed: a travel needs a cart"])
+    shaper = None if kind is None else shaper_for(scene.at(travel.begin), 1, kind)
+    return _left(scene, _shaped(travel, shaper), _stops(travel, shaper))
+
+
 def mean_lengths(scene: Scene) -> Scene:
     """The scene with constant lengths, those in time average over the hoist of each link."""
     pendula = tuple(
@@ -328,6 +346,9 @@ def _integrated(
             y = np.asarray(scipy.linalg.expm(np.vstack((np.eye(n, 2 * n, n), A)) * (end - begin)) @ y, dtype=np.float64)
             continue
         before = float(np.nextafter(end, begin))
+        swings = (end - begin) * float(np.linalg.norm(_pushed(along(begin), held)[0][:, :n], 2)) ** 0.5 / (2 * np.pi)
+        if not swings <= MOST_SWINGS:
+            raise ComputationError(f"the hoist takes {swings:.3g} swings: at most {MOST_SWINGS:g} are followed")
         found = scipy.integrate.solve_ivp(
             lambda time, state, before=before: slope(min(time, before), state),
             (begin, end),

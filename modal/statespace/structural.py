@@ -11,18 +11,19 @@ scene.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal import pair
-from modal.assembly import Hanging, Rig, own_inertia
+from modal.assembly import SPRING, Dissipator, Hanging, Rig, loss_at, matrices_of, own_inertia
 from modal.eigen import Arithmetic
 from modal.scene import Scene
 from modal.statespace.points import is_point, point_input, pushed
 from modal.statespace.signals import PUSHES, READINGS, SUPPORT, Geometry, OutputGroup, Signal
 from modal.structure import bends
-from modal.types import Floats
+from modal.types import Booleans, Floats
 
 MOVES = {name: order for order, name in enumerate(SUPPORT)} | {"cart_velocity": 1, "cart_acceleration": 2}
 """How often the displacement that moves a support or the cart is differentiated in each input."""
@@ -38,15 +39,40 @@ class Given(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """An output: rows (q,) that multiply q, q' and q'', the lowest being of `order`; `moved` is added by the ground."""
+    """An output: rows (q,) that multiply q, q' and q'', the lowest being of `order`; `moved` is added by the ground.
+
+    `pulls` (springs,) are the parts of the forces of springs between points in it.
+    """
 
     rows: tuple[Floats | None, ...]
     order: int
     moved: tuple[float, int]
     pendulum: int | None
+    pulls: Floats | None = None
 
 
-def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal]) -> list[Given]:
+def row_in(one: Dissipator, size: int, numbers: Arithmetic) -> Any:
+    """The generalized force (size, 1) of a pair of unit forces along the row of a dissipator."""
+    return numbers.number(_dense(one, size))[:, None]
+
+
+def _dense(one: Dissipator, size: int) -> Floats:
+    row = np.zeros(size)
+    row[list(one.row)] = list(one.row.values())
+    return row
+
+
+def loss_matrix(losses: Sequence[Dissipator], size: int, numbers: Arithmetic) -> Any:
+    """Im K (size, size, W) = Σ k φ r rᵀ."""
+    found = numbers.number(np.zeros((size, size, 1))) + 0 * numbers.omega
+    for one in losses:
+        at, entries = list(one.row), numbers.number(list(one.row.values()))
+        strength = numbers.number(one.stiffness * loss_at(one.loss, numbers.rates))
+        found[np.ix_(at, at)] = found[np.ix_(at, at)] + (entries[:, None] * entries)[..., None] * strength
+    return found
+
+
+def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Dissipator]) -> list[Given]:
     """What these inputs are; KeyError for an unknown name."""
     none = np.zeros(geometry.size), np.zeros(len(geometry.tips))
     every: dict[str, Given] = {}
@@ -56,12 +82,14 @@ def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal]) ->
     for name, order in MOVES.items():
         every[name] = Given(*none, "ground" if name in SUPPORT else "cart", order)
     found = []
-    for signal in signals:
-        if is_point(signal.name):
-            own = pushed(geometry, point_input(scene, signal.name))
+    for one in signals:
+        if isinstance(one, Dissipator):
+            found.append(Given(_dense(one, geometry.size), none[1]))
+        elif is_point(one.name):
+            own = pushed(geometry, point_input(scene, one.name))
             found.append(Given(own.F[:, 0], own.thrust[:, 0]))
         else:
-            found.append(every[signal.name])
+            found.append(every[one.name])
     return found
 
 
@@ -80,17 +108,24 @@ def _reading(group: OutputGroup, k: int) -> Reading:
     rows = tuple(None if part is None or not part[k].any() else part[k] for part in parts)
     translation = 0.0 if group.translation is None else float(group.translation[k])
     lowest = next((order for order, row in enumerate(rows) if row is not None), 0)
-    return Reading(rows, 0 if group.pushed else lowest, (translation, group.order), k if group.pushed else None)
+    pulls = None if group.pulls is None else group.pulls[k]
+    return Reading(rows, 0 if group.pushed else lowest, (translation, group.order), k if group.pushed else None, pulls)
 
 
 def structural_response(
-    geometry: Geometry, rig: Rig, given: Sequence[Given], read: Sequence[Reading], dampers: Any = None
+    geometry: Geometry,
+    rig: Rig,
+    given: Sequence[Given],
+    read: Sequence[Reading],
+    dampers: Any = None,
+    losses: Sequence[Dissipator] = (),
 ) -> Callable[[Arithmetic], Any]:
     """The evaluation (p, m, W) of outputs for inputs, each divided by the power of iω that its order is.
 
-    `dampers` are those of modes (n, n), in decimals.
+    `dampers` are those of modes (n, n), in decimals; `losses` are all loss angles.
     """
-    held = int(any(one.moves == "cart" for one in given))
+    pulling = [one for one in losses if one.kind == SPRING]
+    held, pattern = int(any(one.moves == "cart" for one in given)), _filled(rig)
     is_damped = rig.is_damped or dampers is not None
 
     def evaluate(numbers: Arithmetic) -> Any:
@@ -99,6 +134,8 @@ def structural_response(
         square = omega * omega
         if dampers is not None:
             D = D + numbers.exact(dampers)[..., None]
+        if losses:
+            K = K + numbers.imaginary(loss_matrix(losses, len(K), numbers))
         A = felt(K + numbers.imaginary(D) * omega - square * M if is_damped else K - square * M)
         zero, none = 0 * omega, 0 * A[:, :1]
         momentum = numbers.number(geometry.momentum)[:, None]
@@ -110,7 +147,8 @@ def structural_response(
         ]  # fmt: skip
         F = np.stack([column + none[:, 0] for column in columns], axis=1)
         q = np.array(F)
-        q[held:] = solved(A[held:, held:], F[held:], numbers)
+        filled = None if dampers is not None else pattern[held:, held:]
+        q[held:] = solved(A[held:, held:], F[held:], numbers, filled)
         if held:
             q[0] = np.array([zero + int(one.moves == "cart") for one in given])
         carried = np.array([zero + int(one.moves == "ground") for one in given])
@@ -125,6 +163,10 @@ def structural_response(
             translation, order = row.moved
             if translation:
                 own = own + powers[order - row.order] * numbers.number(translation) * carried
+            for spring in pulling if row.pulls is not None else ():
+                pull = row.pulls[spring.number] * spring.stiffness  # type: ignore[index]
+                longer = (row_in(spring, len(q), numbers)[:, None] * q).sum(0)
+                own = own + numbers.imaginary(numbers.number(pull * loss_at(spring.loss, numbers.rates)) * longer)
             if row.pendulum is not None:
                 own = own + numbers.number(np.array([one.thrust[row.pendulum] for one in given]))[:, None]
             found.append(felt(own))
@@ -237,18 +279,32 @@ def _chain(rig: Rig, block: int, column: int, numbers: Arithmetic) -> _Chain:
     return _Chain(M, K, D, b, m.sum(), k[0], e[0], (drag[:, None] * rows).sum(0), drag.sum())
 
 
-def solved(A: Any, F: Any, numbers: Arithmetic) -> Any:
-    """A⁻¹ F (n, m, W) of a symmetric A (n, n, W), the last row first."""
+def _filled(rig: Rig) -> Booleans:
+    """Which entries (n, n) of M, K or D are not 0: pendula meet in springs and the structure alone."""
+    found = matrices_of(replace(rig, damping_ratio=0.0))
+    return np.asarray((found.M != 0) | (found.K != 0) | (found.D != 0))
+
+
+def solved(A: Any, F: Any, numbers: Arithmetic, filled: Booleans | None = None) -> Any:
+    """A⁻¹ F (n, m, W) of a symmetric A (n, n, W), the last row first.
+
+    `filled` (n, n) tells where A is not 0; None for anywhere.
+    """
     A, F, size = np.array(A), np.array(F), len(A)
     rows, diagonal = [], [A[k, k] for k in range(size)]
+    there = None if filled is None else filled.copy()
     for k in range(size - 1, -1, -1):
         P = numbers.pivot(A[k, k], diagonal[k])
-        row = numbers.felt(A[k, :k] / P)
-        A[:k, :k] = numbers.felt(A[:k, :k] - A[:k, k][:, None] * row)
-        F[:k] = numbers.felt(F[:k] - row[:, None] * F[k])
+        at: Any = slice(k) if there is None else np.flatnonzero(there[k, :k])
+        block = (at, at) if there is None else np.ix_(at, at)
+        row = numbers.felt(A[k, at] / P)
+        A[block] = numbers.felt(A[block] - A[at, k][:, None] * row)
+        F[at] = numbers.felt(F[at] - row[:, None] * F[k])
         F[k] = numbers.felt(F[k] / P)
-        rows.append(row)
-    for k, row in enumerate(rows[::-1]):
-        if k:
-            F[k] = numbers.felt(F[k] - (row[:, None] * F[:k]).sum(0))
+        rows.append((at, row))
+        if there is not None:
+            there[block] = True
+    for k, (at, row) in enumerate(rows[::-1]):
+        if len(row):
+            F[k] = numbers.felt(F[k] - (row[:, None] * F[at]).sum(0))
     return F

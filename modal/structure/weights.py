@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from modal.scene import Scene
+from modal.scene.doors import require_type
 from modal.structure.carriers import CarrierNumbers
 from modal.structure.structure import Structure, Where, structure_of
 
@@ -29,6 +30,7 @@ class Weight(NamedTuple):
 
 def hung_masses(scene: Scene) -> list[float]:
     """The mass (kg) that hangs from every pivot, in the order of `Structure.pivots`."""
+    require_type("scene", scene, "Scene")
     masses = [(sum(link.mass * link.count for link in one.links), one.count) for one in scene.pendulum]
     return [mass for mass, count in masses for _ in range(count)]
 
@@ -76,6 +78,7 @@ def _holds(carrier: CarrierNumbers) -> list[bool]:
 
 def unbalanced(scene: Scene) -> Iterator[str]:
     """A sentence for every coordinate whose weights nothing holds: the drawn scene is then no equilibrium."""
+    require_type("scene", scene, "Scene")
     structure = structure_of(scene)
     holds = [k for carrier in structure.carriers for k in _holds(carrier)]
     carriers = [carrier for carrier in structure.carriers for _ in range(carrier.size)]

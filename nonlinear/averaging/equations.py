@@ -43,6 +43,7 @@ from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene, name_of, require
+from modal.scene.doors import checked
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls, rubbed
 from nonlinear.dynamics import Contacts, contacts_of
@@ -313,6 +314,7 @@ def lattice(count: int) -> tuple[int, tuple[int, ...]]:
     raise AssertionError("unreachable")
 
 
+@checked
 def average(scene: Scene, system: System | None = None) -> AveragedEquations:
     """The averaged equations of a scene in the plane whose links all hang; `system` may be given.
 

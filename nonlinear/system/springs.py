@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from modal.structure import CarrierEnd, End, GroundEnd, Structure
+from modal.structure import CarrierEnd, End, GroundEnd, LinkEnd, Structure, drawn_together
 
 Vector = tuple[Any, Any]
 
@@ -57,6 +57,33 @@ def _drawn(structure: Structure, number: int, where: Any) -> Vector:
     return carrier.position[0] + where[0], carrier.position[1] + where[1]
 
 
+def ends_may_meet(system: Hanging) -> bool:
+    """Whether pendula can bring both ends of a spring with a length as drawn together, where its force turns round.
+
+    There it jumps, which series of a motion do not see and error control does; carriers are taken to stay apart.
+    """
+    if system.structure is None:
+        return False
+    for spring in system.structure.springs:
+        if spring.torsion or not np.any(spring.stiffness) or not any(isinstance(end, LinkEnd) for end in spring.ends):
+            continue
+        one, other = (drawn_place(system, end) for end in spring.ends)
+        if one is not None and other is not None and not drawn_together(one, other):
+            length = np.min(np.hypot(np.subtract(one[0], other[0]), np.subtract(one[1], other[1])))
+            if length <= sum(_reach(system, end) for end in spring.ends):
+                return True
+    return False
+
+
+def _reach(system: Hanging, end: End) -> float:
+    """How far (m) a pendulum brings an end from where it is drawn."""
+    if not isinstance(end, LinkEnd):
+        return 0.0
+    group, row, column = place_of(system, end.link)
+    below = group.block.centre[row, column] if end.below is None else end.below
+    return 2 * float(np.max(np.sum(group.block.length[:row, column], axis=0) + below))
+
+
 def slack_of(system: Hanging) -> tuple[bool, ...]:
     """Which springs of a structure have no length as drawn."""
     if system.structure is None:
@@ -64,5 +91,5 @@ def slack_of(system: Hanging) -> tuple[bool, ...]:
     found = []
     for spring in system.structure.springs:
         one, other = (None, None) if spring.torsion else (drawn_place(system, end) for end in spring.ends)
-        found.append(one is None or other is None or bool(np.all(np.asarray(one) == np.asarray(other))))
+        found.append(one is None or other is None or drawn_together(one, other))
     return tuple(found)

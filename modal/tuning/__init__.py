@@ -1,0 +1,42 @@
+"""Best numbers of a scene: which damper, length or spring makes peaks, RMS, decay or a residual swing best.
+
+In: a scene, the places of free numbers with bounds, and quantities to minimize or maximize.  Out: a `Tuned` with the
+scene of the best numbers, what each is worth, Den Hartog's values beside them, and curves before and after.
+
+    min over p of max over k |H(iω_k; p)|,      dH = −yᵀ dZ x
+
+Start with `search`; `quantities` names what is tuned, `model` has responses with exact derivatives, `peaks` all peaks,
+`minimax` the descent and Newton's method on equal peaks, `worth` what numbers are worth.
+"""
+
+from modal.tuning.closed_forms import Absorber, absorbers, den_hartog, exact_optimum
+from modal.tuning.loads import Load
+from modal.tuning.objective import Aim
+from modal.tuning.quantities import FreeNumber, Limit, Quantity, parse_limit, parse_quantity
+from modal.tuning.result import Curves, Rule, Tuned, Valley, tuned_json, tuned_record, tuned_text
+from modal.tuning.search import tune
+from modal.tuning.worth import Case, Worth
+
+__all__ = [
+    "Absorber",
+    "Aim",
+    "Case",
+    "Curves",
+    "FreeNumber",
+    "Limit",
+    "Load",
+    "Quantity",
+    "Rule",
+    "Tuned",
+    "Valley",
+    "Worth",
+    "absorbers",
+    "den_hartog",
+    "exact_optimum",
+    "parse_limit",
+    "parse_quantity",
+    "tune",
+    "tuned_json",
+    "tuned_record",
+    "tuned_text",
+]

@@ -1,0 +1,169 @@
+"""Best values in closed form of one pendulum as the damper of one mode: those of Den Hartog, and the exact ones.
+
+A pendulum of one link with the inertia A about its joint and the first moment b is, beside a carrier that it pulls by
+b, a mass b²/A on a spring; what is left of the carrier is M + m − b²/A.  With μ their ratio, ω_1² = k/(M + m − b²/A),
+f = ω_d/ω_1 and ζ = c/(2 A ω_d), the peak of k|x/F| is least, to first order about its two fixed points, for
+
+    f = 1/(1 + μ),    ζ = √(3μ/(8(1 + μ)))                      (Den Hartog, Mechanical Vibrations, 4th ed., §3.3)
+
+and exactly, of a carrier without a damper, for (Nishihara & Asami, J. Vib. Acoust. 124, 576 (2002))
+
+    f = 2/(1+μ) √(2(16+23μ+9μ²+2(2+μ)√(4+3μ))/(3(64+80μ+27μ²))),    ζ = ¼√((8+9μ−4√(4+3μ))/(1+μ))
+
+On several carriers the mode nearest to the pendulum stands for the carrier: with φᵀMφ = 1 and the row M_j of the
+pendulum, μ = (M_j φ)²/A.  There both are a rule, not the best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+import scipy
+
+from modal.assembly import matrices
+from modal.report import Displayed
+from modal.scene import Scene
+from modal.scene.parameters import Place, with_numbers
+from modal.tuning.quantities import FreeNumber
+from modal.types import Floats
+
+
+def den_hartog(mu: float) -> tuple[float, float]:
+    """F and ζ of Den Hartog.
+
+    >>> [round(value, 6) for value in den_hartog(0.05)]
+    [0.952381, 0.133631]
+    """
+    return 1 / (1 + mu), sqrt(3 * mu / (8 * (1 + mu)))
+
+
+def exact_optimum(mu: float) -> tuple[float, float]:
+    """F and ζ of the least peak of a carrier without a damper.
+
+    >>> [round(value, 8) for value in exact_optimum(0.05)]
+    [0.95237204, 0.13393773]
+    """
+    root = sqrt(4 + 3 * mu)
+    inner = 2 * (16 + 23 * mu + 9 * mu**2 + 2 * (2 + mu) * root) / (3 * (64 + 80 * mu + 27 * mu**2))
+    return 2 / (1 + mu) * sqrt(inner), sqrt((8 + 9 * mu - 4 * root) / (1 + mu)) / 4
+
+
+@dataclass(frozen=True, repr=False)
+class Absorber(Displayed):
+    """A pendulum of one link, at `pendulum` of the scene, beside a mode of the rest.
+
+    `mu` is the ratio of masses, `omega` (rad/s) and `damping_ratio` are those of the mode, `f` and `zeta` the
+    pendulum's own frequency over it and its own damping ratio; `alone` where the rest has one coordinate.
+    """
+
+    pendulum: int
+    mu: float
+    omega: float
+    damping_ratio: float
+    f: float
+    zeta: float
+    alone: bool
+
+    @property
+    def den_hartog(self) -> tuple[float, float]:
+        """F and ζ of Den Hartog."""
+        return den_hartog(self.mu)
+
+    @property
+    def exact(self) -> tuple[float, float]:
+        """F and ζ of the least peak of a carrier without a damper."""
+        return exact_optimum(self.mu)
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """The modes of what pendula hang from, without them: `omega` (R,) and ratios (R,), and of pendula μ by mode."""
+
+    omega: Floats
+    damping_ratio: Floats
+    pendula: tuple[int, ...]
+    mu: Floats
+    own: Floats
+    zeta: Floats
+
+
+def beside(scene: Scene, pendula: Sequence[int]) -> Beside | None:
+    """The rest of a scene without these pendula of one link; None where it has no modes, or springs couple them."""
+    found = matrices(scene)
+    counts = [one.count * sum(link.count for link in one.links) for one in scene.pendulum]
+    first = len(found.M) - sum(counts)
+    starts = first + np.concatenate(([0], np.cumsum(counts)))
+    columns = [int(starts[p]) + k for p in pendula for k in range(counts[p])]
+    rest = np.setdiff1d(np.arange(len(found.M)), columns)
+    if not len(rest):
+        return None
+    K, D, M = found.K, found.D, found.M
+    if np.abs(K[np.ix_(columns, rest)]).max(initial=0.0) > 1e-9 * np.abs(np.diag(K)[columns]).max():
+        return None
+    A = np.diag(M)[columns]
+    rows = M[np.ix_(columns, rest)]
+    base = M[np.ix_(rest, rest)] - rows.T @ (rows / A[:, None])
+    try:
+        squares, phi = scipy.linalg.eigh(K[np.ix_(rest, rest)], base)
+    except np.linalg.LinAlgError:
+        return None
+    kept = squares > 1e-12 * squares.max(initial=0.0)
+    if not kept.any():
+        return None
+    omega, phi = np.sqrt(squares[kept]), phi[:, kept]
+    ratio = np.einsum("ir,ij,jr->r", phi, D[np.ix_(rest, rest)], phi) / (2 * omega)
+    mu = np.zeros((len(pendula), len(omega)))
+    own, zeta = np.zeros(len(pendula)), np.zeros(len(pendula))
+    at = 0
+    for k, p in enumerate(pendula):
+        each = slice(at, at + counts[p])
+        mu[k] = ((rows[each] @ phi) ** 2 / A[each, None]).sum(0)
+        own[k] = np.sqrt(K[columns[at], columns[at]] / A[at])
+        zeta[k] = D[columns[at], columns[at]] / (2 * A[at] * own[k])
+        at += counts[p]
+    return Beside(omega, ratio, tuple(pendula), mu, own, zeta)
+
+
+def single_links(scene: Scene, free: Sequence[FreeNumber]) -> list[int]:
+    """The pendula of one hanging link that has a free number."""
+    touched = {one.place[1] for one in free if one.place[0] == "pendulum" and "links" in one.place}
+    return [
+        p
+        for p, one in enumerate(scene.pendulum)
+        if p in touched and len(one.links) == 1 and one.links[0].count == 1 and "up" not in (one.equilibrium or ())
+    ]
+
+
+def absorbers(scene: Scene, free: Sequence[FreeNumber]) -> tuple[Absorber, ...]:
+    """The tuned pendula of one link, each beside the mode of the rest that is nearest to its own frequency."""
+    pendula = single_links(scene, free)
+    found = beside(scene, pendula) if pendula else None
+    if found is None:
+        return ()
+    every = []
+    for k, p in enumerate(found.pendula):
+        near = int(np.abs(np.log(found.omega / found.own[k])).argmin())
+        omega, mu = float(found.omega[near]), float(found.mu[k, near])
+        if mu <= 0:
+            continue
+        ratio, f = float(found.damping_ratio[near]), float(found.own[k]) / omega
+        every.append(Absorber(p, mu, omega, ratio, f, float(found.zeta[k]), len(found.omega) == 1))
+    return tuple(every)
+
+
+def values_for(scene: Scene, p: int, omega: float, zeta: float) -> dict[str, float] | None:
+    """The length and the damper of a pendulum of one bob or rod with this frequency and damping ratio of its own."""
+    link = scene.pendulum[p].links[0]
+    if link.kind == "body" or link.stiffness:
+        return None
+    share = 1.0 if link.kind == "bob" else 2.0 / 3.0
+    length = scene.gravity / omega**2 / share
+    inertia = link.mass * length**2 * (1.0 if link.kind == "bob" else 1.0 / 3.0)
+    place: Place = ("pendulum", p, "links", 0)
+    return {
+        with_numbers((*place, "length")): length,
+        with_numbers((*place, "damping")): 2 * zeta * inertia * omega,
+    }

@@ -1,0 +1,250 @@
+"""The least of a sum of largest numbers, by a sequence of linear programs and Newton's method on what is active.
+
+A step δ from z solves, within a trust region and the bounds,
+
+    min Σ_j t_j + ρ Σ_k s_k,      a_ij + ∇a_ij·δ ≤ t_j,      c_ik + ∇c_ik·δ ≤ s_k,   s_k ≥ 0
+
+for every piece a_ij of the costs j and c_ik of the limits k (Madsen, J. Inst. Maths Applics 16, 321 (1975); Fletcher,
+Practical Methods of Optimization, 2nd ed., ch. 14).  Where the multipliers λ have settled, Newton's method solves
+
+    Σ λ_ij ∇a_ij + Σ μ_ik ∇c_ik = 0,    a_ij = t_j,    Σ_i λ_ij = 1,    c_ik = 0
+
+for the active pieces, such as two equal peaks; the second derivatives are differences of the exact first ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from modal.types import Floats
+
+FIRST, LARGEST, COARSE, FINE = 0.15, 0.5, 2e-3, 1e-9
+"""Trust region in logarithms of numbers: at first, at most, and at the end of a coarse and of a fine descent."""
+NEAR, SMALL, ROUGH = 0.04, 1e-3, 1e-3
+"""Trust region or gain at which Newton's method is tried, and the change at which a coarse one ends."""
+POOR, HALF = 0.05, 0.6
+"""Parts of the promised gain from which on a step is taken, and the trust region grows."""
+PENALTY = 20.0
+ROUNDS, NEWTONS, TRIES = 120, 8, 6
+SETTLED = 1e-13
+ACTIVE = 1e-7
+NUDGE = 2e-5
+"""Step of the differences of gradients."""
+ALLOWED = 1e-9
+"""By how much a limit may be exceeded, relative."""
+WORSE = 1e-11
+APART, HELPING = 1e4, 2e3
+"""Differences of the labels of pieces of different cases, and of values beside peaks, which are bounds, from peaks."""
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Values (P,) of the pieces of a cost or a limit with their gradients (P, n); `at` (P,) tells them apart."""
+
+    values: Floats
+    gradients: Floats
+    at: Floats
+
+    @property
+    def largest(self) -> float:
+        """The cost itself."""
+        return float(self.values.max()) if len(self.values) else np.inf
+
+    def pick(self, at: Floats) -> tuple[Floats, Floats]:
+        """Values and gradients of the pieces nearest to these labels."""
+        rows = [int(np.abs(self.at - one).argmin()) for one in at.tolist()]
+        return self.values[rows], self.gradients[rows]
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Costs and limits at z (n,)."""
+
+    z: Floats
+    costs: tuple[Faces, ...]
+    limits: tuple[Faces, ...]
+
+    @property
+    def faces(self) -> tuple[Faces, ...]:
+        """Those of all costs, then of all limits."""
+        return (*self.costs, *self.limits)
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether every cost and limit has a value."""
+        return all(len(one.values) and np.all(np.isfinite(one.values)) for one in self.faces)
+
+    @property
+    def cost(self) -> float:
+        """The sum of the costs."""
+        return sum(one.largest for one in self.costs) if self.is_finite else np.inf
+
+    @property
+    def excess(self) -> float:
+        """By how much limits are exceeded."""
+        return sum(max(one.largest, 0.0) for one in self.limits) if self.is_finite else np.inf
+
+    @property
+    def merit(self) -> float:
+        """The cost with a penalty for limits that are exceeded."""
+        return self.cost + PENALTY * self.excess if self.is_finite else np.inf
+
+
+Evaluate = Callable[[Floats, bool], Point]
+"""A point at z, with gradients where the second argument says so."""
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """Where a descent ended: `active` (A,) labels of active pieces of each cost, `certain` after Newton's method."""
+
+    point: Point
+    rounds: int
+    certain: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    delta: Floats
+    merit: float
+    weights: tuple[Floats, ...]
+
+
+def descend(evaluate: Evaluate, z: Floats, low: Floats, high: Floats, *, coarse: bool = False) -> Minimum:
+    """The minimum reached from z within bounds; a `coarse` one ends at a small trust region."""
+    here, radius, tried = evaluate(np.clip(z, low, high), True), FIRST, 0
+    rounds = 0
+    for rounds in range(1, ROUNDS + 1):
+        if not here.is_finite:
+            break
+        step = _linear_step(here, here.faces, low, high, radius)
+        gain = here.merit - step.merit
+        if tried < TRIES and (radius <= NEAR or gain <= SMALL):
+            tried += 1
+            better = polished(evaluate, here, step.weights, low, high, enough=ROUGH if coarse else 0.0)
+            if better is not None:
+                return Minimum(better, rounds, True)
+        if gain <= SETTLED * max(1.0, abs(here.merit)) or radius < (COARSE if coarse else FINE):
+            break
+        there = evaluate(np.clip(here.z + step.delta, low, high), False)
+        if there.merit > here.merit - HALF * gain and there.is_finite:
+            delta = _linear_step(here, _corrected(here, there), low, high, radius).delta
+            other = evaluate(np.clip(here.z + delta, low, high), False)
+            there = min((there, other), key=lambda one: one.merit)
+        ratio = (here.merit - there.merit) / gain
+        if ratio > POOR:
+            here = evaluate(there.z, True)
+            radius = min(2 * radius, LARGEST) if ratio > HALF else radius
+        else:
+            radius = min(radius, float(np.abs(step.delta).max())) / 3
+    return Minimum(here, rounds, False)
+
+
+def _corrected(here: Point, there: Point) -> tuple[Faces, ...]:
+    """The pieces of a point, with their values such that those at the end of a step are right (second order)."""
+    change = there.z - here.z
+    found = []
+    for one, other in zip(here.faces, there.faces, strict=True):
+        values = other.pick(one.at)[0] - one.gradients @ change
+        found.append(Faces(values, one.gradients, one.at))
+    return tuple(found)
+
+
+def _linear_step(here: Point, faces: Sequence[Faces], low: Floats, high: Floats, radius: float) -> _Step:
+    """The best step of linearized pieces within a trust region about a point, and the multipliers of all pieces."""
+    n, costs = len(here.z), len(here.costs)
+    sizes = [len(one.values) for one in faces]
+    A = np.zeros((sum(sizes), n + len(faces)))
+    b = np.concatenate([-one.values for one in faces])
+    row = 0
+    for k, one in enumerate(faces):
+        own = slice(row, row + sizes[k])
+        A[own, :n], A[own, n + k] = one.gradients, -1.0
+        row += sizes[k]
+    c = np.concatenate((np.zeros(n), np.ones(costs), np.full(len(faces) - costs, PENALTY)))
+    bounds = [
+        *zip(np.maximum(-radius, low - here.z), np.minimum(radius, high - here.z), strict=True),
+        *[(None, None)] * costs,
+        *[(0.0, None)] * (len(faces) - costs),
+    ]
+    found = scipy.optimize.linprog(c, A_ub=A, b_ub=b, bounds=bounds, method="highs")
+    if found.x is None:
+        return _Step(np.zeros(n), here.merit, tuple(np.zeros(size) for size in sizes))
+    weights = np.split(-np.asarray(found.ineqlin.marginals), np.cumsum(sizes)[:-1])
+    return _Step(np.asarray(found.x[:n]), float(found.fun), tuple(weights))
+
+
+def polished(
+    evaluate: Evaluate, here: Point, weights: tuple[Floats, ...], low: Floats, high: Floats, enough: float = 0.0
+) -> Point | None:
+    """Newton's method on the active pieces from a point; None where it does not settle at a point that is no worse."""
+    faces = here.faces
+    weights = tuple(_of_peaks(one, own) for one, own in zip(faces, weights, strict=True))
+    active = [one.at[own > ACTIVE] for one, own in zip(faces, weights, strict=True)]
+    multipliers = np.concatenate([own[own > ACTIVE] for own in weights])
+    costs = len(here.costs)
+    if any(not len(at) for at in active[:costs]):
+        return None
+    edge = 1e-9
+    free = ~((here.z <= low + edge) | (here.z >= high - edge))
+    z, n = here.z.copy(), int(free.sum())
+    owners = np.repeat(np.arange(len(faces)), [len(at) for at in active])
+    before, start = np.inf, z.copy()
+    for _ in range(NEWTONS):
+        values, gradients = _active(evaluate(z, True), active)
+        gradients = gradients[:, free]
+        levels = [values[owners == j].mean() if j < costs else 0.0 for j in range(len(faces))]
+        H = np.zeros((n, n))
+        for k, column in enumerate(np.flatnonzero(free).tolist()):
+            pair = []
+            for way in (1, -1):
+                aside = z.copy()
+                aside[column] += way * NUDGE
+                pair.append(_active(evaluate(aside, True), active)[1][:, free])
+            H[:, k] = multipliers @ (pair[0] - pair[1]) / (2 * NUDGE)
+        H = (H + H.T) / 2
+        m, size = len(values), len(values) + n + costs
+        J, right = np.zeros((size, size)), np.zeros(size)
+        J[:n, :n], J[:n, n : n + m] = H, gradients.T
+        right[:n] = -(gradients.T @ multipliers)
+        J[n : n + m, :n] = gradients
+        right[n : n + m] = -(values - np.array(levels)[owners])
+        for j in range(costs):
+            own = owners == j
+            J[n : n + m, n + m + j][own] = -1.0
+            J[n + m + j, n : n + m] = own
+            right[n + m + j] = 1.0 - multipliers[own].sum()
+        found = np.linalg.lstsq(J, right, rcond=1e-13)[0]
+        change = float(np.abs(found[:n]).max(initial=0.0))
+        if not np.isfinite(change) or change > 0.5 * min(before, 1.0):
+            break
+        z[free] += found[:n]
+        multipliers = multipliers + found[n : n + m]
+        if np.any(z < low - edge) or np.any(z > high + edge) or np.abs(z - start).max() > 0.5:
+            return None
+        before = max(change, 1e-12)
+        if change < max(1e-11, enough):
+            break
+    if before > max(1e-6, enough) or np.any(multipliers < -1e-6):
+        return None
+    there = evaluate(np.clip(z, low, high), True)
+    return there if there.merit <= here.merit + WORSE * max(1.0, abs(here.merit)) else None
+
+
+def _of_peaks(one: Faces, weights: Floats) -> Floats:
+    """The multipliers of values beside peaks added to those of the nearest peak."""
+    beside = one.at - APART * np.round(one.at / APART) > HELPING / 2
+    found = np.where(beside, 0.0, weights)
+    for k in np.flatnonzero(beside & (weights > ACTIVE)).tolist():
+        found[int(np.where(beside, np.inf, np.abs(one.at - (one.at[k] - HELPING))).argmin())] += weights[k]
+    return found
+
+
+def _active(point: Point, active: list[Floats]) -> tuple[Floats, Floats]:
+    """Values (A,) and gradients (A, n) of the pieces with these labels."""
+    parts = [one.pick(at) for one, at in zip(point.faces, active, strict=True)]
+    return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])

@@ -1,0 +1,342 @@
+"""The linear model of a scene as functions of its free numbers, and its responses with exact derivatives.
+
+    Z x = F,   Zᵀ y = Yᵀ,   H = Y x + thrust,      Z = K + sD + s²M,   s = iω
+
+    dH = Y' x + yᵀ (F' − Z' x) + thrust',          by a number of the scene, or by ω
+
+x and y are two solutions of one matrix, for any number of derivatives.  M, K, D and the rows and columns of outputs and
+inputs are polynomials in each number, differentiated exactly (`modal.assembly.differences`).  Where the cart's motion is
+prescribed, its row is left out and x_0 = s^(−order) of the input.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy
+
+from modal.assembly import differences, matrices
+from modal.errors import SceneError, meant
+from modal.scene import Scene, require
+from modal.scene.parameters import Place, Variable, with_numbers
+from modal.statespace.points import EXAMPLES, is_point, point_input, pushed, validate_points
+from modal.statespace.signals import (
+    DRIVES,
+    OF_A_CART,
+    PUSHES,
+    READINGS,
+    SUPPORT,
+    Geometry,
+    Signal,
+    geometry_of,
+    inputs_of,
+    outputs_of,
+)
+from modal.types import Complexes, Floats
+
+MOST_COORDINATES = 200
+"""Coordinates of a scene that can be tuned."""
+SHOWN = 12
+"""Names listed in a message."""
+
+
+class Channel(NamedTuple):
+    """The names of an output and of an input."""
+
+    output: str
+    input: str
+
+
+class Arrays(NamedTuple):
+    """A model in numbers: M, K, D (n, n), the momentum (n,) at unit velocity, and of every channel its rows.
+
+    `F` (C, n) are forces for a unit of the input, `Y` (C, 3, n) what multiplies q, q' and q'', `thrust` (C,) what the
+    input adds directly, `translation` (C,) what a motion of the ground adds.
+    """
+
+    M: Any
+    K: Any
+    D: Any
+    momentum: Any
+    F: Any
+    Y: Any
+    thrust: Any
+    translation: Any
+
+
+class Kind(NamedTuple):
+    """What does not depend on the numbers: what the input moves and how often differentiated; the output's order."""
+
+    moves: str
+    order: int
+    translated: int
+
+
+MOVES = {name: order for order, name in enumerate(SUPPORT)} | {"cart_velocity": 1, "cart_acceleration": 2}
+"""How often the displacement that moves a support or the cart is differentiated in each input."""
+Source = tuple[str, int]
+"""A group of inputs or outputs (`PUSHES`, `READINGS`) and a signal's index in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """A scene by its channels, as a function of numbers; `signals` are outputs and inputs with their units.
+
+    `read` and `given` say where the rows of outputs and the forces of inputs come from.
+    """
+
+    channels: tuple[Channel, ...]
+    kinds: tuple[Kind, ...]
+    signals: tuple[tuple[Signal, Signal], ...]
+    read: tuple[Source, ...]
+    given: tuple[Source | None, ...]
+
+    def arrays(self, scene: Scene) -> Arrays:
+        """The model of a scene of the same form."""
+        geometry, found = geometry_of(scene), matrices(scene)
+        n, many = geometry.size, len(self.channels)
+        Y, F = np.zeros((many, 3, n)), np.zeros((many, n))
+        thrust, translation = np.zeros(many), np.zeros(many)
+        for c, ((name, k), given) in enumerate(zip(self.read, self.given, strict=True)):
+            group = READINGS[name](geometry)
+            for order, part in enumerate((group.position, group.rate, group.acceleration)):
+                if part is not None:
+                    Y[c, order] = part[k]
+            if group.translation is not None:
+                translation[c] = group.translation[k]
+            if given is not None:
+                push = (
+                    pushed(geometry, point_input(scene, given[0])) if is_point(given[0]) else PUSHES[given[0]](geometry)
+                )
+                F[c] = push.F[:, given[1]]
+                if group.pushed:
+                    thrust[c] = push.thrust[k, given[1]]
+        momentum = found.M[:, 0] if geometry.on_cart else geometry.momentum
+        return Arrays(found.M, found.K, found.D, momentum, F, Y, thrust, translation)
+
+
+def reduced(scene: Scene, channels: Sequence[Channel]) -> Reduced:
+    """The channels of a scene; SceneError names every signal that it does not have, and what its model refuses."""
+    geometry = geometry_of(scene)
+    inputs, outputs = _inputs(geometry), _outputs(geometry)
+    problems: list[str] = []
+    try:
+        validate_points(scene, [one.input for one in channels if is_point(one.input)])
+    except SceneError as error:
+        problems += error.problems
+    for one in channels:
+        if one.output not in outputs:
+            problems.append(f"output {one.output}: {_among([*outputs], one.output)}")
+        if one.input not in {*inputs, *MOVES} and not is_point(one.input):
+            problems.append(f"input {one.input}: {_among([*inputs, *MOVES], one.input)}, or {EXAMPLES}")
+        if one.input in DRIVES and not geometry.on_cart:
+            problems.append(f"input {one.input}: there is no cart alone")
+        if one.input in SUPPORT:
+            problems += _moved_problems(scene, geometry, one.input)
+    if problems:
+        raise SceneError(list(dict.fromkeys(problems)))
+    read = tuple(outputs[one.output][0] for one in channels)
+    given = tuple(_given(inputs, one.input) for one in channels)
+    signals = tuple((outputs[one.output][1], _signal(inputs, one.input)) for one in channels)
+    kinds = tuple(
+        Kind(
+            "" if one.input not in MOVES else "ground" if one.input in SUPPORT else "cart",
+            MOVES.get(one.input, 0),
+            READINGS[name](geometry).order,
+        )
+        for one, (name, _) in zip(channels, read, strict=True)
+    )
+    return Reduced(tuple(channels), kinds, signals, read, given)
+
+
+def _among(names: Sequence[str], wrong: str) -> str:
+    return f"must be one of {', '.join(names[:SHOWN])}{', …' * (len(names) > SHOWN)}{meant(wrong, names)}"
+
+
+def _given(inputs: dict[str, tuple[Source, Signal]], name: str) -> Source | None:
+    """Where the force of an input comes from, None of a motion."""
+    return (name, 0) if is_point(name) else inputs[name][0] if name in inputs else None
+
+
+def _signal(inputs: dict[str, tuple[Source, Signal]], name: str) -> Signal:
+    if is_point(name):
+        return Signal(name, "N m" if name.startswith("torque") else "N", "")
+    return inputs[name][1] if name in inputs else {**SUPPORT, **DRIVES}[name]
+
+
+def _moved_problems(scene: Scene, geometry: Geometry, name: str) -> list[str]:
+    try:
+        require(scene, "a linear model of a moved support")
+    except SceneError as error:
+        return list(error.problems)
+    if geometry.carried and any(own.M is not None for own in geometry.carried.structure.carriers):
+        return [f"input {name}: a modal support does not tell how the ground drives its coordinates: give forces"]
+    return []
+
+
+def _inputs(geometry: Geometry) -> dict[str, tuple[Source, Signal]]:
+    """The forces of a scene by name."""
+    known = {*inputs_of(geometry), "coordinate_forces"}
+    names = [name for name in PUSHES if name in known and (name != "cart_force" or geometry.on_cart)]
+    if geometry.on_cart and geometry.carried:
+        names.remove("coordinate_forces")
+    groups = [(name, PUSHES[name](geometry)) for name in names]
+    return {signal.name: ((name, k), signal) for name, group in groups for k, signal in enumerate(group.signals)}
+
+
+def _outputs(geometry: Geometry) -> dict[str, tuple[Source, Signal]]:
+    """The outputs of a scene by name."""
+    known = outputs_of(geometry)
+    names = [name for name in READINGS if name in known and (name not in OF_A_CART or geometry.on_cart)]
+    groups = [(name, READINGS[name](geometry)) for name in names]
+    return {signal.name: ((name, k), signal) for name, group in groups for k, signal in enumerate(group.signals)}
+
+
+# ------------------------------------------------------------------------------------------------ functions of numbers
+
+
+class Numbers:
+    """The arrays of a scene at values of its free numbers and at factors of others, with their derivatives."""
+
+    def __init__(self, scene: Scene, places: Sequence[Place], form: Reduced) -> None:
+        self.scene, self.places, self.form = scene, tuple(places), form
+        self.paths = [with_numbers(place) for place in places]
+        self._variable = Variable(scene, self.paths)
+
+    def scene_at(self, values: Floats) -> Scene:
+        """The scene with these numbers (n,)."""
+        if not self.paths:
+            return self.scene
+        return self._variable.at(dict(zip(self.paths, map(float, values), strict=True)))
+
+    def model(self, scene: Scene) -> Model:
+        """The model of a scene."""
+        return Model(self.form.kinds, self.form.arrays(scene), lambda places: self.slopes(scene, places))
+
+    def slopes(self, scene: Scene, places: Sequence[Place]) -> Arrays:
+        """Derivatives of all arrays by the numbers at these places, in the first axis."""
+        each = [differences(scene, place, 1.0, self.form.arrays) for place in places]
+        return Arrays(*(np.array(part) for part in zip(*each, strict=True)))
+
+
+@dataclass(eq=False)
+class Model:
+    """Responses of the channels of a model; `differentiate` gives its derivatives by numbers at places."""
+
+    kinds: tuple[Kind, ...]
+    arrays: Arrays
+    differentiate: Callable[[Sequence[Place]], Arrays]
+
+    @cached_property
+    def poles(self) -> Complexes:
+        """Those of everything that moves freely, in 1/s."""
+        return poles_of(self.arrays)
+
+    @cached_property
+    def held_poles(self) -> Complexes:
+        """Those beside a cart whose motion is prescribed."""
+        a = self.arrays
+        return poles_of(a._replace(M=a.M[1:, 1:], K=a.K[1:, 1:], D=a.D[1:, 1:]))
+
+    def poles_for(self, channel: int) -> Complexes:
+        """Those that a channel may have."""
+        return self.held_poles if self.kinds[channel].moves == "cart" else self.poles
+
+    def response(self, channel: int, omega: Floats) -> Complexes:
+        """H (W,) at ω (W,) in rad/s."""
+        state = self._state(channel, omega, adjoint=False)
+        return self._value(channel, state)
+
+    def slope(self, channel: int, omega: Floats) -> tuple[Complexes, Complexes]:
+        """H and ∂H/∂ω (W,)."""
+        state = self._state(channel, omega)
+        a, kind, s, x = self.arrays, self.kinds[channel], state.s, state.x
+        rows = a.Y[channel, 1] + 2 * s[:, None] * a.Y[channel, 2]
+        pushed = -(a.D @ x[..., None] + 2 * s[:, None, None] * (a.M @ x[..., None]))[..., 0]
+        found = (rows * x).sum(1)
+        if kind.moves == "ground":
+            power = 2 - kind.order
+            if power:
+                pushed = pushed - power * s[:, None] ** (power - 1) * a.momentum
+            order = kind.translated - kind.order
+            found = found + a.translation[channel] * order * s ** (order - 1.0)
+        if kind.moves == "cart":
+            moved = -kind.order * s ** (-kind.order - 1.0)
+            found = found + state.rows[:, 0] * moved
+            pushed = pushed - (state.Z[:, :, 0]) * moved[:, None]
+        return self._value(channel, state), 1j * (found + (state.y * pushed).sum(1))
+
+    def gradient(self, channel: int, omega: Floats, slopes: Arrays) -> tuple[Complexes, Complexes]:
+        """H (W,) and its derivatives (W, p) by numbers, from those of the arrays."""
+        state = self._state(channel, omega)
+        kind, s, x, y = self.kinds[channel], state.s, state.x, state.y
+        powers = np.stack([np.ones_like(s), s, s * s])
+        stiff = np.einsum("wi,pij,wj->wp", y, slopes.K, x, optimize=True)
+        damped = np.einsum("wi,pij,wj->wp", y, slopes.D, x, optimize=True)
+        heavy = np.einsum("wi,pij,wj->wp", y, slopes.M, x, optimize=True)
+        found = -(stiff + s[:, None] * damped + (s * s)[:, None] * heavy)
+        found += np.einsum("ow,poj,wj->wp", powers, slopes.Y[:, channel], x, optimize=True)
+        found += np.einsum("wi,pi->wp", y, slopes.F[:, channel]) + slopes.thrust[:, channel]
+        if kind.moves == "ground":
+            found -= (s ** (2 - kind.order))[:, None] * (y @ slopes.momentum.T)
+            found += (s ** (kind.translated - kind.order))[:, None] * slopes.translation[:, channel]
+        return self._value(channel, state), found
+
+    def _value(self, channel: int, state: _State) -> Complexes:
+        kind = self.kinds[channel]
+        found = (state.rows * state.x).sum(1) + self.arrays.thrust[channel]
+        if kind.moves == "ground":
+            order: int = kind.translated - kind.order
+            found = found + self.arrays.translation[channel] * state.s ** float(order)
+        return np.asarray(found)
+
+    def _state(self, channel: int, omega: Floats, *, adjoint: bool = True) -> _State:
+        a, kind = self.arrays, self.kinds[channel]
+        s = 1j * np.asarray(omega, dtype=float)
+        Z = a.K + s[:, None, None] * a.D + (s * s)[:, None, None] * a.M
+        rows = a.Y[channel, 0] + s[:, None] * a.Y[channel, 1] + (s * s)[:, None] * a.Y[channel, 2]
+        F = np.repeat(a.F[channel][None].astype(complex), len(s), axis=0)
+        if kind.moves == "ground":
+            F = F - (s ** (2 - kind.order))[:, None] * a.momentum
+        x, y, first = np.zeros_like(rows), np.zeros_like(rows), int(kind.moves == "cart")
+        if first:
+            x[:, 0] = s ** float(-kind.order)
+            F = F - Z[:, :, 0] * x[:, :1]
+        inner = Z[:, first:, first:]
+        right = [F[:, first:]] + [rows[:, first:]] * adjoint
+        with np.errstate(all="ignore"):
+            try:
+                found = np.linalg.solve(inner, np.stack(right, axis=-1))
+            except np.linalg.LinAlgError:
+                found = np.full((*inner.shape[:2], len(right)), np.inf + 0j)
+        x[:, first:] = found[..., 0]
+        if adjoint:
+            y[:, first:] = found[..., 1]
+        return _State(s, Z, rows, x, y)
+
+
+class _State(NamedTuple):
+    s: Complexes
+    Z: Complexes
+    rows: Complexes
+    x: Complexes
+    y: Complexes
+
+
+def poles_of(arrays: Arrays) -> Complexes:
+    """The finite roots λ of det(λ²M + λD + K), in 1/s."""
+    M, K, D = arrays.M, arrays.K, arrays.D
+    n = len(M)
+    unit = 1 / np.sqrt(np.where(np.diag(M) > 0, np.diag(M), np.maximum(np.abs(np.diag(K)), 1e-300)))
+    M, K, D = (unit[:, None] * part * unit for part in (M, K, D))
+    eye, none = np.eye(n), np.zeros((n, n))
+    if np.linalg.cond(M) < 1e14:
+        found = np.linalg.eigvals(np.block([[none, eye], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]]))
+    else:
+        left, right = np.block([[none, eye], [-K, -D]]), np.block([[eye, none], [none, M]])
+        found = scipy.linalg.eigvals(left, right)
+    return np.asarray(found[np.isfinite(found)], dtype=np.complex128)

@@ -1,0 +1,315 @@
+"""Quantities of a scene as the largest, or least, of smooth numbers: their pieces, with exact derivatives.
+
+peak        |H(iω_k)| at every peak; its derivative holds ω, since ∂|H|/∂ω = 0 there
+rms         √∫ |H|² S df and ∫ Re(H̄ ∂H) S df, by the rule of `modal.vibration`
+damping     ζ_k of every mode that swings, of Re λ_k and |λ_k|
+settling    ln 50 / −Re λ_k
+residual    one number, of which the derivative is a difference quotient of four values
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import log, tau
+
+import numpy as np
+
+from modal.errors import ComputationError, SceneError
+from modal.identification.derivatives import ModeDerivatives, polar
+from modal.modes import Modes, natural_modes
+from modal.scene import Scene, require
+from modal.scene.parameters import Place, number_at, vary, with_numbers
+from modal.scene.records import Spectrum
+from modal.statespace.hoisting import Travel, travel_swing
+from modal.statespace.shapers import Kind
+from modal.tuning.model import MOST_COORDINATES, Arrays, Channel, Model, Numbers, reduced
+from modal.tuning.peaks import UNDAMPED, find_peaks
+from modal.tuning.quantities import FreeNumber, Quantity
+from modal.types import Booleans, Floats
+from modal.vibration.random import nodes
+from modal.vibration.spectra import acceleration_psd, psd_at
+
+FIFTY = log(50.0)
+STEP = 2e-3
+"""Relative step of the difference quotient of a residual."""
+PAIRS = ((1, 2 / 3), (2, -1 / 12))
+STILL = 1e-7
+"""Of the fastest mode: a frequency below which a mode is a translation that nothing holds."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the quantities are taken over: a `band` in Hz, a PSD, modes by number, a travel (m, s) and its shaper."""
+
+    band: tuple[float, float] | None = None
+    spectrum: Spectrum | None = None
+    modes: tuple[int, ...] = ()
+    travel: float | None = None
+    over: float | None = None
+    kind: Kind | None = None
+
+    @property
+    def rates(self) -> tuple[float, float] | None:
+        """The band in rad/s."""
+        return None if self.band is None else (tau * self.band[0], tau * self.band[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Numbers `values` (P,), of which a quantity is the largest or least, and `gradients` (P, n) by the free numbers.
+
+    `at` (P,) are what they belong to: frequencies in rad/s, or numbers of modes; `inside` (P,) tells maxima of a
+    response from ends of a band, `helps` (P,) values beside peaks that are no pieces but bounds.  A quantity that has no finite value has no pieces and says in `endless` why.
+    """
+
+    values: Floats
+    gradients: Floats
+    at: Floats
+    inside: Booleans
+    endless: str = ""
+    helps: Booleans | None = None
+
+    @classmethod
+    def none(cls, words: str, n: int) -> Pieces:
+        """Those of a quantity without a finite value."""
+        return cls(np.zeros(0), np.zeros((0, n)), np.zeros(0), np.zeros(0, bool), words)
+
+
+class Quantities:
+    """The pieces of `quantities` of a scene at values of its `free` numbers, and at `factors` of other masses."""
+
+    def __init__(
+        self, scene: Scene, free: Sequence[FreeNumber], quantities: Sequence[Quantity], setting: Setting
+    ) -> None:
+        self.scene, self.free, self.quantities, self.setting = scene, tuple(free), tuple(quantities), setting
+        _validate(scene, quantities, setting)
+        self.channels = list(
+            dict.fromkeys(Channel(one.output, one.input) for one in quantities if one.kind in {"peak", "rms"})
+        )
+        self.form = reduced(scene, self.channels)
+        own = [one.place for one in free]
+        self.places = (*own, *(place for place in masses_of(scene) if place not in own))
+        self.given = np.array([number_at(scene, place) for place in self.places])
+        self.numbers = Numbers(scene, self.places, self.form)
+
+    def scene_at(self, values: Floats, factors: Mapping[Place, float] | None = None) -> Scene:
+        """The scene with these free numbers (n,), and with others, or these, times factors."""
+        whole = self.given.copy()
+        whole[: len(values)] = values
+        for place, factor in (factors or {}).items():
+            whole[self.places.index(place)] *= factor
+        return self.numbers.scene_at(whole)
+
+    def at(
+        self,
+        values: Floats,
+        factors: Mapping[Place, float] | None = None,
+        *,
+        by: Sequence[Place] | None = None,
+    ) -> list[Pieces]:
+        """The pieces of every quantity; gradients by the numbers at places, none by default."""
+        here = At(self, self.scene_at(values, factors), tuple(by or ()))
+        return [here.pieces(one) for one in self.quantities]
+
+
+class At:
+    """Quantities of one scene."""
+
+    def __init__(self, problem: Quantities, scene: Scene, by: tuple[Place, ...]) -> None:
+        self.problem, self.scene, self.by, self.setting = problem, scene, by, problem.setting
+
+    @cached_property
+    def model(self) -> Model:
+        """Its responses."""
+        return self.problem.numbers.model(self.scene)
+
+    @cached_property
+    def slopes(self) -> Arrays:
+        """Derivatives of its arrays."""
+        return self.model.differentiate(self.by)
+
+    @cached_property
+    def modes(self) -> Modes:
+        """Its modes."""
+        return natural_modes(self.scene)
+
+    @cached_property
+    def rates(self) -> tuple[list[int], list[complex], Floats]:
+        """Rows of the modes that move, their λ and ∂λ/∂p (K, n)."""
+        modes = self.modes
+        least = STILL * float(modes.omega.max(initial=0.0))
+        chosen = [number - 1 for number in self.setting.modes] or range(len(modes))
+        rows = [k for k in chosen if k < len(modes) and modes.omega[k] > least]
+        values = [complex(modes.eigenvalue[k]) for k in rows]
+        if not self.by:
+            return rows, values, np.zeros((len(rows), 0))
+        derivatives = ModeDerivatives(modes, self.slopes.M, self.slopes.K, self.slopes.D)
+        every = np.array([derivatives.eigenvalue(k) for k in rows])
+        return rows, values, np.where(np.isfinite(every), every, 0.0)
+
+    def pieces(self, quantity: Quantity) -> Pieces:
+        """Those of a quantity."""
+        of = {
+            "peak": self._peak,
+            "rms": self._rms,
+            "damping": self._damping,
+            "settling": self._settling,
+            "residual": self._residual,
+        }
+        return of[quantity.kind](quantity)
+
+    def _channel(self, quantity: Quantity) -> int:
+        return self.problem.channels.index(Channel(quantity.output, quantity.input))
+
+    def _peak(self, quantity: Quantity) -> Pieces:
+        channel, n = self._channel(quantity), len(self.by)
+        found = find_peaks(self.model, channel, self.setting.rates)
+        if found.endless:
+            return Pieces.none(f"its magnitude grows without bound {found.endless}", n)
+        if not self.by:
+            size = np.abs(self.model.response(channel, found.omega))
+            return Pieces(size, np.zeros((len(size), 0)), found.omega, found.inside)
+        omega = np.concatenate((found.omega, found.beside))
+        H, slopes = self.model.gradient(channel, omega, self.slopes)
+        size = np.abs(H)
+        by = (np.conj(H)[:, None] * slopes).real / np.where(size > 0, size, 1.0)[:, None]
+        helps = np.arange(len(omega)) >= len(found.omega)
+        inside = np.concatenate((found.inside, np.zeros(len(found.beside), bool)))
+        return Pieces(size, by, omega, inside, helps=helps)
+
+    def _rms(self, quantity: Quantity) -> Pieces:
+        channel, n = self._channel(quantity), len(self.by)
+        spectrum = self.setting.spectrum
+        assert spectrum is not None
+        f, psd = np.array(spectrum.frequency_hz), np.array(spectrum.psd)
+        acts = quantity.input != "support_acceleration"
+        poles = self.model.poles_for(channel)
+        poles = poles[poles.imag >= 0]
+        total, slope = 0.0, np.zeros(n)
+        for k in np.flatnonzero((psd[1:] > 0) | (psd[:-1] > 0)).tolist():
+            low, high = tau * f[k], tau * f[k + 1]
+            still = (np.abs(poles.real) <= UNDAMPED * np.abs(poles)) & (poles.imag > 0)
+            for pole in poles[still & (poles.imag >= low) & (poles.imag <= high)].tolist():
+                if np.abs(self.model.response(channel, np.array([pole.imag * (1 + 1e-9)])))[0] > 1e6 * self._usual(
+                    channel, pole.imag
+                ):
+                    words = f"it grows without bound: nothing damps a mode at {pole.imag / tau:.6g} Hz"
+                    return Pieces.none(words, n)
+            for omega, weight in nodes(low, high, poles[~still].tolist()):
+                at = omega / tau
+                S = weight * (psd_at(f, psd, at) if acts else acceleration_psd(spectrum, at)) / tau
+                if n:
+                    H, by = self.model.gradient(channel, omega, self.slopes)
+                    slope += S @ (np.conj(H)[:, None] * by).real
+                else:
+                    H = self.model.response(channel, omega)
+                total += float(S @ np.abs(H) ** 2)
+        size = np.sqrt(total)
+        if not np.isfinite(size):
+            return Pieces.none("it grows without bound", n)
+        return Pieces(np.array([size]), (slope / (size or 1.0))[None], np.zeros(1), np.ones(1, bool))
+
+    def _usual(self, channel: int, omega: float) -> float:
+        return float(np.abs(self.model.response(channel, np.array([1.01 * omega])))[0])
+
+    def _damping(self, quantity: Quantity) -> Pieces:
+        rows, values, slopes = self.rates
+        swings = [k for k, value in enumerate(values) if value.imag > 0]
+        if not swings:
+            return Pieces.none("no mode swings", len(self.by))
+        zeta = np.array([-values[k].real / abs(values[k]) for k in swings])
+        by = np.array([polar(values[k], slopes[k])[1] for k in swings]).reshape(len(swings), len(self.by))
+        return Pieces(zeta, by, np.array([rows[k] for k in swings], float), np.ones(len(swings), bool))
+
+    def _settling(self, quantity: Quantity) -> Pieces:
+        rows, values, slopes = self.rates
+        decay = np.array([-value.real for value in values])
+        least = UNDAMPED * np.abs(values)
+        if not len(rows) or (decay <= least).any():
+            words = (
+                "no mode moves" if not len(rows) else f"mode {rows[int((decay - least).argmin())] + 1} never settles"
+            )
+            return Pieces.none(words, len(self.by))
+        by = (FIFTY / decay**2)[:, None] * slopes.real
+        return Pieces(FIFTY / decay, by, np.array(rows, float), np.ones(len(rows), bool))
+
+    def _residual(self, quantity: Quantity) -> Pieces:
+        value = self._swing(self.scene)
+        by = np.zeros(len(self.by))
+        for k, place in enumerate(self.by):
+            number = number_at(self.scene, place)
+            for many, weight in PAIRS:
+                pair = [self._swing(_with(self.scene, place, number * (1 + way * many * STEP))) for way in (1, -1)]
+                by[k] += weight * (pair[0] - pair[1]) / (number * STEP)
+        return Pieces(np.array([value]), by[None], np.zeros(1), np.ones(1, bool))
+
+    def _swing(self, scene: Scene) -> float:
+        own = self.setting
+        assert own.travel is not None
+        travel = travel_of(scene, own.travel, own.over)
+        return travel_swing(scene, travel, own.kind)
+
+
+def _with(scene: Scene, place: Place, value: float) -> Scene:
+    return vary(scene, {with_numbers(place): value})
+
+
+def travel_of(scene: Scene, distance: float, over: float | None) -> Travel:
+    """The travel of a scene's cart, from the begin of its hoist on, or from 0 s over a duration that must be given."""
+    if scene.is_hoisted:
+        return Travel.along(scene, distance, over)
+    if over is None:
+        raise SceneError(["over: a travel of a scene without a hoist needs its duration in seconds"])
+    return Travel(distance, 0.0, over)
+
+
+def masses_of(scene: Scene) -> list[Place]:
+    """The places of all masses of supports and links."""
+    found: list[Place] = []
+    several = isinstance(scene.support, tuple)
+    for k, support in enumerate(scene.supports):
+        if getattr(support, "mass", 0.0):
+            found.append(("support", k, "mass") if several else ("support", "mass"))
+    for p, pendulum in enumerate(scene.pendulum):
+        found += [("pendulum", p, "links", i, "mass") for i in range(len(pendulum.links))]
+    return found
+
+
+def _validate(scene: Scene, quantities: Sequence[Quantity], setting: Setting) -> None:
+    """SceneError for quantities that this scene, or what they are taken over, does not have."""
+    kinds = {one.kind for one in quantities}
+    problems: list[str] = []
+    if kinds - {"residual"}:
+        require(scene, "tuning")
+    if "residual" in kinds:
+        if setting.travel is None:
+            problems.append("residual: needs a travel in metres")
+        if scene.cart is None:
+            problems.append("residual: needs a cart that travels")
+        elif not scene.is_hoisted and setting.over is None:
+            problems.append("residual: a travel of a scene without a hoist needs its duration: give over, in seconds")
+    elif setting.travel is not None:
+        problems.append("travel: is for the quantity residual")
+    if "rms" in kinds and setting.spectrum is None:
+        problems.append("rms: needs a PSD")
+    if setting.spectrum is not None and "rms" not in kinds:
+        problems.append("psd: is for a quantity rms:OUTPUT")
+    sources = {one.input for one in quantities if one.kind == "rms"}
+    if len(sources) > 1:
+        problems.append(f"rms: the PSD is of one input, and these are {', '.join(sorted(sources))}")
+    if setting.band is not None and "peak" not in kinds:
+        problems.append("band: is for a quantity peak:OUTPUT/INPUT")
+    if setting.band is not None and not 0 <= setting.band[0] < setting.band[1] < np.inf:
+        problems.append(f"band {setting.band[0]:g}:{setting.band[1]:g}: goes from a frequency to a larger one, in Hz")
+    if setting.modes and not kinds & {"damping", "settling"}:
+        problems.append("mode: is for the quantities damping and settling")
+    if not problems and kinds & {"damping", "settling"}:
+        total = len(natural_modes(scene))
+        problems += [f"mode {k}: the scene has modes 1 to {total}" for k in setting.modes if not 1 <= k <= total]
+    if problems:
+        raise SceneError(problems)
+    size = scene.n_links + len(scene.supports)
+    if size > MOST_COORDINATES:
+        raise ComputationError(f"the scene has {size} coordinates: at most {MOST_COORDINATES} are tuned")

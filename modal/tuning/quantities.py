@@ -1,0 +1,254 @@
+"""What is tuned: quantities of a scene by their names, free numbers with bounds, and limits.
+
+peak:x/cart_force          the largest magnitude of the response of an output to an input over all frequencies
+rms:tip_1                  the RMS of an output under a PSD of the support's acceleration
+rms:x/cart_force           the same under a PSD of another input
+residual                   the largest angle that a travel of the cart leaves
+damping                    the least damping ratio of the modes
+settling                   the time after which every mode is within 2 %, ln 50 over the least decay rate
+2*peak:x/cart_force        twice as important as others
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+
+from modal.errors import SceneError, meant
+from modal.report import Displayed
+from modal.scene import Scene
+from modal.scene.parameters import Place, find_places, number_at, unit_at, vary, with_numbers
+
+KINDS = ("peak", "rms", "residual", "damping", "settling")
+POSITIVE = ("mass", "length", "centre", "inertia", "gravity")
+CAN_VANISH = ("damping", "stiffness", "drag")
+PLACED = ("position",)
+DIRECTIONS = ("sway", "heave", "roll")
+WORDS = re.compile(r"\s*(?:(?P<weight>[^*:]+)\*)?\s*(?P<kind>[a-z]+)\s*(?::(?P<of>.+))?\s*", re.ASCII)
+FURTHEST = {"damping": 1e4, "stiffness": 1e4, "drag": 1e4}
+"""The largest factor by which a number without bounds may change, where it is more than that of others."""
+USUAL_FURTHEST = 100.0
+MASS_NUDGE = 1e-3
+SOURCE = "support_acceleration"
+"""The input of an RMS that names none."""
+
+
+@dataclass(frozen=True, repr=False)
+class Quantity(Displayed):
+    """A quantity of a scene, of `output` for `input` where it is a peak or an RMS; `weight` among several."""
+
+    kind: str
+    output: str = ""
+    input: str = ""
+    weight: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """Its name without the weight.
+
+        >>> parse_quantity("2*peak:x/cart_force").name
+        'peak:x/cart_force'
+        """
+        source = f"/{self.input}" if self.kind == "peak" or self.input not in {"", SOURCE} else ""
+        return f"{self.kind}:{self.output}{source}" if self.output else self.kind
+
+    @property
+    def is_largest(self) -> bool:
+        """Whether it is the largest of several numbers; the damping is the least."""
+        return self.kind != "damping"
+
+
+def parse_quantity(text: str) -> Quantity:
+    """The quantity that a text such as "2*peak:x/cart_force" names; SceneError where it names none.
+
+    >>> parse_quantity("rms:tip_1").input
+    'support_acceleration'
+    """
+    match = WORDS.fullmatch(text)
+    kind = match["kind"] if match else ""
+    if not match or kind not in KINDS:
+        raise SceneError(
+            [f"{text:.60}: must be peak:OUTPUT/INPUT, rms:OUTPUT, residual, damping or settling{meant(kind, KINDS)}"]
+        )
+    weight = 1.0
+    if match["weight"] is not None:
+        try:
+            weight = float(match["weight"])
+        except ValueError:
+            weight = -1.0
+        if not (isfinite(weight) and weight > 0):
+            raise SceneError([f"{text:.60}: a weight is a number above 0"])
+    of = (match["of"] or "").strip()
+    if kind in {"peak", "rms"}:
+        output, _, source = (part.strip() for part in of.partition("/"))
+        if not output or (kind == "peak" and not source):
+            written = "peak:OUTPUT/INPUT, such as peak:x/cart_force" if kind == "peak" else "rms:OUTPUT"
+            raise SceneError([f"{text:.60}: must be {written}"])
+        return Quantity(kind, output, source or SOURCE, weight)
+    if of:
+        raise SceneError([f"{text:.60}: {kind} is of the whole scene, and names nothing else"])
+    return Quantity(kind, weight=weight)
+
+
+@dataclass(frozen=True, repr=False)
+class Limit(Displayed):
+    """The most that a quantity may be."""
+
+    quantity: Quantity
+    most: float
+
+    @property
+    def name(self) -> str:
+        """As it is written."""
+        return f"{self.quantity.name}={self.most:g}"
+
+
+def parse_limit(text: str, aims: Sequence[Quantity]) -> Limit:
+    """A limit such as "rel_1_1=0.2" or "peak:rel_1_1/cart_force=0.2"; SceneError where it is none.
+
+    An output alone is limited in the way of the first of the `aims` that is a peak or an RMS.
+    """
+    words, sign, number = text.rpartition("=")
+    try:
+        most = float(number) if sign else inf
+    except ValueError:
+        most = inf
+    if not (sign and isfinite(most) and most > 0):
+        raise SceneError([f"{text:.60}: must be OUTPUT=VALUE, such as rel_1_1=0.2, with a value above 0"])
+    words = words.strip()
+    if words.partition(":")[0] in KINDS:
+        quantity = parse_quantity(words)
+    else:
+        first = next((one for one in aims if one.output), None)
+        if first is None:
+            raise SceneError([f"{text:.60}: write of what: peak:{words}/INPUT={number} or rms:{words}={number}"])
+        quantity = Quantity(first.kind, words, first.input)
+    if not quantity.is_largest:
+        raise SceneError([f"{text:.60}: a damping ratio has a least value, not a largest: maximize it"])
+    return Limit(quantity, most)
+
+
+@dataclass(frozen=True, repr=False)
+class FreeNumber(Displayed):
+    """A number at a place that may change from `low` to `high`; `bounded` where these were asked for.
+
+    `start` is the scene's own number, or where that is 0 one from which a search can begin.
+    """
+
+    place: Place
+    value: float
+    start: float
+    low: float
+    high: float
+    bounded: bool
+    unit_name: str = ""
+
+    @property
+    def path(self) -> str:
+        """Its place as written in messages."""
+        return with_numbers(self.place)
+
+    @property
+    def key(self) -> str:
+        """Which number of its part it is; of the stiffness of a platform in one direction that of the whole."""
+        return key_of(self.place)
+
+
+def key_of(place: Place) -> str:
+    """The key of a number; of an entry of a list, or in one direction of a platform, that of the whole."""
+    steps = [step for step in place if isinstance(step, str) and step not in DIRECTIONS]
+    return str(steps[-1])
+
+
+def find_free(scene: Scene, texts: Iterable[str], begin: Callable[[Place], float]) -> tuple[FreeNumber, ...]:
+    """The free numbers that texts such as "pendulum[0].links[0].length=0.5:2" name; SceneError lists every mistake.
+
+    Each is free for itself where a place has `[*]`.  `begin` gives where the search for a number that is 0 begins.
+    """
+    problems: list[str] = []
+    found: dict[Place, FreeNumber] = {}
+    for text in texts:
+        try:
+            for one in _freed(scene, text, begin):
+                if one.place in found:
+                    problems.append(f"{one.path}: is freed twice")
+                found[one.place] = one
+        except SceneError as error:
+            problems += error.problems
+    if not (found or problems):
+        problems = ["free: name a number that may change, such as pendulum[0].links[0].length"]
+    if problems:
+        raise SceneError(list(dict.fromkeys(problems)))
+    return tuple(found.values())
+
+
+def _freed(scene: Scene, text: str, begin: Callable[[Place], float]) -> Iterator[FreeNumber]:
+    path, sign, words = text.partition("=")
+    bounds = _bounds(text, words) if sign else None
+    for place in find_places(scene, path.strip()):
+        name = with_numbers(place)
+        _refuse(scene, place)
+        value = number_at(scene, place)
+        if bounds:
+            _fits(scene, name, bounds)
+            low, high = bounds
+            start = min(max(value, low), high) or begin(place)
+            low = low or 1e-9 * min(start, high)
+            yield FreeNumber(place, value, min(max(start, low), high), low, high, True, unit_at(scene, place))
+            continue
+        start = value or begin(place)
+        far = FURTHEST.get(key_of(place), USUAL_FURTHEST)
+        yield FreeNumber(place, value, start, start / far, start * far, False, unit_at(scene, place))
+
+
+def _bounds(text: str, words: str) -> tuple[float, float]:
+    first, colon, last = words.partition(":")
+    try:
+        low, high = float(first), float(last)
+    except ValueError:
+        low, high = inf, -inf
+    if not colon or not (isfinite(low) and isfinite(high)):
+        raise SceneError([f"{text:.80}: bounds are FROM:TO, such as 0.5:2"])
+    if not 0 <= low < high:
+        raise SceneError([f"{text:.80}: cannot be met: bounds go from a number of at least 0 to a larger one"])
+    return low, high
+
+
+def _fits(scene: Scene, path: str, bounds: tuple[float, float]) -> None:
+    """SceneError where a scene cannot have a number within these bounds."""
+    for value in bounds:
+        try:
+            vary(scene, {path: value})
+        except SceneError as error:
+            if value == 0 and key_of(find_places(scene, path)[0]) in POSITIVE:
+                raise SceneError([f"{path}={value:g}:…: cannot be met: it is above 0"]) from None
+            words = error.problems[0]
+            if not words.startswith(path):
+                raise SceneError([f"{path} = {value:g}: {MOVES_REST}: {words}"]) from None
+            raise SceneError([f"{words.rstrip('.')}: its bound cannot be met"]) from None
+
+
+MOVES_REST = "changes the equilibrium, about which everything is tuned"
+
+
+def _refuse(scene: Scene, place: Place) -> None:
+    """SceneError for a number that cannot be tuned."""
+    key, path = key_of(place), with_numbers(place)
+    if key == "count":
+        raise SceneError([f"{path}: is a count, and what is tuned changes continuously: write the scene with each"])
+    if "start" in place or key not in (*POSITIVE, *CAN_VANISH):
+        known = (*POSITIVE, *CAN_VANISH)
+        raise SceneError([f"{path}: is not a number that can be tuned: {', '.join(known)}{meant(key, known)}"])
+    value = number_at(scene, place)
+    if value < 0:
+        raise SceneError([f"{path} = {value:g}: is below 0, and what is tuned stays positive"])
+    if value and key in {"mass", "length", "centre"}:
+        for factor in (1 - MASS_NUDGE, 1 + MASS_NUDGE):
+            try:
+                vary(scene, {path: value * factor})
+            except SceneError as error:
+                words = error.problems[0]
+                if not words.startswith(path):
+                    raise SceneError([f"{path}: {MOVES_REST}: {words}"]) from None
