@@ -11,7 +11,7 @@ from modal.structure import CarrierEnd, End, GroundEnd, Structure, drawn_togethe
 Vector = tuple[Any, Any]
 
 
-class Hanging(Protocol):
+class Grouped(Protocol):
     """What is asked of a system: its groups of pendula, and what carries them."""
 
     @property
@@ -25,7 +25,7 @@ class Hanging(Protocol):
         ...
 
 
-def place_of(system: Hanging, link: int) -> tuple[Any, int, int]:
+def place_of(system: Grouped, link: int) -> tuple[Any, int, int]:
     """The group, row and column of a link in the order of the file."""
     for group in system.groups:
         rows, columns = np.nonzero(group.index == link)
@@ -34,7 +34,7 @@ def place_of(system: Hanging, link: int) -> tuple[Any, int, int]:
     raise IndexError(link)
 
 
-def drawn_place(system: Hanging, end: End) -> Vector | None:
+def drawn_place(system: Grouped, end: End) -> Vector | None:
     """Where an end is drawn (m); None for the ground below the other end."""
     structure = system.structure
     assert structure is not None
@@ -57,7 +57,7 @@ def _drawn(structure: Structure, number: int, where: Any) -> Vector:
     return carrier.position[0] + where[0], carrier.position[1] + where[1]
 
 
-def slack_of(system: Hanging) -> tuple[bool, ...]:
+def slack_of(system: Grouped) -> tuple[bool, ...]:
     """Which springs of a structure have no length as drawn; no torsion spring has one."""
     if system.structure is None:
         return ()
