@@ -11,7 +11,7 @@ from modal.structure import CarrierEnd, End, GroundEnd, LinkEnd, Structure, draw
 Vector = tuple[Any, Any]
 
 
-class Hanging(Protocol):
+class Grouped(Protocol):
     """What is asked of a system: its groups of pendula, and what carries them."""
 
     @property
@@ -25,7 +25,7 @@ class Hanging(Protocol):
         ...
 
 
-def place_of(system: Hanging, link: int) -> tuple[Any, int, int]:
+def place_of(system: Grouped, link: int) -> tuple[Any, int, int]:
     """The group, row and column of a link in the order of the file."""
     for group in system.groups:
         rows, columns = np.nonzero(group.index == link)
@@ -34,7 +34,7 @@ def place_of(system: Hanging, link: int) -> tuple[Any, int, int]:
     raise IndexError(link)
 
 
-def drawn_place(system: Hanging, end: End) -> Vector | None:
+def drawn_place(system: Grouped, end: End) -> Vector | None:
     """Where an end is drawn (m); None for the ground below the other end."""
     structure = system.structure
     assert structure is not None
@@ -57,7 +57,7 @@ def _drawn(structure: Structure, number: int, where: Any) -> Vector:
     return carrier.position[0] + where[0], carrier.position[1] + where[1]
 
 
-def ends_may_meet(system: Hanging) -> bool:
+def ends_may_meet(system: Grouped) -> bool:
     """Whether pendula can bring both ends of a spring with a length as drawn together, where its force turns round.
 
     There it jumps, which series of a motion do not see and error control does; carriers are taken to stay apart.
@@ -75,7 +75,7 @@ def ends_may_meet(system: Hanging) -> bool:
     return False
 
 
-def _reach(system: Hanging, end: End) -> float:
+def _reach(system: Grouped, end: End) -> float:
     """How far (m) a pendulum brings an end from where it is drawn."""
     if not isinstance(end, LinkEnd):
         return 0.0
@@ -84,7 +84,7 @@ def _reach(system: Hanging, end: End) -> float:
     return 2 * float(np.max(np.sum(group.block.length[:row, column], axis=0) + below))
 
 
-def slack_of(system: Hanging) -> tuple[bool, ...]:
+def slack_of(system: Grouped) -> tuple[bool, ...]:
     """Which springs of a structure have no length as drawn; no torsion spring has one."""
     if system.structure is None:
         return ()
