@@ -31,7 +31,7 @@ DISTINCT, SAME = 0.3, 0.02
 """Distance of two starts, and of two ends in one valley, in logarithms."""
 ALIKE = 1e-3
 """Of two costs in one valley."""
-RULES = 6
+RULES = 4
 """Most starts by Den Hartog's rule."""
 CASES = 8
 """Rounds of adding the worst case of what is tuned so far."""
@@ -109,6 +109,7 @@ def tune(
             objective.numbers(one.point.z),
             objective.value(one.point.z) if k else objective.value(best.point.z),
             one.point.excess <= ALLOWED,
+            one.certain,
         )
         for k, one in enumerate(valleys)
     )
@@ -229,10 +230,10 @@ def _valleys(objective: Objective, starts: Sequence[Floats]) -> list[Minimum]:
     found: list[Minimum] = []
     for z in starts:
         try:
-            one = descend(objective.evaluate, z, objective.low, objective.high, coarse=True)
+            one = descend(objective.evaluate, z, objective.low, objective.high, coarse=True, known=found)
         except (ComputationError, SceneError):
             continue
-        if not one.point.is_finite:
+        if not one.point.is_finite or one in found:
             continue
         alike = [
             other
@@ -250,6 +251,9 @@ def _valleys(objective: Objective, starts: Sequence[Floats]) -> list[Minimum]:
 
 
 def _descended(objective: Objective, z: Floats) -> Minimum:
+    """The minimum beside z, about which the arrays are interpolated anew."""
+    for factors in objective.cases:
+        objective.quantities.centre(objective.numbers(z), factors)
     return descend(objective.evaluate, z, objective.low, objective.high)
 
 
