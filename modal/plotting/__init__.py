@@ -62,6 +62,7 @@ from modal.plotting.style import (
     thickness,
 )
 from modal.plotting.themes import Pair, pair_of, show_both_themes
+from modal.plotting.tuning import draw_tuning, tuning_figure
 
 __all__ = [
     "DASHES",
@@ -98,6 +99,7 @@ __all__ = [
     "draw_mode_fit",
     "draw_poles",
     "draw_shapes",
+    "draw_tuning",
     "evenly",
     "film_modes",
     "form_problems",
@@ -131,5 +133,6 @@ __all__ = [
     "slide",
     "theme",
     "thickness",
+    "tuning_figure",
     "write_film",
 ]

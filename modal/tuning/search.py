@@ -94,6 +94,8 @@ def tune(
     before = objective.pieces(np.log([one.value or one.start for one in numbers]))
     starts = list(_starts(objective))
     report(f"{len(starts)} starts")
+    if over_hz is not None:
+        _refuse_no_peak(objective, objective.start)
     if not starts:
         raise ComputationError(_endless(objective))
     size = abs(sum(one.largest for one in objective.evaluate(starts[0], False).costs))
@@ -103,7 +105,7 @@ def tune(
     _refuse_endless(objective, best)
     if robust:
         best = _robust(objective, best)
-    _refuse_no_peak(objective, best)
+    _refuse_no_peak(objective, best.point.z)
     ends = tuple(
         Valley(
             objective.numbers(one.point.z),
@@ -306,13 +308,14 @@ def _refuse_endless(objective: Objective, best: Minimum) -> None:
                 )
 
 
-def _refuse_no_peak(objective: Objective, best: Minimum) -> None:
-    found = objective.pieces(best.point.z)
+def _refuse_no_peak(objective: Objective, z: Floats) -> None:
+    found = objective.pieces(z)
     for aim, one in zip(objective.aims, found, strict=False):
-        if aim.quantity.kind == "peak" and not one.inside.any():
+        if aim.quantity.kind == "peak" and len(one.values) and not one.inside.any():
             at = float(one.at[one.values.argmax()]) / (2 * np.pi)
-            where = "the limit at 0 Hz" if at < 1e-5 else f"that at {at:.6g} Hz, the end of the band"
-            if objective.quantities.setting.band is None and at > 1e-5:
-                where = "the limit at high frequencies"
+            where = f"that at {at:.6g} Hz, the end of the band"
+            if objective.quantities.setting.band is None:
+                slowest = float(np.abs(objective.quantities.numbers.model(objective.scene_at(z)).poles).max())
+                where = "the limit at 0 Hz" if 2 * np.pi * at < slowest else "the limit at high frequencies"
             raise ComputationError(f"{aim.quantity.name}: has no peak: its largest magnitude is {where}")
 
