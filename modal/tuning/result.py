@@ -15,7 +15,6 @@ from modal.scene import Scene, title_of
 from modal.scene.parameters import with_numbers
 from modal.tuning.closed_forms import Absorber, absorbers, values_for
 from modal.tuning.loads import Load, loads
-
 from modal.tuning.objective import Objective, extreme
 from modal.tuning.peaks import find_peaks
 from modal.tuning.pieces import Pieces, Quantities
