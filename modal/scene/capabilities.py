@@ -128,6 +128,11 @@ HOISTING = {
 MINIMAL = ("form minimal", "form minimal takes it")
 UNRUBBED = {(one, name): "dry friction on structures is not solved" for one in sorted(STRUCTURED) for name in FRICTION}
 """What is refused together: dry friction, and structures or springs between points."""
+AIRLESS = {
+    (one, name): "Hill's equations on structures have no place for drag"
+    for one in sorted(STRUCTURED)
+    for name in sorted(DRAG)
+}
 EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
 
 # ------------------------------------------------------------------------------------------------------- the table
@@ -179,7 +184,7 @@ PERIODIC = Capability(
 
 FORCED_ORBIT = Capability(
     "a forced periodic orbit",
-    SHAPE | {"dampers", "damping_ratio", "moved_support"} | DRAG | FORCED,
+    SHAPE | {"dampers", "damping_ratio", "moved_support"} | DRAG | FORCED | STRUCTURED,
     refuses={**CONSTANT, **PLANE, **STICKS, **_each(DRIVES, "does not follow clocks and drives at joints")},
     unless=ENDS,
     beside=UNLOADED,
@@ -188,9 +193,10 @@ FORCED_ORBIT = Capability(
 
 STROBED = Capability(
     "a stroboscopic section",
-    SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | {"moved_support"},
+    SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED | {"moved_support"},
     refuses={**CONSTANT, **PLANE},
     unless=STOPS,
+    apart=UNRUBBED,
     beside=UNLOADED,
     needs={DRIVEN_IN_TIME: "a stroboscopic section needs a period: a sine that moves the support or acts"},
 )
@@ -397,7 +403,7 @@ CAPABILITIES: dict[str, Capability] = {
         replace(SIDE_BY_SIDE, name="an ensemble", refuses=NONE, singly=BESIDE_NONE),
         Capability(
             "motion in a few modes",
-            SHAPE | LOSS | {"quadratic_drag"},
+            SHAPE | LOSS | STRUCTURED | {"quadratic_drag"},
             refuses={
                 **STILL,
                 **_each(DRIVEN_IN_TIME, "has no error estimate where what acts in time moves modes that are left out"),
@@ -411,7 +417,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "motion in closed form",
-            LINEAR,
+            LINEAR | STRUCTURED,
             leaves=_each(DRIVES, UNDRIVEN),
             refuses={**STILL, **CONSTANT, **STICKS, "quadratic_drag": "has no term for it"},
             beside=UNLOADED,
@@ -419,13 +425,14 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a comparison of methods",
-            ACTING - {"load"} | FRICTION | DRIVES | {"space", "hoist"},
+            ACTING - {"load"} | FRICTION | DRIVES | STRUCTURED | {"space", "hoist"},
             unless=ENDS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
         Capability(
             "a check of modes",
-            LINEAR,
+            LINEAR | STRUCTURED,
             leaves={name: words for name, words in ABOUT.items() if name not in STILL},
             refuses={name: words for name, words in {**STILL, **CONSTANT}.items() if name not in LEANING},
             unless=LEANING,
@@ -434,9 +441,10 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a comparison with modes",
-            SHAPE | LOSS | DRAG | FRICTION | DRIVES,
+            SHAPE | LOSS | DRAG | FRICTION | DRIVES | STRUCTURED,
             refuses={**STILL, **CONSTANT, **PLANE},
             unless=ENDS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
         Capability(
@@ -465,14 +473,15 @@ CAPABILITIES: dict[str, Capability] = {
         FORCED_ORBIT,
         Capability(
             "a Lyapunov exponent",
-            SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | {"moved_support"},
+            SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED | {"moved_support"},
             refuses={**CONSTANT, **PLANE},
             unless=STOPS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
         Capability(
             "a Poincaré section",
-            SHAPE,
+            SHAPE | STRUCTURED,
             refuses={
                 **STILL,
                 **_each(_of("moved_support force"), "needs a motion that keeps its energy: find_strobes takes it"),
@@ -494,13 +503,14 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a Floquet multiplier",
-            SHAPE - {"cart"} | LOSS | {"quadratic_drag", "moved_support", "space"},
+            SHAPE - {"cart"} | LOSS | STRUCTURED | {"quadratic_drag", "moved_support", "space"},
             refuses={
                 **_each(FORCED, "needs a scene without forces"),
                 **_each(FRICTION, "does not follow what sticks and slips"),
                 **_each(DRIVES, "is computed without drives"),
                 "hoist": "needs constant lengths",
             },
+            apart=AIRLESS,
             beside={**UNLOADED, **_each(_of("cart massless_cart"), "a cart is no support that moves as prescribed")},
             needs={_of("moved_support"): 'support.kind: a Floquet multiplier needs kind = "moved"'},
         ),
@@ -517,9 +527,10 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a fit of motions",
-            SHAPE | {"dampers", "moved_support", "hoist"} | DRAG | FRICTION | DRIVES | FORCED,
+            SHAPE | {"dampers", "moved_support", "hoist"} | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED,
             refuses={**PLANE, **NO_RATIO},
             unless=ENDS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
     )

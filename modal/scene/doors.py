@@ -17,7 +17,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, wraps
+from functools import cached_property, partial, wraps
 from math import isfinite, isnan
 from numbers import Integral, Real
 from os import PathLike
@@ -67,7 +67,7 @@ def problem_of(kind: str, value: object) -> str:
     >>> problem_of("Modes", "chain-2")
     'a Modes is required, not str: natural_modes(scene) gives them'
     """
-    if any(own.__name__ == kind for own in type(value).__mro__):
+    if kind in [own.__name__ for own in type(value).__mro__]:
         return ""
     way = WAYS.get(kind, "")
     if "{value}" in way:
@@ -158,6 +158,8 @@ def _check(annotation: str, names: Mapping[str, Any], unbounded: bool) -> Check 
     known = [check for check in checks if check is not None]
     if len(known) < len(checks):
         return None
+    if len(known) == len(atoms) == 1:  # most calls are right, and cost little
+        return known[0]
 
     def problem(value: object) -> str:
         if value is None and "None" in atoms:
@@ -183,7 +185,7 @@ def _of_atom(atom: str, names: Mapping[str, Any], unbounded: bool) -> Check | No
     if get_origin(meaning) is Literal:
         return _one_of(get_args(meaning))
     if atom in WAYS or (isinstance(meaning, type) and not hasattr(meaning, "__protocol_attrs__")):
-        return lambda value: problem_of(atom, value)
+        return partial(problem_of, atom)
     return None
 
 

@@ -10,7 +10,7 @@ what is here.
 
 from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
 from modal.structure.outlines import STILL, Piece, Scaffold
-from modal.structure.rest import Phi, Row, bends, is_damped, phi, slopes, tied, turning
+from modal.structure.rest import Phi, Row, bends, drawn_together, is_damped, phi, slopes, tied, turning
 from modal.structure.scaling import coordinate_units, scaled
 from modal.structure.structure import (
     CarrierEnd,
@@ -22,12 +22,12 @@ from modal.structure.structure import (
     Structure,
     Where,
     carrier_end,
-    drawn_together,
     structure_of,
 )
-from modal.structure.weights import carried, hung_masses, unbalanced, weights
+from modal.structure.weights import BALANCED, Weight, carried, hung_masses, unbalanced, weights
 
 __all__ = [
+    "BALANCED",
     "PLATFORM",
     "STILL",
     "CarrierEnd",
@@ -43,6 +43,7 @@ __all__ = [
     "Scaffold",
     "SpringNumbers",
     "Structure",
+    "Weight",
     "Where",
     "bends",
     "carried",

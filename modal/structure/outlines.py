@@ -415,8 +415,9 @@ def _direction(along: Floats) -> Floats:
     """Unit vectors (F, 2), along the rail where there is no length."""
     size: Floats = np.sqrt((along * along).sum(axis=-1, keepdims=True))
     if along.dtype.hasobject:
-        return along / size
-    return np.divide(along, size, out=np.broadcast_to([1.0, 0.0], along.shape).copy(), where=size > 0)
+        return np.asarray(along / size)
+    found: Floats = np.divide(along, size, out=np.broadcast_to([1.0, 0.0], along.shape).copy(), where=size > 0)
+    return found
 
 
 def _zigzag(start: Floats, end: Floats, unit: float, *, damped: bool = False) -> Floats:

@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import hypot
 from typing import Any, NamedTuple, cast
 
 from modal.scene import Scene, places_of
@@ -24,8 +23,6 @@ from modal.structure.carriers import CarrierNumbers, carrier_numbers
 
 Where = tuple[Any, Any] | int
 """A point of a carrier: (s, h) in m from its origin, or the number of a point of a modal one."""
-DRAWN_TOGETHER = 1e-12
-"""Ends of a spring this close, over their distance from the origin, are one point as drawn."""
 
 
 class Pivot(NamedTuple):
@@ -142,12 +139,6 @@ def carrier_end(scene: Scene, text: str) -> CarrierEnd | None:
     require_type("scene", scene, "Scene")
     ends = _ends(scene, text, {name: index for index, name in enumerate(scene.support_names)})
     return ends[0] if len(ends) == 1 and isinstance(ends[0], CarrierEnd) else None
-
-
-def drawn_together(first: tuple[float, float], second: tuple[float, float]) -> bool:
-    """Whether two places (m) are one point as drawn, to rounding: a spring between them has no direction."""
-    apart = hypot(second[0] - first[0], second[1] - first[1])
-    return apart <= DRAWN_TOGETHER * max(map(abs, (*first, *second)))
 
 
 def _ends(scene: Scene, text: str, named: dict[str, int]) -> list[End]:

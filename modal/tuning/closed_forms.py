@@ -32,7 +32,7 @@ from modal.types import Floats
 
 
 def den_hartog(mu: float) -> tuple[float, float]:
-    """f and ζ of Den Hartog.
+    """F and ζ of Den Hartog.
 
     >>> [round(value, 6) for value in den_hartog(0.05)]
     [0.952381, 0.133631]
@@ -41,7 +41,7 @@ def den_hartog(mu: float) -> tuple[float, float]:
 
 
 def exact_optimum(mu: float) -> tuple[float, float]:
-    """f and ζ of the least peak of a carrier without a damper.
+    """F and ζ of the least peak of a carrier without a damper.
 
     >>> [round(value, 8) for value in exact_optimum(0.05)]
     [0.95237204, 0.13393773]
@@ -69,12 +69,12 @@ class Absorber(Displayed):
 
     @property
     def den_hartog(self) -> tuple[float, float]:
-        """f and ζ of Den Hartog."""
+        """F and ζ of Den Hartog."""
         return den_hartog(self.mu)
 
     @property
     def exact(self) -> tuple[float, float]:
-        """f and ζ of the least peak of a carrier without a damper."""
+        """F and ζ of the least peak of a carrier without a damper."""
         return exact_optimum(self.mu)
 
 

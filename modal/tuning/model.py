@@ -109,7 +109,9 @@ class Reduced:
             if group.translation is not None:
                 translation[c] = group.translation[k]
             if given is not None:
-                push = pushed(geometry, point_input(scene, given[0])) if is_point(given[0]) else PUSHES[given[0]](geometry)
+                push = (
+                    pushed(geometry, point_input(scene, given[0])) if is_point(given[0]) else PUSHES[given[0]](geometry)
+                )
                 F[c] = push.F[:, given[1]]
                 if group.pushed:
                     thrust[c] = push.thrust[k, given[1]]

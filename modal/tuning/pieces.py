@@ -1,10 +1,10 @@
 """Quantities of a scene as the largest, or least, of smooth numbers: their pieces, with exact derivatives.
 
-    peak        |H(iω_k)| at every peak; its derivative holds ω, since ∂|H|/∂ω = 0 there
-    rms         √∫ |H|² S df and ∫ Re(H̄ ∂H) S df, by the rule of `modal.vibration`
-    damping     ζ_k of every mode that swings, of Re λ_k and |λ_k|
-    settling    ln 50 / −Re λ_k
-    residual    one number, of which the derivative is a difference quotient of four values
+peak        |H(iω_k)| at every peak; its derivative holds ω, since ∂|H|/∂ω = 0 there
+rms         √∫ |H|² S df and ∫ Re(H̄ ∂H) S df, by the rule of `modal.vibration`
+damping     ζ_k of every mode that swings, of Re λ_k and |λ_k|
+settling    ln 50 / −Re λ_k
+residual    one number, of which the derivative is a difference quotient of four values
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from modal.statespace.hoisting import Travel, travel_swing
 from modal.statespace.shapers import Kind
 from modal.tuning.model import MOST_COORDINATES, Arrays, Channel, Model, Numbers, reduced
 from modal.tuning.peaks import UNDAMPED, find_peaks
-from modal.tuning.quantities import FreeNumber, Limit, Quantity
+from modal.tuning.quantities import FreeNumber, Quantity
 from modal.types import Booleans, Floats
 from modal.vibration.random import nodes
 from modal.vibration.spectra import acceleration_psd, psd_at
@@ -228,7 +228,9 @@ class At:
         decay = np.array([-value.real for value in values])
         least = UNDAMPED * np.abs(values)
         if not len(rows) or (decay <= least).any():
-            words = "no mode moves" if not len(rows) else f"mode {rows[int((decay - least).argmin())] + 1} never settles"
+            words = (
+                "no mode moves" if not len(rows) else f"mode {rows[int((decay - least).argmin())] + 1} never settles"
+            )
             return Pieces.none(words, len(self.by))
         by = (FIFTY / decay**2)[:, None] * slopes.real
         return Pieces(FIFTY / decay, by, np.array(rows, float), np.ones(len(rows), bool))

@@ -15,7 +15,6 @@ from modal.scene import Scene, title_of
 from modal.scene.parameters import with_numbers
 from modal.tuning.closed_forms import Absorber, absorbers, values_for
 from modal.tuning.loads import Load, loads
-
 from modal.tuning.objective import Objective, extreme
 from modal.tuning.peaks import find_peaks
 from modal.tuning.pieces import Pieces, Quantities
@@ -75,7 +74,9 @@ class Tuned(Displayed):
     @property
     def numbers(self) -> dict[str, float]:
         """The best numbers by their places."""
-        return dict(zip([one.path for one in self.objective.free], self.objective.numbers(self.z).tolist(), strict=True))
+        return dict(
+            zip([one.path for one in self.objective.free], self.objective.numbers(self.z).tolist(), strict=True)
+        )
 
     @property
     def before(self) -> float:
@@ -147,7 +148,9 @@ class Tuned(Displayed):
         low, high = setting.rates or (rates.min() / BESIDE, rates.max() * BESIDE)
         low = max(low, 1e-3 * high)
         near = np.concatenate([poles[poles > 0], rates])
-        close = np.outer(near, 1 + np.concatenate((-np.geomspace(1e-4, 0.05, NEAR), [0.0], np.geomspace(1e-4, 0.05, NEAR))))
+        close = np.outer(
+            near, 1 + np.concatenate((-np.geomspace(1e-4, 0.05, NEAR), [0.0], np.geomspace(1e-4, 0.05, NEAR)))
+        )
         omega = np.unique(np.concatenate((np.geomspace(low, high, CURVE), close.ravel())))
         omega = omega[(omega >= low) & (omega <= high)]
         before, after = (np.abs(model.response(0, omega)) for model in models)
@@ -210,7 +213,9 @@ def _is_of_den_hartog(objective: Objective) -> bool:
     at = objective.aims[0].quantity
     kind = own.form.kinds[own.channels.index((at.output, at.input))]  # type: ignore[arg-type]
     row, column = own.form.signals[own.channels.index((at.output, at.input))]  # type: ignore[arg-type]
-    return not kind.moves and row.unit == "m" and column.unit == "N" and not row.name.startswith(("tip", "joint", "spr"))
+    return (
+        not kind.moves and row.unit == "m" and column.unit == "N" and not row.name.startswith(("tip", "joint", "spr"))
+    )
 
 
 # ------------------------------------------------------------------------------------------------------- reports
@@ -356,7 +361,15 @@ def _objective_table(found: Tuned) -> str:
             peaks = ", ".join(f"{at / tau:.5g}" for at in equal)
         values = [f"{extreme(quantity, own[k]):.8g}" for own in (found.pieces_before, found.pieces_after)]
         way = "largest" if aim.maximized else "least"
-        rows.append([f"{way}{f' ×{quantity.weight:g}' * (quantity.weight != 1)}", quantity.name, found.unit(quantity), *values, peaks])
+        rows.append(
+            [
+                f"{way}{f' ×{quantity.weight:g}' * (quantity.weight != 1)}",
+                quantity.name,
+                found.unit(quantity),
+                *values,
+                peaks,
+            ]
+        )
     for k, limit in enumerate(found.objective.limits):
         at = len(found.objective.aims) + k
         values = [f"{extreme(limit.quantity, own[at]):.8g}" for own in (found.pieces_before, found.pieces_after)]
@@ -385,14 +398,23 @@ def _sentences(found: Tuned) -> Iterator[str]:
     if found.starts == 1:
         yield "One start had a finite value."
     else:
-        alike = [one for one in found.valleys if abs(one.value - found.valleys[0].value) <= 1e-3 * abs(found.valleys[0].value)]
-        yield f"{found.starts} starts led into {counted(len(found.valleys), 'valley', 'valleys')}" + (
-            ": " + ", ".join(f"{one.value:.6g}" for one in found.valleys[:6]) if len(found.valleys) > 1 else ""
-        ) + (f"; {len(alike)} of them are equally deep" if len(alike) > 1 else "") + "."
+        alike = [
+            one
+            for one in found.valleys
+            if abs(one.value - found.valleys[0].value) <= 1e-3 * abs(found.valleys[0].value)
+        ]
+        yield (
+            f"{found.starts} starts led into {counted(len(found.valleys), 'valley', 'valleys')}"
+            + (": " + ", ".join(f"{one.value:.6g}" for one in found.valleys[:6]) if len(found.valleys) > 1 else "")
+            + (f"; {len(alike)} of them are equally deep" if len(alike) > 1 else "")
+            + "."
+        )
     if not found.certain:
         yield "The last digits were not settled by Newton's method: pieces of the objective meet there in a corner or a root."
     at_bounds = [
-        one.path for one, z, low, high in zip(own.free, found.z, own.low, own.high, strict=True) if min(z - low, high - z) < 1e-9
+        one.path
+        for one, z, low, high in zip(own.free, found.z, own.low, own.high, strict=True)
+        if min(z - low, high - z) < 1e-9
     ]
     if at_bounds:
         yield f"At its bound: {', '.join(at_bounds)}."
@@ -421,9 +443,17 @@ def _rules_table(found: Tuned) -> str:
         rows.append(["", "", "", "Den Hartog", f"{f:.8f}", f"{zeta:.8f}", value])
         if own.alone:
             f, zeta = own.exact
-            rows.append(["", "", "", "exact if ζ were 0" if own.damping_ratio > EQUAL else "exact", f"{f:.8f}", f"{zeta:.8f}", ""])
+            rows.append(
+                [
+                    "",
+                    "",
+                    "",
+                    "exact if ζ were 0" if own.damping_ratio > EQUAL else "exact",
+                    f"{f:.8f}",
+                    f"{zeta:.8f}",
+                    "",
+                ]
+            )
         else:
             notes = ["Den Hartog's rule beside several carriers is for the mode nearest to the pendulum alone."]
     return "\n\n".join([grid(rows, headings), *notes])
-
-

@@ -144,6 +144,7 @@ def _aims(minimize: Sequence[str], maximize: Sequence[str]) -> tuple[list[Aim], 
 
 def _begin(scene: Scene, place: Place) -> float:
     """Where the search for a number that is 0 begins: a tenth of critical damping, or of the stiffness that is there."""
+
     def arrays(one: Scene) -> tuple[Floats, ...]:
         found = matrices(one)
         return found.M, found.K, found.D
@@ -275,7 +276,10 @@ def _robust(objective: Objective, best: Minimum) -> Minimum:
 def _endless(objective: Objective) -> str:
     """Why no start has a finite value."""
     found = objective.pieces(objective.start)
-    quantities: list[Quantity] = [*(one.quantity for one in objective.aims), *(one.quantity for one in objective.limits)]
+    quantities: list[Quantity] = [
+        *(one.quantity for one in objective.aims),
+        *(one.quantity for one in objective.limits),
+    ]
     for quantity, one in zip(quantities, found, strict=True):
         if one.endless:
             return f"{quantity.name}: {one.endless}, whatever the free numbers are"
@@ -311,4 +315,3 @@ def _refuse_no_peak(objective: Objective, best: Minimum) -> None:
             if objective.quantities.setting.band is None and at > 1e-5:
                 where = "the limit at high frequencies"
             raise ComputationError(f"{aim.quantity.name}: has no peak: its largest magnitude is {where}")
-

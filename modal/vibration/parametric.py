@@ -121,7 +121,8 @@ def stabilities(scenes: Sequence[Scene]) -> list[ParametricStability]:
     groups: dict[tuple[object, ...], list[int]] = {}
     sines = [vertical_sine(scene) for scene in scenes]
     for at, scene in enumerate(scenes):
-        groups.setdefault((scene.gravity, scene.pendulum, scene.damping_ratio, scene.space), []).append(at)
+        carried = (scene.supports, scene.spring) if scene.is_structured else ()
+        groups.setdefault((scene.gravity, scene.pendulum, scene.damping_ratio, scene.space, carried), []).append(at)
     for alike in groups.values():
         systems = hill_systems(scenes[alike[0]])
         amplitude, hertz = np.array([(sines[at].amplitude, sines[at].frequency_hz) for at in alike]).T

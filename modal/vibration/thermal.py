@@ -13,7 +13,6 @@ For dampers alone ∫ S_x df = k_B T (K⁻¹)_xx; with a constant loss angle the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite, tau
@@ -25,6 +24,7 @@ from modal.assembly import Dissipator, dissipators_of
 from modal.errors import ComputationError, SceneError
 from modal.modes import natural_modes
 from modal.scene import Scene, require
+from modal.scene.doors import checked
 from modal.statespace import state_space, to_modal_form
 from modal.statespace.frequency import Elimination
 from modal.statespace.full_damping import MOST, is_small
@@ -92,7 +92,8 @@ class ThermalNoise(ModalResponse):
         return np.sqrt(total)
 
 
-def thermal_noise(scene: Scene, temperature: float, outputs: Sequence[str] = USUAL) -> ThermalNoise:
+@checked
+def thermal_noise(scene: Scene, temperature: float, outputs: tuple[str, ...] = USUAL) -> ThermalNoise:
     """The thermal noise of a scene at a temperature (K), at small angles about its equilibrium.
 
     `outputs` are groups of `modal.statespace.signals.OUTPUTS` but those of forces.  Raises SceneError for a temperature
@@ -103,7 +104,7 @@ def thermal_noise(scene: Scene, temperature: float, outputs: Sequence[str] = USU
     >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=40.0, length=0.6, wire_loss=1e-6)])])
     >>> found = thermal_noise(scene, 290.0)
     >>> [f"{value:.4e}" for value in found.asd([10.0, 100.0])[0]]
-    ['1.6450e-18', '5.2031e-21']
+    ['2.5963e-18', '8.1765e-21']
     """
     problems = []
     if not (isfinite(temperature) and 0 < temperature <= HOTTEST):
@@ -122,7 +123,7 @@ def thermal_noise(scene: Scene, temperature: float, outputs: Sequence[str] = USU
     modes = natural_modes(scene)
     if growing := [number for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.real > 0]:
         raise ComputationError(f"mode {growing[0]} grows by itself: there is no thermal equilibrium")
-    model = state_space(scene, outputs=tuple(outputs))
+    model = state_space(scene, outputs=outputs)
     dissipators = tuple(dissipators_of(scene))
     if len(dissipators) * len(model.outputs) > MOST_PAIRS:
         sizes = f"{len(dissipators)} places that dissipate and {len(model.outputs)} outputs"

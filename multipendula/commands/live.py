@@ -62,10 +62,12 @@ COMMANDS = (
             "One HTML file that any browser opens, without a server or a network. Drag a mass, a length or the cart's "
             "mass and the table follows; choose a mode and it swings; pull a bob and the full equations run beside the "
             "linear prediction. A saved run plays with speed, step and scrub controls. Scenes in the plane of at most "
-            "60 links, without hoists, dry friction or damping ratios; a support moves in a sine."
+            "60 links, structures of at most 40 coordinates with those of links, without hoists, dry friction or "
+            "damping ratios; a support moves in a sine."
         ),
         examples=(
             ("play paper-cart-2 -o page.html", "two double pendula on a cart, to play with"),
+            ("play ship-crane -o ship.html", "a ship that rolls under its crane: drag the hull"),
             ("simulate clocks-double --duration 20 -o run.npz", "a run to play"),
             ("play run.npz -o run.html", "the saved run, with its controls"),
         ),

@@ -10,7 +10,7 @@ what is seen.  Start with `document`.
 
 from multipendula.page.document import LARGEST, LARGEST_OF_STRUCTURES, MODULES, joined, page
 from multipendula.page.payload import MOST_LINKS, recording_of, scene_data
-from multipendula.page.structure import structure_module
+from multipendula.page.structure import scaffold_of, structure_module
 
 __all__ = [
     "LARGEST",
@@ -20,6 +20,7 @@ __all__ = [
     "joined",
     "page",
     "recording_of",
+    "scaffold_of",
     "scene_data",
     "structure_module",
 ]

@@ -33,10 +33,13 @@ EXPORT = re.compile(r"^export (?=(?:const|function|class) (\w+))", re.MULTILINE)
 
 def joined(names: Sequence[str] = MODULES, structure: str = NONE) -> str:
     """The modules of these names as one script, on a page of this `structure` (`structure_module`)."""
-    written = {"steps": steps, "structure": lambda: structure, "tableau": tableau}
-    return "\n".join(
-        _scoped(name, written[name]() if name in written else _file(f"modules/{name}.js")) for name in names
-    )
+    return "\n".join(_scoped(name, _module(name, structure)) for name in names)
+
+
+def _module(name: str, structure: str) -> str:
+    if name == "structure":
+        return structure
+    return {"steps": steps, "tableau": tableau}[name]() if name in {"steps", "tableau"} else _file(f"modules/{name}.js")
 
 
 @cache

@@ -115,7 +115,7 @@ def _drawing(system: System, structure: Structure) -> tuple[Module, list[dict[st
     from nonlinear.dynamics import Module, Tape
 
     tape = Tape()
-    scaffold = _scaffold(system, structure)
+    scaffold = scaffold_of(system)
     eta = tape.inputs("y", structure.size)[None, :]
     joints = tape.inputs("u", 2 * (system.n_links + len(structure.pivots)))
     chains, at = {}, 0
@@ -145,8 +145,10 @@ def _is_still(piece: Piece, points: list[Any]) -> bool:
     return piece.role in STILL and all(isinstance(value, float | int) for value in points)
 
 
-def _scaffold(system: System, structure: Structure) -> Scaffold:
-    """The structure with all pendula."""
+def scaffold_of(system: System) -> Scaffold:
+    """The structure of a system with all pendula."""
+    structure = system.structure
+    assert structure is not None
     lengths, centres = system.by_link("length"), system.by_link("centre")
     first = np.concatenate(([0], np.cumsum(_sizes(system))))
     chains = [slice(*ends) for ends in pairwise(first)]

@@ -204,9 +204,11 @@ def late(motion: Motion, reference: Trajectory) -> float:
 
 
 def _flat(motion: Motion, system: System, rows: Any) -> tuple[Floats, Floats]:
-    """The q and q' at these samples, (T, n): the cart in lengths of the longest link, then every link."""
+    """The q and q' at these samples, (T, n): the cart, or carriers, in lengths of the longest link, then every link."""
     count = int(np.sum(rows))
     links = (part[rows].reshape(count, -1) for part in (motion.links, motion.link_rates))
-    carts = (part[rows] / system.length for part in (motion.cart, motion.cart_rate))
+    carts: Any = (part[rows] / system.length for part in (motion.cart, motion.cart_rate))
+    if system.structure is not None:
+        carts = (part[rows] / system.first_units for part in (motion.supports, motion.support_rates))
     q, v = (np.column_stack(pair) for pair in zip(carts, links, strict=True))
     return q, v

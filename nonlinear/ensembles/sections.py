@@ -180,17 +180,24 @@ def _records(found: PoincareSection) -> list[dict[str, Any]]:
         column("crossing_time_s").tolist(),
         column("crossing_links_rad").tolist(),
         column("crossing_link_rates_rad_per_s").tolist(),
-        column("crossing_cart_m").tolist(),
-        column("crossing_cart_rate_m_per_s").tolist(),
+        _carried(found),
         strict=True,
     )
     return [
         {"motion": motion + 1, "time_s": time}
         | {f"theta_{place}_rad": own for place, own in zip(places, links, strict=True)}
         | {f"theta_dot_{place}_rad_per_s": own for place, own in zip(places, rates, strict=True)}
-        | {"x_m": x, "x_dot_m_per_s": speed}
-        for motion, time, links, rates, x, speed in rows
+        | carried
+        for motion, time, links, rates, carried in rows
     ]
+
+
+def _carried(found: PoincareSection) -> list[dict[str, float]]:
+    """The cart, or the coordinates of a structure, at every crossing."""
+    own = ("cart_m", "cart_rate_m_per_s") if found.system.structure is None else CARRIED.values()
+    columns = [found.ensemble.column(f"crossing_{name}") for name in own]
+    rows = np.hstack([each.reshape(len(found.orbit), -1) for each in columns]).tolist()
+    return [dict(zip(found.system.first_columns, row, strict=True)) for row in rows]
 
 
 def _whole(found: PoincareSection) -> dict[str, Any]:

@@ -33,7 +33,7 @@ from nonlinear.integration.readiness import Forgone, Offer, best_of, forgone_by
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.timescales import estimate_timescales
-from nonlinear.system import Equations, Group, Load, System, system_of
+from nonlinear.system import Equations, Group, Load, System, ends_may_meet, system_of
 
 ASKED = "as asked for"
 METHODS = ("auto", *SCIPY, "taylor")
@@ -142,7 +142,7 @@ def choose(
     written = system.n_links <= WRITTEN
     if written and system.kicked:
         ways.pop("compiled", None)
-    if method != "auto" or tolerance * size < taylor.TIGHTEST:
+    if method != "auto" or tolerance * size < taylor.TIGHTEST or ends_may_meet(system):
         ways.pop("taylor", None)
     method, why = _automatic(scene, duration, tolerance, form, ways) if method == "auto" else (method, ASKED)
     if written and method != "DOP853":

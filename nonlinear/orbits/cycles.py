@@ -21,7 +21,7 @@ from nonlinear.orbits.continuation import Point, corrected, follow, level, locat
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import COARSEST, FINEST, MOST_SEGMENTS, SEGMENTS, Clock, Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles
-from nonlinear.system import Motion, State, system_of, validate_state
+from nonlinear.system import Motion, State, System, system_of, translations, validate_state
 
 TOLERANCE = 1e-11
 CLOSED = 1e-8
@@ -100,9 +100,7 @@ def turning(problem: Shooting, y: Floats, period: float) -> tuple[Floats, int]:
         found[first + leader] = flow.rest[first + leader]
     else:
         found[layout.half + first + leader] = 0.0
-    if problem.free:
-        found[0] = 0.0
-    return found, leader
+    return problem.placed(found), leader
 
 
 def last_swing(times: Floats, motion: Motion) -> float:
@@ -128,8 +126,7 @@ def near(problem: Shooting, one: RelativeEquilibrium) -> tuple[Floats, float, in
     leader = int(np.abs(place[first:]).argmax())
     turn = np.exp(-1j * np.angle(place[first + leader])) * (-1j if problem.passes else 1)
     q, v = (place * turn).real, (1j * one.omega * place * turn).real
-    if problem.free:
-        q[0] = 0.0
+    q = problem.placed(q)
     q[first:] += system.rest
     if problem.passes:
         q[first + leader] = system.rest[leader]
@@ -174,17 +171,37 @@ def _sizes(orbit: Orbit) -> Sequence[float]:
 def growth(orbit: Orbit) -> float:
     """The largest growth rate (1/s) of disturbances, −∞ where there are no others.
 
-    The drift of a free cart that its damper brings to rest, by which no pendulum moves against another, is left out.
+    The drift of a free cart that its damper brings to rest, by which no pendulum moves against another, is left out, as
+    is that of carriers that nothing holds.
     """
     rates = np.log(np.abs(orbit.floquet.others)) / orbit.period
-    system = orbit.flow.system
-    free = system.cart is not None and not system.cart.stiffness
-    if free and len(rates) and (resisting := orbit.flow.equations.momentum_slope(orbit.y)[0]):
-        drift = -resisting / system.total_mass
+    for drift in _drifts(orbit) if len(rates) else ():
         at = int(np.abs(rates - drift).argmin())
         if abs(rates[at] / drift - 1) < DRIFTING:
             rates = np.delete(rates, at)
     return float(rates.max(initial=-np.inf))
+
+
+def _drifts(orbit: Orbit) -> Iterator[float]:
+    """The rates (1/s) at which dampers of carts and carriers that nothing holds bring these to rest."""
+    system, equations = orbit.flow.system, orbit.flow.equations
+    for along in translations(system):
+        if system.structure is None:
+            resisting, mass = float(equations.momentum_slope(orbit.y)[0]), system.total_mass
+        else:
+            half = equations.layout.half
+            moved = np.pad(along, (0, half - len(along)))
+            resisting = float(along @ _dampings(system) @ along)
+            mass = float(moved @ equations.momenta(orbit.y[:half, None], moved[:, None])[:, 0])
+        if resisting:
+            yield -resisting / mass
+
+
+def _dampings(system: System) -> Floats:
+    """What the carriers' own dampers, not those between points, resist: the diagonal (first, first)."""
+    assert system.structure is not None
+    own = [one.damping if one.D is None else np.zeros(one.size) for one in system.structure.carriers]
+    return np.diag(np.concatenate(own))
 
 
 @checked

@@ -205,8 +205,7 @@ def _beside(problem: Shooting, y: Floats, value: float | None, words: str) -> tu
     y, turns = y.copy(), np.round((angles[-1] - angles[0]) / (2 * np.pi)).astype(int)
     middle = (angles.min(axis=0) + angles.max(axis=0)) / 2 - flow.rest[links]
     y[links] -= 2 * np.pi * np.round(middle / (2 * np.pi))
-    if problem.free:
-        y[0] = 0.0
+    y = problem.placed(y)
     problem = replace(problem, turns=tuple(turns.tolist()) if turns.any() else ())
     u = solution(problem, y, period, value)
     if problem.orbit(u).residual > CLOSED:

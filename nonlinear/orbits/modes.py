@@ -26,6 +26,7 @@ STEP, COARSE = 0.08, 0.2  # longest steps in natural units, for a curve and to r
 FARTHEST = radians(170)
 SMALLEST, FARTHEST_TURN = 1e-12, 20.0  # rad, and J: largest angles and energies that can be asked for
 MOST = 2000  # orbits of a branch
+STILL = 1e-9  # angle (rad) of links over the displacements (m, rad) of carriers, below which they hang still
 
 
 @checked
@@ -149,7 +150,15 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
         raise SceneError([f"mode {number}: the equilibrium is unstable"])
     if still.omega[row] == 0:
         raise SceneError([f"mode {number}: a rigid translation does not oscillate"])
+    if _is_carriers_alone(still, row):
+        raise SceneError([f"mode {number}: moves no link, and orbits are told by the largest angle of one"])
     return still, row
+
+
+def _is_carriers_alone(modes: Modes, row: int) -> bool:
+    """Whether a mode of a structure moves carriers and leaves every link as it hangs."""
+    shape = modes.shape(row)
+    return bool(len(shape.supports)) and np.abs(shape.angles).max() < STILL * np.abs(shape.supports).max()
 
 
 def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> Point:
@@ -157,7 +166,7 @@ def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> Poi
     shape = modes.shape(row)
     phi = np.real(modes.column(shape)) / problem.flow.scale[: problem.half]
     phi = phi / np.abs(np.real(shape.angles)).max()
-    quarter = np.pi / 2 / modes.omega[row] * problem.clock
+    quarter = 2 * np.pi / problem.parts / modes.omega[row] * problem.clock
     across = np.append(phi, 0.0) / np.linalg.norm(phi)
     found = point(problem, np.append(amplitude * phi, quarter), across)
     if found is None:

@@ -293,7 +293,7 @@ def survey_modes(scene: Scene, system: System, start: State) -> Survey:
     still = scene.conservative
     modes = modes_of(still)
     phi = modes.matrix.real
-    if len(phi.row) < modes.on_cart + scene.n_links:
+    if len(phi.row) < system.first + scene.n_links:
         raise SceneError(["support.mass = 0.0: the modes of this scene do not span its motion"])
     kept = tuple(Kept(row + 1, copy + 1) for row, copy in zip(phi.row.tolist(), phi.copy.tolist(), strict=True))
     return Survey(scene, system, modes, kept, phi.shapes, phi.dual, start)

@@ -30,9 +30,10 @@ from nonlinear.system.numbers import (
     with_prescribed,
 )
 from nonlinear.system.populations import Population, populations_of, representatives, unrepresented
-from nonlinear.system.springs import drawn_place, place_of, slack_of
+from nonlinear.system.springs import drawn_place, ends_may_meet, place_of, slack_of
 from nonlinear.system.state import AppliedForces, Equations, Layout, Load, Motion, State, apart
 from nonlinear.system.system import Group, System, system_of
+from nonlinear.system.translations import translations
 
 __all__ = [
     "NO_FRICTION",
@@ -57,6 +58,7 @@ __all__ = [
     "System",
     "apart",
     "drawn_place",
+    "ends_may_meet",
     "entries_of",
     "has_start",
     "initial_state",
@@ -74,6 +76,7 @@ __all__ = [
     "structure_places",
     "system_of",
     "system_with",
+    "translations",
     "turning_point",
     "unit_vectors",
     "unrepresented",

@@ -28,17 +28,21 @@ NO_START = (
 
 
 def has_start(scene: Scene) -> bool:
-    """Whether a simulation knows where to begin: a pendulum or a support has a start, or the ground moves."""
+    """Whether a simulation knows where to begin: a pendulum or a support has a start, or something drives it from rest.
+
+    That is a moved support, the ground's motion, or a force that changes in time.
+    """
     validate_scene(scene)
     started = any(getattr(support, "start", None) for support in scene.supports)
-    return scene.is_moved or scene.ground is not None or started or any(pendulum.start for pendulum in scene.pendulum)
+    driven = scene.is_moved or scene.ground is not None or "force" in scene.features
+    return driven or started or any(pendulum.start for pendulum in scene.pendulum)
 
 
 def initial_state(scene: Scene) -> State:
     """The initial state given in the scene file; pendula without a start are at rest in their equilibrium position.
 
     On a moved support the start is relative to it.  Raises SceneError where no pendulum and no support has a start,
-    unless the support moves.
+    unless the support moves or a force acts in time.
 
     >>> from modal import load
     >>> from nonlinear import initial_state

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from modal.structure import CarrierEnd, End, GroundEnd, Structure, drawn_together
+from modal.structure import CarrierEnd, End, GroundEnd, LinkEnd, Structure, drawn_together
 
 Vector = tuple[Any, Any]
 
@@ -55,6 +55,33 @@ def _drawn(structure: Structure, number: int, where: Any) -> Vector:
     if isinstance(where, int):
         return carrier.position
     return carrier.position[0] + where[0], carrier.position[1] + where[1]
+
+
+def ends_may_meet(system: Grouped) -> bool:
+    """Whether pendula can bring both ends of a spring with a length as drawn together, where its force turns round.
+
+    There it jumps, which series of a motion do not see and error control does; carriers are taken to stay apart.
+    """
+    if system.structure is None:
+        return False
+    for spring in system.structure.springs:
+        if spring.torsion or not np.any(spring.stiffness) or not any(isinstance(end, LinkEnd) for end in spring.ends):
+            continue
+        one, other = (drawn_place(system, end) for end in spring.ends)
+        if one is not None and other is not None and not drawn_together(one, other):
+            length = np.min(np.hypot(np.subtract(one[0], other[0]), np.subtract(one[1], other[1])))
+            if length <= sum(_reach(system, end) for end in spring.ends):
+                return True
+    return False
+
+
+def _reach(system: Grouped, end: End) -> float:
+    """How far (m) a pendulum brings an end from where it is drawn."""
+    if not isinstance(end, LinkEnd):
+        return 0.0
+    group, row, column = place_of(system, end.link)
+    below = group.block.centre[row, column] if end.below is None else end.below
+    return 2 * float(np.max(np.sum(group.block.length[:row, column], axis=0) + below))
 
 
 def slack_of(system: Grouped) -> tuple[bool, ...]:

@@ -228,6 +228,14 @@ class System(Displayed):
         units[list(self.structure.turning)] = 1.0
         return units
 
+    @property
+    def first_columns(self) -> list[str]:
+        """How files name these, then their rates: NAME_m, NAME_m_per_s; of one cart and of none x_m, x_dot_m_per_s."""
+        if self.structure is None:
+            return ["x_m", "x_dot_m_per_s"]
+        names = ["x_m" if name == "x" else name for name in self.structure.names]
+        return names + ["x_dot_m_per_s" if name == "x_m" else f"{name}_per_s" for name in names]
+
     @cached_property
     def n_links(self) -> int:
         """Number of links, counting copies."""

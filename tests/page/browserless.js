@@ -95,9 +95,11 @@ class Ink {
   clip() {}
 }
 
+// `given` are the data of the page and the end of its address.
 const elements = {};
 const frames = [];
 const element = (id) => (elements[id] ??= new FakeElement(id));
+element("data").textContent = JSON.stringify(given.data);
 globalThis.document = {
   title: "",
   documentElement: element("root"),
@@ -107,7 +109,7 @@ globalThis.document = {
   addEventListener() {},
 };
 globalThis.window = { devicePixelRatio: 1 };
-globalThis.location = { hash: "", href: "page.html" };
+globalThis.location = { hash: given.hash, href: "page.html" };
 globalThis.matchMedia = () => ({ matches: false, addEventListener() {} });
 globalThis.getComputedStyle = () => ({ getPropertyValue: (name) => name, fontSize: "16px" });
 globalThis.Option = class extends FakeElement {

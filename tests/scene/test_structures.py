@@ -299,7 +299,7 @@ def test_weights_are_slopes_of_the_potential() -> None:
     hanging = [hung(on=name, position=[0.4, 0.2], count=2) for name in "abcd"] + [hung(on="e[0]")]
     scene = scene_from(described(support=supports, pendulum=hanging))
     structure = structure_of(scene)
-    found = np.array(weights(structure, hung_masses(scene), scene.gravity))
+    found = np.array([weight.force for weight in weights(structure, hung_masses(scene), scene.gravity)])
     steps = 1e-30j * np.eye(structure.size)
     expected = np.array([-potential(scene, step).imag / 1e-30 for step in steps])
     assert found == pytest.approx(expected, rel=1e-14, abs=1e-14)

@@ -136,6 +136,13 @@ def _by(words: str) -> Attempt:
     return lambda path, scene, folder: _command(words, path, folder)
 
 
+def _compared_with_modes(path: Path, scene: Scene, folder: Path) -> str:
+    links = scene.n_links if scene.is_structured else scene.pendulum[0].n_links
+    return _command(
+        f"check @ --general --start angles:{','.join(['5', *['0'] * (links - 1)])} --duration 2", path, folder
+    )
+
+
 def _followed(path: Path, scene: Scene, folder: Path) -> str:
     begin = "" if scene.is_forced else " --start scene --duration 20"
     return _command(f"orbits @ {GRAVITY}{begin} --format json", path, folder)
@@ -172,7 +179,7 @@ ATTEMPTS: dict[str, Attempt] = {
     "matrices": _by("matrices @"),
     "explain": _by("explain @"),
     "check": _by("check @ --mode 2 --amplitude 5"),
-    "check general": _by("check @ --general --start angles:5,0 --duration 2"),
+    "check general": _compared_with_modes,
     "simulate": _simulated(),
     "simulate maximal": _simulated(form="maximal"),
     "simulate hamiltonian": _simulated(form="hamiltonian"),
@@ -264,8 +271,6 @@ UNDAMPED = (
         "cart",
         "cart_m_0",
         "count_100",
-        "springs",
-        "structure",
         "quadratic_drag",
         "moved_vertical",
     ),
