@@ -22,6 +22,8 @@ from modal.scene.contents import private
 DIGEST = sha256().digest_size
 OTHERS_WRITE = 0o022
 """Permissions of others to change a file."""
+ANY_ORDER = frozenset({"contract", "nsz", "reassoc"})
+"""Of products and sums: contracted, and added up in any order, as vector instructions want it."""
 
 
 def available() -> bool:
@@ -129,8 +131,22 @@ class KeptFile:
 
 
 def vectorized(function: Any, **options: Any) -> Any:
-    """As `compiled`, with products and sums contracted and added up in any order, as vector instructions want it."""
-    return compiled(function, fastmath={"contract", "nsz", "reassoc"}, **options)
+    """As `compiled`, with products and sums in ANY_ORDER."""
+    return compiled(function, fastmath=set(ANY_ORDER), **options)
+
+
+def part(function: Any, **options: Any) -> Any:
+    """A function for others that are compiled and hold its code: Python cannot call it, and no file is kept of it."""
+    try:
+        from numba import njit
+    except ImportError:
+        return function
+    return njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(function)
+
+
+def vectorized_part(function: Any) -> Any:
+    """As `part`, with products and sums in ANY_ORDER."""
+    return part(function, fastmath=set(ANY_ORDER))
 
 
 def in_place(function: Any, **options: Any) -> Any:

@@ -126,6 +126,8 @@ def structural_response(
     """
     pulling = [one for one in losses if one.kind == SPRING]
     held, pattern = int(any(one.moves == "cart" for one in given)), _filled(rig)
+    for one in losses:
+        pattern[np.ix_(list(one.row), list(one.row))] = True
     is_damped = rig.is_damped or dampers is not None
 
     def evaluate(numbers: Arithmetic) -> Any:

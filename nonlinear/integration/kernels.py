@@ -29,15 +29,15 @@ from nonlinear.integration.method import FIFTH, NODES, ROWS, SEEN, STAGES, THIRD
 from nonlinear.integration.readiness import Code, cached, folder, made_private, temporary
 
 COMPILING = "Compiling the equations of this form, which takes some ten seconds; the result is saved for later runs."
-COMPILING_ANY, COMPILING_LINK, COMPILING_SWITCHES = 7.0, 0.55, 13.0  # s to compile any module, each link, switches
+COMPILING_ANY, COMPILING_LINK, COMPILING_SWITCHES = 5.5, 0.55, 11.0  # s to compile any module, each link, switches
 MAKING = Lock()
 HEAD = '"""Written by multipendula, which runs what it has written and no other file of this name."""'
 IMPORTED = """from math import floor, inf, log, sqrt
 from typing import Any
 from numpy import isfinite, spacing, zeros
-from modal.eigen.compiling import compiled, vectorized"""
+from modal.eigen.compiling import compiled, part, vectorized_part"""
 ERRORS = """
-@vectorized
+@vectorized_part
 def errors(y, z, K, rel, ab, h, err):
  for k in range(WIDTH):
   e5 = 0.0
@@ -73,7 +73,7 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
             "PRESSES": int(at.presses),
         }
         functions = filter(inspect.isfunction, vars(meeting).values())
-        texts += [*(f"@compiled\n{_source_of(function)}" for function in functions), switches.source()]
+        texts += [*(f"@part\n{_source_of(function)}" for function in functions), switches.source()]
         texts += [_vectorized(switches.module.looped("values"))]
     texts += [_vectorized(module.looped(name, "rates")), _attempt(sizes["DRIVEN"] > 0, switches is not None)]
     texts += [
@@ -93,15 +93,16 @@ def _source_of(function: Callable[..., Any]) -> str:
 
 @cache
 def _loop() -> str:
-    return inner(looping, "compiled")
+    """The functions of `looping`, of which Python calls the last alone."""
+    return inner(looping, "part").replace("@part\ndef run(", "@compiled\ndef run(")
 
 
 def _vectorized(text: str) -> str:
-    return f"@vectorized\n{text}"
+    return f"@vectorized_part\n{text}"
 
 
 def _attempt(driven: bool, switches: bool) -> str:
-    lines, looks = ["", "@vectorized", "def attempt(y, h, c, K, z, front, tables, u, s, d, V, rel, ab, err):"], 0
+    lines, looks = ["", "@vectorized_part", "def attempt(y, h, c, K, z, front, tables, u, s, d, V, rel, ab, err):"], 0
     for stage in range(1, STAGES + 1):
         summed = weighted(ROWS[stage], "K[{}, i, k]")
         lines += [" for i in range(D):", "  for k in range(WIDTH):", f"   z[i, k] = y[i, k] + h[k] * ({summed})"]

@@ -119,7 +119,7 @@ def _of(pendulum: Pendulum) -> Floats:
 def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
     """The state at rest with an angle (deg) per link of the scene, or of one pendulum where all have equally many.
 
-    Raises SceneError for any other number of angles or a non-finite one.
+    Raises SceneError for any other number of angles.
 
     >>> from math import degrees
     >>> from modal import load
@@ -131,8 +131,6 @@ def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
     given, total = np.array(angles_deg, dtype=float), scene.n_links
     sizes = {pendulum.n_links for pendulum in scene.pendulum}
     accepted = sorted({total, *(sizes if len(sizes) == 1 else ())})
-    if problems := [f"start: angle {float(a)!r}: must be finite" for a in given if not np.isfinite(a)]:
-        raise SceneError(problems)
     if given.size not in accepted:
         size = counted(given.size, "angle", "angles")
         raise SceneError([f"start: has {size}: this scene needs {' or '.join(map(str, accepted))}"])

@@ -5,6 +5,7 @@ The scenes with such a spring go by the equations of structures, the plain ones 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, load
 from modal.errors import SceneError
 from modal.scene import Ground, Moved, SineForce, SineMotion, Spring
 from modal.scene.parameters import Variation, vary
-from modal.scene.supports import Heave, Swing
+from modal.scene.supports import Heave, ModalSupport, Swing
 from modal.vibration import parametric_stability
 from nonlinear import initial_state, simulate
 from nonlinear.accuracy.work_precision import late
@@ -25,8 +26,9 @@ from nonlinear.dynamics import is_unstable_equilibrium
 from nonlinear.ensembles import find_section, find_strobes
 from nonlinear.identification import fit, read_recording
 from nonlinear.orbits import Flow, follow_forced, forced_orbit, mode_orbit, nonlinear_mode
+from nonlinear.postprocessing.summary import text as run_text
 from nonlinear.reduction import defect_error, simulate_truncated, superpose
-from nonlinear.system import state_at_rest, system_of
+from nonlinear.system import ends_may_meet, state_at_rest, system_of
 from nonlinear.verification import check, compare
 
 CART = Scene(
@@ -236,3 +238,32 @@ def test_a_fit_reads_coordinates_of_supports(tmp_path: Path) -> None:
     found = fit(wrong, record, ["support.left.mass", "support.board.stiffness"])
     assert np.all(np.abs(found.values - [2.0, 5.0]) < 4 * found.stds)
     assert np.all(found.stds < 0.01)
+
+
+def test_both_ends_of_a_spring_meet_where_pendula_bring_them_together() -> None:
+    bobs = load("two-bobs")
+    assert ends_may_meet(system_of(bobs))
+    apart = bobs.replace(pendulum=[bobs.pendulum[0], bobs.pendulum[1].replace(position=(2.1, 0.0))])
+    assert not ends_may_meet(system_of(apart))
+    assert not ends_may_meet(system_of(load("two-swings")))
+    antiphase = vary(bobs, {"pendulum[0].start.angles_deg[0]": -30.0, "pendulum[1].start.angles_deg[0]": 30.0})
+    run = simulate(antiphase, 20.0)
+    assert run.run.method != "taylor"
+    assert run.energy_drift() < 1e-6
+
+
+def test_a_force_starts_a_scene_at_rest_and_its_summary_tells_angles_in_degrees() -> None:
+    ship = load("ship-crane")
+    run = simulate(ship.replace(support=ship.support.replace(start=None)), 20.0, output=201)
+    assert not run.motion.supports[0].any()
+    roll = np.degrees(run.motion.supports[:, 2])
+    low, high = (float(word) for word in re.findall(r"ship_roll +(\S+) to (\S+) deg", run_text(run))[0])
+    assert low == pytest.approx(roll.min(), rel=1e-3)
+    assert high == pytest.approx(roll.max(), rel=1e-3)
+
+
+def test_a_modal_support_stands_on_ground_at_rest() -> None:
+    frame = ModalSupport(name="frame", M=((2.0,),), K=((50.0,),), points=(((1.0,), (0.0,)),))
+    hung = [Pendulum(on="frame[0]", links=[Bob(mass=0.5, length=0.7)])]
+    with pytest.raises(SceneError, match="does not tell how a moving ground shakes its own mass"):
+        Scene(gravity=9.81, support=frame, ground=Ground(motion=SHAKE), pendulum=hung)
