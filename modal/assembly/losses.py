@@ -20,6 +20,7 @@ from modal.assembly.dense import centres
 from modal.assembly.modal_damping import modal_dampers
 from modal.assembly.structure import Hanging
 from modal.scene import LossTable, Scene, is_lossy
+from modal.scene.doors import checked
 from modal.structure import PLATFORM, Row
 from modal.types import Floats, Ints
 
@@ -109,6 +110,7 @@ class LossAngles(NamedTuple):
         return rig, links
 
 
+@checked
 def loss_angles(scene: Scene) -> LossAngles | None:
     """The loss angles of all joints and wires of a scene; None where all are 0."""
     known: dict[Loss, int] = {0.0: 0}

@@ -17,6 +17,7 @@ import numpy as np
 
 from modal.assembly import Dissipator, loss_angles, loss_at, losses_of
 from modal.modes.modes import Modes
+from modal.scene.doors import checked
 from modal.types import Floats
 
 CLOSE = 3.0
@@ -25,6 +26,7 @@ MOST_SHAPES = 60
 """Most shapes of one frequency among which the one that loses most is found."""
 
 
+@checked
 def mode_losses(modes: Modes, indices: Sequence[int] | None = None) -> Floats:
     """The loss angle Σ k φ |r q|²/(ω² qᴴ M q) of the modes with these indices (by default all), from their shapes.
 
@@ -46,6 +48,7 @@ def mode_losses(modes: Modes, indices: Sequence[int] | None = None) -> Floats:
     return np.array([_loss(modes, index, losses, alike) for index in chosen])
 
 
+@checked
 def quality_factors(modes: Modes, indices: Sequence[int] | None = None) -> Floats:
     """Q of the modes with these indices, by default all: infinite without losses, NaN where one grows or is not known.
 

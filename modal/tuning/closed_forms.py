@@ -26,6 +26,7 @@ import scipy
 from modal.assembly import matrices
 from modal.report import Displayed
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.scene.parameters import Place, with_numbers
 from modal.tuning.quantities import FreeNumber
 from modal.types import Floats
@@ -137,6 +138,7 @@ def single_links(scene: Scene, free: Sequence[FreeNumber]) -> list[int]:
     ]
 
 
+@checked
 def absorbers(scene: Scene, free: Sequence[FreeNumber]) -> tuple[Absorber, ...]:
     """The tuned pendula of one link, each beside the mode of the rest that is nearest to its own frequency."""
     pendula = single_links(scene, free)

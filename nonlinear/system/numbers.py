@@ -21,6 +21,7 @@ import numpy as np
 from modal.assembly import CartNumbers
 from modal.report import Displayed
 from modal.scene import AnyLink, Body, Escapement, Scene, validate_scene, validate_scenes
+from modal.scene.doors import checked
 from modal.scene.parameters import Place
 from modal.structure import CarrierEnd, CarrierNumbers, End, GroundEnd, LinkEnd, Pivot, Structure, structure_of
 from modal.structure.carriers import PLATFORM
@@ -136,6 +137,7 @@ def numbers_of(
     return Numbers(own, (given.get(("gravity",), scene.gravity), *cart, *fields, *rest), prescribed)
 
 
+@checked
 def prescribed_places(scene: Scene, system: System) -> list[tuple[Place, float]]:
     """Where a scene has the constants of its motions and forces, one after the other, and the unit of each there."""
     if not system.is_analytic:
