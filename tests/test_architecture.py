@@ -26,6 +26,7 @@ HEAVY = {
         "modal.vibration",
         "modal.exports.matlab",
         "modal.identification",
+        "modal.tuning",
         "modal.exports.objects",
         "nonlinear",
     },
@@ -195,6 +196,9 @@ NEEDED: dict[str, set[str]] = {
     "basins chain-1 --vary gravity=9:10:2 --vary pendulum[0].links[0].length=1:2:2 --duration 0.1 --workers 1": set(),
     "sync huygens --duration 1": set(),
     "orbits chain-2 --mode 1 --to 3": set(),
+    "tune tower --free pendulum[0].links[0].damping --minimize settling": {
+        *("modal.identification", "scipy.linalg", "scipy.optimize", "scipy.sparse")
+    },
     "plot paper-cart-2 --duration 0.1 -o run.svg": {"matplotlib"},
     "simulate paper-cart-2 --duration 0.1 --method RK45": {
         *("scipy.integrate", "scipy.linalg", "scipy.optimize", "scipy.sparse")

@@ -141,7 +141,8 @@ def part(function: Any, **options: Any) -> Any:
         from numba import njit
     except ImportError:
         return function
-    return njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(function)
+    options |= {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return njit(**options)(function)
 
 
 def vectorized_part(function: Any) -> Any:

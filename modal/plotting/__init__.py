@@ -61,6 +61,7 @@ from modal.plotting.style import (
     thickness,
 )
 from modal.plotting.themes import Pair, pair_of, show_both_themes
+from modal.plotting.tuning import draw_tuning, tuning_figure
 
 __all__ = [
     "DASHES",
@@ -94,6 +95,7 @@ __all__ = [
     "draw_mode_fit",
     "draw_poles",
     "draw_shapes",
+    "draw_tuning",
     "evenly",
     "film_modes",
     "form_problems",
@@ -127,5 +129,6 @@ __all__ = [
     "slide",
     "theme",
     "thickness",
+    "tuning_figure",
     "write_film",
 ]

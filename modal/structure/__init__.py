@@ -24,7 +24,7 @@ from modal.structure.structure import (
     carrier_end,
     structure_of,
 )
-from modal.structure.weights import BALANCED, carried, hung_masses, unbalanced, weights
+from modal.structure.weights import BALANCED, Weight, carried, hung_masses, unbalanced, weights
 
 __all__ = [
     "BALANCED",
@@ -43,6 +43,7 @@ __all__ = [
     "Scaffold",
     "SpringNumbers",
     "Structure",
+    "Weight",
     "Where",
     "bends",
     "carried",

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import groupby
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,13 @@ from modal.structure.structure import Structure, Where, structure_of
 BALANCED = 1e-12
 """Of the sum of the sizes of all moments: what is left of moments that balance."""
 VERBS = {"rad": ("turn it with", "N m"), "m": ("pull it with", "N")}
+
+
+class Weight(NamedTuple):
+    """The generalized force of all weights on a coordinate, N or N m, and the sum of the sizes of its parts."""
+
+    force: float
+    size: float
 
 
 def hung_masses(scene: Scene) -> list[float]:
@@ -48,21 +55,20 @@ def _moments(structure: Structure, hung_mass: Sequence[Any]) -> Iterator[tuple[i
             yield k, mass * down
 
 
-def weights(structure: Structure, hung_mass: Sequence[Any], gravity: Any) -> list[Any]:
-    """W_i (N, N m) of every coordinate η at the drawn rest; `hung_mass` (kg) is that below every pivot.
-
-    Both may be floats, arrays of any one shape, or symbols.
-    """
-    moments: list[Any] = [0.0] * structure.size
+def weights(structure: Structure, hung_mass: Sequence[float], gravity: float) -> list[Weight]:
+    """W_i of every coordinate η at the drawn rest; `hung_mass` (kg) is that below every pivot."""
+    forces, sizes = [0.0] * structure.size, [0.0] * structure.size
     for k, moment in _moments(structure, hung_mass):
-        moments[k] = moments[k] + moment
-    return [gravity * moment for moment in moments]
+        forces[k] += gravity * moment
+        sizes[k] += gravity * abs(moment)
+    return list(map(Weight, forces, sizes))
 
 
 def carried(structure: Structure, hung_mass: Sequence[Any], gravity: Any) -> list[Any]:
     """W_i (N, N m) of every coordinate whose own spring carries it, 0 of any other.
 
-    A stiffness of 0 carries nothing; a symbol is taken to carry, and an array where any of it does.
+    Numbers may be floats, arrays of any one shape, or symbols.  A stiffness of 0 carries nothing; a symbol is taken to
+    carry, and an array where any of it is not 0.
 
     >>> from modal import load
     >>> from modal.structure import structure_of
@@ -70,8 +76,10 @@ def carried(structure: Structure, hung_mass: Sequence[Any], gravity: Any) -> lis
     >>> [float(force) for force in carried(structure_of(ship), hung_masses(ship), ship.gravity)]
     [0.0, -20110500.0, -5886000.0]
     """
-    every = weights(structure, hung_mass, gravity)
-    return [force if held else 0.0 for force, held in zip(every, _held(structure), strict=True)]
+    held, moments = _held(structure), [0.0] * structure.size
+    for k, moment in _moments(structure, hung_mass):
+        moments[k] = moments[k] + moment
+    return [gravity * moment if holds else 0.0 for moment, holds in zip(moments, held, strict=True)]
 
 
 def _held(structure: Structure) -> list[bool]:
@@ -93,18 +101,15 @@ def _is_there(number: Any) -> bool:
 def unbalanced(scene: Scene) -> Iterator[str]:
     """A sentence for every coordinate whose weights nothing holds: the drawn scene is then no equilibrium."""
     require_type("scene", scene, "Scene")
-    structure, masses = structure_of(scene), hung_masses(scene)
-    sizes = [0.0] * structure.size
-    for k, moment in _moments(structure, masses):
-        sizes[k] += scene.gravity * abs(moment)
+    structure = structure_of(scene)
     coordinates = [(carrier.name, suffix) for carrier in structure.carriers for suffix in carrier.suffixes]
-    every = zip(coordinates, weights(structure, masses, scene.gravity), sizes, _held(structure), strict=True)
-    for (name, suffix), weight, size, held in every:
-        if held or abs(weight) <= BALANCED * size:
+    every = weights(structure, hung_masses(scene), scene.gravity)
+    for (name, suffix), weight, held in zip(coordinates, every, _held(structure), strict=True):
+        if held or abs(weight.force) <= BALANCED * weight.size:
             continue
         verb, unit = VERBS[suffix.rpartition("_")[2]]
         key = "stiffness" + (f".{suffix.partition('_')[0]}" if "_" in suffix else "")
         place = f"support.{name}" if isinstance(scene.support, tuple) else "support"
         way = "balance them" if unit == "N m" else "hold it otherwise"
-        force = abs(weight) if unit == "N" else weight
+        force = abs(weight.force) if unit == "N" else weight.force
         yield f"{place}: the weights {verb} {force:.6g} {unit}, which nothing holds: give it {key}, or {way}"

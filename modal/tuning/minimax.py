@@ -29,7 +29,11 @@ NEAR, SMALL, ROUGH = 0.04, 1e-3, 1e-3
 POOR, HALF = 0.05, 0.6
 """Parts of the promised gain from which on a step is taken, and the trust region grows."""
 PENALTY = 20.0
-ROUNDS, NEWTONS, TRIES = 120, 8, 6
+ROUNDS, FEWER, NEWTONS, TRIES = 120, 40, 8, 6
+AWAY = 5.0
+"""How far a quasi-Newton method may go, in logarithms."""
+BESIDE = 0.1
+"""Distance from a known minimum at which a coarse descent ends in it."""
 SETTLED = 1e-13
 ACTIVE = 1e-7
 NUDGE = 2e-5
@@ -79,6 +83,11 @@ class Point:
         return all(len(one.values) and np.all(np.isfinite(one.values)) for one in self.faces)
 
     @property
+    def is_smooth(self) -> bool:
+        """Whether every cost has one piece, and nothing limits them."""
+        return self.is_finite and not self.limits and all(len(one.values) == 1 for one in self.costs)
+
+    @property
     def cost(self) -> float:
         """The sum of the costs."""
         return sum(one.largest for one in self.costs) if self.is_finite else np.inf
@@ -114,16 +123,23 @@ class _Step:
     weights: tuple[Floats, ...]
 
 
-def descend(evaluate: Evaluate, z: Floats, low: Floats, high: Floats, *, coarse: bool = False) -> Minimum:
-    """The minimum reached from z within bounds; a `coarse` one ends at a small trust region."""
+def descend(
+    evaluate: Evaluate, z: Floats, low: Floats, high: Floats, *, coarse: bool = False, known: Sequence[Minimum] = ()
+) -> Minimum:
+    """The minimum reached from z within bounds; a `coarse` one ends at a small trust region, or beside a known one."""
     here, radius, tried = evaluate(np.clip(z, low, high), True), FIRST, 0
+    if here.is_smooth:
+        here = _smoothly(evaluate, here, low, high)
     rounds = 0
-    for rounds in range(1, ROUNDS + 1):
+    for rounds in range(1, (FEWER if coarse else ROUNDS) + 1):
         if not here.is_finite:
             break
+        for one in known:
+            if one.certain and np.abs(one.point.z - here.z).max() < BESIDE:
+                return one
         step = _linear_step(here, here.faces, low, high, radius)
         gain = here.merit - step.merit
-        if tried < TRIES and (radius <= NEAR or gain <= SMALL):
+        if tried < (TRIES // 2 if coarse else TRIES) and (radius <= NEAR or gain <= SMALL):
             tried += 1
             better = polished(evaluate, here, step.weights, low, high, enough=ROUGH if coarse else 0.0)
             if better is not None:
@@ -142,6 +158,28 @@ def descend(evaluate: Evaluate, z: Floats, low: Floats, high: Floats, *, coarse:
         else:
             radius = min(radius, float(np.abs(step.delta).max())) / 3
     return Minimum(here, rounds, False)
+
+
+def _smoothly(evaluate: Evaluate, here: Point, low: Floats, high: Floats) -> Point:
+    """Where a quasi-Newton method leads from a point whose costs have one piece each."""
+
+    def cost(z: Floats) -> tuple[float, Floats]:
+        point = evaluate(z, True)
+        if not point.is_finite:
+            return 1e9, np.zeros_like(z)
+        return point.cost, np.sum([one.gradients[0] for one in point.costs], axis=0)
+
+    inner, outer = np.maximum(low, here.z - AWAY), np.minimum(high, here.z + AWAY)
+    found = scipy.optimize.minimize(
+        cost,
+        here.z,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=list(zip(inner, outer, strict=True)),
+        options={"maxiter": FEWER},
+    )
+    there = evaluate(np.asarray(found.x), True)
+    return there if there.merit < here.merit else here
 
 
 def _corrected(here: Point, there: Point) -> tuple[Faces, ...]:
@@ -195,7 +233,10 @@ def polished(
     owners = np.repeat(np.arange(len(faces)), [len(at) for at in active])
     before, start = np.inf, z.copy()
     for _ in range(NEWTONS):
-        values, gradients = _active(evaluate(z, True), active)
+        point = evaluate(z, True)
+        if not point.is_finite:
+            return None
+        values, gradients = _active(point, active)
         gradients = gradients[:, free]
         levels = [values[owners == j].mean() if j < costs else 0.0 for j in range(len(faces))]
         H = np.zeros((n, n))
@@ -204,7 +245,10 @@ def polished(
             for way in (1, -1):
                 aside = z.copy()
                 aside[column] += way * NUDGE
-                pair.append(_active(evaluate(aside, True), active)[1][:, free])
+                point = evaluate(aside, True)
+                if not point.is_finite:
+                    return None
+                pair.append(_active(point, active)[1][:, free])
             H[:, k] = multipliers @ (pair[0] - pair[1]) / (2 * NUDGE)
         H = (H + H.T) / 2
         m, size = len(values), len(values) + n + costs
@@ -232,7 +276,7 @@ def polished(
     if before > max(1e-6, enough) or np.any(multipliers < -1e-6):
         return None
     there = evaluate(np.clip(z, low, high), True)
-    return there if there.merit <= here.merit + WORSE * max(1.0, abs(here.merit)) else None
+    return there if there.is_finite and there.merit <= here.merit + WORSE * max(1.0, abs(here.merit)) else None
 
 
 def _of_peaks(one: Faces, weights: Floats) -> Floats:

@@ -20,9 +20,9 @@ ROUNDS, BETWEEN = 2, 9
 STEPS = 14
 NEAR, NEARER = 1e-4, 1e-6
 """Relative distances from an undamped pole at which an infinite peak shows: it grows as their inverse."""
-FAR = 1e-6
+FAR = 1e-4
 """A frequency, over that of the slowest pole, that stands for 0; its inverse for infinity."""
-UNDAMPED = 1e-11
+UNDAMPED, FAINT = 1e-11, 1e-6
 NEARLY, MOST_BESIDE = 0.8, 24
 """Part of the largest |H| from which on a frequency of the grid is beside a peak, and the most of these."""
 
@@ -90,9 +90,9 @@ def _is_infinite(model: Model, channel: int, omega: float) -> bool:
 
 def _unbounded(size: Floats) -> str:
     """Whether |H| grows towards 0 or infinity, from a point at FAR and the next."""
-    if size[0] > 10 * size[1] > 0:
+    if size[0] > 5 * size[1] > 0:
         return "towards 0 Hz: give a band of frequencies"
-    if size[-1] > 10 * size[-2] > 0:
+    if size[-1] > 5 * size[-2] > 0 and size[-1] > FAINT * size.max():
         return "towards high frequencies: give a band of frequencies"
     return ""
 

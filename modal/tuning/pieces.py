@@ -24,6 +24,7 @@ from modal.scene.parameters import Place, number_at, vary, with_numbers
 from modal.scene.records import Spectrum
 from modal.statespace.hoisting import Travel, travel_swing
 from modal.statespace.shapers import Kind
+from modal.tuning.interpolation import Interpolated, interpolated
 from modal.tuning.model import MOST_COORDINATES, Arrays, Channel, Model, Numbers, reduced
 from modal.tuning.peaks import UNDAMPED, find_peaks
 from modal.tuning.quantities import FreeNumber, Quantity
@@ -93,6 +94,8 @@ class Quantities:
         self.places = (*own, *(place for place in masses_of(scene) if place not in own))
         self.given = np.array([number_at(scene, place) for place in self.places])
         self.numbers = Numbers(scene, self.places, self.form)
+        self.cases: tuple[Mapping[Place, float], ...] = ({},)
+        """Factors of masses for which the arrays are interpolated even without derivatives."""
 
     def scene_at(self, values: Floats, factors: Mapping[Place, float] | None = None) -> Scene:
         """The scene with these free numbers (n,), and with others, or these, times factors."""
@@ -102,6 +105,27 @@ class Quantities:
             whole[self.places.index(place)] *= factor
         return self.numbers.scene_at(whole)
 
+    @cached_property
+    def _polynomials(self) -> dict[tuple[tuple[Place, float], ...], tuple[Floats, Interpolated | None]]:
+        """Arrays as polynomials in the free numbers, by the factors of masses."""
+        return {}
+
+    def centre(self, values: Floats, factors: Mapping[Place, float] | None = None) -> None:
+        """Interpolate the arrays about these free numbers (n,)."""
+        known = tuple(sorted((factors or {}).items(), key=str))
+        centre = np.array(values)
+        self._polynomials[known] = (
+            centre,
+            interpolated(lambda numbers: self.form.arrays(self.scene_at(numbers, factors)), centre),
+        )
+
+    def polynomial(self, values: Floats, factors: Mapping[Place, float] | None = None) -> Interpolated | None:
+        """The arrays as polynomials in the free numbers, None where they are none."""
+        known = tuple(sorted((factors or {}).items(), key=str))
+        if known not in self._polynomials:
+            self.centre(values, factors)
+        return self._polynomials[known][1]
+
     def at(
         self,
         values: Floats,
@@ -110,25 +134,43 @@ class Quantities:
         by: Sequence[Place] | None = None,
     ) -> list[Pieces]:
         """The pieces of every quantity; gradients by the numbers at places, none by default."""
-        here = At(self, self.scene_at(values, factors), tuple(by or ()))
+        here = At(self, values, factors, tuple(by or ()))
         return [here.pieces(one) for one in self.quantities]
 
 
 class At:
     """Quantities of one scene."""
 
-    def __init__(self, problem: Quantities, scene: Scene, by: tuple[Place, ...]) -> None:
-        self.problem, self.scene, self.by, self.setting = problem, scene, by, problem.setting
+    def __init__(
+        self, problem: Quantities, values: Floats, factors: Mapping[Place, float] | None, by: tuple[Place, ...]
+    ) -> None:
+        self.problem, self.values, self.factors, self.by = problem, values, factors, by
+        self.setting = problem.setting
+        own = {one.place: k for k, one in enumerate(problem.free)}
+        self._columns = [own[place] for place in by if place in own]
+        is_own = len(self._columns) == len(by) and bool(own) and bool(by or factors is None or factors in problem.cases)
+        self._polynomial = problem.polynomial(values, factors) if is_own else None
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene itself."""
+        return self.problem.scene_at(self.values, self.factors)
 
     @cached_property
     def model(self) -> Model:
         """Its responses."""
-        return self.problem.numbers.model(self.scene)
+        if self._polynomial is None:
+            return self.problem.numbers.model(self.scene)
+        return Model(self.problem.form.kinds, self._polynomial.arrays(self.values), lambda places: self.slopes)
 
     @cached_property
     def slopes(self) -> Arrays:
-        """Derivatives of its arrays."""
-        return self.model.differentiate(self.by)
+        """Derivatives of its arrays, by the numbers themselves times factors."""
+        if self._polynomial is None:
+            return self.problem.numbers.slopes(self.scene, self.by)
+        found = self._polynomial.slopes(self.values, self._columns)
+        factors = np.array([(self.factors or {}).get(place, 1.0) for place in self.by])
+        return Arrays(*(part / factors.reshape(-1, *[1] * (part.ndim - 1)) for part in found))
 
     @cached_property
     def modes(self) -> Modes:

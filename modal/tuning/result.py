@@ -26,16 +26,19 @@ CURVE = 400
 NEAR = 24
 BESIDE = 3.0
 """Points of a curve, points near each peak, and how far a curve goes beyond the outermost peaks."""
-EQUAL = 1e-6
+EQUAL, ALIKE = 1e-6, 1e-3
+SHOWN = 6
+"""Valleys of which the depth is told."""
 
 
 @dataclass(frozen=True)
 class Valley(Displayed):
-    """A minimum that starts led into: its `numbers` and the objective there; whether limits are kept."""
+    """A minimum that starts led into: its `numbers` and the objective there; whether limits are kept, and it is settled."""
 
     numbers: Floats
     value: float
     kept: bool
+    certain: bool
 
 
 class Rule(NamedTuple):
@@ -234,7 +237,12 @@ def tuned_record(found: Tuned, curves: bool = True) -> dict[str, Any]:
         "numbers": [_number_record(found, k) for k in range(len(objective.free))],
         "starts": found.starts,
         "valleys": [
-            {"numbers": one.numbers.tolist(), "objective": finite(one.value), "limits_kept": one.kept}
+            {
+                "numbers": one.numbers.tolist(),
+                "objective": finite(one.value),
+                "limits_kept": one.kept,
+                "settled": one.certain,
+            }
             for one in found.valleys
         ],
         "exact": found.certain,
@@ -395,20 +403,18 @@ def _numbers_table(found: Tuned) -> str:
 
 def _sentences(found: Tuned) -> Iterator[str]:
     own = found.objective
+    ends, first = found.valleys, found.valleys[0].value
+    values = ", ".join(f"{one.value:.6g}" for one in ends[:SHOWN]) + ", …" * (len(ends) > SHOWN)
+    alike = [one for one in ends if abs(one.value - first) <= ALIKE * abs(first)]
     if found.starts == 1:
         yield "One start had a finite value."
+    elif len(ends) == 1:
+        yield f"{found.starts} starts led into one valley."
+    elif all(one.certain for one in ends):
+        equal = f"; {len(alike)} of them are equally deep" * (len(alike) > 1)
+        yield f"{found.starts} starts led into {len(ends)} valleys: {values}{equal}."
     else:
-        alike = [
-            one
-            for one in found.valleys
-            if abs(one.value - found.valleys[0].value) <= 1e-3 * abs(found.valleys[0].value)
-        ]
-        yield (
-            f"{found.starts} starts led into {counted(len(found.valleys), 'valley', 'valleys')}"
-            + (": " + ", ".join(f"{one.value:.6g}" for one in found.valleys[:6]) if len(found.valleys) > 1 else "")
-            + (f"; {len(alike)} of them are equally deep" if len(alike) > 1 else "")
-            + "."
-        )
+        yield f"{found.starts} starts ended at {values}; the best is kept."
     if not found.certain:
         yield "The last digits were not settled by Newton's method: pieces of the objective meet there in a corner or a root."
     at_bounds = [

@@ -31,7 +31,7 @@ DISTINCT, SAME = 0.3, 0.02
 """Distance of two starts, and of two ends in one valley, in logarithms."""
 ALIKE = 1e-3
 """Of two costs in one valley."""
-RULES = 6
+RULES = 4
 """Most starts by Den Hartog's rule."""
 CASES = 8
 """Rounds of adding the worst case of what is tuned so far."""
@@ -94,6 +94,8 @@ def tune(
     before = objective.pieces(np.log([one.value or one.start for one in numbers]))
     starts = list(_starts(objective))
     report(f"{len(starts)} starts")
+    if over_hz is not None:
+        _refuse_no_peak(objective, objective.start)
     if not starts:
         raise ComputationError(_endless(objective))
     size = abs(sum(one.largest for one in objective.evaluate(starts[0], False).costs))
@@ -103,12 +105,13 @@ def tune(
     _refuse_endless(objective, best)
     if robust:
         best = _robust(objective, best)
-    _refuse_no_peak(objective, best)
+    _refuse_no_peak(objective, best.point.z)
     ends = tuple(
         Valley(
             objective.numbers(one.point.z),
             objective.value(one.point.z) if k else objective.value(best.point.z),
             one.point.excess <= ALLOWED,
+            one.certain,
         )
         for k, one in enumerate(valleys)
     )
@@ -230,10 +233,10 @@ def _valleys(objective: Objective, starts: Sequence[Floats]) -> list[Minimum]:
     found: list[Minimum] = []
     for z in starts:
         try:
-            one = descend(objective.evaluate, z, objective.low, objective.high, coarse=True)
+            one = descend(objective.evaluate, z, objective.low, objective.high, coarse=True, known=found)
         except (ComputationError, SceneError):
             continue
-        if not one.point.is_finite:
+        if not one.point.is_finite or one in found:
             continue
         alike = [
             other
@@ -251,6 +254,9 @@ def _valleys(objective: Objective, starts: Sequence[Floats]) -> list[Minimum]:
 
 
 def _descended(objective: Objective, z: Floats) -> Minimum:
+    """The minimum beside z, about which the arrays are interpolated anew."""
+    for factors in objective.cases:
+        objective.quantities.centre(objective.numbers(z), factors)
     return descend(objective.evaluate, z, objective.low, objective.high)
 
 
@@ -306,12 +312,13 @@ def _refuse_endless(objective: Objective, best: Minimum) -> None:
                 )
 
 
-def _refuse_no_peak(objective: Objective, best: Minimum) -> None:
-    found = objective.pieces(best.point.z)
+def _refuse_no_peak(objective: Objective, z: Floats) -> None:
+    found = objective.pieces(z)
     for aim, one in zip(objective.aims, found, strict=False):
-        if aim.quantity.kind == "peak" and not one.inside.any():
+        if aim.quantity.kind == "peak" and len(one.values) and not one.inside.any():
             at = float(one.at[one.values.argmax()]) / (2 * np.pi)
-            where = "the limit at 0 Hz" if at < 1e-5 else f"that at {at:.6g} Hz, the end of the band"
-            if objective.quantities.setting.band is None and at > 1e-5:
-                where = "the limit at high frequencies"
+            where = f"that at {at:.6g} Hz, the end of the band"
+            if objective.quantities.setting.band is None:
+                slowest = float(np.abs(objective.quantities.numbers.model(objective.scene_at(z)).poles).max())
+                where = "the limit at 0 Hz" if 2 * np.pi * at < slowest else "the limit at high frequencies"
             raise ComputationError(f"{aim.quantity.name}: has no peak: its largest magnitude is {where}")

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from modal.errors import SceneError
-from modal.report import Displayed
+from modal.report import Displayed, listed
 from modal.scene.parameters import Place, with_numbers
 from modal.types import Floats
 
@@ -25,6 +25,8 @@ CORNERS = 4
 CLIMBS = 4
 STEP, FURTHEST = 0.01, 3.0
 """First and last distances, in logarithms, at which the objective is looked at."""
+FEW = 4
+"""Masses that are named."""
 OFF = 0.01
 """Of the objective, by which it may be worse."""
 
@@ -107,8 +109,12 @@ class Case(Displayed):
         """Which masses are heavier and which lighter."""
         heavier = [with_numbers(place) for place, factor in self.factors.items() if factor > 1]
         lighter = [with_numbers(place) for place, factor in self.factors.items() if factor < 1]
-        parts = [f"heavier {', '.join(heavier)}"] * bool(heavier) + [f"lighter {', '.join(lighter)}"] * bool(lighter)
-        return "; ".join(parts)
+        if not heavier or not lighter:
+            return "all heavier" if heavier else "all lighter"
+        few, way, other = min(
+            (heavier, "heavier", "lighter"), (lighter, "lighter", "heavier"), key=lambda one: len(one[0])
+        )
+        return f"{way}: {listed(few[:FEW], len(few))}; all others {other}"
 
 
 def worst_case(objective: Objective, z: Floats) -> Case:

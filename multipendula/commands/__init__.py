@@ -19,6 +19,7 @@ from multipendula.commands import (
     statespace,
     sweeps,
     synchronization,
+    tuning,
     verification,
     vibration,
 )
@@ -40,6 +41,7 @@ GROUPS = (
     statespace,
     hoisting,
     vibration,
+    tuning,
     derivation,
 )
 COMMANDS = tuple(command for group in GROUPS for command in group.COMMANDS)

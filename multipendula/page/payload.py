@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 MOST_LINKS = 60
 MOST_COORDINATES = 40
 """Of a structure, with those of its links: its equations stand in the page link by link."""
-MOST_NUMBERS = 27_000
-"""Of a recording: 144 kB as 32-bit floats in base64."""
+MOST_NUMBERS = 26_000
+"""Of a recording: 139 kB as 32-bit floats in base64."""
 
 
 def scene_data(scene: Scene) -> dict[str, Any]:

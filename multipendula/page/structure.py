@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from modal.modes.labels import ALIKE, COUNTED, PLATFORM, UNNAMED, VERBS
 from modal.scene import Scene
 from modal.structure import STILL, Piece, Scaffold, Structure
 
@@ -70,13 +71,16 @@ def _inert(data: Any) -> str:
 
 
 def _coordinates(structure: Structure) -> Iterator[dict[str, Any]]:
-    """Of every coordinate its carrier, kind, unit and name."""
+    """Of every coordinate its carrier, kind, unit and name, and words for its motion in a mode."""
     for carrier, own in enumerate(structure.carriers):
-        for suffix in own.suffixes:
+        named = UNNAMED.get(own.kind, own.name) if own.name == own.kind else own.name
+        for k, suffix in enumerate(own.suffixes):
             way, _, last = suffix.rpartition("_")
             unit = UNITS.get(last, "")
             name = " ".join(filter(None, (own.name, way or ("" if unit else suffix))))
-            yield {"carrier": carrier, "kind": own.kind, "unit": unit, "name": name}
+            verb = PLATFORM[k] if own.kind == "platform" else VERBS[own.kind]
+            words = {"named": named, "verb": verb, "alike": ALIKE.get(own.kind), "counted": COUNTED}
+            yield {"carrier": carrier, "kind": own.kind, "unit": unit, "name": name, **words}
 
 
 def _bases(structure: Structure) -> list[int]:

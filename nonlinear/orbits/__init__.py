@@ -9,7 +9,8 @@ Start with `modes` (`held` along a number) for conservative scenes, with `cycles
 `forced` under drives of a period.  `symmetric` and
 `shooting` have the equations of orbits, `flow` integrates them with their variational equations,
 `continuation` follows their solutions, `floquet` tells stability, `special` where it changes, and `entering` what
-leaves there.  `populations` has the orbits on which every population of equal pendula moves as one.
+leaves there.  `finite_swing` has the highest peak
+of a response over frequencies at large angles, `populations` the orbits on which every population of equal pendula moves as one.
 """
 
 from nonlinear.orbits.branch import Branch
@@ -24,6 +25,7 @@ from nonlinear.orbits.cycles import (
     require_cycles,
 )
 from nonlinear.orbits.entering import LEAVES, entered
+from nonlinear.orbits.finite_swing import FiniteSwing, finite_swing
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow
 from nonlinear.orbits.forced import LinearResponse, follow_forced, forced_orbit, linear_response, require_forced
@@ -37,6 +39,7 @@ from nonlinear.orbits.special import Special
 __all__ = [
     "LEAVES",
     "Branch",
+    "FiniteSwing",
     "Floquet",
     "Flow",
     "LinearResponse",
@@ -47,6 +50,7 @@ __all__ = [
     "crossed",
     "cycle_of",
     "entered",
+    "finite_swing",
     "follow_cycles",
     "follow_forced",
     "forced_orbit",

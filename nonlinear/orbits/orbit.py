@@ -119,6 +119,11 @@ class Orbit(Displayed):
         later = np.roll(angles, SAMPLES // 2, axis=0)
         return not any(self.turns) and bool(np.abs(angles + later).max() < SYMMETRIC * np.abs(angles).max())
 
+    @property
+    def coordinates(self) -> Floats:
+        """The coordinates q (N, n) at even times of a period, SAMPLES a cycle of the drives."""
+        return self._sampled[1]
+
     @cached_property
     def _sampled(self) -> tuple[Floats, Floats, Floats]:
         """Times (N,) of a period, SAMPLES a cycle of the drives, with q and v there, (N, n)."""

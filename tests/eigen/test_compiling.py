@@ -74,6 +74,18 @@ def test_a_damaged_file_is_dropped_and_made_anew(ending: str, damage: Callable[[
         assert sum(found.stats.cache_hits.values()) == 1
 
 
+def test_parts_of_a_compiled_function_are_in_its_files_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    parts = "\n@part\ndef twice(x):\n    return 2.0 * x\n\n\n@vectorized_part\ndef next(x):\n    return x + 1.0\n\n\n"
+    text = TEXT.replace("compiled\n", "compiled, part, vectorized_part\n", 1).replace("2.0 * x + 1.0", "next(twice(x))")
+    monkeypatch.setitem(globals(), "TEXT", text.replace("\n@compiled", f"{parts}@compiled"))
+    assert loaded(tmp_path)(3.0) == 7.0
+    again = loaded(tmp_path)
+    assert again(3.0) == 7.0
+    assert sum(again.stats.cache_hits.values()) == 1
+    kept = [*(tmp_path / "__pycache__").iterdir()]
+    assert {path.name.split("-")[0] for path in kept if path.suffix in {".nbi", ".nbc"}} == {"own.run"}
+
+
 @posix
 def test_files_are_private_and_those_that_others_could_write_are_not_read(tmp_path: Path) -> None:
     assert loaded(tmp_path)(3.0) == 7.0

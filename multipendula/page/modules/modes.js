@@ -6,7 +6,7 @@
 
 import { isGuide, kappaOf } from "./amplitude.js";
 import { structureModes } from "./structure_modes.js";
-import { sum } from "./system.js";
+import { orderOf, sum } from "./system.js";
 import { eigen, formsOf, inertiaOf, matricesOf, zeros } from "./matrices.js";
 
 // Rows in ascending order of frequency: omega (rad/s), growing (whether it grows at that rate instead), multiplicity,
@@ -138,7 +138,7 @@ function describe(system, rows, row, i) {
   row.resonant = swings(row) && ((row.multiplicity > 1 && system.cart !== null) || isGuide(row, partners));
   const where = row.multiplicity > 1 ? `${row.where}, ${row.multiplicity}-fold` : row.where;
   const antiphase = row.where === "cart still" ? "antiphase" : "";
-  const motion = [antiphase, agreementOf(system, row), orderOf(system, row), row.growing ? "unstable" : ""].filter(Boolean);
+  const motion = [antiphase, agreementOf(system, row), orderIn(system, row), row.growing ? "unstable" : ""].filter(Boolean);
   row.words = motion.length ? `${where}: ${motion.join(", ")}` : where;
 }
 
@@ -162,15 +162,9 @@ function agreementOf(system, row) {
 }
 
 // How the links of the chain that moves most agree.
-function orderOf(system, row) {
+function orderIn(system, row) {
   if (!row.omega) return "";
   const energies = energiesIn(system, row);
   const chain = system.chains[energies.indexOf(Math.max(...energies))];
-  const n = chain.links.length;
-  const f = [...row.shapes[0].slice(1 + chain.first, 1 + chain.first + n)];
-  const opposed = f.slice(1).filter((value, i) => value * f[i] < 0).length;
-  if (n === 1) return "";
-  if (n === 2) return opposed ? "fast" : "slow";
-  if (!opposed) return "slowest (all links agree)";
-  return opposed === n - 1 ? "fastest (neighbours opposed)" : `${opposed} of ${n - 1} joints opposed`;
+  return orderOf([...row.shapes[0].slice(1 + chain.first, 1 + chain.first + chain.links.length)]);
 }

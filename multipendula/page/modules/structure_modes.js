@@ -1,11 +1,12 @@
 // The modes of a structure without its dampers and drives: M f w^2 = K f of all coordinates, with the matrices that the
 // text of the scene gives.
 
-import { coordinatesOf } from "./carriers.js";
+import { coordinatesOf, pivotsAt } from "./carriers.js";
 import { eigen, formsIn, matricesBy } from "./matrices.js";
-import { sum } from "./system.js";
+import { orderOf, sum } from "./system.js";
 
-const [SAME, NOTHING, NEGLIGIBLE, STILL] = [1e-10, 1e-13, 0.01, 1e-7];
+const [SAME, NOTHING, NEGLIGIBLE, STILL, SMALL] = [1e-10, 1e-13, 0.01, 1e-7, 1e-6];
+const MOST_NAMED = 3;
 
 // Rows as those of `modesOf`; of equal frequencies one, whose shapes are orthogonal.  What a carrier moves in metres
 // counts as an angle over the longest pendulum.
@@ -50,14 +51,17 @@ function unit(system, x) {
 }
 
 // ------------------------------------------------------------------------------------------------ words
+// As in `modal.modes.labels`, whose vocabulary comes with the coordinates.
 
 function wordsFor(system, M, shapes, square) {
+  const [x] = shapes;
   const folds = shapes.length > 1 ? `, ${shapes.length}-fold` : "";
-  const moved = movedBy(system, M, shapes[0]);
-  const where = moved.length ? moving(moved, shapes[0]) : system.lead ? "supports still" : "fixed support";
-  const phases = moved.length || !square ? "" : phasesOf(system, M, shapes[0]);
-  const motion = [phases, square < 0 ? "unstable" : ""].filter(Boolean).join(", ");
-  return motion ? `${where}${folds}: ${motion}` : `${where}${folds}`;
+  const moved = movedBy(system, M, x);
+  const where = moved.length ? moving(moved, x) : system.lead ? "supports still" : "fixed support";
+  const told = moved.length ? following(system, M, x) || phasesOf(system, M, x) : phasesOf(system, M, x);
+  const motion = square ? [told, orderOf(busiest(system, M, x)), square < 0 ? "unstable" : ""] : ["free"];
+  const words = motion.filter(Boolean).join(", ");
+  return words ? `${where}${folds}: ${words}` : `${where}${folds}`;
 }
 
 // The coordinates of carriers with a fair share of what carriers move; none where they are still.
@@ -70,19 +74,58 @@ function movedBy({ lead }, M, x) {
 
 function moving(moved, x) {
   const coordinates = coordinatesOf();
-  const names = [...new Set(moved.map((i) => coordinates[i].name))];
-  if (names.length > 3) return `${moved.length} coordinates move`;
-  const listed = names.length > 1 ? `${names.slice(0, -1).join(", ")} and ${names.at(-1)} move` : `${names[0]} moves`;
-  const alike = moved.length > 1 && moved.every((i) => coordinates[i].unit && coordinates[i].kind === coordinates[moved[0]].kind);
-  if (!alike || coordinates[moved[0]].kind === "platform") return listed;
-  const agree = moved.every((i) => x[i] * x[moved[0]] > 0);
-  return `${listed} ${agree ? "in phase" : moved.length === 2 ? "in antiphase" : "in mixed phases"}`;
+  const own = moved.map((i) => coordinates[i]);
+  const listed = (words) => (words.length > 1 ? `${words.slice(0, -1).join(", ")} and ${words.at(-1)}` : words[0]);
+  const [{ kind, alike, counted }] = own;
+  if (moved.length > 1 && alike && own.every((one) => one.kind === kind)) {
+    const agree = moved.every((i) => x[i] * x[moved[0]] > 0);
+    const phase = agree ? "in phase" : moved.length === 2 ? "in antiphase" : "in mixed phases";
+    const every = moved.length === coordinates.filter((one) => one.kind === kind).length;
+    if (!every && moved.length <= MOST_NAMED) return `${listed(own.map(({ named }) => named))} ${phase}`;
+    return `${counted[moved.length] ?? moved.length} ${alike} ${phase}`;
+  }
+  const carriers = [...new Set(own.map(({ carrier }) => carrier))];
+  if (carriers.length > MOST_NAMED) return `${moved.length} coordinates move`;
+  return carriers
+    .map((carrier) => {
+      const each = own.filter((one) => one.carrier === carrier);
+      return `${each[0].named} ${listed([...new Set(each.map(({ verb }) => verb))])}`;
+    })
+    .join(", ");
+}
+
+// The energy of each chain, up to a factor.
+function energiesOf({ chains, lead }, M, x) {
+  return chains.map(({ first, links }) => sum(links.map((_, i) => M[lead + first + i][lead + first + i] * x[lead + first + i] ** 2)));
+}
+
+function busy(system, M, x) {
+  const energies = energiesOf(system, M, x);
+  return system.chains.flatMap((chain, number) => (energies[number] >= NEGLIGIBLE * Math.max(...energies) ? [number] : []));
+}
+
+function busiest(system, M, x) {
+  const energies = energiesOf(system, M, x);
+  const { first, links } = system.chains[energies.indexOf(Math.max(...energies))];
+  return [...x.slice(system.lead + first, system.lead + first + links.length)];
+}
+
+const topOf = ({ chains, lead }, x, number) => x[lead + chains[number].first];
+
+// Whether all pendula with a fair share of the energy swing with their pivots or against; "" for neither.
+function following(system, M, x) {
+  const pivots = [SMALL, -SMALL].map((step) => pivotsAt(x.map((value) => step * value)));
+  const signs = busy(system, M, x).map((number) => Math.sign(topOf(system, x, number) * (pivots[0][number][0] - pivots[1][number][0])));
+  if (!signs[0] || signs.some((sign) => sign !== signs[0])) return "";
+  const many = system.chains.length > 1;
+  if (signs[0] > 0) return many ? "pendula follow" : "pendulum follows";
+  return many ? "pendula opposed" : "pendulum opposed";
 }
 
 // How pendula with a fair share of the energy agree, by their first links.
-function phasesOf({ chains, lead }, M, x) {
-  const energies = chains.map(({ first, links }) => sum(links.map((_, i) => M[lead + first + i][lead + first + i] * x[lead + first + i] ** 2)));
-  const tops = chains.flatMap(({ first }, number) => (energies[number] >= NEGLIGIBLE * Math.max(...energies) ? [x[lead + first]] : []));
-  if (tops.length < 2) return "";
+function phasesOf(system, M, x) {
+  const tops = busy(system, M, x).map((number) => topOf(system, x, number));
+  if (system.chains.length < 2) return "";
+  if (tops.length < 2) return `mostly pendulum ${busy(system, M, x)[0] + 1}`;
   return tops.every((top) => top * tops[0] > 0) ? "in phase" : "antiphase";
 }

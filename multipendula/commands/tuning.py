@@ -1,0 +1,249 @@
+"""The command about best numbers: tune."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from multipendula.command import Command
+from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output, picture, say
+from multipendula.completion import files, mode_numbers, places
+from multipendula.options import PICTURES, Joined, add_file, add_scene, add_theme, add_words, number, offer, whole
+from multipendula.parser import Page
+
+if TYPE_CHECKING:
+    from modal.tuning import Tuned
+    from nonlinear.orbits import FiniteSwing
+
+QUANTITIES = ("peak:", "rms:", "residual", "damping", "settling")
+WITHIN = 1.4
+"""How far the band of forced orbits goes beyond the outermost peaks."""
+
+
+def tune(options: argparse.Namespace) -> None:
+    """Find the numbers of a scene that make peaks, RMS, decay or a residual swing best, and what they are worth."""
+    from modal.errors import SceneError
+    from modal.scene import dump, load
+    from modal.tuning import tune as tuned
+    from modal.tuning import tuned_json, tuned_text
+
+    kind = picture(options.picture, "--picture") if options.picture else ""
+    for option, path in (("-o", options.output), ("--report", options.report), ("--picture", options.picture)):
+        in_a_folder(path, option)
+    scene = noted(load(options.scene), "tuning" if options.travel is None else "a shaper")
+    problems = []
+    if options.angle is not None:
+        problems += _angle_problems(options)
+    if options.picture and not any("peak:" in one for one in (*(options.minimize or ()), *(options.maximize or ()))):
+        problems.append("--picture: shows a peak:OUTPUT/INPUT before and after, and none is tuned")
+    problems += [f"--{name}: needs --travel METRES" for name in ("over", "kind") if _alone(options, name)]
+    if problems:
+        raise SceneError(problems)
+    with bar(0, "start"):
+        found = tuned(
+            scene,
+            listed(options.free),
+            minimize=options.minimize or (),
+            maximize=options.maximize or (),
+            limits=options.max or (),
+            over_hz=options.over_hz,
+            psd=options.psd,
+            modes=options.mode or (),
+            travel=options.travel,
+            over=options.over,
+            kind=options.kind,
+            robust=options.robust,
+        )
+    swing = None if options.angle is None else _swing(found, options.angle)
+    record = {} if swing is None else {"finite_swing": _swing_record(swing, found)}
+    told = tuned_json(found, record) if options.report or options.format == "json" else ""
+    text = "" if options.format == "json" else tuned_text(found, "" if swing is None else _swing_words(swing, found))
+    if options.output:
+        dump(found.scene, options.output)
+    if options.report:
+        with output(options.report) as write:
+            write(told)
+    if options.picture:
+        from modal.plotting import draw_tuning
+
+        with drawn(options.picture, options.theme) as stream:
+            draw_tuning(found, stream, kind)
+    say(told if options.format == "json" else text, options.format)
+
+
+def _alone(options: argparse.Namespace, name: str) -> bool:
+    return getattr(options, name) is not None and options.travel is None
+
+
+def _angle_problems(options: argparse.Namespace) -> list[str]:
+    aims = [*(options.minimize or ()), *(options.maximize or ())]
+    if not aims or not aims[0].rpartition("*")[2].strip().startswith("peak:"):
+        return ["--angle: is for a peak:OUTPUT/INPUT, which forced orbits can reach"]
+    return []
+
+
+def _swing(found: Tuned, degrees: float) -> FiniteSwing:
+    """The highest peak of the first quantity at finite swing."""
+    from math import radians, tau
+
+    from modal.errors import SceneError
+    from modal.statespace.points import is_point, point_input
+    from nonlinear.orbits import finite_swing
+
+    quantity = found.objective.aims[0].quantity
+    scene = found.scene
+    if quantity.input == "cart_force":
+        on, direction = "cart", "horizontal"
+    elif is_point(quantity.input):
+        point = point_input(scene, quantity.input)
+        on, direction = point.on, point.direction
+    else:
+        raise SceneError(["--angle: forced orbits are computed under cart_force, or a force at a point, force:POINT"])
+    labels = ["x"] * (scene.cart is not None)
+    labels += [f"theta_{p}_{i}" for p, links in enumerate(_copies(scene), 1) for i in range(1, links + 1)]
+    if quantity.output not in labels:
+        raise SceneError([f"--angle: forced orbits give the outputs {', '.join(labels[:6])}, not {quantity.output}"])
+    at = found.pieces_after[0]
+    peaks = at.at[at.inside] / tau
+    band = found.objective.quantities.setting.band or (peaks.min() / WITHIN, peaks.max() * WITHIN)
+    return finite_swing(scene, on, direction, labels.index(quantity.output), radians(degrees), band)
+
+
+def _copies(scene: Any) -> list[int]:
+    return [sum(link.count for link in one.links) for one in scene.pendulum for _ in range(one.count)]
+
+
+def _swing_record(swing: FiniteSwing, found: Tuned) -> dict[str, Any]:
+    from math import degrees
+
+    return {
+        "quantity": found.objective.aims[0].quantity.name,
+        "largest_angle_deg": degrees(swing.angle),
+        "force": swing.size,
+        "peak": swing.peak,
+        "frequency_hz": swing.frequency,
+        "stable": swing.stable,
+        "curve": {"frequency_hz": swing.frequencies.tolist(), "response": swing.responses.tolist()},
+    }
+
+
+def _swing_words(swing: FiniteSwing, found: Tuned) -> str:
+    from math import degrees
+
+    from modal.tuning.objective import extreme
+
+    quantity = found.objective.aims[0].quantity
+    linear = extreme(quantity, found.pieces_after[0])
+    change = 100 * (swing.peak / linear - 1)
+    return (
+        f"At finite swing, a force of {swing.size:.5g} with which a link turns by {degrees(swing.angle):.4g}°: "
+        f"{quantity.name} is {swing.peak:.6g} at {swing.frequency:.5g} Hz ({change:+.3g} %), "
+        f"{'stable' if swing.stable else 'unstable'}."
+    )
+
+
+def _band(text: str) -> tuple[float, float]:
+    first, colon, last = text.partition(":")
+    ends = number("hertz from 0", least=0.0)(first), number("hertz above 0")(last if colon else "")
+    if not ends[0] < ends[1]:
+        raise argparse.ArgumentTypeError(f"{text}: goes from a frequency to a larger one")
+    return ends
+
+
+def _arguments(page: Page) -> None:
+    add_scene(page)
+    words = (
+        "numbers to tune, separated by commas, each perhaps with bounds, such as "
+        "'pendulum[0].links[0].length=0.5:2,pendulum[0].links[0].damping'"
+    )
+    offer(page.asked.add_argument("--free", metavar="PLACES", action=Joined, required=True, help=words), places)
+    words = (
+        "make this small: peak:OUTPUT/INPUT, such as peak:x/cart_force, the largest magnitude over frequencies; "
+        "rms:OUTPUT under --psd; residual, the angle that a --travel leaves; damping, the least ratio of the modes; "
+        "settling, the time to 2 %; with a weight as in 2*peak:x/cart_force; repeat for several"
+    )
+    add_words(page.asked, "--minimize", QUANTITIES, comma="", metavar="QUANTITY", action="append", help=words)
+    words = "make this large: as --minimize; repeat for several"
+    add_words(page.asked, "--maximize", QUANTITIES, comma="", metavar="QUANTITY", action="append", help=words)
+    words = (
+        "let this be at most so large, such as rel_1_1=0.2, the stroke of a damper, as a peak or an RMS as the first "
+        "quantity is; or any quantity, as settling=60; repeat for several"
+    )
+    page.asked.add_argument("--max", metavar="QUANTITY=VALUE", action="append", help=words)
+    words = "peaks at these frequencies in Hz alone, such as 0.1:2 (default all)"
+    page.asked.add_argument("--over-hz", metavar="FROM:TO", type=_band, help=words)
+    words = "of rms: one-sided PSD of the support's acceleration, or of the input of rms:OUTPUT/INPUT, as in vibration"
+    offer(page.asked.add_argument("--psd", metavar="CSV", help=words), files((".csv",)))
+    words = "of damping and settling: this row of the table of modes alone; repeat for several"
+    offer(
+        page.asked.add_argument("--mode", metavar="R", type=whole(100_000), action="append", help=words), mode_numbers
+    )
+    words = "of residual: the cart travels so far, smoothly, as in hoist"
+    page.asked.add_argument("--travel", metavar="METRES", type=number("metres above 0"), help=words)
+    words = "duration of the travel (default: that of the hoist)"
+    page.asked.add_argument("--over", metavar="SECONDS", type=number("seconds above 0"), help=words)
+    words = "shaper of the travel, for the lengths before it (default: none)"
+    page.asked.add_argument("--kind", choices=("zv", "zvd", "ei", "um"), help=words)
+    words = "tune for the worst case of all masses ±5 percent, each for itself"
+    page.computed.add_argument("--robust", action="store_true", help=words)
+    words = "the peak of the tuned scene also at finite swing, by forced orbits: the largest angle of any link"
+    degrees = number("degrees above 0 and below 180", 179.999)
+    page.computed.add_argument("--angle", metavar="DEG", type=degrees, help=words)
+    _rephrase(page)
+    add_file(page, "--output", "-o", words="the scene with the best numbers, {}", kinds=("toml",))
+    add_file(page, "--report", words="the report with its curves, {}", kinds=("json",))
+    add_file(page, "--picture", words="draw the peaks before and after in {}", kinds=PICTURES)
+    add_theme(page)
+    words = "what is printed (default text)"
+    page.written.add_argument("--format", choices=("text", "json"), default="text", help=words)
+
+
+def _rephrase(page: Page) -> None:
+    changes: Sequence[tuple[str, str]] = (
+        (r"^free: name", "--free: name"),
+        (r"^nothing is minimized or maximized: name", "give --minimize QUANTITY or --maximize QUANTITY: name"),
+        (r"give a band of frequencies", "give --over-hz FROM:TO"),
+        (r"^residual: needs a travel in metres$", "residual: needs --travel METRES"),
+        (r"give over, in seconds$", "give --over SECONDS"),
+        (r"^travel: is for", "--travel: is for"),
+        (r"^rms: needs a PSD$", "rms: needs --psd CSV"),
+        (r"^psd: is for", "--psd: is for"),
+        (r"^band: is for", "--over-hz: is for"),
+        (r"^band (?=\S+: goes)", "--over-hz "),
+        (r"^mode: is for", "--mode: is for"),
+        (r"^mode (?=\d+: the scene)", "--mode "),
+    )
+    for said, option in changes:
+        page.rephrase(said, option)
+
+
+COMMANDS = (
+    Command(
+        name="tune",
+        topic="control",
+        run=tune,
+        arguments=_arguments,
+        details=(
+            "At small angles, with exact derivatives and all peaks at once, from several starts. Beside the best "
+            "numbers are Den Hartog's where they apply; what each number is worth, and how far it may be off for 1 % "
+            "of the objective; the worst case of all masses ±5 %; stroke and torque of the dampers."
+        ),
+        examples=(
+            (
+                "tune tower --free 'pendulum[0].links[0].length,pendulum[0].links[0].damping' "
+                "--minimize peak:floor2_m/floor2_force -o tuned.toml --report report.json",
+                "the damper that lets a force on the roof move it least",
+            ),
+            (
+                "tune tower --free 'pendulum[0].links[0].length=1:3,pendulum[0].links[0].damping' "
+                "--minimize peak:floor2_m/support_acceleration --max rel_1_1=3 --picture tuned.png",
+                "when the ground shakes, with bounds and a limit to the damper's stroke",
+            ),
+            (
+                "tune tower --free 'pendulum[0].links[0].damping' --minimize settling",
+                "the damper with which everything comes to rest soonest",
+            ),
+        ),
+    ),
+)
