@@ -12,8 +12,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.report import counted
-from modal.scene import Pendulum, Scene, validate_scene
-from modal.scene.doors import checked
+from modal.scene import Pendulum, Scene, doors, validate_scene
 from modal.scene.supports import Adrift, Combined, Displaced, Turned
 from modal.structure import structure_of
 from modal.types import Floats
@@ -115,7 +114,7 @@ def _of(pendulum: Pendulum) -> Floats:
     return np.array([start.angles_deg, start.rates_deg or none, start.azimuths_deg or none]).T
 
 
-@checked
+@doors.checked
 def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
     """The state at rest with an angle (deg) per link of the scene, or of one pendulum where all have equally many.
 
