@@ -1,8 +1,8 @@
 """The highest peak of a response at finite swing, by forced orbits over frequencies.
 
-A sine of one size pushes the scene at every frequency of a band; the size is that at which the largest angle of any link
-over the band is the one asked for.  Each orbit is the one beside the linear response, or where the motion from there
-settles; where several motions coexist, others are not seen here, and `follow_forced` follows them.
+A sine of one size pushes the scene at every frequency of a band; the size is that at which the largest angle of any
+link over the band is the one asked for.  Each orbit is the one beside the linear response, or where the motion from
+there settles; where several motions coexist, others are not seen here, and `follow_forced` follows them.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary
 from modal.scene import Scene, SineForce
+from modal.scene.doors import checked
 from modal.scene.motion import Acting
 from modal.types import Floats
 from nonlinear.orbits.forced import forced_orbit, linear_response
@@ -46,6 +47,7 @@ class FiniteSwing(Displayed):
         return Summary(f"Peak at finite swing: {self.peak:.6g} at {self.frequency:.5g} Hz", facts)
 
 
+@checked
 def finite_swing(
     scene: Scene, on: str, direction: Acting, column: int, angle: float, band: tuple[float, float]
 ) -> FiniteSwing:
@@ -86,9 +88,7 @@ def finite_swing(
     best = int(responses.argmax())
     orbit = orbits[frequencies[best]]
     peak = float(responses[best])
-    return FiniteSwing(
-        size, largest, peak, frequencies[best], orbit.is_stable, np.array(frequencies), responses
-    )
+    return FiniteSwing(size, largest, peak, frequencies[best], orbit.is_stable, np.array(frequencies), responses)
 
 
 def _between(frequencies: list[float], middle: float) -> list[float]:
