@@ -264,7 +264,7 @@ def test_columns_through_two_switches_at_once_are_those_of_one_after_the_other(k
 def test_the_source_for_numba_does_the_same(name: str) -> None:
     switches = switches_of(system_of(SCENES[name]))
     at, rng = switches.places, np.random.default_rng(4)
-    y, V, space = (0.2 * rng.normal(size=at.size)).tolist(), rng.normal(size=(2, at.size)), {"compiled": lambda f: f}
+    y, V, space = (0.2 * rng.normal(size=at.size)).tolist(), rng.normal(size=(2, at.size)), {"part": lambda f: f}
     exec(compile(switches.source(), "<switches>", "exec"), space)
     state = switches.begin(0.0, y)
     f = switches.function("sticking" if at.J else "rates")(y, switches.inputs(state), ())
