@@ -202,22 +202,22 @@ class AveragedEquations(Displayed):
     def _waves(self, amplitudes: Complexes, turning: Floats, harmonic: int) -> Floats:
         """q, q' and q'' (3, half, S K) of amplitudes (B, C, S) in this harmonic of every band."""
         rate = 1j * harmonic * turning.T
-        moving = (self.shapes @ amplitudes).transpose(1, 2, 0)
+        moving = _product(self.shapes, amplitudes).transpose(1, 2, 0)
         if self._brake:
             moving[0] /= 1 + self._brake / rate
         speed = rate * moving
         parts = np.array([moving, speed, rate * speed]).view(float)
-        return (parts.reshape(-1, parts.shape[-1]) @ self._harmonics[harmonic]).reshape(3, len(moving), -1)
+        return (parts @ self._harmonics[harmonic]).reshape(3, len(moving), -1)
 
     def _along(self, waves: Floats, turning: Floats, harmonic: int) -> Complexes:
         """2⟨φ_rᵀρ e^{−ihχ_b}⟩ (B, C, S) of a motion (3, half, S K)."""
         left, parts = residual_forces(self.system, [waves])[0], self._harmonics[harmonic]
         points = parts.shape[1]
-        means = (left.reshape(-1, points) @ parts.T).view(complex).reshape(len(left), -1, len(self._phases))
+        means = (left.reshape(len(left), -1, points) @ parts.T).view(complex)
         found = 2 / points * means.transpose(2, 0, 1)
         if self._brake:
             found[:, 0] /= 1 + self._brake / (1j * harmonic * turning)
-        return np.asarray(self.shapes.T @ found)
+        return _product(self.shapes.T, found)
 
     def _kicks(self, first: Complexes, turning: Floats, kept: Booleans) -> tuple[Complexes, Complexes]:
         """The first and third harmonics of the escapements' torques in every band (B, C, S)."""
@@ -287,6 +287,11 @@ class AveragedEquations(Displayed):
         """Relative rotation in every shape at the joints with escapements, (C, J)."""
         assert self._joints is not None
         return self._joints.gamma(self.shapes.T)
+
+
+def _product(matrix: Floats, columns: Complexes) -> Complexes:
+    """The product of a real matrix and complex columns, by half of the operations that a complex matrix would take."""
+    return np.asarray((matrix @ np.ascontiguousarray(columns).view(float)).view(complex))
 
 
 def derivative(rate: Callable[[Complexes, Floats], Complexes], z: Complexes, turning: Floats) -> Floats:
