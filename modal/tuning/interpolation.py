@@ -33,7 +33,9 @@ Powers = tuple[int, ...]
 class Interpolated:
     """Arrays at numbers (n,) near `start` (n,), and their derivatives."""
 
-    def __init__(self, start: Floats, powers: np.ndarray, coefficients: Floats, shapes: Sequence[tuple[int, ...]]) -> None:
+    def __init__(
+        self, start: Floats, powers: np.ndarray, coefficients: Floats, shapes: Sequence[tuple[int, ...]]
+    ) -> None:
         self.start, self.powers, self.coefficients, self.shapes = start, powers, coefficients, tuple(shapes)
 
     def arrays(self, numbers: Floats) -> Arrays:
@@ -58,7 +60,7 @@ def interpolated(arrays_at: Callable[[Floats], Arrays], start: Floats) -> Interp
     n, known = len(start), dict[Powers, Floats]()
     shapes = [np.shape(part) for part in arrays_at(start)]
 
-    def at(u: Sequence[float]) -> Floats:
+    def at(u: Floats | Sequence[float]) -> Floats:
         return np.concatenate([np.ravel(part) for part in arrays_at(start * np.asarray(u))])
 
     try:
@@ -68,7 +70,9 @@ def interpolated(arrays_at: Callable[[Floats], Arrays], start: Floats) -> Interp
         powers = np.array([*newton])
         rows = np.array([*newton.values()])
         monomials = _monomials(powers, rows)
-        found = Interpolated(np.asarray(start), *_cleaned(*monomials, np.abs(np.array([*known.values()])).max(0)), shapes)
+        found = Interpolated(
+            np.asarray(start), *_cleaned(*monomials, np.abs(np.array([*known.values()])).max(0)), shapes
+        )
         for u in (np.linspace(0.7, 1.6, n), np.linspace(1.7, 0.6, n)):
             true, own = at(u), np.concatenate([np.ravel(part) for part in found.arrays(start * u)])
             if np.any(np.abs(true - own) > RIGHT * np.abs(np.array([*known.values()])).max(0) + 1e-300):

@@ -56,7 +56,9 @@ def loads(objective: Objective, scene: Scene) -> tuple[Load, ...]:
         else:
             effort, effort_at = _largest(damping * pieces[0].values * pieces[0].at, pieces[0].at)
         per = own.form.signals[0][1].unit if aim.kind == "peak" else ""
-        found.append(Load(with_numbers(place), per, stroke, unit, at, effort, "N m" if unit == "rad" else "N", effort_at))
+        found.append(
+            Load(with_numbers(place), per, stroke, unit, at, effort, "N m" if unit == "rad" else "N", effort_at)
+        )
     return tuple(found)
 
 

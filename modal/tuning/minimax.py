@@ -171,7 +171,12 @@ def _smoothly(evaluate: Evaluate, here: Point, low: Floats, high: Floats) -> Poi
 
     inner, outer = np.maximum(low, here.z - AWAY), np.minimum(high, here.z + AWAY)
     found = scipy.optimize.minimize(
-        cost, here.z, jac=True, method="L-BFGS-B", bounds=list(zip(inner, outer, strict=True)), options={"maxiter": FEWER}
+        cost,
+        here.z,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=list(zip(inner, outer, strict=True)),
+        options={"maxiter": FEWER},
     )
     there = evaluate(np.asarray(found.x), True)
     return there if there.merit < here.merit else here

@@ -1,4 +1,4 @@
-"""What is minimized: quantities with their weights and limits, in the logarithms of free numbers, over several cases."""
+"""What is minimized: quantities with weights and limits, in the logarithms of free numbers, over several cases."""
 
 from __future__ import annotations
 
@@ -81,9 +81,7 @@ class Objective:
         for k, factors in enumerate(self.cases):
             found = self.quantities.at(values, factors, by=self._places if with_gradients else None)
             own = np.array([values[j] * factors.get(place, 1.0) for j, place in enumerate(self._places)])
-            every.append(
-                [self._face(j, one, own, k, n, with_gradients=with_gradients) for j, one in enumerate(found)]
-            )
+            every.append([self._face(j, one, own, k, n, with_gradients=with_gradients) for j, one in enumerate(found)])
         faces = [_joined(parts) for parts in zip(*every, strict=True)]
         return Point(np.asarray(z), tuple(faces[: len(self.aims)]), tuple(faces[len(self.aims) :]))
 

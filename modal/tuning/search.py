@@ -146,7 +146,8 @@ def _aims(minimize: Sequence[str], maximize: Sequence[str]) -> tuple[list[Aim], 
 
 
 def _begin(scene: Scene, place: Place) -> float:
-    """Where the search for a number that is 0 begins: a tenth of critical damping, or of the stiffness that is there."""
+    """Where the search for a number that is 0 begins: a tenth of critical damping, or of the stiffness there."""
+
     def arrays(one: Scene) -> tuple[Floats, ...]:
         found = matrices(one)
         return found.M, found.K, found.D
@@ -281,7 +282,10 @@ def _robust(objective: Objective, best: Minimum) -> Minimum:
 def _endless(objective: Objective) -> str:
     """Why no start has a finite value."""
     found = objective.pieces(objective.start)
-    quantities: list[Quantity] = [*(one.quantity for one in objective.aims), *(one.quantity for one in objective.limits)]
+    quantities: list[Quantity] = [
+        *(one.quantity for one in objective.aims),
+        *(one.quantity for one in objective.limits),
+    ]
     for quantity, one in zip(quantities, found, strict=True):
         if one.endless:
             return f"{quantity.name}: {one.endless}, whatever the free numbers are"
@@ -318,4 +322,3 @@ def _refuse_no_peak(objective: Objective, z: Floats) -> None:
                 slowest = float(np.abs(objective.quantities.numbers.model(objective.scene_at(z)).poles).max())
                 where = "the limit at 0 Hz" if 2 * np.pi * at < slowest else "the limit at high frequencies"
             raise ComputationError(f"{aim.quantity.name}: has no peak: its largest magnitude is {where}")
-

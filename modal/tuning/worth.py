@@ -111,7 +111,9 @@ class Case(Displayed):
         lighter = [with_numbers(place) for place, factor in self.factors.items() if factor < 1]
         if not heavier or not lighter:
             return "all heavier" if heavier else "all lighter"
-        few, way, other = min((heavier, "heavier", "lighter"), (lighter, "lighter", "heavier"), key=lambda one: len(one[0]))
+        few, way, other = min(
+            (heavier, "heavier", "lighter"), (lighter, "lighter", "heavier"), key=lambda one: len(one[0])
+        )
         return f"{way}: {listed(few[:FEW], len(few))}; all others {other}"
 
 
@@ -124,8 +126,10 @@ def worst_case(objective: Objective, z: Floats) -> Case:
 def worst_cases(objective: Objective, z: Floats) -> list[Case]:
     """Corners of the box of masses ±5 % in which one piece of the objective or another is worst."""
     places = _free_masses(objective, z)
+    corners: list[Factors]
     if len(places) <= CORNERS:
-        corners = [dict(zip(places, signs, strict=True)) for signs in product((1 - SHARE, 1 + SHARE), repeat=len(places))]
+        signs = product((1 - SHARE, 1 + SHARE), repeat=len(places))
+        corners = [dict(zip(places, own, strict=True)) for own in signs]
     else:
         corners = list(_climbed(objective, z, places))
     found: list[Case] = []

@@ -13,6 +13,7 @@ from multipendula.options import PICTURES, Joined, add_file, add_scene, add_them
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
+    from modal.scene.motion import Acting
     from modal.tuning import Tuned
     from nonlinear.orbits import FiniteSwing
 
@@ -93,6 +94,8 @@ def _swing(found: Tuned, degrees: float) -> FiniteSwing:
 
     quantity = found.objective.aims[0].quantity
     scene = found.scene
+    on: str
+    direction: Acting
     if quantity.input == "cart_force":
         on, direction = "cart", "horizontal"
     elif is_point(quantity.input):
@@ -176,7 +179,9 @@ def _arguments(page: Page) -> None:
     words = "of rms: one-sided PSD of the support's acceleration, or of the input of rms:OUTPUT/INPUT, as in vibration"
     offer(page.asked.add_argument("--psd", metavar="CSV", help=words), files((".csv",)))
     words = "of damping and settling: this row of the table of modes alone; repeat for several"
-    offer(page.asked.add_argument("--mode", metavar="R", type=whole(100_000), action="append", help=words), mode_numbers)
+    offer(
+        page.asked.add_argument("--mode", metavar="R", type=whole(100_000), action="append", help=words), mode_numbers
+    )
     words = "of residual: the cart travels so far, smoothly, as in hoist"
     page.asked.add_argument("--travel", metavar="METRES", type=number("metres above 0"), help=words)
     words = "duration of the travel (default: that of the hoist)"

@@ -1,8 +1,8 @@
 """The highest peak of a response at finite swing, by forced orbits over frequencies.
 
-A sine of one size pushes the scene at every frequency of a band; the size is that at which the largest angle of any link
-over the band is the one asked for.  Each orbit is the one beside the linear response, or where the motion from there
-settles; where several motions coexist, others are not seen here, and `follow_forced` follows them.
+A sine of one size pushes the scene at every frequency of a band; the size is that at which the largest angle of any
+link over the band is the one asked for.  Each orbit is the one beside the linear response, or where the motion from
+there settles; where several motions coexist, others are not seen here, and `follow_forced` follows them.
 """
 
 from __future__ import annotations
@@ -86,9 +86,7 @@ def finite_swing(
     best = int(responses.argmax())
     orbit = orbits[frequencies[best]]
     peak = float(responses[best])
-    return FiniteSwing(
-        size, largest, peak, frequencies[best], orbit.is_stable, np.array(frequencies), responses
-    )
+    return FiniteSwing(size, largest, peak, frequencies[best], orbit.is_stable, np.array(frequencies), responses)
 
 
 def _between(frequencies: list[float], middle: float) -> list[float]:
