@@ -14,8 +14,6 @@ import argparse
 import time
 from collections.abc import Callable
 from math import pi, sin
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -47,7 +45,7 @@ def hoisted(scene: Scene) -> Scene:
     return scene.replace(pendulum=(scene.pendulum[0].replace(links=links),))
 
 
-def inputs_of_time(folder: Path) -> dict[str, Scene]:
+def inputs_of_time() -> dict[str, Scene]:
     """Scenes that time drives for ten seconds, records of 2,001 samples."""
     times, rng = np.linspace(0.0, 10.0, 2001), np.random.default_rng(1)
     lengths = {"smooth": 1.0 + 0.3 * np.cos(times), "noisy": 1.3 + 1e-4 * rng.standard_normal(2001)}
@@ -64,10 +62,8 @@ def inputs_of_time(folder: Path) -> dict[str, Scene]:
     for profile in ("smooth", "trapezoidal"):
         scenes[f"hoist, {profile}"] = roped(Hoist(to=0.7, duration=10.0, profile=profile), 1.3)
     for name, own in lengths.items():
-        path = folder / f"{name}.csv"
-        rows = [f"{time!r},{length!r}" for time, length in zip(times.tolist(), own.tolist(), strict=True)]
-        path.write_text("\n".join(["time_s,length_m", *rows]), encoding="utf-8")
-        scenes[f"hoist, {name} file"] = roped(Hoist(file=str(path)), float(own[0]))
+        hoist = Hoist(time_s=tuple(times.tolist()), length_m=tuple(own.tolist()))
+        scenes[f"hoist, {name} file"] = roped(hoist, float(own[0]))
     return scenes
 
 
@@ -81,16 +77,15 @@ def table_of_inputs(calls: int, share: float) -> None:
     """Print what inputs of time cost."""
     print("\ninputs of time         µs a call  ns side by side   s a run   steps   breaks")
     times = np.random.default_rng(5).uniform(0.0, 10.0, 1000)
-    with TemporaryDirectory() as folder:
-        for name, scene in inputs_of_time(Path(folder)).items():
-            own = Inputs(system_of(scene))
-            at, some = own.of_time, times[: min(calls, 1000)].tolist()
-            one = best(lambda at=at, some=some: [at(time) for time in some], 1) / len(some)
-            beside = best(lambda own=own: own.beside(times), 5) / len(times)
-            seconds = best(lambda scene=scene: simulate(scene, 10.0 * share, method="DOP853"), 1)
-            steps = simulate(scene, 10.0 * share, method="DOP853").run.steps
-            row = f"{1e6 * one:9.2f}  {1e9 * beside:15.1f}  {seconds:8.4f}  {steps:6}  {len(own.breaks(1e-9)):7}"
-            print(f"{name:22} {row}")
+    for name, scene in inputs_of_time().items():
+        own = Inputs(system_of(scene))
+        at, some = own.of_time, times[: min(calls, 1000)].tolist()
+        one = best(lambda at=at, some=some: [at(time) for time in some], 1) / len(some)
+        beside = best(lambda own=own: own.beside(times), 5) / len(times)
+        seconds = best(lambda scene=scene: simulate(scene, 10.0 * share, method="DOP853"), 1)
+        steps = simulate(scene, 10.0 * share, method="DOP853").run.steps
+        row = f"{1e6 * one:9.2f}  {1e9 * beside:15.1f}  {seconds:8.4f}  {steps:6}  {len(own.breaks(1e-9)):7}"
+        print(f"{name:22} {row}")
 
 
 def push(time: float, state: State) -> AppliedForces:

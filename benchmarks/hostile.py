@@ -1,10 +1,15 @@
 """Hostile input to the command line, and whether any of it leaves more than one clear message.
 
     python benchmarks/hostile.py [--scenes 10000] [--options 1] [--flips 500] [--interruptions 200]
+                                 [--endless 300] [--numbers 2000] [--names 500] [--calls 5000] [--kept 300]
 
 Scene files from wild but valid to random bytes, given to the commands that read scenes; every option of every command
 with values of every wrong type; files that are read back, with bytes changed; commands stopped by Ctrl-C, SIGTERM and
-SIGKILL.  Counted as faults: tracebacks, exit codes other than 0, 1, 2 and 130, messages that control a terminal, Python
+SIGKILL; devices, pipes and folders in place of files of data; numbers at the ends of double precision in them; names of
+columns and files that control a terminal; nonsense given to public functions; records, chunks and compiled code changed
+behind the back of who keeps them.
+
+Counted as faults: tracebacks, exit codes other than 0, 1, 2 and 130, messages that control a terminal, Python
 warnings, files that are half-written or left behind, processes that outlive their command, and numbers that differ
 without notice.  A command that is given up after 20 s is counted separately.  Exit code 1 where there are faults.
 `--options 0.1` takes a tenth of the calls; `--from N` begins at case N of every kind, so that other cases are tried.
@@ -25,7 +30,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from hostility import damage, interruptions, options, scene_files
+from hostility import calls, damage, interruptions, kept, measurements, options, scene_files
 from hostility.judge import Ended, warm_up
 from tabulate import tabulate
 from tqdm import tqdm
@@ -58,6 +63,11 @@ def interruption_case(number: int) -> Verdict:
     return "stopped", [f"interruption {number}: {done}: {fault}" for fault in faults]
 
 
+def file_case(kind: str, number: int) -> Verdict:
+    with TemporaryDirectory() as folder:
+        return _verdict(f"{kind} {number}", getattr(measurements, kind)(number, Path(folder)))
+
+
 def _verdict(name: str, ended: Ended) -> Verdict:
     became = "given up" if ended.code is None and not ended.faults else f"exit {ended.code}"
     return became, [f"{name}: {' '.join(ended.words)[:200]!r}: {fault}" for fault in ended.faults]
@@ -66,12 +76,16 @@ def _verdict(name: str, ended: Ended) -> Verdict:
 def parts(asked: argparse.Namespace) -> Iterator[tuple[str, Callable[..., Verdict], list[Any]]]:
     """The kinds of cases, their functions, and their arguments."""
     first = asked.first
-    calls = options.calls()
-    chosen = random.Random(first).sample(calls, round(asked.options * len(calls)))
+    every = options.calls()
+    chosen = random.Random(first).sample(every, round(asked.options * len(every)))
     yield "scene files", scene_case, list(range(first, first + asked.scenes))
     yield "options", option_case, chosen
     for name in damage.kinds() if asked.flips else ():
         yield f"flips of {name}", partial(flip_case, name), list(range(first, first + asked.flips))
+    for kind in ("endless", "numbers", "names"):
+        yield f"files of data: {kind}", partial(file_case, kind), list(range(first, first + getattr(asked, kind)))
+    yield "public functions", calls.case, list(range(first, first + asked.calls))
+    yield "records, chunks, kernels", kept.case, list(range(first, first + asked.kept))
     yield "interruptions", interruption_case, list(range(first, first + asked.interruptions))
 
 
@@ -97,6 +111,11 @@ def main() -> int:
     parser.add_argument("--options", type=float, default=1.0, help="share of all calls")
     parser.add_argument("--flips", type=int, default=500, help="of each kind of file")
     parser.add_argument("--interruptions", type=int, default=200)
+    parser.add_argument("--endless", type=int, default=300, help="devices, pipes and folders as files of data")
+    parser.add_argument("--numbers", type=int, default=2000, help="files of data with extreme numbers")
+    parser.add_argument("--names", type=int, default=500, help="files of data with names that control a terminal")
+    parser.add_argument("--calls", type=int, default=5000, help="of public functions")
+    parser.add_argument("--kept", type=int, default=300, help="of what is kept between commands and processes")
     parser.add_argument("--from", dest="first", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
     asked = parser.parse_args()
@@ -111,7 +130,8 @@ def main() -> int:
         told = ", ".join(f"{outcome}: {count}" for outcome, count in sorted(became.items()))
         rows.append((name, len(cases), told, faults))
         wrong += faults
-    print(tabulate(rows, headers=["what", "cases", "what became of them", "faults"]))
+    print(tabulate(rows, headers=["what", "tried", "what became of them", "bad"]))
+    print(f"tried {sum(row[1] for row in rows)}, bad {wrong or 'none'}")
     return int(wrong > 0)
 
 

@@ -14,7 +14,8 @@ import numpy as np
 from modal.errors import SceneError
 from modal.modes import natural_modes
 from modal.scene import Scene, example_names, load
-from multipendula.page import MOST_LINKS, page, scene_data
+from multipendula.page import MOST_LINKS, page, scaffold_of, scene_data
+from nonlinear.system import system_of
 
 
 @cache
@@ -39,6 +40,8 @@ LEAN = 25.0  # ° of the swing
 
 def sketch(scene: Scene) -> str:
     """The scene in its slowest swing (a large one: hanging still) as SVG: support, links, joints."""
+    if scene.is_structured:
+        return _structure_sketch(scene)
     shapes = _shapes(scene)
     reach = max(np.ptp(shape[:, 1]) for shape in shapes)
     room = (0.62 if len(shapes) < 5 else 0.3) * reach
@@ -56,6 +59,46 @@ def sketch(scene: Scene) -> str:
         points = [f"{x:.1f},{y:.1f}" for x, y in shape]
         joints = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5"/>' for x, y in shape[1:] if len(shape) < 9)
         parts.append(f'<g class="c{place % 3}"><polyline points="{" ".join(points)}"/>{joints}</g>')
+    return f'<svg viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" aria-hidden="true">{"".join(parts)}</svg>'
+
+
+def _structure_sketch(scene: Scene) -> str:
+    """The same of a structure, as figures draw it, with all its pendula."""
+    system, modes = system_of(scene), natural_modes(scene.conservative)
+    scaffold, sizes = scaffold_of(system), [one.n_links for one in scene.pendulum for _ in range(one.count)]
+    shapes = [modes.shape(k) for k in range(len(modes.omega))]
+    parts_moved = [(np.abs(one.angles).max(), np.abs(one.supports / scaffold.unit).max(initial=0.0)) for one in shapes]
+    # the slowest in which pendula swing as far as the structure goes
+    chosen = next((k for k, (swung, carried) in enumerate(parts_moved) if swung >= carried), 0)
+    shape, lean = shapes[chosen], np.radians(LEAN) / max(parts_moved[chosen])
+    angles = lean * np.real(shape.angles)
+    for group in system.groups:
+        angles[group.index] += group.rest
+    eta = lean * np.real(shape.supports)[None]
+    steps = system.by_link("length")[:, None] * np.stack([np.sin(angles), -np.cos(angles)], axis=1)
+    ends = np.cumsum(sizes)
+    chains = [
+        top + np.vstack([[0.0, 0.0], np.cumsum(own, axis=0)])
+        for top, own in zip(scaffold.pivots(eta)[0], np.split(steps, ends[:-1]), strict=True)
+    ]
+    pieces = scaffold.pieces(eta, {k: chain[None] for k, chain in enumerate(chains)})
+    every = [piece.points[0] for piece in pieces] + chains
+    low, high = np.min(np.vstack(every), axis=0), np.max(np.vstack(every), axis=0)
+    scale = min((np.array([WIDTH, HEIGHT]) - 2 * MARGIN) / (high - low))
+    corner = np.array([WIDTH, HEIGHT]) / 2 + scale * np.array([-1, 1]) * (low + high) / 2
+
+    def placed(points: np.ndarray) -> list[str]:
+        return [f"{x:.1f},{y:.1f}" for x, y in corner + scale * points * [1, -1]]
+
+    parts = []
+    for piece in pieces:
+        line = "L".join(placed(piece.points[0])) + "Z" * piece.closed
+        parts.append(f'<path class="{"body" if piece.role == "body" else "rail"}" d="M{line}"/>')
+    for k, chain in enumerate(chains):
+        points = placed(chain)
+        places = [one.split(",") for one in points[1:]]
+        joints = "".join(f'<circle cx="{x}" cy="{y}" r="{3.5 if len(chains) < MOST else 2}"/>' for x, y in places)
+        parts.append(f'<g class="c{k % 3}"><polyline points="{" ".join(points)}"/>{joints}</g>')
     return f'<svg viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" aria-hidden="true">{"".join(parts)}</svg>'
 
 

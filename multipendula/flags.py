@@ -89,6 +89,7 @@ FLAGS: dict[str, tuple[str, str]] = {
     "--start": ("WORDS", "where the motion begins"),
     "--strobe": ("", "draw the last strobes, once a period of the drives"),
     "--symbolic": ("WORDS", "quantities to keep as symbols"),
+    "--temperature": ("KELVIN", "temperature of thermal noise"),
     "--theme": ("", "colours of a picture"),
     "--to": ("FORMAT", "what a model is exported to"),
     "--tolerance": ("T", "relative error of a step"),

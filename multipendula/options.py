@@ -69,6 +69,7 @@ def add_start(page: Page, words: str = "as in simulate") -> None:
     """The initial condition of a motion."""
     instead = "give --start mode:1:5 (mode 1, largest angle 5 deg) or --start angles:10,20,..."
     page.rephrase(r"give another start: .*", instead)
+    page.rephrase(r"^(start|angles_deg): has (?=.*(angle|finite))", "--start: has ")
     add_words(
         page.motion, "--start", ("scene", "mode:", "orbit:", "orbit", "angles:"), comma="", metavar="WORDS", help=words
     )

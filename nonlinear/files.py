@@ -21,6 +21,7 @@ import numpy as np
 from modal.errors import SceneError
 from modal.report import csv_comment, csv_rows
 from modal.scene import Scene, describe, kind_of, scene_from, sealed, whole_file
+from modal.scene.doors import checked
 from modal.scene.sealed import finite_array, index, reading, require_keys
 from modal.types import Floats
 from nonlinear.dynamics import links_of_contacts
@@ -57,6 +58,7 @@ BOTH_WAYS = tuple(
 REDUCED = (TRUNCATED, LINEAR, CORRECTED)
 
 
+@checked
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     """Write a .npz or .csv file atomically; SceneError for any other file name.
 
@@ -256,15 +258,7 @@ def columns(system: System) -> list[str]:
     else:
         links = [f"theta_{place}_rad" for place in places]
         rates = [f"theta_dot_{place}_rad_per_s" for place in places]
-    return ["time_s", *links, *rates, *_of_carriers(system), "work_J", *_of_springs(system), *_of_support(system)]
-
-
-def _of_carriers(system: System) -> list[str]:
-    """The coordinates before those of links, then their rates: NAME_m, NAME_m_per_s, of one cart x_m, x_dot_m_per_s."""
-    if system.structure is None:
-        return ["x_m", "x_dot_m_per_s"]
-    names = ["x_m" if name == "x" else name for name in system.structure.names]
-    return names + ["x_dot_m_per_s" if name == "x_m" else f"{name}_per_s" for name in names]
+    return ["time_s", *links, *rates, *system.first_columns, "work_J", *_of_springs(system), *_of_support(system)]
 
 
 def _of_springs(system: System) -> list[str]:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from modal._compatibility import exported
 from modal.errors import SceneError
-from modal.scene import Scene, validate_scene
+from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Floats
 from nonlinear.accuracy import Advice, Goal, seek_accuracy
 from nonlinear.integration import (
@@ -21,7 +22,9 @@ from nonlinear.integration import (
     silent,
     validate,
     validate_accuracy,
+    validate_events,
     validate_forces,
+    validate_load,
     validate_method,
     validate_numbers,
     validate_observable,
@@ -90,7 +93,6 @@ def simulate(
     >>> run.motion.links.shape, run.energy_drift() < 1e-7
     ((11, 2), True)
     """
-    validate_scene(scene)
     if accuracy is not None and tolerance is not None:
         raise SceneError(["accuracy: cannot be combined with a tolerance"])
     used = USUAL if tolerance is None else tolerance
@@ -102,6 +104,7 @@ def simulate(
     return request.run(request.choice(float(used)))
 
 
+@checked
 def advise(
     scene: Scene,
     duration: float,
@@ -134,6 +137,7 @@ def _request(
 ) -> Request:
     """The validated request; SceneError lists every mistake."""
     system, load = system_of(scene, more.pop("hoist", None)), more.get("load")
+    validate(lambda: validate_load(load), lambda: validate_events(more.get("events", ())))
     told = {name: more.pop(name, None) for name in ("breaks", "max_step")}
     *_, pace = validate(
         lambda: validate_numbers(duration, tolerance, start_time),
@@ -160,6 +164,7 @@ def certain(advice: Advice) -> Trajectory:
     raise SimulationError(advice.limit, advice.certain)
 
 
+@checked
 def resume(
     trajectory: Trajectory,
     duration: float,

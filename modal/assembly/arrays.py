@@ -7,7 +7,7 @@ a scene (grams, tonnes) changes nothing but the last rounding.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
@@ -252,11 +252,16 @@ def masses_below(mass: Floats) -> Floats:
     return np.concatenate([np.cumsum(mass[:0:-1], axis=0)[::-1], np.zeros_like(mass[:1])])
 
 
-def rig_of(scene: Scene) -> Rig:
-    """The arrays of a scene, in SI units; SceneError for an invalid one, and for one without an equilibrium."""
+def rig_of(scene: Scene, apart: Sequence[tuple[float, ...]] | None = None) -> Rig:
+    """The arrays of a scene, in SI units; SceneError for an invalid one, and for one without an equilibrium.
+
+    Equal pendula are of one kind, unless the numbers `apart` of each entry of the file, as many as it has links or a
+    multiple of that, tell them apart.
+    """
     validate_scene(scene)
     equilibrium = equilibrium_of(scene)
-    entries = [_Entry(pendulum, pendulum.count) for pendulum in scene.pendulum]
+    told = apart or [()] * len(scene.pendulum)
+    entries = [_Entry(one, one.count, apart=own) for one, own in zip(scene.pendulum, told, strict=True)]
     if equilibrium:
         entries = list(_each_at(scene, equilibrium.rest))
     structure = structure_of(scene) if scene.is_structured else None

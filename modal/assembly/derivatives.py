@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from modal.errors import SceneError
 from modal.scene import Scene
+from modal.scene.doors import require_type
 from modal.scene.parameters import Place, Variable, number_at, with_numbers
 
 STEPS = (2.0**-2, 2.0**-6, 2.0**-12)
@@ -35,6 +36,7 @@ def differences(scene: Scene, place: Place, unit: float, arrays_of: Callable[[Sc
     On a structure they may be any smooth functions of lengths and positions.  `unit` is the size of a step from 0.
     SceneError where the scene allows no step to either side.
     """
+    require_type("scene", scene, "Scene")
     path, value = with_numbers(place), number_at(scene, place)
     variable = Variable(scene, [path])
 

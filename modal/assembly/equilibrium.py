@@ -20,7 +20,7 @@ import numpy as np
 
 from modal import pair
 from modal.errors import SceneError
-from modal.scene import Pendulum, Scene, places_of
+from modal.scene import Pendulum, Scene, places_of, validate_scene
 from modal.types import Floats
 
 BALANCED = 1e-12
@@ -84,6 +84,7 @@ def equilibrium_of(scene: Scene) -> Equilibrium | None:
     >>> np.degrees(found.rest.angle).round(3).tolist()
     [45.0, 45.0]
     """
+    validate_scene(scene)
     if not scene.force or "constant_force" not in scene.features:
         return None
     load = _load_of(scene)

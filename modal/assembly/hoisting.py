@@ -27,7 +27,7 @@ from modal.assembly.dense import assembled, dampers, displacements, joints
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices_of
 from modal.assembly.structure import Hanging, on_structure
 from modal.errors import SceneError
-from modal.scene import Bob, Scene
+from modal.scene import Bob, Scene, validate_scene
 from modal.scene.points import Point, parse_point
 from modal.structure import bends
 from modal.types import Floats, Ints
@@ -125,6 +125,7 @@ def hoisting_of(scene: Scene, given: Hoists | None = None) -> Hoisting | None:
 
     Raises SceneError for a law of a link that is no bob or does not exist, and for one that gives no three numbers.
     """
+    validate_scene(scene)
     if not (given or scene.is_hoisted):
         return None
     if not isinstance(given or {}, Mapping):
@@ -182,11 +183,13 @@ class Instant:
 
 def matrices_at(scene: Scene, time: float) -> Matrices:
     """M, K and D (SI) of M q'' + D q' + K q = 0 at a time (s), for lengths that change; M alone is symmetric then."""
+    validate_scene(scene)
     return matrices_along(scene)(time)
 
 
 def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
     """`matrices_at` as a function of time, for many times."""
+    validate_scene(scene)
     if not scene.is_hoisted:
         constant = matrices_of(rig_of(scene))
         return lambda time: constant
@@ -199,6 +202,7 @@ def instants(scene: Scene) -> Callable[[float], Instant]:
 
     SceneError for a scene without one, and under constant forces, whose equilibrium would change with the lengths.
     """
+    validate_scene(scene)
     hoisting, rig = hoisting_of(scene), rig_of(scene)
     if hoisting is None:
         raise SceneError(["hoist: no link of this scene has one"])
@@ -305,6 +309,7 @@ def _refuse_springs(scene: Scene) -> None:
 
 def quadratic_drags(scene: Scene) -> Floats:
     """That of every link (L,), in the order of the file."""
+    validate_scene(scene)
     return np.concatenate(
         [
             np.tile([link.quadratic_drag for link in pendulum.links for _ in range(link.count)], pendulum.count)

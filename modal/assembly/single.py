@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from modal.assembly.arrays import CartNumbers, Units
-from modal.scene import Cart, Scene
+from modal.scene import Cart, Scene, validate_scene
 
 MOST = 20
 """Links up to which floats are quicker than arrays."""
@@ -31,6 +31,7 @@ class Single(NamedTuple):
 
 def single(scene: Scene) -> Single | None:
     """The numbers of a scene that is one short plain chain; None for any other."""
+    validate_scene(scene)
     pendula = scene.pendulum
     if len(pendula) > 1 or not OTHERS.isdisjoint(scene.features) or pendula[0].n_links > MOST:
         return None

@@ -12,7 +12,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from modal.scene import Pendulum, Scene
+from modal.scene import Pendulum, Scene, validate_scene
 from modal.scene.parameters import Place
 from modal.types import Booleans, Floats, Ints
 
@@ -95,6 +95,7 @@ def varied(scene: Scene, numbers: Mapping[Place, Floats]) -> Stack | None:
 
     They must `keep_form`.
     """
+    validate_scene(scene)
     if not can_stack([scene]) or not all(place in SUPPORT or _is_of_link(place) for place in numbers):
         return None
     size = len(next(iter(numbers.values())))

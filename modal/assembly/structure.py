@@ -32,15 +32,13 @@ from modal.structure import (
     Structure,
     Where,
     bends,
+    drawn_together,
     phi,
     slopes,
     tied,
     turning,
 )
 from modal.types import Floats, Ints
-
-DRAWN_TOGETHER = 1e-12
-"""Ends of a spring this close, over their distance from the origin, are one point as drawn."""
 
 
 class Element(NamedTuple):
@@ -77,7 +75,7 @@ class SpringRow(NamedTuple):
 
     `along` is the part along the rail of the direction from its first end to its second; 0 for torsion.  `on_pendula`
     are the pendula, from 0, that it ends on, with the sign of its pull on each.  `label` numbers springs from 1, in
-    the order of the file and counting copies, and tells two ways of one apart.
+    the order of the file and counting copies, and tells two ways of one apart.  It belongs to this `entry` of the file.
     """
 
     label: str
@@ -88,6 +86,7 @@ class SpringRow(NamedTuple):
     along: float
     torsion: bool
     on_pendula: tuple[tuple[int, float], ...]
+    entry: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,6 +164,17 @@ class Hanging:
         return Elements(tuple(inertia), tuple(held), tuple(lost), terms)
 
     @property
+    def inertia(self) -> Floats:
+        """M_s + Σ m (ΦᵀΦ + ΨᵀΨ), (d, d): the structure with all pendula as if they were stiff."""
+        M, _, _ = modal_supports(self.structure)
+        for element in self.elements.inertia:
+            element.add_to(M)
+        for (block, column, copies), pendulum in zip(self.rig.members, self.starts.tolist(), strict=True):
+            along = self.phi.along[pendulum]
+            M += copies * self.rig.blocks[block].mass[:, column].sum() * np.multiply.outer(along, along)
+        return M
+
+    @property
     def free(self) -> int:
         """How many motions no spring holds; no link swings in them."""
         d = self.structure.size
@@ -210,7 +220,7 @@ class Hanging:
             for row, along, way in moving:
                 label = f"{number}" + way * (len(moving) > 1)
                 numbers = float(spring.stiffness), float(spring.damping)
-                yield SpringRow(label, words, row, *numbers, along, spring.torsion, pulled)
+                yield SpringRow(label, words, row, *numbers, along, spring.torsion, pulled, spring.entry)
 
     def _ways(self, spring: SpringNumbers) -> Iterator[tuple[Row, float, str]]:
         """The extension of a spring in each of the ways in which it acts, the part of that along the rail, its name."""
@@ -222,12 +232,12 @@ class Hanging:
         assert first is not None, "one end at least has a place"
         assert second is not None
         ways = [_difference(*rows) for rows in zip(*map(self._point, spring.ends[::-1]), strict=True)]
-        apart = second[0] - first[0], second[1] - first[1]
-        reach = np.hypot(*apart)
-        if reach <= DRAWN_TOGETHER * max(map(abs, (*first, *second))):
+        if drawn_together(first, second):
             yield ways[0], 1.0, "_along"
             yield ways[1], 0.0, "_down"
             return
+        apart = second[0] - first[0], second[1] - first[1]
+        reach = np.hypot(*apart)
         line: Row = {}
         for row, part in zip(ways, apart, strict=True):
             for column, value in row.items():
@@ -308,14 +318,14 @@ def own_inertia(structure: Structure, carrier: int) -> Iterator[Element]:
             yield element
 
 
-def add_modal(structure: Structure, M: Floats, K: Floats, D: Floats) -> None:
-    """Add the matrices of modal supports to those of a scene, in place."""
+def modal_supports(structure: Structure) -> tuple[Floats, Floats, Floats]:
+    """M, K and D (d, d) over η that modal supports bring with them."""
+    M, K, D = np.zeros((3, structure.size, structure.size))
     for own, first in zip(structure.carriers, structure.offsets, strict=False):
         if own.M is not None and own.K is not None and own.D is not None:
             at = slice(first, first + own.size)
-            M[at, at] += own.M
-            K[at, at] += own.K
-            D[at, at] += own.D
+            M[at, at], K[at, at], D[at, at] = own.M, own.K, own.D
+    return M, K, D
 
 
 def on_structure(rig: Rig) -> tuple[Floats, Floats, Floats]:
@@ -323,8 +333,8 @@ def on_structure(rig: Rig) -> tuple[Floats, Floats, Floats]:
     hanging = Hanging(rig)
     structure, elements, d = hanging.structure, hanging.elements, hanging.structure.size
     M, K, D = np.zeros((3, *(d + int(hanging.first[-1]),) * 2))
-    add_modal(structure, M, K, D)
-    for S, each in zip((M, K, D), elements[:3], strict=True):
+    for S, brought, each in zip((M, K, D), modal_supports(structure), elements[:3], strict=True):
+        S[:d, :d] += brought
         for element in each:
             element.add_to(S)
     chains = {(block, column): _chain(rig, block, column) for block, column in rig.names}
@@ -348,7 +358,7 @@ def on_structure(rig: Rig) -> tuple[Floats, Floats, Floats]:
     return M, K, D
 
 
-class _Chain(NamedTuple):
+class _HangingChain(NamedTuple):
     """One chain on a support at rest: its matrices, b, mass, first joint, and drag with the rows of the centres."""
 
     A: Floats
@@ -361,7 +371,7 @@ class _Chain(NamedTuple):
     drag: tuple[Floats, Floats] | None
 
 
-def _chain(rig: Rig, number: int, column: int) -> _Chain:
+def _chain(rig: Rig, number: int, column: int) -> _HangingChain:
     block = rig.blocks[number]
     columns = [(block, column)]
     A, K = assembled(columns, None, rig.gravity)
@@ -369,7 +379,7 @@ def _chain(rig: Rig, number: int, column: int) -> _Chain:
     b = block.across[:, column] * block.b[:, column]
     joint = float(block.stiffness[0, column]), float(block.damping[0, column])
     drag = (block.drag[:, column], centres(block, column)) if block.drag[:, column].any() else None
-    return _Chain(A, K, D, b, float(block.mass[:, column].sum()), *joint, drag)
+    return _HangingChain(A, K, D, b, float(block.mass[:, column].sum()), *joint, drag)
 
 
 def null_space(rows: Floats) -> Floats:

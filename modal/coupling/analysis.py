@@ -32,6 +32,7 @@ from modal.errors import ComputationError
 from modal.modes import MOST_COMPARED, lettered, natural_modes, table_numbers
 from modal.report import NOTHING, Displayed, Summary, brief, counted
 from modal.scene import Scene, name_of, require
+from modal.scene.doors import checked
 from modal.types import Floats, Ints
 
 MOST_POLES = 10_000
@@ -267,6 +268,7 @@ def family_name(index: int) -> str:
     return lettered(index).upper()
 
 
+@checked
 def explain(scene: Scene) -> Coupling | StructureCoupling:
     """The coupling of the pendula of a scene through its cart, or through the structure that they hang from.
 

@@ -27,7 +27,7 @@ from modal.coupling.fixed_base import without_damping
 from modal.eigen import Part, Spectrum, find_spectrum
 from modal.errors import ComputationError
 from modal.report import Displayed
-from modal.scene import Pendulum, Scene, VanDerPol
+from modal.scene import Pendulum, Scene, VanDerPol, validate_scene
 from modal.types import Floats
 
 Kind = tuple[int, int] | None
@@ -122,6 +122,7 @@ def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
 
 def negative_damping(scene: Scene, rig: Rig) -> tuple[Floats, ...]:
     """Strengths e (N m s/rad) of one copy, (n, P) of each block; of equal pendula with unequal drives, their mean."""
+    validate_scene(scene)
     found = tuple(np.zeros_like(block.damping) for block in rig.blocks)
     entries, left = iter(scene.pendulum), 0
     for block, column, copies in rig.members:  # several of one entry, where springs tell its copies apart

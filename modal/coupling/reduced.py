@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import Element, Hanging, Rig, assembled, centres
+from modal.assembly import Element, Hanging, Rig, assembled, centres, modal_supports
 from modal.coupling.fixed_base import FixedBaseModes, places_within, without_damping
 from modal.eigen import find_spectrum
 from modal.errors import ComputationError
@@ -103,7 +103,7 @@ class Reduced:
     def carried(self) -> Floats:
         """The dampers of carriers and of springs, and drag down."""
         found, d = np.zeros_like(self.M), self.d
-        found[:d, :d] = _modal(self.hanging)[2]
+        found[:d, :d] = modal_supports(self.hanging.structure)[2]
         for element in self.hanging.elements.damping:
             vector = self.vector(element)
             found += element.size * np.outer(vector, vector)
@@ -203,34 +203,11 @@ def reduced(rig: Rig) -> Reduced:
         K[np.ix_(columns, columns)] = np.diag(own.omega[np.array(columns) - d] ** 2)
     K[d:, :d] = K[:d, d:].T
     M = np.eye(d + count)
-    M[:d, :d] = _inertia(hanging)
+    M[:d, :d] = hanging.inertia
     M[:d, d:] = (found.along[own.kind] * (np.sqrt(own.count) * push)[:, None]).T
     M[d:, :d] = M[:d, d:].T
-    K[:d, :d] += _modal(hanging)[1]
+    K[:d, :d] += modal_supports(hanging.structure)[1]
     return replace(found, M=M, K=K)
-
-
-def _modal(hanging: Hanging) -> tuple[Floats, Floats, Floats]:
-    """M, K and D (d, d) of modal supports."""
-    structure = hanging.structure
-    found = np.zeros((3, structure.size, structure.size))
-    for carrier, first in zip(structure.carriers, structure.offsets, strict=False):
-        if carrier.M is not None and carrier.K is not None and carrier.D is not None:
-            at = slice(first, first + carrier.size)
-            for part, matrix in zip(found, (carrier.M, carrier.K, carrier.D), strict=True):
-                part[at, at] = matrix
-    return found[0], found[1], found[2]
-
-
-def _inertia(hanging: Hanging) -> Floats:
-    """M_s + Σ m (ΦᵀΦ + ΨᵀΨ), (d, d): the structure with all pendula as if they were stiff."""
-    found = _modal(hanging)[0]
-    for element in hanging.elements.inertia:
-        element.add_to(found)
-    for (block, column, copies), pendulum in zip(hanging.rig.members, hanging.starts.tolist(), strict=True):
-        along = hanging.phi.along[pendulum]
-        found += copies * hanging.rig.blocks[block].mass[:, column].sum() * np.outer(along, along)
-    return found
 
 
 def _held(hanging: Hanging) -> dict[Kind, Floats]:

@@ -15,8 +15,9 @@ from modal.coupling.records import coupling_record, structure_record
 from modal.coupling.structure_words import structure_sections
 from modal.coupling.structures import StructureCoupling
 from modal.coupling.wording import ELSEWHERE, GUIDE, MOST_LISTED, ROUGH, left, member, numbered, shown
-from modal.report import as_json, counted, headed, line_width, listed, markdown, percent, rad, short, visible
+from modal.report import Form, as_json, counted, headed, line_width, listed, markdown, percent, rad, short, visible
 from modal.scene import title_of
+from modal.scene.doors import checked
 
 FORMS = ("text", "markdown", "json")
 NEAR = " (only a guide: another family is near)"
@@ -30,7 +31,8 @@ class Section:
     sentences: tuple[str, ...]
 
 
-def coupling_report(coupling: Coupling | StructureCoupling, form: str = "text") -> str:
+@checked
+def coupling_report(coupling: Coupling | StructureCoupling, form: Form = "text") -> str:
     """The report as "text", "markdown" or "json", the last with every number (units in the names).
 
     Raises ValueError for another form.

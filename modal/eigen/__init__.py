@@ -20,7 +20,7 @@ from modal.eigen.counts import counted
 from modal.eigen.coupled import LIGHTEST
 from modal.eigen.degenerate import TOLERANCE, degenerate_modes
 from modal.eigen.dense import is_singular
-from modal.eigen.elimination import FORCE, TORQUE, Hung, Load, cart_of, hung
+from modal.eigen.elimination import FORCE, TORQUE, TURN, Hung, Load, cart_of, hung
 from modal.eigen.matrix_source import LIGHT
 from modal.eigen.recursion import at_infinity
 from modal.eigen.secular import Poles, solve
@@ -38,6 +38,7 @@ __all__ = [
     "REPLICAS",
     "TOLERANCE",
     "TORQUE",
+    "TURN",
     "Arithmetic",
     "Details",
     "Digits",

@@ -29,6 +29,8 @@ class Arithmetic(Protocol):
     """What an elimination asks of its numbers."""
 
     omega: Any
+    rates: Floats
+    """The angular frequencies (rad/s) as real floats."""
 
     def number(self, values: ArrayLike) -> Any:
         """Floats as numbers."""
@@ -51,6 +53,7 @@ class Rounded:
 
     def __init__(self, omega: Floats | Complexes) -> None:
         self.omega = np.tile(omega, REPLICAS + 1)
+        self.rates = np.real(self.omega)
         self._first = len(omega)
         self._random = np.random.default_rng(0)
 
@@ -94,6 +97,7 @@ class Digits:
 
     def __init__(self, omega: Floats | Complexes, precision: int, *, is_real: bool) -> None:
         self.precision, self.is_real = precision, is_real
+        self.rates = np.real(omega)
         self.omega = self.number(np.real(omega))
         if np.iscomplexobj(omega):
             self.omega = self.omega + self.imaginary(self.number(np.imag(omega)))

@@ -12,7 +12,8 @@ centre of mass (s = c/l along it), T on its turn, e + ω²ε on its lower joint,
 
 where primes are for the link above.  Nothing is subtracted that is not subtracted in the data: μ of bobs becomes
 k/ω² above their modes, where m_dyn as a sum over modes cancels, and torques alone push the cart with ω²ε, whose ω² is
-that of the cart's inertia.  A linear drag d on a centre of mass adds −i d/ω to its mass.
+that of the cart's inertia.  A linear drag d on a centre of mass adds −i d/ω to its mass, loss angles φ make k and κ's
+stiffness k (1 + iφ).
 (The recursion of `modal.eigen.recursion`, at a complex frequency; Parlett, The Symmetric Eigenvalue Problem, §3.3.)
 """
 
@@ -25,10 +26,11 @@ import numpy as np
 from modal import pair
 from modal.assembly import Block, CartNumbers
 from modal.eigen.arithmetic import Arithmetic
+from modal.types import Floats
 
-TORQUE, FORCE = "torque", "force"
+TORQUE, FORCE, TURN = "torque", "force", "turn"
 Load = tuple[str, int]
-"""A torque at the upper joint of a link, or a force on its centre of mass, and the link, from 0."""
+"""A torque at the upper joint of a link, a force on its centre or a torque on it alone, and the link, from 0."""
 
 
 class Hung(NamedTuple):
@@ -45,8 +47,13 @@ class Hung(NamedTuple):
     angles: Any
 
 
-def hung(block: Block, loads: list[Load], gravity: float, numbers: Arithmetic) -> Hung:
-    """Chains with unit loads at the frequencies of `numbers`."""
+def hung(
+    block: Block, loads: list[Load], gravity: float, numbers: Arithmetic, losses: tuple[Floats, Floats] | None = None
+) -> Hung:
+    """Chains with unit loads at the frequencies of `numbers`; `losses` are the loss angles of joints and wires.
+
+    Each is (n, P, W), at the frequencies `numbers.rates`.
+    """
     square, felt = numbers.omega * numbers.omega, numbers.felt
     parts = (block.mass, block.length, block.centre, block.inertia, block.sigma)
     m, length, c, I, sigma = (numbers.number(part[..., None]) for part in parts)
@@ -59,6 +66,10 @@ def hung(block: Block, loads: list[Load], gravity: float, numbers: Arithmetic) -
     joint = numbers.number(block.stiffness[..., None])
     if block.damping.any():
         joint = joint + numbers.imaginary(numbers.number(block.damping[..., None]) * numbers.omega)
+    if losses is not None:
+        of_joints, of_wires = (numbers.number(angle) for angle in losses)
+        joint = joint + numbers.imaginary(numbers.number(block.stiffness[..., None]) * of_joints)
+        k = k + numbers.imaginary(k * of_wires)
     is_sprung = bool(block.stiffness.any() or block.damping.any())
     torque, force = _loaded(block, loads)
     torques, forces = numbers.number(torque) * sigma[:, :, None] / length[:, :, None], numbers.number(force)
@@ -121,7 +132,7 @@ def _loaded(block: Block, loads: list[Load]) -> tuple[Any, Any]:
             force[link, 0, column] = 1.0
         else:
             torque[link, 0, column] = 1.0
-            torque[link - 1 : link, 0, column] = -1.0
+            torque[link - 1 : link, 0, column] = -1.0 if what == TORQUE else 0.0
     return torque, force
 
 

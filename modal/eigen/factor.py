@@ -13,7 +13,7 @@ WIDE = 200
 BEYOND = "the ratios in this scene are beyond double precision on its product form"
 
 
-class Factor(NamedTuple):
+class SquareSum(NamedTuple):
     """The sum of `size` (E,) times the squares of `rows` (E, n)."""
 
     rows: Floats

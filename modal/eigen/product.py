@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from modal.eigen.factor import BEYOND, Factor, is_wide
+from modal.eigen.factor import BEYOND, SquareSum, is_wide
 from modal.errors import ComputationError
 from modal.types import Floats, Ints
 
@@ -30,7 +30,7 @@ KEEP_ALL = 0
 """LAPACK's joba "C": no singular value is set to zero, as "A" does below n ε of the largest."""
 
 
-def product_modes(stiffness: Factor, inertia: Factor, free: int = 0) -> tuple[Floats, Floats]:
+def product_modes(stiffness: SquareSum, inertia: SquareSum, free: int = 0) -> tuple[Floats, Floats]:
     """ω (n − free,), ascending, and shapes (n, n − free) with φᵀMφ = 1, of which `free` motions have no spring.
 
     ComputationError where M is singular, or double precision does not suffice.
@@ -57,7 +57,7 @@ def product_modes(stiffness: Factor, inertia: Factor, free: int = 0) -> tuple[Fl
     return omega, shapes / size[:, None].astype(float)
 
 
-def _root(factor: Factor, wide: Any) -> Any:
+def _root(factor: SquareSum, wide: Any) -> Any:
     """F (E, n) with FᵀF the sum."""
     return np.sqrt(factor.size.astype(wide))[:, None] * factor.rows
 

@@ -17,15 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Block, CartNumbers, RatioAt, Rig, ratio_at
-from modal.eigen.carried import Balanced, Carried, Reduced
 from modal.eigen.chains import EVERYTHING, SEEDS, CartProblem, Limits, is_singular
+from modal.eigen.component_matrices import ComponentMatrices
+from modal.eigen.components import PartedRig, StillGroup
 from modal.eigen.coupled import Counted, CoupledPendula
 from modal.eigen.degenerate import Still, degenerate_modes
 from modal.eigen.matrix_source import FromMatrices
 from modal.eigen.sources import Accelerance, Alone, Details, Rigid, Source, Together, bare_accelerance
 from modal.eigen.sprung_chains import SprungProblem
-from modal.eigen.structured import FreeMotions, OnStructure
-from modal.eigen.structured import Still as StillOnStructure
+from modal.eigen.structured import FreeMotions, OnStructure, StillPendula
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 
@@ -121,7 +121,7 @@ def _apart(
 
 def _on_structure(rig: Rig, limits: Limits) -> Iterator[Batch]:
     """Chains on what is still, combinations of equal ones that leave it still, then each part that moves together."""
-    carried, ratio = Carried(rig), ratio_at(rig) if rig.damping_ratio else None
+    carried, ratio = PartedRig(rig), ratio_at(rig) if rig.damping_ratio else None
     components, balanced = carried.parted
     moved = np.array(
         [(heavy.block, share.column) for own in components for heavy in own.heavies for share in heavy.shares]
@@ -143,16 +143,16 @@ def _on_structure(rig: Rig, limits: Limits) -> Iterator[Batch]:
             for group in (group for group in groups if group.columns[0] in columns):
                 yield from _balanced(carried, group, each, rows[own == group.columns[0]])
     for component in components:
-        reduced = Reduced(carried, component)
+        reduced = ComponentMatrices(carried, component)
         if reduced.free.size:
             yield _moving(FreeMotions(reduced))
         if reduced.size > reduced.free.shape[1]:
             yield _moving(OnStructure(reduced, ratio, limits))
 
 
-def _balanced(carried: Carried, group: Balanced, source: Source, rows: Ints) -> Iterator[Batch]:
+def _balanced(carried: PartedRig, group: StillGroup, source: Source, rows: Ints) -> Iterator[Batch]:
     """The combination that pushes along the rail, and all others."""
-    still = StillOnStructure(carried, group, source, rows)
+    still = StillPendula(carried, group, source, rows)
     first, zero = np.arange(len(rows)) * group.number, np.zeros_like(rows)
     if group.pushes:
         yield Batch(still, first, np.ones_like(rows), zero, still=True)
@@ -323,7 +323,7 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> Spectrum:
 
 def _undamped(batch: Batch) -> Booleans:
     """Which rows (R,) of a batch are eigenvalues without any dampers."""
-    damped = isinstance(batch.source, FromMatrices | OnStructure | StillOnStructure) and batch.source.is_damped
+    damped = isinstance(batch.source, FromMatrices | OnStructure | StillPendula) and batch.source.is_damped
     return np.full(len(batch.rows), not damped)
 
 

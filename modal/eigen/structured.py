@@ -1,6 +1,6 @@
 """Sources of modes of pendula on structures: free motions, what moves with the structure, and what leaves it still.
 
-The frequencies of a component (`modal.eigen.carried`) are found by counts where its springs form a tree
+The frequencies of a component (`modal.eigen.components`) are found by counts where its springs form a tree
 (`modal.eigen.trees`), from the factors of K and M where all springs are positive (`modal.eigen.product`), and from
 dense matrices with dampers and where a coordinate falls, as under pivots above an axis.  All in natural units.
 """
@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from modal.assembly import RatioAt
 from modal.eigen import dense, quadratic
-from modal.eigen.carried import Balanced, Carried, Reduced
 from modal.eigen.chains import EVERYTHING, Limits
+from modal.eigen.component_matrices import ComponentMatrices
+from modal.eigen.components import PartedRig, StillGroup
 from modal.eigen.counts import Built, counted
-from modal.eigen.factor import BEYOND, Factor, is_wide
+from modal.eigen.factor import BEYOND, SquareSum, is_wide
 from modal.eigen.recursion import joints, kinetic
 from modal.eigen.sources import ROUNDOFF, Details, Source, structured_error
 from modal.errors import ComputationError
@@ -34,10 +35,10 @@ Numbers = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Moved:
+class StructureShapes:
     """R shapes of one component: every η (d, R) of the structure, and the angles (n, P, R) of every block."""
 
-    carried: Carried
+    carried: PartedRig
     eta: Numbers
     angles: tuple[Numbers, ...]
 
@@ -58,7 +59,7 @@ class Moved:
 
 
 def _details(
-    moved: Moved, modal_mass: Floats, momentum: Floats, residual: Floats, energies: tuple[Floats, ...]
+    moved: StructureShapes, modal_mass: Floats, momentum: Floats, residual: Floats, energies: tuple[Floats, ...]
 ) -> Details:
     """The properties that a structure's modes have: no κ, and no share of a cart's."""
     unknown = np.full(len(modal_mass), np.nan)
@@ -79,7 +80,7 @@ def _details(
 class FreeMotions:
     """The motions of one component that nothing holds, ω = 0; where a damper drags it no dynamics are left of them."""
 
-    reduced: Reduced
+    reduced: ComponentMatrices
     route = "exact"
 
     @property
@@ -105,7 +106,7 @@ class FreeMotions:
         """The structure alone is displaced, every angle is zero."""
         shape = self.reduced.free[:, rows]
         moved, one = moved_of(self.reduced, shape), np.ones(len(rows))
-        momentum = _cancelled(self.reduced.carried.momentum(self.reduced), shape)
+        momentum = _cancelled(self.reduced.momentum, shape)
         momentum = momentum + (np.nan if self.reduced.is_damped else 0.0)
         return _details(moved, one, momentum, 0 * one, moved.energies)
 
@@ -114,7 +115,7 @@ class FreeMotions:
 class OnStructure:
     """The modes of one component but its free motions."""
 
-    reduced: Reduced
+    reduced: ComponentMatrices
     ratio: RatioAt | None = None
     limits: Limits = EVERYTHING
 
@@ -246,7 +247,7 @@ class OnStructure:
         modal_mass = (M.size[:, None] * np.abs(M.rows @ shape) ** 2).sum(0)
         momentum = np.full(len(rows), np.nan)
         if not self.is_damped:
-            momentum = _cancelled(reduced.carried.momentum(reduced), shape)
+            momentum = _cancelled(reduced.momentum, shape)
             held = (K.size[:, None] * (K.rows @ shape) ** 2).sum(0)
             residual = np.abs(1 + held / modal_mass / (value**2).real)
         else:
@@ -263,11 +264,11 @@ class OnStructure:
 
     def _counted(self, rows: Ints) -> Details:
         """Shapes of a tree."""
-        tree, carried = self.reduced.tree, self.reduced.carried
+        tree = self.reduced.tree
         assert tree is not None
         shape, missed = tree.shapes(self.squares, rows)
         moved = moved_of(self.reduced, shape)
-        momentum = _cancelled(carried.momentum(self.reduced), shape)
+        momentum = _cancelled(self.reduced.momentum, shape)
         return _details(moved, np.ones(len(rows)), momentum, missed, moved.energies)
 
     def _shapes(self, rows: Ints) -> Numbers:
@@ -281,13 +282,13 @@ class OnStructure:
         return np.where(sizes > 4 * len(shape) * dense.EPS * sizes.max(0), shape, 0.0)
 
 
-def _product_modes(stiffness: Factor, inertia: Factor, free: int) -> tuple[Floats, Floats]:
+def _product_modes(stiffness: SquareSum, inertia: SquareSum, free: int) -> tuple[Floats, Floats]:
     """ω and shapes by `modal.eigen.product`, which loads SciPy's linear algebra: scenes without structures do not."""
     found: tuple[Floats, Floats] = deferred("modal.eigen.product:product_modes")(stiffness, inertia, free)
     return found
 
 
-def moved_of(reduced: Reduced, shape: Numbers) -> Moved:
+def moved_of(reduced: ComponentMatrices, shape: Numbers) -> StructureShapes:
     """The shapes (n, R) of a component over the whole scene."""
     carried, component = reduced.carried, reduced.component
     eta = np.zeros((carried.size, shape.shape[1]), shape.dtype)
@@ -297,7 +298,7 @@ def moved_of(reduced: Reduced, shape: Numbers) -> Moved:
         own = shape[at : at + carried.rig.blocks[heavy.block].n]
         for share in heavy.shares:
             angles[heavy.block][:, share.column] += share.amplitude * own
-    return Moved(carried, eta, angles)
+    return StructureShapes(carried, eta, angles)
 
 
 def _cancelled(row: Floats, shape: Numbers) -> Floats:
@@ -354,11 +355,11 @@ def _rows(roots: Floats | None, kept: Ints) -> Floats | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Still:
+class StillPendula:
     """Combinations of equal pendula in different columns that leave the structure still: row i K + k of mode i."""
 
-    carried: Carried
-    balanced: Balanced
+    carried: PartedRig
+    balanced: StillGroup
     source: Source
     rows: Ints
 

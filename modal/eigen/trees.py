@@ -33,7 +33,7 @@ LOWER = 2.0**-48
 """Factor by which a trial value is lowered until no mode is below it."""
 
 
-class Hung(NamedTuple):
+class HungChains(NamedTuple):
     """Chains of one length with h² copies of each folded into their masses, and the coordinate of each.
 
     Their angles, h times those of these chains, stand among all coordinates from `first` on; all (P,).
@@ -59,7 +59,7 @@ class Tree:
     spring: Floats
     near: Floats
     far: Floats
-    hung: tuple[Hung, ...]
+    hung: tuple[HungChains, ...]
 
     @cached_property
     def chains(self) -> tuple[tuple[Chains, Ints], ...]:

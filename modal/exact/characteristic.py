@@ -25,7 +25,7 @@ from modal.errors import ComputationError
 from modal.exact.polynomials import integers, interpolated, leading_minors, primitive, product, scaled, shifted, total
 from modal.exact.roots import Interval, isolate
 from modal.report import Displayed
-from modal.scene import Cart, Pendulum, Scene, require
+from modal.scene import Cart, Pendulum, Scene, require, validate_scene
 
 Variable = Literal["x", "lambda"]
 Clear = Callable[[list[Any]], list[Any]]
@@ -114,6 +114,7 @@ def of_scene(scene: Scene) -> list[Factor]:
     a rod has c = l/2 and I = m l²/12 exactly.  Equal pendula factor, and a free cart's rigid translation is the
     factor x.  Raises SceneError where there are dampers.
     """
+    validate_scene(scene)
     require(scene, "a polynomial in ω²")
     g, passed = exact(scene.gravity), 0
     counts: dict[Links, int] = {}

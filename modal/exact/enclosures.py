@@ -20,8 +20,10 @@ from modal.exact.balls import Ball, Hung, Links, flint
 from modal.exact.characteristic import exact
 from modal.modes import natural_modes
 from modal.scene import Cart, Fixed, Pendulum, Scene, require
+from modal.scene.doors import checked, checked_index
 
 GUARD_BITS = 64
+MOST_DIGITS = 10_000
 FIRST_WIDTH = 2.0**-48
 
 
@@ -40,6 +42,7 @@ class Enclosure:
         return self.low if self.low == self.high else f"{self.low[:same]}[{self.low[same:]}, {self.high[same:]}]"
 
 
+@checked
 def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = lambda done: None) -> list[Enclosure]:
     """Every natural frequency, ascending, in an interval of relative width at most 10^−digits.
 
@@ -47,6 +50,7 @@ def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = 
     cart is exact.  `report` is called with the fraction done.  Raises SceneError for dampers, joint springs and
     inverted links, ComputationError where no precision decides a sign, MissingExtraError without python-flint.
     """
+    checked_index("digits", digits, 1, MOST_DIGITS)
     flint()
     require(scene, "an enclosure")
     rigid = scene.cart is not None and scene.cart.stiffness == 0

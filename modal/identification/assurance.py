@@ -19,8 +19,9 @@ import scipy
 from modal.errors import ComputationError
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
 from modal.modes import Mode, Modes
-from modal.report import NOTHING, Displayed, as_csv, as_json, finite, grid, titled
+from modal.report import NOTHING, Displayed, Form, as_csv, as_json, finite, grid, titled
 from modal.scene import title_of
+from modal.scene.doors import checked
 from modal.types import Floats
 
 LEAST = 0.5  # MAC of a pair below which shapes are called different
@@ -76,6 +77,7 @@ class Assurance(Displayed):
         return found
 
 
+@checked
 def compare_modes(modes: Modes, measured: MeasuredModes) -> Assurance:
     """Measured modes beside those of a scene that oscillate; a repeated frequency has the MAC of its nearest shape.
 
@@ -122,7 +124,8 @@ def _pairs(measured: MeasuredModes, rows: tuple[Mode, ...], mac: Floats) -> list
     ]
 
 
-def assurance_table(found: Assurance, form: str) -> str:
+@checked
+def assurance_table(found: Assurance, form: Form) -> str:
     """The pairs and the matrix as text or json, the matrix alone as csv, by `form`."""
     numbers = [f"mode_{mode.number}" for mode in found.rows]
     matrix = [

@@ -263,7 +263,8 @@ def _projected(own: Series, model: Model, k: int) -> tuple[Floats, Complexes, Fl
     """Residuals (K,), amplitudes (R,), projected derivatives (K, 2R + 2B), variances of amplitudes per noise."""
     R = len(model.poles)
     exponents, by_real, by_shift = model.exponents(own.times, k)
-    waves = np.exp(exponents)
+    peaks = np.maximum(exponents.real.max(axis=0), 0.0)  # of waves that grow: they may exceed double precision
+    waves = np.exp(exponents - peaks)
     basis = np.hstack((waves.real, -waves.imag, np.ones((len(own.times), 1))))
     size = np.linalg.norm(basis, axis=0)
     Q, triangle = np.linalg.qr(basis / size)
@@ -271,12 +272,12 @@ def _projected(own: Series, model: Model, k: int) -> tuple[Floats, Complexes, Fl
     inverse = np.linalg.pinv(triangle, rcond=1e-14)
     linear = inverse @ right / size
     amplitudes = linear[:R] + 1j * linear[R : 2 * R]
-    waves = amplitudes * waves
+    waves, amplitudes = amplitudes * waves, amplitudes * np.exp(-peaks)
     by_imag, by_shift = 1j * waves * own.times[:, None], waves[:, model.bent] * by_shift
     slopes = np.hstack(((waves * by_real).real, by_imag.real, by_shift.real, -by_shift.imag))
     slopes = slopes - Q @ (Q.T @ slopes)
     variance = np.sum(inverse**2, axis=1) / size**2
-    return own.values - Q @ right, amplitudes, slopes, (variance[:R] + variance[R : 2 * R]) / 2
+    return own.values - Q @ right, amplitudes, slopes, (variance[:R] + variance[R : 2 * R]) / 2 * np.exp(-2 * peaks)
 
 
 def _fitted(series: Sequence[Series], model: Model, weights: Floats) -> Decays:

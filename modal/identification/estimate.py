@@ -19,12 +19,15 @@ from modal.errors import SceneError
 from modal.identification.parameters import natural_unit
 from modal.report import Displayed
 from modal.scene import Scene
-from modal.scene.files import limited
+from modal.scene.contents import text_of
+from modal.scene.doors import checked
 from modal.scene.parameters import Place, find_places, number_at
+from modal.scene.validation import LARGEST
 from modal.types import Floats
 
 SAME = 1e-6  # relative difference of a number from the scene's
 ALIKE = 1e-9  # of two entries that mirror each other, relative to their standard deviations
+MOST_ALIKE = 1 + 1e-6  # largest correlation, rounding included
 INDEFINITE = 1e-9  # of the largest eigenvalue of the correlations: a negative one beyond rounding
 
 
@@ -65,6 +68,7 @@ class Estimate(Displayed):
         return np.sqrt(np.where(variance > 0, variance, np.where(np.isnan(variance), np.nan, 0.0)))
 
 
+@checked
 def read_estimate(scene: Scene, path: str | os.PathLike[str]) -> Estimate:
     """The estimate in a report of `fit`, of this scene; SceneError lists every mistake."""
     name = os.fspath(path)
@@ -76,10 +80,7 @@ def read_estimate(scene: Scene, path: str | os.PathLike[str]) -> Estimate:
 
 def _content(name: str) -> Any:
     try:
-        with open(name, "rb") as stream:
-            return json.loads(limited(stream).decode("utf-8-sig"))
-    except OSError as error:
-        raise SceneError([f"{error.strerror or error}"]) from None
+        return json.loads(text_of(name))
     except RecursionError:
         raise SceneError(["is not JSON: nested too deeply"]) from None
     except ValueError as error:
@@ -138,7 +139,11 @@ def _place(scene: Scene, k: int, one: Any) -> Place:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    """Whether it is a finite number in double precision; whole numbers in JSON have any size."""
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    except OverflowError:
+        return False
 
 
 def _matrix(rows: list[Any], count: int) -> Floats | None:
@@ -155,8 +160,18 @@ def _faults(matrix: Floats) -> Iterator[str]:
         k = int(np.argmin(variance))
         yield f"covariance[{k}][{k}] = {variance[k]:.6g}: a variance must not be negative"
         return
+    if np.any(variance > LARGEST**2):
+        k = int(np.argmax(variance))
+        yield f"covariance[{k}][{k}] = {variance[k]:.6g}: a variance must be at most {LARGEST**2:g}"
+        return
     size = np.where(variance > 0, np.sqrt(variance), 1.0)
-    correlation = matrix / size / size[:, None]
+    with np.errstate(over="ignore"):
+        correlation = matrix / size / size[:, None]
+    if (largest := np.abs(correlation).max()) > MOST_ALIKE:
+        j, k = divmod(int(np.argmax(np.abs(correlation))), len(matrix))
+        told = f"gives the correlation {largest:.3g}: must be positive semidefinite"
+        yield f"covariance[{j}][{k}] = {matrix[j, k]:.6g}: {told}"
+        return
     apart = np.abs(correlation - correlation.T)
     if apart.max() > ALIKE:
         j, k = sorted(divmod(int(np.argmax(apart)), len(apart)))

@@ -74,7 +74,7 @@ def find_determined(
     R: Floats = np.asarray(np.linalg.qr(J, mode="r")) if len(J) > count else J
     while len(kept):
         singular, V = _singular(R[:, kept])
-        null = (singular < LOST * singular[0]) | (singular * vague < 1)
+        null = (singular <= LOST * singular[0]) | (singular < 1 / vague)
         if not null.any():
             break
         pivots = scipy.linalg.qr(V[null], mode="economic", pivoting=True)[2]

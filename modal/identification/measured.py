@@ -23,7 +23,8 @@ import numpy as np
 from modal.errors import SceneError, meant
 from modal.report import Displayed, counted
 from modal.scene import Scene
-from modal.scene.files import limited
+from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, first_line, text_of
+from modal.scene.doors import checked
 from modal.structure import structure_of
 from modal.types import Complexes, Floats, Ints
 
@@ -82,31 +83,17 @@ def coordinates_of(scene: Scene) -> tuple[str, ...]:
 
 def has_modes(path: str | os.PathLike[str]) -> bool:
     """Whether a file is a table of measured modes, by the column `mode` in its first line."""
-    try:
-        with open(path, encoding="utf-8-sig", errors="replace") as stream:
-            first = next((line for line in stream if not line.startswith("#")), "")
-    except (OSError, ValueError):
-        return False
-    return MODE in [word.strip() for word in first.split(",")]
+    return MODE in [word.strip() for word in first_line(path).split(",")]
 
 
+@checked
 def read_modes(scene: Scene, path: str | os.PathLike[str]) -> MeasuredModes:
     """The measured modes in a file, of a scene that has the components of their shapes; SceneError lists mistakes."""
     name = os.fspath(path)
     try:
-        return _parsed(scene, name, _text(name))
+        return _parsed(scene, name, text_of(path))
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
-
-
-def _text(name: str) -> str:
-    try:
-        with open(name, "rb") as stream:
-            return limited(stream).decode("utf-8-sig")
-    except OSError as error:
-        raise SceneError([f"{error.strerror or error}"]) from None
-    except UnicodeDecodeError:
-        raise SceneError(["is not text in UTF-8"]) from None
 
 
 def _parsed(scene: Scene, name: str, text: str) -> MeasuredModes:
@@ -186,6 +173,9 @@ def _mode(line: int, row: dict[str, str], components: Sequence[str]) -> Measured
             value = float(word)
         except ValueError:
             value = nan
+        if isfinite(value) and abs(value) != 0 and not SMALLEST_READ <= abs(value) <= LARGEST_READ:
+            problems.append(f"line {line}, {column} = {word:.40}: {SIZES_READ}")
+            return None
         if not isfinite(value) or value < least or (strict and value == least):
             bound = f"above {least:g}" if strict else f"of at least {least:g}" if isfinite(least) else "that is finite"
             problems.append(f"line {line}, {column} = {word:.40}: must be a number {bound}")

@@ -38,6 +38,7 @@ from modal.identification.parameters import (
 from modal.modes import Modes, natural_modes
 from modal.report import listed, percent, short
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Floats, Ints
 
 ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the residuals tell it
@@ -64,6 +65,7 @@ UNLIKELY = 0.01  # probability of a larger chi-square below which the model is d
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 
+@checked
 def fit_modes(
     scene: Scene,
     measured: MeasuredModes,
@@ -542,7 +544,7 @@ def _verdict(problem: _Problem, found: ModeFit, loss: str) -> list[str]:
     if found.shape_std is not None:
         words.append(f"the noise of the shapes is estimated from their residuals: {found.shape_std:.2g} of the largest")
     for k in found.fitted:
-        if not found.parameters[k].log and found.z[k] < 1e-6:
+        if found.parameters[k].least == 0.0 and found.z[k] < 1e-6:
             words.append(f"{found.parameters[k].path} is at its bound, 0: the modes give no sign of it")
     if loss != "linear":
         words.append(f"standard deviations are those of the linear loss at the optimum of {loss}")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import exp, isfinite, log, sqrt
+from math import exp, inf, isfinite, log, sqrt
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ import numpy as np
 from modal.errors import SceneError, meant
 from modal.report import Displayed, Summary
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.scene.parameters import Place, Variable, find_places, number_at, unit_at, with_numbers
 from modal.types import Floats, Ints
 
@@ -25,6 +26,8 @@ POSITIVE = ("mass", "length", "centre", "inertia", "gravity", "angle_deg")
 CAN_VANISH = (
     *("damping", "stiffness", "friction", "friction_coefficient", "drag", "quadratic_drag", "strength", "impulse"),
 )
+PLACED = ("position", "centre")
+"""Keys of places in a scene, along and below, whose numbers may have either sign."""
 FURTHEST = 12.0  # |z| of a positive number
 NONE = "none"
 DIRECTIONS = ("sway", "heave", "roll")
@@ -62,7 +65,7 @@ class Parameter(Displayed):
     @property
     def least(self) -> float:
         """The smallest z."""
-        return -FURTHEST if self.log else 0.0
+        return -FURTHEST if self.log else -inf if is_placed(self.place) else 0.0
 
     def at(self, z: float) -> float:
         """The number."""
@@ -85,6 +88,7 @@ class Parameter(Displayed):
         return self.z_of(mean), std / abs(self.slope(self.z_of(mean)))
 
 
+@checked
 def find_parameters(scene: Scene, paths: Iterable[str], priors: Sequence[str] = ()) -> tuple[Parameter, ...]:
     """The numbers at these paths, each for itself where a path has `[*]`; none for "none".
 
@@ -128,25 +132,31 @@ def _prior(scene: Scene, text: str) -> dict[Place, tuple[float, float]]:
         mean, std = float(match[1]), float(match[2])
     except ValueError:
         raise SceneError([f"{text:.60}: {match[1]:.20} and {match[2]:.20} must be numbers"]) from None
-    if not (isfinite(mean) and isfinite(std) and std > 0 and mean >= 0):
+    places = find_places(scene, path.strip())
+    if not (isfinite(mean) and isfinite(std) and std > 0 and (mean >= 0 or all(map(is_placed, places)))):
         raise SceneError([f"{text:.60}: needs a finite value of at least 0 and a positive standard deviation"])
-    return dict.fromkeys(find_places(scene, path.strip()), (mean, std))
+    return dict.fromkeys(places, (mean, std))
 
 
 def _parameter(scene: Scene, place: Place, prior: tuple[float, float] | None) -> Parameter:
     name, value = _key(place), number_at(scene, place)
-    if "start" in place or name not in (*POSITIVE, *CAN_VANISH):
+    if "start" in place or (name not in (*POSITIVE, *CAN_VANISH) and not is_placed(place)):
         hint = " (the start is always fitted)" if "start" in place else meant(name, (*POSITIVE, *CAN_VANISH))
         raise SceneError([f"{with_numbers(place)}: is not a number that a fit can change{hint}"])
-    is_log = name in POSITIVE and value > 0
+    is_log = name in POSITIVE and value > 0 and not is_placed(place)
     if is_log and prior and prior[0] <= 0:
         raise SceneError([f"{with_numbers(place)}: a prior of a positive number is positive"])
     return Parameter(place, value, natural_unit(scene, place), is_log, prior, unit_at(scene, place))
 
 
 def _key(place: Place) -> str:
-    """The key of a number; of the stiffness of a platform in one direction that of the whole."""
-    return str(place[-2] if place[-1] in DIRECTIONS else place[-1])
+    """The key of a number; of one of several, as of the stiffness of a platform in one direction, that of the whole."""
+    return str(place[-2] if place[-1] in DIRECTIONS or is_placed(place) else place[-1])
+
+
+def is_placed(place: Place) -> bool:
+    """Whether a number is one of a pair that tells where something is, as `pendulum[0].position[1]`."""
+    return isinstance(place[-1], int) and place[-2] in PLACED
 
 
 def natural_unit(scene: Scene, place: Place) -> float:
@@ -161,6 +171,7 @@ def natural_unit(scene: Scene, place: Place) -> float:
         "mass": mass,
         "length": length,
         "centre": length,
+        "position": length,
         "inertia": mass * length**2,
         "gravity": scene.gravity,
         "angle_deg": 1.0,
@@ -181,6 +192,7 @@ def numbers_at(parameters: Sequence[Parameter], z: Floats) -> dict[str, float]:
     return {one.path: one.at(float(own)) for one, own in zip(parameters, z, strict=True)}
 
 
+@checked
 def scene_with(scene: Scene, values: Mapping[str, float]) -> Scene:
     """The scene with these numbers, checked again."""
     return Variable(scene, values).at(values) if values else scene

@@ -6,10 +6,12 @@ from typing import Any
 
 from modal.identification.mode_report import with_error
 from modal.identification.poles import Identified, IdentifiedMode
-from modal.report import NOTHING, as_csv, as_json, capital, grid, titled
+from modal.report import NOTHING, Form, as_csv, as_json, capital, grid, titled
+from modal.scene.doors import checked
 
 
-def poles_table(found: Identified, form: str, title: str = "") -> str:
+@checked
+def poles_table(found: Identified, form: Form, title: str = "") -> str:
     """The modes as text, csv or json, the `form`; `title` names the record in text."""
     if form == "csv":
         return as_csv([_row(found, k, mode) for k, mode in enumerate(found.modes, 1)])

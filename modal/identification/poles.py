@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import degrees, pi, sqrt
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from modal.identification.derivatives import polar
 from modal.identification.measured import turned
 from modal.identification.realization import Realization, modal_assurance, realize
 from modal.report import Displayed, Summary, brief, counted, deferred, percent, short, tabulated
+from modal.scene.doors import checked, checked_index
 from modal.types import Booleans, Complexes, Floats
 
 METHODS = ("era", "decrement")
@@ -42,6 +43,8 @@ LEAST_RATE = 6.0  # samples per period of the fastest line
 LAGS = 6.0  # periods of the slowest line over which correlations are used
 PARTS = 16  # of a record of random responses, for their jackknife
 MOST_ORDER = 30
+Method = Literal["era", "decrement"]
+Excitation = Literal["free", "random"]
 FAINT = 0.01  # of the strongest amplitude: harmonics of swings that are not small
 ALIKE, ALIKE_DAMPING, ALIKE_SHAPE = 0.01, 0.02, 0.95  # of poles of successive orders that are stable
 APART = 0.03  # of poles of one order that are different modes
@@ -134,12 +137,13 @@ class Identified(Displayed):
         return tabulated(f"{several} of {counted(len(self.names), 'sensor', 'sensors')}", facts, self.to_dict())
 
 
+@checked
 def identify(
     segments: Sequence[tuple[Floats, Floats]],
     names: Sequence[str],
     *,
-    method: str = "era",
-    excitation: str = "free",
+    method: Method = "era",
+    excitation: Excitation = "free",
     order: int | None = None,
 ) -> Identified:
     """The modes of segments of times (K,) in s and values (K, C), NaN where a sensor has none, of sensors `names`.
@@ -148,6 +152,10 @@ def identify(
     model (twice the number of modes, and one for offsets), by default found from the singular values.  Raises
     SceneError for records that cannot be used, ComputationError where no mode stands out.
     """
+    if order is not None:
+        checked_index("order", order, 1, MOST_ORDER)
+    if excitation == "random" and method == "decrement":
+        raise SceneError(["method decrement: takes free decays, not a random excitation"])
     notes: list[str] = []
     even, step = _evened(segments, notes)
     if method == "decrement":

@@ -23,6 +23,7 @@ from modal.identification.estimate import Estimate
 from modal.modes import Modes
 from modal.report import percent
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.statespace.model import StateSpace
 from modal.statespace.points import is_point, push_of
 from modal.statespace.shapers import Drive, Shaper, residual_vibration, swing_rows
@@ -65,6 +66,7 @@ def mode_slopes(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> tuple[
     return omega, zeta
 
 
+@checked
 def mode_stds(modes: Modes, estimate: Estimate, rows: Sequence[int]) -> list[ModeStds]:
     """Standard deviations of the modes with these indices, from 0; `modes` are those of the estimate's scene.
 

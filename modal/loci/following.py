@@ -20,6 +20,7 @@ from modal.loci.tracking import Point, follow, solve_at
 from modal.modes import labelled
 from modal.report import Displayed, Summary, counted, csv_rows, deferred, grid, tabulated, with_unit
 from modal.scene import Scene, left_out, name_of
+from modal.scene.doors import checked
 from modal.scene.parameters import Variation, find_places, number_at, validate_variations
 from modal.types import Floats, Ints
 
@@ -68,6 +69,7 @@ class Loci(Displayed):
         return tabulated(title, (), self.to_dict())
 
 
+@checked
 def follow_loci(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Loci:
     """The loci of an undamped scene; `report` is called with the number of the variation's values done.
 

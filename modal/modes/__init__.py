@@ -16,6 +16,7 @@ from modal.modes.closed_forms import hanging_rope, rope_error_of_bobs, rope_erro
 from modal.modes.frequencies import natural_frequencies
 from modal.modes.friction import sliding_modes, stop_of
 from modal.modes.labels import moving_words
+from modal.modes.losses import mode_losses, quality_factors
 from modal.modes.modal_matrix import ModalMatrix, all_shapes
 from modal.modes.mode import UNCERTAIN, Mode
 from modal.modes.modes import Modes, equilibrium_words, natural_modes
@@ -37,10 +38,12 @@ __all__ = [
     "hanging_rope",
     "labelled",
     "lettered",
+    "mode_losses",
     "moving_words",
     "natural_frequencies",
     "natural_modes",
     "paired",
+    "quality_factors",
     "rope_error_of_bobs",
     "rope_error_of_rods",
     "sensitivities",

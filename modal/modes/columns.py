@@ -12,6 +12,7 @@ import numpy as np
 
 from modal.errors import SceneError, meant
 from modal.modes.fixed_base import fixed_base_masses, on_free_cart
+from modal.modes.losses import quality_factors
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.modes.rows import moved_by
@@ -156,6 +157,15 @@ COLUMNS = (
     _number("frequency_hz", lambda m: m.frequency, "f (Hz)", r"$f$ (Hz)", 7),
     _number("period_s", lambda m: m.period, "T (s)", r"$T$ (s)", 7),
     _number("damping_ratio", lambda m: m.damping_ratio, "ζ", r"$\zeta$", 4, lambda modes: modes.scene.has_damping),
+    _of_rows(
+        "quality_factor",
+        lambda modes, rows: quality_factors(modes, _indices(modes, rows)),
+        "Q",
+        "$Q$",
+        5,
+        lambda modes: modes.scene.has_losses,
+        usual=False,
+    ),
     _number("growth_rate_per_s", lambda m: m.growth_rate, "growth (1/s)", "", 7, lambda modes: modes.scene.stands),
     Column(
         "multiplicity",
@@ -234,6 +244,8 @@ def columns_of(
     if modes.scene.is_structured:
         at = [column.key for column in every].index("cart_participation")
         every[at : at + 1] = coordinate_columns(modes, rows)
+    if modes.scene.has_losses:
+        every = [replace(column, usual=True) if column.key == "quality_factor" else column for column in every]
     asked = _asked(modes, chosen, every)
     return [column.computed(modes, rows) for column in every if column.usual or column.key in asked]
 

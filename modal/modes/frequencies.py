@@ -13,7 +13,7 @@ from modal.eigen import CLOSE, Suspension, chains_of, squares_of
 from modal.errors import ComputationError, SceneError
 from modal.modes.eigenvalues import Short
 from modal.modes.modes import natural_modes, validate_accuracy
-from modal.scene import Scene
+from modal.scene import Scene, validate_scenes
 from modal.scene.parameters import Variable, Vary, parse_arrays, parse_vary, validate_arrays
 from modal.types import Booleans, Floats
 
@@ -55,6 +55,7 @@ def natural_frequencies(
         return _one(scenes, limit) if vary is None else _varied(scenes, vary, limit)
     if vary is not None:
         raise SceneError(["vary: the numbers of one scene can be varied, not those of several"])
+    validate_scenes(scenes)
     pieces = _pieces(scenes[0], len(scenes)) if len(scenes) else []
     return _joined([_of_scenes(scenes[own], limit) for own in pieces])
 

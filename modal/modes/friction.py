@@ -23,7 +23,7 @@ from modal.assembly import centres
 from modal.errors import ComputationError
 from modal.modes.modes import Modes, natural_modes
 from modal.modes.numbering import table_numbers
-from modal.scene import Scene
+from modal.scene import Scene, validate_scene
 
 MOST_HALF_SWINGS = 10_000_000
 
@@ -55,6 +55,7 @@ def sliding_modes(scene: Scene) -> tuple[Sliding, ...]:
 
     Of modes of one frequency only the first shape counts.  ComputationError where the modes cannot be had.
     """
+    validate_scene(scene)
     still, table = natural_modes(scene.conservative), natural_modes(scene)
     numbers, found = table_numbers(scene, still), []
     joints, rail, weight, quadratic = _limits(scene)

@@ -133,8 +133,13 @@ def following(
     shares: tuple[NDArray[np.float64], ...],
     pivots: list[NDArray[np.inexact]],
     at: int,
+    *,
+    several: bool,
 ) -> str:
-    """Whether all pendula with a fair share of the energy swing with their pivots (P,) or against; "" for neither."""
+    """Whether all pendula with a fair share of the energy swing with their pivots (P,) or against; "" for neither.
+
+    `several` tells that one column represents several pendula moving alike.
+    """
     if not pivots:
         return ""
     energy = energies(shares, at)
@@ -142,7 +147,7 @@ def following(
     signs = np.sign((top * np.conj(np.concatenate(pivots))).real)[energy >= NEGLIGIBLE * energy.max()]
     if not (signs > 0).all() and not (signs < 0).all():
         return ""
-    many = len(top) > 1
+    many = several or len(top) > 1
     return (
         ("pendula follow" if many else "pendulum follows") if signs[0] > 0 else f"pendul{'a' if many else 'um'} opposed"
     )

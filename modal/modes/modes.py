@@ -20,6 +20,7 @@ from modal.modes.rows import described
 from modal.modes.shapes import Shape, expand, validate_normalisation
 from modal.report import HTML_ROWS, TEXT_ROWS, Displayed, Summary, deferred, more, scrolled
 from modal.scene import Scene, left_out, validate_scene
+from modal.scene.doors import checked, require_type
 from modal.types import Floats
 
 if TYPE_CHECKING:
@@ -257,6 +258,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         return scrolled(self.table("html", shown), more(len(self) - len(shown)))
 
 
+@checked
 def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice | None = None) -> Modes:
     """All modes of a scene about its equilibrium: hanging, or as `equilibrium` specifies, moved by constant forces.
 
@@ -272,6 +274,8 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     where double precision or memory does not suffice, ValueError for an accuracy that is not positive or a slice with a
     step.  Methods and their sources are given in the modules that `modal.eigen.spectrum` chooses from.
     """
+    if modes is not None:
+        require_type("modes", modes, "slice")
     limits = Limits(validate_accuracy(accuracy), _lowest(modes))
     if limits == EVERYTHING and modes is None and (short := Short.of(validate_scene(scene))):
         return Modes(scene, short=short)

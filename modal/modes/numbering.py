@@ -18,6 +18,7 @@ import numpy as np
 
 from modal.modes.modes import Modes, natural_modes
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Complexes, Floats, Ints
 
 DIGITS = 9
@@ -40,6 +41,7 @@ def table_numbers(scene: Scene, still: Modes | None = None) -> Ints:
     return found
 
 
+@checked
 def counterparts(modes: Modes, others: Modes, among: Sequence[int] | None = None) -> Ints:
     """For every row (R,) of `modes` the index of the most similar row of `others` (one of `among`)."""
     chosen = np.arange(len(others)) if among is None else np.asarray(among, dtype=np.intp)

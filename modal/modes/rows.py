@@ -184,7 +184,7 @@ def _on_structure(modes: Eigenvalues, number: int, head: _Piece, ratio: float) -
         names = list(modes.rig.names.values())
         told = agreement(details.angles, details.shares, at, names, several=several, still=True)
         pivots = [rows @ eta for rows in source.reduced.carried.pivots] if words else []  # type: ignore[attr-defined]
-        told = following(details.angles, details.shares, pivots, at) or told
+        told = following(details.angles, details.shares, pivots, at, several=several) or told
         motion = motion_words(details.angles, details.shares, at, told)
     where = words or (STRUCTURE_STILL if structure.size else FIXED)
     return family(where=where, folds=folds, motion=motion, ratio=ratio)

@@ -31,6 +31,7 @@ from modal.modes.modes import Modes
 from modal.modes.shapes import Shape
 from modal.report import Displayed, Summary, brief, tabulated
 from modal.scene import Pendulum, refusals
+from modal.scene.doors import checked
 from modal.types import Complexes, Floats
 
 ULP, CANCELLED = 2.0**-52, 1e-13
@@ -86,6 +87,7 @@ class Sensitivities(Displayed):
         return tabulated("Sensitivities of a frequency, in rad/s per unit of each number", facts, columns)
 
 
+@checked
 def sensitivities(modes: Modes, number: int) -> Sensitivities:
     """The derivatives of the natural frequency ω = |λ| of the mode with index `number`, from 0.
 
@@ -98,6 +100,8 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
     12 digits of the largest p ∂ω/∂p are right: z_i is a running sum, and comes from `modal.modes.displacements` where
     that sum cancels.
     """
+    if not -len(modes) <= number < len(modes):
+        raise IndexError(f"there is no mode of index {number}: {len(modes)} modes have indices 0 to {len(modes) - 1}")
     if modes.rig.structure:
         raise SceneError([BY_PLACE])
     refuse(modes, number)

@@ -7,8 +7,9 @@ from math import isnan
 from typing import Any
 
 from modal.assembly import Matrices
-from modal.errors import ComputationError
+from modal.errors import ComputationError, SceneError, meant
 from modal.modes.columns import Column, Stds, added_by, columns_of, printed, that_fit
+from modal.modes.losses import sharing
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.report import (
@@ -28,6 +29,7 @@ from modal.report import (
     widths_of,
 )
 from modal.scene import Scene, describe, title_of
+from modal.scene.doors import checked
 from modal.types import Floats
 
 __all__ = ["GUIDE", "matrices_table", "table"]
@@ -37,6 +39,7 @@ GUIDE = "the 1 % amplitude is a guide"
 SPLIT = "± –: the numbers split a frequency that several modes share, so it has no standard deviation of its own."
 
 
+@checked
 def table(
     modes: Modes,
     rows: Sequence[Mode],
@@ -62,6 +65,8 @@ def table(
     `chosen` are names of columns to print instead, `all`, or after a + to add; a table of chosen columns leaves out
     none, it is stacked.  `sensitive` adds the sensitivities of the frequencies to the numbers of the scene.
     """
+    if form not in (forms := ("text", "csv", "json", *_WRITERS)):
+        raise SceneError([f"form {form}: must be one of {', '.join(forms)}{meant(form, forms)}"])
     every = columns_of(modes, rows, chosen, stds, amplitude_deg)
     if form == "json":
         return _json(modes, rows, every, shapes=shapes, sensitive=sensitive)
@@ -133,6 +138,11 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
         notes.append("! beyond double precision: no digit of this frequency is certain.")
     if any(row.growth_rate for row in rows):
         notes.append("unstable: the scene leaves this equilibrium; every growing mode is paired with a decaying one.")
+    if modes.scene.has_losses:
+        own = set(sharing(modes)) & {row.number for row in rows}
+        if own:
+            numbers = ", ".join(map(str, sorted(own)))
+            notes.append(f"Q of modes {numbers} is a guide: they are closer to each other than their losses, and mix.")
     if any(row.indistinct for row in rows):
         notes.append("~ closer to the next frequency than the error bounds can distinguish.")
     return notes

@@ -32,7 +32,6 @@ from modal.plotting.layout import (
 )
 from modal.plotting.loci import axis_words, draw_loci, scale
 from modal.plotting.modal_films import LOOP, film_modes
-from modal.plotting.outlines import STILL, Piece, Scaffold
 from modal.plotting.response import bode_figure, draw_bode, draw_impulse
 from modal.plotting.shapes import MOST_PANELS, draw_shapes, shapes_figure
 from modal.plotting.sketches import sketch_figure
@@ -73,14 +72,11 @@ __all__ = [
     "NUMBER",
     "QUIET",
     "SMALL",
-    "STILL",
     "WIDE",
     "WIDTH",
     "MovingFigure",
     "Pair",
     "Picture",
-    "Piece",
-    "Scaffold",
     "any_letters",
     "assurance_figure",
     "axis_words",

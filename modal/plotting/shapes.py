@@ -16,10 +16,11 @@ from modal.errors import ComputationError
 from modal.modes import Mode, Modes, Shape
 from modal.plotting.carriers import draw_pieces
 from modal.plotting.layout import caption, evenly, headline, side_by_side
-from modal.plotting.outlines import Scaffold
 from modal.plotting.profiles import profiles_figure
 from modal.plotting.style import QUIET, WIDE, colour, ink, mixed, muted, paper, rest, save, sheet
 from modal.scene import AnyLink, Bob, Rod, Scene, title_of
+from modal.scene.doors import require_type
+from modal.structure import Scaffold
 from modal.types import Floats
 
 FARTHEST = 0.3  # largest displacement of the cart over the picture's depth
@@ -83,6 +84,7 @@ def draw_shapes(
     modes: Modes, numbers: Sequence[int], stream: IO[bytes], *, amplitude_deg: float = 25.0, form: str = "png"
 ) -> None:
     """Write the picture as png, svg or pdf."""
+    require_type("modes", modes, "Modes")
     save(shapes_figure(modes, numbers, amplitude_deg=amplitude_deg), stream, form)
 
 
@@ -96,6 +98,7 @@ def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitu
 
     Raises ComputationError for more modes than one picture holds.
     """
+    require_type("modes", modes, "Modes")
     numbers = range(min(len(modes), MOST_PANELS)) if numbers is None else numbers
     if len(numbers) > MOST_PANELS:
         raise ComputationError(f"{len(numbers)} modes do not fit in one figure: choose at most {MOST_PANELS} modes")

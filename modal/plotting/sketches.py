@@ -20,7 +20,7 @@ from modal.errors import ComputationError
 from modal.plotting.carriers import draw_pieces
 from modal.plotting.structure_sketches import labels_of, schematic
 from modal.plotting.style import colour, ink, muted, paper, shade, sheet
-from modal.scene import AnyLink, Bob, Rod, Scene
+from modal.scene import AnyLink, Bob, Rod, Scene, validate_scene
 from modal.types import Floats
 
 TILTS = (31.0, 48.0, 26.0, 40.0)
@@ -62,6 +62,7 @@ def sketch_figure(scene: Scene, angles_deg: Sequence[float] | None = None, *, pu
     >>> [text.get_text() for text in sketch_figure(load("paper-cart-1"), push="F").axes[0].texts]
     ['$g$', '$m_c$', '$x$', '$F$', '$\\theta_{1}$', '$l$', '$c$', '$m g$', '$\\theta_{2}$', '$l$', '$c$', '$m g$']
     """
+    validate_scene(scene)
     chains = _chains(scene)
     _refuse(scene, chains, push)
     if scene.space == "space":

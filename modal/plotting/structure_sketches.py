@@ -11,9 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.plotting.outlines import Piece, Scaffold
 from modal.scene import AnyLink, Scene
-from modal.structure import CarrierEnd, End, LinkEnd, Pivot, SpringNumbers, Structure, Where, structure_of
+from modal.structure import (
+    CarrierEnd,
+    End,
+    LinkEnd,
+    Piece,
+    Pivot,
+    Scaffold,
+    SpringNumbers,
+    Structure,
+    Where,
+    structure_of,
+)
 from modal.types import Floats, Ints
 
 FARTHEST, FIXED, ROD, GAP = 0.85, 1.25, 0.8, 1.05

@@ -1,7 +1,8 @@
-"""Random vibration as PSDs, and shock as histories with the combinations of their peaks."""
+"""Random vibration as PSDs, thermal noise by places, and shock as histories with the combinations of their peaks."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,13 +14,16 @@ from modal.plotting.layout import framed, headline, legend, log_ticks, mark_mode
 from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, ink, muted, save, sheet, thickness
 from modal.scene import title_of
 from modal.statespace import Signal
+from modal.types import Floats
 
 if TYPE_CHECKING:
-    from modal.vibration import RandomResponse, ShockResponse
+    from modal.vibration import RandomResponse, ShockResponse, ThermalNoise
 
 DEEPEST = 1e-26
 """Lowest PSD drawn, over the largest of its panel."""
 POINTS = 4000
+MOST_PANELS, MOST_PLACES = 4, 6
+"""Most outputs in a picture of thermal noise, and places that dissipate in each panel."""
 QUANTITIES = {
     "m": "position",
     "m/s": "velocity",
@@ -76,6 +80,57 @@ def random_figure(found: RandomResponse) -> Figure:
         mark_modes(axis, inside, numbered=False)
     headline(figure, title_of(found.modes.scene), "random vibration")
     return figure
+
+
+def draw_thermal(
+    found: tuple[ThermalNoise, RandomResponse | None, Sequence[float]], stream: IO[bytes], kind: str = "png"
+) -> None:
+    """Write the picture of `thermal_figure` as png, svg or pdf."""
+    save(thermal_figure(*found), stream, kind)
+
+
+def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at: Sequence[float] = ()) -> Figure:
+    """The amplitude spectral density of every output's thermal noise, one panel for each, with its budget by place.
+
+    What a PSD does stands `beside` it.  Raises ComputationError for more outputs than a picture holds.
+    """
+    from modal.vibration import thermal_frequencies
+    from modal.vibration.report import named_modes
+
+    if len(noise.outputs) > MOST_PANELS:
+        raise ComputationError(f"{len(noise.outputs)} outputs do not fit in a figure: choose at most {MOST_PANELS}")
+    f = thermal_frequencies(noise, beside, at)
+    parts = np.sqrt(noise.budget(f))
+    figure = sheet(WIDTH, 1.4 + 2.9 * len(noise.outputs))
+    panels = figure.subplots(len(noise.outputs), 1, sharex=True, squeeze=False)[:, 0]
+    driven = None if beside is None else np.sqrt(beside.psd(f))
+    for k, (axis, signal) in enumerate(zip(panels, noise.outputs, strict=True)):
+        whole = np.sqrt((parts[:, k] ** 2).sum(0))
+        axis.plot(f, _drawn(whole), color=ink(), lw=2.0, label="thermal noise")
+        most = np.argsort(-np.nan_to_num((parts[:, k] / np.where(whole > 0, whole, 1.0)).max(-1)))[:MOST_PLACES]
+        for place, j in enumerate(sorted(most.tolist())):
+            line = {"color": colour(place), "ls": dash(place + 1), "lw": 1.3}
+            axis.plot(f, _drawn(parts[j, k]), label=noise.places[j], **line)
+        if driven is not None and beside is not None:
+            words = f"from the PSD of {beside.source.name.replace('_', ' ')}"
+            axis.plot(f, _drawn(driven[k]), color=muted(), lw=1.6, label=words)
+        axis.set_ylim(bottom=np.nanmin(_drawn(whole)) / 3)
+        framed(axis, "", f"{QUANTITIES.get(signal.unit, '')} ({_pretty(signal.unit)}/√Hz)".strip(), signal.name)
+        _logarithmic(axis)
+        legend(axis, 2, least=1)
+    panels[-1].set_xlabel("frequency (Hz)")
+    panels[0].set(xscale="log", xlim=(f[0], f[-1]))
+    log_ticks(panels[-1].xaxis, f[-1] / f[0])
+    inside = [(number, rate) for number, rate in named_modes(noise.modes) if f[0] <= rate <= f[-1]]
+    for axis in panels:
+        mark_modes(axis, inside, numbered=False)
+    headline(figure, title_of(noise.scene), f"thermal noise at {noise.temperature:g}\N{NO-BREAK SPACE}K")
+    return figure
+
+
+def _drawn(values: Floats) -> Floats:
+    """The finite ones above 0."""
+    return np.where((values > 0) & np.isfinite(values), values, np.nan)
 
 
 def draw_shock(found: ShockResponse, stream: IO[bytes], kind: str = "png") -> None:

@@ -37,7 +37,20 @@ from modal.report.escaping import (
 )
 from modal.report.fitting import breadth, broken, columns, fits, fitted, folded, padded
 from modal.report.prose import WIDTH, capital, counted, line_width, listed, percent, rad, short, with_unit
-from modal.report.tables import NOTHING, aligned, as_csv, as_json, digits, finite, full, grid, headed, titled, widths_of
+from modal.report.tables import (
+    NOTHING,
+    Form,
+    aligned,
+    as_csv,
+    as_json,
+    digits,
+    finite,
+    full,
+    grid,
+    headed,
+    titled,
+    widths_of,
+)
 
 __all__ = [
     "HTML_ROWS",
@@ -46,6 +59,7 @@ __all__ = [
     "TEXT_ROWS",
     "WIDTH",
     "Displayed",
+    "Form",
     "Summary",
     "aligned",
     "as_csv",

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from math import isfinite, log10
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 from modal.report.escaping import csv_rows, json_text, markdown, visible
 from modal.report.fitting import breadth, broken, columns, folded, padded
 
 T = TypeVar("T")
+Form = Literal["text", "csv", "json", "markdown"]
+"""What a report is written as."""
 
 LEFT = {
     *("action", "at", "description", "engine", "event", "lines", "loci", "meeting", "method", "number", "pendula"),

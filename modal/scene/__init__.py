@@ -4,11 +4,13 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`, whose pendula are chains of `links` and hang from `supports`; `springs` join points, `structures`
-tells what is wrong with both, `support_arrays` reads those of linear structures; `motion` moves a support and acts on
-`points`, `periods` tells when that repeats, `records` reads its records, `hoist` changes a length; `files` reads and
-writes scenes, `sealed` detects damaged files, `validation` checks every part and words the messages, `parameters` finds
-and varies numbers by path, `titles` says what hangs in a scene without a title, `summary` what a scene shows of itself.
+Start with `model`, whose pendula are chains of `links` and hang from `supports`; `springs` join points, `losses` are
+the loss angles of both, `structures` tells what is wrong with supports and springs, `support_arrays` reads those of
+linear structures; `motion` moves a support and acts on `points`, `periods` tells when that repeats, `records` reads its
+records, `hoist` changes a length; `files` reads and writes scenes, `sealed` detects damaged files, `validation` checks
+every part and words the messages, `parameters` finds and varies numbers by path, `contents` reads files, `doors` checks
+arguments, `titles` says what hangs in a scene
+without a title, `summary` what a scene shows of itself.
 """
 
 from typing import TYPE_CHECKING
@@ -19,6 +21,7 @@ from modal.scene.features import FEATURES
 from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
 from modal.scene.hoist import Hoist, LengthLaw
 from modal.scene.links import AnyLink, Bob, Body, Escapement, Rod, VanDerPol
+from modal.scene.losses import LossTable, is_lossy
 from modal.scene.model import (
     InitialCondition,
     Pendulum,
@@ -26,6 +29,7 @@ from modal.scene.model import (
     describe,
     scene_from,
     validate_scene,
+    validate_scenes,
 )
 from modal.scene.motion import (
     ConstantForce,
@@ -69,6 +73,7 @@ __all__ = [
     "Hoist",
     "InitialCondition",
     "LengthLaw",
+    "LossTable",
     "ModalSupport",
     "Moved",
     "Pendulum",
@@ -95,6 +100,7 @@ __all__ = [
     "dumps",
     "example_names",
     "frequencies_of",
+    "is_lossy",
     "kind_of",
     "left_out",
     "load",
@@ -109,6 +115,7 @@ __all__ = [
     "sines_of",
     "title_of",
     "validate_scene",
+    "validate_scenes",
     "what_hangs",
     "whole_file",
 ]

@@ -20,6 +20,7 @@ from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field, replace
 
 from modal.errors import SceneError
+from modal.scene.doors import require_type
 from modal.scene.features import DRAG, DRIVES, FEATURES, FRICTION, LOSS
 from modal.scene.model import Scene
 
@@ -102,8 +103,15 @@ NO_RATIO: Sentences = {"damping_ratio": "has no place for dampers that belong to
 STICKS = _each(FRICTION, "does not follow what sticks and slips")
 NO_DRAG = _each(DRAG, "is computed without drag")
 LOSSES = _each(LOSS, "needs a scene without losses")
+LOSSLESS: Sentences = {
+    "loss": "Loss angles are left out: they are a complex stiffness at each frequency, which response, vibration and "
+    "table take."
+}
+IN_TIME: Sentences = {
+    "loss": "has no place for loss angles, which belong to frequencies: response, vibration and table take them"
+}
+"""What is said of k (1 + iφ): no equations of motion in time have such a spring."""
 UNLOADED: Sentences = {"load": "only `simulate` is given applied forces"}
-PLAYED = "simulates pendula on one cart or one support: animate films a run of this scene, shapes --film its modes"
 HANGS_STRAIGHT = "a massless cart has no equation of motion where all that pulls it hangs straight down"
 ENDS: Sentences = {"massless_cart": HANGS_STRAIGHT}
 STOPS: Sentences = {"massless_cart": "the step needed is smaller than the spacing between numbers"}
@@ -120,15 +128,23 @@ HOISTING = {
 MINIMAL = ("form minimal", "form minimal takes it")
 UNRUBBED = {(one, name): "dry friction on structures is not solved" for one in sorted(STRUCTURED) for name in FRICTION}
 """What is refused together: dry friction, and structures or springs between points."""
+AIRLESS = {
+    (one, name): "Hill's equations on structures have no place for drag"
+    for one in sorted(STRUCTURED)
+    for name in sorted(DRAG)
+}
 EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
 
 # ------------------------------------------------------------------------------------------------------- the table
 
 AT_ONE_TIME: Sentences = {"hoist": "needs constant lengths: take those of one time, Scene.at(seconds)"}
+TABLE = Capability(
+    "the table of modes", LINEAR | STRUCTURED | {"loss"}, leaves=OMITTED, unless=LEANING, beside=UNLOADED
+)
 CONSTANT_MODEL = Capability(
     "a constant linear model",
     LINEAR - {"massless_cart"} | STRUCTURED,
-    leaves=ABOUT,
+    leaves={**ABOUT, **LOSSLESS},
     refuses=AT_ONE_TIME,
     unless={"massless_cart": "the mass matrix is singular", **LEANING},
     beside=UNLOADED,
@@ -168,7 +184,7 @@ PERIODIC = Capability(
 
 FORCED_ORBIT = Capability(
     "a forced periodic orbit",
-    SHAPE | {"dampers", "damping_ratio", "moved_support"} | DRAG | FORCED,
+    SHAPE | {"dampers", "damping_ratio", "moved_support"} | DRAG | FORCED | STRUCTURED,
     refuses={**CONSTANT, **PLANE, **STICKS, **_each(DRIVES, "does not follow clocks and drives at joints")},
     unless=ENDS,
     beside=UNLOADED,
@@ -177,9 +193,10 @@ FORCED_ORBIT = Capability(
 
 STROBED = Capability(
     "a stroboscopic section",
-    SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | {"moved_support"},
+    SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED | {"moved_support"},
     refuses={**CONSTANT, **PLANE},
     unless=STOPS,
+    apart=UNRUBBED,
     beside=UNLOADED,
     needs={DRIVEN_IN_TIME: "a stroboscopic section needs a period: a sine that moves the support or acts"},
 )
@@ -201,33 +218,51 @@ STRUCTURES: Sentences = {
     "structure": "has no place for structures yet",
     "springs": "has no place for springs between points yet",
 }
-"""What a capability refuses that says nothing else of structures."""
+UNTOLD: Sentences = {**STRUCTURES, **IN_TIME}
+"""What a capability refuses that says nothing else of structures and loss angles."""
 
 
 def _told(one: Capability) -> Capability:
-    """A capability with the entries of `STRUCTURES` that it has none of its own for."""
-    more = {name: words for name, words in STRUCTURES.items() if not one.entries(name)}
+    """A capability with the entries of `UNTOLD` that it has none of its own for."""
+    more = {name: words for name, words in UNTOLD.items() if not one.entries(name)}
     return replace(one, refuses={**one.refuses, **more})
 
 
 CAPABILITIES: dict[str, Capability] = {
     one.name: _told(one)
     for one in (
-        Capability("the table of modes", LINEAR | STRUCTURED, leaves=OMITTED, unless=LEANING, beside=UNLOADED),
+        TABLE,
+        replace(TABLE, name="mode shapes", takes=TABLE.takes - {"loss"}, leaves={**OMITTED, **LOSSLESS}),
         Capability(
             "the explanation of the coupling",
             LINEAR - {"inverted"} | {"structure", "springs"},
-            leaves=ABOUT,
+            leaves={**ABOUT, **LOSSLESS},
             refuses={**CONSTANT, **SHIFTED, "inverted": "has no frequency for a link that stands"},
             beside=UNLOADED,
         ),
         CONSTANT_MODEL,
+        replace(CONSTANT_MODEL, name="a frequency response", takes=CONSTANT_MODEL.takes | {"loss"}, leaves=ABOUT),
+        replace(CONSTANT_MODEL, name="an impulse response", leaves=ABOUT, refuses={**AT_ONE_TIME, **IN_TIME}),
         MOVED_MODEL,
-        replace(MOVED_MODEL, name="random vibration", takes=MOVED_MODEL.takes - {"inverted"}, unless=GROWS),
+        replace(MOVED_MODEL, name="a shock", leaves=ABOUT, refuses={**MOVED_MODEL.refuses, **IN_TIME}),
+        replace(
+            MOVED_MODEL,
+            name="random vibration",
+            takes=MOVED_MODEL.takes - {"inverted"} | {"loss"},
+            leaves=ABOUT,
+            unless=GROWS,
+        ),
+        replace(
+            CONSTANT_MODEL,
+            name="thermal noise",
+            takes=CONSTANT_MODEL.takes - {"inverted"} | {"loss"},
+            leaves=ABOUT,
+            unless=GROWS,
+        ),
         Capability(
             "a shaper",
             LINEAR - {"inverted"} | STRUCTURED,
-            leaves=OMITTED,
+            leaves={**OMITTED, **LOSSLESS},
             refuses=SHIFTED,
             unless={"inverted": "is unstable"},
             beside=UNLOADED,
@@ -236,7 +271,7 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "a derivative of modes",
             LINEAR - NO_RATIO.keys() | STRUCTURED,
-            leaves=ABOUT,
+            leaves={**ABOUT, **LOSSLESS},
             refuses={**CONSTANT, **NO_RATIO, **SHIFTED},
             beside=UNLOADED,
         ),
@@ -255,20 +290,20 @@ CAPABILITIES: dict[str, Capability] = {
             "a derivation",
             SHAPE | {"dampers", "massless_cart", "space", "structure", "springs"},
             leaves=_each(DRIVES, UNDRIVEN),
-            refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG, "has no symbols for it")},
+            refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG | {"loss"}, "has no symbols for it")},
             beside=UNLOADED,
         ),
         Capability(
             "a polynomial in ω²",
             LINEAR - LOSS,
-            leaves=ABOUT,
+            leaves={**ABOUT, **LOSSLESS},
             refuses={**CONSTANT, **LOSSES, **SHIFTED, **BODILESS},
             beside=UNLOADED,
         ),
         Capability(
             "an enclosure",
             LINEAR - LOSS - {"inverted", "joint_springs"},
-            leaves=ABOUT,
+            leaves={**ABOUT, **LOSSLESS},
             refuses={
                 **CONSTANT,
                 **LOSSES,
@@ -281,12 +316,9 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "the live page",
-            SHAPE | {"dampers", "moved_support"} | DRAG | DRIVES,
-            refuses={
-                **_each(FRICTION | FORCED | _of("hoist space damping_ratio"), "cannot show it"),
-                "massless_cart": "cannot show it",
-                **_each(STRUCTURED, PLAYED),
-            },
+            SHAPE | {"dampers", "moved_support"} | DRAG | DRIVES | STRUCTURED,
+            refuses=_each(FRICTION | _of("constant_force hoist space damping_ratio massless_cart"), "cannot show it"),
+            unless={"force": "shows forces on structures alone, and on any scene its own drive"},
             beside=UNLOADED,
         ),
         Capability(
@@ -371,7 +403,7 @@ CAPABILITIES: dict[str, Capability] = {
         replace(SIDE_BY_SIDE, name="an ensemble", refuses=NONE, singly=BESIDE_NONE),
         Capability(
             "motion in a few modes",
-            SHAPE | LOSS | {"quadratic_drag"},
+            SHAPE | LOSS | STRUCTURED | {"quadratic_drag"},
             refuses={
                 **STILL,
                 **_each(DRIVEN_IN_TIME, "has no error estimate where what acts in time moves modes that are left out"),
@@ -385,7 +417,7 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "motion in closed form",
-            LINEAR,
+            LINEAR | STRUCTURED,
             leaves=_each(DRIVES, UNDRIVEN),
             refuses={**STILL, **CONSTANT, **STICKS, "quadratic_drag": "has no term for it"},
             beside=UNLOADED,
@@ -393,13 +425,14 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a comparison of methods",
-            ACTING - {"load"} | FRICTION | DRIVES | {"space", "hoist"},
+            ACTING - {"load"} | FRICTION | DRIVES | STRUCTURED | {"space", "hoist"},
             unless=ENDS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
         Capability(
             "a check of modes",
-            LINEAR,
+            LINEAR | STRUCTURED,
             leaves={name: words for name, words in ABOUT.items() if name not in STILL},
             refuses={name: words for name, words in {**STILL, **CONSTANT}.items() if name not in LEANING},
             unless=LEANING,
@@ -408,9 +441,10 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a comparison with modes",
-            SHAPE | LOSS | DRAG | FRICTION | DRIVES,
+            SHAPE | LOSS | DRAG | FRICTION | DRIVES | STRUCTURED,
             refuses={**STILL, **CONSTANT, **PLANE},
             unless=ENDS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
         Capability(
@@ -418,6 +452,7 @@ CAPABILITIES: dict[str, Capability] = {
             SHAPE - {"inverted"} | STRUCTURED,
             leaves={
                 "dampers": "Dampers are left out: the orbits of a mode conserve energy.",
+                "loss": "Loss angles are left out: the orbits of a mode conserve energy.",
                 "damping_ratio": "Damping ratios are left out: the orbits of a mode conserve energy.",
                 **_each(DRAG, "Drag is left out: the orbits of a mode conserve energy."),
                 **_each(FRICTION, "Dry friction is left out: the orbits of a mode conserve energy."),
@@ -438,14 +473,15 @@ CAPABILITIES: dict[str, Capability] = {
         FORCED_ORBIT,
         Capability(
             "a Lyapunov exponent",
-            SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | {"moved_support"},
+            SHAPE | LOSS | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED | {"moved_support"},
             refuses={**CONSTANT, **PLANE},
             unless=STOPS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
         Capability(
             "a Poincaré section",
-            SHAPE,
+            SHAPE | STRUCTURED,
             refuses={
                 **STILL,
                 **_each(_of("moved_support force"), "needs a motion that keeps its energy: find_strobes takes it"),
@@ -467,13 +503,14 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a Floquet multiplier",
-            SHAPE - {"cart"} | LOSS | {"quadratic_drag", "moved_support", "space"},
+            SHAPE - {"cart"} | LOSS | STRUCTURED | {"quadratic_drag", "moved_support", "space"},
             refuses={
                 **_each(FORCED, "needs a scene without forces"),
                 **_each(FRICTION, "does not follow what sticks and slips"),
                 **_each(DRIVES, "is computed without drives"),
                 "hoist": "needs constant lengths",
             },
+            apart=AIRLESS,
             beside={**UNLOADED, **_each(_of("cart massless_cart"), "a cart is no support that moves as prescribed")},
             needs={_of("moved_support"): 'support.kind: a Floquet multiplier needs kind = "moved"'},
         ),
@@ -490,9 +527,10 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a fit of motions",
-            SHAPE | {"dampers", "moved_support", "hoist"} | DRAG | FRICTION | DRIVES | FORCED,
+            SHAPE | {"dampers", "moved_support", "hoist"} | DRAG | FRICTION | DRIVES | FORCED | STRUCTURED,
             refuses={**PLANE, **NO_RATIO},
             unless=ENDS,
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
     )
@@ -501,6 +539,7 @@ CAPABILITIES: dict[str, Capability] = {
 
 def refusals(scene: Scene, capability: str, *more: str) -> list[str]:
     """A sentence for everything that a scene, with `more` features of a call, has and the capability refuses."""
+    require_type("scene", scene, "Scene")
     one, has = CAPABILITIES[capability], scene.features | set(more)
     found = [f"{_place(scene, name)}: {one.name} {_why(one, name)}" for name in one.refuses if name in has]
     found += [f"{_place(scene, a)}: {why}: remove {b}" for (a, b), why in one.apart.items() if {a, b} <= has]
@@ -537,10 +576,12 @@ def require(scene: Scene, capability: str, *more: str) -> None:
 
 def left_out(scene: Scene, capability: str = "the table of modes") -> tuple[str, ...]:
     """What a capability leaves out of a scene, a sentence each."""
+    require_type("scene", scene, "Scene")
     return tuple(dict.fromkeys(words for _, words in _met(CAPABILITIES[capability].leaves, scene.features)))
 
 
 def one_by_one(scene: Scene, *more: str) -> str:
     """Why members of a scene, with `more` features that some of them have, go one by one; "" for side by side."""
+    require_type("scene", scene, "Scene")
     met = _met(CAPABILITIES["an ensemble"].singly, scene.features | set(more))
     return next((f"no engine takes {FEATURES[name].words} side by side" for name, _ in met), "")

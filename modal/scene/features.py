@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from modal.scene.links import AnyLink, Escapement, VanDerPol
+from modal.scene.losses import is_lossy
 from modal.scene.validation import Part
 
 
@@ -72,7 +73,7 @@ class Feature:
     support: tuple[str, ...] = ()
     spring: str = ""
     pendulum: str = ""
-    link: str = ""
+    link: tuple[str, ...] = ()
     only: Callable[[Described], bool] = lambda scene: True
 
     def places(self, scene: Described) -> Iterator[str]:
@@ -95,7 +96,7 @@ class Feature:
             if self.pendulum:
                 yield f"pendulum[{i}].", pendulum, self.pendulum
             for j, link in enumerate(pendulum.links if self.link else ()):
-                yield f"pendulum[{i}].links[{j}].", link, self.link
+                yield from ((f"pendulum[{i}].links[{j}].", link, key) for key in self.link)
 
     def _is_of(self, support: Any) -> bool:
         """Whether a support has it."""
@@ -110,7 +111,7 @@ class Feature:
             or (self.support and any(map(self._is_of, scene.supports)))
             or (self.spring and any(has(getattr(one, self.spring)) for one in scene.spring))
             or (self.pendulum and any(has(getattr(one, self.pendulum)) for one in scene.pendulum))
-            or (self.link and any(map(has, values(self.link))))
+            or any(any(map(has, values(key))) for key in self.link)
         )
 
 
@@ -186,20 +187,21 @@ FEATURES: dict[str, Feature] = {
     "moved_support": Feature(
         "a moved support", 'write kind = "fixed" or "cart"', _moves, scene="ground", support=("kind",)
     ),
-    "hoist": Feature("a hoist", "remove the hoist", link="hoist"),
+    "hoist": Feature("a hoist", "remove the hoist", link=("hoist",)),
     "space": Feature("motion in space", 'set space = "plane"', "space".__eq__, scene="space"),
     "copies": Feature("copies of a pendulum", "write one pendulum", (1).__lt__, pendulum="count"),
     "inverted": Feature(
         "inverted links", "let all links hang", lambda ways: "up" in (ways or ()), pendulum="equilibrium"
     ),
-    "joint_springs": Feature("springs at joints", "remove the springs", link="stiffness"),
+    "joint_springs": Feature("springs at joints", "remove the springs", link=("stiffness",)),
     "dampers": Feature(
-        "dampers", "remove the dampers", _damps, support=("damping", "D"), spring="damping", link="damping"
+        "dampers", "remove the dampers", _damps, support=("damping", "D"), spring="damping", link=("damping",)
     ),
-    "linear_drag": Feature("linear drag", "remove the drag", link="drag"),
-    "quadratic_drag": Feature("quadratic drag", "remove it, or give drag", link="quadratic_drag"),
+    "loss": Feature("loss angles", "remove them, or give dampers", is_lossy, spring="loss", link=("loss", "wire_loss")),
+    "linear_drag": Feature("linear drag", "remove the drag", link=("drag",)),
+    "quadratic_drag": Feature("quadratic drag", "remove it, or give drag", link=("quadratic_drag",)),
     "damping_ratio": Feature("a damping ratio", "give dampers at joints instead", _ratio, scene="damping_ratio"),
-    "joint_friction": Feature("dry friction at joints", "remove it, or give dampers", link="friction"),
+    "joint_friction": Feature("dry friction at joints", "remove it, or give dampers", link=("friction",)),
     "rail_friction": Feature("dry friction on the rail", "remove it, or give a damper", support=("friction",)),
     "rail_coefficient": Feature(
         "a coefficient of friction on the rail",
@@ -207,10 +209,10 @@ FEATURES: dict[str, Feature] = {
         support=("friction_coefficient",),
     ),
     "escapement": Feature(
-        "kicks of escapements", "remove the drives", lambda drive: isinstance(drive, Escapement), link="drive"
+        "kicks of escapements", "remove the drives", lambda drive: isinstance(drive, Escapement), link=("drive",)
     ),
     "van_der_pol": Feature(
-        "van der Pol drives", "remove the drives", lambda drive: isinstance(drive, VanDerPol), link="drive"
+        "van der Pol drives", "remove the drives", lambda drive: isinstance(drive, VanDerPol), link=("drive",)
     ),
     "force": Feature("a force that changes in time", "remove the force", _changes, scene="force"),
     "constant_force": Feature("a constant force", "remove the force", _is_constant, scene="force"),
@@ -252,5 +254,9 @@ def varied_features(path: str) -> frozenset[str]:
     if first == "support":
         whole = path.partition(".")[2] if ".damping." in path else key  # damping.sway of a platform
         return frozenset(name for name, one in FEATURES.items() if whole.partition(".")[0] in one.support)
-    part = "spring" if first == "spring" else "link" if ".links[" in path else "scene"
+    if {"loss", "wire_loss"} & set(path.replace("[", ".").split(".")):  # also a number of a table
+        return frozenset({"loss"})
+    if ".links[" in path:
+        return frozenset(name for name, one in FEATURES.items() if key in one.link)
+    part = "spring" if first == "spring" else "scene"
     return frozenset(name for name, one in FEATURES.items() if getattr(one, part) == key)

@@ -6,7 +6,7 @@ import os
 import re
 import sys
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -14,10 +14,10 @@ from threading import Timer
 from typing import IO, Any
 
 from modal.errors import SceneError, meant
-from modal.scene.links import AnyLink
+from modal.scene.contents import content_of, limited
+from modal.scene.doors import checked, require_type
 from modal.scene.model import Scene, describe, scene_from
 
-LARGEST_FILE = 256_000_000
 STANDARD = "-"
 """The name of standard input where a file is read, of standard output where one is written."""
 DEEPEST = 50
@@ -45,31 +45,9 @@ def load(source: str | os.PathLike[str]) -> Scene:
     """
     name = os.fspath(source)
     try:
-        return _beside(parse(_read(name), Path(name).parent), Path(name).parent)
+        return parse(_read(name), Path(name).parent)
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
-
-
-def _beside(scene: Scene, folder: Path) -> Scene:
-    """The scene with the records that it names taken from the folder of its file, where they are read once."""
-    if not scene.is_hoisted:
-        return scene
-    pendula = tuple(
-        one.replace(links=tuple(_with_record(link, folder) for link in one.links)) for one in scene.pendulum
-    )
-    for p, pendulum in enumerate(pendula):
-        for i, link in enumerate(pendulum.links):
-            try:
-                link.length_at(0.0)
-            except SceneError as error:
-                raise SceneError([f"pendulum[{p}].links[{i}].{problem}" for problem in error.problems]) from None
-    return scene.replace(pendulum=pendula)
-
-
-def _with_record(link: AnyLink, folder: Path) -> AnyLink:
-    if link.hoist is None or link.hoist.file is None:
-        return link
-    return link.replace(hoist=link.hoist.replace(file=str((folder / link.hoist.file).absolute())))
 
 
 def parse(text: bytes, folder: Path = Path()) -> Scene:
@@ -107,11 +85,13 @@ def dumps(scene: Scene) -> str:
     >>> parse(dumps(scene).encode()) == scene
     True
     """
+    require_type("scene", scene, "Scene")
     import tomli_w
 
     return tomli_w.dumps(describe(scene))
 
 
+@checked
 def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
     """Write a scene file atomically; OSError names `path` where it cannot be written.
 
@@ -174,12 +154,12 @@ def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], before: str = ""
 
 
 @contextmanager
-def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
+def whole_file(path: str | os.PathLike[str], *, opener: Callable[[str, int], int] | None = None) -> Iterator[IO[bytes]]:
     """A binary stream that becomes `path` when the block succeeds and leaves nothing behind when it fails.
 
     A link is followed; anything but a regular file (a pipe, a device) is written directly; "-" is standard output,
-    written at the end.  Raises OSError, naming `path`, where it cannot be written, SceneError where binary content
-    would go to a terminal.
+    written at the end.  `opener` opens the file instead of the one that all may read, as `private` does.  Raises
+    OSError, naming `path`, where it cannot be written, SceneError where binary content would go to a terminal.
     """
     if os.fspath(path) == STANDARD:
         held = BytesIO()
@@ -191,7 +171,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
         raise SceneError([f"{target}: a file's name has no null character"])
     try:
         special = target.exists() and not target.is_file()
-        with open(target, "wb") if special else _temporary(target.resolve()) as stream:
+        with open(target, "wb") if special else _temporary(target.resolve(), opener) as stream:
             yield stream
     except OSError as error:
         error.filename = str(target)
@@ -211,14 +191,14 @@ def _print(content: bytes) -> None:
 
 
 @contextmanager
-def _temporary(target: Path) -> Iterator[IO[bytes]]:
+def _temporary(target: Path, opener: Callable[[str, int], int] | None) -> Iterator[IO[bytes]]:
     temporary = target.parent / f".multipendula-{os.urandom(8).hex()}"
     try:
-        with open(temporary, "xb") as stream:
+        with open(temporary, "xb", opener=opener) as stream:
             yield stream
             stream.flush()
             os.fsync(stream.fileno())
-        if target.exists():
+        if target.exists() and not opener:
             temporary.chmod(target.stat().st_mode & 0o777)
         temporary.replace(target)
     except BaseException:
@@ -239,8 +219,8 @@ def _read(name: str) -> bytes:
             if name not in example_names():
                 raise SceneError([f"no such file and no such shipped scene{_near(name)}"])
             return example_text(name).encode()
-        if Path(name).exists() and not Path(name).is_file() and not Path(name).is_fifo():
-            raise SceneError(["not a file"])
+        if not Path(name).is_fifo():
+            return content_of(name)
         with _awaited(name), open(name, "rb") as stream:
             return limited(stream)
     except SceneError:
@@ -262,11 +242,3 @@ def _awaited(name: str) -> Iterator[None]:
         yield
     finally:
         words.cancel()
-
-
-def limited(stream: IO[bytes]) -> bytes:
-    """The content of a file; SceneError for one larger than LARGEST_FILE."""
-    text = stream.read(LARGEST_FILE + 1)
-    if len(text) > LARGEST_FILE:
-        raise SceneError([f"is larger than {LARGEST_FILE} bytes"])
-    return text

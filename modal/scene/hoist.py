@@ -9,23 +9,20 @@ Before a law begins and after its end the length is constant.
 
 from __future__ import annotations
 
-import csv
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from io import StringIO
-from pathlib import Path
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
 
-from modal.errors import SceneError
 from modal.report import Displayed
-from modal.scene.validation import POSITIVE, REAL, Part, field, number, one_of, optional
+from modal.scene.validation import LARGEST, POSITIVE, REAL, UNREAD, Part, field, list_of, number, one_of, optional
 from modal.types import Floats
 
-COLUMNS = ["time_s", "length_m"]
+RECORD = ("time_s", "length_m")
 SAME = 1e-9
 """Relative difference up to which a record begins at the length of its link."""
 RAMP = 0.25
@@ -33,8 +30,9 @@ Profile = Literal["smooth", "trapezoidal"]
 
 
 class Hoist(Part):
-    """A new length `to` (m), from `begin` (s) over `duration` (s), or a record `file` with `time_s,length_m`.
+    """A new length `to` (m), from `begin` (s) over `duration` (s), or a record of lengths `length_m` at `time_s`.
 
+    A record's `file` is read with the scene file that names it (`modal.scene.records`); the hoist holds its numbers.
     `ramp` is the share of the duration for which a trapezoidal speed rises, and falls.
     """
 
@@ -43,22 +41,58 @@ class Hoist(Part):
     duration: float | None = field(optional(POSITIVE), default=None)
     profile: Profile = field(one_of("smooth", "trapezoidal"), default="smooth")
     ramp: float | None = field(optional(number(ge=1e-3, le=0.5)), default=None)
-    file: str | None = field(optional({"type": "str", "min_length": 1}), default=None)
+    file: str | None = field(optional({"type": "str", "max_length": 4096}), default=None)
+    time_s: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    length_m: tuple[float, ...] | None = field(optional(list_of(POSITIVE)), default=None)
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether its lengths are a record's."""
+        return any(getattr(self, name) is not None for name in ("file", *RECORD))
 
     def problems(self) -> Iterator[str]:
-        """Neither a length nor a record, both, and a ramp of another profile."""
+        """Neither a length nor a record, both, a file that is not read, and a ramp of another profile."""
         given = [name for name in ("to", "duration") if getattr(self, name) is not None]
-        if self.file is None:
-            yield from (f".{name}: is required" for name in ("to", "duration") if name not in given)
-        else:
+        if self.is_recorded:
             other = [*given, *["begin"] * (self.begin != 0), *["profile"] * (self.profile != "smooth")]
             yield from (f".{name}: does not belong to a record" for name in other)
+            yield from [f".file: {UNREAD}"] if self.file is not None else self._record_problems()
+        else:
+            yield from (f".{name}: is required" for name in ("to", "duration") if name not in given)
         if self.ramp is not None and self.profile == "smooth":
             yield f'.ramp = {self.ramp}: needs profile = "trapezoidal"'
 
+    def _record_problems(self) -> Iterator[str]:
+        """A list without the other, of another size, of fewer than two values, and times that do not ascend."""
+        if self.time_s is None or self.length_m is None:
+            yield f".{RECORD[self.time_s is not None]}: is required in a record"
+            return
+        if len(self.time_s) != len(self.length_m):
+            yield f".length_m: has {len(self.length_m)} values for {len(self.time_s)} times"
+        elif len(self.time_s) < 2:
+            yield f".time_s: has {len(self.time_s)} samples: at least 2 are needed"
+        if any(later <= earlier for earlier, later in pairwise(self.time_s)):
+            yield ".time_s: must be strictly ascending"
+
+    def problems_from(self, length: float) -> Iterator[str]:
+        """What is wrong with the way from `length` (m) on: another beginning, no positive or no finite lengths."""
+        key, own = ("length_m", f"a record that begins at {self.length_m[0]:g} m") if self.length_m else ("to", "it")
+        if self.length_m and abs(self.length_m[0] - length) > SAME * length:
+            yield f".length_m: begins at {self.length_m[0]:g} m, and its link has length = {length:g}"
+            return
+        last = self.length_m[-1] if self.length_m else self.to
+        assert last is not None
+        with np.errstate(all="ignore"):
+            law = self.law(length)
+            told = law.greatest <= LARGEST and abs(law.end - last) <= SAME * max(length, last)
+        if not told:
+            yield f".{key}: {own} changes too fast or too slowly for double precision"
+        elif self.length_m and (shortest := law.extremes[0]) <= 0:
+            yield f".length_m: the spline through it reaches a length of {shortest:g} m: must be positive"
+
     def law(self, length: float) -> LengthLaw:
-        """The length as a function of time, from `length` (m) on; SceneError for a record that cannot be used."""
-        return _recorded(self.file, length) if self.file is not None else _law(self, length)
+        """The length as a function of time, from `length` (m) on."""
+        return _recorded(self.time_s, self.length_m) if self.time_s and self.length_m else _law(self, length)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -109,6 +143,22 @@ class LengthLaw(Displayed):
         return tuple(self.knots.tolist())
 
     @property
+    def end(self) -> float:
+        """The length (m) to which the last piece leads."""
+        span = self.knots[-1] - self.knots[-2]
+        return float(self.coefficients[-1] @ span ** np.arange(self.coefficients.shape[1]))
+
+    @property
+    def greatest(self) -> float:
+        """A bound of all lengths, speeds and accelerations (SI); inf or NaN where double precision has none."""
+        sizes, bounds = np.abs(self.coefficients), []
+        powers = np.diff(self.knots)[:, None] ** np.arange(sizes.shape[1])
+        for _ in range(3):
+            bounds.append(np.max(np.sum(sizes * powers[:, : sizes.shape[1]], axis=1)))
+            sizes = sizes[:, 1:] * np.arange(1.0, sizes.shape[1])
+        return float(np.max(bounds))
+
+    @cached_property
     def extremes(self) -> tuple[float, float]:
         """The shortest and the longest length (m)."""
         found, spans, pieces = [*self(self.knots)[0].tolist()], np.diff(self.knots), self.coefficients
@@ -140,42 +190,10 @@ def _law(hoist: Hoist, length: float) -> LengthLaw:
     return LengthLaw(knots[[*kept, 3]], np.array([rising, even, falling])[kept])
 
 
-def _recorded(name: str, length: float) -> LengthLaw:
-    """The law of a record, which begins at `length`, as the file is now."""
-    try:
-        return _law_of(name, Path(name).read_bytes(), length)
-    except OSError as error:
-        raise SceneError([f"hoist.file {name}: cannot be read: {error.strerror or error}"]) from None
-
-
 @lru_cache(maxsize=64)
-def _law_of(name: str, content: bytes, length: float) -> LengthLaw:
-    times, lengths = _read(name, content)
-    problems = []
-    if len(times) < 2 or not np.all(np.isfinite((times, lengths))) or np.any(np.diff(times) <= 0):
-        problems.append("needs at least two finite rows with ascending times")
-    elif abs(lengths[0] - length) > SAME * length:
-        problems.append(f"begins at {lengths[0]:g} m, and its link has length = {length:g}")
-    elif (law := spline(times, lengths)).extremes[0] <= 0:
-        problems.append(f"the spline through it reaches a length of {law.extremes[0]:g} m: must be positive")
-    if problems:
-        raise SceneError([f"hoist.file {name}: {problem}" for problem in problems])
-    return law
-
-
-def _read(name: str, content: bytes) -> tuple[Floats, Floats]:
-    try:
-        rows = [row for row in csv.reader(StringIO(content.decode("utf-8-sig"), newline="")) if row]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise SceneError([f"hoist.file {name}: cannot be read: {error}"]) from None
-    rows = [row for row in rows if not row[0].startswith("#")]
-    if not rows or [word.strip() for word in rows[0]] != COLUMNS:
-        raise SceneError([f"hoist.file {name}: the first row must be {','.join(COLUMNS)}"])
-    try:
-        table = np.array([[float(word) for word in row] for row in rows[1:]]).reshape(-1, 2)
-    except ValueError:
-        raise SceneError([f"hoist.file {name}: every row must have two numbers"]) from None
-    return table[:, 0], table[:, 1]
+def _recorded(times: tuple[float, ...], lengths: tuple[float, ...]) -> LengthLaw:
+    """The law of a record."""
+    return spline(np.array(times), np.array(lengths))
 
 
 def spline(times: Floats, lengths: Floats) -> LengthLaw:

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Literal, Self
 
 from modal import pair
 from modal.scene.hoist import Hoist
+from modal.scene.losses import LOSS_ANGLE, Loss, is_lossy
 from modal.scene.validation import COUNT, NON_NEGATIVE, POSITIVE, Part, any_kind, field, number, one_of, optional
 
 Scalar = Callable[[float], Any]
@@ -59,8 +60,9 @@ class Link(Part):
     """Mass (kg) and length (m) of a link, and what acts on it besides gravity.
 
     At its upper joint a damper (N m s/rad), a spring (N m/rad), dry `friction` (N m) and a drive; at its centre the
-    `drag` (N s/m) and `quadratic_drag` (N s²/m²) of still air.  `hoist` prescribes the length of a bob's rope from a
-    time on, `length` being that before.
+    `drag` (N s/m) and `quadratic_drag` (N s²/m²) of still air.  `loss` is the loss angle φ of the spring, stiffness
+    (1 + iφ), `wire_loss` that of a bob's rope, (weight below/length)(1 + iφ), φ already diluted.
+    `hoist` prescribes the length of a bob's rope from a time on, `length` being that before.
     """
 
     mass: float = field(POSITIVE)
@@ -70,6 +72,8 @@ class Link(Part):
     friction: float = field(NON_NEGATIVE, default=0.0)
     drag: float = field(NON_NEGATIVE, default=0.0)
     quadratic_drag: float = field(NON_NEGATIVE, default=0.0)
+    loss: Loss = field(LOSS_ANGLE, default=0.0)
+    wire_loss: Loss = field(LOSS_ANGLE, default=0.0)
     drive: Drive | None = field(optional(any_kind(VanDerPol, Escapement)), default=None)
     hoist: Hoist | None = field(optional(Hoist.schema()), default=None)
     count: int = field(COUNT, default=1)
@@ -84,9 +88,15 @@ class Link(Part):
         return self.replace(drive=drive, **{name: getattr(self, name) * factor for name in self.extensive})
 
     def problems(self) -> Iterator[str]:
-        """A hoist of anything but a bob."""
+        """A hoist or a wire's loss of anything but a bob, a hoist that cannot begin here, and the loss of no spring."""
+        if is_lossy(self.wire_loss) and getattr(self, "kind", "") != "bob":
+            yield '.wire_loss: only a bob hangs on a wire: write kind = "bob", or give loss to a stiffness'
+        if is_lossy(self.loss) and not self.stiffness:
+            yield ".loss: is that of the joint's stiffness, which is 0: give a stiffness"
         if self.hoist and getattr(self, "kind", "") != "bob":
             yield '.hoist: only the massless rope of a bob can change its length: write kind = "bob"'
+        elif self.hoist:
+            yield from (f".hoist{problem}" for problem in self.hoist.problems_from(self.length))
 
     def length_at(self, time: float) -> float:
         """The length (m) at a time (s)."""

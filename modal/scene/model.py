@@ -8,7 +8,7 @@ sliding with a constant force, and holds what is at rest up to that limit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from os import PathLike, fspath
 from typing import Any, Literal
 from unicodedata import category
@@ -17,6 +17,7 @@ from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
 from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features
 from modal.scene.links import AnyLink, Bob, Body, Rod
+from modal.scene.losses import is_lossy
 from modal.scene.motion import FORCE, ConstantForce, Force, Ground, Moved, SupportMotion
 from modal.scene.points import point_problems
 from modal.scene.springs import Spring
@@ -105,14 +106,22 @@ class Pendulum(Part):
         hanging: tuple[Way, ...] = ("down",)
         return self.equilibrium or hanging * self.n_links
 
+    def _wires(self) -> list[Any]:
+        """The loss angle of the wire of every link."""
+        return [link.wire_loss for link in self.links for _ in range(link.count)]
+
     def problems(self) -> Iterator[str]:
-        """Lists that do not fit the links, and a last link on which gravity does not act."""
+        """Lists that do not fit the links, a wire that stands, and a last link on which gravity does not act."""
         if self.n_links > MAX_CHAIN:
             yield f".links: has {self.n_links} links, counting repeats: at most {MAX_CHAIN}"
             return
         if self.links[-1].centre == 0:
             at = f".links[{len(self.links) - 1}].centre = 0.0"
             yield f"{at}: must be positive in the last link, or gravity does not act on it"
+        wires = self._wires() if "up" in self.ways else []
+        for place, (way, loss) in enumerate(zip(self.ways, wires, strict=False)):
+            if way == "up" and is_lossy(loss):
+                yield f'.equilibrium[{place}] = "up": this link has a wire_loss, and a wire hangs'
         started = [(f"start.{name}", values) for name, values in self.start or () if name != "spread"]
         lists = [("equilibrium", self.equilibrium), *started]
         for name, values in lists:
@@ -307,6 +316,19 @@ class Scene(Displayed, Part):
         return self.replace(force=constant) if "force" in self.features else self
 
     @property
+    def has_losses(self) -> bool:
+        """Whether any stiffness or wire has a loss angle."""
+        return "loss" in self.features
+
+    @property
+    def lossless(self) -> Scene:
+        """The same scene without loss angles."""
+        if not self.has_losses:
+            return self
+        springs = tuple(one.replace(loss=0.0) for one in self.spring)
+        return self._with(loss=0.0, wire_loss=0.0).replace(spring=springs)
+
+    @property
     def undriven(self) -> Scene:
         """The same scene without drives."""
         return self._with(drive=None) if self.is_driven else self
@@ -314,8 +336,8 @@ class Scene(Displayed, Part):
     @property
     def conservative(self) -> Scene:
         """The same scene without drives, dampers, dry friction and drag."""
-        loose = self._with(drive=None, damping=0.0, friction=0.0, drag=0.0, quadratic_drag=0.0)
-        springs = tuple(one.replace(damping=0.0) for one in self.spring)
+        loose = self.lossless._with(drive=None, damping=0.0, friction=0.0, drag=0.0, quadratic_drag=0.0)
+        springs = tuple(one.replace(damping=0.0) for one in loose.spring)
         return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_undamped)
 
     @property
@@ -411,6 +433,16 @@ def validate_scene(given: object) -> Scene:
         return given
     meant = f': load("{fspath(given)}") gives one' if isinstance(given, str | PathLike) else ""
     raise SceneError([f"a Scene is required, not {type(given).__name__}{meant}"])
+
+
+def validate_scenes(given: object) -> Sequence[Scene]:
+    """A list of scenes; SceneError for anything else, with the place of what is none."""
+    if isinstance(given, str) or not isinstance(given, Sequence):
+        raise SceneError([f"a list of Scenes is required, not {type(given).__name__}"])
+    wrong = [k for k, one in enumerate(given) if not isinstance(one, Scene)]
+    if wrong:
+        raise SceneError([f"scenes[{wrong[0]}]: a Scene is required, not {type(given[wrong[0]]).__name__}"])
+    return given
 
 
 def scene_from(data: object) -> Scene:

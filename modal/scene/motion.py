@@ -17,6 +17,7 @@ from modal.scene.validation import (
     NON_NEGATIVE,
     POSITIVE,
     REAL,
+    UNREAD,
     Part,
     after,
     any_kind,
@@ -33,6 +34,7 @@ Direction = Literal["horizontal", "vertical"]
 Acting = Literal["horizontal", "vertical", "torque"]
 Quantity = Literal["acceleration", "velocity", "displacement"]
 FEWEST = 4  # samples of a record
+CLOSEST = 1e-50  # s between samples: slopes of splines over less are beyond double precision
 LARGEST_SEED = 2**63 - 1
 MOST_SINES = 20_000
 RECORDED: dict[str, Quantity] = {
@@ -43,7 +45,6 @@ RECORDED: dict[str, Quantity] = {
 """What a record of a motion holds, by its key."""
 FORCES = ("force_n", "moment_nm")
 """The keys of a record of a force, and of a torque."""
-UNREAD = "is read with the scene file that names it: load that file, or give the numbers themselves"
 
 
 def _numbers(value: object) -> object:
@@ -97,6 +98,8 @@ class RecordSignal(Part):
             yield f".time_s: has {len(times)} samples: at least {FEWEST} are needed"
         if any(later <= earlier for earlier, later in pairwise(times)):
             yield ".time_s: must be strictly ascending"
+        elif any(later - earlier < CLOSEST for earlier, later in pairwise(times)):
+            yield f".time_s: has samples less than {CLOSEST:g} s apart"
 
 
 class RandomSignal(Part):

@@ -8,6 +8,7 @@ from math import lcm
 
 from modal.errors import SceneError
 from modal.report import Displayed, Summary
+from modal.scene.doors import require_type
 from modal.scene.model import Scene
 from modal.scene.motion import Force, SineForce, SineMotion, SupportMotion
 from modal.scene.parameters import with_numbers
@@ -37,6 +38,7 @@ def sines_of(scene: Scene) -> dict[str, SineMotion | SineForce]:
     >>> sines_of(load("chain-2"))
     {}
     """
+    require_type("scene", scene, "Scene")
     moved = zip(scene.motion_places, scene.motions, strict=True)
     drives: dict[str, SupportMotion | Force] = {with_numbers(place): motion for place, motion in moved}
     drives |= {f"force[{k}]": force for k, force in enumerate(scene.force) if force.kind != "constant"}
@@ -69,6 +71,7 @@ def drive_period(scene: Scene) -> DrivePeriod:
     >>> drive_period(scene).seconds
     2.0
     """
+    require_type("scene", scene, "Scene")
     frequencies = frequencies_of(scene)
     if not frequencies:
         raise SceneError(['nothing drives this scene: give it a [[force]], or a support of kind = "moved"'])

@@ -1,28 +1,32 @@
-"""Records of motions and forces, and power spectral densities (PSDs), in CSV files by the names of their columns.
+"""Records of motions, forces and lengths, and power spectral densities (PSDs), in CSV files by names of columns.
 
     time_s, and one of displacement_m, velocity_m_per_s, acceleration_m_per_s2    (also displacement, velocity, …)
     time_s, and one of force_n, moment_nm    of a force
+    time_s, length_m    of a hoist
     frequency_hz, and one of psd (of the acceleration), acceleration_psd, velocity_psd, displacement_psd
     frequency_hz, and one of psd, force_psd, moment_psd    of a force
 
 Any unit after the name of a PSD is taken as SI per hertz.  Lines that begin with # and further columns are passed over.
+
+A file that a scene names is somebody else's choice: what is wrong with it is told without a word of what stands in it.
 """
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from math import isfinite
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from modal.errors import SceneError, meant
+from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, text_of
+from modal.scene.hoist import RECORD
 from modal.scene.motion import FORCES, RECORDED, Quantity, spectrum_problems
 from modal.scene.support_arrays import ARRAYS, read_matrices
 
-LARGEST_FILE = 256_000_000
 MOST_ROWS = 2_000_000
 TIMES = ("time_s", "time", "t_s")
 QUANTITIES: tuple[Quantity, ...] = ("displacement", "velocity", "acceleration")
@@ -38,35 +42,58 @@ class Spectrum(NamedTuple):
     of: Quantity
 
 
-def read_record(path: str | PathLike[str], acts: bool = False) -> dict[str, Any]:
+class Table(NamedTuple):
+    """The numbers under each name of the first line of a file, and whether a message may quote what stands there."""
+
+    name: str
+    columns: Mapping[str, tuple[float, ...]]
+    quoted: bool
+
+    def lacks(self, asked: str, hint: str = "") -> SceneError:
+        """The error of a file without the columns asked for."""
+        listed = f"; it has {', '.join(list(self.columns)[:8]) or 'none'}{hint}" if self.quoted else ""
+        return SceneError([f"{self.name}: needs the columns {asked}{listed}"])
+
+
+def read_record(path: str | PathLike[str], acts: bool = False, *, quoted: bool = True) -> dict[str, Any]:
     """The fields `time_s` and one quantity of a `RecordMotion`, of a `RecordForce` where it `acts`.
 
-    SceneError, with its name, for any other file.
+    SceneError, with its name, for any other file; what stands there is `quoted` in it, or not.
     """
-    columns = _columns(path)
+    table = _table(path, quoted)
+    columns = table.columns
     time = next((name for name in TIMES if name in columns), None)
     words = {key: (key,) for key in FORCES} if acts else {key: (key, word) for key, word in RECORDED.items()}
     quantities = {key: name for key, names in words.items() for name in names if name in columns}
     if time is None or len(quantities) != 1:
-        asked = "time_s and one of " + ", ".join(words)
-        raise SceneError([f"{fspath(path)}: needs the columns {asked}; it has {_listed(columns)}"])
+        raise table.lacks("time_s and one of " + ", ".join(words))
     key, name = next(iter(quantities.items()))
     return {"time_s": columns[time], key: columns[name]}
 
 
-def read_spectrum(path: str | PathLike[str], acts: bool = False) -> Spectrum:
+def read_lengths(path: str | PathLike[str], *, quoted: bool = True) -> dict[str, Any]:
+    """The fields `time_s` and `length_m` of a recorded `Hoist`; SceneError as of `read_record`."""
+    table = _table(path, quoted)
+    if not set(RECORD) <= set(table.columns):
+        raise table.lacks(" and ".join(RECORD))
+    return {name: table.columns[name] for name in RECORD}
+
+
+def read_spectrum(path: str | PathLike[str], acts: bool = False, *, quoted: bool = True) -> Spectrum:
     """The PSD in a file, of a force where it `acts`; SceneError, with the file's name, where it has no possible one."""
-    columns = _columns(path)
+    table = _table(path, quoted)
+    columns = table.columns
     found = [(name, of) for name in columns if (of := _of_force(name) if acts else _quantity(name))]
     if "frequency_hz" not in columns or len(found) != 1:
         asked = f"frequency_hz and one of {', '.join(FORCE_PSDS if acts else (*MOTION_PSDS,))}"
         hint = "" if "frequency_hz" in columns else meant("frequency_hz", columns)
-        raise SceneError([f"{fspath(path)}: needs the columns {asked}; it has {_listed(columns)}{hint}"])
+        raise table.lacks(asked, hint)
     name, of = found[0]
     frequencies, psd = columns["frequency_hz"], columns[name]
     problems = list(spectrum_problems(frequencies, psd))
     problems += [f".{name} = {value!r}: must not be negative" for value in psd if value < 0][:1]
     problems += [f".frequency_hz = {value!r}: must not be negative" for value in frequencies if value < 0][:1]
+    problems += [f".frequency_hz = {value!r}: {SIZES_READ}" for value in frequencies if 0 < value < SMALLEST_READ][:1]
     if problems:
         raise SceneError([f"{fspath(path)}: {problem.removeprefix('.')}" for problem in problems])
     return Spectrum(frequencies, psd, of)
@@ -82,126 +109,155 @@ def _quantity(name: str) -> Quantity | None:
     return next((of for of in QUANTITIES if name == f"{of}_psd" or name.startswith(f"{of}_psd_")), None)
 
 
-def _listed(columns: Mapping[str, Any]) -> str:
-    return ", ".join(list(columns)[:8]) or "none"
-
-
-def _columns(path: str | PathLike[str]) -> dict[str, tuple[float, ...]]:
-    """The numbers under each name of the first line."""
+def _table(path: str | PathLike[str], quoted: bool) -> Table:
     name = fspath(path)
     try:
-        if Path(name).exists() and not Path(name).is_file():
-            raise SceneError([f"{name}: not a file"])
-        if Path(name).stat().st_size > LARGEST_FILE:
-            raise SceneError([f"{name}: is larger than {LARGEST_FILE} bytes"])
-        text = Path(name).read_text(encoding="utf-8-sig")
-    except SceneError:
-        raise
-    except UnicodeDecodeError as error:
-        raise SceneError([f"{name}: byte {error.start} is not UTF-8 text"]) from None
-    except (OSError, ValueError) as error:
-        raise SceneError([f"{name}: cannot be read: {getattr(error, 'strerror', None) or error}"]) from None
+        text = text_of(path)
+    except SceneError as error:
+        raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
     lines = [(at, line) for at, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
     if len(lines) > MOST_ROWS:
         raise SceneError([f"{name}: has over {MOST_ROWS} lines"])
     try:
-        rows = list(csv.reader(line for _, line in lines))
+        reader = csv.reader(line for _, line in lines)
+        rows = [(lines[reader.line_num - 1][0], row) for row in reader]
     except csv.Error as error:
         raise SceneError([f"{name}: {error}"]) from None
     if not rows:
         raise SceneError([f"{name}: is empty"])
-    heads = [head.strip() for head in rows[0]]
-    wanted = [at for at, head in enumerate(heads) if head in {*TIMES, *RECORDED, *QUANTITIES, *FORCES, "frequency_hz"}]
+    heads = [head.strip() for head in rows[0][1]]
+    known = {*TIMES, *RECORDED, *QUANTITIES, *FORCES, *RECORD, "frequency_hz"}
+    wanted = [at for at, head in enumerate(heads) if head in known]
     wanted += [at for at, head in enumerate(heads) if (_quantity(head) or _of_force(head)) and at not in wanted]
     if len({heads[at] for at in wanted}) < len(wanted):
         raise SceneError([f"{name}: has a column twice"])
     if not wanted:
-        return dict.fromkeys(heads, ())
-    values = [_row(name, row, number, heads, wanted) for row, (number, _) in zip(rows[1:], lines[1:], strict=True)]
+        return Table(name, dict.fromkeys(heads, ()), quoted)
+    values = [_row(row, f"{name}: line {at}: ", heads, wanted, quoted) for at, row in rows[1:]]
     columns = zip(*values, strict=True) if values else [()] * len(wanted)
-    return dict.fromkeys(heads, ()) | {heads[at]: tuple(own) for at, own in zip(wanted, columns, strict=True)}
+    numbers = {heads[at]: tuple(own) for at, own in zip(wanted, columns, strict=True)}
+    return Table(name, dict.fromkeys(heads, ()) | numbers, quoted)
 
 
-def _row(name: str, row: Sequence[str], line: int, heads: Sequence[str], wanted: Sequence[int]) -> list[float]:
-    found = []
+def _row(row: Sequence[str], place: str, heads: Sequence[str], wanted: Sequence[int], quoted: bool) -> list[float]:
+    values = []
     for at in wanted:
         text = row[at].strip() if at < len(row) else ""
         try:
             value = float(text)
         except ValueError:
             value = float("nan")
-        if not isfinite(value):
-            raise SceneError([f'{name}: line {line}: {heads[at]} = "{text[:40]}": must be a finite number'])
-        found.append(value)
-    return found
+        if not isfinite(value) or abs(value) > LARGEST_READ:
+            shown = f' = "{text[:40]}"' if quoted else ""
+            most = f" of at most {LARGEST_READ:g}" * isfinite(value)
+            raise SceneError([f"{place}{heads[at]}{shown}: must be a finite number{most}"])
+        values.append(value)
+    return values
 
 
 def with_files_read(data: object, folder: Path) -> object:
-    """A scene's nested mappings with the numbers of the files of its supports, motions and forces in `folder`."""
+    """A scene's nested mappings with the numbers of the files that it names, relative to `folder`.
+
+    SceneError names every file that cannot be used, with its place in the scene.
+    """
     if not isinstance(data, dict):
         return data
-    support, ground, forces = (data.get(name) for name in ("support", "ground", "force"))
-    read = dict(data)
-    if support is not None:
-        read["support"] = _each(support, "support", lambda one, at: _with_support_read(one, folder, at))
-    if isinstance(ground, dict):
-        read["ground"] = _with_motion_read(ground, folder, "ground")
-    if isinstance(forces, list):
-        read["force"] = [_with_file_read(one, folder, f"force[{k}]", True) for k, one in enumerate(forces)]
+    files, read = _Files(folder, []), dict(data)
+    for name, change in (("support", files.support), ("ground", files.moved), ("force", files.force)):
+        if name in data:
+            read[name] = _each(change, data[name], name)
+    if "pendulum" in data:
+        hoists = partial(_within, "links", partial(_within, "hoist", files.hoist))
+        read["pendulum"] = _each(hoists, data["pendulum"], "pendulum")
+    if files.problems:
+        raise SceneError(files.problems)
     return read
 
 
-def _each(given: Any, place: str, read: Callable[[Any, str], Any]) -> Any:
-    """A value or every one of a list as read, each with its place."""
-    if isinstance(given, list):
-        return [read(one, f"{place}[{k}]") for k, one in enumerate(given)]
-    return read(given, place)
+Change = Callable[[dict[str, Any], str], Any]
+"""What becomes of a table at a place of the scene."""
 
 
-def _with_support_read(support: Any, folder: Path, place: str) -> Any:
-    """A support with the numbers of its file, or of those of its motions."""
-    if not isinstance(support, dict):
-        return support
-    if support.get("kind") != "modal" or not isinstance(path := support.get("file"), str):
-        return _with_motion_read(support, folder, place)
-    place = f'{place}.file = "{path}"'
-    if others := [key for key in ARRAYS if key in support]:
-        raise SceneError([f"{place}: leaves no place for {', '.join(others)}"])
-    with _told_at(place, folder / path):
-        read = read_matrices(folder / path)
-    return {key: value for key, value in support.items() if key != "file"} | read
+def _each(change: Change, part: Any, place: str) -> Any:
+    """A table changed, or every table of a list, and anything else as it is."""
+    if isinstance(part, list):
+        return [_each(change, item, f"{place}[{k}]") for k, item in enumerate(part)]
+    return change(part, place) if isinstance(part, dict) else part
 
 
-def _with_motion_read(given: dict[str, Any], folder: Path, place: str) -> dict[str, Any]:
-    """A support or the ground with the numbers of the files of its motions."""
-    if not (motion := given.get("motion")):
-        return given
-    return given | {"motion": _each(motion, f"{place}.motion", lambda one, at: _with_file_read(one, folder, at, False))}
+def _within(key: str, change: Change, part: dict[str, Any], place: str) -> dict[str, Any]:
+    """A table with what it has under a key changed."""
+    return part | {key: _each(change, part[key], f"{place}.{key}")} if key in part else part
 
 
-@contextmanager
-def _told_at(place: str, path: Path) -> Iterator[None]:
-    """What is wrong with a file is told where the scene names it."""
-    try:
-        yield
-    except SceneError as error:
-        raise SceneError([f"{place}: {problem.removeprefix(f'{path}: ')}" for problem in error.problems]) from None
+class _Files(NamedTuple):
+    """The files that a scene names, relative to a folder; `problems` are those of all so far."""
+
+    folder: Path
+    problems: list[str]
+
+    def support(self, part: dict[str, Any], place: str) -> dict[str, Any]:
+        """A support with the arrays of its file, or with the numbers of those of its motions."""
+        if part.get("kind") != "modal":
+            return self.moved(part, place)
+        read = self._read(part, place, "file", ARRAYS, _matrices)
+        return read if read is not part else self.moved(part, place)
+
+    def moved(self, part: dict[str, Any], place: str) -> dict[str, Any]:
+        """A support or the ground with the numbers of the files of its motions."""
+        return _within("motion", self.motion, part, place)
+
+    def motion(self, part: dict[str, Any], place: str) -> dict[str, Any]:
+        """A motion of a support with the numbers of its file."""
+        if part.get("kind") == "random":
+            return self._read(part, place, "psd", ("frequency_hz", "of"), _motion_psd)
+        return self._read(part, place, "file", ("time_s", *RECORDED), read_record) if _is_record(part) else part
+
+    def force(self, part: dict[str, Any], place: str) -> dict[str, Any]:
+        """A force with the numbers of its file."""
+        if part.get("kind") == "random":
+            return self._read(part, place, "psd", ("frequency_hz",), _force_psd)
+        return self._read(part, place, "file", ("time_s", *FORCES), _force_record) if _is_record(part) else part
+
+    def hoist(self, part: dict[str, Any], place: str) -> dict[str, Any]:
+        """A hoist with the numbers of its file."""
+        return self._read(part, place, "file", RECORD, read_lengths)
+
+    def _read(
+        self, part: dict[str, Any], place: str, name: str, keys: Sequence[str], reader: Callable[..., dict[str, Any]]
+    ) -> dict[str, Any]:
+        path = part.get(name)
+        if not isinstance(path, str):
+            return part
+        place = f'{place}.{name} = "{path}"'
+        if others := [key for key in keys if key in part]:
+            self.problems.append(f"{place}: leaves no place for {', '.join(others)}")
+            return part
+        try:
+            numbers = reader(self.folder / path, quoted=False)
+        except SceneError as error:
+            shown = f"{self.folder / path}: "
+            self.problems.extend(f"{place}: {problem.removeprefix(shown)}" for problem in error.problems)
+            return part
+        return {key: value for key, value in part.items() if key != name} | numbers
 
 
-def _with_file_read(given: Any, folder: Path, place: str, acts: bool) -> Any:
-    """One motion, or a force that `acts`, with the numbers of its file."""
-    if not isinstance(given, dict):
-        return given
-    name = {"record": "file", "random": "psd"}.get(str(given.get("kind")), "")
-    path = given.get(name)
-    if not isinstance(path, str):
-        return given
-    keys = ("time_s", "frequency_hz", *(FORCES if acts else ("of", *RECORDED)))
-    place = f'{place}.{name} = "{path}"'
-    if others := [key for key in keys if key in given]:
-        raise SceneError([f"{place}: leaves no place for {', '.join(others)}"])
-    with _told_at(place, folder / path):
-        read = read_record(folder / path, acts) if name == "file" else read_spectrum(folder / path, acts)._asdict()
-    if acts:
-        read.pop("of", None)
-    return {key: value for key, value in given.items() if key != name} | read
+def _matrices(path: Path, *, quoted: bool) -> dict[str, Any]:
+    return read_matrices(path)
+
+
+def _is_record(part: Mapping[str, Any]) -> bool:
+    return part.get("kind") == "record"
+
+
+def _force_record(path: Path, *, quoted: bool) -> dict[str, Any]:
+    return read_record(path, True, quoted=quoted)
+
+
+def _motion_psd(path: Path, *, quoted: bool) -> dict[str, Any]:
+    return read_spectrum(path, quoted=quoted)._asdict()
+
+
+def _force_psd(path: Path, *, quoted: bool) -> dict[str, Any]:
+    spectrum = read_spectrum(path, True, quoted=quoted)
+    return {"frequency_hz": spectrum.frequency_hz, "psd": spectrum.psd}

@@ -14,13 +14,13 @@ from contextlib import contextmanager
 from hashlib import sha256
 from io import BytesIO
 from math import prod
-from stat import S_ISREG
 from typing import IO, Any
 from zipfile import BadZipFile, ZipFile, ZipInfo
 
 import numpy as np
 
 from modal.errors import SceneError
+from modal.scene.contents import content_of
 from modal.types import Floats
 
 LARGEST = 1_500_000_000
@@ -50,8 +50,6 @@ def reading(source: Source, what: str) -> Iterator[None]:
         yield
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
-    except OSError as error:
-        raise SceneError([f"{name}: cannot be read: {error.strerror or error}"]) from None
     except UNREADABLE:
         raise SceneError([f"{name}: is incomplete, or is not a {what} saved by this version of multipendula"]) from None
 
@@ -60,12 +58,7 @@ def content(source: Source) -> bytes:
     """The bytes of a file of at most LARGEST; SceneError for a larger one and for anything that is not a file."""
     if isinstance(source, bytes):
         return source
-    with open(source, "rb") as stream:
-        found = os.fstat(stream.fileno())
-        if not S_ISREG(found.st_mode):
-            raise SceneError(["is not a file"])
-        _limit_size(found.st_size)
-        return stream.read()
+    return content_of(source, LARGEST)
 
 
 def _limit_size(size: int) -> None:

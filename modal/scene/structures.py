@@ -104,6 +104,10 @@ def _ground_problems(scene: Described) -> Iterator[str]:
             yield f"{at}: cannot stand among several supports: write [ground] with its motion"
         elif isinstance(scene.ground, Ground):
             yield f"{at}: cannot be combined with [ground], which moves it: give the motion once"
+    for index, support in enumerate(scene.supports if scene.ground else ()):
+        if isinstance(support, ModalSupport):
+            at = f'{place_of(scene, index)}.kind = "modal"'
+            yield f"{at}: does not tell how a moving ground shakes its own mass: leave out [ground]"
 
 
 # ------------------------------------------------------------------------------------------------------- pendula

@@ -15,9 +15,8 @@ import re
 from collections.abc import Iterator
 from typing import Literal
 
-from modal.scene.motion import UNREAD
 from modal.scene.support_arrays import matrix_problems
-from modal.scene.validation import NON_NEGATIVE, POSITIVE, REAL, Part, after, field, list_of, one_of, optional
+from modal.scene.validation import NON_NEGATIVE, POSITIVE, REAL, UNREAD, Part, after, field, list_of, one_of, optional
 
 NAME = re.compile(r"[A-Za-z0-9_]+", re.ASCII)
 Pair = tuple[float, float]

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from itertools import groupby
 
 from modal.report import capital, listed
+from modal.scene.doors import require_type
 from modal.scene.links import AnyLink, Body
 from modal.scene.model import Pendulum, Scene
 
@@ -37,6 +38,7 @@ def title_of(scene: Scene) -> str:
     >>> title_of(Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=5)])]))
     'A chain of five bobs on a fixed support'
     """
+    require_type("scene", scene, "Scene")
     if scene.title:
         return scene.title
     return capital(what_hangs(scene))
@@ -49,11 +51,13 @@ def what_hangs(scene: Scene) -> str:
     >>> what_hangs(load("paper-cart-2"))
     'two double pendula of rods on a cart'
     """
+    require_type("scene", scene, "Scene")
     return f"{_pendula(scene)} on {_support(scene)}{', in space' if scene.space == 'space' else ''}"
 
 
 def name_of(scene: Scene) -> str:
     """Its title in quotation marks, else what hangs there."""
+    require_type("scene", scene, "Scene")
     return f'"{scene.title}"' if scene.title else what_hangs(scene)
 
 

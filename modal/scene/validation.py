@@ -50,7 +50,10 @@ LISTS_OF_TABLES = {
     "links": "links = [{ … }, …]",
 }
 ONE, LIST = "(one)", "(list)"
-"""Steps that the validator adds to the place of a value that may be one or a list."""
+ADDED = {ONE, LIST, "(number)", "(table)"}
+"""Steps that the validator adds to the place of a value that may be one or a list, or a number or a table."""
+UNREAD = "is read with the scene file that names it: load that file, or give the numbers themselves"
+"""Of a file where a part is made by hand."""
 Schema = dict[str, Any]
 """A schema of pydantic's validator for a value."""
 REQUIRED = object()
@@ -325,7 +328,8 @@ def _kinds_of(cls: type[Part]) -> list[str]:
 def _kinds(schema: Schema) -> Iterator[str]:
     """The kinds of the parts that a schema allows."""
     if schema["type"] == "tagged-union":
-        yield from schema["choices"]
+        choices = schema["choices"]
+        yield from _kinds(choices[ONE]) if ONE in choices else choices
     else:
         for inner in [schema.get("schema"), *schema.get("items_schema", ())]:
             if inner and schema["type"] != "model":
@@ -356,10 +360,14 @@ def _problem(finding: Mapping[str, Any], words: str) -> str:
     return f"{place} = {_shown(finding['input'])}: {words}".removeprefix(" = ")
 
 
+def _in_file(location: tuple[int | str, ...]) -> tuple[int | str, ...]:
+    """A location without the marks of one or several and of a number or a table, which no file has."""
+    return tuple(part for part in location if part not in ADDED)
+
+
 def _place(location: tuple[int | str, ...], is_key: bool) -> str:
     """The location as written in the file, without the kinds that the validator adds after a support or a link."""
-    parts = []
-    location = tuple(part for part in location if part not in (ONE, LIST))
+    parts, location = [], _in_file(location)
     for position, part in enumerate(location):
         before = location[max(0, position - 2) : position]
         behind = before[-1:] in {("support",), ("drive",), ("motion",)} or (
@@ -396,7 +404,8 @@ def _words(finding: Mapping[str, Any]) -> str:
     if kind == "tuple_type" and isinstance(finding["input"], Mapping):
         return f"must be a list: write {LISTS_OF_TABLES.get(str(finding['loc'][-1]), '[…]')}"
     if kind == "union_tag_not_found":
-        return f"needs a kind, one of {KINDS[next(key for key in reversed(finding['loc']) if isinstance(key, str))]}"
+        key = next(part for part in reversed(_in_file(finding["loc"])) if isinstance(part, str))
+        return f"needs a kind, one of {KINDS[key]}"
     if kind in {"literal_error", "union_tag_invalid"}:
         return f"must be one of {context.get('expected') or context['expected_tags']}".replace("'", '"')
     if kind == "value_error":

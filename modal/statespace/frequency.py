@@ -17,14 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import Rig, rig_of
+from modal.assembly import Dissipator, LossAngles, Rig, loss_angles, rig_of
 from modal.eigen import FORCE, REPLICAS, Arithmetic, Hung, Load, Rounded, cart_of, evaluated, hung
 from modal.scene import Scene
 from modal.statespace.full_damping import full_response, on_structure
-from modal.statespace.places import BASE, GROUND, PUSH, READ, Place, place_of, place_of_input
+from modal.statespace.places import BASE, GROUND, PAIRS, PUSH, READ, Place, place_of, place_of_input
 from modal.statespace.points import is_point
 from modal.statespace.signals import Signal
-from modal.types import Complexes, Floats
+from modal.types import Complexes, Floats, Ints
 
 TOLERANCE = 1e-12
 """Relative error of every entry."""
@@ -38,22 +38,24 @@ Evaluate = Callable[[Arithmetic], Any]
 class Elimination:
     """G between these signals of a scene of constant lengths, evaluated by elimination wherever it is asked for.
 
-    KeyError for signals that are not those of `modal.statespace.signals`.
+    A dissipator among the inputs is the pair of unit forces along its row.  KeyError for signals that are not those of
+    `modal.statespace.signals`.
     """
 
-    def __init__(self, scene: Scene, inputs: Sequence[Signal], outputs: Sequence[Signal]) -> None:
-        rig = rig_of(scene)
+    def __init__(self, scene: Scene, inputs: Sequence[Signal | Dissipator], outputs: Sequence[Signal]) -> None:
+        angles = loss_angles(scene)
+        rig, links = angles.rig_of(scene) if angles and not scene.is_structured else (rig_of(scene), [])
         tips = [rig.blocks[block].n - 1 for block, _, copies in rig.members for _ in range(copies)]
         whole = is_whole(scene, inputs)
-        self.is_real = not (rig.is_damped or scene.has_modal_damping)
+        self.is_real = not (rig.is_damped or scene.has_modal_damping or scene.has_losses)
         self.unit = float(np.sqrt(rig.gravity / min(float(block.length.min()) for block in rig.blocks)))
         if rig.structure:
             self._evaluate, of, to = on_structure(scene, inputs, outputs)
             orders = [[row.order - column.order for column in of] for row in to]
         else:
-            given = [place_of_input(scene, signal.name, tips) for signal in inputs]
+            given = [place_of_input(scene, signal, tips) for signal in inputs]
             read = [place_of(READ, signal.name, tips) for signal in outputs]
-            self._evaluate = full_response(scene, given, read) if whole else _from_tips(rig, given, read)
+            self._evaluate = full_response(scene, given, read) if whole else _from_tips(rig, given, read, angles, links)
             orders = [[row.order - column.order for column in given] for row in read]
         self._orders = np.array(orders)[..., None]
         width = sum(block.n * block.size for block in rig.blocks) * (1 + len(inputs)) + len(inputs) * len(outputs)
@@ -91,10 +93,11 @@ class Elimination:
         return np.concatenate(found, axis=-1) if found else np.zeros((*self._orders.shape[:2], 0), np.complex128)
 
 
-def is_whole(scene: Scene, inputs: Sequence[Signal]) -> bool:
+def is_whole(scene: Scene, inputs: Sequence[Signal | Dissipator]) -> bool:
     """Whether a scene is eliminated as a whole for these inputs, and not from the tips of its pendula."""
     leans = "constant_force" in scene.features
-    return scene.is_structured or scene.has_modal_damping or leans or any(is_point(signal.name) for signal in inputs)
+    alone = any(one.kind not in PAIRS if isinstance(one, Dissipator) else is_point(one.name) for one in inputs)
+    return scene.is_structured or scene.has_modal_damping or leans or alone
 
 
 def _limits(found: Complexes, still: Any, at: Floats) -> Complexes:
@@ -105,8 +108,10 @@ def _limits(found: Complexes, still: Any, at: Floats) -> Complexes:
     return found
 
 
-def _from_tips(rig: Rig, given: Sequence[Place], read: Sequence[Place]) -> Evaluate:
-    """The evaluation (p, m, W) of displacements for displacements and forces."""
+def _from_tips(
+    rig: Rig, given: Sequence[Place], read: Sequence[Place], angles: LossAngles | None, links: Sequence[Ints]
+) -> Evaluate:
+    """The evaluation (p, m, W) of displacements for displacements and forces; `links` are those of each block."""
     members = [(block, column) for block, column, copies in rig.members for _ in range(copies)]
     loads: list[list[Load]] = [
         sorted({(one.what, one.link) for one in given if one.pendulum >= 0 and members[one.pendulum][0] == number})
@@ -114,7 +119,9 @@ def _from_tips(rig: Rig, given: Sequence[Place], read: Sequence[Place]) -> Evalu
     ]
 
     def evaluate(numbers: Arithmetic) -> Any:
-        every = [hung(block, own, rig.gravity, numbers) for block, own in zip(rig.blocks, loads, strict=True)]
+        losses: list[Any] = [angles.at(numbers.rates, own) for own in links] if angles else [None] * len(rig.blocks)
+        parts = zip(rig.blocks, loads, losses, strict=True)
+        every = [hung(block, own, rig.gravity, numbers, lost) for block, own, lost in parts]
         nothing = 0 * numbers.omega
         moved = np.array([nothing + one for one in _pivots(rig, every, given, members, loads, numbers)])
         found = []

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from modal import pair
-from modal.assembly import Rig, ratio_at, rig_of
+from modal.assembly import Dissipator, Rig, losses_of, ratio_at, rig_of
 from modal.eigen import FORCE, TORQUE, Arithmetic, Digits
 from modal.scene import Scene
 from modal.statespace.model import fixed
@@ -32,8 +32,10 @@ from modal.statespace.structural import (
     Given,
     Reading,
     inputs_named,
+    loss_matrix,
     matrices_in,
     outputs_named,
+    row_in,
     solved,
     structural_response,
 )
@@ -53,6 +55,7 @@ def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -
         dampers = in_digits(fixed(scene) if base else scene)
         if base and first:
             dampers = _below(dampers, 1)
+    losses = losses_of(scene) if scene.has_losses else []
     moved = [one.what == GROUND or (one.what == BASE and not first) for one in given]
     prescribed = [one.what == BASE and first == 1 for one in given]
 
@@ -61,6 +64,8 @@ def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -
         square, omega, felt = numbers.omega * numbers.omega, numbers.omega, numbers.felt
         if dampers is not None:
             D = D + numbers.exact(dampers)[..., None]
+        if losses:
+            K = K + numbers.imaginary(loss_matrix(losses, len(K), numbers))
         A = felt(
             K + numbers.imaginary(D) * omega - square * M
             if rig.is_damped or scene.has_modal_damping
@@ -84,7 +89,7 @@ def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -
 
 
 def on_structure(
-    scene: Scene, inputs: Sequence[Signal], outputs: Sequence[Signal]
+    scene: Scene, inputs: Sequence[Signal | Dissipator], outputs: Sequence[Signal]
 ) -> tuple[Callable[[Arithmetic], Any], list[Given], list[Reading]]:
     """The evaluation (p, m, W) for a scene on a structure, with what its inputs and outputs are."""
     rig = rig_of(scene)
@@ -94,7 +99,8 @@ def on_structure(
     if scene.has_modal_damping:
         held = any(one.moves == "cart" for one in given)
         dampers = _below(in_digits(fixed(scene)), 1) if held else in_digits(scene)
-    return structural_response(geometry, rig, given, read, dampers), given, read
+    losses = losses_of(scene) if scene.has_losses else []
+    return structural_response(geometry, rig, given, read, dampers, losses), given, read
 
 
 def is_small(scene: Scene) -> bool:
@@ -209,6 +215,8 @@ def _pushed(links: Links, point: PointInput, first: int, centres: Any, numbers: 
 
 def _load(links: Links, one: Place, first: int, numbers: Arithmetic, centres: Any) -> Any:
     """The generalized force of an input, (n, 1)."""
+    if one.pair is not None:
+        return row_in(one.pair, len(centres[0]), numbers)
     if one.point is not None:
         return _pushed(links, one.point, first, centres, numbers)
     found = 0 * centres[0]

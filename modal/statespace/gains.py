@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from modal.modes import UNCERTAIN, Modes
 from modal.report import Displayed, Summary, aligned, counted
 from modal.scene import name_of
+from modal.scene.doors import checked
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace
 from modal.statespace.signals import Signal
@@ -152,6 +153,7 @@ class Gains(Displayed):
         return aligned(rows, headings, ["right"] * len(headings))
 
 
+@checked
 def modal_gains(modes: Modes, model: StateSpace) -> Gains:
     """The gains of a model of `modes.scene` from `modal.statespace.model.state_space`.
 

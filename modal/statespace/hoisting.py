@@ -34,6 +34,7 @@ from modal.types import Floats, Ints
 TOLERANCE = 1e-10
 LOOKS = 200
 """Times at which the size of a command is looked up."""
+MOST_SWINGS = 1e5  # of the fastest mode during one law of length
 PUSHES = 4
 """Times at which a command between two stops, a sum of cubic polynomials, is zero only if it is zero throughout."""
 MOST_LINKS = 100
@@ -346,6 +347,9 @@ def _integrated(
             y = _advanced(A, B, pushes, y, end - begin)
             continue
         before = float(np.nextafter(end, begin))
+        swings = (end - begin) * float(np.linalg.norm(_pushed(along(begin), held)[0][:, :n], 2)) ** 0.5 / (2 * np.pi)
+        if not swings <= MOST_SWINGS:
+            raise ComputationError(f"the hoist takes {swings:.3g} swings: at most {MOST_SWINGS:g} are followed")
         found = scipy.integrate.solve_ivp(
             lambda time, state, before=before: slope(min(time, before), state),
             (begin, end),

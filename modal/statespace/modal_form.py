@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
 from modal.report import NOTHING, Displayed, Summary, brief, deferred, first_line
+from modal.scene.doors import checked
 from modal.statespace.model import StateSpace, fixed
 from modal.statespace.signals import DRIVES, SUPPORT, Signal
 from modal.types import Complexes, Floats
@@ -124,6 +125,7 @@ def block_diagonal(blocks: Sequence[Floats]) -> Floats:
     return whole
 
 
+@checked
 def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     """The model of `modes.scene` decomposed into modes.
 

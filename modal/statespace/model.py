@@ -37,6 +37,7 @@ from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, counted, deferred
 from modal.scene import Fixed, Scene, require, validate_scene
+from modal.scene.doors import checked
 from modal.scene.points import CarrierPoint, parse_point
 from modal.statespace.points import EXAMPLES, is_point, push_of, validate_points
 from modal.statespace.signals import (
@@ -133,6 +134,7 @@ class _Motion(NamedTuple):
     support: tuple[tuple[Floats, Floats] | None, ...] = ()
 
 
+@checked
 def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
     """The model of a scene with these groups of inputs and outputs (`modal.statespace.signals.INPUTS` and `OUTPUTS`).
 

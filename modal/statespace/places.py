@@ -6,9 +6,11 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from modal.eigen import FORCE, TORQUE
+from modal.assembly import CART, DRAG, JOINT, WIRE, Dissipator
+from modal.eigen import FORCE, TORQUE, TURN
 from modal.scene import Scene
 from modal.statespace.points import PointInput, is_point, point_input
+from modal.statespace.signals import Signal
 
 GROUND, BASE, PUSH, POINT = "ground", "base", "push", "point"
 
@@ -16,7 +18,7 @@ GROUND, BASE, PUSH, POINT = "ground", "base", "push", "point"
 class Place(NamedTuple):
     """What a signal is, how often it is differentiated, and the pendulum and link, from 0, it belongs to.
 
-    An input at a `point` belongs to the links of that.
+    An input at a `point` belongs to the links of that; `pair` is the pair of forces of what dissipates.
     """
 
     what: str
@@ -24,6 +26,7 @@ class Place(NamedTuple):
     pendulum: int = -1
     link: int = -1
     point: PointInput | None = None
+    pair: Dissipator | None = None
 
 
 GIVEN = {
@@ -61,6 +64,19 @@ def place_of(kinds: dict[str, tuple[str, int]], name: str, tips: Sequence[int]) 
     return Place(*kinds[prefix], own, int(link) - 1 if link else tips[own] if pendulum else -1)
 
 
-def place_of_input(scene: Scene, name: str, tips: Sequence[int]) -> Place:
-    """Where an input of this name acts, perhaps at a point.  KeyError for an unknown name."""
+PAIRS = {JOINT: TORQUE, WIRE: TURN, DRAG: FORCE, CART: PUSH}
+"""What the pair of forces of a dissipator is, by its kind."""
+
+
+def place_of_input(scene: Scene, given: Signal | Dissipator, tips: Sequence[int]) -> Place:
+    """Where an input acts, perhaps at a point or as a pair of forces.  KeyError for an unknown name."""
+    if isinstance(given, Dissipator):
+        pendulum, link = -1, given.number
+        while link >= 0 and pendulum + 1 < len(tips):
+            pendulum += 1
+            if link <= tips[pendulum]:
+                break
+            link -= tips[pendulum] + 1
+        return Place(PAIRS.get(given.kind, POINT), 0, pendulum, link, pair=given)
+    name = given.name
     return Place(POINT, 0, point=point_input(scene, name)) if is_point(name) else place_of(GIVEN, name, tips)

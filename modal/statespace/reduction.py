@@ -24,6 +24,7 @@ from modal.eigen import TOLERANCE
 from modal.errors import SceneError
 from modal.modes import Modes, natural_modes
 from modal.scene import Pendulum, Scene
+from modal.scene.doors import checked
 from modal.scene.points import Point, parse_point
 from modal.statespace.gains import NOISE, without_noise
 from modal.statespace.modal_form import Block, ModalForm, block_diagonal, to_modal_form
@@ -100,6 +101,7 @@ def _carried(scene: Scene, folded: Scene) -> float | tuple[float, ...]:
     return tuple(ratio_at(rig_of(scene))(frequencies(rig_of(folded))).tolist())
 
 
+@checked
 def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
     """The model with the same transfer functions without the modes that do not contribute to them.
 
@@ -211,6 +213,7 @@ def _independent(blocks: Sequence[Block], gains: Floats) -> Sequence[Block]:
 # ------------------------------------------------------------------------------------------------------ truncation
 
 
+@checked
 def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribution") -> StateSpace:
     """The model of `modes.scene` with `count` modes, copies counted, in modal coordinates.
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.report import as_csv, as_json, finite, grid, titled
-from modal.scene import title_of
+from modal.scene import require, title_of
 from modal.statespace.frequency import TOLERANCE, Elimination, is_whole
 from modal.statespace.full_damping import is_small
 from modal.statespace.modal_form import Block, ModalForm
@@ -70,7 +70,8 @@ def frequency_response(
     Of these outputs and inputs (indices; by default all), each entry to a relative error of `tolerance` for the numbers
     of the scene as they are, however far ω is from the modes; with damping ratios, constant forces or inputs at points
     and more coordinates than `modal.statespace.full_damping.MOST` the sum over modes, to 1e-12 of its largest term.
-    Infinite exactly at an undamped mode that the input reaches and the output sees, including ω = 0.
+    Infinite exactly at an undamped mode that the input reaches and the output sees, including ω = 0; with loss angles,
+    which the modal form has no place for, from elimination alone.
     """
     at, model = np.atleast_1d(np.asarray(omega, dtype=np.float64)), form.model
     rows = range(len(model.outputs)) if outputs is None else outputs
@@ -78,7 +79,7 @@ def frequency_response(
     read, given = [model.outputs[k] for k in rows], [model.inputs[k] for k in columns]
     scene, chosen = model.scene or form.modes.scene, np.ix_(rows, columns)
     s = np.asarray(1j * at, dtype=np.complex128)
-    eliminated = not is_whole(scene, given) or is_small(scene)
+    eliminated = not is_whole(scene, given) or is_small(scene) or scene.has_losses
     response = np.repeat(model.D[chosen][..., None], len(at), axis=2).astype(np.complex128)
     if eliminated:
         response = Elimination(scene, given, read).along(at, tolerance)
@@ -87,7 +88,8 @@ def frequency_response(
         pole = below == 0
         if not eliminated:
             response += above / np.where(pole, 1.0, below)
-        response[(above != 0) & pole & (not eliminated or at != 0)] = np.inf
+        if not scene.has_losses:
+            response[(above != 0) & pole & (not eliminated or at != 0)] = np.inf
     return response
 
 
@@ -177,8 +179,9 @@ def impulse_table(form: ModalForm, source: int, outputs: Sequence[int], to: str)
 def impulse_response(form: ModalForm, times: ArrayLike) -> Floats:
     """h(t) (p, m, T) just after and at times t ≥ 0 (T,) in s: output's unit over that of the input times a second.
 
-    The impulse D δ(t) itself, for an output with direct feedthrough, is omitted.
+    The impulse D δ(t) itself, for an output with direct feedthrough, is omitted.  SceneError with loss angles.
     """
+    require(form.model.scene or form.modes.scene, "an impulse response")
     t = np.atleast_1d(np.asarray(times, dtype=np.float64))
     response = np.zeros((*form.model.D.shape, len(t)))
     for block, B, C in zip(form.blocks, form.inputs, form.outputs, strict=True):

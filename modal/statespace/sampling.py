@@ -22,6 +22,7 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError, SceneError
+from modal.scene.doors import checked_number
 from modal.statespace.model import StateSpace
 from modal.types import Floats
 
@@ -36,6 +37,7 @@ def sample(model: StateSpace, dt: float, method: str = "zoh") -> StateSpace:
     """
     if model.dt:
         raise SceneError([f"step {dt} s: the model is already discrete, with a step of {model.dt} s"])
+    checked_number("step", dt)
     if not (isfinite(dt) and dt > 0):
         raise SceneError([f"step {dt} s: must be a positive number of seconds"])
     if method not in METHODS:

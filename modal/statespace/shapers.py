@@ -41,7 +41,8 @@ from modal.eigen import smallest_where
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
 from modal.report import Displayed, Summary, counted, tabulated
-from modal.scene import Scene, refusals
+from modal.scene import Scene, refusals, validate_scene
+from modal.scene.doors import checked, checked_index, require_type
 from modal.statespace.model import fixed
 from modal.statespace.signals import coordinates_of
 from modal.structure import structure_of
@@ -124,6 +125,7 @@ def shaper(swings: Sequence[Swing], kind: Kind = "zv", step: float = 0.0, tolera
     return reduce(Shaper.__mul__, (_single(swing, kind, step, tolerance) for swing in swings))
 
 
+@checked
 def shaper_for(
     scene: Scene,
     count: int = 1,
@@ -148,6 +150,7 @@ def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[Swing]:
     that move this.  Raises SceneError for a drive that the scene does not have and for a fixed support,
     ComputationError for an unstable equilibrium.
     """
+    validate_scene(scene)
     modes, rows = swing_rows(scene, drive)
     return [Swing(mode.omega, mode.damping_ratio) for mode in modes.rows(rows)]
 
@@ -156,7 +159,7 @@ def swing_rows(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
     """The modes of the scene with this drive, and the indices of those that it excites."""
     drives = drives_of(scene)
     problems = (
-        [f"drive = {drive!r}: must be one of {', '.join(drives)}{meant(drive, drives)}"]
+        [f"drive {drive!r}: must be one of {', '.join(drives)}{meant(str(drive), drives)}"]
         if drives and drive not in drives
         else []
     )
@@ -189,12 +192,14 @@ def drives_of(scene: Scene) -> tuple[str, ...]:
     >>> drives_of(load("crane-hook")), drives_of(load("tower"))
     (('cart_force', 'cart_acceleration', 'cart_velocity'), ('floor1_force', 'floor2_force'))
     """
+    require_type("scene", scene, "Scene")
     names = [one.force for one in coordinates_of(structure_of(scene))] if scene.is_structured else [PUSH]
     return (*names, *(HELD if names == [PUSH] else ()))
 
 
 def usual_drive(scene: Scene) -> Drive:
     """The drive where none is named: of one cart its acceleration, of a structure the force on its first coordinate."""
+    require_type("scene", scene, "Scene")
     drives = drives_of(scene)
     return HELD[0] if HELD[0] in drives or not drives else drives[0]
 
@@ -209,6 +214,7 @@ def _excited(modes: Modes, coordinate: int) -> Booleans:
     return np.asarray(moved > REACHED, dtype=np.bool_)
 
 
+@checked
 def swing_words(scene: Scene, count: int = 1, drive: Drive = "cart_acceleration") -> Iterator[str]:
     """The assumptions of a shaper for the `count` slowest modes, then a line for each, with the table's mode."""
     modes, rows = swing_rows(scene, drive)
@@ -290,9 +296,12 @@ def robustness(
     return Robustness(np.asarray(values, dtype=np.float64), 100 * np.array(rows).reshape(len(rows), count))
 
 
+@checked
 def over_length(scene: Scene, lengths: ArrayLike, pendulum: int = 0, link: int = 0) -> list[Scene]:
     """The scene with these lengths (m) of one link as specified, pendulum and link counted from 0."""
+    checked_index("pendulum", pendulum, 0, len(scene.pendulum) - 1)
     entry = scene.pendulum[pendulum]
+    checked_index("link", link, 0, len(entry.links) - 1)
     found = []
     for length in np.asarray(lengths, dtype=np.float64).tolist():
         changed = entry.links[link].replace(length=length)

@@ -319,7 +319,8 @@ class OutputGroup(NamedTuple):
     """Outputs as Y0 q + Y1 q' + Y2 q'' + thrust u; a part that is None is zero.
 
     `translation` (p,) is what a translation of everything along the rail adds: per metre, per m/s where there is a Y1,
-    per m/s² where there is a Y2; `order` says which.
+    per m/s² where there is a Y2; `order` says which.  `pulls` (p, springs) are the parts of the forces of springs
+    between points, which loss angles turn.
     """
 
     signals: list[Signal]
@@ -328,6 +329,7 @@ class OutputGroup(NamedTuple):
     acceleration: Floats | None = None
     pushed: bool = False
     translation: Floats | None = None
+    pulls: Floats | None = None
 
     @property
     def order(self) -> int:
@@ -373,7 +375,8 @@ def _pivot_forces(geometry: Geometry) -> OutputGroup:
         stiffness, damping = _springs_by(geometry, geometry.carried.pulls)
         position = stiffness if position is None else position + stiffness
         rate = damping if rate is None else rate + damping
-    return OutputGroup(signals, position, rate, inertia, pushed=True, translation=weights.sum(1))
+    pulls = geometry.carried.pulls if geometry.carried else None
+    return OutputGroup(signals, position, rate, inertia, pushed=True, translation=weights.sum(1), pulls=pulls)
 
 
 def _springs_by(geometry: Geometry, weights: Floats) -> tuple[Floats, Floats]:
@@ -401,7 +404,8 @@ def _spring_forces(geometry: Geometry) -> OutputGroup:
     signals = _spring_signals(geometry, "spring_force", ("N", "N m"), "pull, with that of its damper,")
     if not signals:
         return OutputGroup(signals, np.zeros((0, geometry.size)))
-    return OutputGroup(signals, *_springs_by(geometry, np.eye(len(signals))))
+    own = np.eye(len(signals))
+    return OutputGroup(signals, *_springs_by(geometry, own), pulls=own)
 
 
 def _coordinates(geometry: Geometry) -> OutputGroup:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal import pair
-from modal.assembly import Hanging, Rig, matrices_of, own_inertia
+from modal.assembly import SPRING, Dissipator, Hanging, Rig, loss_at, matrices_of, own_inertia
 from modal.eigen import Arithmetic
 from modal.scene import Scene
 from modal.statespace.points import is_point, point_input, pushed
@@ -39,15 +39,40 @@ class Given(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """An output: rows (q,) that multiply q, q' and q'', the lowest being of `order`; `moved` is added by the ground."""
+    """An output: rows (q,) that multiply q, q' and q'', the lowest being of `order`; `moved` is added by the ground.
+
+    `pulls` (springs,) are the parts of the forces of springs between points in it.
+    """
 
     rows: tuple[Floats | None, ...]
     order: int
     moved: tuple[float, int]
     pendulum: int | None
+    pulls: Floats | None = None
 
 
-def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal]) -> list[Given]:
+def row_in(one: Dissipator, size: int, numbers: Arithmetic) -> Any:
+    """The generalized force (size, 1) of a pair of unit forces along the row of a dissipator."""
+    return numbers.number(_dense(one, size))[:, None]
+
+
+def _dense(one: Dissipator, size: int) -> Floats:
+    row = np.zeros(size)
+    row[list(one.row)] = list(one.row.values())
+    return row
+
+
+def loss_matrix(losses: Sequence[Dissipator], size: int, numbers: Arithmetic) -> Any:
+    """Im K (size, size, W) = Σ k φ r rᵀ."""
+    found = numbers.number(np.zeros((size, size, 1))) + 0 * numbers.omega
+    for one in losses:
+        at, entries = list(one.row), numbers.number(list(one.row.values()))
+        strength = numbers.number(one.stiffness * loss_at(one.loss, numbers.rates))
+        found[np.ix_(at, at)] = found[np.ix_(at, at)] + (entries[:, None] * entries)[..., None] * strength
+    return found
+
+
+def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Dissipator]) -> list[Given]:
     """What these inputs are; KeyError for an unknown name."""
     none = np.zeros(geometry.size), np.zeros(len(geometry.tips))
     every: dict[str, Given] = {}
@@ -57,12 +82,14 @@ def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal]) ->
     for name, order in MOVES.items():
         every[name] = Given(*none, "ground" if name in SUPPORT else "cart", order)
     found = []
-    for signal in signals:
-        if is_point(signal.name):
-            own = pushed(geometry, point_input(scene, signal.name))
+    for one in signals:
+        if isinstance(one, Dissipator):
+            found.append(Given(_dense(one, geometry.size), none[1]))
+        elif is_point(one.name):
+            own = pushed(geometry, point_input(scene, one.name))
             found.append(Given(own.F[:, 0], own.thrust[:, 0]))
         else:
-            found.append(every[signal.name])
+            found.append(every[one.name])
     return found
 
 
@@ -81,17 +108,26 @@ def _reading(group: OutputGroup, k: int) -> Reading:
     rows = tuple(None if part is None or not part[k].any() else part[k] for part in parts)
     translation = 0.0 if group.translation is None else float(group.translation[k])
     lowest = next((order for order, row in enumerate(rows) if row is not None), 0)
-    return Reading(rows, 0 if group.pushed else lowest, (translation, group.order), k if group.pushed else None)
+    pulls = None if group.pulls is None else group.pulls[k]
+    return Reading(rows, 0 if group.pushed else lowest, (translation, group.order), k if group.pushed else None, pulls)
 
 
 def structural_response(
-    geometry: Geometry, rig: Rig, given: Sequence[Given], read: Sequence[Reading], dampers: Any = None
+    geometry: Geometry,
+    rig: Rig,
+    given: Sequence[Given],
+    read: Sequence[Reading],
+    dampers: Any = None,
+    losses: Sequence[Dissipator] = (),
 ) -> Callable[[Arithmetic], Any]:
     """The evaluation (p, m, W) of outputs for inputs, each divided by the power of iω that its order is.
 
-    `dampers` are those of modes (n, n), in decimals.
+    `dampers` are those of modes (n, n), in decimals; `losses` are all loss angles.
     """
+    pulling = [one for one in losses if one.kind == SPRING]
     held, pattern = int(any(one.moves == "cart" for one in given)), _filled(rig)
+    for one in losses:
+        pattern[np.ix_(list(one.row), list(one.row))] = True
     is_damped = rig.is_damped or dampers is not None
 
     def evaluate(numbers: Arithmetic) -> Any:
@@ -100,6 +136,8 @@ def structural_response(
         square = omega * omega
         if dampers is not None:
             D = D + numbers.exact(dampers)[..., None]
+        if losses:
+            K = K + numbers.imaginary(loss_matrix(losses, len(K), numbers))
         A = felt(K + numbers.imaginary(D) * omega - square * M if is_damped else K - square * M)
         zero, none = 0 * omega, 0 * A[:, :1]
         momentum = numbers.number(geometry.momentum)[:, None]
@@ -127,6 +165,10 @@ def structural_response(
             translation, order = row.moved
             if translation:
                 own = own + powers[order - row.order] * numbers.number(translation) * carried
+            for spring in pulling if row.pulls is not None else ():
+                pull = row.pulls[spring.number] * spring.stiffness  # type: ignore[index]
+                longer = (row_in(spring, len(q), numbers)[:, None] * q).sum(0)
+                own = own + numbers.imaginary(numbers.number(pull * loss_at(spring.loss, numbers.rates)) * longer)
             if row.pendulum is not None:
                 own = own + numbers.number(np.array([one.thrust[row.pendulum] for one in given]))[:, None]
             found.append(felt(own))

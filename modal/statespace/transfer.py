@@ -118,7 +118,7 @@ def _one(
     if not kept:
         return TransferFunction(given, read, _ascending([]), _ascending([]), d)
     poles = np.array([pole for c in kept for pole in np.roots(np.trim_zeros(c, "f"))], dtype=np.complex128)
-    G = Elimination(form.model.scene or form.modes.scene, [given], [read])
+    G = Elimination((form.model.scene or form.modes.scene).lossless, [given], [read])
     moving = np.abs(poles[poles != 0])
     fast, slow = (float(end(moving)) if len(moving) else G.unit for end in (np.max, np.min))
     middle = np.sqrt(fast) * np.sqrt(slow) * np.exp(0.5j)

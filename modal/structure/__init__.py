@@ -4,11 +4,13 @@ In: a `Scene`.  Out: its `Structure`, carriers whose points move exactly, at any
 
     (M_s(η) + Σ J_pᵀ R_p J_p) η'' = Q_s − Σ J_pᵀ [p_p + R_p (J_p' η' − g e_z)]
 
-Start with `carriers`; equations of motion and matrices are made elsewhere from what is here.
+`outlines` is what it looks like.  Start with `carriers`; equations of motion and matrices are made elsewhere from
+what is here.
 """
 
-from modal.structure.carriers import CarrierNumbers, Moving, carrier_numbers
-from modal.structure.rest import Phi, Row, bends, is_damped, phi, slopes, tied, turning
+from modal.structure.carriers import PLATFORM, CarrierNumbers, Moving, carrier_numbers
+from modal.structure.outlines import STILL, Piece, Scaffold
+from modal.structure.rest import Phi, Row, bends, drawn_together, is_damped, phi, slopes, tied, turning
 from modal.structure.scaling import coordinate_units, scaled
 from modal.structure.structure import (
     CarrierEnd,
@@ -22,9 +24,12 @@ from modal.structure.structure import (
     carrier_end,
     structure_of,
 )
-from modal.structure.weights import Weight, carried, hung_masses, unbalanced, weights
+from modal.structure.weights import BALANCED, Weight, carried, hung_masses, unbalanced, weights
 
 __all__ = [
+    "BALANCED",
+    "PLATFORM",
+    "STILL",
     "CarrierEnd",
     "CarrierNumbers",
     "End",
@@ -32,8 +37,10 @@ __all__ = [
     "LinkEnd",
     "Moving",
     "Phi",
+    "Piece",
     "Pivot",
     "Row",
+    "Scaffold",
     "SpringNumbers",
     "Structure",
     "Weight",
@@ -43,6 +50,7 @@ __all__ = [
     "carrier_end",
     "carrier_numbers",
     "coordinate_units",
+    "drawn_together",
     "hung_masses",
     "is_damped",
     "phi",

@@ -57,7 +57,7 @@ def swung(S: Any, C: Any, length: Any, rate: Any) -> tuple[tuple[Any, Any], tupl
 
 
 def turned(s: Any, h: Any, S: Any, C: Any, rate: Any) -> tuple[tuple[Any, Any], tuple[Any, Any], tuple[Any, Any]]:
-    """Place from the origin, slope and bias of a point (s, h) of what has turned by an angle of this sine and cosine."""
+    """Place from the origin, slope and bias of a point (s, h) of what has turned, by sine and cosine of its angle."""
     ww = rate * rate
     arm = s * C + h * S, h * C - s * S
     return arm, (h * C - s * S, -h * S - s * C), (-(arm[0] * ww), -(arm[1] * ww))

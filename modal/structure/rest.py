@@ -6,7 +6,7 @@ A pivot moves along the rail by Φ η and down by Ψ η; a joint on a carrier th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from modal.types import Floats
 
 Row = dict[int, float]
 """The entries of a row by their coordinates."""
+DRAWN_TOGETHER = 1e-12
+"""Ends of a spring this close, over their distance from the origin, are one point as drawn."""
 
 
 class Phi(NamedTuple):
@@ -76,6 +78,17 @@ def is_damped(structure: Structure) -> bool:
     """Whether a carrier or a spring has a damper."""
     own = any(any(map(np.any, one.damping)) or (one.D is not None and one.D.any()) for one in structure.carriers)
     return own or any(np.any(spring.damping) for spring in structure.springs)
+
+
+def drawn_together(one: tuple[Any, Any], other: tuple[Any, Any]) -> bool:
+    """Whether two ends of a spring, (m along, m down) or arrays of such, are one point as drawn.
+
+    >>> drawn_together((0.1 + 0.2, 1.0), (0.3, 1.0))
+    True
+    """
+    apart = np.hypot(np.subtract(one[0], other[0]), np.subtract(one[1], other[1]))
+    largest = np.max([np.max(np.abs(part)) for part in (*one, *other)])
+    return bool(np.all(apart <= DRAWN_TOGETHER * largest))
 
 
 def tied(structure: Structure, sizes: Sequence[int]) -> frozenset[int]:

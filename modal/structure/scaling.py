@@ -54,7 +54,8 @@ def scaled(structure: Structure, mass: float, length: float, gravity: float) -> 
     def spring(own: SpringNumbers) -> SpringNumbers:
         unit = angles if own.torsion else metres
         first, second = own.ends
-        return SpringNumbers((end(first), end(second)), own.torsion, own.stiffness / unit[0], own.damping / unit[1])
+        ends, stiffness, damping = (end(first), end(second)), own.stiffness / unit[0], own.damping / unit[1]
+        return own._replace(ends=ends, stiffness=stiffness, damping=damping)
 
     return Structure(
         tuple(map(carrier, structure.carriers)),

@@ -17,6 +17,7 @@ from functools import cached_property
 from typing import Any, NamedTuple, cast
 
 from modal.scene import Scene, places_of
+from modal.scene.doors import require_type
 from modal.scene.points import CarrierPoint, GroundPoint, parse_point
 from modal.structure.carriers import CarrierNumbers, carrier_numbers
 
@@ -113,6 +114,7 @@ class Structure:
 
 def structure_of(scene: Scene) -> Structure:
     """The structure of a scene that is structured (`Scene.is_structured`)."""
+    require_type("scene", scene, "Scene")
     carriers = tuple(carrier_numbers(support) for support in scene.supports)
     named = {name: index for index, name in enumerate(scene.support_names)}
     pivots = []
@@ -134,6 +136,7 @@ def structure_of(scene: Scene) -> Structure:
 
 def carrier_end(scene: Scene, text: str) -> CarrierEnd | None:
     """The point of a carrier that a text names, None for any other point."""
+    require_type("scene", scene, "Scene")
     ends = _ends(scene, text, {name: index for index, name in enumerate(scene.support_names)})
     return ends[0] if len(ends) == 1 and isinstance(ends[0], CarrierEnd) else None
 

@@ -16,6 +16,7 @@ import sympy as sp
 
 from modal.errors import SceneError
 from modal.scene import Scene, load
+from modal.scene.doors import require_type
 from modal.symbolic import system as symbolic
 from modal.symbolic.eigen import modes_section, polynomial_section
 from modal.symbolic.kinetic import in_angles, in_plane, in_vectors
@@ -45,6 +46,7 @@ def derive(
     `scene` is the scene of which `system` is the exact form, if any: its polynomial is then exact and integer.  Raises
     SceneError for more links than readable equations allow.
     """
+    require_type("system", system, "SymbolicSystem", "SymbolicStructure")
     if len(system.links) > MOST_WRITTEN and set(show) & {"lagrangian", "equations", "matrices"}:
         shorter = "choose polynomial and modes alone"
         raise SceneError([f"{len(system.links)} links: equations are written for at most {MOST_WRITTEN}; {shorter}"])

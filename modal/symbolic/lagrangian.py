@@ -16,6 +16,7 @@ from typing import Any
 import sympy as sp
 
 from modal.errors import SceneError
+from modal.scene.doors import require_type
 from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
 from modal.symbolic.system import SymbolicSystem
 
@@ -56,6 +57,7 @@ def derive_lagrangian(system: SymbolicSystem) -> Lagrangian:
 
     Raises SceneError for joint springs and dampers in space, which θ and φ do not describe.
     """
+    require_type("system", system, "SymbolicSystem", "SymbolicStructure")
     return _in_space(system) if system.spatial else _in_plane(system)
 
 

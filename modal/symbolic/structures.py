@@ -21,6 +21,7 @@ import sympy as sp
 
 from modal import pair
 from modal.errors import SceneError
+from modal.report import Displayed, Summary, counted
 from modal.scene import ModalSupport, Scene, Spring, places_of, require, title_of
 from modal.scene.points import CarrierPoint, GroundPoint, parse_point
 from modal.scene.supports import Fixed, Planar
@@ -93,8 +94,8 @@ class Energy(NamedTuple):
     V: Any
 
 
-@dataclass(frozen=True, eq=False)
-class SymbolicStructure:
+@dataclass(frozen=True, eq=False, repr=False)
+class SymbolicStructure(Displayed):
     """Carriers, chains with the points that they hang from, and springs with their two ends; a plane system."""
 
     title: str
@@ -105,6 +106,12 @@ class SymbolicStructure:
     joined: tuple[Joined, ...]
     spatial = False
     cart = None
+
+    def _summary(self) -> Summary:
+        count = counted(len(self.coordinates), "coordinate", "coordinates")
+        supports = ", ".join(f"{carrier.name} ({carrier.kind})" for carrier in self.carriers)
+        facts = [("supports", supports), ("pendula", str(len(self.chains))), ("springs", str(len(self.joined)))]
+        return Summary(f"{self.title}, {count} in symbols", facts)
 
     # -------------------------------------------------------------------------------------------------- coordinates
 

@@ -26,13 +26,14 @@ import scipy
 from modal.assembly import matrices
 from modal.report import Displayed
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.scene.parameters import Place, with_numbers
 from modal.tuning.quantities import FreeNumber
 from modal.types import Floats
 
 
 def den_hartog(mu: float) -> tuple[float, float]:
-    """F and ζ of Den Hartog.
+    """The f and ζ of Den Hartog.
 
     >>> [round(value, 6) for value in den_hartog(0.05)]
     [0.952381, 0.133631]
@@ -41,7 +42,7 @@ def den_hartog(mu: float) -> tuple[float, float]:
 
 
 def exact_optimum(mu: float) -> tuple[float, float]:
-    """F and ζ of the least peak of a carrier without a damper.
+    """The f and ζ of the least peak of a carrier without a damper.
 
     >>> [round(value, 8) for value in exact_optimum(0.05)]
     [0.95237204, 0.13393773]
@@ -69,12 +70,12 @@ class Absorber(Displayed):
 
     @property
     def den_hartog(self) -> tuple[float, float]:
-        """F and ζ of Den Hartog."""
+        """The f and ζ of Den Hartog."""
         return den_hartog(self.mu)
 
     @property
     def exact(self) -> tuple[float, float]:
-        """F and ζ of the least peak of a carrier without a damper."""
+        """The f and ζ of the least peak of a carrier without a damper."""
         return exact_optimum(self.mu)
 
 
@@ -137,6 +138,7 @@ def single_links(scene: Scene, free: Sequence[FreeNumber]) -> list[int]:
     ]
 
 
+@checked
 def absorbers(scene: Scene, free: Sequence[FreeNumber]) -> tuple[Absorber, ...]:
     """The tuned pendula of one link, each beside the mode of the rest that is nearest to its own frequency."""
     pendula = single_links(scene, free)

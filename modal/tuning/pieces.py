@@ -1,10 +1,12 @@
 """Quantities of a scene as the largest, or least, of smooth numbers: their pieces, with exact derivatives.
 
-peak        |H(iω_k)| at every peak; its derivative holds ω, since ∂|H|/∂ω = 0 there
-rms         √∫ |H|² S df and ∫ Re(H̄ ∂H) S df, by the rule of `modal.vibration`
-damping     ζ_k of every mode that swings, of Re λ_k and |λ_k|
-settling    ln 50 / −Re λ_k
-residual    one number, of which the derivative is a difference quotient of four values
+    peak        |H(iω_k)| at every peak; its derivative holds ω, since ∂|H|/∂ω = 0 there
+    rms         √∫ |H|² S df and ∫ Re(H̄ ∂H) S df, by the rule of `modal.vibration`
+    damping     ζ_k of every mode that swings, of Re λ_k and |λ_k|
+    settling    ln 50 / −Re λ_k
+    residual    one number
+
+The derivative of a residual is a difference quotient of four values, all others are exact.
 """
 
 from __future__ import annotations

@@ -1,10 +1,12 @@
-"""Supports that move: their motion, random vibration, shock, and parametric excitation.  Needs SciPy.
+"""Supports that move: their motion, random vibration, shock, and parametric excitation; thermal noise.  Needs SciPy.
 
-In: a scene, and the motion of its support: prescribed, recorded, or random with a power spectral density.  Out: the
-motion as functions of time; PSD and RMS of every output and mode; exact histories, peaks and their combination by SRSS
-and CQC; Floquet multipliers under vertical motion, and the boundaries of growth.
+In: a scene, and the motion of its support: prescribed, recorded, or random with a power spectral density, or a
+temperature.  Out: the motion as functions of time; PSD and RMS of every output and mode; exact histories, peaks and
+their combination by SRSS and CQC; thermal noise with its budget; Floquet multipliers under vertical motion, and the
+boundaries of growth.
 
-Start with `prescribed`; `random`, `shock`, `parametric` and `boundaries` (of growth) each answer one question.
+Start with `prescribed`; `random`, `thermal`, `shock`, `parametric` and `boundaries` (of growth) each answer one
+question.
 """
 
 from modal.vibration.boundaries import Boundary, Tongues, tongues
@@ -16,8 +18,11 @@ from modal.vibration.prescribed import Course, PrescribedMotion, Record, prescri
 from modal.vibration.random import RandomResponse, random_response
 from modal.vibration.report import random_report, shock_report
 from modal.vibration.shock import ShockResponse, shock_response
+from modal.vibration.thermal import BOLTZMANN, ThermalNoise, thermal_noise
+from modal.vibration.thermal_report import thermal_frequencies, thermal_report
 
 __all__ = [
+    "BOLTZMANN",
     "KINDS",
     "Boundary",
     "Course",
@@ -26,6 +31,7 @@ __all__ = [
     "RandomResponse",
     "Record",
     "ShockResponse",
+    "ThermalNoise",
     "Tongues",
     "correlation",
     "cqc",
@@ -38,6 +44,9 @@ __all__ = [
     "shock_response",
     "srss",
     "stabilities",
+    "thermal_frequencies",
+    "thermal_noise",
+    "thermal_report",
     "tongues",
     "vertical_sine",
 ]

@@ -36,6 +36,7 @@ from numpy.typing import ArrayLike
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Floats
 from modal.vibration.hill import HillSystem, hill_systems, quarters
 from modal.vibration.parametric import KINDS
@@ -140,6 +141,7 @@ class Tongues(Displayed):
         return Summary(title, (), heads, rows, len(rows), words=frozenset({0}))
 
 
+@checked
 def tongues(scene: Scene, amplitude: ArrayLike, frequency_hz: ArrayLike) -> Tongues:
     """The boundaries of growth of a scene within the range of amplitudes (m) and frequencies (Hz), ascending grids.
 

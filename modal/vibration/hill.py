@@ -30,8 +30,9 @@ from numpy.typing import NDArray
 
 from modal.assembly import matrices, quadratic_drags, rig_of
 from modal.errors import ComputationError, SceneError
-from modal.scene import Scene, SineMotion, require
+from modal.scene import Scene, SineMotion, require, validate_scene
 from modal.statespace.signals import geometry_of
+from modal.structure import BALANCED, hung_masses, structure_of, weights
 from modal.types import Booleans, Complexes, Floats
 
 ORDER, REACH, FEWEST = 28, 2.5, 4
@@ -177,6 +178,7 @@ def vertical_sine(scene: Scene) -> SineMotion:
     >>> vertical_sine(Scene(gravity=9.81, support=shaken, pendulum=[Pendulum(links=[Bob(mass=1, length=1)])])).amplitude
     0.02
     """
+    validate_scene(scene)
     require(scene, "a Floquet multiplier")
     at = f"{scene.motion_places[0][0]}.motion"
     vertical = next((one for one in scene.motions if one.direction == "vertical"), None)
@@ -193,10 +195,33 @@ def vertical_sine(scene: Scene) -> SineMotion:
 def hill_systems(scene: Scene) -> tuple[HillSystem, ...]:
     """The systems of a scene, whatever the amplitude and the frequency of its support; equal pendula once.
 
-    SceneError for a scene without vertical sine, ComputationError for masses beyond double precision.
+    SceneError for a scene without vertical sine or whose weights push carriers, ComputationError for masses beyond
+    double precision.
     """
     vertical_sine(scene)
-    return tuple(_systems(scene))
+    return tuple(_on_structure(scene) if scene.is_structured else _systems(scene))
+
+
+def _on_structure(scene: Scene) -> Iterator[HillSystem]:
+    """Those of a structure, all coordinates together, with P = ∂K/∂g; SceneError where weights push carriers."""
+    structure = structure_of(scene)
+    pushed = [
+        f"{name}: the ground shakes the weights that its spring carries, which then never rests: a Floquet multiplier "
+        "needs weights that balance"
+        for name, own in zip(structure.names, weights(structure, hung_masses(scene), scene.gravity), strict=True)
+        if abs(own.force) > BALANCED * own.size
+    ]
+    if pushed:
+        raise SceneError(pushed)
+    whole = matrices(scene)
+    heavier = matrices(scene.replace(gravity=2 * scene.gravity))
+    square, shapes = _modes(whole.M, whole.K)
+    P = shapes.T @ ((heavier.K - whole.K) / scene.gravity) @ shapes
+    none = np.zeros_like(P)
+    parts = (P, shapes.T @ whole.D @ shapes, none, none, none)
+    for alike in _coupled(parts):
+        cut = np.ix_(alike, alike)
+        yield HillSystem(1, square[alike], *(part[cut] for part in parts))
 
 
 def _systems(scene: Scene) -> Iterator[HillSystem]:

@@ -61,9 +61,10 @@ def fine_times(record: Record, period: float, until: float) -> Grid:
     piece = np.repeat(np.arange(len(sizes)), sizes)
     offset = (np.arange(len(piece)) - first[piece]) * ((ends - begins) / counts)[piece]
     moved = np.zeros((len(derivatives), len(piece)))
-    for m in range(len(derivatives)):
-        for k in range(m, len(derivatives)):
-            moved[m] += derivatives[k, piece] * offset ** (k - m) / factorial(k - m)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for m in range(len(derivatives)):
+            for k in range(m, len(derivatives)):
+                moved[m] += derivatives[k, piece] * offset ** (k - m) / factorial(k - m)
     times = begins[piece] + offset
     times[first[-1] - 1], times[-1] = record.last, until
     return Grid(times, moved, first, first + number)
@@ -83,12 +84,13 @@ def phi(z: Complexes, most: int) -> list[Complexes]:
 
 
 def driven(poles: Complexes, grid: Grid) -> Complexes:
-    """α (R, T) of the poles λ (R,), zero at the first of the times (T,)."""
+    """α (R, T) of the poles λ (R,), zero at the first of the times (T,); inf or NaN beyond double precision."""
     steps, derivatives = np.diff(grid.times), grid.derivatives
     z = np.multiply.outer(poles, steps)
     forced = np.zeros_like(z, dtype=np.complex128)
-    for m, own in enumerate(phi(z, len(derivatives))):
-        forced += derivatives[m, :-1] * steps ** (m + 1) * own
+    with np.errstate(over="ignore", invalid="ignore"):
+        for m, own in enumerate(phi(z, len(derivatives))):
+            forced += derivatives[m, :-1] * steps ** (m + 1) * own
     grown, found = np.exp(z), np.zeros((len(poles), len(grid.times)), dtype=np.complex128)
     alpha = found[:, 0]
     for at in range(len(steps)):

@@ -20,7 +20,7 @@ from math import log, tau
 import numpy as np
 
 from modal.report import Displayed, Summary, brief
-from modal.scene import Scene
+from modal.scene import Scene, validate_scene, validate_scenes
 from modal.types import Complexes, Floats
 from modal.vibration.hill import HillSystem, hill_systems, vertical_sine
 
@@ -100,6 +100,7 @@ def parametric_stability(scene: Scene) -> ParametricStability:
     >>> found.kind, round(found.growth_rate, 6)
     ('grows at half the frequency', 0.062242)
     """
+    validate_scene(scene)
     return stabilities([scene])[0]
 
 
@@ -115,11 +116,13 @@ def stabilities(scenes: Sequence[Scene]) -> list[ParametricStability]:
     >>> [one.kind for one in stabilities(several)]
     ['neutral', 'grows at half the frequency']
     """
+    validate_scenes(scenes)
     found: list[ParametricStability | None] = [None] * len(scenes)
     groups: dict[tuple[object, ...], list[int]] = {}
     sines = [vertical_sine(scene) for scene in scenes]
     for at, scene in enumerate(scenes):
-        groups.setdefault((scene.gravity, scene.pendulum, scene.damping_ratio, scene.space), []).append(at)
+        carried = (scene.supports, scene.spring) if scene.is_structured else ()
+        groups.setdefault((scene.gravity, scene.pendulum, scene.damping_ratio, scene.space, carried), []).append(at)
     for alike in groups.values():
         systems = hill_systems(scenes[alike[0]])
         amplitude, hertz = np.array([(sines[at].amplitude, sines[at].frequency_hz) for at in alike]).T

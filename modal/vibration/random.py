@@ -25,8 +25,9 @@ from math import tau
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.modes import natural_modes
+from modal.modes import mode_losses, natural_modes
 from modal.scene import Scene, require
+from modal.scene.doors import checked
 from modal.scene.records import Spectrum
 from modal.statespace import ModalForm, frequency_response, state_space, to_modal_form
 from modal.statespace.gains import without_noise
@@ -79,8 +80,9 @@ class RandomResponse(ModalResponse):
 
     @cached_property
     def _terms(self) -> list[tuple[Term, complex]]:
-        """Every term without rounding, and its pole in the upper half-plane."""
-        return [(term, _pole(term)) for term in exact_terms(self.form)]
+        """Every term without rounding, and its pole in the upper half-plane, moved by loss angles."""
+        losses = np.nan_to_num(mode_losses(self.modes))
+        return [(term, _pole(term, 0.0 if term.mode is None else losses[term.mode])) for term in exact_terms(self.form)]
 
     @cached_property
     def rms(self) -> Floats:
@@ -169,7 +171,8 @@ class RandomResponse(ModalResponse):
             found = np.zeros((len(self.outputs), len(s)), dtype=np.complex128)
             for term, pole in group:
                 twice = term.c[0] == 1.0
-                other = (-term.c[1] - pole) if twice and not pole.imag else np.conj(pole)
+                lossy = self.modes.scene.has_losses
+                other = (-term.c[1] - pole) if twice and (lossy or not pole.imag) else np.conj(pole)
                 below = (s - pole) * (s - other) if twice else s - pole
                 found += (term.N1[:, :1] * s + term.N0[:, :1]) / below
             yield mode, found
@@ -200,13 +203,21 @@ def _felt(every: list[tuple[Term, complex]], mode: int) -> Booleans:
     return np.asarray(np.any(own, axis=0))
 
 
-def _pole(term: Term) -> complex:
-    """The pole of a term, of two conjugate ones the upper, of two real ones the larger."""
+def poles_of(form: ModalForm) -> list[complex]:
+    """The pole of every term of a modal form in the upper half-plane, moved by loss angles."""
+    losses = np.nan_to_num(mode_losses(form.modes))
+    return [_pole(term, 0.0 if term.mode is None else losses[term.mode]) for term in terms(form)]
+
+
+def _pole(term: Term, loss: float = 0.0) -> complex:
+    """The pole of a term, of two conjugate ones the upper, of two real ones the larger; its loss angle moves it."""
     c2, c1, c0 = term.c
     if not c2:
         return complex(-c0)
     a = -c1 / 2
     nu = c0 - a * a
+    if loss:
+        return complex(a + 1j * np.sqrt(complex(nu, loss * c0)))
     return complex(a, nu**0.5) if nu > 0 else complex(a + (-nu) ** 0.5)
 
 
@@ -226,6 +237,7 @@ def nodes(low: float, high: float, poles: list[complex]) -> Iterator[tuple[Float
         yield omega[at : at + BLOCK], weight[at : at + BLOCK]
 
 
+@checked
 def random_response(
     scene: Scene, spectrum: Spectrum, outputs: tuple[str, ...] = USUAL, source: str = INPUT
 ) -> RandomResponse:
@@ -248,7 +260,7 @@ def random_response(
     known = (INPUT, *((own_inputs(geometry_of(scene)) if scene.is_structured else ()) or ("cart_force",)))
     if source not in {*known, "cart_force"} and not is_point(source):
         raise SceneError([f"input {source}: must be {', '.join(known)}, or {EXAMPLES}"])
-    require(scene, "random vibration" if source == INPUT else "a constant linear model")
+    require(scene, "random vibration" if source == INPUT else "a frequency response")
     modes = natural_modes(scene)
     if growing := [number for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.real > 0]:
         raise ComputationError(f"mode {growing[0]} grows by itself: there is no stationary random vibration")

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from modal.modes import Modes
-from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
+from modal.report import NOTHING, Form, as_csv, as_json, finite, grid, titled
 from modal.scene import title_of
+from modal.scene.doors import checked
 from modal.types import Floats
 from modal.vibration.random import INPUT, RandomResponse
 from modal.vibration.shock import ShockResponse
@@ -34,7 +35,8 @@ def response_frequencies(found: RandomResponse) -> Floats:
     return np.unique(every[(every >= low) & (every <= high)])
 
 
-def random_report(found: RandomResponse, form: str = "text") -> str:
+@checked
+def random_report(found: RandomResponse, form: Form = "text") -> str:
     """RMS by output and by mode, and in CSV and JSON the PSDs: "text", "csv" or "json"."""
     if form == "text":
         return _random_text(found)
@@ -111,7 +113,8 @@ def _random_text(found: RandomResponse) -> str:
     return titled(title_of(found.modes.scene), f"random vibration, from the PSD of {source}", parts, "text")
 
 
-def shock_report(found: ShockResponse, form: str = "text") -> str:
+@checked
+def shock_report(found: ShockResponse, form: Form = "text") -> str:
     """Peaks by output and by mode with their combinations, and in CSV and JSON the histories."""
     if form == "text":
         return _shock_text(found)

@@ -15,7 +15,8 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import natural_modes
-from modal.scene import RecordMotion, Scene
+from modal.scene import RecordMotion, Scene, require
+from modal.scene.doors import checked
 from modal.statespace import state_space, to_modal_form
 from modal.statespace.response import Term
 from modal.types import Booleans, Complexes, Floats
@@ -103,6 +104,7 @@ class ShockResponse(ModalResponse):
         return int(reached[0]) + 1 if len(reached) else None
 
 
+@checked
 def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] = USUAL) -> ShockResponse:
     """The response of a scene at rest to a record of its support's motion along the rail.
 
@@ -110,6 +112,7 @@ def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] 
     of the slowest periods beyond it.  Raises ComputationError where it would take too many steps, and the errors of
     `state_space` and `to_modal_form`.
     """
+    require(scene, "a shock")
     record, modes = prescribed_motion(motion), natural_modes(scene)
     assert isinstance(record, Record)
     form = to_modal_form(modes, state_space(scene, (INPUT,), tuple(outputs)))

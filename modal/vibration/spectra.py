@@ -10,6 +10,7 @@ from math import tau
 
 import numpy as np
 
+from modal.assembly import on_lines
 from modal.scene.records import Spectrum
 from modal.types import Floats
 
@@ -19,15 +20,8 @@ POWERS = {"acceleration": 0, "velocity": 2, "displacement": 4}
 
 def psd_at(frequencies: Floats, psd: Floats, f: Floats) -> Floats:
     """The PSD given at ascending `frequencies` (Hz), at the frequencies `f`."""
-    at = np.clip(np.searchsorted(frequencies, f, side="right") - 1, 0, len(frequencies) - 2)
-    low, high, left, right = frequencies[at], frequencies[at + 1], psd[at], psd[at + 1]
-    straight = left + (right - left) * (f - low) / (high - low)
-    positive = (left > 0) & (right > 0) & (low > 0) & (f > 0)
-    with np.errstate(all="ignore"):
-        power = np.log(right / left) / np.log(high / low)
-        curved = left * (f / low) ** power
     inside = (f >= frequencies[0]) & (f <= frequencies[-1])
-    return np.where(inside, np.where(positive, curved, straight), 0.0)
+    return np.where(inside, on_lines(frequencies, psd, f), 0.0)
 
 
 def acceleration_psd(spectrum: Spectrum, f: Floats) -> Floats:

@@ -68,7 +68,7 @@ def enclose(options: argparse.Namespace) -> None:
     from modal.scene import load
 
     with output(options.output) as write, bar(1.0, "scene") as report:
-        for row in enclose(noted(load(options.scene)), options.digits, report):
+        for row in enclose(noted(load(options.scene), "an enclosure"), options.digits, report):
             folds = f", {row.multiplicity}-fold" if row.multiplicity > 1 else ""
             write(folded(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}") + "\n")
 

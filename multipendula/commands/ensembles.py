@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
 from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
-from multipendula.commands.shared import bar, draw_in, estimate_of, in_a_folder, picture, say
+from multipendula.commands.shared import bar, draw_in, estimate_of, forewarning, in_a_folder, picture, say
 from multipendula.completion import places
 from multipendula.options import (
     add_covariance,
@@ -44,7 +44,7 @@ def basins(options: argparse.Namespace) -> None:
     axes = grid_of(scene, options.vary or ())
     if begins_in_mode(scene, axes):
         tell_of_start("every member begins in the shape of the first mode that swings")
-    with _engine(options, prod(len(axis.values) for axis in axes)) as more:
+    with _engine(options, scene, prod(len(axis.values) for axis in axes)) as more:
         found = find_basins(scene, options.duration, vary=axes, measure=options.measure, folder=options.folder, **more)
     say(basins_table(found, options.format), options.format)
     draw_in(options, options.output, "nonlinear.plotting", "draw_basins", found)
@@ -77,7 +77,7 @@ def _crossings(options: argparse.Namespace, scene: Scene) -> None:
 
     refuse(options, BY_STROBES, "needs a scene that is driven by a sine: a force or a moved support")
     orbits = options.orbits or 24
-    with _engine(options, orbits) as more:
+    with _engine(options, scene, orbits) as more:
         found = find_section(scene, options.duration, energy=options.energy, at=options.at, orbits=orbits, **more)
     if options.energy is None and not has_start(scene):
         tell_of_start("its energy is that of the first mode that swings", "--energy chooses another")
@@ -94,7 +94,7 @@ def _strobes(options: argparse.Namespace, scene: Scene) -> None:
         tell_of_start("motions begin around the shape of its first mode that swings")
     asked = {"orbits": options.orbits, "phase_deg": options.phase_deg, "spread_deg": options.spread}
     asked |= {"settle": options.settle, "seed": options.seed, "of": names_of(options)}
-    with _engine(options, options.orbits or 24) as more:
+    with _engine(options, scene, options.orbits or 24) as more:
         more |= {name: value for name, value in asked.items() if value is not None}
         found = find_strobes(scene, options.duration, **more)
     say(strobes_table(found, options.format), options.format)
@@ -139,7 +139,7 @@ def spread(options: argparse.Namespace) -> None:
 
     scene = _scene(options)
     members, seed = options.members or 1000, options.seed or 5
-    with _engine(options, members) as more:
+    with _engine(options, scene, members) as more:
         more["estimate"] = estimate_of(scene, options.covariance)
         if more["estimate"] is None and not options.tolerance:
             raise SceneError(["spread needs --tolerance PLACE=WIDTH or --covariance FIT.json"])
@@ -202,14 +202,15 @@ def _add_engine(page: Page) -> None:
 
 
 @contextmanager
-def _engine(options: argparse.Namespace, members: int) -> Iterator[dict[str, Any]]:
+def _engine(options: argparse.Namespace, scene: Scene, members: int) -> Iterator[dict[str, Any]]:
     """The arguments of an ensemble, with a progress bar in members."""
     more: dict[str, Any] = {
         "engine": options.engine,
         "tolerance": options.integrator_tolerance,
         "workers": options.workers,
     }
-    with bar(members, "member") as report:
+    with bar(members, "member") as shown:
+        report = forewarning(shown, scene, options.duration, members, options.integrator_tolerance)
         if not options.scheduler:
             yield more | {"report": report}
             return

@@ -32,7 +32,7 @@ def hoist(options: argparse.Namespace) -> None:
     if alone:
         raise SceneError([f"--{name}: needs --travel METRES" for name in alone])
     scene = load(options.scene)
-    noted(scene.at(0.0))
+    noted(scene.at(0.0), "mode shapes")
     found = frequencies_along(scene, options.samples, options.drive)
     left = _left(scene, options) if options.travel else ()
     say(_written(found, left, options), options.format)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import replace
 
 from multipendula.command import Command
-from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output, picture, say
+from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output, picture, remark, say
 from multipendula.completion import files, places
 from multipendula.options import (
     PICTURES,
@@ -59,7 +58,7 @@ def _fit_modes(options: argparse.Namespace) -> None:
     scene = load(options.scene)
     measured = read_modes(scene, options.data[0])
     if measured.unused:
-        print(f"multipendula: columns not used: {', '.join(measured.unused)}", file=sys.stderr)
+        remark(f"columns not used: {', '.join(measured.unused)}")
     found = fit_modes(scene, measured, listed(options.free), priors=options.prior or (), loss=options.loss)
     if options.output:
         dump(found.scene, options.output)
@@ -103,7 +102,7 @@ def _fit_motions(options: argparse.Namespace) -> None:
         found = candidates[0].fit if candidates else fitted(scene, recording, free, report=report, **more)
     found = replace(found, verdict=tuple(map(options.page.in_options, found.verdict)))
     if recording.unused:
-        print(f"multipendula: columns not used: {', '.join(recording.unused)}", file=sys.stderr)
+        remark(f"columns not used: {', '.join(recording.unused)}")
     if options.output:
         dump(found.scene, options.output)
     if options.report:
@@ -184,7 +183,7 @@ def poles(options: argparse.Namespace) -> None:
         order=options.order,
     )
     if recording.unused:
-        print(f"multipendula: columns not used: {', '.join(recording.unused)}", file=sys.stderr)
+        remark(f"columns not used: {', '.join(recording.unused)}")
     title = ", ".join(dict.fromkeys(one.file for one in recording.segments))
     if options.modes:
         with output(options.modes) as write:
@@ -226,7 +225,7 @@ def mac(options: argparse.Namespace) -> None:
     scene = noted(load(options.scene))
     measured = read_modes(scene, options.data)
     if measured.unused:
-        print(f"multipendula: columns not used: {', '.join(measured.unused)}", file=sys.stderr)
+        remark(f"columns not used: {', '.join(measured.unused)}")
     found = compare_modes(natural_modes(scene), measured)
     if options.output:
         from modal.plotting import draw_assurance

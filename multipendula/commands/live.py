@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import Any
 
 from multipendula.command import Command
 from multipendula.commands.runs import recorded
-from multipendula.commands.shared import in_a_folder, say
+from multipendula.commands.shared import in_a_folder, remark, say
 from multipendula.options import add_file, add_run
 from multipendula.parser import Page
 
@@ -34,7 +33,7 @@ def play(options: argparse.Namespace) -> None:
         say(f"{visible(options.output)}: {len(content) / 1000:.0f} kB, open it in any browser\n")
     if recording and recording["samples"] < recording["of"]:
         words = f"{recording['samples']} of {recording['of']} samples of the run are in the page"
-        print(f"multipendula: {words}", file=sys.stderr)
+        remark(words)
 
 
 def _shown(name: str) -> tuple[dict[str, Any], dict[str, Any] | None]:
@@ -63,10 +62,12 @@ COMMANDS = (
             "One HTML file that any browser opens, without a server or a network. Drag a mass, a length or the cart's "
             "mass and the table follows; choose a mode and it swings; pull a bob and the full equations run beside the "
             "linear prediction. A saved run plays with speed, step and scrub controls. Scenes in the plane of at most "
-            "60 links, without hoists, dry friction or damping ratios; a support moves in a sine."
+            "60 links, structures of at most 40 coordinates with those of links, without hoists, dry friction or "
+            "damping ratios; a support moves in a sine."
         ),
         examples=(
             ("play paper-cart-2 -o page.html", "two double pendula on a cart, to play with"),
+            ("play ship-crane -o ship.html", "a ship that rolls under its crane: drag the hull"),
             ("simulate clocks-double --duration 20 -o run.npz", "a run to play"),
             ("play run.npz -o run.html", "the saved run, with its controls"),
         ),

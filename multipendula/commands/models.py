@@ -72,9 +72,9 @@ def add_signals(page: Page) -> None:
     page.rephrase(r"Scene\.at\(seconds\)", "--when SECONDS")
 
 
-def scene_of(options: argparse.Namespace) -> Scene:
-    """The scene, with a note on what its linear model leaves out."""
-    return about(noted(scene_at(options)))
+def scene_of(options: argparse.Namespace, capability: str) -> Scene:
+    """The scene, with a note on what a capability leaves out of it."""
+    return about(noted(scene_at(options), capability))
 
 
 def scene_at(options: argparse.Namespace) -> Scene:

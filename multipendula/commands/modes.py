@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
-from multipendula.commands.shared import about, bar, chosen, drawn, estimate_of, noted, output, picture
+from multipendula.commands.shared import about, bar, chosen, drawn, estimate_of, noted, output, picture, remark
 from multipendula.options import (
     FILMS,
     PICTURES,
@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 
 ELSEWHERE = "--columns all shows every column, --format csv every digit"
 COLUMN_NAMES = (
-    *("mode", "omega_rad_per_s", "frequency_hz", "period_s", "damping_ratio", "growth_rate_per_s", "multiplicity"),
+    *("mode", "omega_rad_per_s", "frequency_hz", "period_s", "damping_ratio", "quality_factor"),
+    *("growth_rate_per_s", "multiplicity"),
     *("family", "cart_participation", "effective_mass_kg", "effective_mass_share", "fixed_base_effective_mass_kg"),
     *("effective_mass_across_kg", "linear_to_1_percent_deg", "relative_error_bound", "participation_factor_per_m"),
     *("cumulative_effective_mass_share", "cumulative_fixed_base_mass_share"),
@@ -129,7 +130,7 @@ def shapes(options: argparse.Namespace) -> None:
     """Draw the mode shapes, or film the modes."""
     form = picture(options.output, kinds=PICTURES + FILMS)
     modes, numbers = _modes(options)
-    about(noted(modes.scene))
+    about(noted(modes.scene, "mode shapes"))
     from modal.plotting import LOOP, MOST_PANELS, draw_shapes, film_modes
 
     shown = numbers[:MOST_PANELS] if options.modes is None else numbers
@@ -140,9 +141,7 @@ def shapes(options: argparse.Namespace) -> None:
         else:
             draw_shapes(modes, shown, stream, amplitude_deg=options.amplitude, form=form)
     if len(shown) < len(numbers):
-        print(
-            f"multipendula: drew the first {len(shown)} of {len(numbers)} modes; choose with --modes", file=sys.stderr
-        )
+        remark(f"drew the first {len(shown)} of {len(numbers)} modes; choose with --modes")
 
 
 def _shapes_arguments(page: Page) -> None:
@@ -161,7 +160,7 @@ def matrices(options: argparse.Namespace) -> None:
     from modal.modes.tables import matrices_table
     from modal.scene import load
 
-    scene = about(noted(load(options.scene)))
+    scene = about(noted(load(options.scene), "mode shapes"))
     with output(options.output) as write:
         write(matrices_table(scene, matrices_of(scene), options.format))
 

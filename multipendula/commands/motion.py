@@ -17,7 +17,7 @@ from multipendula.commands.runs import (
     start_of,
     whole,
 )
-from multipendula.commands.shared import bar, drawn, estimate_of, film_form, in_a_folder, output, picture, say
+from multipendula.commands.shared import bar, drawn, estimate_of, film_form, in_a_folder, output, picture, remark, say
 from multipendula.options import (
     FILMS,
     PICTURES,
@@ -149,7 +149,7 @@ def animate(options: argparse.Namespace) -> None:
         )
     say(f"{shown.frames} frames, {shown.seconds:.3g} s of film for {shown.motion:.3g} s of motion\n")
     if shown.left_out > 0:
-        print(f"multipendula: {shown.left_out:.3g} s of the run left out; --seconds or --speed", file=sys.stderr)
+        remark(f"{shown.left_out:.3g} s of the run left out; --seconds or --speed")
 
 
 def _animate_arguments(page: Page) -> None:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import start_of, whole
-from multipendula.commands.shared import bar, drawn, film_form, noted, picture, say, validated, warned
+from multipendula.commands.shared import bar, drawn, film_form, noted, picture, remark, say, validated, warned
 from multipendula.completion import mode_numbers, places
 from multipendula.options import (
     FILMS,
@@ -171,7 +170,7 @@ def _entered(found: tuple[Branch, ...]) -> Iterator[Branch]:
                 try:
                     yield entered(one, special)
                 except ComputationError as error:
-                    print(f"multipendula: {error}", file=sys.stderr)
+                    remark(error)
 
 
 def _told(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) -> str:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from multipendula.commands.shared import bar, in_a_folder
+from multipendula.commands.shared import bar, forewarning, in_a_folder, remark
 from multipendula.options import (
     RUNS,
     add_accuracy,
@@ -80,7 +79,8 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
             lambda: recordings.load(options.scene),
         )[-1]
         with bar(duration) as report:
-            return resume(before, duration, output=options.samples, report=report, **given)
+            told = forewarning(report, before.scene, duration)
+            return resume(before, duration, output=options.samples, report=told, **given)
     scene = load(options.scene)
     words = {name: given.get(name, "auto") for name in ("method", "form")}
     *_, start, _ = validate(
@@ -90,7 +90,8 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
         lambda: validate_method(scene, **words),
     )
     with bar(duration) as report:
-        return run(scene, duration, start=start, output=options.samples, report=report, **given)
+        told = forewarning(report, scene, duration)
+        return run(scene, duration, start=start, output=options.samples, report=told, **given)
 
 
 def in_few_modes(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
@@ -178,7 +179,7 @@ def tell_of_start(where: str, how: str = "") -> None:
     from nonlinear.reduction import USUAL_DEG
 
     note = f"the scene has no start: {where}, its largest angle {USUAL_DEG:g}°"
-    print(f"multipendula: {note}{f' ({how})' if how else ''}", file=sys.stderr)
+    remark(f"{note}{f' ({how})' if how else ''}")
 
 
 def _usual_start(scene: Scene, *, undamped: bool) -> str:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from modal.identification import Estimate
     from modal.scene import Scene
 
+DAY, LONGEST = 86_400.0, 1e5  # s; days that are told as a number
 MANY = 60  # links from which a command that integrates disturbances says beforehand that it takes long
 
 
@@ -31,10 +32,17 @@ def output(path: str | None) -> Iterator[Callable[[str], object]]:
 
 
 def say(text: str, form: str = "text") -> None:
-    """Print what a command says, lines of text folded to fit the terminal."""
-    from modal.report import folded
+    """Print what a command says: lines of text folded to fit the terminal, with nothing in them that controls it."""
+    from modal.report import folded, visible
 
-    sys.stdout.write(folded(text) if form == "text" else text)
+    sys.stdout.write(folded("\n".join(map(visible, text.split("\n")))) if form == "text" else text)
+
+
+def remark(words: object) -> None:
+    """Print words beside the result on standard error, with nothing in them that controls a terminal."""
+    from modal.report import visible
+
+    print("multipendula: " + "\n".join(map(visible, str(words).split("\n"))), file=sys.stderr)
 
 
 @contextmanager
@@ -127,7 +135,7 @@ def noted(scene: Scene, capability: str = "the table of modes") -> Scene:
     from modal.scene import left_out
 
     for words in left_out(scene, capability):
-        print(f"multipendula: {words}", file=sys.stderr)
+        remark(words)
     return scene
 
 
@@ -138,18 +146,44 @@ def about(scene: Scene) -> Scene:
         from modal.modes import equilibrium_words
 
         for words in equilibrium_words(rig_of(scene)):
-            print(f"multipendula: {words}", file=sys.stderr)
+            remark(words)
     return scene
 
 
 def warned(scene: Scene, what: str) -> Scene:
     """The scene itself; where it has so many links that `what` takes long, that is told on standard error first."""
     if scene.n_links > MANY:
-        print(
-            f"multipendula: {what} of {scene.n_links} links takes minutes: try a scene of fewer first",
-            file=sys.stderr,
-        )
+        remark(f"{what} of {scene.n_links} links takes minutes: try a scene of fewer first")
     return scene
+
+
+def forewarning(
+    report: Callable[[float], object],
+    scene: Scene,
+    duration: float | None,
+    members: int = 1,
+    tolerance: float = 1e-9,
+) -> Callable[[float], object]:
+    """The report, which at its first call says on standard error how long so many motions take, if over a day."""
+    told = False
+
+    def reported(now: float) -> None:
+        nonlocal told
+        if not told:
+            told = True
+            _forewarn(scene, duration, members, tolerance)
+        report(now)
+
+    return reported
+
+
+def _forewarn(scene: Scene, duration: float | None, members: int, tolerance: float) -> None:
+    from nonlinear.integration.costs import least_seconds
+
+    days = least_seconds(scene, duration, tolerance, members) / DAY if duration else 0.0
+    if days > 1:
+        told = f"about {days:.2g} days on one core" if days < LONGEST else "longer than anyone can wait"
+        remark(f"this takes {told}, as far as can be told beforehand; Ctrl-C ends it")
 
 
 def listed(text: str | None) -> tuple[str, ...]:

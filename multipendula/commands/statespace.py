@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING
 
 from modal.exports import FORMATS
 from multipendula.command import Command
 from multipendula.commands.models import add_model_file, add_signals, model_of, scene_at, scene_of
-from multipendula.commands.shared import about, drawn, estimate_of, listed, noted, output, picture, say
+from multipendula.commands.shared import about, drawn, estimate_of, listed, noted, output, picture, remark, say
 from multipendula.completion import files
 from multipendula.options import (
     PICTURES,
@@ -42,7 +41,7 @@ def export(options: argparse.Namespace) -> None:
     if options.file is None:
         raise SceneError(["-o FILE: is required"])
     scene = scene_at(options)
-    about(noted(scene.at(0.0)))
+    about(noted(scene.at(0.0), "a constant linear model"))
     if scene.is_hoisted:
         content = target.write_varying(_varying(scene, options))
         with whole_file(options.file) as stream:
@@ -57,7 +56,7 @@ def export(options: argparse.Namespace) -> None:
     with whole_file(options.file) as stream:
         stream.write(content)
     if note := target.note(content):
-        print(f"multipendula: {note}", file=sys.stderr)
+        remark(note)
 
 
 def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
@@ -97,7 +96,7 @@ def gains(options: argparse.Namespace) -> None:
     from modal.modes import natural_modes
     from modal.statespace import modal_gains
 
-    scene = scene_of(options)
+    scene = scene_of(options, "a constant linear model")
     gains = modal_gains(natural_modes(scene), model_of(scene, options))
     with output(options.file) as write:
         write(gains.text() + "\n")
@@ -117,14 +116,16 @@ def response(options: argparse.Namespace) -> None:
 
     from modal.errors import SceneError
     from modal.modes import natural_modes
-    from modal.scene import STANDARD
+    from modal.scene import STANDARD, require
     from modal.statespace import impulse_table, response_table, to_modal_form
 
     in_words = options.impulse and getattr(options, "format_asked", False)
     if not (options.file or options.at or in_words):
         raise SceneError(["give a picture to write, -o FILE, or frequencies to print, --at HERTZ"])
     told = STANDARD if in_words and options.file == STANDARD else None
-    kind, scene = picture(options.file) if options.file and not told else "", scene_of(options)
+    capability = "an impulse response" if options.impulse else "a frequency response"
+    kind, scene = picture(options.file) if options.file and not told else "", scene_of(options, capability)
+    require(scene, capability)
     model = model_of(scene, options)
     inputs, outputs = ([signal.name for signal in signals] for signals in (model.inputs, model.outputs))
     source, shown = options.source or inputs[0], listed(options.of)
@@ -191,7 +192,7 @@ def shaper(options: argparse.Namespace) -> None:
     from modal.scene import load
     from modal.statespace import shaper_for, swing_words, usual_drive
 
-    scene = noted(load(options.scene))
+    scene = noted(load(options.scene), "a shaper")
     drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
     step, tolerance = options.discrete or 0.0, options.tolerance / 100

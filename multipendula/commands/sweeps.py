@@ -208,7 +208,7 @@ def _strobes(options: argparse.Namespace, kind: str) -> None:
         say(bifurcation_table(found, "text"))
     if form:
         with whole_file(options.output) as stream:
-            stream.write(bifurcation_table(found, form).encode())
+            stream.write(bifurcation_table(found, "csv" if form == "csv" else "json").encode())
     if options.picture:
         from nonlinear.plotting import draw_bifurcations
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import start_of
-from multipendula.commands.shared import bar, drawn, film_form, picture, say, validated
+from multipendula.commands.shared import bar, drawn, film_form, forewarning, picture, remark, say, validated
 from multipendula.completion import places
 from multipendula.options import (
     FILMS,
@@ -69,7 +68,8 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
 
     start = start_of(scene, options.start, undamped=True)
     with bar(1.0, "run") as report:
-        found = study_synchronization(scene, options.duration, start=start, report=lambda now, end: report(now / end))
+        told = forewarning(report, scene, options.duration)
+        found = study_synchronization(scene, options.duration, start=start, report=lambda now, end: told(now / end))
     say(_told(found, options.format), options.format)
     if options.output:
         _draw(found, options.output, options.theme)
@@ -97,7 +97,7 @@ def _film(found: SynchronizationStudy, name: str, theme: str) -> None:
     form = film_form(name)
     with drawn(name, theme) as stream, bar(SECONDS) as report:
         shown = animate(found.trajectory, stream, form, **strobe(found.phases, form), report=report)
-    print(f"multipendula: {shown.frames} frames, one every {shown.motion / shown.frames:.4g} s", file=sys.stderr)
+    remark(f"{shown.frames} frames, one every {shown.motion / shown.frames:.4g} s")
 
 
 def _branches(scene: Scene, options: argparse.Namespace) -> None:
@@ -155,8 +155,7 @@ COMMANDS = (
         examples=(
             ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),
             ("sync huygens --vary support.mass=3:30:3log -o branches.png", "the range of each steady oscillation"),
-            ("sync two-swings", "two swings with 15 metronomes each: one half agrees, the other does not"),
-            ("sync two-swings --vary spring[0].stiffness=55:85:13", "where antiphase ends and in phase begins"),
+            ("sync two-swings --duration 60", "two swings with 15 metronomes each, of which half agree"),
         ),
     ),
 )

@@ -8,7 +8,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from multipendula.command import Command
 from multipendula.commands.runs import ELSEWHERE, recorded, start_of, whole
-from multipendula.commands.shared import bar, chosen, drawn, in_a_folder, picture, say, warned
+from multipendula.commands.shared import bar, chosen, drawn, forewarning, in_a_folder, picture, say, warned
 from multipendula.options import (
     REPORTS,
     add_accuracy,
@@ -137,9 +137,10 @@ def _exponent(options: argparse.Namespace) -> Drawn:
         raise SceneError(["--quick: works with paper:000 and paper:001 only"])
     scene = warned(load(_scene(options)), "a Lyapunov exponent")
     duration = options.duration or usual_duration(scene)
+    members, start = options.ensemble or 16, start_of(scene, None, elsewhere=ELSEWHERE)
     with bar((1 + TRANSIENT) * duration) as report:
-        members, start = options.ensemble or 16, start_of(scene, None, elsewhere=ELSEWHERE)
-        found = lyapunov_exponent(scene, duration, ensemble=members, start=start, report=report)
+        told = forewarning(report, scene, (1 + TRANSIENT) * duration, members)
+        found = lyapunov_exponent(scene, duration, ensemble=members, start=start, report=told)
 
     def draw(stream: IO[bytes], kind: str) -> None:
         from nonlinear.plotting import draw_running

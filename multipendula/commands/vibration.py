@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from multipendula.command import Command
 from multipendula.commands.shared import about, draw_in, listed, noted, output, picture
 from multipendula.completion import files
-from multipendula.options import add_format, add_picture, add_scene, add_text, add_words, offer
+from multipendula.options import Joined, add_format, add_picture, add_scene, add_text, add_words, number, offer
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -23,10 +23,19 @@ OUTPUTS = (
 
 
 def vibration(options: argparse.Namespace) -> None:
-    """Compute the PSD and RMS of every output when the support shakes, or a force acts, at random."""
+    """Compute the PSD and RMS of every output when the support shakes, or a force acts, at random; thermal noise."""
+    from modal.errors import SceneError
     from modal.scene.records import read_spectrum
     from modal.vibration import random_report, random_response
     from modal.vibration.random import INPUT
+
+    if options.temperature is not None:
+        _thermal(options)
+        return
+    if options.psd is None:
+        raise SceneError(["give --psd CSV, --temperature KELVIN, or both"])
+    if options.at:
+        raise SceneError(["--at: is of thermal noise: give --temperature KELVIN"])
 
     def respond(scene: Scene, **outputs: tuple[str, ...]) -> Any:
         acts = options.input != INPUT
@@ -35,23 +44,57 @@ def vibration(options: argparse.Namespace) -> None:
     _report(options, respond, random_report, "draw_random")
 
 
+def _thermal(options: argparse.Namespace) -> None:
+    """The thermal noise, with the response to a PSD beside it where there is one."""
+    from modal.errors import SceneError
+    from modal.scene import load
+    from modal.scene.records import read_spectrum
+    from modal.vibration import random_response, thermal_noise, thermal_report
+    from modal.vibration.random import INPUT
+
+    if options.psd is None and options.input != INPUT:
+        raise SceneError([f"--input {options.input}: is the input of a PSD: give --psd CSV"])
+    if options.picture:
+        picture(options.picture, "--picture")
+    scene = about(noted(load(options.scene), "thermal noise"))
+    outputs = listed(options.signals) or ("tip_positions",)
+    noise, beside = thermal_noise(scene, options.temperature, outputs), None
+    if options.psd is not None:
+        spectrum = read_spectrum(options.psd, options.input != INPUT)
+        beside = random_response(scene, spectrum, outputs, options.input)
+    at = options.at or ()
+    draw_in(options, options.picture, "modal.plotting.vibration", "draw_thermal", (noise, beside, at))
+    with output(options.output) as write:
+        write(thermal_report(noise, options.format, beside, at))
+
+
 def _vibration_arguments(page: Page) -> None:
     add_scene(page)
     words = (
         "one-sided PSD of the support's motion along the rail, a CSV file with frequency_hz, and psd in (m/s²)²/Hz or "
         "velocity_psd or displacement_psd; of a force, with psd in N²/Hz, where --input names one"
     )
-    offer(page.asked.add_argument("--psd", metavar="CSV", required=True, help=words), files((".csv",)))
+    offer(page.asked.add_argument("--psd", metavar="CSV", help=words), files((".csv",)))
     words = (
         "the input that the PSD is of: support_acceleration (default), cart_force, on a structure the force on a "
         "coordinate, as floor2_force, force:POINT, lift:POINT or torque:POINT, with a POINT such as "
         "pendulum[0].links[1]@0.5, or force[0] of the scene"
     )
+    kelvin = number("kelvin above 0 and at most 1e6", most=1e6)
+    told = "thermal noise at this temperature, with a budget by place; beside the PSD's where there is a --psd"
+    page.asked.add_argument("--temperature", metavar="KELVIN", type=kelvin, help=told)
+    told = "thermal noise at these frequencies in Hz, separated by commas (default: some over its band)"
+    page.asked.add_argument("--at", metavar="HERTZ", action=Joined, type=_frequencies, help=told)
+    page.rephrase(r"^outputs(?=:)", "--signals")
     page.rephrase(r"^input(?=[ :])", "--input")
     usual = "support_acceleration"
     known = (usual, "cart_force", "force:", "lift:", "torque:", "force[0]")
     add_words(page.asked, "--input", known, comma="", metavar="WORDS", default=usual, help=words)
     _add_written(page)
+
+
+def _frequencies(text: str) -> list[float]:
+    return [number("hertz above 0")(part) for part in text.split(",")]
 
 
 def shock(options: argparse.Namespace) -> None:
@@ -91,7 +134,7 @@ def _add_written(page: Page) -> None:
 
 
 def _report(
-    options: argparse.Namespace, respond: Callable[..., Any], written: Callable[[Any, str], str], figure: str
+    options: argparse.Namespace, respond: Callable[..., Any], written: Callable[[Any, Any], str], figure: str
 ) -> None:
     """The response of the scene as a report and as a picture, whose name is judged before anything is computed."""
     from modal.scene import load
@@ -114,13 +157,19 @@ COMMANDS = (
         details=(
             "In closed form over the modes, at small angles. The PSD is interpolated by straight lines over "
             "logarithmic axes and is zero outside its frequencies. The RMS of each mode alone stands beside Miles' "
-            "equation; an undamped mode that the noise reaches has no finite RMS. CSV and JSON contain the PSDs."
+            "equation; an undamped mode that the noise reaches has no finite RMS. CSV and JSON contain the PSDs. With "
+            "--temperature, the thermal noise of dampers, drag and loss angles by the fluctuation-dissipation theorem, "
+            "of tip_positions by default."
         ),
         examples=(
             ("vibration suspension.toml --psd ground.csv", "two files of the folder examples"),
             (
                 "vibration suspension.toml --psd ground.csv --signals tip_positions --picture psd.png",
                 "how the mirror moves in the laboratory, with a figure",
+            ),
+            (
+                "vibration suspension --temperature 290 --at 1,10,100",
+                "the thermal noise of the shipped suspension, by wire",
             ),
         ),
     ),

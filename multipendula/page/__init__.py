@@ -2,12 +2,25 @@
 
 In: a scene or a trajectory.  Out: a page without any request to a network.  `document` puts it together from
 `page.html`, `page.css` and the JavaScript modules in `modules/`, and writes the equations of one link into it
-(`nonlinear.dynamics.links`); `payload` is what it is given to show.  In `modules/`, `system.js` is a scene as numbers,
+(`nonlinear.dynamics.links`); `payload` is what it is given to show, `structure` what pages of structures have of their
+own, all equations and the drawing (`carriers.js`).  In `modules/`, `system.js` is a scene as numbers,
 `modes.js` its modes, `equations.js` the loops of its equations of motion, `motion.js` a run; `main.js` joins them to
 what is seen.  Start with `document`.
 """
 
-from multipendula.page.document import LARGEST, MODULES, joined, page
+from multipendula.page.document import LARGEST, LARGEST_OF_STRUCTURES, MODULES, joined, page
 from multipendula.page.payload import MOST_LINKS, recording_of, scene_data
+from multipendula.page.structure import scaffold_of, structure_module
 
-__all__ = ["LARGEST", "MODULES", "MOST_LINKS", "joined", "page", "recording_of", "scene_data"]
+__all__ = [
+    "LARGEST",
+    "LARGEST_OF_STRUCTURES",
+    "MODULES",
+    "MOST_LINKS",
+    "joined",
+    "page",
+    "recording_of",
+    "scaffold_of",
+    "scene_data",
+    "structure_module",
+]

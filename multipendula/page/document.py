@@ -18,24 +18,28 @@ from typing import Any
 
 from modal.report import html
 from modal.scene import scene_from, title_of
+from multipendula.page.structure import NONE, structure_module
 
 HERE = Path(__file__).parent
-MODAL = ("steps", "system", "matrices", "amplitude", "modes")
+MODAL = ("steps", "structure", "carriers", "system", "matrices", "amplitude", "structure_modes", "modes")
 PHYSICS = (*MODAL, "tableau", "dop853", "equations", "kicks", "motion", "scene_file", "recording")
-"""The modules that touch no document; `steps` and `tableau` are written."""
+"""The modules that touch no document; `steps`, `structure` and `tableau` are written."""
 MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "main")
-LARGEST = 300_000
-"""Bytes of a page, at most."""
+LARGEST, LARGEST_OF_STRUCTURES = 300_000, 800_000
+"""Bytes of a page, at most, and of that of a structure, whose equations stand in it link by link."""
 IMPORT = re.compile(r"^import (\{[^}]*\}) from \"\./(\w+)\.js\";$", re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:const|function|class) (\w+))", re.MULTILINE)
 
 
-def joined(names: Sequence[str] = MODULES) -> str:
-    """The modules of these names as one script."""
-    written = {"steps": steps, "tableau": tableau}
-    return "\n".join(
-        _scoped(name, written[name]() if name in written else _file(f"modules/{name}.js")) for name in names
-    )
+def joined(names: Sequence[str] = MODULES, structure: str = NONE) -> str:
+    """The modules of these names as one script, on a page of this `structure` (`structure_module`)."""
+    return "\n".join(_scoped(name, _module(name, structure)) for name in names)
+
+
+def _module(name: str, structure: str) -> str:
+    if name == "structure":
+        return structure
+    return {"steps": steps, "tableau": tableau}[name]() if name in {"steps", "tableau"} else _file(f"modules/{name}.js")
 
 
 @cache
@@ -85,10 +89,11 @@ def _scoped(name: str, text: str) -> str:
 
 def page(data: dict[str, Any], recording: dict[str, Any] | None = None) -> str:
     """The document that shows the scene in `data` and plays a recording of it."""
-    script, style = f"\n{joined()}", f"\n{_file('page.css')}"
+    scene = scene_from(data)
+    script, style = f"\n{joined(structure=structure_module(scene))}", f"\n{_file('page.css')}"
     policy = f"default-src 'none'; script-src '{_digest(script)}'; style-src '{_digest(style)}'; base-uri 'none'"
     parts = {
-        "title": html(title_of(scene_from(data))),
+        "title": html(title_of(scene)),
         "policy": html(policy),
         "style": style,
         "script": script,

@@ -9,15 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Moved, Scene, describe, refusals
+from modal.scene import CAPABILITIES, Moved, Scene, describe, refusals
+from modal.scene.points import Point, parse_point
+from modal.structure import structure_of
 from modal.types import Floats
 
 if TYPE_CHECKING:
     from nonlinear.integration import Trajectory
 
 MOST_LINKS = 60
-MOST_NUMBERS = 30_000
-"""Of a recording: 160 kB as 32-bit floats in base64."""
+MOST_COORDINATES = 40
+"""Of a structure, with those of its links: its equations stand in the page link by link."""
+MOST_NUMBERS = 26_000
+"""Of a recording: 139 kB as 32-bit floats in base64."""
 
 
 def scene_data(scene: Scene) -> dict[str, Any]:
@@ -28,9 +32,14 @@ def scene_data(scene: Scene) -> dict[str, Any]:
     if problems := list(_problems(scene)):
         raise SceneError(problems)
     data = describe(scene)
-    data.pop("ground", None)
-    moved = scene.ground and Moved(motion=scene.ground.motion)
-    data["support"] = describe(moved or scene.supports[0])
+    if scene.is_structured:
+        if "support" not in data:
+            data["support"] = describe(scene.supports[0])
+        _renumber(data, scene)
+    else:
+        data.pop("ground", None)
+        moved = scene.ground and Moved(motion=scene.ground.motion)
+        data["support"] = describe(moved or scene.supports[0])
     for own, pendulum in zip(data["pendulum"], scene.pendulum, strict=True):
         own["links"] = [
             {key: value for key, value in describe(link).items() if key != "count"}
@@ -44,25 +53,71 @@ def _problems(scene: Scene) -> Iterator[str]:
     yield from refusals(scene, "the live page")
     if scene.n_links > MOST_LINKS:
         yield f"the scene has {scene.n_links} links in all: the live page shows at most {MOST_LINKS}"
-    motions = scene.motions
+    motions, place = scene.motions, "ground.motion" if scene.ground else "support.motion"
     if len(motions) > 1:
-        yield "support.motion: the live page moves a support in one direction"
+        yield f"{place}: the live page moves a support in one direction"
     elif motions and motions[0].kind != "sine":
-        yield f'support.motion.kind = "{motions[0].kind}": the live page moves a support in a sine'
+        yield f'{place}.kind = "{motions[0].kind}": the live page moves a support in a sine'
+    if scene.is_structured:
+        yield from _structure_problems(scene)
+    elif scene.force:
+        yield f"force[0]: the live page {CAPABILITIES['the live page'].unless['force']}"
     if scene.cart and scene.cart.mass == 0 and "massless_cart" not in scene.features:
         yield "support.mass = 0.0: the live page needs a cart with mass"
+
+
+def _structure_problems(scene: Scene) -> Iterator[str]:
+    """What the page of a structure does not treat."""
+    count = scene.n_links + structure_of(scene).size
+    if scene.n_links <= MOST_LINKS and count > MOST_COORDINATES:
+        yield f"the structure has {count} coordinates, links included: the live page shows at most {MOST_COORDINATES}"
+    for k, force in enumerate(scene.force):
+        if force.kind not in {"sine", "constant"}:
+            yield f'force[{k}].kind = "{force.kind}": the live page follows forces in sines'
+    for place, text in _named_points(scene):
+        point = parse_point(text)
+        if isinstance(point, Point) and scene.pendulum[point.pendulum].links[point.link].count > 1:
+            yield f'{place} = "{text}": names all links of an entry with a count, and the live page needs one'
+
+
+def _named_points(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Every text that names a point, with its place."""
+    for k, force in enumerate(scene.force):
+        yield f"force[{k}].on", force.on
+    for k, spring in enumerate(scene.spring):
+        for end, text in enumerate(spring.between):
+            yield f"spring[{k}].between[{end}]", text
+
+
+def _renumber(data: dict[str, Any], scene: Scene) -> None:
+    """Points of links by their numbers where every link stands by itself."""
+    for force in data.get("force", []):
+        force["on"] = _renumbered(force["on"], scene)
+    for spring in data.get("spring", []):
+        spring["between"] = [_renumbered(text, scene) for text in spring["between"]]
+
+
+def _renumbered(text: str, scene: Scene) -> str:
+    point = parse_point(text)
+    if not isinstance(point, Point):
+        return text
+    number = sum(link.count for link in scene.pendulum[point.pendulum].links[: point.link])
+    return text.replace(f".links[{point.link}]", f".links[{number}]")
 
 
 def recording_of(trajectory: Trajectory) -> dict[str, Any]:
     """The samples of a motion, evenly thinned out to what a page holds, as 32-bit floats in base64.
 
-    A row is (x, angles, x', rates, work) in SI units; `drift` is that of the energy over the whole run.
+    A row is (x, angles, x', rates, work) in SI units, with the coordinates of a structure for x; `drift` is that of the
+    energy over the whole run.
     """
     motion, times = trajectory.motion, trajectory.times
-    links = trajectory.system.n_links
-    width = 2 * (links + 1) + 1
+    first, rate = motion.cart, motion.cart_rate
+    if trajectory.scene.is_structured:
+        first, rate = motion.supports, motion.support_rates
+    rows = np.column_stack((first, motion.links, rate, motion.link_rates, motion.work))
+    width = rows.shape[1]
     stride = -(-len(times) * (width + 1) // MOST_NUMBERS)
-    rows = np.column_stack((motion.cart, motion.links, motion.cart_rate, motion.link_rates, motion.work))
     kept = np.unique(np.append(np.arange(0, len(times), stride), len(times) - 1))
     return {
         "times": _packed(times[kept] - times[0]),

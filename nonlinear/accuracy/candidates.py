@@ -21,7 +21,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.report import Displayed
-from modal.scene import Scene, require
+from modal.scene import Scene, require, validate_scene
 from modal.types import Floats
 from nonlinear.integration import CLOSED, Choice, Request, SolverInfo, Trajectory, taylor, validate_method
 from nonlinear.reduction import CORRECTED, LINEAR, superpose
@@ -138,6 +138,7 @@ def _impatient(question: Question) -> Callable[[float], None]:
 
 def list_candidates(scene: Scene) -> tuple[Candidate, ...]:
     """Every candidate for a scene, by family, each from loose to tight; only what is installed."""
+    validate_scene(scene)
     if scene.space == "space":
         families = [("spatial", method, False) for method in IN_SPACE]
     else:

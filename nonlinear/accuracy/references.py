@@ -24,7 +24,7 @@ import numpy as np
 from modal._compatibility import former
 from modal.errors import ComputationError
 from modal.report import Displayed
-from modal.scene import Scene, refusals
+from modal.scene import Scene, refusals, validate_scene
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, Question
 from nonlinear.dynamics.inputs import Inputs
@@ -96,6 +96,7 @@ def reference_of(question: Question) -> Reference:
 
 def choose_references(scene: Scene) -> tuple[Candidate, Candidate]:
     """The finest candidate for a scene and another one to check it."""
+    validate_scene(scene)
     if scene.space == "space":
         return Candidate("spatial", "DOP853", SMALLEST), Candidate("spatial", "DOP853", 1e-13)
     longest, finest = max(pendulum.n_links for pendulum in scene.pendulum), Candidate("minimal", "DOP853", SMALLEST)

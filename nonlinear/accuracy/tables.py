@@ -5,8 +5,9 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
+from modal.report import NOTHING, Form, as_csv, as_json, finite, grid, titled
 from modal.scene import describe, title_of
+from modal.scene.doors import checked
 from nonlinear.accuracy.advice import Advice
 from nonlinear.accuracy.attempts import Attempt
 from nonlinear.accuracy.references import Reference
@@ -26,7 +27,8 @@ ROWS = (
 TRIED = ("way", "tolerance", "time (ms)", "derivatives", "error (rad)")
 
 
-def tradeoff_table(found: WorkPrecision, form: str) -> str:
+@checked
+def tradeoff_table(found: WorkPrecision, form: Form) -> str:
     """Every candidate as text, markdown, csv (one line per candidate) or json, as `form` says."""
     records = [_record(found, row) for row in found.rows]
     if form == "json":
@@ -121,7 +123,8 @@ def _whole(found: WorkPrecision, records: list[dict[str, Any]]) -> dict[str, Any
     }
 
 
-def advice_table(advice: Advice, form: str) -> str:
+@checked
+def advice_table(advice: Advice, form: Form) -> str:
     """Every attempt as text, markdown, csv (one line per attempt) or json, as `form` says."""
     records = [_attempt_record(attempt) for attempt in advice.attempts]
     if form == "json":

@@ -25,7 +25,7 @@ import numpy as np
 from modal._compatibility import former, former_argument
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed
-from modal.scene import Scene, require
+from modal.scene import Scene, require, validate_scene
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
 from nonlinear.accuracy.references import Reference, reference_of
@@ -114,6 +114,7 @@ def measure_work_precision(
     the number of candidates done, the reference included.  After Ctrl-C those done are returned, once there is a
     reference. Raises SceneError for invalid arguments, ComputationError where there is no reference to compare with.
     """
+    validate_scene(scene)
     validate_numbers(duration, 1e-9, 0.0)
     require(scene, "a comparison of methods")
     if scene.n_links > MOST_LINKS:
@@ -203,9 +204,11 @@ def late(motion: Motion, reference: Trajectory) -> float:
 
 
 def _flat(motion: Motion, system: System, rows: Any) -> tuple[Floats, Floats]:
-    """The q and q' at these samples, (T, n): the cart in lengths of the longest link, then every link."""
+    """The q and q' at these samples, (T, n): the cart, or carriers, in lengths of the longest link, then every link."""
     count = int(np.sum(rows))
     links = (part[rows].reshape(count, -1) for part in (motion.links, motion.link_rates))
-    carts = (part[rows] / system.length for part in (motion.cart, motion.cart_rate))
+    carts: Any = (part[rows] / system.length for part in (motion.cart, motion.cart_rate))
+    if system.structure is not None:
+        carts = (part[rows] / system.first_units for part in (motion.supports, motion.support_rates))
     q, v = (np.column_stack(pair) for pair in zip(carts, links, strict=True))
     return q, v

@@ -43,6 +43,7 @@ from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene, name_of, require
+from modal.scene.doors import checked
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls, rubbed
 from nonlinear.dynamics import Contacts, contacts_of
@@ -171,6 +172,8 @@ class AveragedEquations(Displayed):
         pace = np.broadcast_to(turning.reshape(len(turning), -1), (len(turning), wide.shape[1]))
         every = np.ones(wide.shape, dtype=bool) if kept is None else kept.reshape(wide.shape)
         step = max(1, CHUNK // (self._phases.shape[1] * len(self.shapes)))
+        if step >= wide.shape[1]:
+            return self._rates(wide, pace, every, kicked, sliding).reshape(z.shape)
         chunks = [slice(start, start + step) for start in range(0, wide.shape[1], step)]
         parts = [self._rates(wide[:, part], pace[:, part], every[:, part], kicked, sliding) for part in chunks]
         return np.asarray(np.hstack(parts).reshape(z.shape))
@@ -203,14 +206,14 @@ class AveragedEquations(Displayed):
         if self._brake:
             moving[0] /= 1 + self._brake / rate
         speed = rate * moving
-        each = np.array([moving, speed, rate * speed])
-        return (each.reshape(-1, each.shape[-1]) @ self._harmonics[harmonic]).real.reshape(3, len(moving), -1)
+        parts = np.array([moving, speed, rate * speed]).view(float)
+        return (parts.reshape(-1, parts.shape[-1]) @ self._harmonics[harmonic]).reshape(3, len(moving), -1)
 
     def _along(self, waves: Floats, turning: Floats, harmonic: int) -> Complexes:
         """2⟨φ_rᵀρ e^{−ihχ_b}⟩ (B, C, S) of a motion (3, half, S K)."""
-        left, phases = residual_forces(self.system, [waves])[0], self._harmonics[harmonic]
-        bands, points = phases.shape
-        means = (left.reshape(-1, points) @ phases.conj().T).reshape(len(left), -1, bands)
+        left, parts = residual_forces(self.system, [waves])[0], self._harmonics[harmonic]
+        points = parts.shape[1]
+        means = (left.reshape(-1, points) @ parts.T).view(complex).reshape(len(left), -1, len(self._phases))
         found = 2 / points * means.transpose(2, 0, 1)
         if self._brake:
             found[:, 0] /= 1 + self._brake / (1j * harmonic * turning)
@@ -263,9 +266,12 @@ class AveragedEquations(Displayed):
         return np.asarray(np.exp(2j * np.pi * np.outer(steps, np.arange(points)) / points))
 
     @cached_property
-    def _harmonics(self) -> dict[int, Complexes]:
-        """e^{ihχ_b} (B, K) there, by h."""
-        return {harmonic: self._phases**harmonic for harmonic in (1, 3)}
+    def _harmonics(self) -> dict[int, Floats]:
+        """The parts cos hχ_b and −sin hχ_b (2B, K) there, those of a band one after the other, by h."""
+        turned = {harmonic: self._phases.conj() ** harmonic for harmonic in (1, 3)}
+        return {
+            harmonic: np.hstack((turn.real, turn.imag)).reshape(-1, turn.shape[1]) for harmonic, turn in turned.items()
+        }
 
     @cached_property
     def member(self) -> Booleans:
@@ -308,6 +314,7 @@ def lattice(count: int) -> tuple[int, tuple[int, ...]]:
     raise AssertionError("unreachable")
 
 
+@checked
 def average(scene: Scene, system: System | None = None) -> AveragedEquations:
     """The averaged equations of a scene in the plane whose links all hang; `system` may be given.
 

@@ -27,6 +27,7 @@ from modal.errors import ComputationError
 from modal.modes import natural_modes
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene, require
+from modal.scene.doors import require_type
 from modal.types import Complexes, Floats
 from nonlinear.averaging.equations import AveragedEquations, derivative
 from nonlinear.averaging.equilibria import EFFORT, FIRST, RelativeEquilibrium, relative_equilibrium
@@ -44,12 +45,15 @@ FAINT = 1e-3  # rad, below which a motion has died out
 WIDE = 0.3  # rad, or in natural units: the size of the trials
 
 
-@dataclass(frozen=True, eq=False)
-class Sector:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sector(Displayed):
     """Disturbances of one kind: an orthonormal `basis` (half, k) of their coordinates."""
 
     name: str
     basis: Floats
+
+    def _summary(self) -> Summary:
+        return Summary(f"{self.name}: {counted(self.basis.shape[1], 'disturbance', 'disturbances')} of a pattern")
 
     @cached_property
     def states(self) -> Floats:
@@ -92,6 +96,7 @@ def patterns_of(scene: Scene) -> tuple[Pattern, ...]:
 
     ComputationError for more populations, and where no few pendula stand for the others.
     """
+    require_type("scene", scene, "Scene")
     populations = populations_of(scene)
     if len(populations) > 2:
         raise ComputationError(f"patterns are those of one or two populations, and this scene has {len(populations)}")

@@ -13,7 +13,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.modes import table_numbers
 from modal.report import Displayed
-from modal.scene import Scene, require
+from modal.scene import Scene, require, validate_scene
 from modal.types import Complexes, Floats
 from nonlinear.averaging.equations import AveragedEquations, average
 from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibrium
@@ -149,6 +149,7 @@ def predict(scene: Scene, start: State | None = None) -> Prediction:
     Raises ComputationError where nothing excites it or it is outside the scope of `nonlinear.averaging.equations`, for
     a start at rest, and where drives are so strong that averaged amplitudes grow without bound.
     """
+    validate_scene(scene)
     require(scene, "a prediction of synchronization")
     system = system_of(scene)
     state = validate_state(start if start is not None else initial_state(scene), system)

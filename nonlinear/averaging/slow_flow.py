@@ -15,6 +15,7 @@ from modal.types import Booleans, Complexes, Floats
 from nonlinear.averaging.equations import AveragedEquations, derivative
 
 GAIN, TURN = 0.4, 1.0  # largest growth and rotation (rad) within a step
+COARSE = 1.5  # times longer steps where Newton's method corrects the end
 BEAT = 8  # looks within a step at amplitudes that rotate freely
 PERIODS = 64  # fast periods in the first part
 MOST_STEPS = 6000
@@ -113,12 +114,12 @@ def settle(
 def settle_apart(
     averaged: AveragedEquations, starts: Complexes, kept: Booleans, most: int = MOST_STEPS
 ) -> tuple[SlowFlow, ...]:
-    """The same from each start with its own steps, restricted to the modes kept of it (C, S)."""
+    """The same from each start with its own steps, COARSE times as long, restricted to the modes kept of it (C, S)."""
     found: list[SlowFlow] = []
     for part in (slice(start, start + TOGETHER) for start in range(0, starts.shape[1], TOGETHER)):
         every = [averaged if own.all() else averaged.only(own) for own in kept[:, part].T]
         pairs = zip(every, starts[:, part].T, strict=True)
-        motions = [_settling(own, start[:, None], most, 0.0) for own, start in pairs]
+        motions = [_settling(own, start[:, None], most, 0.0, COARSE) for own, start in pairs]
         found += [motion for (motion,) in _followed(averaged, motions, kept[:, part])]
     return tuple(found)
 
@@ -141,16 +142,18 @@ def _followed(
     return [found[number] for number in range(len(motions))]
 
 
-def _settling(averaged: AveragedEquations, starts: Complexes, most: int, least: float) -> Settling:
+def _settling(averaged: AveragedEquations, starts: Complexes, most: int, least: float, coarse: float = 1.0) -> Settling:
     period = 2 * pi / float(averaged.omega.min())
-    times, z, reach = yield from _part(averaged, starts, 0.0, min(PERIODS * period, most / _pace(averaged, starts)))
+    until = min(PERIODS * period, most / _pace(averaged, starts))
+    times, z, reach = yield from _part(averaged, starts, 0.0, until, coarse)
     going = _going(averaged, z, starts)
     while (
         (going.any() or times[-1] < least)
         and not runs_away(averaged, z[..., -1])
         and times[-1] * _pace(averaged, z[..., -1]) < most / 2
     ):
-        more, further, least_reach = yield from _part(averaged, z[..., -1], float(times[-1]), float(times[-1]))
+        last = float(times[-1])
+        more, further, least_reach = yield from _part(averaged, z[..., -1], last, last, coarse)
         reach = np.minimum(reach, least_reach)
         going = _going(averaged, further, starts)
         times, z = np.append(times, more[1:]), np.concatenate((z, further[..., 1:]), axis=-1)
@@ -163,13 +166,13 @@ def runs_away(averaged: AveragedEquations, z: Complexes) -> bool:
 
 
 def _part(
-    averaged: AveragedEquations, starts: Complexes, begin: float, duration: float
+    averaged: AveragedEquations, starts: Complexes, begin: float, duration: float, coarse: float
 ) -> Generator[_Stretch, None, tuple[Floats, Complexes, Floats]]:
     """Amplitudes at PER_PART + 1 times, in steps that fit both ends of every interval, and the least reach."""
     span, pace, found = duration / PER_PART, _pace(averaged, starts), [starts]
     turning, reach = averaged.turning(starts), averaged.reach(starts)
     while len(found) <= PER_PART:
-        steps = max(1, ceil(span * pace))
+        steps = max(1, ceil(span * pace / coarse))
         yield (stretch := _Stretch(found[-1], turning, span / steps, steps, reach))
         z, turned = _stopped(averaged, found[-1], stretch.z), stretch.turning
         if _alike(found[-1], z):
@@ -230,13 +233,16 @@ def _least_reach(averaged: AveragedEquations, z: Complexes, turns: Complexes) ->
 
 
 def _pace(averaged: AveragedEquations, z: Complexes) -> float:
-    """Steps per second from these amplitudes (C, S) on."""
-    turning = averaged.turning(z)
+    """Steps per second from these amplitudes (C, S) on; modes that are left out set no pace."""
+    turning, own = averaged.turning(z), averaged.shapes.any(axis=0)
+    both = np.tile(own, 2)
     slopes = (
-        derivative(averaged.smooth, start, pace) for start, pace in zip(z.T, turning.T, strict=True) if start.any()
+        derivative(averaged.smooth, start, pace)[np.ix_(both, both)]
+        for start, pace in zip(z.T, turning.T, strict=True)
+        if start.any()
     )
     fast = max((np.linalg.norm(slope, 2) for slope in slopes), default=0.0)
-    return max(float(fast) / GAIN, float(np.abs(averaged.detuning(turning)).max()) / TURN)
+    return max(float(fast) / GAIN, float(np.abs(averaged.detuning(turning)[own]).max()) / TURN)
 
 
 def _going(averaged: AveragedEquations, z: Complexes, starts: Complexes) -> Booleans:

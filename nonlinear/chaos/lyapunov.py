@@ -22,7 +22,8 @@ import scipy
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, visible
-from modal.scene import Scene, frequencies_of, require, title_of
+from modal.scene import Scene, frequencies_of, require, title_of, validate_scene
+from modal.scene.doors import checked, checked_number
 from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics
@@ -36,6 +37,10 @@ from nonlinear.system import State, initial_state, numbers_of, system_of, valida
 
 TRANSIENT = 0.5
 """Fraction of the duration run beforehand, for v to align with the fastest growing direction."""
+WIDEST = 10.0
+"""Spread of starts (rad)."""
+MOST_SAMPLES = 50_000_000
+"""Numbers of the growth that are kept."""
 THIRDS = 3
 """Parts of the whole time, of which the transient is the first."""
 SHORTEST, USUAL = 20.0, 200.0
@@ -207,6 +212,7 @@ class Exponent(Displayed):
         return "\n".join(lines)
 
 
+@checked
 def lyapunov_exponent(
     scene: Scene,
     duration: float | None = None,
@@ -230,6 +236,7 @@ def lyapunov_exponent(
     """
     require(scene, "a Lyapunov exponent")
     frequencies_of(scene)
+    checked_number("spread", spread, 0.0, WIDEST)
     duration = usual_duration(scene) if duration is None else duration
     validate(
         lambda: validate_numbers(duration, tolerance, 0.0),
@@ -238,6 +245,7 @@ def lyapunov_exponent(
     )
     _check(scene, duration, SHORTEST / USUAL * usual_duration(scene))
     tangent = Tangent(system_of(scene))
+    _refuse_endless(duration, float(tangent.scale[-1, 0]), ensemble if starts is None else len(starts))
     rng = np.random.default_rng(seed)
     states = starts if starts is not None else nearby(start or initial_state(scene), ensemble, spread, rng)
     y = np.stack([tangent.equations.begin(validate_state(state, tangent.system)) for state in states], axis=1)
@@ -248,6 +256,7 @@ def lyapunov_exponent(
 
 def usual_duration(scene: Scene) -> float:
     """200 sqrt(l/g) of the longest link (s)."""
+    validate_scene(scene)
     return USUAL * sqrt(max(link.length for link in scene.links()) / scene.gravity)
 
 
@@ -264,6 +273,13 @@ def _check(scene: Scene, duration: float, least: float) -> None:
         problems.append(f"duration {duration!r}: must be at least {least:.3g} s for this scene, {SHORTEST:g} sqrt(l/g)")
     if problems:
         raise SceneError(problems)
+
+
+def _refuse_endless(duration: float, scale: float, members: int) -> None:
+    """SceneError for more samples of the growth than can be kept."""
+    if (samples := (1 + TRANSIENT) * duration * scale * members) > MOST_SAMPLES:
+        longest = duration * MOST_SAMPLES / samples
+        raise SceneError([f"duration {duration:g}: must be at most {longest:.3g} s for {members} starts of this scene"])
 
 
 def _grown(

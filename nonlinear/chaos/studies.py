@@ -14,6 +14,7 @@ import numpy as np
 
 from modal.report import Displayed
 from modal.scene import Scene
+from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
 from nonlinear.system import Group, State, system_of
@@ -61,6 +62,7 @@ class Finding(Displayed):
 
 def measure(study: Study, report: Callable[[float], object] = lambda done: None) -> Finding:
     """The exponents of a study; `report` is called with the number of cases done."""
+    require_type("study", study, "Study")
     found = []
     for done, case in enumerate(study.cases, 1):
         starts = level_starts(case.scene, study.ensemble)

@@ -32,11 +32,13 @@ class Tangent:
     def scale(self) -> Floats:
         """Natural units of y, (size, 1): 1 for angles, l for the cart, sqrt(g/l) and l sqrt(g/l) for their rates.
 
-        l is the shortest link.
+        l is the shortest link, the unit of all that moves in m.
         """
         length = float(self.system.by_link("length").min())
         half = np.ones(self.equations.layout.half)
         half[: self.equations.layout.first] = length
+        if self.system.structure is not None:
+            half[list(self.system.structure.turning)] = 1.0
         return np.concatenate((half, half * np.sqrt(self.system.gravity / length)))[:, None]
 
     def product(self, y: Floats, v: Floats) -> tuple[Floats, Floats]:

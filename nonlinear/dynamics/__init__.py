@@ -27,7 +27,9 @@ from nonlinear.dynamics.maximal import Maximal
 from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
 from nonlinear.dynamics.minimal import Arranged, Body, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
+from nonlinear.dynamics.structure_steps import StructureSteps, structure_steps
 from nonlinear.dynamics.symmetries import Reduced, Symmetry, exactly_symmetric, find_symmetries, symmetrize, synchronous
+from nonlinear.dynamics.tape import Tape
 from nonlinear.dynamics.text import Module, sincos
 
 __all__ = [
@@ -55,7 +57,9 @@ __all__ = [
     "Small",
     "Spatial",
     "SpatialRecursion",
+    "StructureSteps",
     "Symmetry",
+    "Tape",
     "Written",
     "acting",
     "children_without_interrupts",
@@ -72,6 +76,7 @@ __all__ = [
     "refuse_jam",
     "sincos",
     "sine_steps",
+    "structure_steps",
     "support_steps",
     "symmetrize",
     "synchronous",

@@ -15,11 +15,11 @@ import numpy as np
 from modal.eigen.compiling import available, in_place
 from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
-from nonlinear.dynamics.compiled_structure import Flat, flat_of, rate_on_carriers
+from nonlinear.dynamics.compiled_structure import FlatStructure, flat_of, link_at, rate_on_carriers
 from nonlinear.dynamics.inputs import NOTHING
 from nonlinear.dynamics.joints import joint_law
 from nonlinear.dynamics.minimal import Minimal
-from nonlinear.dynamics.recursion import Answer, Link, Turn, ended, hung, links_of, passed
+from nonlinear.dynamics.recursion import Answer, Turn, ended, hung, links_of, passed
 from nonlinear.dynamics.text import sincos
 from nonlinear.system import System
 
@@ -57,11 +57,6 @@ def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
     return kept + working, working * speed
 
 
-@in_place
-def _link(links, i):  # type: ignore[no-untyped-def]
-    return Link(links[i, 0], links[i, 1], links[i, 2], links[i, 3], links[i, 4], links[i, 5], links[i, 6])
-
-
 @partial(in_place, forceinline=True)
 def rate(  # type: ignore[no-untyped-def]  # noqa: PLR0912
     y, links, first, cart, gravity, hinged, works, structure, push, moments, turns, found
@@ -96,9 +91,9 @@ def rate(  # type: ignore[no-untyped-def]  # noqa: PLR0912
             if moments.size:
                 Q = moments[i] + Q
             if i == first[p + 1] - 1:
-                below, turn = _ended(_link(links, i), sin[i], cos[i], rates[i], Q)
+                below, turn = _ended(link_at(links, i), sin[i], cos[i], rates[i], Q)
             else:
-                below, turn = _passed(_link(links, i), below, sin[i], cos[i], rates[i], Q)
+                below, turn = _passed(link_at(links, i), below, sin[i], cos[i], rates[i], Q)
             share = 1.0 / turn.D
             hx[i], hz[i], e[i] = share * turn.hx, share * turn.hz, share * turn.e
         mass, force = mass + below.xx, force + (below.px - gravity * below.xz)
@@ -111,7 +106,7 @@ def rate(  # type: ignore[no-untyped-def]  # noqa: PLR0912
         ax, az = x2, -gravity
         for i in range(first[p], first[p + 1]):
             turn = Turn(hx[i], hz[i], e[i], 1.0, sin[i], cos[i], rates[i])
-            turned[i], ax, az = _hung(_link(links, i), turn, ax, az)
+            turned[i], ax, az = _hung(link_at(links, i), turn, ax, az)
     if works:
         for i in range(moments.size):
             power += moments[i] * rates[i]
@@ -129,7 +124,7 @@ class Compiled(Minimal):
             raise MissingExtraError("numba", "fast")
 
     @cached_property
-    def scene(self) -> tuple[Floats, Ints, Floats, float, bool, bool, Flat | None]:
+    def scene(self) -> tuple[Floats, Ints, Floats, float, bool, bool, FlatStructure | None]:
         """Arguments of `rate`: constants, first links, cart, gravity, whether joints act, y has work, a structure."""
         cart = self.system.cart
         return (

@@ -33,7 +33,7 @@ _swung, _turned, _along_arc, _swayed = in_place(swung), in_place(turned), in_pla
 _stretched, _slack, _eliminate = in_place(stretched), in_place(slack), in_place(eliminate)
 
 
-class Flat(NamedTuple):
+class FlatStructure(NamedTuple):
     """A structure in flat arrays; the last are room for what is computed.
 
     Of every coordinate `kind`, `way` (d, 2), `length` of rods, and `law` (d, 3): stiffness, damping, carried weight; of
@@ -67,7 +67,7 @@ class Flat(NamedTuple):
     loads: Floats
 
 
-def flat_of(system: System) -> Flat:
+def flat_of(system: System) -> FlatStructure:
     """The arrays of a system on a structure without modal supports."""
     carriers = Carriers(system)
     structure, d, links = carriers.structure, carriers.structure.size, system.n_links
@@ -105,7 +105,7 @@ def flat_of(system: System) -> Flat:
     ]
     held = np.array([pivot.carrier for pivot in pivots]), np.array([pivot.where for pivot in pivots], dtype=float)
     first = np.array(structure.offsets)
-    return Flat(
+    return FlatStructure(
         kind,
         way,
         length,
@@ -298,7 +298,8 @@ def _begun(F, y, half, gravity):  # type: ignore[no-untyped-def]
 
 
 @in_place
-def _link(links, i):  # type: ignore[no-untyped-def]
+def link_at(links, i):  # type: ignore[no-untyped-def]
+    """The numbers of a link, as the text of one step along its chain takes them."""
     return Link(links[i, 0], links[i, 1], links[i, 2], links[i, 3], links[i, 4], links[i, 5], links[i, 6])
 
 
@@ -347,9 +348,9 @@ def _climb(y, links, first, half, gravity, hinged, F, turns, torque):  # type: i
                 Q += torque[i] + (cos[i] * ax - sin[i] * az)
                 tx, tz = tx + F.loads[0, i], tz + F.loads[1, i]
             if i == first[p + 1] - 1:
-                below, turn = _ended(_link(links, i), sin[i], cos[i], rates[i], Q)
+                below, turn = _ended(link_at(links, i), sin[i], cos[i], rates[i], Q)
             else:
-                below, turn = _passed(_link(links, i), below, sin[i], cos[i], rates[i], Q)
+                below, turn = _passed(link_at(links, i), below, sin[i], cos[i], rates[i], Q)
             share = 1.0 / turn.D
             hx[i], hz[i], e[i] = share * turn.hx, share * turn.hz, share * turn.e
         if F.angle[c] >= 0:
@@ -376,7 +377,7 @@ def _descend(y, links, first, half, gravity, F, turns, found):  # type: ignore[n
         ax, az = startx, startz
         for i in range(first[p], first[p + 1]):
             turn = Turn(hx[i], hz[i], e[i], 1.0, sin[i], cos[i], rates[i])
-            found[i], ax, az = _hung(_link(links, i), turn, ax, az)
+            found[i], ax, az = _hung(link_at(links, i), turn, ax, az)
 
 
 @in_place

@@ -49,15 +49,21 @@ def potential_energy(group: Group, first: Group, angles: Any, gravity: Any, down
 
 def energy_on_carriers(system: System, q: Any, v: Any) -> Any:
     """The energy (J) of a scene on a structure, of constant lengths, at coordinates q and rates v (half, ...)."""
+    kinetic, potential = energies_on_carriers(system, q, v)
+    return kinetic + potential
+
+
+def energies_on_carriers(system: System, q: Any, v: Any) -> tuple[Any, Any]:
+    """The kinetic and the potential part of it."""
     bearing, first = CarriersAt(Carriers(system), q, v, bare=True), system.first
-    found = bearing.kinetic + bearing.potential
+    kinetic, potential = bearing.kinetic, bearing.potential
     for _, own in bearing.tensions(q, v):
-        found = found + own.energy.sum(0)
+        potential = potential + own.energy.sum(0)
     for number, group in enumerate(system.groups):
         angles, rates = q[first:][group.index], v[first:][group.index]
         (_, down), velocity = bearing.pivots(number)
         base = bearing.joints(number).base
-        found = found + kinetic_energy(group, 0.0, angles, rates, velocity).sum(0)
+        kinetic = kinetic + kinetic_energy(group, 0.0, angles, rates, velocity).sum(0)
         turned = None if base is None else base[0]
-        found = found + potential_energy(group, group, angles, system.gravity, down, turned).sum(0)
-    return found
+        potential = potential + potential_energy(group, group, angles, system.gravity, down, turned).sum(0)
+    return kinetic, potential

@@ -196,6 +196,7 @@ class Symbolic:
             if same:
                 entries[at["centre"] + k] = entries[at["length"] + k]
         ratios = [next(p) if has else 0.0 for has in form.ratios]
+        self.entries = tuple(entries)
         return with_prescribed(system_with(form.system, entries), [*ratios, *p])
 
 

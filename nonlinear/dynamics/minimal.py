@@ -425,6 +425,27 @@ class Minimal(Suspended):
         return plane_drag(group, links, rates, cart_rate, support, speed)
 
 
+def drained_on_carriers(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.0, 0.0)) -> Floats:
+    """The power (W), (S,), that dampers, drives and drag bring to states of a structure side by side, q, v (half, S).
+
+    As in `nonlinear.dynamics.joints.drained`, drag is that in the laboratory, where the `support` moves so fast (m/s).
+    """
+    equations = Minimal(system, tuple(Recursion(group, tail=1) for group in system.groups))
+    y, instant, first = np.concatenate((q, v)), Instant(velocity=support), system.first
+    if not equations.layout.works:
+        return np.zeros(q.shape[1:])
+    power = equations.rates(np.concatenate((y, np.zeros_like(y[:1]))), instant)[-1]
+    bearing = equations.bearing(q, v, instant)
+    for k, group in enumerate(system.groups):
+        if group.dragged:
+            links, rates = q[first:][group.index], v[first:][group.index]
+            own = equations.external(group, links, rates, bearing.joints(k).velocity, instant)
+            assert own is not None
+            along, down = own.forces.sum((1, 2))
+            power = power + along * support[0] + down * support[1]
+    return np.asarray(power)
+
+
 def transmitted(group: Group, winding: Any, angles: Any, rates: Any, turns: Any, start: Any, external: Any) -> Any:
     """The force f (2, n, P) on every link from above, along the rail and down: f = Σ m (a − g) − F of all below it.
 

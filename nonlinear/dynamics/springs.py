@@ -187,7 +187,9 @@ class Springs:
                 found.append((tight, _tension(stiffness[tight], stretched(*law, *own[0], *own[1]))))
             if len(loose):
                 law = stiffness[loose], damping[loose]
-                found.append((loose, _tension(law[0], slack(*law, *stretch[:, loose], *speed[:, loose]))))
+                tension = _tension(law[0], slack(*law, *stretch[:, loose], *speed[:, loose]))
+                x, z = stretch[:, loose]
+                found.append((loose, tension._replace(energy=law[0] * (x * x + z * z) / 2)))
         if len(torsion):
             angles = [
                 np.stack([self._bent(self.structure.springs[k], values, carrying) for k in torsion])

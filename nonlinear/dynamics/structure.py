@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.structure import CarrierEnd, CarrierNumbers, Moving, Structure
+from modal.structure import CarrierEnd, CarrierNumbers, Moving, Structure, carried
 from modal.types import Ints
 from nonlinear.dynamics.bearing import Bearing, Joints
 from nonlinear.dynamics.drag import External
@@ -102,15 +102,6 @@ def swayed(s: Any, h: Any, sine: Any, versine: Any) -> Vector:
     return h * sine - s * versine, -(s * sine + h * versine)
 
 
-def has(number: Any) -> bool:
-    """Whether a number is not 0: of symbols those that are, of arrays any."""
-    return number.dtype.hasobject or bool(np.any(number)) if isinstance(number, np.ndarray) else _is_there(number)
-
-
-def _is_there(number: Any) -> bool:
-    return not isinstance(number, float | int) or number != 0
-
-
 def inertia(carrier: CarrierNumbers, centre: Moving) -> list[list[Any]]:
     """The lower half of the carrier's own mass matrix; its centre of mass moves like this."""
     if carrier.M is not None:
@@ -148,11 +139,6 @@ def _product(row: Sequence[Any], values: Sequence[Any]) -> Any:
     return sum((each * own for each, own in zip(row, values, strict=True)), 0.0)
 
 
-def _carries(carrier: CarrierNumbers, k: int) -> bool:
-    """Whether its own spring carries the weight along one of its coordinates."""
-    return carrier.K is not None or has(carrier.stiffness[k])
-
-
 # ------------------------------------------------------------------------------------------------ all carriers
 
 
@@ -180,27 +166,12 @@ class Carriers:
 
     @cached_property
     def weights(self) -> list[Any]:
-        """The weights' generalized forces W (first,) at the drawn rest where carriers' springs carry them, else 0."""
-        structure, gravity = self.structure, self.system.gravity
-        found: list[Any] = [0.0] * structure.size
-        none = [0.0] * structure.size
-        drawn = self._moved(none, none)
-        for number, carrier in enumerate(structure.carriers):
-            if carrier.M is None:
-                self._weigh(found, number, self.centre(number, none, none).slopes, carrier.mass)
-        for group, bundles, moves in zip(self.system.groups, self.bundles, drawn, strict=True):
-            for bundle, moving in zip(bundles, moves, strict=True):
-                mass = group.block.mass[:, bundle.columns].sum(0)
-                shared = mass.sum(0) if bundle.together else mass
-                self._weigh(found, bundle.carrier, moving.slopes, shared, bundle.together)
-        return [gravity * each for each in found]
-
-    def _weigh(self, found: list[Any], number: int, slopes: Any, mass: Any, together: bool = True) -> None:
-        carrier, first = self.structure.carriers[number], self.structure.offsets[number]
-        for k, (_, z) in enumerate(slopes):
-            if _carries(carrier, k):
-                own = mass * z
-                found[first + k] = found[first + k] + (own if together else own.sum(0))
+        """W (first,), N or N m: the weights at the drawn rest where carriers' own springs carry them, else 0."""
+        hung: list[Any] = [0.0] * len(self.structure.pivots)
+        for group in self.system.groups:
+            for column, pendulum in enumerate(group.pendula.tolist()):
+                hung[pendulum] = group.block.mass[:, column].sum(0)
+        return carried(self.structure, hung, self.system.gravity)
 
     def _moved(self, eta: Sequence[Any], rates: Sequence[Any]) -> list[list[Moving]]:
         """How the pivots of all bundles move."""

@@ -148,6 +148,13 @@ class Variational(Generated):
         """
         return np.array([np.broadcast_to(one, q.shape[1:]) for one in self._momenta([*q, *v])])
 
+    def impulse_slope(self, y: Floats, along: Floats) -> Floats:
+        """The derivative by y (d,) of the momentum of a structure along a displacement (half,) of its coordinates."""
+        half = self.layout.half
+        q, v = y[:half, None], y[half:, None]
+        moved = self.momenta(q + 1j * TINY * np.eye(half), np.broadcast_to(v, (half, half)))
+        return np.concatenate((along @ moved.imag / TINY, self.momenta(q, along[:, None])[:, 0]))
+
     @cached_property
     def _momenta(self) -> Any:
         module = _gradients(self._still)

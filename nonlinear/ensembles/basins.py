@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, Summary, as_csv, as_json, deferred, finite, grid, tabulated, titled
+from modal.report import Displayed, Form, Summary, as_csv, as_json, deferred, finite, grid, tabulated, titled
 from modal.scene import InitialCondition, Pendulum, Scene, describe, name_of, require, title_of
+from modal.scene.doors import checked
 from modal.scene.parameters import Variation, parse_variations
 from modal.types import Floats
 from nonlinear.ensembles.attractors import Attractor, find_attractors
@@ -121,6 +122,7 @@ class Basins(Displayed):
         }
 
 
+@checked
 def find_basins(
     scene: Scene,
     duration: float | None = None,
@@ -169,6 +171,7 @@ def _names(scene: Scene) -> tuple[str, ...]:
     return (NONE, *(f"{agreement(one)}, mode {one.number}" for one in configurations(scene)))
 
 
+@checked
 def grid_of(scene: Scene, vary: Sequence[str] | Sequence[Variation] = ()) -> tuple[Variation, ...]:
     """The two numbers that are varied; SceneError where there are more or fewer."""
     given = vary or usual_axes(scene)
@@ -187,6 +190,7 @@ def usual_duration(scene: Scene, measure: str) -> float:
     return float(PERIODS * np.sqrt(max(link.length for link in scene.links()) / scene.gravity))
 
 
+@checked
 def begins_in_mode(scene: Scene, axes: Sequence[Variation]) -> bool:
     """Whether a scene without a start is varied in other numbers than a start."""
     return not has_start(scene) and not any(".start." in axis.path for axis in axes)
@@ -228,7 +232,8 @@ def usual_axes(scene: Scene) -> list[str]:
     return [f"{place}={-WIDEST:g}:{WIDEST:g}:{size}" for place in places]
 
 
-def basins_table(found: Basins, form: str) -> str:
+@checked
+def basins_table(found: Basins, form: Form) -> str:
     """As text, csv (one line a start) or json, the `form`."""
     if form == "json":
         return as_json(found.record())

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
-from modal.report import Displayed, Summary, as_csv, as_json, by_column, counted, deferred, finite, grid, titled
-from modal.scene import Scene, describe, drive_period, name_of, require, title_of
+from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, counted, deferred, finite, grid, titled
+from modal.scene import Scene, describe, drive_period, name_of, require, title_of, validate_scene
+from modal.scene.doors import checked
 from modal.scene.parameters import Variable, Variation, find_places, parse_variations, validate_variations
 from modal.types import Floats, Ints
 from nonlinear.ensembles.running import ensemble
@@ -118,6 +119,7 @@ def find_bifurcations(
     >>> found.times.shape, found.repeats.tolist()
     ((3, 50), [1, 1, 1])
     """
+    validate_scene(scene)
     require(scene, "a stroboscopic section")
     variation, shown, _ = validate(
         lambda: _variation(scene, vary),
@@ -203,7 +205,8 @@ def _strobed(
 # ------------------------------------------------------------------------------------------------------- as text
 
 
-def bifurcation_table(found: BifurcationDiagram, form: str) -> str:
+@checked
+def bifurcation_table(found: BifurcationDiagram, form: Form) -> str:
     """As text, csv (one line a strobe) or json, the `form`."""
     if form == "csv":
         return as_csv(_records(found))

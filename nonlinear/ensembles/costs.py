@@ -19,7 +19,7 @@ from nonlinear.ensembles.series import SEEN, series_of
 from nonlinear.integration import kernels, taylor_takes
 from nonlinear.integration.crowds import Crowd
 from nonlinear.integration.readiness import Code, Forgone, Offer, best_of, forgone_by
-from nonlinear.system import Numbers, numbers_of, system_of
+from nonlinear.system import Numbers, ends_may_meet, numbers_of, system_of
 
 ENGINES = (LANES, COMPILED, SERIES, PLAIN)
 SOONER = {LANES: 1.0, COMPILED: 5.0, SERIES: 7.0}
@@ -109,9 +109,9 @@ def _offers(members: Members, duration: float, tolerance: float, measures: Seque
 def _takes(name: str, members: Members) -> bool:
     """Whether it is a choice: equations that are not written out in a few lines numba compiles for minutes.
 
-    By series a massless cart overflows at its rest already.
+    By series a massless cart overflows at its rest already, and springs whose ends meet pull on as if they had not.
     """
-    if name == SERIES and "massless_cart" in members.scene.features:
+    if name == SERIES and ("massless_cart" in members.scene.features or ends_may_meet(system_of(members.scene))):
         return False
     if not _recorded(name, members.scene) or refusals(members.scene, f"engine {name}", *members.varied):
         return False

@@ -17,7 +17,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, counted
-from modal.scene import Scene, describe, name_of
+from modal.scene import Scene, describe, name_of, validate_scene
 from modal.scene.features import varied_features
 from modal.scene.parameters import (
     Place,
@@ -212,6 +212,7 @@ class Members(Displayed):
 
 def members_of(scene: Scene, starts: Starts | None, vary: Vary | None) -> Members:
     """The members of a scene with these starts or variations; SceneError names every mistake."""
+    validate_scene(scene)
     if (starts is None) and not vary:
         raise SceneError([NONE_GIVEN])
     states, (axes, lists) = validate(

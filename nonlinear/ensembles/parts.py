@@ -7,25 +7,54 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from modal.errors import SceneError
 from modal.scene import whole_file
+from modal.scene.contents import content_of, text_of
+from modal.scene.sealed import UNREADABLE
 from nonlinear.ensembles.computing import Chunk
+from nonlinear.ensembles.measures import Columns
+from nonlinear.ensembles.members import Part
 from nonlinear.ensembles.question import Question
 from nonlinear.files import as_npz, from_npz
 
 HEADER = "ensemble.json"
+AGAIN = "remove it, and it is computed again"
+JUDGED = "energy_drift"
+"""A column that every engine gives."""
+CROSSING = "crossing_"
+"""What columns begin with that have a row for every crossing, not for every member."""
 
 
 def engine_of_folder(folder: str | os.PathLike[str] | None) -> str:
     """The engine by which a folder was begun; "" where there is no header that says so."""
     try:
-        return str(json.loads((Path(folder or "") / HEADER).read_text(encoding="utf-8"))["engine"])
-    except (OSError, ValueError, KeyError, TypeError):
+        return str(json.loads(text_of(Path(folder or "") / HEADER))["engine"])
+    except (ValueError, KeyError, TypeError, RecursionError):
         return ""
+
+
+def _is(path: Path, content: bytes) -> bool:
+    """Whether a file holds just this."""
+    try:
+        return content_of(path) == content
+    except SceneError as error:
+        raise SceneError([f"{path}: {problem}" for problem in error.problems]) from None
+
+
+def _refuse_unlike(columns: Columns, reasons: Mapping[int, str], differences: Mapping[int, float], part: Part) -> None:
+    """ValueError for columns that are no numbers of these members, and for members that are not among them."""
+    if not {*reasons, *differences} <= {*range(part.first, part.first + part.size)}:
+        raise ValueError
+    if JUDGED not in columns and (columns or len(reasons) < part.size):
+        raise ValueError
+    crossed = {len(own) for name, own in columns.items() if name.startswith(CROSSING)}
+    whole = {len(own) for name, own in columns.items() if not name.startswith(CROSSING)}
+    if len(crossed) > 1 or not whole <= {part.size} or any(own.dtype.kind not in "fib" for own in columns.values()):
+        raise ValueError
 
 
 class Parts:
@@ -44,7 +73,7 @@ class Parts:
                 raise SceneError([f"{self.folder}: holds parts of another ensemble"])
             with whole_file(path) as stream:
                 stream.write(header.encode())
-        elif path.read_text(encoding="utf-8") != header:
+        elif not _is(path, header.encode()):
             words = "holds another ensemble: remove it, or write to another folder"
             raise SceneError([f"{self.folder}: {words}"])
 
@@ -75,12 +104,12 @@ class Parts:
             self._refuse_other(number, header)
             reasons = {int(member): str(reason) for member, reason in header["reasons"].items()}
             differences = {int(k): float.fromhex(own) for k, own in header["differences_rad"].items()}
+            _refuse_unlike(columns, reasons, differences, self.question.part(number))
             return Chunk(int(header["first"]), int(header["size"]), columns, reasons, differences)
-        except SceneError:
-            raise
-        except (ValueError, KeyError, TypeError, AttributeError, EOFError) as error:
-            words = "is damaged: remove it, and it is computed again"
-            raise SceneError([f"{self.path(number)}: {words} ({type(error).__name__})"]) from None
+        except SceneError as error:
+            raise SceneError([f"{self.path(number)}: {problem}" for problem in error.problems]) from None
+        except UNREADABLE as error:
+            raise SceneError([f"{self.path(number)}: is damaged ({type(error).__name__}): {AGAIN}"]) from None
 
     def _refuse_other(self, number: int, header: dict[str, Any]) -> None:
         """SceneError for the header of a chunk that does not stand in this place of this ensemble."""
@@ -92,7 +121,7 @@ class Parts:
             last = int(header["first"]) + int(header["size"]) - 1
             why = f"holds members {header['first']} to {last}, not {part.first} to {part.first + part.size - 1}"
         if why:
-            raise SceneError([f"{self.path(number)}: {why}: remove it, and it is computed again"])
+            raise SceneError([f"{why}: {AGAIN}"])
 
     def __iter__(self) -> Iterator[Chunk]:
         return (self.read(number) for number in range(self.question.chunks) if self.path(number).exists())

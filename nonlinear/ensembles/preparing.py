@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
-from modal.report import Displayed, Summary, as_json, by_column, grid, tabulated, titled
+from modal.report import Displayed, Form, Summary, as_json, by_column, grid, tabulated, titled
 from modal.scene import Scene, refusals, title_of, validate_scene
+from modal.scene.doors import checked
 from nonlinear.ensembles.costs import code_of, first_numbers
 from nonlinear.ensembles.measures import asked, validate_measures
 from nonlinear.ensembles.members import members_of
@@ -143,7 +144,8 @@ def _ready(
     return CompiledCode(runs, engine, action, seconds, kept_in(before))
 
 
-def compilation_table(found: Compilation, form: str) -> str:
+@checked
+def compilation_table(found: Compilation, form: Form) -> str:
     """As text or json, the `form`.
 
     >>> from modal import load

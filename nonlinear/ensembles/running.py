@@ -21,7 +21,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, counted
-from modal.scene import Scene, name_of, require, validate_scene
+from modal.scene import Scene, name_of, require
 from modal.scene.parameters import Vary
 from modal.types import Floats
 from nonlinear.ensembles.computing import Chunk, compute, engine_of
@@ -212,7 +212,6 @@ def ensemble(
     >>> found.final.links.shape
     (2, 1)
     """
-    validate_scene(scene)
     validate(
         lambda: validate_whole(0, check=check),
         lambda: validate_whole(1, optional=True, chunk=chunk, workers=workers),

@@ -11,7 +11,7 @@ from collections.abc import Hashable, Iterable, Sequence
 import numpy as np
 
 from modal.errors import MultipendulaError
-from modal.scene import AnyLink, ModalSupport, Scene, one_by_one, refusals
+from modal.scene import AnyLink, ModalSupport, Scene, one_by_one, refusals, validate_scenes
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.found import Wanted
@@ -65,6 +65,7 @@ def _moved(scene: Scene) -> Hashable:
 
 def run_together(scenes: Iterable[Scene], duration: float) -> dict[Scene, Trajectory]:
     """The runs of those scenes that can go together, from their usual starts; the others are left out."""
+    scenes = validate_scenes(scenes if isinstance(scenes, Sequence) else [*scenes])
     forms: dict[Hashable, list[Scene]] = {}
     for scene in dict.fromkeys(scenes):
         if (form := form_of(scene)) is not None:

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.report import Displayed, Summary, as_csv, as_json, by_column, deferred, finite, titled
+from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, deferred, finite, titled
 from modal.scene import Scene, describe, name_of, require, title_of
+from modal.scene.doors import checked, checked_index, checked_number
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
@@ -23,13 +24,14 @@ from nonlinear.ensembles.found import Section
 from nonlinear.ensembles.measures import section_of
 from nonlinear.ensembles.plain import CARRIED
 from nonlinear.ensembles.running import Ensemble, ensemble
-from nonlinear.integration import validate_whole
+from nonlinear.integration import estimate_timescales
 from nonlinear.reduction import usual_start
 from nonlinear.system import State, System, numbers_of, system_of
 
 ORBITS, PERIODS = 24, 200.0  # motions, and how long each goes on in sqrt(l/g), where nobody says
 TRIES = 20_000  # starts drawn for each one that has the energy
-SEED = 7
+SEED, MOST_ORBITS = 7, 100_000
+FASTEST = 1e4  # of the scene's fastest swing: a motion with faster links takes days
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -84,6 +86,7 @@ class PoincareSection(Displayed):
         return np.asarray(180 - (180 - angle) % 360), rate
 
 
+@checked
 def find_section(
     scene: Scene,
     duration: float | None = None,
@@ -100,12 +103,11 @@ def find_section(
     angle upwards through 0.  SceneError for a scene that does not keep its energy, and where no start has it.
     """
     require(scene, "a Poincaré section")
-    validate_whole(1, orbits=orbits)
+    checked_index("orbits", orbits, 1, MOST_ORBITS)
     system = system_of(scene)
     text = at or f"{system.labels[system.first]}>0"
     section = section_of(f"section:{text}", system)
-    if energy is None:
-        energy = energy_of(scene, usual_start(scene))
+    energy = energy_of(scene, usual_start(scene)) if energy is None else checked_number("energy", energy)
     starts = starts_at(scene, section, energy, orbits)
     length = PERIODS * sqrt(max(link.length for link in scene.links()) / scene.gravity)
     found = ensemble(scene, duration or length, starts=starts, measures=[f"section:{text}"], report=report, **options)
@@ -129,6 +131,7 @@ def starts_at(scene: Scene, section: Section, energy: float, count: int) -> list
     layout = Lanes(numbers).layout
     rng, first, half = np.random.default_rng(SEED), layout.first, layout.half
     found: list[State] = []
+    pace = estimate_timescales(scene).swing
     for _ in range(20):
         y = np.zeros((layout.size, TRIES // 20 * max(1, count // 10)))
         y[first:half] = rng.uniform(-np.pi, np.pi, (half - first, y.shape[1]))
@@ -141,6 +144,9 @@ def starts_at(scene: Scene, section: Section, energy: float, count: int) -> list
         good = np.flatnonzero(left >= 0)
         y = y[:, good]
         y[half : 2 * half] *= np.sqrt(left[good] / energies.moving[good])
+        if (fastest := float(np.abs(y[half + first : 2 * half]).max(initial=0.0))) > FASTEST * pace:
+            told = f"links would turn at {fastest:.3g} rad/s, over {FASTEST:g} times as fast as the scene swings"
+            raise SceneError([f"energy {energy:g} J: {told}"])
         motion = layout.read(y.T)
         found += [motion[k] for k in range(min(len(good), count - len(found)))]
         if len(found) == count:
@@ -148,7 +154,8 @@ def starts_at(scene: Scene, section: Section, energy: float, count: int) -> list
     raise SceneError([f"energy {energy:g} J: no motion of this energy passes the section"])
 
 
-def section_table(found: PoincareSection, form: str) -> str:
+@checked
+def section_table(found: PoincareSection, form: Form) -> str:
     """As text, csv (one line a crossing) or json, the `form`."""
     if form == "csv":
         return as_csv(_records(found))
@@ -173,17 +180,24 @@ def _records(found: PoincareSection) -> list[dict[str, Any]]:
         column("crossing_time_s").tolist(),
         column("crossing_links_rad").tolist(),
         column("crossing_link_rates_rad_per_s").tolist(),
-        column("crossing_cart_m").tolist(),
-        column("crossing_cart_rate_m_per_s").tolist(),
+        _carried(found),
         strict=True,
     )
     return [
         {"motion": motion + 1, "time_s": time}
         | {f"theta_{place}_rad": own for place, own in zip(places, links, strict=True)}
         | {f"theta_dot_{place}_rad_per_s": own for place, own in zip(places, rates, strict=True)}
-        | {"x_m": x, "x_dot_m_per_s": speed}
-        for motion, time, links, rates, x, speed in rows
+        | carried
+        for motion, time, links, rates, carried in rows
     ]
+
+
+def _carried(found: PoincareSection) -> list[dict[str, float]]:
+    """The cart, or the coordinates of a structure, at every crossing."""
+    own = ("cart_m", "cart_rate_m_per_s") if found.system.structure is None else CARRIED.values()
+    columns = [found.ensemble.column(f"crossing_{name}") for name in own]
+    rows = np.hstack([each.reshape(len(found.orbit), -1) for each in columns]).tolist()
+    return [dict(zip(found.system.first_columns, row, strict=True)) for row in rows]
 
 
 def _whole(found: PoincareSection) -> dict[str, Any]:

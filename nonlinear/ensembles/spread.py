@@ -25,6 +25,7 @@ from modal.report import (
     HTML_ROWS,
     NOTHING,
     Displayed,
+    Form,
     Summary,
     as_json,
     brief,
@@ -36,7 +37,8 @@ from modal.report import (
     titled,
 )
 from modal.scene import Scene, describe, left_out, name_of, title_of
-from modal.scene.parameters import Variable, Variation, find_places, number_at
+from modal.scene.doors import checked
+from modal.scene.parameters import Variable, find_places, number_at, unit_at
 from modal.types import Floats
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
@@ -65,10 +67,11 @@ class Tolerance:
         """As it is written."""
         return f"{self.path}={self.sigma:g}" if self.sigma else f"{self.path}={self.low:g}:{self.high:g}"
 
-    def around(self, value: float) -> str:
-        """In words, with the number's own value and unit."""
-        unit = Variation(self.path, (value,)).unit
+    def around(self, scene: Scene) -> str:
+        """In words, with the scene's own number and its unit."""
+        unit = unit_at(scene, find_places(scene, self.path)[0])
         if self.sigma:
+            value = _value(scene, self.path)
             return f"{self.path} = {value:g} ± {self.sigma:g} {unit}".rstrip()
         return f"{self.path} from {self.low:g} to {self.high:g} {unit}".rstrip()
 
@@ -173,7 +176,7 @@ class Spread(Displayed):
     @property
     def words(self) -> str:
         """What the members were drawn from, numbers with their standard deviations."""
-        texts = [one.around(_value(self.scene, one.path)) for one in self.tolerances]
+        texts = [one.around(self.scene) for one in self.tolerances]
         if self.estimate is not None:
             texts.append(f"{counted(len(self.estimate.paths), 'fitted number', 'fitted numbers')} by their covariance")
         return ", ".join(texts)
@@ -256,6 +259,7 @@ def _share(x: Floats, r: Floats) -> float:
     return float(np.corrcoef(x, r)[0, 1] ** 2)
 
 
+@checked
 def find_spread(
     scene: Scene,
     tolerances: Sequence[str],
@@ -310,7 +314,8 @@ def _scenes(scene: Scene, values: dict[str, Floats]) -> tuple[dict[int, Scene], 
     return scenes, failures
 
 
-def spread_table(found: Spread, form: str) -> str:
+@checked
+def spread_table(found: Spread, form: Form) -> str:
     """As text, csv (one line a member, with its angles at every sample of a motion) or json, the `form`."""
     if form == "csv":
         return csv_rows(_members(found))

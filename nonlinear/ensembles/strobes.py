@@ -18,8 +18,9 @@ import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
 from modal.modes import natural_modes
-from modal.report import Displayed, Summary, as_csv, as_json, by_column, counted, deferred, finite, titled
-from modal.scene import Scene, describe, drive_period, name_of, require, title_of
+from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, counted, deferred, finite, titled
+from modal.scene import Scene, describe, drive_period, name_of, require, title_of, validate_scene
+from modal.scene.doors import checked
 from modal.types import Floats, Ints
 from nonlinear.chaos.lyapunov import nearby
 from nonlinear.ensembles.measures import places
@@ -27,7 +28,7 @@ from nonlinear.ensembles.plain import state_columns
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
 from nonlinear.reduction import usual_start
-from nonlinear.system import System, system_of
+from nonlinear.system import System, system_of, translations
 
 ORBITS, SPREAD, STROBES, SEED = 24, 10.0, 200, 7  # motions, degrees and strobes where nobody says
 KEPT, MOST = 50, 16  # strobes by which a settled motion is judged, and the longest period (T) that is told
@@ -70,7 +71,7 @@ def strobe_columns(system: System) -> list[str]:
 def natural_units(system: System, states: Sequence[Floats]) -> Floats:
     """States (links, their rates, cart, its rate), (S, K, ...), in natural units, (S, K, D), angles (rad) first.
 
-    The place of a cart without a spring is left out: wherever it is, it moves on in the same way.
+    The place of a cart or of carriers that nothing holds is left out: wherever they are, they move on in the same way.
     """
     links, rates, cart, speed, *carried = states
     length = float(system.by_link("length").min())
@@ -80,7 +81,10 @@ def natural_units(system: System, states: Sequence[Floats]) -> Floats:
         columns += [(cart / length)[..., None]] * bool(system.cart.stiffness)
         columns.append((speed / (length * rate))[..., None])
     if carried:
-        columns += [carried[0] / system.first_units, carried[1] / (system.first_units * rate)]
+        places = carried[0]
+        for along in translations(system):
+            places = places - (places @ along)[..., None] * along / (along @ along)
+        columns += [places / system.first_units, carried[1] / (system.first_units * rate)]
     return np.concatenate(columns, axis=-1)
 
 
@@ -222,6 +226,7 @@ def find_strobes(
     >>> found.period, found.times.tolist()[:3], found.repeats.tolist()
     (2.0, [20.0, 22.0, 24.0], [1, 1])
     """
+    validate_scene(scene)
     require(scene, "a stroboscopic section")
     validate(
         lambda: validate_whole(1, orbits=orbits),
@@ -262,7 +267,8 @@ def validate_strobes(*, phase_deg: float, spread_deg: float = 0.0, settle: float
 # ------------------------------------------------------------------------------------------------------- as text
 
 
-def strobes_table(found: StroboscopicSection, form: str) -> str:
+@checked
+def strobes_table(found: StroboscopicSection, form: Form) -> str:
     """As text, csv (one line a strobe) or json, the `form`."""
     if form == "csv":
         return as_csv(_records(found))
@@ -282,14 +288,12 @@ def strobes_table(found: StroboscopicSection, form: str) -> str:
 def state_records(system: System, states: Sequence[Floats]) -> Iterator[dict[str, float]]:
     """Of states (links, their rates, cart, its rate), (N, ...), a record each."""
     named = places(system)
-    names = system.structure.names if system.structure else ()
     for links, rates, x, speed, *carried in zip(*(own.tolist() for own in states), strict=True):
         yield (
             {f"theta_{place}_rad": own for place, own in zip(named, links, strict=True)}
             | {f"theta_dot_{place}_rad_per_s": own for place, own in zip(named, rates, strict=True)}
             | ({"x_m": x, "x_dot_m_per_s": speed} if system.cart is not None else {})
-            | (dict(zip(names, carried[0], strict=True)) if carried else {})
-            | ({f"{name}_per_s": own for name, own in zip(names, carried[1], strict=True)} if carried else {})
+            | (dict(zip(system.first_columns, (*carried[0], *carried[1]), strict=True)) if carried else {})
         )
 
 

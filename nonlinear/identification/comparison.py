@@ -13,6 +13,7 @@ from modal.identification import scene_with
 from modal.identification.parameters import natural_unit
 from modal.report import Displayed
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.scene.parameters import find_places, with_numbers
 from nonlinear.identification.fitting import fit
 from nonlinear.identification.records import FEWEST, Recording
@@ -39,6 +40,7 @@ class Candidate(Displayed):
     held_out_rms: float
 
 
+@checked
 def compare(
     scene: Scene,
     recording: Recording,

@@ -147,7 +147,7 @@ def _misfit(found: Fit, explained: bool) -> Iterator[str]:
 def _bounds(found: Fit) -> Iterator[str]:
     for k in found.fitted:
         one = found.parameters[k]
-        if not one.log and found.unknowns[k] < BOUND:
+        if one.least == 0.0 and found.unknowns[k] < BOUND:
             white = all(len(rho) == 1 for rho in found.rho)
             yield f"{one.path} is at its bound, 0" + (": the record gives no sign of it" if white else "")
 

@@ -23,6 +23,7 @@ from modal.identification import (
     starts_of,
 )
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Booleans, Floats
 from nonlinear.identification.diagnosis import diagnose
 from nonlinear.identification.mistakes import find_mistake, require_radians, require_seconds
@@ -69,6 +70,7 @@ SETTLED = 0.02  # relative change of the noise
 Report = Callable[[float], object]
 
 
+@checked
 def fit(
     scene: Scene,
     recording: Recording,

@@ -17,14 +17,14 @@ from modal.errors import SceneError
 from modal.identification import Parameter, scene_with
 from modal.identification.parameters import numbers_at
 from modal.report import Displayed
-from modal.scene import Scene, refusals
+from modal.scene import AnyLink, Scene, refusals
 from modal.scene.parameters import Place, is_of_switch, number_at
 from modal.types import Booleans, Floats
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.identification.flow import MOST_STEPS, Channel, Readings, Segments, integrated
 from nonlinear.identification.records import Recording, Sensor
 from nonlinear.integration.switches import numbers_of as switching_of
-from nonlinear.system import Numbers, System, numbers_of, system_of
+from nonlinear.system import Numbers, System, numbers_of, system_of, translations
 
 EPSILON = 1e-20  # imaginary part of a column: its square vanishes beside any number
 TOLERANCE = 1e-8  # of the motion: well below what sensors resolve
@@ -74,10 +74,14 @@ def require_fittable(scene: Scene, free: Sequence[Parameter] = ()) -> None:
     if scene.n_links > MOST_LINKS:
         found.append(f"the scene has {scene.n_links} links: motions of at most {MOST_LINKS} are fitted")
     for one in free:
-        if one.place[-1] == "length" and scene.pendulum[int(one.place[1])].links[int(one.place[3])].hoist:
+        if one.place[0] == "pendulum" and one.place[-1] == "length" and _link(scene, one).hoist:
             found.append(f"{one.path}: follows its hoist, whose course a fit does not change")
     if found:
         raise SceneError(found)
+
+
+def _link(scene: Scene, one: Parameter) -> AnyLink:
+    return scene.pendulum[int(one.place[1])].links[int(one.place[3])]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,6 +137,8 @@ class Problem(Displayed):
 
     def _parts(self, sensor: Sensor) -> tuple[tuple[int, float], ...]:
         first = self.system.first
+        if sensor.carrier and self.system.structure is not None:
+            return ((self.system.structure.names.index(sensor.carrier), 1.0),)
         if not sensor.pendulum:
             return ((0, 1.0),)
         own = [k for k, pendulum in enumerate(self.system.pendulum) if pendulum == sensor.pendulum - 1]
@@ -165,9 +171,9 @@ class Problem(Displayed):
         found[layout.scales] = self.scaled
         if len(self.recording.sensors):
             found[layout.delays.start] = False
-        cart = self.scene.cart
+        adrift = np.abs(translations(self.system)).sum(axis=0) > 0
         for k, sensor in enumerate(self.recording.sensors):
-            if not sensor.pendulum and cart and not cart.stiffness:
+            if not sensor.pendulum and adrift[self.parts(sensor)[0][0]]:
                 found[layout.offsets.start + k] = False
         return found
 

@@ -1,7 +1,8 @@
 """Measured motions: segments of CSV files with the column `time_s` and one column for each sensor.
 
 A sensor is `theta_P_L_rad` or `theta_P_L_deg`, the angle of link L of pendulum P (both from 1) from the downward
-vertical, or with relative angles from the link above, or `cart_m` (`x_m` in files of `nonlinear.save`).  A column
+vertical, or with relative angles from the link above, or `cart_m` (`x_m` in files of `nonlinear.save`), or on a
+structure a coordinate of a support, such as `left_m`, `board_rad` or `board_deg` (`Structure.names`).  A column
 `segment` separates motions that were recorded apart; other columns select rows.  An empty cell or "nan" is a
 missing value.  The time may be `time_ms`, and `-theta_P_L_rad` is a sensor that counts the other way.  Angles that jump
 by a turn, as those of atan2 do, are continued.
@@ -23,17 +24,18 @@ import numpy as np
 from modal.errors import SceneError, meant
 from modal.report import Displayed, counted, listed
 from modal.scene import Scene
-from modal.scene.files import limited
+from modal.scene.contents import LARGEST_READ, SIZES_READ, SMALLEST_READ, text_of
+from modal.structure import structure_of
 from modal.types import Floats
 
 TIME, SEGMENT = "time_s", "segment"
 TIMES = {TIME: 1.0, "time_ms": 1e-3}
 RUNS = "x_m"  # the cart in files of simulated runs, also of those without one
 SENSOR = re.compile(r"theta_([1-9][0-9]{0,6})_([1-9][0-9]{0,6})_(rad|deg)|cart_m|x_m", re.ASCII)
-REVERSED = re.compile(rf"-({SENSOR.pattern})", re.ASCII)
 LIKE_ONE = re.compile(r"theta_(?!dot_)|cart|time", re.ASCII)
 MOST_ANGLE = 60.0  # rad: some ten turns; beyond them the column is in degrees
 FEWEST = 4  # samples of a segment
+MOST_STEPS = 10_000_000  # of a segment, its gaps included
 TURN = 2 * pi
 JUMP = 0.75  # of a turn from one sample to the next: no motion, if all readings lie within one turn
 FEW_CHANGES = 2  # different values that a record has at least
@@ -42,19 +44,28 @@ ANGLES = ("absolute", "relative")
 
 @dataclass(frozen=True, order=True)
 class Sensor:
-    """The angle of a link, `pendulum` and `link` from 1, or with both 0 the position of the cart."""
+    """The angle of a link, `pendulum` and `link` from 1, or with both 0 the position of the cart.
+
+    With a `carrier` it is that coordinate of a structure, as NAME_m or NAME_rad.
+    """
 
     pendulum: int = 0
     link: int = 0
+    carrier: str = ""
 
     @property
     def name(self) -> str:
         """As in the columns of a file, without the unit."""
+        if self.carrier:
+            return self.carrier.removesuffix(f"_{self.unit}")
         return f"theta_{self.pendulum}_{self.link}" if self.pendulum else "cart"
 
     @property
     def unit(self) -> str:
-        """Of its readings."""
+        """Of its readings: of coordinates of modal supports 1."""
+        if self.carrier:
+            last = self.carrier.rpartition("_")[2]
+            return last if last in {"m", "rad"} else "1"
         return "rad" if self.pendulum else "m"
 
 
@@ -182,13 +193,14 @@ def read_recording(
     """
     if angles not in ANGLES:
         raise SceneError([f"angles {angles}: must be {' or '.join(ANGLES)}"])
+    carriers = carrier_columns(scene)
     tables: list[tuple[str, list[str], list[tuple[int, list[str]]]]] = []
     problems: list[str] = []
     for path in paths:
         name = os.fspath(path)
         try:
-            header, rows = _table(name, where or {}, columns or {})
-            if scene.cart is None if scene else _is_still(header, rows):
+            header, rows = _table(name, where or {}, columns or {}, carriers)
+            if _has_no_cart(scene) if scene else _is_still(header, rows):
                 header = [f"({column})" if column == RUNS else column for column in header]
             tables.append((name, header, rows))
         except SceneError as error:
@@ -197,18 +209,20 @@ def read_recording(
         problems.append("no file of measured motions is given")
     if problems:
         raise SceneError(problems)
-    sensors = sorted({_sensor(column) for _, header, _ in tables for column in header if _is_sensor(column)})
+    sensors = sorted(
+        {_sensor(column, carriers) for _, header, _ in tables for column in header if _is_sensor(column, carriers)}
+    )
     problems += [problem for one in sensors if scene for problem in _absent(scene, one)]
     segments: list[Segment] = []
     for name, header, rows in tables:
         try:
-            segments += _segments(name, header, rows, sensors)
+            segments += _segments(name, header, rows, sensors, carriers)
         except SceneError as error:
             problems += error.problems
     problems += _empty(sensors, segments) if not problems else []
     if problems:
         raise SceneError(problems)
-    unused = {column for _, header, _ in tables for column in header if not _is_known(column)} - {
+    unused = {column for _, header, _ in tables for column in header if not _is_known(column, carriers)} - {
         *(where or {}),
         f"({RUNS})",
     }
@@ -220,23 +234,51 @@ def _is_still(header: Sequence[str], rows: Sequence[tuple[int, list[str]]]) -> b
     return RUNS in header and len({row[header.index(RUNS)] for _, row in rows}) == 1
 
 
-def _is_sensor(column: str) -> bool:
-    return bool(SENSOR.fullmatch(column.removeprefix("-")))
+Carriers = Mapping[str, Sensor]
+"""The columns of coordinates of a structure."""
 
 
-def _sensor(column: str) -> Sensor:
-    found = SENSOR.fullmatch(column.removeprefix("-"))
-    return Sensor(int(found[1]), int(found[2])) if found and found[1] else Sensor()
+def carrier_columns(scene: Scene | None) -> dict[str, Sensor]:
+    """The columns that may read coordinates of a scene's supports, in m, rad and degrees.
+
+    >>> from modal import load
+    >>> list(carrier_columns(load("ship-crane")))
+    ['ship_sway_m', 'ship_heave_m', 'ship_roll_rad', 'ship_roll_deg']
+    """
+    if scene is None or not scene.is_structured:
+        return {}
+    found = {}
+    for name in structure_of(scene).names:
+        if name != "x":
+            found[name] = Sensor(carrier=name)
+            if name.endswith("_rad"):
+                found[f"{name.removesuffix('_rad')}_deg"] = Sensor(carrier=name)
+    return found
 
 
-def _is_known(column: str) -> bool:
-    return column in {*TIMES, SEGMENT} or _is_sensor(column)
+def _has_no_cart(scene: Scene) -> bool:
+    return scene.cart is None and not (scene.is_structured and structure_of(scene).names == ("x",))
+
+
+def _is_sensor(column: str, carriers: Carriers) -> bool:
+    own = column.removeprefix("-")
+    return own in carriers or bool(SENSOR.fullmatch(own))
+
+
+def _sensor(column: str, carriers: Carriers) -> Sensor:
+    own = column.removeprefix("-")
+    found = SENSOR.fullmatch(own)
+    return carriers.get(own) or (Sensor(int(found[1]), int(found[2])) if found and found[1] else Sensor())
+
+
+def _is_known(column: str, carriers: Carriers) -> bool:
+    return column in {*TIMES, SEGMENT} or _is_sensor(column, carriers)
 
 
 def _absent(scene: Scene, sensor: Sensor) -> Iterator[str]:
     """What the sensor reads and the scene has not."""
     if not sensor.pendulum:
-        if scene.cart is None:
+        if not sensor.carrier and _has_no_cart(scene):
             yield "column cart_m: the scene has no cart"
         return
     sizes = [one.n_links for one in scene.pendulum for _ in range(one.count)]
@@ -247,20 +289,15 @@ def _absent(scene: Scene, sensor: Sensor) -> Iterator[str]:
 
 
 def _table(
-    name: str, where: Mapping[str, str], meanings: Mapping[str, str]
+    name: str, where: Mapping[str, str], meanings: Mapping[str, str], carriers: Carriers
 ) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The header of a file, and its rows with their line numbers."""
     try:
-        with open(name, "rb") as stream:
-            text = limited(stream).decode("utf-8-sig")
+        text = text_of(name)
         reader = csv.reader(line for line in io.StringIO(text, newline="") if not line.startswith("#"))
         header, *rows = [*enumerate(reader, 1)] or [(1, [])]
-    except OSError as error:
-        raise SceneError([f"{name}: {error.strerror or error}"]) from None
-    except ValueError as error:
-        if isinstance(error, SceneError):
-            raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
-        raise SceneError([f"{name}: is not text in UTF-8, or its name is none"]) from None
+    except SceneError as error:
+        raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
     except csv.Error as error:
         raise SceneError([f"{name}: {error}"]) from None
     given = [word.strip() for word in header[1]]
@@ -269,9 +306,9 @@ def _table(
     problems += [
         f"column {old}: {new}: must be time_s, time_ms, theta_P_L_rad, theta_P_L_deg or cart_m, or - and one of these"
         for old, new in meanings.items()
-        if not _is_known(new)
+        if not _is_known(new, carriers)
     ]
-    if problems := [*problems, *_header_problems(columns, where)]:
+    if problems := [*problems, *_header_problems(columns, where, carriers)]:
         raise SceneError([f"{name}: {problem}" for problem in problems])
     full = [(line, row) for line, row in rows if any(word.strip() for word in row)]
     if ragged := [line for line, row in full if len(row) != len(columns)]:
@@ -286,7 +323,7 @@ def _table(
     return columns, used
 
 
-def _header_problems(columns: Sequence[str], where: Mapping[str, str]) -> Iterator[str]:
+def _header_problems(columns: Sequence[str], where: Mapping[str, str], carriers: Carriers) -> Iterator[str]:
     times = [one for one in columns if one in TIMES]
     if not times:
         yield f"has no column {TIME}{meant(TIME, columns)}"
@@ -295,20 +332,27 @@ def _header_problems(columns: Sequence[str], where: Mapping[str, str]) -> Iterat
     yield from (f"column {one}: stands there twice" for one in dict.fromkeys(columns) if columns.count(one) > 1)
     yield from (f"column {one}: is missing{meant(one, columns)}" for one in where if one not in columns)
     for column in columns:
-        if column not in where and not _is_known(column) and LIKE_ONE.match(column):
+        if column not in where and not _is_known(column, carriers) and LIKE_ONE.match(column):
             yield f"column {column}: must be theta_P_L_rad, theta_P_L_deg or cart_m, with P and L from 1"
-    sensors = [column for column in columns if _is_sensor(column)]
+    sensors = [column for column in columns if _is_sensor(column, carriers)]
     if not sensors:
         yield "has no column of a sensor, such as theta_1_1_rad or cart_m"
-    twice = [one for one in sensors if len({own for own in sensors if _sensor(own) == _sensor(one)}) > 1]
+    read = {one: _sensor(one, carriers) for one in sensors}
+    twice = [one for one in sensors if len({own for own in sensors if read[own] == read[one]}) > 1]
     if twice:
         yield f"columns {listed(twice, len(twice))}: are one sensor in two units"
 
 
 def _segments(
-    name: str, header: Sequence[str], rows: Sequence[tuple[int, list[str]]], sensors: Sequence[Sensor]
+    name: str,
+    header: Sequence[str],
+    rows: Sequence[tuple[int, list[str]]],
+    sensors: Sequence[Sensor],
+    carriers: Carriers,
 ) -> list[Segment]:
-    number = {column: [_number(row[k]) for _, row in rows] for k, column in enumerate(header) if _is_number(column)}
+    number = {
+        column: [_number(row[k]) for _, row in rows] for k, column in enumerate(header) if _is_number(column, carriers)
+    }
     problems = []
     for column, values in number.items():
         bad = next((k for k, value in enumerate(values) if value is None or isinf(value)), None)
@@ -324,8 +368,8 @@ def _segments(
     table = np.full((len(times), len(sensors)), nan)
     for column, cells in number.items():
         if column != clock:
-            factor = (radians(1.0) if column.endswith("_deg") else 1.0) * (-1 if REVERSED.fullmatch(column) else 1)
-            table[:, sensors.index(_sensor(column))] = factor * np.array(cells, dtype=float)
+            factor = (radians(1.0) if column.endswith("_deg") else 1.0) * (-1 if column.startswith("-") else 1)
+            table[:, sensors.index(_sensor(column, carriers))] = factor * np.array(cells, dtype=float)
     names = [row[header.index(SEGMENT)].strip() for _, row in rows] if SEGMENT in header else [""] * len(rows)
     found: list[Segment] = []
     at = 0
@@ -342,8 +386,8 @@ def _segments(
     return found
 
 
-def _is_number(column: str) -> bool:
-    return column in TIMES or _is_sensor(column)
+def _is_number(column: str, carriers: Carriers) -> bool:
+    return column in TIMES or _is_sensor(column, carriers)
 
 
 def _number(word: str) -> float | None:
@@ -363,6 +407,8 @@ def _segment_problems(segment: Segment, sensors: Sequence[Sensor]) -> Iterator[s
     if len(back):
         at = segment.times[back[0]]
         yield f"{segment.where}: the time does not go on after {at:.9g} s"
+    if len(segment.times) > 1:
+        yield from _clock_problems(segment)
     if len(segment.times) < FEWEST:
         yield f"{segment.where}: has {counted(len(segment.times), 'row', 'rows')}, at least {FEWEST} are needed"
     for sensor, values in zip(sensors, segment.values.T, strict=True):
@@ -373,6 +419,16 @@ def _segment_problems(segment: Segment, sensors: Sequence[Sensor]) -> Iterator[s
             yield f"{segment.where}: {sensor.name} reaches {most:.4g} rad: {hint}"
 
 
+def _clock_problems(segment: Segment) -> Iterator[str]:
+    """Times that double precision cannot square, and gaps of more samples than can be filled."""
+    step, span = float(np.median(np.diff(segment.times))), float(segment.times[-1]) - float(segment.times[0])
+    largest = float(np.abs(segment.times).max())
+    if largest > LARGEST_READ or 0 < step < SMALLEST_READ:
+        yield f"{segment.where}: its times reach {largest:.3g} s in steps of {step:.3g} s: {SIZES_READ}"
+    elif step > 0 and span > MOST_STEPS * step:
+        yield f"{segment.where}: lasts {span:.3g} s, over {MOST_STEPS:,} of its steps of {step:.3g} s".replace(",", " ")
+
+
 def _empty(sensors: Sequence[Sensor], segments: Sequence[Segment]) -> Iterator[str]:
     """Sensors and segments that say nothing."""
     for k, sensor in enumerate(sensors):
@@ -380,6 +436,8 @@ def _empty(sensors: Sequence[Sensor], segments: Sequence[Segment]) -> Iterator[s
         own = own[np.isfinite(own)]
         if not len(own):
             yield f"column {sensor.name}: has no values"
+        elif not SMALLEST_READ <= (largest := float(np.abs(own).max())) <= LARGEST_READ and largest:
+            yield f"column {sensor.name}: reaches {largest:.3g} {sensor.unit}: {SIZES_READ}"
         elif len(np.unique(own)) < FEW_CHANGES:
             yield f"column {sensor.name}: is constant, {own[0]:.6g} {sensor.unit}: nothing can be fitted to it"
     for one in segments:

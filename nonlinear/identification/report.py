@@ -91,15 +91,17 @@ def _initial(found: Fit, s: int) -> dict[str, float]:
     """The state at the segment's first time less the longest delay."""
     problem = found.problem
     state = found.unknowns[problem.layout.state(s)]
-    on_cart = problem.system.cart is not None
+    structure, first = problem.system.structure, problem.system.first
     half = problem.coordinates
     names = [f"theta_{label}" for label in _labels(found)]
     initial = {"time_s": float(found.recording.segments[s].times[0] - problem.late)}
-    if on_cart:
+    for k, name in enumerate(structure.names if structure and structure.names != ("x",) else ()):
+        initial |= {name: float(state[k]), f"{name}_per_s": float(state[half + k])}
+    if first and not (structure and structure.names != ("x",)):
         initial |= {"cart_m": float(state[0]), "cart_velocity_m_per_s": float(state[half])}
-    initial |= {f"{name}_rad": float(state[int(on_cart) + k]) for k, name in enumerate(names)}
+    initial |= {f"{name}_rad": float(state[first + k]) for k, name in enumerate(names)}
     initial |= {
-        f"{name.replace('theta', 'theta_dot')}_rad_per_s": float(state[half + int(on_cart) + k])
+        f"{name.replace('theta', 'theta_dot')}_rad_per_s": float(state[half + first + k])
         for k, name in enumerate(names)
     }
     return initial

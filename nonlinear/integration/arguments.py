@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Scene
+from modal.scene import Scene, validate_scene
 from modal.types import Floats
 from nonlinear.integration.steppers import Pace
 from nonlinear.integration.timescales import estimate_timescales, sample_count
-from nonlinear.system import AppliedForces, Load, State, System, system_of
+from nonlinear.system import AppliedForces, Event, Load, State, System, system_of
 
 LOOSEST, TIGHTEST = 1e-2, 1e-15  # tolerances
 COARSEST, FINEST = 0.3, 1e-14  # accuracies (rad)
@@ -70,13 +70,17 @@ def validate_accuracy(accuracy: float | None) -> None:
 
 
 def _real(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+    try:
+        return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+    except OverflowError:  # of a whole number beyond all floats
+        return False
 
 
 def sample_times(
     scene: Scene, duration: float, start_time: float, output: int | Sequence[float] | Floats | None
 ) -> Floats:
     """The output times from `start_time` on: an evenly spaced number, given times, or a default for the scene."""
+    validate_scene(scene)
     validate_numbers(duration, LOOSEST, start_time)
     size = 2 * (scene.n_links * (3 if scene.space == "space" else 1) + 1)
     if output is None:
@@ -118,6 +122,18 @@ def paced(breaks: Sequence[float] | Floats | None, max_step: float | None) -> Pa
     if problems:
         raise SceneError(problems)
     return Pace(longest=inf if max_step is None else float(max_step), breaks=tuple(np.unique(times).tolist()))
+
+
+def validate_load(load: object) -> None:
+    """SceneError for a load that is no function."""
+    if load is not None and not callable(load):
+        raise SceneError([f"load {load!r:.60}: must be a function of the time and the state"])
+
+
+def validate_events(events: object) -> None:
+    """SceneError for what is no list of events."""
+    if isinstance(events, str) or not isinstance(events, Sequence) or not all(isinstance(own, Event) for own in events):
+        raise SceneError([f"events {events!r:.60}: must be a list of Events"])
 
 
 def validate_observable(load: Load | None, accuracy: float | None, *told: object) -> None:

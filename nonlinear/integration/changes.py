@@ -268,7 +268,7 @@ def _none(c: Any, y: Any, u: Any, v: Any) -> Any:
 
 
 def compiled_source(at: Places, texts: dict[str, str]) -> str:
-    """The functions of `changing` as a text for numba, which has the decorator `compiled`; these are sources of texts.
+    """The functions of `changing` as a text for numba, which has the decorator `part`; these are sources of texts.
 
     All arguments but the columns, (k, size), are lists; `happened` is one of tuples of four floats.
     """
@@ -284,9 +284,9 @@ def compiled_source(at: Places, texts: dict[str, str]) -> str:
         "NOTHING = (0.0,)",
     ]
     head += [*(f"{name} = {value!r}" for name, value in numbers.items())]
-    where = "@compiled\ndef where(x, a, b):\n return a if x > 0 else b\n"
+    where = "@part\ndef where(x, a, b):\n return a if x > 0 else b\n"
     none = "def {}(c, y, u, v):\n return [0.0]\n"
-    written = [f"@compiled\n{texts.get(name, none.format(name))}" for name in TEXTS]
+    written = [f"@part\n{texts.get(name, none.format(name))}" for name in TEXTS]
     functions = filter(inspect.isfunction, vars(complementarity).values())
-    written += [f"@compiled\n{inspect.getsource(function)}" for function in functions]
-    return "\n".join((*head, where, *written, inner(changing, "compiled"))) + "\n"
+    written += [f"@part\n{inspect.getsource(function)}" for function in functions]
+    return "\n".join((*head, where, *written, inner(changing, "part"))) + "\n"

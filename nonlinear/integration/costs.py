@@ -13,7 +13,7 @@ from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration import taylor
 from nonlinear.integration.readiness import Code, Offer, cached
 from nonlinear.integration.timescales import estimate_timescales
-from nonlinear.system import System
+from nonlinear.system import System, system_of
 
 WRITTEN = 32  # links of a scene up to which equations are generated in floats
 PER_PERIOD = 14.0  # steps of DOP853 per period at tolerance 1e-6 and large angles
@@ -36,6 +36,12 @@ def offers(scene: Scene, system: System, duration: float, tolerance: float, size
         code = taylor.code_of(form_of(system), Inputs(system).pieces or (), taylor.uneven(tolerance * size))
         ways["taylor"] = Offer((periods * SERIES_PER_PERIOD + kicks) * each, code)
     return ways
+
+
+def least_seconds(scene: Scene, duration: float, tolerance: float, members: int = 1) -> float:
+    """Roughly what so many motions of a scene take by the fastest way once it is ready, on one core (s)."""
+    ways = offers(scene, system_of(scene), duration, tolerance)
+    return float(members * min(way.running for way in ways.values()))
 
 
 def integrator(*, structured: bool = False) -> Code:

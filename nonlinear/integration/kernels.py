@@ -12,32 +12,32 @@ import sys
 from collections.abc import Callable
 from functools import cache, lru_cache
 from hashlib import sha256
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from tempfile import mkdtemp
 from threading import Lock
 from types import ModuleType
 from typing import Any
 
 from modal.eigen.compiling import inner
+from modal.errors import SceneError
 from modal.scene import whole_file
+from modal.scene.contents import content_of, private
 from nonlinear.dynamics import Lanes, sincos, undisturbed
 from nonlinear.integration import loops, meeting
 from nonlinear.integration.crowds import Crowd
 from nonlinear.integration.loops import CLOCK, SIZES, TABLES, looping
 from nonlinear.integration.method import FIFTH, NODES, ROWS, SEEN, STAGES, THIRD, weighted
-from nonlinear.integration.readiness import Code, cached, folder
+from nonlinear.integration.readiness import Code, cached, folder, made_private, temporary
 
 COMPILING = "Compiling the equations of this form, which takes some ten seconds; the result is saved for later runs."
-COMPILING_ANY, COMPILING_LINK, COMPILING_SWITCHES = 7.0, 0.55, 13.0  # s to compile any module, each link, switches
+COMPILING_ANY, COMPILING_LINK, COMPILING_SWITCHES = 5.5, 0.55, 11.0  # s to compile any module, each link, switches
 MAKING = Lock()
-HEAD = '"""Written by multipendula, which writes it again if it is changed."""'
+HEAD = '"""Written by multipendula, which runs what it has written and no other file of this name."""'
 IMPORTED = """from math import floor, inf, log, sqrt
 from typing import Any
 from numpy import isfinite, spacing, zeros
-from modal.eigen.compiling import compiled, vectorized"""
+from modal.eigen.compiling import compiled, part, vectorized_part"""
 ERRORS = """
-@vectorized
+@vectorized_part
 def errors(y, z, K, rel, ab, h, err):
  for k in range(WIDTH):
   e5 = 0.0
@@ -73,7 +73,7 @@ def source(lanes: Lanes, crowd: Crowd | None = None) -> str:
             "PRESSES": int(at.presses),
         }
         functions = filter(inspect.isfunction, vars(meeting).values())
-        texts += [*(f"@compiled\n{_source_of(function)}" for function in functions), switches.source()]
+        texts += [*(f"@part\n{_source_of(function)}" for function in functions), switches.source()]
         texts += [_vectorized(switches.module.looped("values"))]
     texts += [_vectorized(module.looped(name, "rates")), _attempt(sizes["DRIVEN"] > 0, switches is not None)]
     texts += [
@@ -93,15 +93,16 @@ def _source_of(function: Callable[..., Any]) -> str:
 
 @cache
 def _loop() -> str:
-    return inner(looping, "compiled")
+    """The functions of `looping`, of which Python calls the last alone."""
+    return inner(looping, "part").replace("@part\ndef run(", "@compiled\ndef run(")
 
 
 def _vectorized(text: str) -> str:
-    return f"@vectorized\n{text}"
+    return f"@vectorized_part\n{text}"
 
 
 def _attempt(driven: bool, switches: bool) -> str:
-    lines, looks = ["", "@vectorized", "def attempt(y, h, c, K, z, front, tables, u, s, d, V, rel, ab, err):"], 0
+    lines, looks = ["", "@vectorized_part", "def attempt(y, h, c, K, z, front, tables, u, s, d, V, rel, ab, err):"], 0
     for stage in range(1, STAGES + 1):
         summed = weighted(ROWS[stage], "K[{}, i, k]")
         lines += [" for i in range(D):", "  for k in range(WIDTH):", f"   z[i, k] = y[i, k] + h[k] * ({summed})"]
@@ -113,8 +114,12 @@ def _attempt(driven: bool, switches: bool) -> str:
 
 
 def path_of(text: str) -> Path:
-    """The file of a module."""
-    return folder() / f"lanes_{sha256(text.encode()).hexdigest()[:20]}.py"
+    """The file of a module, a mere name where there is no folder for it."""
+    name = f"lanes_{sha256(text.encode()).hexdigest()[:20]}.py"
+    try:
+        return folder() / name
+    except OSError:
+        return Path(name)
 
 
 def code_of(lanes: Lanes, crowd: Crowd | None = None) -> Code:
@@ -139,22 +144,30 @@ def _module_of(text: str) -> ModuleType:
     path = path_of(text)
     if not cached(path, "run") and sys.stderr.isatty():
         print(COMPILING, file=sys.stderr)
-    try:
-        path = _written(path, text)
-    except OSError:
-        path = _written(Path(mkdtemp(prefix="multipendula-")) / path.name, text)
-    spec = spec_from_file_location(path.stem, path)
-    assert spec
-    assert spec.loader
-    module = sys.modules[path.stem] = module_from_spec(spec)
+    module = sys.modules[path.stem] = ModuleType(path.stem)
+    module.__file__ = _written(path.name, text)
+    code = compile(text, module.__file__, "exec")  # here, so that no bytecode is run that lies beside the file
     with undisturbed():
-        spec.loader.exec_module(module)
+        exec(code, module.__dict__)
     return module
 
 
-def _written(path: Path, text: str) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
-        with whole_file(path) as stream:
-            stream.write(text.encode())
-    return path
+def _written(name: str, text: str) -> str:
+    """The path of a file with this text, in the folder of kernels or a temporary one; a mere name where none can be."""
+    for place in (folder, temporary):
+        try:
+            path = made_private(place()) / name
+            if not _holds(path, text.encode()):
+                with whole_file(path, opener=private) as stream:
+                    stream.write(text.encode())
+        except OSError:
+            continue
+        return str(path)
+    return f"<{name}>"
+
+
+def _holds(path: Path, content: bytes) -> bool:
+    try:
+        return content_of(path) == content
+    except SceneError:
+        return False

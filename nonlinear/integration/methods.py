@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import CAPABILITIES, Scene, refusals
+from modal.scene import CAPABILITIES, Scene, refusals, validate_scene
 from nonlinear.dynamics import (
     Arranged,
     Body,
@@ -33,7 +33,7 @@ from nonlinear.integration.readiness import Forgone, Offer, best_of, forgone_by
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.integration.switched import Switched
 from nonlinear.integration.timescales import estimate_timescales
-from nonlinear.system import Equations, Group, Load, System, system_of
+from nonlinear.system import Equations, Group, Load, System, ends_may_meet, system_of
 
 ASKED = "as asked for"
 METHODS = ("auto", *SCIPY, "taylor")
@@ -79,6 +79,7 @@ def validate_method(
 
     `driven` says whether a load acts; `system` is what is integrated, where that is less than the whole scene.
     """
+    validate_scene(scene)
     system = system or system_of(scene)
     problems = [] if method in METHODS else [f"method {method}: must be one of {', '.join(METHODS)}"]
     if form not in FORMS:
@@ -127,6 +128,7 @@ def choose(
 
     `system` is what is integrated, where that is less than the whole scene.
     """
+    validate_scene(scene)
     system = system or system_of(scene)
     form = validate_method(scene, method, form, driven=driven, system=system)
     scene = scene if system.spatial or scene.space == "plane" else scene.in_plane
@@ -140,7 +142,7 @@ def choose(
     written = system.n_links <= WRITTEN
     if written and system.kicked:
         ways.pop("compiled", None)
-    if method != "auto" or tolerance * size < taylor.TIGHTEST:
+    if method != "auto" or tolerance * size < taylor.TIGHTEST or ends_may_meet(system):
         ways.pop("taylor", None)
     method, why = _automatic(scene, duration, tolerance, form, ways) if method == "auto" else (method, ASKED)
     if written and method != "DOP853":
@@ -179,6 +181,7 @@ def _why_series(way: Offer) -> str:
 
 def taylor_takes(scene: Scene) -> bool:
     """Whether Taylor series can be had for so many links."""
+    validate_scene(scene)
     return taylor.takes(system_of(scene))
 
 

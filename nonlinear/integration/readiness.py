@@ -8,6 +8,7 @@ Manasse, Rudolph and Sleator, Algorithmica 3, 1988).  What is there already is s
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
 from collections import defaultdict
@@ -15,12 +16,15 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
+from errno import EPERM
 from functools import cache
 from hashlib import sha256
 from importlib import metadata
 from importlib.util import find_spec
 from math import inf, isfinite
 from pathlib import Path
+from shutil import rmtree
+from tempfile import mkdtemp
 from time import thread_time
 from typing import Any
 
@@ -28,6 +32,8 @@ LOADING = {"numba": 0.15, "heyoka": 0.4}
 """Seconds to load a package."""
 LINKING = {"numba": 0.2, "heyoka": 0.1}
 """And code that is kept on disk."""
+OWN, OTHERS = 0o700, 0o077
+"""Permissions of a folder for its owner alone, and all those of others."""
 Forgone = tuple[tuple[str, float], ...]
 """Names of codes, and the share of a run's time that each would have saved."""
 _same = ContextVar("_same", default=False)
@@ -140,25 +146,61 @@ def lose(forgone: Forgone, seconds: float) -> None:
 
 
 def folder() -> Path:
-    """Where kernels, and notes of what heyoka keeps, are kept."""
-    home = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(home) / "multipendula"
+    """Where kernels, and notes of what heyoka keeps, are kept: a temporary folder where no home is known.
+
+    Relative names in the environment are ignored, as the XDG Base Directory Specification has it.
+    """
+    homes = [os.environ.get(name, "") for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")]
+    homes.append(os.path.join(os.path.expanduser("~"), ".cache"))
+    home = next((home for home in homes if os.path.isabs(home)), None)
+    return Path(home) / "multipendula" if home else temporary()
+
+
+def made_private(path: Path) -> Path:
+    """A folder that is there and its owner's alone; OSError where it cannot be, or is somebody else's."""
+    path.mkdir(mode=OWN, parents=True, exist_ok=True)
+    if os.name == "posix":
+        status = path.stat()
+        if status.st_uid != os.geteuid():
+            raise PermissionError(EPERM, "the folder is somebody else's", str(path))
+        if status.st_mode & OTHERS:
+            path.chmod(OWN)
+    return path
+
+
+@cache
+def temporary() -> Path:
+    """The one temporary folder of this process, removed when it ends; OSError where there is none."""
+    path, process = Path(mkdtemp(prefix="multipendula-")), os.getpid()
+
+    def remove() -> None:
+        if os.getpid() == process:
+            rmtree(path, ignore_errors=True)
+
+    atexit.register(remove)
+    return path
 
 
 def cached(module: Path, function: str) -> bool:
     """Whether the present version of a compiled function of a module is in numba's cache on disk."""
-    if not module.exists():
-        return False
     home = os.environ.get("NUMBA_CACHE_DIR")
     own, name = f"{module.parent.name}_*", f"{module.stem}.{function}-*.nbi"
-    places = [(home, own)] if home else [(module.parent, "__pycache__"), (Path.home() / ".cache" / "numba", own)]
-    written = module.stat().st_mtime
-    return any(file.stat().st_mtime >= written for at, below in places for file in Path(at).glob(f"{below}/{name}"))
+    users = os.path.join(os.path.expanduser("~"), ".cache", "numba")
+    places: list[tuple[str | Path, str]] = [(home, own)] if home else [(module.parent, "__pycache__"), (users, own)]
+    try:
+        written = module.stat().st_mtime
+        return any(file.stat().st_mtime >= written for at, below in places for file in Path(at).glob(f"{below}/{name}"))
+    except OSError:
+        return False
 
 
 def series(name: str, compiling: float) -> Code:
     """Heyoka's code of this name, which heyoka itself keeps on disk; that it does is noted beside the kernels."""
-    return Code("heyoka", name, compiling, name in _made, _note(name).exists())
+    try:
+        kept = _note(name).exists()
+    except OSError:
+        kept = False
+    return Code("heyoka", name, compiling, name in _made, kept)
 
 
 def made(code: Code) -> Code:
@@ -166,7 +208,7 @@ def made(code: Code) -> Code:
     _made.add(code.name)
     if not code.kept and _keeps():
         try:
-            folder().mkdir(parents=True, exist_ok=True)
+            made_private(folder())
             _note(code.name).touch()
         except OSError:
             pass

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.scene import Scene
+from modal.scene import Scene, validate_scene
 from modal.types import Floats
 from nonlinear.dynamics import (
     Arranged,
@@ -130,6 +130,7 @@ def prepare(
 
     ComputationError where the motion cannot begin.
     """
+    validate_scene(scene)
     hoisted = isinstance(equations, HoistedMaximal)
     y = cast("HoistedMaximal", equations).begin_at(start, float(times[0])) if hoisted else equations.begin(start)
     if isinstance(equations, Frictional):

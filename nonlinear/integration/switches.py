@@ -224,7 +224,7 @@ class Switches:
         return _changing_of(self.module, self.places)
 
     def source(self) -> str:
-        """The functions of `changing` as a text for numba, which has the decorator `compiled`."""
+        """The functions of `changing` as a text for numba, which has the decorator `part`."""
         return compiled_source(self.places, _scalars_of(self.module))
 
     def _refuse(self, state: Sequence[float]) -> None:

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.errors import ComputationError
+from modal.scene.doors import require_type
 from nonlinear.dynamics import exactly_symmetric, is_unstable_equilibrium, symmetrize, synchronous
 from nonlinear.integration.arguments import extent
 from nonlinear.integration.run import Request, SimulationError
@@ -76,6 +77,7 @@ def departure(trajectory: Trajectory) -> Departure | None:
 
     None for any other run.  The twin is followed until its distance is GONE, for at most STEPS.
     """
+    require_type("trajectory", trajectory, "Trajectory")
     start, times = trajectory.motion[0], trajectory.times
     asked = Request(trajectory.scene, trajectory.system, start, np.linspace(0.0, float(times[-1] - times[0]), SAMPLES))
     if not (trajectory.run.reduced and asked.duration and any(one.ties for one in asked.smaller)):

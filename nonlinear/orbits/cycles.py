@@ -10,6 +10,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.scene import Scene, require
+from modal.scene.doors import checked, checked_index, checked_number
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
@@ -18,12 +19,13 @@ from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import Point, corrected, follow, level, located, tangent_of
 from nonlinear.orbits.orbit import Orbit
-from nonlinear.orbits.shooting import SEGMENTS, Clock, Shooting, shooting, spread
+from nonlinear.orbits.shooting import COARSEST, FINEST, MOST_SEGMENTS, SEGMENTS, Clock, Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles
-from nonlinear.system import Motion, State
+from nonlinear.system import Motion, State, System, system_of, translations, validate_state
 
 TOLERANCE = 1e-11
 CLOSED = 1e-8
+SMALLEST = 1e-100  # period (s)
 SAME = 1e-6
 DRIFTING = 1e-2  # how close to c/M the rate of the cart's drift is
 DYING = 1e-2  # of the first amplitude, below which a branch has died out
@@ -32,6 +34,7 @@ LOOSE, ROUGH = 1e-9, 1e-5  # tolerance and accuracy where only a critical value 
 STEPS, BEYOND = 40, 4.0  # orbits across a critical value; how far they go, over the distance to it
 
 
+@checked
 def periodic_orbit(
     scene: Scene,
     start: State,
@@ -47,6 +50,10 @@ def periodic_orbit(
     the `period` (s) is kept; otherwise it is the first guess, and the link that moves furthest turns back at the start.
     Raises ComputationError where the method finds none.
     """
+    checked_number("tolerance", tolerance, FINEST, COARSEST)
+    checked_index("segments", segments, 1, MOST_SEGMENTS)
+    checked_number("period", period, SMALLEST)
+    validate_state(start, system_of(scene))
     probe = shooting(scene, tolerance=tolerance, segments=segments, force=force)
     y = probe.first.equations.begin(start)
     if force is not None:
@@ -93,9 +100,7 @@ def turning(problem: Shooting, y: Floats, period: float) -> tuple[Floats, int]:
         found[first + leader] = flow.rest[first + leader]
     else:
         found[layout.half + first + leader] = 0.0
-    if problem.free:
-        found[0] = 0.0
-    return found, leader
+    return problem.placed(found), leader
 
 
 def last_swing(times: Floats, motion: Motion) -> float:
@@ -121,8 +126,7 @@ def near(problem: Shooting, one: RelativeEquilibrium) -> tuple[Floats, float, in
     leader = int(np.abs(place[first:]).argmax())
     turn = np.exp(-1j * np.angle(place[first + leader])) * (-1j if problem.passes else 1)
     q, v = (place * turn).real, (1j * one.omega * place * turn).real
-    if problem.free:
-        q[0] = 0.0
+    q = problem.placed(q)
     q[first:] += system.rest
     if problem.passes:
         q[first + leader] = system.rest[leader]
@@ -131,6 +135,7 @@ def near(problem: Shooting, one: RelativeEquilibrium) -> tuple[Floats, float, in
     return np.concatenate((q, v)), 2 * np.pi / one.omega, leader
 
 
+@checked
 def cycle_of(scene: Scene, one: RelativeEquilibrium, *, tolerance: float = TOLERANCE) -> Orbit:
     """The limit cycle close to an averaged configuration; ComputationError where there is none."""
     problem = shooting(scene, tolerance=tolerance)
@@ -138,8 +143,10 @@ def cycle_of(scene: Scene, one: RelativeEquilibrium, *, tolerance: float = TOLER
     return solved(replace(problem, leader=leader), y, period)
 
 
+@checked
 def limit_cycles(scene: Scene, *, tolerance: float = TOLERANCE) -> tuple[Orbit, ...]:
     """The limit cycles close to the averaged configurations of a driven scene, each once."""
+    checked_number("tolerance", tolerance, FINEST, COARSEST)
     found: list[Orbit] = []
     for one in relative_equilibria(average(scene)):
         try:
@@ -164,19 +171,40 @@ def _sizes(orbit: Orbit) -> Sequence[float]:
 def growth(orbit: Orbit) -> float:
     """The largest growth rate (1/s) of disturbances, −∞ where there are no others.
 
-    The drift of a free cart that its damper brings to rest, by which no pendulum moves against another, is left out.
+    The drift of a free cart that its damper brings to rest, by which no pendulum moves against another, is left out, as
+    is that of carriers that nothing holds.
     """
     rates = np.log(np.abs(orbit.floquet.others)) / orbit.period
-    system = orbit.flow.system
-    free = system.cart is not None and not system.cart.stiffness
-    if free and len(rates) and (resisting := orbit.flow.equations.momentum_slope(orbit.y)[0]):
-        drift = -resisting / system.total_mass
+    for drift in _drifts(orbit) if len(rates) else ():
         at = int(np.abs(rates - drift).argmin())
         if abs(rates[at] / drift - 1) < DRIFTING:
             rates = np.delete(rates, at)
     return float(rates.max(initial=-np.inf))
 
 
+def _drifts(orbit: Orbit) -> Iterator[float]:
+    """The rates (1/s) at which dampers of carts and carriers that nothing holds bring these to rest."""
+    system, equations = orbit.flow.system, orbit.flow.equations
+    for along in translations(system):
+        if system.structure is None:
+            resisting, mass = float(equations.momentum_slope(orbit.y)[0]), system.total_mass
+        else:
+            half = equations.layout.half
+            moved = np.pad(along, (0, half - len(along)))
+            resisting = float(along @ _dampings(system) @ along)
+            mass = float(moved @ equations.momenta(orbit.y[:half, None], moved[:, None])[:, 0])
+        if resisting:
+            yield -resisting / mass
+
+
+def _dampings(system: System) -> Floats:
+    """What the carriers' own dampers, not those between points, resist: the diagonal (first, first)."""
+    assert system.structure is not None
+    own = [one.damping if one.D is None else np.zeros(one.size) for one in system.structure.carriers]
+    return np.diag(np.concatenate(own))
+
+
+@checked
 def follow_cycles(
     scene: Scene,
     variation: Variation,
@@ -212,6 +240,7 @@ def follow_cycles(
     return tuple(found)
 
 
+@checked
 def require_cycles(scene: Scene, variation: Variation) -> None:
     """Raise, without computing anything, what `follow_cycles` raises for this scene and variation."""
     validate_variations(scene, [variation])
@@ -287,6 +316,7 @@ def known(orbit: Orbit, branch: Branch) -> bool:
     )
 
 
+@checked
 def crossed(scene: Scene, variation: Variation, one: RelativeEquilibrium, value: float, at: float) -> Special | None:
     """The first special point on the orbits that begin beside a configuration at a value of a number, towards `at`.
 

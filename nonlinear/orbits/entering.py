@@ -66,10 +66,7 @@ def _at(branch: Branch, special: Special, times: int) -> tuple[Shooting, Floats,
         problem = replace(probe, leader=leader, segments=times * probe.segments)
 
     def unknowns(one: Orbit) -> Floats:
-        y = one.y.copy()
-        if problem.free:
-            y[0] = 0.0
-        states = spread(problem, one.flow, y, times * one.period)
+        states = spread(problem, one.flow, problem.placed(one.y), times * one.period)
         return problem.unknown(states, times * one.period, one.value)
 
     one, other = branch.orbits[special.after], branch.orbits[special.after + 1]

@@ -11,7 +11,8 @@ From release at rest to rest on the other side, half a period, symmetric orbits 
 with Q the flow over the first quarter.  It is reversible and symplectic, so that (H + H⁻¹)/2 = diag(C, Cᵀ) in canonical
 coordinates, C its upper left block: every eigenvalue c of C is (σ + 1/σ)/2 for a pair of eigenvalues of H, and the
 multipliers are σ².  All pairs on the unit circle: c real with |c| ≤ 1.  Time and energy are c = −1, once, and the
-translation is c = 1.
+translation is c = 1.  Where left and right differ, an orbit still comes to rest at both ends: the same with Q the flow
+over half a period is the map of the whole period, the multipliers are σ, time and energy are c = 1.
 
 Stability is lost where a margin passes 0.  With half-traces t = (μ + 1/μ)/2 of the pairs, or the c of half a period, in
 ascending order these are
@@ -42,7 +43,7 @@ REAL = 1e-6  # imaginary part of c below which two equal ones are taken for real
 class Map:
     """A map M (d, d) of disturbances with its known eigenvectors, `right` (r, d) and `left` (l, d), of `deflated`.
 
-    It is C of half a period, above, where `half`, else the monodromy matrix.  All three change smoothly along a branch.
+    It is C, above, where `half`, else the monodromy matrix.  All three change smoothly along a branch.
     """
 
     M: Floats
@@ -173,6 +174,12 @@ def deflated(M: Floats, right: list[Floats], left: list[Floats]) -> Floats:
     return np.asarray(W.T @ M @ W)
 
 
+def carried(translations: Floats, scale: Floats) -> Floats:
+    """What translations (k, first) in m do to coordinates with these units, by at most 1, (k, len(scale))."""
+    found = np.pad(translations, ((0, 0), (0, len(scale) - translations.shape[1]))) / scale
+    return np.asarray(found / np.abs(found).max(axis=1, keepdims=True)) if len(found) else found
+
+
 def whole(M: Floats, right: list[Floats], left: list[Floats], *, conservative: bool) -> Floquet:
     """The multipliers of a monodromy matrix (d, d) with its known eigenvectors."""
     size = len(M)
@@ -181,16 +188,18 @@ def whole(M: Floats, right: list[Floats], left: list[Floats], *, conservative: b
     return Floquet(size - len(found.reduced), _ordered(values), found)
 
 
-def of_symmetric(H: Floats, force: Floats, translates: Floats | None) -> Floquet:
-    """The multipliers from the map H of half a period, with the gradient of the potential at rest and e_x, (n,)."""
+def of_symmetric(H: Floats, force: Floats, translates: Floats, *, halves: int = 2) -> Floquet:
+    """The multipliers from the map H, with the gradient of the potential at rest (n,) and translations (k, n).
+
+    H is that of half a period of orbits that are the same to the left and to the right; with `halves` = 1 that of the
+    whole period of orbits that only come to rest at both ends: P Q⁻¹ P Q as well, Q being the flow over half of it.
+    """
     size = len(force)
-    known = np.reshape([] if translates is None else translates, (-1, size))
-    found = Map(H[:size, :size], known, force[None], half=True, conservative=True)
+    found = Map(H[:size, :size], translates, force[None], half=True, conservative=True)
     c = np.linalg.eigvals(found.reduced).astype(complex)
     root = np.sqrt(c * c - 1)
     sigma = np.concatenate((c + root, 1 / (c + root)))
-    neutral = 2 if translates is None else 4
-    return Floquet(neutral, _ordered(sigma**2), found)
+    return Floquet(2 + 2 * len(translates), _ordered(sigma**halves), found)
 
 
 def _ordered(values: Complexes) -> Complexes:

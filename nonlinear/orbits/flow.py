@@ -34,6 +34,8 @@ FIRST = 1 / 24  # the first step over the whole time
 MOST = 20_000  # steps
 STILL = 1e-3  # way of y in natural units, in a step in which it hardly moves
 LOOSE = 100  # tolerances by which such a step may err in V
+DEEPEST = 4  # divisions of divided steps
+UNFOLLOWED = "the derivatives of the motion cannot be followed over a period"
 AT_ONCE = 1_000_000  # entries of J at the stages of steps that are taken together
 
 
@@ -201,19 +203,21 @@ class Flow(Displayed):
             V = (next(maps) if isinstance(part, FloatStep) else part) @ V
         return V[:size]
 
-    def _mapped(self, steps: Sequence[FloatStep]) -> Floats:
+    def _mapped(self, steps: Sequence[FloatStep], depth: int = 0) -> Floats:
         """What each of these steps does to V, (N, d, d).
 
         Where y hardly moves, as at an unstable equilibrium, its error says nothing of V: a step that errs in V is
-        divided.
+        divided.  ComputationError where that is so again and again, as where both ends of a spring meet.
         """
+        if depth > DEEPEST:
+            raise ComputationError(UNFOLLOWED)
         maps, errors = self._maps(steps)
         for k, error in errors.items():
             if error <= LOOSE:
                 continue
             parts = ceil(min(error / LOOSE, 1e8) ** -POWER / SAFETY) + 1
             whole = np.eye(maps.shape[-1])
-            for piece in self._mapped(self._divided(steps[k], parts)):
+            for piece in self._mapped(self._divided(steps[k], parts), depth + 1):
                 whole = piece @ whole
             maps[k] = whole
         return maps
@@ -222,7 +226,7 @@ class Flow(Displayed):
         """The same step in equal parts."""
         pieces, y, length = list[FloatStep](), step.before, (step.end - step.start) / parts
         if step.start + length == step.start:
-            raise ComputationError("the derivatives of the motion cannot be followed over a period")
+            raise ComputationError(UNFOLLOWED)
         listed = self._listed_with(step.held)
         for k in range(parts):
             time = step.start + k * length

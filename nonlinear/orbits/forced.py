@@ -18,6 +18,7 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary
 from modal.scene import Scene, drive_period, require
+from modal.scene.doors import checked
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
@@ -61,6 +62,7 @@ class LinearResponse(Displayed):
         return Summary("Linear response to the drives", facts)
 
 
+@checked
 def linear_response(scene: Scene) -> LinearResponse:
     """The steady motion of the linear model under the drives of a scene.
 
@@ -99,6 +101,7 @@ def linear_response(scene: Scene) -> LinearResponse:
     return LinearResponse(drives.seconds, motion, motion[:, links] - flow.rest[links])
 
 
+@checked
 def forced_orbit(scene: Scene, *, start: State | None = None, cycles: int = 1, tolerance: float = TOLERANCE) -> Orbit:
     """The periodic motion of a scene under its drives, over so many `cycles` of their common period.
 
@@ -117,6 +120,7 @@ def forced_orbit(scene: Scene, *, start: State | None = None, cycles: int = 1, t
     return problem.orbit(u)
 
 
+@checked
 def follow_forced(
     scene: Scene,
     variation: Variation,
@@ -159,6 +163,7 @@ def follow_forced(
     return tuple(found)
 
 
+@checked
 def require_forced(scene: Scene, variation: Variation) -> None:
     """Raise, without computing anything, what `follow_forced` raises for this scene and variation."""
     validate_variations(scene, [variation])
@@ -200,8 +205,7 @@ def _beside(problem: Shooting, y: Floats, value: float | None, words: str) -> tu
     y, turns = y.copy(), np.round((angles[-1] - angles[0]) / (2 * np.pi)).astype(int)
     middle = (angles.min(axis=0) + angles.max(axis=0)) / 2 - flow.rest[links]
     y[links] -= 2 * np.pi * np.round(middle / (2 * np.pi))
-    if problem.free:
-        y[0] = 0.0
+    y = problem.placed(y)
     problem = replace(problem, turns=tuple(turns.tolist()) if turns.any() else ())
     u = solution(problem, y, period, value)
     if problem.orbit(u).residual > CLOSED:

@@ -16,6 +16,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
@@ -79,6 +80,7 @@ def _largest(problem: Quarter, u: Floats) -> tuple[float, Floats]:
     return abs(turned), np.append(np.sign(turned) * V[column], 0.0)
 
 
+@checked
 def mode_along(
     scene: Scene,
     number: int,
@@ -143,12 +145,15 @@ def _specials(problem: Held, points: Sequence[Point]) -> Iterator[Special]:
         if turning(one) * turning(other) < 0:
             found = located(problem, one, other, turning)
             yield Special("fold", found.orbit, after, found, problem.variation.path)
+        mirrored = problem.quarter_at(problem.value(one.u[-1])).parts == 4
         for sign in (1, -1):
             if test := passing(one, other, sign):
                 found = located(problem, one, other, test)
-                turned = sign < 0 and _energy_turns(problem, one, other)
+                turned = sign == (-1 if mirrored else 1) and _energy_turns(problem, one, other)
                 kind, of = ("fold", "energy") if turned else ("branch point", "")
-                yield Special(kind, found.orbit, after, found, of, breaks=sign > 0)
+                if not mirrored and sign < 0:
+                    kind = "period doubling"
+                yield Special(kind, found.orbit, after, found, of, breaks=mirrored and sign > 0)
         for met in collisions(problem, one, other):
             yield Special("collision", met.orbit, after, met)
 

@@ -11,10 +11,12 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes, table_numbers
 from modal.scene import Scene, require
+from modal.scene.doors import checked, checked_number
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import Point, follow, located, point
 from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.shooting import COARSEST, FINEST
 from nonlinear.orbits.special import along_backbone
 from nonlinear.orbits.symmetric import Quarter, quarter_of
 
@@ -22,9 +24,12 @@ TOLERANCE = 1e-12
 SMALL = radians(0.5)  # the first orbit of a branch
 STEP, COARSE = 0.08, 0.2  # longest steps in natural units, for a curve and to reach a point
 FARTHEST = radians(170)
+SMALLEST, FARTHEST_TURN = 1e-12, 20.0  # rad, and J: largest angles and energies that can be asked for
 MOST = 2000  # orbits of a branch
+STILL = 1e-9  # angle (rad) of links over the displacements (m, rad) of carriers, below which they hang still
 
 
+@checked
 def nonlinear_mode(
     scene: Scene,
     number: int,
@@ -46,6 +51,11 @@ def nonlinear_mode(
     and is then not `complete`.  Raises SceneError for a mode that the scene does not have or that is no oscillation
     along the rail, ComputationError where no orbit is found beside the linear mode.
     """
+    checked_number("to", to, SMALLEST, FARTHEST_TURN)
+    checked_number("first", first, SMALLEST, FARTHEST_TURN)
+    checked_number("tolerance", tolerance, FINEST, COARSEST)
+    if energy is not None:
+        checked_number("energy", energy, SMALLEST)
     modes, row = oscillating(scene, number)
     problem = quarter_of(modes.scene, tolerance)
     first = min(first, to / 2)
@@ -83,6 +93,7 @@ def _until(
     return points, False
 
 
+@checked
 def mode_orbit(scene: Scene, number: int, amplitude: float) -> Orbit:
     """The orbit of mode `number` of the table (from 1) with this largest angle (rad) of any link.
 
@@ -94,6 +105,7 @@ def mode_orbit(scene: Scene, number: int, amplitude: float) -> Orbit:
     return branch.orbits[-1]
 
 
+@checked
 def orbit_where_off(scene: Scene, number: int, share: float = 0.01) -> Orbit | None:
     """The first orbit of mode `number` whose frequency is this share off the linear one.
 
@@ -120,6 +132,7 @@ def at_amplitude(branch: Branch, amplitude: float) -> Orbit | None:
     return located(branch.problem, one, other, lambda here: here.orbit.amplitude - amplitude).orbit
 
 
+@checked
 def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
     """The modes of a scene without dampers and drives, and the index among them of this mode of its table (from 1).
 
@@ -137,7 +150,15 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
         raise SceneError([f"mode {number}: the equilibrium is unstable"])
     if still.omega[row] == 0:
         raise SceneError([f"mode {number}: a rigid translation does not oscillate"])
+    if _is_carriers_alone(still, row):
+        raise SceneError([f"mode {number}: moves no link, and orbits are told by the largest angle of one"])
     return still, row
+
+
+def _is_carriers_alone(modes: Modes, row: int) -> bool:
+    """Whether a mode of a structure moves carriers and leaves every link as it hangs."""
+    shape = modes.shape(row)
+    return bool(len(shape.supports)) and np.abs(shape.angles).max() < STILL * np.abs(shape.supports).max()
 
 
 def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> Point:
@@ -145,7 +166,7 @@ def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> Poi
     shape = modes.shape(row)
     phi = np.real(modes.column(shape)) / problem.flow.scale[: problem.half]
     phi = phi / np.abs(np.real(shape.angles)).max()
-    quarter = np.pi / 2 / modes.omega[row] * problem.clock
+    quarter = 2 * np.pi / problem.parts / modes.omega[row] * problem.clock
     across = np.append(phi, 0.0) / np.linalg.norm(phi)
     found = point(problem, np.append(amplitude * phi, quarter), across)
     if found is None:

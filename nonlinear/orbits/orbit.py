@@ -12,6 +12,7 @@ from modal.scene import Scene, name_of, sines_of
 from modal.types import Floats
 from nonlinear.dynamics import Mechanics
 from nonlinear.dynamics.joints import drained
+from nonlinear.dynamics.minimal import drained_on_carriers
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow, Path
 from nonlinear.system import Motion, State
@@ -29,7 +30,8 @@ class Orbit(Displayed):
     """A motion of `scene` that begins at y and closes after `period` (s), but for `residual` in natural units.
 
     `value` is that of the number along which it was continued, if any; `path` covers the period, or where `symmetric`
-    its first quarter.  A forced motion has so many `cycles` of its drives in it, and links gain `turns` whole turns.
+    its first quarter, or its first half where it comes to rest at both ends of that.  A forced motion has so many
+    `cycles` of its drives in it, and links gain `turns` whole turns.
     """
 
     scene: Scene = field(repr=False)
@@ -107,7 +109,8 @@ class Orbit(Displayed):
         times, q, v = self._sampled
         moving = self.flow.system.support
         support = (0.0, 0.0) if moving is None else tuple(moving.velocities(times, 2).T)
-        return 0.0 - float(drained(self.flow.system, q.T, v.T, (support[0], support[1])).mean()) * self.period
+        taken = drained if self.flow.system.structure is None else drained_on_carriers
+        return 0.0 - float(taken(self.flow.system, q.T, v.T, (support[0], support[1])).mean()) * self.period
 
     @cached_property
     def is_symmetric(self) -> bool:

@@ -20,6 +20,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief
 from modal.scene import Fixed, Pendulum, Scene, require
+from modal.scene.doors import require_type
 from modal.types import Complexes, Floats
 from nonlinear.averaging import AveragedPattern, Pattern, averaged_pattern
 from nonlinear.orbits.cycles import limit_cycles, near
@@ -164,6 +165,7 @@ def _finished(pattern: Pattern, flow: Flow, c: Floats, T: float) -> PatternOrbit
 
 def free_amplitude(scene: Scene, pendulum: Pendulum) -> float | None:
     """The largest angle (rad) of one pendulum on a support at rest, whose drive sustains it; None for none."""
+    require_type("scene", scene, "Scene")
     alone = Scene(gravity=scene.gravity, support=Fixed(), pendulum=(pendulum.replace(position=(0.0, 0.0), on=None),))
     found = limit_cycles(alone)
     return max((orbit.amplitude for orbit in found), default=None)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from modal.report import as_csv, counted, finite, grid, line_width, listed, titled
-from modal.scene import Scene, title_of
+from modal.scene import Scene, title_of, validate_scene
 from nonlinear.orbits.branch import Branch
 from nonlinear.orbits.cycles import growth
 from nonlinear.orbits.orbit import Orbit
@@ -105,6 +105,7 @@ def _columns(driven: dict[str, Any]) -> dict[str, Any]:
 
 def orbits_text(scene: Scene, branches: Sequence[Branch], linear: float | None = None) -> str:
     """The branches as text, at most SHOWN orbits of each; `linear` is the frequency (rad/s) of the mode."""
+    validate_scene(scene)
     return titled(title_of(scene), "periodic orbits", list(_parts(branches, linear)), "text")
 
 

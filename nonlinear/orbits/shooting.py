@@ -7,9 +7,9 @@ The period T is divided into equal segments that begin at y_0, y_1, …:
 with T unknown unless drives of that period set it; then angles may gain whole turns in it (Keller, Numerical Solution
 of Two Point Boundary Value Problems, 1976; Seydel, Practical Bifurcation and Stability Analysis, 2010, ch. 7).  The
 phase of a free oscillation is chosen so that one link turns back at the start, or with dry friction, which stops
-there, passes its angle at rest to the right; a cart that nothing holds starts at 0.  In a conservative scene these
-equations follow from each other in part, and solutions form families.  A number of the scene may be a further
-unknown.
+there, passes its angle at rest to the right; a cart that nothing holds starts at 0, carriers at 0 in the mean.  In a
+conservative scene these equations follow from each other in part, and solutions form families.  A number of the scene
+may be a further unknown.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.modes import natural_modes
 from modal.scene import Scene, drive_period, require
 from modal.scene.parameters import Variable, Variation, find_places, vary, with_numbers
 from modal.types import Floats
 from nonlinear.dynamics.variational import Force
 from nonlinear.integration.switches import numbers_of as switching_of
-from nonlinear.orbits.floquet import Floquet, whole
+from nonlinear.orbits.floquet import Floquet, carried, whole
 from nonlinear.orbits.flow import Arrival, Flow, NumberChange, Path
 from nonlinear.orbits.orbit import Orbit
-from nonlinear.system import system_of
+from nonlinear.system import system_of, translations
 
-SEGMENTS = 2
+SEGMENTS, MOST_SEGMENTS = 2, 10_000
+FINEST, COARSEST = 1e-15, 1e-2  # tolerances
 NUDGE = 1e-7  # of the range of a number, for derivatives by one where the form of the equations changes
 BESIDE = 1e-4  # of a number of a scene, for derivatives of those of the equations by it
 
@@ -101,10 +101,10 @@ class Shooting:
         return found / self.first.scale
 
     @cached_property
-    def free(self) -> bool:
-        """Whether nothing holds the cart."""
-        cart = self.first.system.cart
-        return bool(cart and not cart.stiffness and not self.first.force)
+    def free(self) -> Floats:
+        """Translations (m) of the cart or the carriers that nothing holds, (k, first)."""
+        found = translations(self.first.system)
+        return found[:0] if self.first.force else found
 
     # -------------------------------------------------------------------------------------------------- unknowns
 
@@ -212,9 +212,21 @@ class Shooting:
         if self.clock is None:
             rows.append(place if self.passes else layout.half + place)
             given[place] = self.first.rest[place] / self.first.scale[place] if self.passes else 0.0
-        if self.free:
-            rows.append(0)
-        return np.eye(length)[rows], given[rows]
+        conditions, offset = np.eye(length)[rows], given[rows]
+        held = np.pad(self._carried, ((0, 0), (0, length - self.size)))
+        return np.vstack((conditions, held)), np.append(offset, np.zeros(len(held)))
+
+    @cached_property
+    def _carried(self) -> Floats:
+        """What translations do to y, in natural units, by at most 1, (k, d)."""
+        return carried(self.free, self.first.scale)
+
+    def placed(self, y: Floats) -> Floats:
+        """The same y moved along what is free to where it starts, the sum of such displacements being 0."""
+        found = y.copy()
+        for along in self.free:
+            found[: len(along)] -= along * (along @ found[: len(along)] / (along @ along))
+        return found
 
     # -------------------------------------------------------------------------------------------------- solutions
 
@@ -239,14 +251,24 @@ class Shooting:
         equations, scale, right, left = flow.equations, self.first.scale, [], []
         if self.clock is None:
             right.append(rates / scale)
-        if self.free:
-            conserved = [] if self._airy else [equations.momentum_slope(y) * scale]
+        for translation, moved in zip(self.free, self._carried, strict=True):
+            conserved = [slope * scale for slope in self._conserved(flow, y, translation)]
             left += conserved
             if not conserved or not conserved[0][0]:
-                right.append(np.eye(len(y))[0])
+                right.append(moved)
         if self.conservative and self.clock is None:
             left.append(equations.energy_slope(y) * scale)
         return whole(M, right, left, conservative=self.conservative)
+
+    def _conserved(self, flow: Flow, y: Floats, translation: Floats) -> list[Floats]:
+        """The derivative by y of what a translation conserves, none where something takes it."""
+        system = flow.system
+        if system.structure is None:
+            return [] if self._airy else [flow.equations.momentum_slope(y)]
+        if system.dissipates:
+            return []
+        half = flow.equations.layout.half
+        return [flow.equations.impulse_slope(y, np.pad(translation, (0, half - len(translation))))]
 
     @cached_property
     def _airy(self) -> bool:
@@ -262,15 +284,6 @@ class Shooting:
 def _joined(paths: list[Path], part: float) -> Path:
     times = np.concatenate([path.times + k * part for k, path in enumerate(paths)])
     return Path(times, np.vstack([path.states for path in paths]), np.vstack([path.rates for path in paths]))
-
-
-def require_held(scene: Scene) -> None:
-    """ComputationError where carriers of a structure move freely along the rail."""
-    if scene.is_structured and not np.all(natural_modes(scene.conservative).omega):
-        raise ComputationError(
-            "periodic orbits on a structure are computed where something holds every support, and here one moves "
-            "freely: give it a spring, or one to the ground"
-        )
 
 
 def shooting(
@@ -289,7 +302,6 @@ def shooting(
     """
     capability = "a forced periodic orbit" if cycles else "a periodic orbit"
     require(scene, capability)
-    require_held(scene)
 
     variable = Variable(scene, [variation.path] if variation else [])
 

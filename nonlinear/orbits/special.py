@@ -45,8 +45,13 @@ def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Specia
     """The special points of a branch of symmetric orbits, in order.
 
     Energy or frequency turn at folds.  At c = −1 away from them orbits branch off that are still the same to the left
-    and to the right, though they need not come to rest; at c = 1 orbits that are not (`breaks`).
+    and to the right, though they need not come to rest; at c = 1 orbits that are not (`breaks`).  Where left and right
+    differ c is that of the whole period: at c = 1 away from folds orbits branch off, at c = −1 of twice the period.
     """
+    mirrored = problem.parts == 4
+    kinds = ((-1, "branch point", True), (1, "branch point", False))
+    if not mirrored:
+        kinds = ((1, "branch point", True), (-1, "period doubling", False))
 
     def energy(here: Point) -> float:
         return problem.energy_slope(here.u, here.tangent)
@@ -61,9 +66,9 @@ def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Specia
             found.append(_special(problem, one, other, energy, "fold", after, "energy"))
         if frequency(one) * frequency(other) < 0:
             found.append(_special(problem, one, other, frequency, "fold", after, "omega"))
-        for sign, taken in ((-1, turned), (1, False)):
-            if not taken and (test := passing(one, other, sign)):
-                found.append(_special(problem, one, other, test, "branch point", after, breaks=sign > 0))
+        for sign, kind, at_folds in kinds:
+            if not (at_folds and turned) and (test := passing(one, other, sign)):
+                found.append(_special(problem, one, other, test, kind, after, breaks=mirrored and sign > 0))
         found += [Special("collision", met.orbit, after, met) for met in collisions(problem, one, other)]
         yield from sorted(found, key=lambda each: float((each.point.u - one.u) @ (other.u - one.u)))
 

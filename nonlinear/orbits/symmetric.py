@@ -7,12 +7,17 @@ release q and τ,
     q(τ; q) = q_rest,
 
 a family of one parameter (Rosenberg, Adv. Appl. Mech. 9, 155 (1966)).  Along a number of the scene, the energy is held.
+
+On structures left and right differ: springs between points pull along lines that turn, boards lift what hangs beside
+their axis.  There the equations are still the same backwards, so that a motion released from rest that comes to rest
+again a time τ later repeats itself with the period 2τ: q'(τ; q) = 0 (`Half`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,11 +26,10 @@ from modal.eigen import is_singular
 from modal.errors import ComputationError
 from modal.scene import Scene, require
 from modal.types import Floats
-from nonlinear.orbits.floquet import of_symmetric
+from nonlinear.orbits.floquet import carried, of_symmetric
 from nonlinear.orbits.flow import Flow
 from nonlinear.orbits.orbit import Orbit
-from nonlinear.orbits.shooting import require_held
-from nonlinear.system import system_of
+from nonlinear.system import system_of, translations
 
 UNMOVED = (
     "a massless cart has no equation of motion where all that pulls it hangs straight down, and the orbits of a mode "
@@ -45,6 +49,8 @@ class Quarter:
 
     scene: Scene
     flow: Flow
+    parts: ClassVar[int] = 4
+    """How many times the period has τ in it."""
 
     @cached_property
     def half(self) -> int:
@@ -63,25 +69,38 @@ class Quarter:
 
     def equations(self, u: Floats) -> tuple[Floats, Floats]:
         """The coordinates a quarter of a period later, and their derivatives."""
+        return self._reached(u, slice(self.half), self.flow.rest)
+
+    def _reached(self, u: Floats, rows: slice, wanted: Floats | float) -> tuple[Floats, Floats]:
+        """By how much these rows of y miss what is wanted of them at the time τ, and their derivatives by u."""
         n, scale = self.half, self.flow.scale
         passed = self.flow(self.start(u), np.eye(2 * n)[:, :n] * scale[:n], u[n] / self.clock)
-        r = (passed.y[:n] - self.flow.rest) / scale[:n]
-        J = np.column_stack((passed.V[:n], passed.y[n:] / self.clock)) / scale[:n, None]
-        return r, J
+        rates = passed.path.rates[-1]
+        r = (passed.y[rows] - wanted) / scale[rows]
+        return r, np.column_stack((passed.V[rows], rates[rows] / self.clock)) / scale[rows, None]
 
     def orbit(self, u: Floats) -> Orbit:
         """The orbit with its multipliers."""
         n, scale, y = self.half, self.flow.scale, self.start(u)
-        quarter = float(u[n]) / self.clock
-        passed = self.flow(y, np.diag(scale), quarter)
+        part = float(u[n]) / self.clock
+        passed = self.flow(y, np.diag(scale), part)
         Q = passed.V / scale[:, None]
         P = np.concatenate((-np.ones(n), np.ones(n)))
         H = P[:, None] * np.linalg.solve(Q, P[:, None] * Q)
-        cart, force = self.flow.system.cart, self.flow.equations.energy_slope(y)[:n] * scale[:n]
-        translates = np.eye(n)[0] if cart and not cart.stiffness else None
-        residual = float(np.abs((passed.y[:n] - self.flow.rest) / scale[:n]).max())
-        floquet = of_symmetric(H, force, translates)
-        return Orbit(self.scene, self.flow, y, 4 * quarter, floquet, residual, passed.path, symmetric=True)
+        force = self.flow.equations.energy_slope(y)[:n] * scale[:n]
+        floquet = of_symmetric(H, force, self.translates, halves=self.parts // 2)
+        residual, symmetric = self._missed(passed.y), self.parts == 4
+        return Orbit(self.scene, self.flow, y, self.parts * part, floquet, residual, passed.path, symmetric)
+
+    def _missed(self, y: Floats) -> float:
+        """By how much the end misses rest, in natural units."""
+        n = self.half
+        return float(np.abs((y[:n] - self.flow.rest) / self.flow.scale[:n]).max())
+
+    @cached_property
+    def translates(self) -> Floats:
+        """What translations of what nothing holds do to the coordinates, (k, n)."""
+        return carried(translations(self.flow.system), self.flow.scale[: self.half])
 
     def energy_slope(self, u: Floats, tangent: Floats) -> float:
         """The derivative of the energy (J) along the branch."""
@@ -89,25 +108,28 @@ class Quarter:
         return float(self.flow.equations.energy_slope(self.start(u))[:n] @ (tangent[:n] * self.flow.scale[:n]))
 
 
+class Half(Quarter):
+    """The equations of orbits that come to rest twice, u = (q − rest in natural units, τ sqrt(g/l)), 2τ the period."""
+
+    parts: ClassVar[int] = 2
+
+    def equations(self, u: Floats) -> tuple[Floats, Floats]:
+        """The velocities half a period later, and where carriers start that nothing holds; and their derivatives."""
+        r, J = self._reached(u, slice(self.half, None), 0.0)
+        held = np.pad(self.translates, ((0, 0), (0, 1)))
+        return np.append(r, held @ u), np.vstack((J, held))
+
+    def _missed(self, y: Floats) -> float:
+        n = self.half
+        return float(np.abs(y[n:] / self.flow.scale[n:]).max())
+
+
 def quarter_of(scene: Scene, tolerance: float) -> Quarter:
-    """The equations of a conservative scene in the plane; ComputationError where it has none at the equilibrium."""
+    """The equations of a conservative scene in the plane, on a structure those of `Half`.
+
+    ComputationError where it has none at the equilibrium.
+    """
     require(scene, "a periodic orbit of a mode")
     if is_singular(matrices(scene).M):
         raise ComputationError(UNMOVED)
-    require_held(scene)
-    flow = Flow(system_of(scene), tolerance)
-    if scene.is_structured and not _is_odd(flow):
-        raise ComputationError(UNEVEN)
-    return Quarter(scene, flow)
-
-
-def _is_odd(flow: Flow) -> bool:
-    """Whether the equations of motion are odd in the coordinates, as this method needs."""
-    random, half, scale = np.random.default_rng(SEED), len(flow.rest), flow.scale
-    for _ in range(TRIALS):
-        aside = scale * random.uniform(-WIDE, WIDE, len(scale))
-        rest = np.concatenate((flow.rest, np.zeros(half)))
-        there, back = (flow.equations.derivative(0.0, rest + way * aside)[half:] for way in (1, -1))
-        if np.abs((there + back) / scale[half:]).max() > EVEN * np.abs((there - back) / scale[half:]).max():
-            return False
-    return True
+    return (Half if scene.is_structured else Quarter)(scene, Flow(system_of(scene), tolerance))

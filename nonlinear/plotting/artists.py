@@ -19,9 +19,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting import QUIET, SMALL, Piece, colour, ink, muted, paper, shade
+from modal.plotting import QUIET, SMALL, colour, ink, muted, paper, shade
 from modal.plotting.carriers import ORDER, WIDTHS
 from modal.scene import Bob, Rod
+from modal.structure import Piece
 from modal.types import Floats
 from nonlinear.plotting.scene import DETAIL, OBLIQUE, Actor, Energies, Stage
 

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 
 MOST_SEGMENTS = 4
 MOST_SENSORS = 6
+FACTORS = {"rad": 180 / np.pi, "m": 1e3, "1": 1.0}
+SHOWN, MISSED = {"rad": "°", "m": "mm", "1": "1"}, {"rad": "mrad", "m": "mm", "1": "10⁻³"}
+"""How readings of these units are shown, and what is left of them."""
 GAP = 0.06  # between segments, as part of the longest
 
 
@@ -39,7 +42,7 @@ def fit_figure(found: Fit) -> Figure:
         times = at + one.times - one.times[0]
         at = times[-1] + GAP * longest
         for c, sensor in enumerate(sensors):
-            factor = 180 / np.pi if sensor.pendulum else 1e3
+            factor = FACTORS[sensor.unit]
             label = {"label": "measured"} if s == c == 0 else {}
             axes[c].plot(times, factor * one.values[:, c], ".", ms=2.5, color=rcParams["text.color"], **label)
             label = {"label": "fitted"} if s == c == 0 else {}
@@ -51,9 +54,9 @@ def fit_figure(found: Fit) -> Figure:
             for axis in axes:
                 axis.axvline(times[0] - GAP * longest / 2, color=rest(), lw=0.6, ls=":")
     for axis, sensor in zip(axes, sensors, strict=False):
-        axis.set_ylabel(f"{sensor.name} ({'°' if sensor.pendulum else 'mm'})")
+        axis.set_ylabel(f"{sensor.name} ({SHOWN[sensor.unit]})")
     legend(axes[0], 2)
-    units = {"mrad" if sensor.pendulum else "mm" for sensor in sensors}
+    units = {MISSED[sensor.unit] for sensor in sensors}
     axes[-1].set_ylabel(f"residual ({', '.join(sorted(units))})")
     legend(axes[-1], 3)
     many = len(recording.segments) > len(segments)

@@ -8,6 +8,7 @@ from typing import Any
 from modal.plotting import Pair, theme
 from modal.report import visible
 from modal.scene import title_of
+from modal.scene.doors import require_type
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.animation import animate
 
@@ -23,6 +24,7 @@ def show_film(trajectory: Trajectory, words: str = "", **options: Any) -> Pair:
     >>> show_film(simulate(load("chain-1"), 1.0), "a pendulum swings", seconds=0.2)
     Pair('a pendulum swings', gif)
     """
+    require_type("trajectory", trajectory, "Trajectory")
     films = []
     for name in ("light", "dark"):
         buffer = BytesIO()

@@ -61,17 +61,18 @@ def populations_figure(found: PopulationDiagram) -> Figure:
 def _panel(axis: Axes, found: PopulationDiagram, branch: MotionBranch, names: list[str]) -> None:
     axis.axhline(0.0, color=muted(), lw=0.8, zorder=1)
     for low, high in found.intervals(branch):
-        axis.plot([low, high], [0.0, 0.0], color=muted(), lw=BAR, alpha=0.6, solid_capstyle="butt", zorder=2)
+        axis.plot([low, high], [0.0, 0.0], color=muted(), lw=BAR, solid_capstyle="butt", zorder=2)
+    windows = [(branch.values >= low) & (branch.values <= high) for low, high in found.windows(branch)]
     for number, name in enumerate(names):
-        if name not in branch.sectors:
-            continue
         look: dict[str, Any] = {"color": colour(number), "zorder": 4}
-        axis.plot(branch.values, branch.growth(name), lw=narrowing(number), label=f"_{name}", **look)
-        averaged = branch.averaged_growth(name)
-        axis.plot(branch.values, averaged, ls=(0, (2, 2)), lw=1.0, label=f"_{name} averaged", **look)
+        exact, averaged = branch.growth(name), branch.averaged_growth(name)
+        for own in windows if name in branch.sectors else ():
+            x = branch.values[own]
+            axis.plot(x, exact[own], lw=narrowing(number), label=f"_{name}", **look)
+            axis.plot(x, averaged[own], ls=(0, (2, 2)), lw=1.0, label=f"_{name} averaged", **look)
     for begins, shape in ((False, "o"), (True, "s")):
-        own = [one.value for one in found.thresholds if one.pattern == branch.name and begins == (not one.sector)]
-        axis.plot(own, np.zeros(len(own)), **mark(shape))
+        at = [one.value for one in found.thresholds if one.pattern == branch.name and begins == (not one.sector)]
+        axis.plot(at, np.zeros(len(at)), **mark(shape))
     framed(axis, "", "growth rate (1/s)", branch.name.capitalize())
 
 
@@ -80,7 +81,7 @@ def _handles(names: list[str], ends: bool) -> list[Line2D]:
     return [
         *lines,
         Line2D([], [], color=ink(), lw=1.0, ls=(0, (2, 2)), label="averaged equations"),
-        Line2D([], [], color=muted(), lw=BAR, alpha=0.6, label="stable"),
+        Line2D([], [], color=muted(), lw=BAR, label="stable"),
         Line2D([], [], label="threshold", **mark()),
         *[Line2D([], [], label="the motion itself begins or ends", **mark("s"))] * ends,
     ]

@@ -27,6 +27,7 @@ from modal.plotting import (
     sheet,
 )
 from modal.scene import Scene, title_of
+from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.scene import carrier_name
@@ -41,6 +42,7 @@ DEEPEST = 1e-10  # smallest power shown in a spectrum over the strongest line
 
 def draw_run(trajectory: Trajectory, stream: IO[bytes], *, kind: str = "png") -> None:
     """Write the picture of a run as png, svg or pdf; ComputationError for a run of a single instant."""
+    require_type("trajectory", trajectory, "Trajectory")
     save(run_figure(trajectory), stream, kind)
 
 

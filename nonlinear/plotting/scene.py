@@ -11,8 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.plotting import STILL, Piece, Scaffold, evenly, side_by_side
+from modal.plotting import evenly, side_by_side
 from modal.scene import AnyLink
+from modal.structure import STILL, Piece, Scaffold
 from modal.types import Floats, Ints
 from nonlinear.dynamics import Mechanics, vectors
 from nonlinear.integration import Trajectory

@@ -35,6 +35,7 @@ from modal.plotting import (
 )
 from modal.report import counted
 from modal.scene import title_of
+from modal.scene.doors import require_type
 from modal.types import Floats, Ints
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import picked, resample, smooth
@@ -53,11 +54,13 @@ def draw_sync(trajectory: Trajectory, phases: Phases, stream: IO[bytes], kind: s
     Of many pendula only some are drawn, and their energies as a band; where the energy cannot be divided among modes
     the picture gives the reason.
     """
+    require_type("trajectory", trajectory, "Trajectory")
     save(sync_figure(trajectory, phases), stream, kind)
 
 
 def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
     """The same as a figure."""
+    require_type("trajectory", trajectory, "Trajectory")
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
     figure = sheet(WIDE, 9.8)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from modal.scene.doors import checked, require_type
 from modal.types import Floats
 from nonlinear.integration import EXPLICIT, Choice, Trajectory, equations_of, prepare
 from nonlinear.postprocessing.resampling import extremes
@@ -46,6 +47,7 @@ def places_of(motion: Motion) -> Floats:
     return motion.cart[:, None]
 
 
+@checked
 def extent_of(trajectory: Trajectory, measured: Measured = angles_of) -> Extent:
     """The extremes of a quantity, of angles (rad) or of places of the cart (m), over the whole run.
 
@@ -65,6 +67,7 @@ def extent_of(trajectory: Trajectory, measured: Measured = angles_of) -> Extent:
 
 def largest_angle(trajectory: Trajectory) -> float:
     """The largest angle (rad) of any link from the downward vertical, also between the samples."""
+    require_type("trajectory", trajectory, "Trajectory")
     times, motion = trajectory.times, trajectory.motion
     if not trajectory.system.spatial:
         return float(np.abs(extremes(times, motion.links, motion.link_rates)).max())

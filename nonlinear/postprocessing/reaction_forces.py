@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from modal.errors import ComputationError
+from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.dynamics import Frictional, Reactions, vectors
 from nonlinear.integration import Choice, Trajectory, equations_of
@@ -17,6 +18,7 @@ def reaction_forces_of(trajectory: Trajectory) -> Reactions:
     On a structure, where there is no one rail, `normal` is NaN.  Raises ComputationError for a saved run with applied
     forces, which are not saved.
     """
+    require_type("trajectory", trajectory, "Trajectory")
     if trajectory.driven and trajectory.equations is None:
         raise ComputationError("the reaction forces of this run need its applied forces, which are not saved")
     system, motion = trajectory.system, trajectory.motion

@@ -16,6 +16,7 @@ from modal.errors import ComputationError, SceneError
 from modal.modes.solution_report import loaded, not_loaded
 from modal.report import visible
 from modal.scene import SineMotion, refusals, title_of
+from modal.scene.doors import require_type
 from nonlinear.dynamics import Dense, Generated, Reduced, Small, is_unstable_equilibrium
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
 from nonlinear.postprocessing.extents import Extent, extent_of, places_of
@@ -35,6 +36,8 @@ FORMS = {
 MOST_EVENTS = 10
 FEW_LINKS = 60  # of which Floquet multipliers are computed beside a run
 DRIFT = 1e-3  # largest trusted energy drift over the range of the energies
+UNITS = {"rad": (degrees(1.0), "deg"), "m": (1.0, "m")}
+"""In what coordinates of supports are told, by the unit at the end of their names."""
 IMPLICIT = tuple(method for method in SCIPY if method not in EXPLICIT)
 
 
@@ -123,9 +126,10 @@ def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if structure := trajectory.system.structure:
         for k, name in enumerate(structure.names):
             low, high = (float(own[k]) for own in extremes(trajectory.times, motion.supports, motion.support_rates))
-            turns = k in structure.turning
-            low, high = (degrees(low), degrees(high)) if turns else (low, high)
-            yield name, f"{low:.6g} to {high:.6g} {'deg' if turns else 'm'}"
+            stem, _, unit = name.rpartition("_")
+            factor, shown = UNITS.get(unit, (1.0, ""))
+            low, high = factor * low, factor * high
+            yield stem if shown else name, f"{low:.6g} to {high:.6g} {shown}".rstrip()
     if trajectory.system.cart:
         places = extent_of(trajectory, places_of)
         yield "cart", f"{places.low:.6g} to {places.high:.6g} m{_at(places)}"
@@ -185,6 +189,7 @@ class Inventory:
 
 def run_inventory(trajectory: Trajectory) -> Inventory:
     """The inventory of a run made in this process; ComputationError for one that was read from a file."""
+    require_type("trajectory", trajectory, "Trajectory")
     system, equations = trajectory.system, trajectory.equations
     if trajectory.run.method == CLOSED:
         return Inventory(

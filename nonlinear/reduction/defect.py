@@ -75,7 +75,8 @@ def defect_error(motion: Superposition, duration: float) -> Estimate | None:
 
 
 def _estimate(motion: Superposition, each: list[Matrices], times: Floats) -> Estimate:
-    system, on = system_of(motion.scene), int(motion.scene.cart is not None)
+    system = system_of(motion.scene)
+    on = system.first
     answers = [Answer.of(found, times[1]) for found in each]
     moved = [plane.deflections(times).transpose(0, 2, 1) for plane in motion.planes]
     missed = [np.array(plane.begun) - q[:2, :, 0] for plane, q in zip(motion.planes, moved, strict=True)]

@@ -58,9 +58,12 @@ def excite(system: System, times: Floats, motion: Motion, shapes: Floats, omega:
     `begun` (2, S) are their η and η' at the start.  They oscillate: no ω is zero.
     """
     on = system.first
+    heads = [head[:, None][:, :on] for head in (motion.cart, motion.cart_rate)]
+    if system.structure is not None:
+        heads = [motion.supports, motion.support_rates]
     q, v = (
-        np.concatenate((head[:, None][:, :on], part), axis=1)
-        for head, part in ((motion.cart, motion.links - system.rest), (motion.cart_rate, motion.link_rates))
+        np.concatenate(pair, axis=1)
+        for pair in zip(heads, (motion.links - system.rest, motion.link_rates), strict=True)
     )
     moved = np.stack((q, v, np.gradient(v, times, axis=0, edge_order=2))).transpose(0, 2, 1)
     step = float(times[1] - times[0])

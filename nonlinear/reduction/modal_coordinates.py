@@ -28,7 +28,8 @@ from modal.assembly import Matrices, equilibrium_of
 from modal.errors import ComputationError
 from modal.modes import Modes
 from modal.report import Displayed
-from modal.scene import Scene
+from modal.scene import Scene, validate_scene
+from modal.scene.doors import checked, checked_index
 from modal.types import Complexes, Floats, Ints
 from nonlinear.system import Motion, State
 
@@ -108,6 +109,7 @@ def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = N
     )
 
 
+@checked
 def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
     """The q and v (T, n): the cart or the structure, then every link's angle, from the equilibrium."""
     if motion.links.ndim != 2:
@@ -122,6 +124,7 @@ def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
 
 def rest_angles(scene: Scene) -> Floats:
     """Equilibrium angle (L,) of every link: 0 hanging, π inverted, or where constant forces move it."""
+    validate_scene(scene)
     if equilibrium := equilibrium_of(scene):
         return equilibrium.rest.angle
     ways = [way for pendulum in scene.pendulum for _ in range(pendulum.count) for way in pendulum.ways]
@@ -134,8 +137,10 @@ def rest_cart(scene: Scene) -> float:
     return equilibrium.cart if equilibrium else 0.0
 
 
+@checked
 def along_rail(modes: Modes, number: int) -> tuple[list[int], Any]:
     """The copies (from 0) of a mode that move along the rail, and their shapes (n, copies)."""
+    checked_index("number", number, 0, len(modes) - 1)
     shapes = [modes.shape(number, copy) for copy in range(int(modes.multiplicity[number]))]
     kept = [copy for copy, shape in enumerate(shapes) if not shape.across]
     vectors = [modes.column(shapes[copy]) for copy in kept]
@@ -154,12 +159,15 @@ def _projected(M: Floats, D: Floats | None, value: complex, phi: Any, q: Floats,
     return z.real, (value * z).real
 
 
+@checked
 def start_in_mode(scene: Scene, modes: Modes, number: int, copy: int = 0, amplitude: float = 0.1) -> State:
     """A start in the copy-th shape of the mode with index `number`, both from 0, with largest angle `amplitude` (rad).
 
     It is at rest, except that a damped mode starts with its own velocities, Re λφ, to exclude other modes.  For a shape
     without angles the cart is displaced by `amplitude` m.  Raises ComputationError for a shape across the rail.
     """
+    checked_index("number", number, 0, len(modes) - 1)
+    checked_index("copy", copy, 0, int(modes.multiplicity[number]) - 1)
     shape = modes.shape(number, copy)
     if shape.across:
         raise ComputationError(f"mode {number + 1}: shape {copy + 1} moves across the rail")

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.drag import drag, plane_drag
@@ -39,6 +40,7 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
 
     One plane, or of a system in space the ones along the rail (with the cart, N; the links' in N m) and across it.
     """
+    require_type("system", system, "System")
     if system.structure is not None:
         return [_on_structure(system, planes[0])]
     on = system.first

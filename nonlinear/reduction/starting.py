@@ -8,7 +8,8 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.modes import UNCERTAIN, Modes, table_numbers
-from modal.scene import Scene
+from modal.scene import Scene, validate_scene
+from modal.scene.doors import checked, checked_index
 from nonlinear.integration import modes_of
 from nonlinear.reduction.modal_coordinates import start_in_mode
 from nonlinear.system import State, has_start, initial_state, of_plane
@@ -17,6 +18,7 @@ USUAL_DEG = 5.0
 """The largest angle of any link."""
 
 
+@checked
 def first_that_swings(scene: Scene, *, undamped: bool = False) -> int:
     """The number in the table of the first mode that swings along the rail; SceneError if there is none.
 
@@ -31,6 +33,7 @@ def first_that_swings(scene: Scene, *, undamped: bool = False) -> int:
     return int(numbers.min())
 
 
+@checked
 def copy_along(modes: Modes, row: int) -> int:
     """The index of the first shape along the rail, of those that share a frequency; 0 if all are across.
 
@@ -38,6 +41,7 @@ def copy_along(modes: Modes, row: int) -> int:
     >>> copy_along(natural_modes(load("chain-spatial")), 0)
     0
     """
+    checked_index("row", row, 0, len(modes) - 1)
     copies = range(int(modes.multiplicity[row]))
     return next((copy for copy in copies if not modes.shape(row, copy).across), 0)
 
@@ -51,6 +55,7 @@ def usual_start(scene: Scene) -> State:
     >>> float(round(degrees(abs(usual_start(load("rope")).links).max()), 9))
     5.0
     """
+    validate_scene(scene)
     if has_start(scene):
         return initial_state(scene)
     modes, row = modes_of(scene), first_that_swings(scene) - 1

@@ -28,6 +28,7 @@ from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
 from modal.report import Displayed
 from modal.scene import Fixed, Scene, require
+from modal.scene.doors import checked
 from modal.types import Complexes, Floats
 from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
 from nonlinear.reduction.two_planes import join, split
@@ -107,9 +108,14 @@ class Flat:
         return together(self.swings, times)
 
     def motion(self, times: Floats) -> Motion:
-        """The same as angles (T, L) and a cart."""
-        (q, v, _), on = self.deflections(times), int(self.scene.cart is not None)
+        """The same as angles (T, L) and a cart or carriers."""
+        q, v, _ = self.deflections(times)
         none = np.zeros(len(times))
+        if self.scene.is_structured:
+            on = q.shape[1] - self.scene.n_links
+            links = q[:, on:] + rest_angles(self.scene), v[:, on:]
+            return Motion(*links, none, none, none, q[:, :on], v[:, :on])
+        on = int(self.scene.cart is not None)
         cart, cart_rate = (q[:, 0], v[:, 0]) if on else (none, none)
         return Motion(q[:, on:] + rest_angles(self.scene), v[:, on:], cart, cart_rate, none)
 
@@ -138,6 +144,7 @@ class Superposition(Displayed):
         return replace(self, planes=tuple(planes))
 
 
+@checked
 def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
     """The motion from this start as a function of times (T,) in s, amplitude-corrected or linear.
 
@@ -185,12 +192,17 @@ def swings(scene: Scene, start: State, *, corrected: bool) -> list[Swing]:
 
 def _instant(start: State) -> Motion:
     cart, rate = np.array([start.cart]), np.array([start.cart_rate])
-    return Motion(start.links[None], start.link_rates[None], cart, rate, np.zeros(1))
+    carried = start.supports[None], start.support_rates[None]
+    return Motion(start.links[None], start.link_rates[None], cart, rate, np.zeros(1), *carried)
 
 
 def _drifts(scene: Scene, modes: Modes, number: int) -> bool:
     """Whether the mode is an undamped translation."""
-    return modes.eigenvalue[number] == 0 and not (scene.cart is not None and scene.cart.damping)
+    if modes.eigenvalue[number] != 0:
+        return False
+    if scene.is_structured:
+        return not (modes.matrices.D @ along_rail(modes, number)[1]).any()
+    return not (scene.cart is not None and scene.cart.damping)
 
 
 def _drift(scene: Scene, modes: Modes, number: int, q: Floats, v: Floats) -> Swing:

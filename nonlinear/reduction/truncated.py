@@ -13,6 +13,9 @@ and with the pair (A, b) the equations of R unknowns, at a cost of O(n R²) and 
     ΦᵀMΦ η'' = Φᵀ Q − Σ_i b_i [F_iᵀ (n_i·a_i + g sin θ_i) − θ_i'² p_iᵀ·u_i],
 
 Q being the forces of springs, dampers and loads on q (Kane & Levinson, Dynamics: Theory and Applications, 1985, §4.11).
+On a structure x becomes its coordinates; with the accelerations a of the whole scene's equations at q = Φ η, q' = Φ η',
+
+    ΦᵀMΦ η'' = (MΦ)ᵀ a.
 """
 
 from __future__ import annotations
@@ -24,7 +27,8 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics import acting
+from nonlinear.dynamics import Generated, acting
+from nonlinear.dynamics.variational import Variational
 from nonlinear.system import AppliedForces, Group, Load, Motion, State, System
 
 
@@ -84,7 +88,7 @@ def _rows(values: Floats) -> Floats:
 class Truncated:
     """The reduced equations of a plane scene, y = (η, η', work).
 
-    `rest` (L,) are the angles at η = 0, `shapes` (half, R) the columns of Φ over (x on a cart, then every link), and
+    `rest` (L,) are the angles at η = 0, `shapes` (half, R) the columns of Φ over (x or a structure, then links), and
     `dual` (half, R) with dualᵀΦ = 1 maps a start to its η.
     """
 
@@ -124,8 +128,28 @@ class Truncated:
     def _constant(self) -> Floats:
         return self.system.total_mass * np.outer(self.cart, self.cart)
 
+    @cached_property
+    def carriers(self) -> Floats:
+        """The part of a structure in the shapes, (d, R)."""
+        return self.shapes[: self.system.first]
+
+    @cached_property
+    def whole(self) -> tuple[Generated, Variational]:
+        """The equations of the whole scene on a structure."""
+        return Generated(self.system, self.load), Variational(self.system)
+
+    def _on_structure(self, time: float, y: Floats) -> Floats:
+        R, (equations, momenta) = self.size, self.whole
+        half, rates = equations.layout.half, equations.derivative(time, equations.begin(self.state(y)))
+        q = np.concatenate((y[:R] @ self.carriers.T, self.rest + y[:R] @ self.links.T))
+        p = momenta.momenta(np.broadcast_to(q[:, None], (half, R)), self.shapes)
+        found = np.linalg.solve(self.shapes.T @ p, p.T @ rates[half : 2 * half])
+        return np.concatenate((y[R : 2 * R], found, rates[2 * half :]))
+
     def derivative(self, time: float, y: Floats) -> Floats:
         """The derivative y', (size,)."""
+        if self.system.structure is not None:
+            return self._on_structure(time, y)
         state, R = self.state(y), self.size
         push = self.load(time, state) if self.load else AppliedForces()
         M = self._constant.copy()
@@ -147,7 +171,7 @@ class Truncated:
 
     def begin(self, state: State) -> Floats:
         """The vector y of the closest state in the mass metric, with zero work."""
-        head, rate = ([state.cart], [state.cart_rate]) if self.system.cart else ([], [])
+        head, rate = ([state.cart], [state.cart_rate]) if self.system.cart else (state.supports, state.support_rates)
         q, v = np.concatenate((head, state.links - self.rest)), np.concatenate((rate, state.link_rates))
         return np.concatenate((q @ self.dual, v @ self.dual, [0.0] * self.works))
 
@@ -155,18 +179,24 @@ class Truncated:
         """The motion of every link in vectors (T, size)."""
         R = self.size
         eta, rate = rows[:, :R], rows[:, R : 2 * R]
+        carriers = self.carriers[: 0 if self.system.structure is None else None].T
         return Motion(
             links=self.rest + eta @ self.links.T,
             link_rates=rate @ self.links.T,
             cart=eta @ self.cart,
             cart_rate=rate @ self.cart,
             work=rows[:, -1] if self.works else np.zeros(len(rows)),
+            supports=eta @ carriers,
+            support_rates=rate @ carriers,
         )
 
     @property
     def scale(self) -> Floats:
         """Natural units of y, (size,): those that turn a link by 1 rad, or move the cart by l where none turns."""
         reach = np.maximum(np.abs(self.links).max(axis=0), np.abs(self.cart) / self.system.length)
+        if self.system.structure is not None:
+            moved = np.abs(self.carriers) / np.reshape(self.system.first_units, (-1, 1))
+            reach = np.maximum(reach, moved.max(axis=0, initial=0.0))
         half = 1 / reach
         return np.concatenate((half, half * self.system.rate, [self.system.energy] * self.works))
 

@@ -30,6 +30,7 @@ from modal.errors import SceneError
 from modal.modes import Modes
 from modal.report import Displayed
 from modal.scene import Scene, refusals
+from modal.scene.doors import checked
 from modal.types import Floats, Ints
 from nonlinear.integration import (
     SCIPY,
@@ -172,6 +173,7 @@ class Survey(Displayed):
         return Truncated(self.system, self.system.rest, shapes, dual)
 
 
+@checked
 def simulate_truncated(
     scene: Scene,
     duration: float,
@@ -285,12 +287,13 @@ def _validate(scene: Scene, method: str) -> None:
         raise SceneError(found)
 
 
+@checked
 def survey_modes(scene: Scene, system: System, start: State) -> Survey:
     """The modes of the scene without its dampers, and the start in them; SceneError where they do not span it."""
     still = scene.conservative
     modes = modes_of(still)
     phi = modes.matrix.real
-    if len(phi.row) < modes.on_cart + scene.n_links:
+    if len(phi.row) < system.first + scene.n_links:
         raise SceneError(["support.mass = 0.0: the modes of this scene do not span its motion"])
     kept = tuple(Kept(row + 1, copy + 1) for row, copy in zip(phi.row.tolist(), phi.copy.tolist(), strict=True))
     return Survey(scene, system, modes, kept, phi.shapes, phi.dual, start)

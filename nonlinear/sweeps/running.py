@@ -17,6 +17,7 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.report import HTML_ROWS, Displayed, Summary, brief, deferred, grid, visible
 from modal.scene import Scene, SineMotion, left_out, name_of
+from modal.scene.doors import require_type
 from modal.scene.parameters import Place, Variable, find_places
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
@@ -137,6 +138,7 @@ def sweep(
     of points done.  On Ctrl-C the rows found so far are returned.  Raises ComputationError where workers cannot be
     started.
     """
+    require_type("study", study, "Study")
     validate_whole(1, optional=True, workers=workers)
     kept = journal or Checkpoint()
     rows = {row.index: row for row in kept.rows}

@@ -25,6 +25,7 @@ from modal._compatibility import former
 from modal.errors import SceneError
 from modal.report import Displayed
 from modal.scene import Scene, require
+from modal.scene.doors import checked
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Complexes, Floats
 from nonlinear.averaging import (
@@ -154,6 +155,7 @@ class Branches(Displayed):
         )
 
 
+@checked
 def follow_branches(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Branches:
     """The branches of a self-excited scene; `report` is called with the number followed so far.
 

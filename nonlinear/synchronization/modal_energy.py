@@ -20,6 +20,7 @@ from modal.errors import ComputationError
 from modal.modes import Mode, Modes, natural_modes, table_numbers
 from modal.report import Displayed
 from modal.scene import Scene
+from modal.scene.doors import checked
 from modal.types import Floats, Ints
 from nonlinear.averaging import LOCKED, below_for_good
 from nonlinear.integration import Trajectory
@@ -110,6 +111,7 @@ class Survival(Displayed):
         return below_for_good(self.times, np.delete(self.share, self._place, axis=1).sum(axis=1), threshold)
 
 
+@checked
 def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Survival:
     """The energies of a run in the plane in the modes of its scene without dampers, which may be given.
 

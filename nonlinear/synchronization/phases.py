@@ -23,6 +23,7 @@ import numpy as np
 from modal import pair
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, counted, first_line
+from modal.scene.doors import require_type
 from modal.types import Complexes, Floats
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import last
@@ -161,6 +162,7 @@ def phases_of(trajectory: Trajectory) -> Phases:
     Raises ComputationError for a motion in space, for pendula that do not oscillate about equilibrium on a fixed
     support, and for chains too long for dense matrices.
     """
+    require_type("trajectory", trajectory, "Trajectory")
     system, motion = trajectory.system, trajectory.motion
     if system.spatial:
         raise ComputationError("phases: only for motion in the plane")

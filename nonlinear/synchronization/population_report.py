@@ -21,6 +21,10 @@ RATES = (
     "every population moves as one pendulum. Disturbances keep their symmetry (own), lead towards the other motion "
     "(other), or are of pendula against each other, which their support does not feel (within a population)."
 )
+EXACT = (
+    "exact: where a growth rate by Floquet multipliers of the full equations vanishes; averaged: where one of the "
+    "averaged equations does."
+)
 
 
 def population_sections(found: PopulationPhases, motions: tuple[SymmetricMotion, ...], why: str) -> Iterator[str]:
@@ -154,10 +158,9 @@ def diagram_text(found: PopulationDiagram) -> str:
     if found.thresholds:
         columns = (with_unit("averaged", unit), with_unit("exact", unit), "motion", "sector", "event")
         parts += ["", grid([_threshold_cells(one) for one in found.thresholds], columns)]
-        reasons = [
-            f"{one.pattern.capitalize()} at {one.value:.6g}: {one.reason}." for one in found.thresholds if one.reason
-        ]
-        parts += [line for words in reasons for line in ("", _filled(words))]
+        for one in found.thresholds:
+            parts += ["", _filled(f"{capital(one.pattern)} at {one.value:.6g}: {one.reason}.")] if one.reason else []
+        parts += ["", _filled(EXACT)]
     return "\n".join(parts) + "\n"
 
 
@@ -165,7 +168,7 @@ def _branch_cells(found: PopulationDiagram, one: MotionBranch) -> tuple[str, ...
     if not len(one.values):
         return one.name, NOTHING, NOTHING, "nowhere", "nowhere"
     stable = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in found.intervals(one)) or "nowhere"
-    exists = "{:.7g} to {:.7g}".format(*found.ends(one))
+    exists = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in found.windows(one))
     return one.name, _ends(one.omega), _ends(np.rad2deg(one.angle)), exists, stable
 
 
@@ -192,15 +195,8 @@ def diagram_csv(found: PopulationDiagram) -> str:
 
 def _diagram_rows(found: PopulationDiagram) -> Iterator[tuple[Any, ...]]:
     for branch in found.branches:
-        rows = zip(
-            branch.values.tolist(),
-            branch.is_stable,
-            branch.omega.tolist(),
-            branch.angle.tolist(),
-            branch.motions,
-            strict=True,
-        )
-        for stable, value, omega, angle, motion in rows:
+        numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist()
+        for value, stable, omega, angle, motion in zip(*numbers, branch.motions, strict=True):
             if motion.orbit is None or motion.averaged is None:
                 continue
             for name, exact, averaged in zip(motion.names, motion.orbit.growth, motion.averaged.growth, strict=True):

@@ -30,6 +30,7 @@ from modal.report import (
     with_unit,
 )
 from modal.scene import describe, title_of
+from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.averaging import ASIDE, RelativeEquilibrium
 from nonlinear.orbits import Orbit, Special, growth
@@ -65,6 +66,7 @@ MOST_LINES, MOST_UNSTABLE = 16, 8  # configurations in the table, and unstable o
 
 def sync_text(found: SynchronizationStudy) -> str:
     """The report for a terminal."""
+    require_type("found", found, "SynchronizationStudy")
     parts = [headed(title_of(found.scene)), *_sections(found)]
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -272,6 +274,7 @@ def _others(system: System, work: float) -> str:
 
 def sync_record(found: SynchronizationStudy) -> dict[str, Any]:
     """The JSON record: modes are numbered as in the table; null where there is no value."""
+    require_type("found", found, "SynchronizationStudy")
     theory = found.theory
     return {
         "scene": describe(found.scene),

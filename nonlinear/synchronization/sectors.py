@@ -17,6 +17,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief
 from modal.scene import Scene, VanDerPol
+from modal.scene.doors import require_type
 from nonlinear.averaging import AveragedPattern, Pattern, averaged_pattern, patterns_of
 from nonlinear.orbits import PatternOrbit, free_amplitude, pattern_orbit
 
@@ -65,7 +66,7 @@ class SymmetricMotion(Displayed):
             return ""
         if not self.orbit.turns[sector]:
             return "the determinant of its within-block is negative" if self.orbit.growth[sector] > 0 else ""
-        share = "" if self.drained is None else f": drained to {self.drained:.3g} of the free amplitude"
+        share = "" if self.drained is None else f", drained to {self.drained:.3g} of the free amplitude"
         return f"the trace of its within-block is {'positive' if self.orbit.growth[sector] > 0 else 'negative'}{share}"
 
     def crossing(self, sector: int) -> str:
@@ -74,12 +75,13 @@ class SymmetricMotion(Displayed):
             return ""
         if not self.orbit.turns[sector]:
             return "the determinant of the within-block vanishes"
-        share = "" if self.drained is None else f": drained to {self.drained:.4g} of the free amplitude"
+        share = "" if self.drained is None else f", drained to {self.drained:.4g} of the free amplitude"
         return f"the trace of the within-block vanishes{share}"
 
 
 def symmetric_motions(scene: Scene) -> tuple[SymmetricMotion, ...]:
     """The patterns of a structured scene with their growth rates; ComputationError where populations have none."""
+    require_type("scene", scene, "Scene")
     return tuple(symmetric_motion(pattern) for pattern in patterns_of(scene))
 
 

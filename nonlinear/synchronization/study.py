@@ -12,7 +12,8 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.report import Displayed
-from modal.scene import Scene, refusals, require
+from modal.scene import Scene, refusals, require, validate_scene
+from modal.scene.doors import checked
 from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relative_equilibria
 from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.orbits import Orbit
@@ -110,6 +111,7 @@ class SynchronizationStudy(Displayed):
 
 def theory_of_scene(scene: Scene, start: State | None = None) -> Theory:
     """The theory of a self-excited scene; ComputationError outside the scope of averaged equations."""
+    validate_scene(scene)
     prediction = predict(scene, start)
     return Theory(relative_equilibria(prediction.averaged), prediction)
 
@@ -132,6 +134,7 @@ def usual_duration(scene: Scene, theory: Theory | None, motions: Sequence[Symmet
     return min(wished, MOST * period)
 
 
+@checked
 def study_synchronization(
     scene: Scene,
     duration: float | None = None,

@@ -106,28 +106,37 @@ class PopulationDiagram(Displayed):
         found = [(f"{one.pattern}, {one.sector or 'rest'}", f"{one.value:.9g}") for one in self.thresholds]
         return Summary(f"{counted(len(found), 'threshold', 'thresholds')} along {self.variation.path}", found)
 
-    def ends(self, branch: MotionBranch) -> tuple[float, float]:
-        """The lowest and the highest value at which a motion exists."""
-        low, high = float(branch.values[0]), float(branch.values[-1])
+    def windows(self, branch: MotionBranch) -> tuple[tuple[float, float], ...]:
+        """The intervals in which a motion exists; of one that was not found everywhere in between, its ends."""
+        values, found = self.variation.values, list[tuple[float, float]]()
+        begin = float(values[0]) if branch.values[0] == values[0] else None
         for one in self.thresholds:
             if one.pattern == branch.name and not one.sector:
-                low, high = (one.value, high) if one.rises else (low, one.value)
-        return low, high
+                if not one.rises and begin is not None:
+                    found.append((begin, one.value))
+                begin = one.value if one.rises else None
+        if begin is not None:
+            found.append((begin, float(branch.values[-1])))
+        return tuple(found) or ((float(branch.values[0]), float(branch.values[-1])),)
 
     def intervals(self, branch: MotionBranch) -> tuple[tuple[float, float], ...]:
         """The intervals in which a motion is stable."""
-        (low, high), found = self.ends(branch), []
-        growth = branch.motions[0].orbit.growth if branch.motions[0].orbit else ()
-        growing = {name for name, rate in zip(branch.sectors, growth, strict=True) if rate > 0}
+        return tuple(own for low, high in self.windows(branch) for own in self._stable(branch, low, high))
+
+    def _stable(self, branch: MotionBranch, low: float, high: float) -> Iterator[tuple[float, float]]:
+        """Those within one interval in which it exists."""
+        first = branch.motions[int(np.searchsorted(branch.values, low))]
+        growth = first.orbit.growth if first.orbit else ()
+        growing = {name for name, rate in zip(first.names, growth, strict=True) if rate > 0}
         begin = None if growing else low
         for one in self.thresholds:
-            if one.pattern != branch.name or not one.sector:
-                continue
-            growing = growing | {one.sector} if one.rises else growing - {one.sector}
-            if growing and begin is not None:
-                found.append((begin, one.value))
-            begin = None if growing else one.value if begin is None else begin
-        return tuple(found) if begin is None else (*found, (begin, high))
+            if one.pattern == branch.name and one.sector and low < one.value < high:
+                growing = growing | {one.sector} if one.rises else growing - {one.sector}
+                if growing and begin is not None:
+                    yield begin, one.value
+                begin = None if growing else one.value if begin is None else begin
+        if begin is not None:
+            yield begin, high
 
 
 def follow_populations(scene: Scene, variation: Variation, report: Report = lambda done: None) -> PopulationDiagram:
@@ -186,13 +195,14 @@ class PopulationWalk:
 
     def thresholds(self, name: str, branch: MotionBranch) -> Iterator[tuple[Threshold, SymmetricMotion | None]]:
         """All its thresholds, with the motions there."""
-        pairs = [*zip(branch.values.tolist(), branch.motions, strict=True)]
-        for (a, one), (b, other) in pairwise(pairs):
-            if one.names == other.names and one.orbit and other.orbit:
+        there = dict(zip(branch.values.tolist(), branch.motions, strict=True))
+        for a, b in pairwise(self.variation.values):
+            one, other = there.get(a), there.get(b)
+            if one and other and one.names == other.names and one.orbit and other.orbit:
                 for sector, (low, high) in enumerate(zip(one.orbit.growth, other.orbit.growth, strict=True)):
                     if low * high < 0:
                         yield self._crossing(name, sector, (a, one), (b, other))
-        yield from self._ends(name, {value for value, _ in pairs})
+        yield from self._ends(name, set(there))
 
     def _crossing(
         self, name: str, sector: int, low: tuple[float, SymmetricMotion], high: tuple[float, SymmetricMotion]

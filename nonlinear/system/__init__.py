@@ -24,13 +24,16 @@ from nonlinear.system.numbers import (
     numbers_of,
     numbers_of_all,
     prescribed_of,
+    prescribed_places,
+    structure_places,
     system_with,
     with_prescribed,
 )
 from nonlinear.system.populations import Population, populations_of, representatives, unrepresented
-from nonlinear.system.springs import drawn_place, place_of, slack_of
+from nonlinear.system.springs import drawn_place, ends_may_meet, place_of, slack_of
 from nonlinear.system.state import AppliedForces, Equations, Layout, Load, Motion, State, apart
 from nonlinear.system.system import Group, System, system_of
+from nonlinear.system.translations import translations
 
 __all__ = [
     "NO_FRICTION",
@@ -55,6 +58,7 @@ __all__ = [
     "System",
     "apart",
     "drawn_place",
+    "ends_may_meet",
     "entries_of",
     "has_start",
     "initial_state",
@@ -65,11 +69,14 @@ __all__ = [
     "place_of",
     "populations_of",
     "prescribed_of",
+    "prescribed_places",
     "representatives",
     "slack_of",
     "state_at_rest",
+    "structure_places",
     "system_of",
     "system_with",
+    "translations",
     "turning_point",
     "unit_vectors",
     "unrepresented",

@@ -10,6 +10,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.report import summary_of
+from modal.scene.doors import checked_number, require_type
 from modal.types import Floats, Ints
 from nonlinear.system.state import State
 from nonlinear.system.system import System
@@ -113,6 +114,8 @@ def level_crossing(
     >>> level_crossing(system_of(load("chain-1")), "theta[1,1]", 0.1, direction=1).name
     'theta[1,1] = 0.1'
     """
+    require_type("system", system, "System")
+    checked_number("level", level)
     read = _reader(system, coordinate, rate=False)
     return Event(f"{coordinate} = {level:g}", lambda state: read(state) - level, direction, stop)
 
@@ -127,6 +130,7 @@ def turning_point(system: System, coordinate: str, *, stop: bool = False) -> Eve
     >>> len(run.happenings)
     4
     """
+    require_type("system", system, "System")
     return Event(f"{coordinate} turns", _reader(system, coordinate, rate=True), 0, stop)
 
 

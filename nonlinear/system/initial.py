@@ -12,7 +12,8 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.report import counted
-from modal.scene import Pendulum, Scene
+from modal.scene import Pendulum, Scene, validate_scene
+from modal.scene.doors import checked
 from modal.scene.supports import Adrift, Combined, Displaced, Turned
 from modal.structure import structure_of
 from modal.types import Floats
@@ -27,16 +28,21 @@ NO_START = (
 
 
 def has_start(scene: Scene) -> bool:
-    """Whether a simulation knows where to begin: a pendulum or a support has a start, or the ground moves."""
+    """Whether a simulation knows where to begin: a pendulum or a support has a start, or something drives it from rest.
+
+    That is a moved support, the ground's motion, or a force that changes in time.
+    """
+    validate_scene(scene)
     started = any(getattr(support, "start", None) for support in scene.supports)
-    return scene.is_moved or scene.ground is not None or started or any(pendulum.start for pendulum in scene.pendulum)
+    driven = scene.is_moved or scene.ground is not None or "force" in scene.features
+    return driven or started or any(pendulum.start for pendulum in scene.pendulum)
 
 
 def initial_state(scene: Scene) -> State:
     """The initial state given in the scene file; pendula without a start are at rest in their equilibrium position.
 
     On a moved support the start is relative to it.  Raises SceneError where no pendulum and no support has a start,
-    unless the support moves.
+    unless the support moves or a force acts in time.
 
     >>> from modal import load
     >>> from nonlinear import initial_state
@@ -44,6 +50,7 @@ def initial_state(scene: Scene) -> State:
     >>> state.links.shape, state.link_rates.tolist()
     ((2,), [0.0, 0.0])
     """
+    validate_scene(scene)
     if not has_start(scene):
         raise SceneError([NO_START])
     rows = np.concatenate([_of_copies(scene, pendulum) for pendulum in scene.pendulum])
@@ -108,10 +115,11 @@ def _of(pendulum: Pendulum) -> Floats:
     return np.array([start.angles_deg, start.rates_deg or none, start.azimuths_deg or none]).T
 
 
+@checked
 def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
     """The state at rest with an angle (deg) per link of the scene, or of one pendulum where all have equally many.
 
-    Raises SceneError for any other number of angles or a non-finite one.
+    Raises SceneError for any other number of angles.
 
     >>> from math import degrees
     >>> from modal import load
@@ -123,8 +131,6 @@ def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
     given, total = np.array(angles_deg, dtype=float), scene.n_links
     sizes = {pendulum.n_links for pendulum in scene.pendulum}
     accepted = sorted({total, *(sizes if len(sizes) == 1 else ())})
-    if problems := [f"start: angle {float(a)!r}: must be finite" for a in given if not np.isfinite(a)]:
-        raise SceneError(problems)
     if given.size not in accepted:
         size = counted(given.size, "angle", "angles")
         raise SceneError([f"start: has {size}: this scene needs {' or '.join(map(str, accepted))}"])

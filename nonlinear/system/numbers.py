@@ -20,9 +20,10 @@ import numpy as np
 
 from modal.assembly import CartNumbers
 from modal.report import Displayed
-from modal.scene import AnyLink, Body, Escapement, Scene
+from modal.scene import AnyLink, Body, Escapement, Scene, validate_scene, validate_scenes
+from modal.scene.doors import checked
 from modal.scene.parameters import Place
-from modal.structure import CarrierEnd, CarrierNumbers, End, GroundEnd, LinkEnd, Pivot, Structure
+from modal.structure import CarrierEnd, CarrierNumbers, End, GroundEnd, LinkEnd, Pivot, Structure, structure_of
 from modal.structure.carriers import PLATFORM
 from modal.types import Floats
 from nonlinear.system.system import Group, System, system_of
@@ -59,7 +60,7 @@ class Numbers(Displayed):
         outside = any(part is not None for part in (system.modal_damping, system.hoisting))
         if system.structure is not None:
             first = BEFORE + len(FIELDS) * system.n_links
-            outside = outside or any(self._is_set(first + k) for k in _dampers(system.structure))
+            outside = outside or any(self._is_set(first + k) for k in dampers_of(system.structure))
         return outside or bool(system.prescribed) or system.kicked or self._any_of(WORKING) or self._is_set(2)
 
     @cached_property
@@ -108,6 +109,7 @@ def numbers_of(
     scene: Scene, values: Values | None = None, system: System | None = None, modal: Floats | None = None
 ) -> Numbers:
     """The numbers of a scene, with arrays (S,) of `values` at some of its places and D_modal (S, n, n)."""
+    validate_scene(scene)
     given: Values = values or {}
     cart = [0.0, 0.0, 0.0]
     if scene.cart is not None:
@@ -133,6 +135,18 @@ def numbers_of(
         for k, names in enumerate(_places_of_structure(scene, own.structure)):
             rest[k] = next((given[name] for name in names if name in given), rest[k])
     return Numbers(own, (given.get(("gravity",), scene.gravity), *cart, *fields, *rest), prescribed)
+
+
+@checked
+def prescribed_places(scene: Scene, system: System) -> list[tuple[Place, float]]:
+    """Where a scene has the constants of its motions and forces, one after the other, and the unit of each there."""
+    if not system.is_analytic:
+        return []
+    return [
+        ((*place, name), unit)
+        for place, motion in zip(_places_of_prescribed(scene), system.prescribed, strict=True)
+        for name, unit in motion.units.items()
+    ]
 
 
 def _places_of_prescribed(scene: Scene) -> list[Place]:
@@ -184,6 +198,7 @@ def entries_of(system: System) -> list[float]:
 
 def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
     """Of scenes that differ in numbers alone."""
+    validate_scenes(scenes)
     system = system_of(scenes[0])
     each = [numbers_of(scene) for scene in scenes]
     return Numbers(system, _joined([own.entries for own in each]), _joined([own.prescribed for own in each]))
@@ -318,7 +333,7 @@ def _end_with(end: End, numbers: tuple[Any, ...]) -> End:
     return end._replace(where=numbers) if isinstance(end, CarrierEnd) else GroundEnd(numbers)
 
 
-def _dampers(structure: Structure) -> list[int]:
+def dampers_of(structure: Structure) -> list[int]:
     """Which of its numbers are those of dampers."""
     found: list[int] = []
     at = 0
@@ -336,6 +351,18 @@ def _dampers(structure: Structure) -> list[int]:
         found.append(at + 1)
         at += 2 + sum(len(_of_end(end)) for end in spring.ends)
     return found
+
+
+def structure_places(scene: Scene) -> list[tuple[int, Place]]:
+    """Which entries are numbers of a structure that have a place in the scene, and that place."""
+    structure, links = structure_of(scene), sum(one.n_links * one.count for one in scene.pendulum)
+    first = BEFORE + len(FIELDS) * links
+    several = isinstance(scene.support, tuple)
+    return [
+        (first + k, names[0 if several or names[0][0] != "support" else -1])
+        for k, names in enumerate(_places_of_structure(scene, structure))
+        if names
+    ]
 
 
 def _places_of_structure(scene: Scene, structure: Structure) -> list[list[Place]]:

@@ -15,6 +15,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, counted
 from modal.scene import Pendulum, Scene
+from modal.scene.doors import require_type
 from modal.scene.points import Point, parse_point
 from modal.structure import Pivot, Structure, structure_of
 from modal.types import Ints
@@ -56,6 +57,7 @@ class Population(Displayed):
 
 def populations_of(scene: Scene) -> tuple[Population, ...]:
     """The populations of a structured scene, in the order of its pendula: equal but for start, place and count."""
+    require_type("scene", scene, "Scene")
     structure, members = structure_of(scene), dict[tuple[int, Pendulum], list[int]]()
     number = 0
     for pendulum in scene.pendulum:
@@ -81,6 +83,7 @@ def _move_alike(structure: Structure, pivots: Sequence[Pivot]) -> bool:
 
 def unrepresented(scene: Scene) -> Iterator[str]:
     """Why no few pendula can stand for the populations of a structured scene; nothing where they can."""
+    require_type("scene", scene, "Scene")
     for one in populations_of(scene):
         if not one.are_alike:
             yield f"the pendula of {one.name} hang from points that move differently"
@@ -101,6 +104,7 @@ def representatives(scene: Scene) -> Scene:
     >>> few.n_pendula, few.pendulum[0].links[0].mass
     (4, 0.0075)
     """
+    require_type("scene", scene, "Scene")
     if reasons := list(unrepresented(scene)):
         raise ComputationError(f"no few pendula stand for the others: {'; '.join(reasons)}")
     first = np.cumsum([0, *(pendulum.count for pendulum in scene.pendulum)])

@@ -6,12 +6,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from modal.structure import CarrierEnd, End, GroundEnd, Structure
+from modal.structure import CarrierEnd, End, GroundEnd, LinkEnd, Structure, drawn_together
 
 Vector = tuple[Any, Any]
 
 
-class Hanging(Protocol):
+class Grouped(Protocol):
     """What is asked of a system: its groups of pendula, and what carries them."""
 
     @property
@@ -25,7 +25,7 @@ class Hanging(Protocol):
         ...
 
 
-def place_of(system: Hanging, link: int) -> tuple[Any, int, int]:
+def place_of(system: Grouped, link: int) -> tuple[Any, int, int]:
     """The group, row and column of a link in the order of the file."""
     for group in system.groups:
         rows, columns = np.nonzero(group.index == link)
@@ -34,7 +34,7 @@ def place_of(system: Hanging, link: int) -> tuple[Any, int, int]:
     raise IndexError(link)
 
 
-def drawn_place(system: Hanging, end: End) -> Vector | None:
+def drawn_place(system: Grouped, end: End) -> Vector | None:
     """Where an end is drawn (m); None for the ground below the other end."""
     structure = system.structure
     assert structure is not None
@@ -57,12 +57,39 @@ def _drawn(structure: Structure, number: int, where: Any) -> Vector:
     return carrier.position[0] + where[0], carrier.position[1] + where[1]
 
 
-def slack_of(system: Hanging) -> tuple[bool, ...]:
-    """Which springs of a structure have no length as drawn."""
+def ends_may_meet(system: Grouped) -> bool:
+    """Whether pendula can bring both ends of a spring with a length as drawn together, where its force turns round.
+
+    There it jumps, which series of a motion do not see and error control does; carriers are taken to stay apart.
+    """
+    if system.structure is None:
+        return False
+    for spring in system.structure.springs:
+        if spring.torsion or not np.any(spring.stiffness) or not any(isinstance(end, LinkEnd) for end in spring.ends):
+            continue
+        one, other = (drawn_place(system, end) for end in spring.ends)
+        if one is not None and other is not None and not drawn_together(one, other):
+            length = np.min(np.hypot(np.subtract(one[0], other[0]), np.subtract(one[1], other[1])))
+            if length <= sum(_reach(system, end) for end in spring.ends):
+                return True
+    return False
+
+
+def _reach(system: Grouped, end: End) -> float:
+    """How far (m) a pendulum brings an end from where it is drawn."""
+    if not isinstance(end, LinkEnd):
+        return 0.0
+    group, row, column = place_of(system, end.link)
+    below = group.block.centre[row, column] if end.below is None else end.below
+    return 2 * float(np.max(np.sum(group.block.length[:row, column], axis=0) + below))
+
+
+def slack_of(system: Grouped) -> tuple[bool, ...]:
+    """Which springs of a structure have no length as drawn; no torsion spring has one."""
     if system.structure is None:
         return ()
-    found = []
+    slack = []
     for spring in system.structure.springs:
-        one, other = (None, None) if spring.torsion else (drawn_place(system, end) for end in spring.ends)
-        found.append(one is None or other is None or bool(np.all(np.asarray(one) == np.asarray(other))))
-    return tuple(found)
+        first, second = (None, None) if spring.torsion else (drawn_place(system, end) for end in spring.ends)
+        slack.append(first is None or second is None or drawn_together(first, second))
+    return tuple(slack)

@@ -25,7 +25,7 @@ from modal.assembly import (
     rig_of,
 )
 from modal.report import Displayed, Summary, counted
-from modal.scene import Escapement, Pendulum, Scene, VanDerPol
+from modal.scene import Escapement, Pendulum, Scene, VanDerPol, validate_scene
 from modal.structure import Structure, is_damped
 from modal.types import Floats, Ints
 from nonlinear.system.forces import ActingForce, acting_forces
@@ -228,6 +228,14 @@ class System(Displayed):
         units[list(self.structure.turning)] = 1.0
         return units
 
+    @property
+    def first_columns(self) -> list[str]:
+        """How files name these, then their rates: NAME_m, NAME_m_per_s; of one cart and of none x_m, x_dot_m_per_s."""
+        if self.structure is None:
+            return ["x_m", "x_dot_m_per_s"]
+        names = ["x_m" if name == "x" else name for name in self.structure.names]
+        return names + ["x_dot_m_per_s" if name == "x_m" else f"{name}_per_s" for name in names]
+
     @cached_property
     def n_links(self) -> int:
         """Number of links, counting copies."""
@@ -369,6 +377,7 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     >>> len(system_of(load("paper-cart-2")).groups)
     1
     """
+    validate_scene(scene)
     rig = rig_of(scene.replace(force=()) if scene.force else scene)
     hanging = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     sizes = np.array([rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)])

@@ -21,6 +21,7 @@ from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
 from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene, name_of, require
+from modal.scene.doors import checked, checked_index
 from modal.types import Floats
 from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
 from nonlinear.postprocessing import LEAST_PERIODS
@@ -29,6 +30,7 @@ from nonlinear.verification.measurement import PERIODS, Measurement, measure_mod
 
 AMPLITUDES_DEG = (1.0, 5.0, 10.0, 30.0)
 CERTAIN = 0.01  # relative error of a shift
+MOST_PERIODS = 100_000
 DECAY, LEAST_SWINGS = 1.5, 1.5 * LEAST_PERIODS  # e-folds of the amplitude in a run; periods before that
 INTERRUPTED = "interrupted"
 GROWS = 1e-9  # Re λ/|λ| of a growing mode, above rounding
@@ -113,6 +115,7 @@ class Check(Displayed):
         return any(reason == INTERRUPTED for _, reason in self.skipped)
 
 
+@checked
 def check(
     scene: Scene,
     numbers: Sequence[int] | None = None,
@@ -129,6 +132,7 @@ def check(
     `report` is called with the number of modes done.  Modes that do not oscillate for long enough are skipped with a
     reason; after Ctrl-C, so are those not done.
     """
+    checked_index("periods", periods, 1, MOST_PERIODS)
     require(scene, "a check of modes")
     given, scene = scene, scene.linearizable
     modes = natural_modes(scene)

@@ -16,6 +16,7 @@ from modal.errors import ComputationError
 from modal.modes import Mode, Modes, natural_modes
 from modal.report import Displayed
 from modal.scene import require
+from modal.scene.doors import checked
 from modal.types import Floats
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import Line, lines
@@ -62,6 +63,7 @@ class Comparison(Displayed):
         return number + 1, line.omega / float(omega[number]) - 1
 
 
+@checked
 def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, count: int = MOST_LINES) -> Comparison:
     """Project a motion in the plane, sampled evenly, on the modes with these indices (from 0; by default all).
 

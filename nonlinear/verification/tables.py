@@ -6,8 +6,9 @@ from math import ceil, degrees, floor, isfinite, isinf, log10
 from typing import Any
 
 from modal.modes.friction import stop_words
-from modal.report import NOTHING, as_csv, as_json, digits, finite, grid, markdown, titled
+from modal.report import NOTHING, Form, as_csv, as_json, digits, finite, grid, markdown, titled
 from modal.scene import describe, left_out, title_of
+from modal.scene.doors import checked
 from nonlinear.verification.measurement import Measurement
 from nonlinear.verification.modes import FARTHEST, Check, ModeCheck
 from nonlinear.verification.motion import Comparison, ModeInMotion
@@ -18,7 +19,8 @@ BEYOND = 1e-3  # of the error of κ: how far its digits go
 HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 
 
-def check_table(found: Check, form: str) -> str:
+@checked
+def check_table(found: Check, form: Form) -> str:
     """A check as text, markdown, csv (one line per run) or json, as `form` says."""
     if form == "json":
         whole = {
@@ -128,7 +130,8 @@ def _mode_record(row: ModeCheck) -> dict[str, Any]:
     }
 
 
-def comparison_table(found: Comparison, form: str) -> str:
+@checked
+def comparison_table(found: Comparison, form: Form) -> str:
     """A comparison as text, markdown, csv (one line for each line of the motion) or json, as `form` says."""
     if form == "json":
         return as_json({"scene": describe(found.modes.scene), "coordinates": [_record(found, r) for r in found.rows]})

@@ -6,6 +6,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable
 from fractions import Fraction
+from inspect import unwrap
 from types import FrameType
 from typing import Any
 
@@ -146,7 +147,7 @@ def test_a_body_that_equals_a_bob_is_one() -> None:
 
 def calls(job: Callable[[], object], *functions: Any) -> Counter[str]:
     """How often a job calls these functions."""
-    names, found = {function.__code__: function.__name__ for function in functions}, Counter[str]()
+    names, found = {unwrap(function).__code__: function.__name__ for function in functions}, Counter[str]()
 
     def see(frame: FrameType, event: str, _: object) -> None:
         if event == "call" and frame.f_code in names:

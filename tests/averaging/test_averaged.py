@@ -23,7 +23,7 @@ from nonlinear.averaging import average, predict, relative_equilibria, relative_
 from nonlinear.averaging.equations import MOST_BANDS, ORDER, derivative, lattice
 from nonlinear.averaging.equilibria import FIRST
 from nonlinear.averaging.prediction import resonant
-from nonlinear.averaging.slow_flow import below_for_good, runs_away
+from nonlinear.averaging.slow_flow import _pace, below_for_good, runs_away
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import find_survival
 from nonlinear.system import State, initial_state
@@ -254,6 +254,17 @@ def test_steps_are_short_enough() -> None:
         patch.setattr(slow, "MOST_STEPS", slow.MOST_STEPS * 8)
         (fine,) = settle(found, z)
     assert usual.locking_time() == pytest.approx(fine.locking_time(), rel=1e-3)
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_modes_that_are_left_out_set_no_pace(row: int) -> None:
+    found = average(load("huygens"))
+    kept = found.row == found.row[row]
+    z = np.where(kept, 1.0 + 0.0j, 0.0)[:, None]
+    z = FIRST * z / found.largest(z)
+    alone = found.only(kept)
+    other = replace(alone, omega=np.where(kept, alone.omega, 1.2 * alone.omega))
+    assert _pace(other, z) == pytest.approx(_pace(alone, z), rel=1e-6)
 
 
 @pytest.mark.slow

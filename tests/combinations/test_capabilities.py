@@ -59,6 +59,7 @@ GUARDED = guarded()
 EQUAL = {
     ("damping_ratio", "gains"): "inputs reach modes whatever damps these",
     ("damping_ratio", "spread"): "a damping ratio leaves |λ| as it is",
+    **dict.fromkeys((("loss", "sweep"), ("loss", "spread")), "loss angles leave frequencies as they are"),
     ("van_der_Pol", "chaos"): "so short a run tells a bound alone",
 }
 """Pairs whose answer does not depend on a feature that is taken, and why."""

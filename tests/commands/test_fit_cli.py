@@ -81,7 +81,7 @@ def test_a_scene_is_judged_on_new_data(folder: Path, capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["none.csv", "--free", "gravity"], "none.csv: No such file"),
+        (["none.csv", "--free", "gravity"], "none.csv: cannot be read: No such file"),
         ([SWING, "--free", "gravitas"], "did you mean gravity"),
         ([SWING, "--free", "gravity", "--where", "use"], "COLUMN=VALUE"),
         ([SWING, "--free", "gravity", "--where", "use=x"], "column use: is missing"),

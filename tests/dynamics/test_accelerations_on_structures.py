@@ -10,7 +10,9 @@ import pytest
 from structured_scenes import MOVED, STRUCTURED
 from structures import Oracle
 
-from modal import Scene
+from modal import Bob, Cart, Pendulum, Scene
+from modal.assembly import matrices
+from modal.scene import Spring
 from modal.types import Floats
 from nonlinear import State
 from nonlinear.dynamics import Arranged, Generated, Mechanics, Minimal, Recursion
@@ -71,3 +73,18 @@ def test_the_energy_is_that_of_all_masses(name: str) -> None:
         exact.append(float(oracle.energy(q, v) - oracle.energy(oracle.rest, [0] * oracle.size)))
     energies = Mechanics(equations.system, equations.read(np.array(rows))).energy
     np.testing.assert_allclose(energies, exact, rtol=1e-13)
+
+
+def test_ends_that_meet_but_for_rounding_are_drawn_together() -> None:
+    """0.1 + 0.2 is not 0.3 in floats: such a spring has no direction, and pulls and damps both ways from the start."""
+    bobs = [[Bob(mass=1.0, length=length) for length in lengths] for lengths in ((0.1, 0.2), (0.3,))]
+    spring = Spring(between=("pendulum[0].links[1]", "pendulum[1].links[0]"), stiffness=5.0, damping=0.3)
+    cart = Cart(mass=2.0, stiffness=1.0)
+    scene = Scene(gravity=9.81, support=cart, pendulum=[Pendulum(links=links) for links in bobs], spring=[spring])
+    assert system_of(scene).slack == (True,)
+    linear, v = matrices(scene), np.array([0.1, 0.2, -0.3, 0.4])
+    for each in routes(scene):
+        start = each.begin(State(np.zeros(3), v[1:], supports=np.zeros(1), support_rates=v[:1]))
+        rates = each.read(np.array([each.derivative(TIME, start)]))
+        accelerations = np.concatenate([rates.support_rates[0], rates.link_rates[0]])
+        np.testing.assert_allclose(accelerations, -np.linalg.solve(linear.M, linear.D @ v), atol=1e-15)

@@ -18,8 +18,9 @@ from structures import Oracle
 from modal import Bob, Cart, Pendulum, Scene, natural_frequencies, natural_modes
 from modal.assembly import matrices, null_space, rig_of
 from modal.eigen import find_spectrum
-from modal.eigen.carried import Balanced, Carried, Reduced, square_root
-from modal.eigen.factor import Factor
+from modal.eigen.component_matrices import ComponentMatrices, square_root
+from modal.eigen.components import PartedRig, StillGroup
+from modal.eigen.factor import SquareSum
 from modal.eigen.product import product_modes
 from modal.errors import ComputationError
 from modal.scene import Rod, Spring
@@ -174,7 +175,7 @@ def test_combinations_are_orthonormal_and_leave_the_pivots() -> None:
     counts = np.array([1, 3, 2, 5, 1, 4])
     rows = np.sqrt(counts)[:, None] * np.random.default_rng(3).normal(size=(6, 2))
     U, _, _ = np.linalg.svd(rows, full_matrices=False)
-    still = Balanced.of(0, np.arange(6), counts, U)
+    still = StillGroup.of(0, np.arange(6), counts, U)
     every = still.vectors(np.arange(still.number))
     assert (still.number, still.pushes) == (4, True)
     assert np.abs(every @ every.T - np.eye(4)).max() < 1e-15
@@ -225,7 +226,7 @@ def test_where_a_coordinate_falls_the_bound_says_so() -> None:
 def test_a_singular_inertia_and_too_many_coordinates_are_refused() -> None:
     one, two = np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([[1.0, 1.0]])
     with pytest.raises(ComputationError, match="beyond double precision"):
-        product_modes(Factor(one, np.ones(2)), Factor(two, np.ones(1)))
+        product_modes(SquareSum(one, np.ones(2)), SquareSum(two, np.ones(1)))
 
 
 # ------------------------------------------------------------------------------------------------ parts of the method
@@ -272,8 +273,10 @@ def test_pairs_that_springs_join_are_problems_of_their_own() -> None:
 
 
 def test_the_parts_of_a_rig_hold_all_of_it() -> None:
-    carried = Carried(rig_of(STRUCTURED["mixed"]).natural()[0])
+    carried = PartedRig(rig_of(STRUCTURED["mixed"]).natural()[0])
     components, balanced = carried.parted
     assert sorted(int(k) for one in components for k in one.eta) == [0, 1, 2]
-    assert sum(Reduced(carried, one).size for one in components) == 6  # one bob, on the lift, swings for itself
+    assert (
+        sum(ComponentMatrices(carried, one).size for one in components) == 6
+    )  # one bob, on the lift, swings for itself
     assert balanced == ()

@@ -23,6 +23,7 @@ from modal.errors import ComputationError, SceneError
 from modal.scene import Scene, scene_from
 from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.ensembles.executors import WorkerPool
+from nonlinear.files import as_npz, from_npz
 from nonlinear.integration.methods import choose
 
 STARTS = np.random.default_rng(0).uniform(-2, 2, (60, 2))
@@ -201,6 +202,34 @@ def test_a_chunk_of_another_ensemble_is_refused(tmp_path: Path) -> None:
     (other / "part-000001.npz").write_bytes((other / "part-000000.npz").read_bytes())
     with pytest.raises(SceneError, match=r"part-000001\.npz: holds members 0 to 6, not 7 to 13"):
         run(other, starts=STARTS[:14] / 2)
+
+
+def test_a_chunk_that_was_altered_is_refused_with_one_sentence(tmp_path: Path) -> None:
+    """Also where whoever altered it has made its checksum anew."""
+    run(tmp_path, starts=STARTS[:7])
+    path = tmp_path / "part-000000.npz"
+    header, columns = from_npz(path)
+    half = {name: own[:3] for name, own in columns.items()}
+    words = {name: np.array(["a"] * len(own)) for name, own in columns.items()}
+    numbers = [{"first": float("inf")}, {"reasons": {"99": "x"}}, {"differences_rad": {"3": "0x1p99999"}}]
+    forgeries = [(header, {}), (header, half), (header, words), *((header | own, columns) for own in numbers)]
+    for content in (*(as_npz(*forgery) for forgery in forgeries), b"", path.read_bytes()[:-1]):
+        path.write_bytes(content)
+        with pytest.raises(SceneError, match=rf"^{path}: [^\n]*$"):
+            run(tmp_path, starts=STARTS[:7])
+
+
+def test_a_header_of_an_ensemble_that_is_none_is_refused(tmp_path: Path) -> None:
+    run(tmp_path, starts=STARTS[:7])
+    path = tmp_path / "ensemble.json"
+    for content in (b"\xff\xfe", b"[" * 100_000, b"[]"):
+        path.write_bytes(content)
+        with pytest.raises(SceneError, match="holds another ensemble"):
+            run(tmp_path, starts=STARTS[:7])
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(SceneError, match=r"ensemble\.json: not a file"):
+        run(tmp_path, starts=STARTS[:7])
 
 
 def test_chunks_in_memory_and_on_disk_say_the_same(tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ from nonlinear.ensembles import (
     section_table,
     spread_table,
 )
+from nonlinear.ensembles.spread import Tolerance
 from nonlinear.reduction import usual_start
 from nonlinear.sweeps import Study, parse_measures, sweep, sweep_text
 from nonlinear.synchronization import study_synchronization
@@ -136,6 +137,20 @@ def test_bands_of_motion_are_quantiles_of_runs() -> None:
         assert float(row["theta_1_1_at_0.25_s_deg"]) == pytest.approx(own[50, 0], abs=1e-6)
         assert float(row["theta_1_1_at_1_s_deg"]) == pytest.approx(own[-1, 0], abs=1e-6)
     assert json.loads(spread_table(found, "json"))["motion"]["time_s"][-1] == 1.0
+
+
+def test_tolerances_have_the_units_of_what_carries_them() -> None:
+    """A spring between points, a floor and a board: N/m, kg and N m/rad."""
+    told = {
+        ("two-bobs", "spring[0].stiffness"): "N/m",
+        ("tower", "support.floor1.mass"): "kg",
+        ("beam", "support.stiffness"): "N m/rad",
+        ("beam", "pendulum[0].links[0].stiffness"): "N m/rad",
+    }
+    for (name, path), unit in told.items():
+        scene = load(name)
+        assert Tolerance(path, sigma=0.5).around(scene).endswith(f" ± 0.5 {unit}")
+        assert Tolerance(path, low=0.5, high=1.0).around(scene).endswith(f" to 1 {unit}")
 
 
 @pytest.mark.parametrize(

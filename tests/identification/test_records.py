@@ -49,11 +49,11 @@ def test_what_cannot_be_read_is_said(text: str, tmp_path: Path) -> None:
 
 
 def test_files_that_are_none_and_bytes_that_are_no_text(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"none\.csv: No such file"):
+    with pytest.raises(SceneError, match=r"none\.csv: cannot be read: No such file"):
         read_recording(load("chain-2"), [tmp_path / "none.csv"])
     with pytest.raises(SceneError, match="UTF-8"):
         read(tmp_path / "run.csv", b"\xff\xfe\x00")
-    with pytest.raises(SceneError, match="Is a directory"):
+    with pytest.raises(SceneError, match="not a file"):
         read_recording(load("chain-2"), [tmp_path])
     with pytest.raises(SceneError, match="no file"):
         read_recording(load("chain-2"), [])

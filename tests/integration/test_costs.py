@@ -97,7 +97,7 @@ def test_a_run_takes_what_is_ready_and_compiles_what_pays(process: Process) -> N
     assert chosen(CHAIN, 10.0) == ("DOP853", False)
     process.keep(*INTEGRATOR)
     assert chosen(CHAIN, 10.0) == ("DOP853", True)
-    process.load("nonlinear.integration.compiled", loaded=lambda: True)
+    process.load("nonlinear.integration.compiled", loaded=lambda *, structured: not structured)
     assert chosen(CART, 0.1) == ("DOP853", True)
     assert choose(CART, 10.0, 1e-9, "RK45").compiled is False
     with reproducible():
@@ -187,7 +187,7 @@ def test_compiling_is_announced_on_a_terminal_where_nothing_is_kept(
         (False, True, True),
         (True, False, True),
     ):
-        monkeypatch.setattr(compiled, "loaded", lambda there=there: there)
+        monkeypatch.setattr(compiled, "loaded", lambda *, structured, there=there: there)
         monkeypatch.setattr(costs, "cached", lambda module, function, kept=kept: kept)
         monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
         with compiled.announced():

@@ -227,6 +227,7 @@ def test_a_long_chain_takes_memory_in_proportion(monkeypatch: pytest.MonkeyPatch
         return trial
 
     monkeypatch.setattr(bisection, "_between", one_step)
+    natural_modes(scene(rods(2_000)))[0]  # numba is loaded, and the counts are compiled
     part, whole = (peak(lambda n=n: natural_modes(scene(rods(n)))[0]) for n in (800, 6_000))
     assert whole < 10 * part
     assert whole < 6_000**2 * 8 / 5

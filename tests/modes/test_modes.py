@@ -621,7 +621,7 @@ def test_what_is_no_scene_is_told_what_was_meant() -> None:
             question("paper-cart-2")
     with pytest.raises(SceneError, match="a Scene is required, not Modes"):
         natural_modes(natural_modes(load("chain-1")))
-    with pytest.raises(SceneError, match=r'input cart_force: must be a tuple of names: \("cart_force",\)'):
+    with pytest.raises(SceneError, match=r"inputs 'cart_force': must be a list: \['cart_force'\]"):
         state_space(load("paper-cart-2"), "cart_force")
 
 

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from modal import Bob, Pendulum, Scene, load, natural_modes
-from modal.errors import ComputationError
 from modal.scene import Spring
 from modal.scene.supports import Cart, Swing
-from nonlinear.orbits import mode_orbit, periodic_orbit
+from nonlinear.orbits import mode_orbit
 from nonlinear.simulation import simulate
-from nonlinear.system import State, apart
+from nonlinear.system import apart
 
 SWING_AND_CART = Scene(
     gravity=9.81,
@@ -39,16 +38,18 @@ def test_orbits_of_a_mode_close_in_the_simulator(mode: int) -> None:
     assert len(orbit.floquet.all) == 8
 
 
-def test_what_is_no_mirror_image_of_itself_or_moves_freely_is_refused() -> None:
-    with pytest.raises(ComputationError, match="mirror image"):
-        mode_orbit(load("beam"), 1, 0.1)
-    carts = [Cart(name=name, mass=1.0, position=(place, 0.0)) for name, place in (("a", 0.0), ("b", 1.0))]
-    free = Scene(
-        gravity=9.81,
-        support=carts,
-        spring=[Spring(between=("a", "b"), stiffness=5.0)],
-        pendulum=[Pendulum(on="a", links=[Bob(mass=0.2, length=0.5)])],
-    )
-    start = State(np.array([0.1]), np.zeros(1), supports=np.zeros(2), support_rates=np.zeros(2))
-    with pytest.raises(ComputationError, match="moves freely"):
-        periodic_orbit(free, start, 1.0)
+CARTS = [Cart(name=name, mass=1.0, position=(place, 0.0)) for name, place in (("a", 0.0), ("b", 1.0))]
+FREE = Scene(
+    gravity=9.81,
+    support=CARTS,
+    spring=[Spring(between=("a", "b"), stiffness=5.0)],
+    pendulum=[Pendulum(on="a", links=[Bob(mass=0.2, length=0.5)])],
+)
+
+
+@pytest.mark.parametrize(("scene", "mode"), [(load("beam").conservative, 1), (FREE, 2)], ids=["board", "free carts"])
+def test_orbits_of_what_has_no_mirror_image_or_moves_freely_close(scene: Scene, mode: int) -> None:
+    orbit = mode_orbit(scene, mode, 0.1)
+    run = simulate(scene, orbit.period, start=orbit.state, output=2, tolerance=1e-11)
+    assert apart(run.motion.at(slice(0, 1)), run.motion.at(slice(1, 2)))[0] < 1e-7
+    assert orbit.omega == pytest.approx(natural_modes(scene).omega[mode - 1], rel=2e-2)

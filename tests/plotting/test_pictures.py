@@ -14,6 +14,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
+import swings
 from amounts import usually
 from matplotlib import style
 from matplotlib.figure import Figure
@@ -55,7 +56,7 @@ from multipendula.cli import main
 from nonlinear.accuracy import list_candidates, measure_work_precision
 from nonlinear.chaos import Exponent, Finding, lyapunov_exponent, study
 from nonlinear.integration import Trajectory
-from nonlinear.plotting import branches_figure, check_figure, sync_figure, tradeoff_figure
+from nonlinear.plotting import branches_figure, check_figure, populations_figure, sync_figure, tradeoff_figure
 from nonlinear.plotting.animation import Film
 from nonlinear.plotting.chaos import exponent_figure, finding_figure
 from nonlinear.plotting.run import run_figure
@@ -260,6 +261,8 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "sync of equals": lambda: synced(clocks(6, 0.0), 8.0),
     "sync of many": lambda: synced(clocks(12), 20.0),
     "branches": lambda: branches_figure(branching()),
+    "populations": lambda: populations_figure(swings.diagram("carts", (0.2, 0.21, 0.26))),
+    "sync of populations": lambda: synced(swings.two_swings(0.22, count=2), 8.0),
     "sweep": lambda: sweep_figure(swept("support.mass=1:1000:9log")),
     "sweep of much": lambda: sweep_figure(
         swept("gravity=1:3:3", measures=("frequencies", "damping", "beat", "amplitude"))

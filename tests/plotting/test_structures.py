@@ -12,10 +12,10 @@ from seen import flaws
 from modal import load, natural_modes
 from modal.coupling import explain
 from modal.modes import Modes
-from modal.plotting import Piece, Scaffold, coupling_figure, film_modes, shapes_figure, sketch_figure, theme
+from modal.plotting import coupling_figure, film_modes, shapes_figure, sketch_figure, theme
 from modal.plotting.shapes import layout_of
 from modal.scene import Scene
-from modal.structure import structure_of
+from modal.structure import Piece, Scaffold, structure_of
 from nonlinear import State, simulate
 from nonlinear.dynamics import Mechanics
 from nonlinear.integration import Trajectory

@@ -82,6 +82,14 @@ links = [{ kind = "rod", mass = -1.0, length = nan }, { kind = "spring", mass = 
     }
 
 
+@pytest.mark.parametrize(("written", "place"), [("support = {", "support"), ("support = [{", "support[0]")])
+def test_a_support_without_a_kind(written: str, place: str) -> None:
+    closed = "}]" if "[" in written else "}"
+    text = f"gravity = 9.81\n{written} mass = 1.0 {closed}\n[[pendulum]]\nlinks = []"
+    words = f'{place}: needs a kind, one of "fixed", "cart", "swing", "tilt", "heave", "platform", "modal", "moved"'
+    assert set(refused(text)) == {words, "pendulum[0].links: must not be empty"}
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -172,7 +180,7 @@ def test_scenes_are_immutable_and_hashable() -> None:
 
 def test_every_promised_scene_is_shipped() -> None:
     promised = {*(f"paper-cart-{n}" for n in (1, 2, 3)), *(f"chain-{n}" for n in range(1, 6))}
-    promised |= {"beam", "ship-crane", "tower", "two-bobs", "two-swings"}
+    promised |= {"beam", "ship-crane", "suspension", "tower", "two-bobs", "two-swings"}
     promised |= {
         "cart-upright",
         "chain-unequal",

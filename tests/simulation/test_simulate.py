@@ -370,7 +370,7 @@ def test_starts() -> None:
     assert state_at_rest(three, [10, 20]).links == pytest.approx(np.deg2rad([10, 20] * 3))
     with pytest.raises(SceneError, match="start: has 5 angles: this scene needs 2 or 6"):
         state_at_rest(three, [1, 2, 3, 4, 5])
-    with pytest.raises(SceneError, match="start: angle nan: must be finite"):
+    with pytest.raises(SceneError, match="angles_deg: has nan: must be a finite number"):
         state_at_rest(three, [math.nan, 0])
     standing = three.model_copy(
         update={"pendulum": (double.model_copy(update={"equilibrium": ("down", "up")}), double)}

@@ -190,7 +190,7 @@ def test_a_fixed_support_has_no_shaper(drive: str) -> None:
 
 def test_another_drive_is_refused_with_the_nearest_word() -> None:
     for call in (shaper_for, swings_of):
-        with pytest.raises(SceneError, match=r"drive = 'force': must be one of .*\(did you mean cart_force\?\)"):
+        with pytest.raises(SceneError, match=r"drive 'force': must be one of .*\(did you mean cart_force\?\)"):
             call(load("crane-hook"), drive="force")
     with pytest.raises(SceneError) as caught:
         swings_of(load("chain-2"), drive="cart_aceleration")

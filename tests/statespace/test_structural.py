@@ -148,6 +148,31 @@ def test_elimination_and_the_model_give_one_response(name: str) -> None:
         assert found == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
 
 
+@pytest.mark.parametrize("name", ["swings", "ship", "board", "carts", "mixed", "springs", "frame"])
+def test_no_digit_is_lost_far_from_the_modes(name: str) -> None:
+    """Every entry beside positions of all masses in 50 digits, from 1e-3 to 1e3 times the frequencies of scenes."""
+    scene = STRUCTURED[name].undriven
+    model = state_space(
+        scene, wanted(scene, ("coordinate_forces", "joint_torques")), wanted(scene, ("coordinates", "angles"))
+    )
+    omega = np.array([2e-3, 0.4, 40.0, 4e3])
+    found = Elimination(scene, model.inputs, model.outputs).along(omega)
+    first = Oracle(scene).size - scene.n_links
+    torques = state_space(scene, ("joint_torques",), ("relative_angles",))
+    turns = torques.C[:, : Oracle(scene).size]
+    with mp.workdps(60):
+        M, K, D = matrices_of(name)
+        F = mp.zeros(len(M), len(model.inputs))
+        for k in range(first):
+            F[k, k] = 1
+        for i, j in zip(*np.nonzero(turns), strict=True):
+            F[int(j), first + int(i)] = mp.mpf(turns[i, j])
+        for k, w in enumerate(map(mp.mpf, omega.tolist())):
+            S = K + 1j * w * D - w * w * M
+            exact = np.array((S**-1 * F).tolist(), dtype=complex)
+            assert found[..., k] == pytest.approx(exact, rel=1e-11, abs=1e-40)
+
+
 @pytest.mark.parametrize("name", ["swings", "carts"])
 def test_three_motions_of_the_ground_are_one(name: str) -> None:
     scene = STRUCTURED[name].undriven

@@ -10,16 +10,17 @@ import scipy
 from structured_scenes import STRUCTURED
 from test_structural import OMEGA, TOWER, solved, wanted
 
-from modal import SceneError, load, natural_modes
+from modal import Scene, SceneError, load, natural_modes
 from modal.assembly import matrices
 from modal.errors import ComputationError
-from modal.identification import compare_modes
+from modal.identification import compare_modes, estimate_of, fit_modes
 from modal.identification.measured import read_modes
+from modal.identification.propagation import response_slopes
 from modal.loci import follow_loci
 from modal.modes import sensitivities
 from modal.modes.sensitivity_table import of_mode
 from modal.scene import RecordMotion, scene_from
-from modal.scene.parameters import find_places, parse_variations, unit_at, vary
+from modal.scene.parameters import find_places, number_at, parse_variations, unit_at, vary
 from modal.scene.records import Spectrum
 from modal.statespace import (
     drives_of,
@@ -261,6 +262,37 @@ def test_sensitivities_obey_the_units(name: str) -> None:
         sensitivities(modes, 0)
 
 
+@pytest.mark.parametrize(
+    ("scene", "places", "given", "read"),
+    [
+        (TOWER, ("spring[1].stiffness", "support[1].mass", "support[1].position[1]"), "upper_force", "spring_forces"),
+        (
+            STRUCTURED["ship"].undriven,
+            ("pendulum[0].position[1]", "support.stiffness.roll", "pendulum[0].links[0].length"),
+            "force:ship@1.0,0.5",
+            "ship_roll_rad",
+        ),
+    ],
+    ids=["tower", "ship"],
+)
+def test_responses_have_the_derivatives_of_their_differences(
+    scene: Scene, places: tuple[str, ...], given: str, read: str
+) -> None:
+    values = [number_at(scene, find_places(scene, path)[0]) for path in places]
+    numbers = [{"place": p, "value": v, "std": 1e-3 * abs(v)} for p, v in zip(places, values, strict=True)]
+    covariance = np.diag([one["std"] ** 2 for one in numbers]).tolist()
+    own = estimate_of(scene, {"parameters": numbers, "covariance": covariance})
+    G, slopes = response_slopes(state_space(scene, (given,), (read,)), own, OMEGA)
+    assert pytest.approx(solved(state_space(scene, (given,), (read,)), OMEGA), rel=1e-9) == G
+    for k, (path, value) in enumerate(zip(places, values, strict=True)):
+        step = 1e-4 * value
+        ends = [
+            solved(state_space(vary(scene, {path: value + sign * step}), (given,), (read,)), OMEGA) for sign in (1, -1)
+        ]
+        exact = (ends[0] - ends[1]) / (2 * step)
+        assert slopes[..., k] == pytest.approx(exact, abs=1e-5 * np.abs(exact).max())
+
+
 def test_loci_of_two_bobs_follow_their_closed_form() -> None:
     """In phase g/l whatever the spring, in antiphase g/l + 2 κ a²/(m l²), with a soft one first."""
     bobs = load("two-bobs").conservative
@@ -272,6 +304,19 @@ def test_loci_of_two_bobs_follow_their_closed_form() -> None:
     )
     crossing = follow_loci(TOWER.conservative, parse_variations(["pendulum[0].links[0].length=0.05:2.0:6"])[0])
     assert [one.kind for one in crossing.encounters].count("veering") >= 1
+
+
+def test_modes_give_back_numbers_of_a_beam(tmp_path: Path) -> None:
+    """A depth of a pivot, which may lie above the axis, and a spring, from the frequencies that they give."""
+    beam, path = load("beam").undriven.conservative, tmp_path / "modes.csv"
+    true = {"pendulum[0].position[1]": -0.55, "pendulum[1].position[1]": -0.62, "support.stiffness": 320.0}
+    modes = natural_modes(vary(beam, true))
+    rows = [f"{row.number},{row.frequency!r},1e-6" for row in modes]
+    path.write_text("\n".join(["mode,frequency_hz,std_hz", *rows]))
+    free = ["pendulum[0].position[1]", "support.stiffness"]
+    held = vary(beam, {"pendulum[1].position[1]": true["pendulum[1].position[1]"]})
+    found = fit_modes(held, read_modes(held, path), free)
+    assert found.values == pytest.approx([true[place] for place in free], rel=1e-5)
 
 
 def test_measured_shapes_have_columns_of_coordinates(tmp_path: Path) -> None:

@@ -14,14 +14,14 @@ from nonlinear.integration import loops
 
 LANES = 4
 """Side by side: enough for members that come while others are under way, and no time for lanes that stand still."""
-PLAIN = "def compiled(function):\n return function\n\nvectorized = compiled"
+PLAIN = "def compiled(function):\n return function\n\npart = vectorized_part = compiled"
 
 
 def module_of(text: str) -> ModuleType:
     """A module for numba, of plain functions."""
     module = ModuleType("loop")
     text = text.replace("from math import floor, inf, log, sqrt", "from numpy import floor, inf, log, sqrt")
-    exec(text.replace("from modal.eigen.compiling import compiled, vectorized", PLAIN), vars(module))
+    exec(text.replace("from modal.eigen.compiling import compiled, part, vectorized_part", PLAIN), vars(module))
     return module
 
 

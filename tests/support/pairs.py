@@ -136,6 +136,13 @@ def _by(words: str) -> Attempt:
     return lambda path, scene, folder: _command(words, path, folder)
 
 
+def _compared_with_modes(path: Path, scene: Scene, folder: Path) -> str:
+    links = scene.n_links if scene.is_structured else scene.pendulum[0].n_links
+    return _command(
+        f"check @ --general --start angles:{','.join(['5', *['0'] * (links - 1)])} --duration 2", path, folder
+    )
+
+
 def _followed(path: Path, scene: Scene, folder: Path) -> str:
     begin = "" if scene.is_forced else " --start scene --duration 20"
     return _command(f"orbits @ {GRAVITY}{begin} --format json", path, folder)
@@ -172,7 +179,7 @@ ATTEMPTS: dict[str, Attempt] = {
     "matrices": _by("matrices @"),
     "explain": _by("explain @"),
     "check": _by("check @ --mode 2 --amplitude 5"),
-    "check general": _by("check @ --general --start angles:5,0 --duration 2"),
+    "check general": _compared_with_modes,
     "simulate": _simulated(),
     "simulate maximal": _simulated(form="maximal"),
     "simulate hamiltonian": _simulated(form="hamiltonian"),
@@ -196,10 +203,12 @@ ATTEMPTS: dict[str, Attempt] = {
     "sweep": _by("sweep @ --vary gravity=9:10:2 --workers 1 -o #.csv"),
     "sweep floquet": _by("sweep @ --vary gravity=9:10:2 --measure floquet --workers 1 -o #.csv"),
     "response": _by("response @ --at 0.1,1"),
+    "impulse": _by("response @ --impulse -o #.csv"),
     "gains": _by("gains @"),
     "shaper": _by("shaper @"),
     "export": _by("export @ --to json -o #.json"),
     "vibration": _vibration,
+    "thermal noise": _by("vibration @ --temperature 300 --signals angles --at 0.1,1"),
     "shock": _shock,
     "play": _by("play @ -o #.html"),
     "derive": _by("derive @ --show matrices"),
@@ -213,8 +222,7 @@ ATTEMPTS: dict[str, Attempt] = {
 }
 ASKS: dict[str, tuple[str, ...]] = {
     "table": ("the table of modes",),
-    "shapes": ("the table of modes",),
-    "matrices": ("the table of modes",),
+    **dict.fromkeys(("shapes", "matrices"), ("mode shapes",)),
     "explain": ("the explanation of the coupling",),
     "check": ("a check of modes",),
     "check general": ("a comparison with modes",),
@@ -238,10 +246,13 @@ ASKS: dict[str, tuple[str, ...]] = {
     "fit": ("a fit of motions",),
     "sweep": ("the table of modes",),
     "sweep floquet": ("a Floquet multiplier",),
-    **dict.fromkeys(("response", "gains"), ("a constant linear model",)),
+    "response": ("a frequency response",),
+    "impulse": ("an impulse response",),
+    "gains": ("a constant linear model",),
     "export": ("a constant linear model",),
     "vibration": ("random vibration",),
-    "shock": ("a constant linear model", "a linear model of a moved support"),
+    "thermal noise": ("thermal noise",),
+    "shock": ("a shock",),
     "shaper": ("a shaper",),
     "play": ("the live page",),
     "derive": ("a derivation",),
@@ -252,6 +263,21 @@ ASKS: dict[str, tuple[str, ...]] = {
     "tradeoff": ("a comparison of methods",),
 }
 """The capability that stands at the door of each; of others, the form of the equations of motion."""
+UNDAMPED = (
+    *(
+        "bob",
+        "rod",
+        "body",
+        "cart",
+        "cart_m_0",
+        "count_100",
+        "quadratic_drag",
+        "moved_vertical",
+    ),
+    *("moved_horizontal", "moved_both_ways", "force", "constant_force", "joint_springs", "inverted", "space", "load"),
+    *("joint_friction", "rail_friction", "rail_coefficient", "space_and_cart"),
+)
+"""Kinds without anything that dissipates near the equilibrium."""
 DRIVEN = {"section": ("a stroboscopic section",), "orbits vary": ("a forced periodic orbit",)}
 """What stands there instead for a scene that is driven in time."""
 BEYOND = {
@@ -262,6 +288,8 @@ BEYOND = {
     **dict.fromkeys((("hoist", "export"), ("hoist_and_drag", "export")), "holds a constant model"),
     ("moved_horizontal", "sweep floquet"): "along the rail only",
     ("count_100", "section"): "no motion of this energy",
+    ("loss", "fit"): "has no place for loss angles",
+    **dict.fromkeys(((kind, "thermal noise") for kind in UNDAMPED), "nothing dissipates in this scene"),
     **dict.fromkeys((("escapement", "orbits vary"), ("van_der_Pol", "orbits vary")), "no limit cycle was found"),
 }
 """Pairs that are refused for their numbers, not for a feature, with words of the message."""
@@ -313,6 +341,7 @@ OFF: dict[str, tuple[str, Callable[[Scene], Scene]]] = {
     "moved_both_ways": ("moved_support", lambda scene: scene.still),
     "force": ("force", lambda scene: scene.replace(force=())),
     "constant_force": ("constant_force", lambda scene: scene.replace(force=())),
+    "loss": ("loss", lambda scene: scene.lossless),
     "springs": ("springs", lambda scene: scene.replace(spring=())),
 }
 """The feature of a kind, and how to switch it off."""

@@ -104,6 +104,24 @@ def test_a_population_breaks_up_where_half_of_its_energy_is_drained() -> None:
     assert averaged.amplitude / (2 * swings.LIMIT) == pytest.approx(0.5**0.5, rel=5e-3)
 
 
+@pytest.mark.slow
+def test_beyond_resonance_the_determinant_breaks_a_population_up() -> None:
+    """There the swings follow their spring, not their weight, and the motion emerges from rest a second time."""
+    (_, motion) = symmetric_motions(swings.two_swings(0.5, count=2))
+    assert motion.orbit is not None
+    assert motion.averaged is not None
+    assert motion.reason(2) == "the determinant of its within-block is negative"
+    assert np.linalg.det(motion.averaged.blocks[2]) < 0
+    first, second = motion.orbit.multipliers[2].real
+    assert first > 1 > second > 0
+    found = swings.diagram("swings", (0.22, 0.3, 0.5))
+    (_, antiphase) = found.branches
+    (_, dies), (emerges, end) = found.windows(antiphase)
+    assert dies / swings.UNIT == pytest.approx(0.25004, abs=1e-4)
+    assert 0.3 * swings.UNIT < emerges < end == found.variation.values[-1]
+    assert found.intervals(antiphase) == ()
+
+
 def whole_map(scene: Scene, found: PatternOrbit) -> Floats:
     """The monodromy matrix of all pendula on the motion of their representatives, in natural units."""
     flow, few = Flow(system_of(scene), 1e-12), found.orbit.y.reshape(2, -1)
@@ -232,12 +250,12 @@ def test_reports_have_the_verdict_first() -> None:
     found = study_synchronization(scene, 8.0)
     text, record = sync_text(found), sync_record(found)
     assert "\n\nPopulation 1 locked, 2 not: a chimera.\n\npopulation" in text
-    assert "the trace of its within-block is positive: drained to 0.598" in text
+    assert "the trace of its within-block is positive, drained to 0.598" in text
     assert "10 pendula on a structure" in text
     assert record["verdict"] == "a chimera"
     assert [one["support"] for one in record["populations"]] == ["left", "right"]
     assert record["populations"][0]["order_parameter"] == pytest.approx(1.0)
-    exact = {one.pattern.name: one.orbit for one in symmetric_motions(scene)}
+    exact = {one.pattern.name: one.orbit for one in found.motions}
     for one in record["symmetric_motions"]:
         own = exact[one["motion"]]
         assert own is not None
@@ -257,7 +275,7 @@ def test_the_diagram_tells_intervals_thresholds_and_reasons() -> None:
     assert found.intervals(antiphase)[0][1] == pytest.approx(0.203742614 * swings.UNIT)
     dies = next(one for one in found.thresholds if not one.sector)
     assert (dies.pattern, dies.becomes) == ("antiphase", "dies out")
-    assert found.ends(antiphase)[1] == dies.value
+    assert found.windows(antiphase) == ((found.variation.values[0], dies.value),)
     beside = [patterns_of(vary(found.scene, {swings.STIFFNESS: share * dies.value}))[1] for share in (0.99, 1.001)]
     assert averaged_pattern(beside[0]).amplitude < 0.15
     with pytest.raises(ComputationError, match="dies out"):
@@ -267,6 +285,8 @@ def test_the_diagram_tells_intervals_thresholds_and_reasons() -> None:
     assert all(f"{one.value:.9g}" in text for one in found.thresholds)
     rows = list(csv.DictReader(StringIO(diagram_csv(found))))
     assert {row["sector"] for row in rows} == set(NAMES)
+    assert {float(row["spring[0].stiffness_N_per_m"]) for row in rows} == {*in_phase.values, *antiphase.values}
+    assert {row["lasts"] for row in rows} == {"0", "1"}
     assert len(rows) == 3 * sum(len(one.values) for one in found.branches)
     assert all(abs(float(row["growth_per_s"]) - float(row["averaged_growth_per_s"])) < 0.02 for row in rows)
 

@@ -1,7 +1,9 @@
 // Sliders with their numbers: what can be changed, and by how much.
 
+import { numbersOf, placed } from "./carriers.js";
 import { digits } from "./numbers.js";
 import { rounded } from "./stage.js";
+import { pushedAt } from "./system.js";
 
 const STEPS = 600;
 
@@ -70,7 +72,9 @@ export class Controls {
       new Slider(boxes.link, { label: "Mass", unit: "kg", ...ofLink("mass") }),
       new Slider(boxes.link, { label: "Length", unit: "m", ...ofLink("length") }),
     ];
-    if (!player.system.support || player.system.links.some(({ drag, quadratic }) => drag || quadratic)) {
+    // The text of a structure has the drag of links that have some.
+    const dragged = player.system.links.some(({ drag, quadratic }) => drag || quadratic);
+    if (dragged ? !player.system.structure : !player.system.support && !player.system.structure) {
       this.ofLink.push(
         new Slider(boxes.link, { label: "Drag", unit: "N s/m", ...ofAir("drag", ({ mass, length }) => mass * Math.sqrt(player.scene.gravity / length)) }),
         new Slider(boxes.link, { label: "Quadratic drag", unit: "N s²/m²", ...ofAir("quadratic_drag", ({ mass, length }) => mass / length) }),
@@ -115,8 +119,10 @@ export class Controls {
         }),
       );
     }
+    if (player.system.structure) this.ofCarriers(boxes.cart);
     if (player.system.support) {
-      const ofMotion = (key) => ({ read: () => player.scene.support.motion[key], write: (value) => player.change((scene) => (scene.support.motion[key] = value)) });
+      const at = () => player.prescribed;
+      const ofMotion = (key) => ({ read: () => at()[key], write: (value) => player.change((scene) => (player.prescribedIn(scene)[key] = value)) });
       const swing = { linear: true, range: (value) => [0, 2 * value || player.view.reach / 10] };
       this.others.unshift(
         new Slider(boxes.cart, { label: "Support amplitude", unit: "m", ...ofMotion("amplitude"), ...swing }),
@@ -125,8 +131,8 @@ export class Controls {
     }
     this.others.push(
       new Slider(boxes.drive, {
-        label: player.system.cart ? "Force" : "Moment",
-        unit: player.system.cart ? "N" : "N m",
+        label: pushedAt(player.system).unit === "N" ? "Force" : "Moment",
+        unit: pushedAt(player.system).unit,
         read: () => player.drive.amount,
         write: (amount) => player.drives({ amount }),
         range: decade,
@@ -141,6 +147,35 @@ export class Controls {
     );
     this.chooser.addEventListener("change", () => player.choose(Number(this.chooser.value)));
     this.name();
+  }
+
+  // The numbers of supports and springs: a list to choose one from, and its sliders.
+  ofCarriers(box) {
+    const { player } = this;
+    this.parts = numbersOf(player.scene);
+    if (!this.parts.length) return;
+    const label = Object.assign(document.createElement("label"), { className: "select wide" });
+    this.part = document.createElement("select");
+    this.part.replaceChildren(...this.parts.map(({ name }, number) => new Option(name, String(number))));
+    label.append("Support ", this.part);
+    box.before(label);
+    const choose = () => {
+      box.replaceChildren();
+      this.ofPart = this.parts[Number(this.part.value)].numbers.map(
+        ({ label, unit, place }) =>
+          new Slider(box, {
+            label,
+            unit,
+            read: () => placed(player.scene, place) ?? 0,
+            write: (value) => player.change((scene) => (placed(scene, place.slice(0, -1))[place.at(-1)] = value)),
+            ...(label.startsWith("Damping") ? { linear: true, range: (value) => [0, 2 * value || 1] } : { range: decade }),
+          }),
+      );
+      for (const slider of this.ofPart) slider.show();
+    };
+    this.part.addEventListener("change", choose);
+    this.part.value = "0";
+    choose();
   }
 
   // The names of all links, in order.
@@ -188,6 +223,6 @@ export class Controls {
 
   show() {
     this.chooser.value = String(this.player.selected);
-    for (const slider of [...this.ofLink, ...this.others]) slider.show();
+    for (const slider of [...this.ofLink, ...this.others, ...(this.ofPart ?? [])]) slider.show();
   }
 }

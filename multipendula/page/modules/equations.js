@@ -2,8 +2,9 @@
 // `steps`, from joint to joint; any number of chains and links.
 //
 // y = (x, angles, x', rates, work): x and x' stay 0 without a cart, work is that of dampers, drives, drag, a moved
-// support and the forces from outside.
+// support and the forces from outside.  Structures have their own text (`carriers`).
 
+import { ratesOf, storedIn } from "./carriers.js";
 import { full, linearized } from "./steps.js";
 
 const zeros = (count, length) => Array.from({ length: count }, () => new Float64Array(length));
@@ -12,6 +13,7 @@ const STILL = new Float64Array(6);
 // A function f(t, y, out) for the derivative of y; `forces(t)` gives the force on the cart (N) and the moment on every
 // link (N m).  With the steps `linearized` it is that of the deviations from equilibrium, without work.
 export function equationsOf(system, forces = null, steps = full) {
+  if (system.structure) return ratesOf(system, forces, steps === linearized);
   const { size, cart, gravity } = system;
   const [wide, shift] = steps === linearized ? [2, 1] : [1, 0];
   const read = (record, k) => record[k] + shift * record[k + 3 * shift];
@@ -58,7 +60,9 @@ export function equationsOf(system, forces = null, steps = full) {
 }
 
 // Kinetic and potential energy (J), the latter from equilibrium: small motions keep their digits.
-export function energiesOf({ size, cart, chains }, y) {
+export function energiesOf(system, y) {
+  if (system.structure) return storedIn(system, y);
+  const { size, cart, chains } = system;
   let kinetic = cart ? (cart.mass * y[size] ** 2) / 2 : 0;
   let potential = cart ? (cart.stiffness * y[0] ** 2) / 2 : 0;
   for (const { first, links } of chains) {

@@ -1,8 +1,9 @@
 // Escapements: a kick whenever a joint passes its angle outwards, as in `nonlinear.integration.escapements`.
 //
-// A kick P acts on the link below the joint and -P on the one above; the velocities jump by the accelerations that these
-// moments give the scene at rest without gravity and springs.
+// A kick P acts on the link below the joint and -P on the one above, or on the carrier that turns; the velocities jump by
+// the accelerations that these moments give the scene at rest without gravity and springs.
 
+import { impelledIn } from "./carriers.js";
 import { equationsOf } from "./equations.js";
 import { numbered } from "./system.js";
 
@@ -11,8 +12,12 @@ const BUMP = 0.25; // a curve of one curvature rises above its ends by at most t
 export class Escapements {
   constructor(system, y) {
     this.system = system;
-    this.joints = system.chains.flatMap(({ first, links }) =>
-      links.flatMap((link, i) => (link.impulse ? [{ own: first + i, above: i ? first + i - 1 : -1, link }] : [])),
+    // Coordinates below and above; -1 where the upper one is at rest.
+    this.joints = system.chains.flatMap(({ first, links }, number) =>
+      links.flatMap((link, i) => {
+        const own = system.lead + first + i;
+        return link.impulse ? [{ own, above: i ? own - 1 : (system.structure?.bases[number] ?? -1), link }] : [];
+      }),
     );
     // The side of the next kick: 0 where either is possible.
     this.sides = this.joints.map((joint) => {
@@ -20,16 +25,25 @@ export class Escapements {
       return Math.abs(gamma) > joint.link.angle ? -Math.sign(gamma) : 0;
     });
     this.moments = new Float64Array(system.size);
-    this.respond = equationsOf(slack(system), () => this.moments);
+    this.respond = system.structure ? (y) => impelledIn(system, y, this.moments) : this.jumps(slack(system));
+  }
+
+  jumps(system) {
+    const respond = equationsOf(system, () => this.moments);
+    return (y) => {
+      const [still, jump] = [Float64Array.from(y).fill(0, system.size), new Float64Array(y.length)];
+      respond(0, still, jump);
+      return jump.subarray(system.size);
+    };
   }
 
   angleOf({ own, above, link }, y) {
-    return y[1 + own] - (above < 0 ? 0 : y[1 + above]) - link.bent;
+    return y[own] - (above < 0 ? 0 : y[above]) - link.bent;
   }
 
   rateOf({ own, above }, y) {
     const { size } = this.system;
-    return y[size + 1 + own] - (above < 0 ? 0 : y[size + 1 + above]);
+    return y[size + own] - (above < 0 ? 0 : y[size + above]);
   }
 
   // How far a joint is beyond the angle of its next kick, how fast it goes out there, and on which side that is.
@@ -82,15 +96,14 @@ export class Escapements {
     const kicks = this.due.map((number) => {
       const { own, above, link } = this.joints[number];
       const side = this.beyond(number, y).side;
-      moments[1 + own] += side * link.impulse;
-      if (above >= 0) moments[1 + above] -= side * link.impulse;
+      moments[own] += side * link.impulse;
+      if (above >= 0) moments[above] -= side * link.impulse;
       this.sides[number] = -side;
       return { joint: this.joints[number], impulse: side * link.impulse };
     });
-    const [still, jump] = [Float64Array.from(y).fill(0, size), new Float64Array(y.length)];
-    this.respond(0, still, jump);
+    const jump = this.respond(y);
     for (const { joint, impulse } of kicks) y[2 * size] += (impulse * this.rateOf(joint, y)) / 2;
-    for (let i = 0; i < size; i++) y[size + i] += jump[size + i];
+    for (let i = 0; i < size; i++) y[size + i] += jump[i];
     for (const { joint, impulse } of kicks) y[2 * size] += (impulse * this.rateOf(joint, y)) / 2;
     this.due = [];
   }

@@ -1,5 +1,6 @@
 // The page: its parts joined, and a frame after the other.
 
+import { isStructure } from "./carriers.js";
 import { Controls } from "./controls.js";
 import { energiesOf } from "./equations.js";
 import { mannerOf } from "./modes.js";
@@ -20,7 +21,7 @@ const element = (id) => document.getElementById(id);
 function begin() {
   const given = JSON.parse(element("data").textContent);
   const word = location.hash.slice(1);
-  const held = word && word !== "swing" ? linked(word) : null;
+  const held = word && word !== "swing" ? linked(word, given.scene) : null;
   const player = held ?? new Player(given.scene, given.recording ? new Recording(given.recording) : null);
   const stage = new Stage(element("scene"), player);
   const table = new ModeTable(element("rows"), player);
@@ -32,9 +33,10 @@ function begin() {
   if (word === "swing" && !matchMedia("(prefers-reduced-motion: reduce)").matches) element("play").click();
 }
 
-// What the link holds, null where it is no scene or one that cannot be computed.
-function linked(word) {
-  const held = unpacked(word);
+// What the link holds, null where it is no scene or one that cannot be computed; on the page of a structure a scene that
+// differs from the page's own in numbers alone.
+function linked(word, own) {
+  const held = unpacked(word, isStructure() ? own : null);
   try {
     const player = held && new Player(held.scene, null);
     if (player) restore(player, held);
@@ -64,7 +66,7 @@ class LivePage {
     const { player } = this;
     element("title").textContent = player.scene.title || document.title;
     element("replay").hidden = !player.recording;
-    element("of-cart").hidden = !player.system.cart && !player.system.support;
+    element("of-cart").hidden = !player.system.cart && !player.system.support && !isStructure();
     player.listen((what) => this.heard(what));
     this.bindButtons();
     this.bindSwitches();
@@ -141,6 +143,10 @@ class LivePage {
       this.strip = [];
     }
     if (what === "drive") controls.show();
+    if (what === "refused") {
+      controls.show();
+      this.say("With this number the scene is no equilibrium as drawn, or cannot be computed: it stays as it was.");
+    }
     if (what === "lost") this.say("This motion is too fast to be computed: everything hangs still again.");
     if (what === "mode" || what === "state") table.show();
     if (what === "mode") {
@@ -185,16 +191,16 @@ class LivePage {
   remember() {
     const { player } = this;
     const places = player.view.places(player.y);
-    player.view.follow(places, player.y[0] + player.view.shift[0]);
+    player.view.follow(places, player.view.drift(player.y, places));
     if (this.trails.length !== places.length) this.trails = places.map(() => []);
     if (!player.playing) return;
     places.forEach(({ joints }, i) => {
       this.trails[i].push(joints.at(-1));
       if (this.trails[i].length > TRAIL) this.trails[i].shift();
     });
-    const predicted = player.motion?.linear ? player.motion.predicted[1 + player.selected] : NaN;
+    const predicted = player.motion?.linear ? player.motion.predicted[player.system.lead + player.selected] : NaN;
     if (this.strip.length && this.strip.at(-1)[0] > this.now) this.strip = [];
-    this.strip.push([this.now, player.y[1 + player.selected], predicted]);
+    this.strip.push([this.now, player.y[player.system.lead + player.selected], predicted]);
     while (this.strip[0][0] < this.now - SPAN) this.strip.shift();
   }
 

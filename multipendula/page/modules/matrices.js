@@ -1,5 +1,6 @@
 // M, K and D of the linearized scene in the coordinates (x, deviations of the angles).
 
+import { pairedIn } from "./carriers.js";
 import { full } from "./steps.js";
 
 export function zeros(n, columns = n) {
@@ -22,19 +23,29 @@ export function formsOf(chains, cart, weights, x, z) {
   return found;
 }
 
+// The same of a whole system.
+export function formsIn(system, x, z = x) {
+  return system.structure ? pairedIn(system, x, z) : formsOf(system.chains, system.cart, null, x, z);
+}
+
 export function inertiaOf(chains, cart, weights, x, z = x) {
   return formsOf(chains, cart, weights, x, z)[0];
 }
 
 export function matricesOf(chains, cart, weights) {
   const n = 1 + chains.reduce((total, chain) => total + chain.links.length, 0);
+  return matricesBy(n, (x, z) => formsOf(chains, cart, weights, x, z));
+}
+
+// Those of n coordinates from their bilinear forms.
+export function matricesBy(n, forms) {
   const [M, K, D] = [zeros(n), zeros(n), zeros(n)];
   const units = zeros(n);
   units.forEach((unit, i) => (unit[i] = 1));
   for (let i = 0; i < n; i++) {
     for (let j = 0; j <= i; j++) {
-      const forms = formsOf(chains, cart, weights, units[i], units[j]);
-      [M, K, D].forEach((matrix, k) => (matrix[i][j] = matrix[j][i] = forms[k]));
+      const values = forms(units[i], units[j]);
+      [M, K, D].forEach((matrix, k) => (matrix[i][j] = matrix[j][i] = values[k]));
     }
   }
   return { M, K, D };
@@ -71,6 +82,15 @@ export function backward(L, right) {
     x[i] /= L[i][i];
   }
   return x;
+}
+
+// The vectors f of M f w^2 = K f, M positive definite.
+export function eigen(M, K) {
+  const L = cholesky(M);
+  const half = K.map((line) => forward(L, line));
+  const C = zeros(M.length).map((_, i) => forward(L, half.map((line) => line[i])));
+  for (let i = 0; i < C.length; i++) for (let j = 0; j < i; j++) C[i][j] = C[j][i] = (C[i][j] + C[j][i]) / 2;
+  return jacobi(C).vectors.map((vector) => backward(L, vector));
 }
 
 // Eigenvalues and eigenvectors (as rows) of a symmetric matrix, which is overwritten, by cyclic Jacobi rotations

@@ -5,19 +5,33 @@
 // is the square of the shape's.
 
 import { isGuide, kappaOf } from "./amplitude.js";
-import { sum } from "./system.js";
-import { backward, cholesky, formsOf, forward, inertiaOf, jacobi, matricesOf, zeros } from "./matrices.js";
+import { structureModes } from "./structure_modes.js";
+import { orderOf, sum } from "./system.js";
+import { eigen, formsOf, inertiaOf, matricesOf, zeros } from "./matrices.js";
 
 // Rows in ascending order of frequency: omega (rad/s), growing (whether it grows at that rate instead), multiplicity,
 // shapes (cart in m and every angle, largest angle 1), kappa, onePercent (degrees), ratio (of the dampers, to first
 // order), beat (s, with the next row), resonant, and the `swing` of these.
 export function modesOf(system) {
+  if (system.structure) return structured(system);
   const kinds = kindsOf(system.chains);
   const rows = kinds.flatMap((kind) => alone(system, kind));
   if (system.cart) rows.push(...together(system, kinds));
   rows.sort((one, other) => one.omega - other.omega);
   rows.forEach((row, i) => describe(system, rows, row, i));
   return rows;
+}
+
+// Those of a structure have no range of validity here.
+function structured(system) {
+  const rows = structureModes(system);
+  rows.forEach((row, i) => Object.assign(row, { kappa: NaN, onePercent: NaN, resonant: false, beat: beatOf(row, rows[i + 1]) }));
+  return rows;
+}
+
+function beatOf(row, next) {
+  const beats = next && [row, next].every((one) => mannerOf(one) === "swings");
+  return beats ? (2 * Math.PI) / (next.omega - row.omega) : NaN;
 }
 
 // What a row does when it is let go: "swings", "grows", "decays" (overdamped to first order), or "shifts" everything.
@@ -86,14 +100,6 @@ function withoutCart(M, K) {
   return eigen(reduced, links).map((f) => Float64Array.of(-sum([...f].map((value, i) => M[0][1 + i] * value)) / M[0][0], ...f));
 }
 
-function eigen(M, K) {
-  const L = cholesky(M);
-  const half = K.map((line) => forward(L, line));
-  const C = zeros(M.length).map((_, i) => forward(L, half.map((line) => line[i])));
-  for (let i = 0; i < C.length; i++) for (let j = 0; j < i; j++) C[i][j] = C[j][i] = (C[i][j] + C[j][i]) / 2;
-  return jacobi(C).vectors.map((vector) => backward(L, vector));
-}
-
 function spread(system, kinds, x) {
   const shape = new Float64Array(system.size);
   shape[0] = x[0];
@@ -127,14 +133,12 @@ function describe(system, rows, row, i) {
   const swings = ({ omega, growing }) => omega > 0 && !growing;
   row.kappa = swings(row) ? kappaOf(row.swing) : NaN;
   row.onePercent = Number.isNaN(row.kappa) ? NaN : (Math.sqrt(0.01 / Math.abs(row.kappa)) * 180) / Math.PI;
-  const next = rows[i + 1];
-  const beats = next && [row, next].every((one) => mannerOf(one) === "swings");
-  row.beat = beats ? (2 * Math.PI) / (next.omega - row.omega) : NaN;
+  row.beat = beatOf(row, rows[i + 1]);
   const partners = rows.filter((other) => other !== row && swings(other) && (system.cart || other.swing.chains === row.swing.chains));
   row.resonant = swings(row) && ((row.multiplicity > 1 && system.cart !== null) || isGuide(row, partners));
   const where = row.multiplicity > 1 ? `${row.where}, ${row.multiplicity}-fold` : row.where;
   const antiphase = row.where === "cart still" ? "antiphase" : "";
-  const motion = [antiphase, agreementOf(system, row), orderOf(system, row), row.growing ? "unstable" : ""].filter(Boolean);
+  const motion = [antiphase, agreementOf(system, row), orderIn(system, row), row.growing ? "unstable" : ""].filter(Boolean);
   row.words = motion.length ? `${where}: ${motion.join(", ")}` : where;
 }
 
@@ -158,15 +162,9 @@ function agreementOf(system, row) {
 }
 
 // How the links of the chain that moves most agree.
-function orderOf(system, row) {
+function orderIn(system, row) {
   if (!row.omega) return "";
   const energies = energiesIn(system, row);
   const chain = system.chains[energies.indexOf(Math.max(...energies))];
-  const n = chain.links.length;
-  const f = [...row.shapes[0].slice(1 + chain.first, 1 + chain.first + n)];
-  const opposed = f.slice(1).filter((value, i) => value * f[i] < 0).length;
-  if (n === 1) return "";
-  if (n === 2) return opposed ? "fast" : "slow";
-  if (!opposed) return "slowest (all links agree)";
-  return opposed === n - 1 ? "fastest (neighbours opposed)" : `${opposed} of ${n - 1} joints opposed`;
+  return orderOf([...row.shapes[0].slice(1 + chain.first, 1 + chain.first + chain.links.length)]);
 }

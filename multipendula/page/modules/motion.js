@@ -3,9 +3,9 @@
 import { Integrator } from "./dop853.js";
 import { Escapements } from "./kicks.js";
 import { energiesOf, equationsOf } from "./equations.js";
-import { inertiaOf } from "./matrices.js";
+import { formsIn } from "./matrices.js";
 import { linearized } from "./steps.js";
-import { atRest } from "./system.js";
+import { atRest, pushedAt } from "./system.js";
 
 const FAR = 100; // rad between the motion and a prediction that has grown away from it and is given up
 
@@ -72,15 +72,14 @@ export class Motion {
   get apart() {
     const { y, predicted } = this;
     let largest = 0;
-    for (let i = 1; i < this.system.size; i++) largest = Math.max(largest, Math.abs(y[i] - predicted[i]));
+    for (let i = this.system.lead; i < this.system.size; i++) largest = Math.max(largest, Math.abs(y[i] - predicted[i]));
     return largest;
   }
 }
 
-// A push acts on the cart, or without one as a moment on the first link of every pendulum.
-function forcesOf({ size, cart, chains }, push) {
-  const forces = new Float64Array(size);
-  const places = cart ? [0] : chains.map(({ first }) => 1 + first);
+function forcesOf(system, push) {
+  const forces = new Float64Array(system.size);
+  const { places } = pushedAt(system);
   return (time) => {
     const amount = push(time);
     for (const place of places) forces[place] = amount;
@@ -93,12 +92,12 @@ function deviation(system, y) {
   return y.slice(0, 2 * system.size).map((value, i) => value - rest[i]);
 }
 
-// A state at rest in the shape of a mode whose largest angle is `amplitude` (rad); a translation moves the cart at
-// `amplitude` m/s instead.
+// A state at rest in the shape of a mode whose largest angle is `amplitude` (rad); a translation moves the cart or the
+// carriers at `amplitude` m/s instead.
 export function inShape(system, row, amplitude, copy = 0) {
   const y = atRest(system);
   if (!row.omega) {
-    y[system.size] = amplitude;
+    row.shapes[copy].forEach((value, i) => (y[system.size + i] = amplitude * value));
     return y;
   }
   row.shapes[copy].forEach((value, i) => (y[i] += amplitude * value));
@@ -109,7 +108,7 @@ export function inShape(system, row, amplitude, copy = 0) {
 export function amplitudesOf(system, rows, y) {
   const q = deviation(system, y);
   const parts = [q.subarray(0, system.size), q.subarray(system.size)];
-  const product = (one, other) => inertiaOf(system.chains, system.cart, null, one, other);
+  const product = (one, other) => formsIn(system, one, other)[0];
   return rows.map((row) => {
     if (!row.omega || row.growing) return 0;
     return Math.hypot(

@@ -17,7 +17,8 @@ export function paint(canvas, colours, draw) {
 }
 
 export function drawScene(ink, view, { y, predicted, trails, selected, tool, colours }) {
-  drawSupport(ink, view, y, colours, tool);
+  if (view.system.structure) drawStructure(ink, view, y, colours, tool);
+  else drawSupport(ink, view, y, colours, tool);
   if (predicted) drawPredicted(ink, view, predicted, colours);
   const places = view.places(y);
   places.forEach(({ joints, centres }, number) => {
@@ -74,6 +75,39 @@ function drawSupport(ink, view, y, colours, tool) {
   if (tool !== "mass") return;
   ink.fillStyle = colours.accent;
   ink.fillRect(x + half - 5, top - height - 5, 10, 10);
+}
+
+// The pieces of a structure: what is still below, then bodies, what holds them, springs and dots.
+const LAYERS = [["guide", "hatch", "ground"], ["body", "line"], ["spring"], ["dot"]];
+const WIDTHS = { guide: 1, hatch: 1, ground: 2, body: 1.5, line: 2, spring: 1.5 };
+
+function drawStructure(ink, view, y, colours, tool) {
+  const pieces = view.pieces(y);
+  for (const layer of LAYERS) {
+    for (const piece of pieces) if (layer.includes(piece.role)) drawPiece(ink, view, piece, colours);
+  }
+  if (tool !== "mass") return;
+  ink.fillStyle = colours.accent;
+  for (const { role, points } of pieces) {
+    if (role !== "body" || points.length > 8) continue; // no wheels
+    const [x, top] = view.pixel(points[1]);
+    ink.fillRect(x - 5, top - 5, 10, 10);
+  }
+}
+
+function drawPiece(ink, view, { role, closed, points }, colours) {
+  const seen = points.map((point) => view.pixel(point));
+  if (role === "dot") return dot(ink, seen[0], 3.5, colours.paper, colours.ink);
+  ink.strokeStyle = { line: colours.ink, spring: colours.muted }[role] ?? colours.line;
+  ink.lineWidth = WIDTHS[role];
+  ink.beginPath();
+  seen.forEach((place, k) => ink[k ? "lineTo" : "moveTo"](...place));
+  if (closed) ink.closePath();
+  if (role === "body") {
+    ink.fillStyle = colours.cart;
+    ink.fill();
+  }
+  ink.stroke();
 }
 
 function drawSpring(ink, from, to, colours) {

@@ -1,8 +1,9 @@
 // What hangs there and what it does now: a scene, its modes, a motion or a recording.
 
+import { isPushed, motionIn } from "./carriers.js";
 import { amplitudesOf, inShape, Motion } from "./motion.js";
 import { modesOf } from "./modes.js";
-import { atRest, startOf, sum, systemOf } from "./system.js";
+import { atRest, pushedAt, startOf, sum, systemOf } from "./system.js";
 import { View } from "./view.js";
 
 const BUDGET = 10; // ms of a frame for the equations
@@ -41,7 +42,7 @@ export class Player {
 
   get weight() {
     const { system } = this;
-    const lever = system.cart ? 1 : Math.max(...system.links.map((link) => link.l));
+    const lever = pushedAt(system).unit === "N" ? 1 : Math.max(...system.links.map((link) => link.l));
     return sum(system.links.map((link) => link.m)) * system.gravity * lever;
   }
 
@@ -67,7 +68,7 @@ export class Player {
 
   // The full motion from the present state.
   release() {
-    const time = this.system.support ? this.now : 0;
+    const time = this.isTimed ? this.now : 0;
     this.replaying = false;
     const { amount, frequency, on } = this.drive;
     const push = on ? (time) => amount * Math.cos(2 * Math.PI * frequency * time) : null;
@@ -75,6 +76,11 @@ export class Player {
     this.y = this.motion.y;
     this.playing = true;
     this.tell("state");
+  }
+
+  // Whether the scene has a time of its own, by a support that moves or forces.
+  get isTimed() {
+    return this.system.support !== null || (this.system.structure !== null && isPushed());
   }
 
   // The time of the scene (s): a support that moves goes on where it is.
@@ -99,8 +105,18 @@ export class Player {
     return this.y.every((value, i) => Math.abs(value - rest[i]) < 1e-12);
   }
 
-  // Whether the support's motion sets off what hangs at rest.
+  // The motion of the support or the ground in the scene.
+  get prescribed() {
+    return this.prescribedIn(this.scene);
+  }
+
+  prescribedIn(scene) {
+    return this.system.structure ? motionIn(scene) : scene.support.motion;
+  }
+
+  // Whether the support's motion sets off what hangs at rest, or forces do.
   get isShaken() {
+    if (this.system.structure) return isPushed();
     return this.system.support !== null && this.scene.support.motion.direction !== "vertical";
   }
 
@@ -127,7 +143,7 @@ export class Player {
   kick() {
     const y = Float64Array.from(this.y);
     const link = this.system.links[this.selected];
-    y[this.system.size + 1 + this.selected] += KICK * 2 * Math.sqrt(this.system.gravity / link.l);
+    y[this.system.size + this.system.lead + this.selected] += KICK * 2 * Math.sqrt(this.system.gravity / link.l);
     this.y = y;
     this.release();
   }
@@ -204,14 +220,15 @@ export class Player {
     edit(scene);
     const before = this.scene;
     this.scene = scene;
-    const [y, extent, camera] = [Float64Array.from(this.y), this.view.extent, this.view.camera];
+    const [y, extent, camera, followed] = [Float64Array.from(this.y), this.view.extent, this.view.camera, this.view.followed];
     try {
       this.rebuild();
     } catch {
       this.scene = before;
-      return this.rebuild();
+      this.rebuild();
+      return this.tell("refused");
     }
-    Object.assign(this.view, { camera });
+    Object.assign(this.view, { camera, followed });
     if (this.view.reach === this.reach) this.view.extent = extent;
     this.reach = this.view.reach;
     this.y = y;

@@ -1,19 +1,61 @@
 // A scene and a state as the text of a scene file, and as a link that holds them.
 
+import { coordinatesOf, isStructure } from "./carriers.js";
 import { MOST_LINKS } from "./system.js";
 
 // The scene file; `y` (with `system`) gives the start, the scene's own is left out then.
 export function sceneFile(scene, system = null, y = null) {
+  if (isStructure()) return structureFile(scene, system, y);
+  const lines = [];
   const moved = y && (y[0] || y[system.size]);
-  const lines = moved ? [`# A scene file holds no start of the cart: it was at ${y[0]} m with ${y[system.size]} m/s.`] : [];
+  const support = y ? { ...scene.support, start: moved ? { displacement: y[0], rate: y[system.size] } : undefined } : scene.support;
   if (scene.title) lines.push(`title = ${quoted(scene.title)}`);
-  lines.push(`gravity = ${real(scene.gravity)}`, "", "[support]", ...entries(scene.support));
+  lines.push(`gravity = ${real(scene.gravity)}`, "", "[support]", ...entries(support));
   for (const pendulum of y ? separated(scene, system, y) : scene.pendulum) lines.push("", "[[pendulum]]", ...pendulumLines(pendulum));
   return `${lines.join("\n")}\n`;
 }
 
-function pendulumLines({ count = 1, equilibrium, links, start }) {
+// The file of a structure.  Copies of a pendulum that springs or forces name stay one entry.
+function structureFile(scene, system, y) {
+  const named = [...(scene.spring ?? []).flatMap(({ between }) => between), ...(scene.force ?? []).map(({ on }) => on)].join(" ");
+  const apart = y ? separated(scene, system, y) : scene.pendulum;
+  const whole = apart.length === scene.pendulum.length || !named.includes("pendulum[");
+  const lines = whole ? [] : ["# Springs or forces name pendula whose copies are apart: the file has no start of these."];
+  if (scene.title) lines.push(`title = ${quoted(scene.title)}`);
+  lines.push(`gravity = ${real(scene.gravity)}`);
+  const supports = [scene.support].flat().map((support, k) => (y ? begun(support, k, system, y) : support));
+  const parts = [
+    ...(Array.isArray(scene.support) ? supports.map((one) => ["[[support]]", one]) : [["[support]", supports[0]]]),
+    ...(scene.ground ? [["[ground]", scene.ground]] : []),
+    ...["spring", "force"].flatMap((key) => (scene[key] ?? []).map((one) => [`[[${key}]]`, one])),
+  ];
+  for (const [head, part] of parts) lines.push("", head, ...entries(part));
+  for (const pendulum of whole ? apart : scene.pendulum) lines.push("", "[[pendulum]]", ...pendulumLines(pendulum));
+  return `${lines.join("\n")}\n`;
+}
+
+// A support with its part of a state as its start.
+function begun(support, number, { size }, y) {
+  const degrees = (value) => (value * 180) / Math.PI;
+  const own = coordinatesOf().flatMap(({ carrier, kind }, i) => (carrier === number ? [{ kind, place: y[i], rate: y[size + i] }] : []));
+  if (own.every(({ place, rate }) => !place && !rate)) return { ...support, start: undefined };
+  const [first, second, third] = own;
+  const starts = {
+    tilt: () => ({ angle_deg: degrees(first.place), rate_deg: degrees(first.rate) }),
+    platform: () => ({
+      ...{ sway: first.place, heave: second.place, roll_deg: degrees(third.place) },
+      ...{ sway_rate: first.rate, heave_rate: second.rate, roll_rate_deg: degrees(third.rate) },
+    }),
+    modal: () => ({ displacements: own.map(({ place }) => place), rates: own.map(({ rate }) => rate) }),
+  };
+  const start = starts[first.kind]?.() ?? { displacement: first.place, rate: first.rate };
+  return { ...support, start };
+}
+
+function pendulumLines({ count = 1, equilibrium, links, start, on, position }) {
   const lines = count > 1 ? [`count = ${count}`] : [];
+  if (on !== undefined) lines.push(`on = ${quoted(on)}`);
+  if (position) lines.push(`position = ${written(position)}`);
   if (equilibrium) lines.push(`equilibrium = [${equilibrium.map(quoted).join(", ")}]`);
   lines.push("links = [", ...repeated(links).map((link) => `  ${inline(link)},`), "]");
   if (start) lines.push(`start = ${inline(start)}`);
@@ -36,7 +78,7 @@ function separated(scene, system, y) {
   const degrees = (values) => [...values].map((value) => (value * 180) / Math.PI);
   const found = [];
   for (const { entry, first, links } of system.chains) {
-    const [from, to] = [1 + first, 1 + first + links.length];
+    const [from, to] = [system.lead + first, system.lead + first + links.length];
     const start = { angles_deg: degrees(y.slice(from, to)), rates_deg: degrees(y.slice(system.size + from, system.size + to)) };
     if (start.rates_deg.every((rate) => !rate)) delete start.rates_deg;
     const last = found.at(-1);
@@ -47,7 +89,8 @@ function separated(scene, system, y) {
 }
 
 function entries(part) {
-  return Object.entries(part).map(([key, value]) => `${key} = ${written(value, key)}`);
+  const there = Object.entries(part).filter(([, value]) => value !== undefined);
+  return there.map(([key, value]) => `${key} = ${written(value, key)}`);
 }
 
 function inline(part) {
@@ -57,6 +100,7 @@ function inline(part) {
 function written(value, key) {
   if (typeof value === "string") return quoted(value);
   if (Array.isArray(value)) return `[${value.map((item) => written(item)).join(", ")}]`;
+  if (typeof value === "boolean") return String(value);
   if (typeof value === "object") return inline(value);
   return key === "count" ? String(value) : real(value);
 }
@@ -77,12 +121,13 @@ export function packed(state) {
   return btoa(String.fromCharCode(...bytes)).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
 }
 
-// The state in a link, checked: anyone may have written it.  null where it is none.
-export function unpacked(text) {
+// The state in a link, checked: anyone may have written it.  null where it is none.  On the page of a structure, whose
+// text is that of its `own` scene, the link's scene differs from it in numbers alone.
+export function unpacked(text, own = null) {
   try {
     const bytes = Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
     const state = JSON.parse(new TextDecoder().decode(bytes));
-    return isState(state) ? state : null;
+    return isState(state, own) ? state : null;
   } catch {
     return null;
   }
@@ -93,18 +138,34 @@ const isPositive = (value) => isReal(value) && value > 0;
 const isAmount = (value) => value === undefined || (isReal(value) && value >= 0);
 const isList = (value, n, test) => Array.isArray(value) && value.length === n && value.every(test);
 
-function isState({ scene, y, drive, selected }) {
-  if (!isScene(scene)) return false;
+function isState({ scene, y, drive, selected }, own) {
+  if (own ? !isLike(scene, own) : !isScene(scene)) return false;
   const links = scene.pendulum.reduce((total, pendulum) => total + (pendulum.count ?? 1) * pendulum.links.length, 0);
   const aside = drive === undefined || (isAmount(drive.amount) && isPositive(drive.frequency));
   const chosen = selected === undefined || (Number.isInteger(selected) && selected >= 0 && selected < links);
-  return links <= MOST_LINKS && aside && chosen && (y === undefined || isList(y, 2 * (links + 1), isReal));
+  return links <= MOST_LINKS && aside && chosen && (y === undefined || isList(y, 2 * (links + (own ? coordinatesOf().length : 1)), isReal));
+}
+
+// The same but for numbers, which keep their signs, and which are 0 where the own one is, unless they are dampers.
+function isLike(value, own, key = "") {
+  if (typeof own === "number") return isReal(value) && (Math.sign(value) === Math.sign(own) || (key === "damping" && value >= 0));
+  if (own === null || typeof own !== "object") return value === own;
+  if (typeof value !== "object" || value === null || Array.isArray(value) !== Array.isArray(own)) return false;
+  const keys = new Set([...Object.keys(own), ...Object.keys(value)]);
+  return [...keys].every((one) => {
+    if (one === "damping" && own[one] === undefined) return isAmount(value[one]);
+    if (one === "damping" && value[one] === undefined) return typeof own[one] === "number";
+    return isLike(value[one], own[one], key === "damping" ? key : one);
+  });
 }
 
 export function isScene(scene) {
-  const { title = "", gravity, support, pendulum } = scene;
+  const { title = "", gravity, support, pendulum, spring, ground, force } = scene;
+  if (spring !== undefined || ground !== undefined || force !== undefined) return false;
   if (typeof title !== "string" || title.length > 200 || !isPositive(gravity) || !Array.isArray(pendulum)) return false;
   const held = support.kind === "fixed" || (support.kind === "cart" && isPositive(support.mass)) || (support.kind === "moved" && isSine(support.motion));
+  const { displacement = 0, rate = 0 } = support.start ?? {};
+  if (!isReal(displacement) || !isReal(rate)) return false;
   if (!held || !isAmount(support.damping) || !isAmount(support.stiffness)) return false;
   return pendulum.length > 0 && pendulum.length <= MOST_LINKS && pendulum.every(isPendulum);
 }

@@ -1,5 +1,6 @@
 // The hand on the scene: pull, lengthen, make heavier, by pointer and by keys.
 
+import { supportOf } from "./carriers.js";
 import { clamp } from "./numbers.js";
 
 const NEAR = 34; // pixels
@@ -53,6 +54,7 @@ export class Stage {
     held.moved = true;
     if (this.tool === "mass") this.weigh(point);
     else if (held.cart) this.slide(point);
+    else if (held.carrier !== undefined) this.haul(point);
     else if (this.tool === "length") this.lengthen(point);
     else player.place(player.view.pulled(player.y, held.link, player.view.metre(point)));
   }
@@ -61,7 +63,10 @@ export class Stage {
   weigh(point) {
     const { held, player } = this;
     const factor = 10 ** ((held.point[1] - point[1]) / 160);
-    if (held.cart) player.change((scene) => (scene.support.mass = rounded(held.scene.support.mass * factor)));
+    if (held.carrier !== undefined) {
+      const { mass } = supportOf(held.scene, held.carrier);
+      if (mass) player.change((scene) => (supportOf(scene, held.carrier).mass = rounded(mass * factor)));
+    } else if (held.cart) player.change((scene) => (scene.support.mass = rounded(held.scene.support.mass * factor)));
     else player.changeLink(held.link, "mass", rounded(held.first.mass * factor));
   }
 
@@ -81,6 +86,15 @@ export class Stage {
     y[0] = held.cart0 + (point[0] - held.point[0]) / player.view.scale;
     y.fill(0, player.system.size);
     player.place(y);
+  }
+
+  // The held corner of a carrier goes with the hand.
+  haul(point) {
+    const { held, player } = this;
+    const { view } = player;
+    held.corner0 ??= view.pieces(player.y)[held.piece].points[held.corner];
+    const [from, to] = [held.point, point].map((place) => view.metre(place));
+    player.place(view.dragged(player.y, held, [0, 1].map((k) => held.corner0[k] + to[k] - from[k])));
   }
 
   drop() {
@@ -112,7 +126,7 @@ export class Stage {
     const { player } = this;
     const y = Float64Array.from(player.y);
     y.fill(0, player.system.size);
-    y[1 + player.selected] += turn;
+    y[player.system.lead + player.selected] += turn;
     player.place(y);
   }
 }

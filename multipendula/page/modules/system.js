@@ -3,6 +3,7 @@
 // A scene has the keys of a scene file, every link written out.  With s the direction of a link at equilibrium
 // (1 down, -1 up), b = m c + l (mass below) its first moment and g b s what gravity adds to its stiffness.
 
+import { carriedBy, coordinatesOf, isStructure, motionIn, startGiven } from "./carriers.js";
 import { full, sine } from "./steps.js";
 
 export const MOST_LINKS = 60;
@@ -17,17 +18,24 @@ export function systemOf(scene) {
     chain.first = first;
     first += chain.links.length;
   }
-  const { kind, mass = 0, damping = 0, stiffness = 0 } = scene.support;
   const links = chains.flatMap((chain) => chain.links);
-  return {
-    gravity: scene.gravity,
-    cart: kind === "cart" ? { mass, damping, stiffness } : null,
-    support: kind === "moved" ? movedBy(scene.support.motion) : null,
-    chains,
-    links,
-    size: links.length + 1,
-    mass: mass + sum(links.map((link) => link.m)),
-  };
+  const reach = Math.max(...chains.map((chain) => sum(chain.links.map((link) => Math.max(link.l, link.c)))));
+  const found = { gravity: scene.gravity, cart: null, support: null, structure: null, chains, links, reach };
+  if (isStructure()) {
+    const motion = motionIn(scene);
+    const lead = coordinatesOf().length;
+    return { ...found, structure: carriedBy(scene, links), support: motion ? movedBy(motion) : null, lead, size: lead + links.length };
+  }
+  const { kind, mass = 0, damping = 0, stiffness = 0 } = scene.support;
+  const cart = kind === "cart" ? { mass, damping, stiffness } : null;
+  return { ...found, cart, support: kind === "moved" ? movedBy(scene.support.motion) : null, lead: 1, size: links.length + 1 };
+}
+
+// Where a push acts, among the coordinates, and its unit: on the cart or the first carrier, else as a moment on the
+// first link of every pendulum.
+export function pushedAt({ structure, cart, lead, chains }) {
+  if (structure && lead) return { places: [0], unit: coordinatesOf()[0].unit === "rad" ? "N m" : "N" };
+  return cart ? { places: [0], unit: "N" } : { places: chains.map(({ first }) => lead + first), unit: "N m" };
 }
 
 // Displacement, velocity and acceleration of a support at a time (s), each along the rail and down.
@@ -73,23 +81,36 @@ export function sum(values) {
   return values.reduce((total, value) => total + value, 0);
 }
 
-// The state (x, angles, x', rates, work) at rest in equilibrium.
+// The state (x, angles, x', rates, work) at rest in equilibrium; `lead` coordinates stand before the angles.
 export function atRest(system) {
   const y = new Float64Array(2 * system.size + 1);
-  system.links.forEach((link, i) => (y[1 + i] = link.rest));
+  system.links.forEach((link, i) => (y[system.lead + i] = link.rest));
   return y;
 }
 
 // The state that a scene's `start` describes; null where it has none.
 export function startOf(scene, system) {
-  if (!scene.pendulum.some((pendulum) => pendulum.start)) return null;
+  if (system.structure) return startGiven() && Float64Array.from(startGiven());
+  const { start: onRail } = scene.support;
+  if (!onRail && !scene.pendulum.some((pendulum) => pendulum.start)) return null;
   const y = atRest(system);
+  [y[0], y[system.size]] = [onRail?.displacement ?? 0, onRail?.rate ?? 0];
   for (const { entry, first, links } of system.chains) {
     const start = scene.pendulum[entry].start;
     for (let i = 0; start && i < links.length; i++) {
-      y[1 + first + i] = (start.angles_deg[i] * Math.PI) / 180;
-      y[1 + system.size + first + i] = ((start.rates_deg?.[i] ?? 0) * Math.PI) / 180;
+      y[system.lead + first + i] = (start.angles_deg[i] * Math.PI) / 180;
+      y[system.size + system.lead + first + i] = ((start.rates_deg?.[i] ?? 0) * Math.PI) / 180;
     }
   }
   return y;
+}
+
+// How the links of a chain agree in a shape f of their angles.
+export function orderOf(f) {
+  const n = f.length;
+  const opposed = f.slice(1).filter((value, i) => value * f[i] < 0).length;
+  if (n === 1) return "";
+  if (n === 2) return opposed ? "fast" : "slow";
+  if (!opposed) return "slowest (all links agree)";
+  return opposed === n - 1 ? "fastest (neighbours opposed)" : `${opposed} of ${n - 1} joints opposed`;
 }

@@ -1,12 +1,16 @@
 // Where everything is seen: pivots apart on the support, metres as pixels, and what is under a finger.
 
+import { coordinatesOf, piecesAt, pivotsAt } from "./carriers.js";
 import { clamp } from "./numbers.js";
-import { sum } from "./system.js";
+import { atRest } from "./system.js";
+
+const ON = 12; // pixels
+const [STEP, WEAK] = [1e-5, 1e-9]; // of a difference, over the longest pendulum; added to squares that may be 0
 
 export class View {
   constructor(system) {
     this.system = system;
-    this.reach = Math.max(...system.chains.map(({ links }) => sum(links.map((link) => Math.max(link.l, link.c)))));
+    this.reach = system.reach;
     const n = system.chains.length;
     this.gap = this.reach * Math.min(0.85, 2.2 / n);
     this.pivots = system.chains.map((_, i) => (i - (n - 1) / 2) * this.gap);
@@ -19,7 +23,26 @@ export class View {
   forget() {
     const up = this.system.links.some((link) => link.s < 0);
     this.extent = { up: (up ? 1.15 : 0.32) * this.reach, down: 1.12 * this.reach, side: this.half + 0.55 * this.reach };
-    this.camera = 0;
+    this.camera = this.followed = 0;
+    if (this.system.structure) this.frame();
+  }
+
+  // The usual frame of a structure: all that is drawn at rest.
+  frame() {
+    const rest = atRest(this.system);
+    const places = this.places(rest, [0, 0]);
+    this.middle = middleOf(places);
+    const points = [...places.flatMap(({ joints, centres }) => [...joints, ...centres]), ...this.pieces(rest, [0, 0]).flatMap((piece) => piece.points)];
+    const [along, down] = [0, 1].map((k) => points.map((point) => point[k]));
+    this.camera = (Math.min(...along) + Math.max(...along)) / 2;
+    const room = 0.2 * this.reach;
+    const side = Math.max(...along) - this.camera + 2 * room;
+    this.extent = { up: room - Math.min(...down), down: Math.max(...down) + room, side };
+  }
+
+  // How far a place has moved that the frame follows: the cart, or the mean pivot of a structure.
+  drift(y, places) {
+    return this.system.structure ? middleOf(places) - this.middle : y[0] + this.shift[0];
   }
 
   fit(width, height) {
@@ -31,9 +54,13 @@ export class View {
 
   // The frame grows with what moves, and follows a cart that leaves it.
   follow(places, x) {
-    const { extent, reach } = this;
-    const slack = 0.3 * reach;
-    if (Math.abs(x - this.camera) > slack) this.camera = x - Math.sign(x - this.camera) * slack;
+    const { extent, reach, system } = this;
+    const slack = (system.structure ? 1 : 0.3) * reach;
+    const ahead = x - this.followed;
+    if (Math.abs(ahead) > slack) {
+      this.camera += ahead - Math.sign(ahead) * slack;
+      this.followed = x - Math.sign(ahead) * slack;
+    }
     for (const { joints } of places) {
       for (const [along, down] of joints) {
         extent.up = Math.max(extent.up, 0.12 * reach - down);
@@ -44,18 +71,26 @@ export class View {
   }
 
   // Joints (from the pivot down) and centres of every chain in metres, along the rail and down.
-  places(y) {
-    return this.system.chains.map(({ first, links }, number) => {
-      let at = [y[0] + this.pivots[number] + this.shift[0], this.shift[1]];
+  places(y, shift = this.shift) {
+    const { system } = this;
+    const pivots = system.structure ? pivotsAt(y) : this.pivots.map((along) => [y[0] + along, 0]);
+    return system.chains.map(({ first, links }, number) => {
+      let at = [pivots[number][0] + shift[0], pivots[number][1] + shift[1]];
       const [joints, centres] = [[at], []];
       links.forEach((link, i) => {
-        const [s, c] = [Math.sin(y[1 + first + i]), Math.cos(y[1 + first + i])];
+        const [s, c] = [Math.sin(y[system.lead + first + i]), Math.cos(y[system.lead + first + i])];
         centres.push([at[0] + link.c * s, at[1] + link.c * c]);
         at = [at[0] + link.l * s, at[1] + link.l * c];
         joints.push(at);
       });
       return { joints, centres };
     });
+  }
+
+  // The lines and outlines of a structure: { role, carrier, closed, points } in metres along the rail and down.
+  pieces(y, shift = this.shift) {
+    const joints = this.places(y, [0, 0]).map((one) => one.joints);
+    return piecesAt(y, joints).map((piece) => ({ ...piece, points: piece.points.map(([along, down]) => [along + shift[0], down + shift[1]]) }));
   }
 
   pixel([along, down]) {
@@ -66,7 +101,8 @@ export class View {
     return [(x - this.width / 2) / this.scale + this.camera, (y - this.top) / this.scale];
   }
 
-  // What is under a point: { link } by its number in the scene, { cart: true }, or null.
+  // What is under a point: { link } by its number in the scene, { cart: true }, { carrier, piece, corner } of a
+  // structure, or null.
   under(point, y, near) {
     let best = { distance: near };
     this.places(y).forEach(({ joints, centres }, number) => {
@@ -79,10 +115,55 @@ export class View {
         }
       });
     });
-    if (best.link !== undefined) return { link: best.link };
+    // On a body a bob near it is not meant.
+    const carrier = this.system.structure ? this.carrierUnder(point, y, near) : null;
+    if (best.link !== undefined && !(carrier?.inside && best.distance > ON)) return { link: best.link };
+    if (this.system.structure) return carrier;
     const [x, top] = this.pixel([y[0], 0]);
     const onCart = Math.abs(point[0] - x) < this.half * this.scale && Math.abs(point[1] - top) < Math.max(22, near);
     return this.system.cart && onCart ? { cart: true } : null;
+  }
+
+  // The carrier whose body or line is there, with the corner of it that is nearest.
+  carrierUnder(point, y, near) {
+    let best = null;
+    this.pieces(y).forEach(({ role, carrier, closed, points }, piece) => {
+      if (carrier < 0 || !["body", "line", "dot"].includes(role)) return;
+      const seen = points.map((place) => this.pixel(place));
+      const inside = closed && within(point, seen);
+      seen.forEach(([px, py], corner) => {
+        const distance = Math.hypot(point[0] - px, point[1] - py);
+        if ((inside || distance < near) && distance < (best?.distance ?? Infinity)) best = { carrier, piece, corner, distance, inside };
+      });
+    });
+    return best;
+  }
+
+  // The state in which a corner of a carrier is as near to a point (m) as its coordinates allow, with the least motion
+  // of them: Newton's steps by differences.
+  dragged(y, { carrier, piece, corner }, target) {
+    const found = Float64Array.from(y).fill(0, this.system.size);
+    const own = coordinatesOf().flatMap((one, i) => (one.carrier === carrier ? [{ i, scale: one.unit === "rad" ? 1 : this.reach }] : []));
+    const at = (state) => this.pieces(state)[piece].points[corner];
+    for (let round = 0; round < 4; round++) {
+      const place = at(found);
+      const left = target.map((value, k) => value - place[k]);
+      const slopes = own.map(({ i, scale }) => {
+        const ends = [-STEP, STEP].map((step) => {
+          const moved = Float64Array.from(found);
+          moved[i] += step * scale;
+          return at(moved);
+        });
+        return [0, 1].map((k) => (ends[1][k] - ends[0][k]) / (2 * STEP));
+      });
+      const [xx, xz, zz] = [[0, 0], [0, 1], [1, 1]].map(([k, j]) => slopes.reduce((total, slope) => total + slope[k] * slope[j], 0));
+      const weak = WEAK * (xx + zz);
+      const size = (xx + weak) * (zz + weak) - xz * xz;
+      if (!size) break;
+      const push = [((zz + weak) * left[0] - xz * left[1]) / size, ((xx + weak) * left[1] - xz * left[0]) / size];
+      own.forEach(({ i, scale }, k) => (found[i] += scale * (slopes[k][0] * push[0] + slopes[k][1] * push[1])));
+    }
+    return found;
   }
 
   // The state in which the end of a link is as near to a point (m) as its chain allows: cyclic coordinate descent.
@@ -97,7 +178,7 @@ export class View {
         const tip = joints[own + 1];
         const turn = Math.atan2(along - pivot[0], down - pivot[1]) - Math.atan2(tip[0] - pivot[0], tip[1] - pivot[1]);
         const least = Math.atan2(Math.sin(turn), Math.cos(turn)) * (own ? 0.5 : 1);
-        for (let k = i; k <= own; k++) found[1 + chain.first + k] += least;
+        for (let k = i; k <= own; k++) found[this.system.lead + chain.first + k] += least;
       }
     }
     found.fill(0, this.system.size);
@@ -108,4 +189,16 @@ export class View {
     const heaviest = Math.max(...this.system.links.map(({ m }) => m));
     return clamp(0.075 * this.reach * this.scale * Math.cbrt(link.m / heaviest), 4.5, 30);
   }
+}
+
+function middleOf(places) {
+  return places.reduce((total, { joints }) => total + joints[0][0], 0) / places.length;
+}
+
+// Whether a point is inside an outline.
+function within([x, y], points) {
+  return points.reduce((inside, [x1, y1], k) => {
+    const [x0, y0] = points.at(k - 1);
+    return y0 > y !== y1 > y && x < x0 + ((y - y0) * (x1 - x0)) / (y1 - y0) ? !inside : inside;
+  }, false);
 }

@@ -2,19 +2,21 @@
 
 A `Scaffold` is made once for a scene; `Scaffold.pieces(eta, joints)` are lines and outlines (F, K, 2) in m, to the
 right and up, for F instants or F extremes of a mode.  Where things would be drawn upon each other they are set apart
-along the rail: carriers whose bodies overlap, and pendula that hang from one point.
+along the rail: carriers whose bodies overlap, and pendula that hang from one point.  All is plain arithmetic of η and
+the joints, which may be recorded symbols.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from modal.structure import CarrierEnd, CarrierNumbers, End, GroundEnd, LinkEnd, SpringNumbers, Structure, Where
+from modal.structure.carriers import CarrierNumbers
+from modal.structure.structure import CarrierEnd, End, GroundEnd, LinkEnd, SpringNumbers, Structure, Where
 from modal.types import Floats, Ints
 
 Role = Literal["body", "line", "spring", "dot", "ground", "hatch", "guide"]
@@ -43,7 +45,8 @@ class Scaffold:
     """A structure of which the pendula `drawn` are shown, and the first link of every pendulum, `first` (P + 1,).
 
     `unit` (m) is the size of what has none of its own, that of the longest chain; `gap` is the room, over it, between
-    bodies that are set apart.
+    bodies that are set apart.  `hanging` are the joints (n + 1, 2) of drawn pendula at rest, where springs hold them to
+    the ground.
     """
 
     structure: Structure
@@ -51,6 +54,7 @@ class Scaffold:
     first: Ints
     unit: float
     gap: float = GAP
+    hanging: Mapping[int, Floats] = field(default_factory=dict)
 
     # ------------------------------------------------------------------------------------------- where things are
 
@@ -155,10 +159,14 @@ class Scaffold:
 
     def pieces(self, eta: Floats, joints: Mapping[int, Floats]) -> list[Piece]:
         """All of it at η (F, d), with the `joints` (F, n + 1, 2) of the pendula that are drawn."""
-        found = [piece for k in range(len(self.structure.carriers)) for piece in self._carrier(k, eta)]
+        found = [piece for k in range(len(self.structure.carriers)) for piece in self.of_carrier(k, eta)]
         for spring in self.structure.springs:
             found += self._spring(spring, eta, joints)
         return found
+
+    def of_carrier(self, k: int, eta: Floats) -> list[Piece]:
+        """Those of one carrier, with its own springs and what it rests on."""
+        return list(self._carrier(k, eta))
 
     def _at(self, k: int, points: Sequence[tuple[float, float]], eta: Floats) -> Floats:
         """Points of a carrier, (F, K, 2)."""
@@ -333,14 +341,24 @@ class Scaffold:
 
     def _edges(self, ends: tuple[End, End], one: Floats, other: Floats) -> tuple[Floats, Floats]:
         """The ends of a spring between origins of carriers side by side, at the edges of their bodies."""
-        found = [one, other]
+        found, drawn = [one, other], [self._drawn(end) for end in ends]
         for k, end in enumerate(ends):
             if isinstance(end, CarrierEnd) and end.where == (0.0, 0.0):
                 left, right, level = self._bodies[end.carrier]
-                toward = np.sign(found[1 - k][0, 0] - found[k][0, 0])
-                if abs(found[1 - k][0, 0] - found[k][0, 0]) > right - left and not level:
-                    found[k] = found[k] + np.array([right if toward > 0 else left, 0.0])
+                ahead = drawn[1 - k] - drawn[k]
+                if abs(ahead) > right - left and not level:
+                    found[k] = found[k] + np.array([right if ahead > 0 else left, 0.0])
+                    drawn[k] += right if ahead > 0 else left
         return found[0], found[1]
+
+    def _drawn(self, end: End) -> float:
+        """Where (m, along the rail) an end of a spring that moves is at rest, where links hang straight down."""
+        still = np.zeros((1, self.structure.size))
+        if isinstance(end, LinkEnd):
+            pendulum = int(np.searchsorted(self.first, end.link, side="right")) - 1
+            return float(self.pivots(still)[0, self.drawn.tolist().index(pendulum), 0])
+        assert isinstance(end, CarrierEnd)
+        return float(self.place(end.carrier, end.where, still)[0, 0])
 
     def _grounded(
         self, end: End, ground: End, eta: Floats, joints: Mapping[int, Floats], *, damped: bool
@@ -359,7 +377,9 @@ class Scaffold:
             level = self._bodies[carrier][2] if end.where == (0.0, 0.0) else float(end.where[1])  # type: ignore[union-attr]
             yield from self._to_wall(carrier, not damped, damped, eta, level)
         else:
-            wall = near[0] + np.array([-WALL * self.unit, 0.0])
+            drawn = {pendulum: own[None] for pendulum, own in self.hanging.items()}
+            still = self._end(end, np.zeros((1, self.structure.size)), drawn, torsion=False)
+            wall = (near if still is None else still)[0] + np.array([-WALL * self.unit, 0.0])
             yield Piece("ground", wall + np.array([[[0.0, -0.11], [0.0, 0.11]]]) * self.unit)
             yield Piece("spring", _zigzag(np.broadcast_to(wall, near.shape), near, self.unit, damped=damped))
 
@@ -378,8 +398,7 @@ class Scaffold:
         along = chain[:, i + 1] - chain[:, i]
         if end.below is None:
             return chain[:, i + 1]
-        size = np.linalg.norm(along, axis=-1, keepdims=True)
-        return np.asarray(chain[:, i] + along * (float(end.below) / np.where(size > 0, size, 1.0)))
+        return np.asarray(chain[:, i] + _direction(along) * float(end.below))
 
 
 def _hatched(line: Floats, unit: float, way: float = -1.0) -> Iterator[Piece]:
@@ -392,11 +411,19 @@ def _hatched(line: Floats, unit: float, way: float = -1.0) -> Iterator[Piece]:
         yield Piece("hatch", np.array([[(x, level), (x + lean, level - way * lean)]]))
 
 
+def _direction(along: Floats) -> Floats:
+    """Unit vectors (F, 2), along the rail where there is no length."""
+    size: Floats = np.sqrt((along * along).sum(axis=-1, keepdims=True))
+    if along.dtype.hasobject:
+        return np.asarray(along / size)
+    found: Floats = np.divide(along, size, out=np.broadcast_to([1.0, 0.0], along.shape).copy(), where=size > 0)
+    return found
+
+
 def _zigzag(start: Floats, end: Floats, unit: float, *, damped: bool = False) -> Floats:
     """A spring from `start` to `end` (F, 2); of a damper alone a box across the line, (F, K, 2)."""
     along = end - start
-    size = np.linalg.norm(along, axis=-1, keepdims=True)
-    way = np.divide(along, size, out=np.broadcast_to([1.0, 0.0], along.shape).copy(), where=size > 0)
+    way = _direction(along)
     across = np.stack((-way[:, 1], way[:, 0]), axis=-1)
     if damped:
         shares = np.array([0.0, 0.4, 0.4, 0.6, 0.6, 0.4, 0.4, 0.6, 0.6, 1.0])
@@ -414,5 +441,8 @@ def _spiral(middle: Floats, angle: Floats, unit: float) -> Floats:
     """A spiral about points (F, 2), turned by an angle (F,)."""
     turn = np.linspace(0, 2 * np.pi * TURNS, 50)
     radius = COIL * unit * (0.15 + 0.85 * turn / turn[-1])
-    whole = turn - np.pi / 2 + np.outer(angle, 1 - turn / turn[-1])
-    return np.asarray(middle[:, None] + radius[:, None] * np.stack((np.cos(whole), np.sin(whole)), axis=-1))
+    whole = turn[:-1] - np.pi / 2 + np.outer(angle, 1 - turn[:-1] / turn[-1])
+    inner = radius[:-1, None] * np.stack((np.cos(whole), np.sin(whole)), axis=-1)
+    still = radius[-1] * np.array([np.sin(turn[-1]), -np.cos(turn[-1])])
+    ends = np.broadcast_to(still, (len(inner), 1, 2))
+    return np.asarray(middle[:, None] + np.concatenate([inner, ends], axis=1))

@@ -1,0 +1,220 @@
+"""What dissipates in a scene: dampers, drag and loss angles, each along one row over the coordinates.
+
+    D = Σ_j d_j r_j r_jᵀ,      Im K = Σ_j k_j φ_j(ω) r_j r_jᵀ,
+
+with the row r of a joint's angle, of a wire's from the vertical, of a spring's extension, of a dragged centre, of a
+cart's displacement.  A wire's k is what gravity gives its link, g b (N m/rad): (weight below / l) l².  All terms of a
+scene's dissipation are positive: power ½ (d + k φ/ω) |r q'|² at ω.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import tau
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.assembly.arrays import Block, Rig, rig_of
+from modal.assembly.dense import centres
+from modal.assembly.modal_damping import modal_dampers
+from modal.assembly.structure import Hanging
+from modal.scene import LossTable, Scene, is_lossy
+from modal.scene.doors import checked
+from modal.structure import PLATFORM, Row
+from modal.types import Floats, Ints
+
+Loss = float | LossTable
+JOINT, WIRE, DRAG, CART, SPRING, OTHER = "joint", "wire", "drag", "cart", "spring", "other"
+NEGLIGIBLE = 1e-14
+"""Share of the largest eigenvalue of a matrix of dampers below which one is rounding."""
+
+
+class Dissipator(NamedTuple):
+    """A damper (N s/m or N m s/rad) or a stiffness (N/m or N m/rad) with a loss angle, at a `place` of the scene.
+
+    It acts along `row`, by coordinates.  `kind` says what it is, `number` which link of the scene it belongs to,
+    counting copies, or which of the rows of springs between points, from 0; −1 where it belongs to none.
+    """
+
+    place: str
+    kind: str
+    row: Row
+    damping: float = 0.0
+    stiffness: float = 0.0
+    loss: Loss = 0.0
+    number: int = -1
+
+    def strength(self, omega: Floats) -> Floats:
+        """The coefficient d + k φ/ω (W,) of an equal damper at ω (rad/s)."""
+        found = np.full(np.shape(omega), self.damping)
+        return found + self.stiffness * loss_at(self.loss, omega) / omega if is_lossy(self.loss) else found
+
+
+def on_lines(frequencies: Floats, values: Floats, f: Floats) -> Floats:
+    """Values given at ascending frequencies, at `f` between two of them: on straight lines over logarithmic axes.
+
+    Over linear axes where an end or its frequency is 0; beyond the first and the last the lines go on.
+    """
+    at = np.clip(np.searchsorted(frequencies, f, side="right") - 1, 0, len(frequencies) - 2)
+    low, high, left, right = frequencies[at], frequencies[at + 1], values[at], values[at + 1]
+    straight = left + (right - left) * (f - low) / (high - low)
+    positive = (left > 0) & (right > 0) & (low > 0) & (f > 0)
+    with np.errstate(all="ignore"):
+        power = np.log(right / left) / np.log(high / low)
+        curved = left * (f / low) ** power
+    return np.where(positive, curved, straight)
+
+
+def loss_at(loss: Loss, omega: Floats) -> Floats:
+    """A loss angle (W,) at ω (W,) in rad/s, beyond a table that at its nearest frequency.
+
+    >>> from modal.scene import LossTable
+    >>> loss_at(LossTable(frequency_hz=[1.0, 100.0], loss=[1e-4, 1e-2]), tau * np.array([0.1, 10.0])).tolist()
+    [0.0001, 0.001]
+    """
+    if not isinstance(loss, LossTable):
+        return np.full(np.shape(omega), float(loss))
+    frequencies, values = np.array(loss.frequency_hz), np.array(loss.loss)
+    if len(values) == 1:
+        return np.full(np.shape(omega), values[0])
+    return on_lines(frequencies, values, np.clip(np.asarray(omega) / tau, frequencies[0], frequencies[-1]))
+
+
+class LossAngles(NamedTuple):
+    """The loss angles of joints and wires of all links (L,) in the order of the file, as places (2, L) in `different`.
+
+    The first of the different ones is 0.
+    """
+
+    different: tuple[Loss, ...]
+    places: Ints
+
+    def at(self, omega: Floats, links: Ints) -> Floats:
+        """Those of joints and of wires at ω (W,) of links (…), as (2, …, W)."""
+        every = np.array([loss_at(loss, omega) for loss in self.different])
+        return np.asarray(every[self.places[:, links]])
+
+    def rig_of(self, scene: Scene) -> tuple[Rig, list[Ints]]:
+        """The arrays of its scene with pendula of different loss angles apart, and for each block its links (n, P)."""
+        sizes = [one.n_links for one in scene.pendulum for _ in range(one.count)]
+        starts = np.cumsum([0, *sizes])
+        firsts = np.cumsum([0, *(one.count for one in scene.pendulum)])[:-1]
+        own = [self.places[:, starts[k] : starts[k + 1]] for k in firsts]
+        rig = rig_of(scene, [tuple(part.ravel().tolist()) for part in own])
+        links = [np.zeros((block.n, block.size), dtype=np.int64) for block in rig.blocks]
+        passed = 0
+        for block, column, copies in rig.members:
+            links[block][:, column] = starts[passed] + np.arange(rig.blocks[block].n)
+            passed += copies
+        return rig, links
+
+
+@checked
+def loss_angles(scene: Scene) -> LossAngles | None:
+    """The loss angles of all joints and wires of a scene; None where all are 0."""
+    known: dict[Loss, int] = {0.0: 0}
+    each = [
+        [known.setdefault(loss if is_lossy(loss) else 0.0, len(known)) for loss in (link.loss, link.wire_loss)]
+        for pendulum in scene.pendulum
+        for _ in range(pendulum.count)
+        for link in pendulum.links
+        for _ in range(link.count)
+    ]
+    return LossAngles(tuple(known), np.array(each).T) if len(known) > 1 else None
+
+
+def losses_of(scene: Scene) -> list[Dissipator]:
+    """Every loss angle of a scene, along its row over the coordinates of `modal.assembly.matrices`."""
+    return [one for one in _every(scene, losses=True) if is_lossy(one.loss)]
+
+
+def dissipators_of(scene: Scene) -> list[Dissipator]:
+    """Everything that dissipates in a scene near its equilibrium: its D and the imaginary part of its K.
+
+    Raises ComputationError where dampers that belong to modes cannot be computed.
+    """
+    found = [one for one in _every(scene, losses=False) if one.damping or is_lossy(one.loss)]
+    if scene.has_modal_damping:
+        found += _factors("damping_ratio", modal_dampers(rig_of(scene)), 0)
+    return found
+
+
+def _every(scene: Scene, losses: bool) -> Iterator[Dissipator]:
+    """All joints, wires and springs between points, and unless `losses` are asked for supports and drag."""
+    rig = rig_of(scene)
+    first, link = rig.leading, 0
+    hanging = Hanging(rig) if rig.structure else None
+    members = ((rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies))
+    pendula = ((k, one) for k, one in enumerate(scene.pendulum) for _ in range(one.count))
+    if not losses:
+        yield from _of_supports(scene, rig)
+    for number, ((block, column), (entry, pendulum)) in enumerate(zip(members, pendula, strict=True)):
+        entries = [k for k, own in enumerate(pendulum.links) for _ in range(own.count)]
+        held = (rig.gravity * block.b if block.rest is None else block.rest.held)[:, column].tolist()
+        dragged = [] if losses else list(_dragged(rig, hanging, number, block, column, first + link))
+        for i, at in enumerate(entries):
+            own, place = pendulum.links[at], f"pendulum[{entry}].links[{at}]"
+            row: Row = {first + link: 1.0}
+            if i:
+                row[first + link - 1] = -1.0
+            elif hanging:
+                row |= {k: -float(value) for k, value in enumerate(hanging.phi.turning[number]) if value}
+            yield Dissipator(f"{place}.damping", JOINT, row, damping=own.damping, number=link)
+            yield Dissipator(f"{place}.loss", JOINT, row, stiffness=own.stiffness, loss=own.loss, number=link)
+            wire = {first + link: 1.0}
+            yield Dissipator(f"{place}.wire_loss", WIRE, wire, stiffness=held[i], loss=own.wire_loss, number=link)
+            for rows in dragged if own.drag else ():
+                if rows[i]:
+                    yield Dissipator(f"{place}.drag", DRAG, rows[i], damping=own.drag, number=link)
+            link += 1
+    for number, spring in enumerate(hanging.spring_rows if hanging else ()):
+        own_spring, place = scene.spring[spring.entry], f"spring[{spring.entry}]"
+        row = {column: value for column, value in spring.row.items() if value}
+        stiffness, loss = own_spring.stiffness, own_spring.loss
+        yield Dissipator(f"{place}.damping", SPRING, row, damping=own_spring.damping, number=number)
+        yield Dissipator(f"{place}.loss", SPRING, row, stiffness=stiffness, loss=loss, number=number)
+
+
+def _dragged(
+    rig: Rig, hanging: Hanging | None, number: int, block: Block, column: int, start: int
+) -> Iterator[list[Row]]:
+    """The rows of the centres of a pendulum's links, along the rail and, where they move so, down."""
+    if not block.drag[:, column].any():
+        return
+    ways = [block.across] if block.sinking is None else [block.across, block.sinking]
+    carried: list[Row] = [{0: 1.0} if rig.cart else {}, {}]
+    if hanging:
+        parts = hanging.phi.along[number], hanging.phi.down[number]
+        carried = [{k: float(value) for k, value in enumerate(part) if value} for part in parts]
+    arms = [centres(block, column, way) for way in ways] + [np.zeros((block.n, block.n))] * (len(ways) == 1)
+    for own, pivot in zip(arms, carried, strict=True):
+        yield [pivot | {start + j: float(arm) for j, arm in enumerate(row) if arm} for row in own]
+
+
+def _of_supports(scene: Scene, rig: Rig) -> Iterator[Dissipator]:
+    """The dampers of supports."""
+    several = isinstance(scene.support, tuple)
+    if rig.cart:
+        yield Dissipator("support.damping", CART, {0: 1.0}, damping=rig.cart.damping)
+    structure = rig.structure
+    for number, own in enumerate(structure.carriers if structure else ()):
+        assert structure is not None
+        place, start = f"support[{number}]" if several else "support", structure.offsets[number]
+        if own.D is not None:
+            yield from _factors(f"{place}.D", own.D, start)
+        for k, damping in enumerate(own.damping if own.M is None else ()):
+            suffix = f".{PLATFORM[k]}" if own.kind == "platform" else ""
+            yield Dissipator(f"{place}.damping{suffix}", OTHER, {start + k: 1.0}, damping=float(damping))
+
+
+def _factors(place: str, D: Floats, start: int) -> list[Dissipator]:
+    """The rows of a matrix of dampers of coordinates from `start` on: its eigenvectors."""
+    sizes, rows = np.linalg.eigh(D)
+    kept = np.flatnonzero(sizes > NEGLIGIBLE * sizes[-1]) if len(sizes) else ()
+    return [
+        Dissipator(
+            place, OTHER, {start + k: float(value) for k, value in enumerate(rows[:, j]) if value}, float(sizes[j])
+        )
+        for j in kept
+    ]

@@ -1,0 +1,284 @@
+"""The matrices of one component of a rig on a structure as sums of squares, and its form as a tree where it has one.
+
+    M = Σ m b bᵀ,      K = Σ k a aᵀ,      D = Σ d c cᵀ
+
+over the component's η and the angles of its combinations of pendula (`modal.eigen.components`): rows and sizes, none
+of which is the difference of two numbers of the scene.  What moves without any spring is found from the rows alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from modal.assembly import Block, Element, null_space
+from modal.eigen.components import ROUNDED, Component, Heavy, PartedRig
+from modal.eigen.factor import SquareSum
+from modal.eigen.trees import HungChains, Tree
+from modal.types import Floats, Ints
+
+
+@dataclass(frozen=True, eq=False)
+class ComponentMatrices:
+    """M, K and D of one component as sums of squares, over its η and the angles of its combinations."""
+
+    carried: PartedRig
+    component: Component
+
+    @cached_property
+    def places(self) -> Ints:
+        """Where the angles of each combination begin, and the number of coordinates."""
+        sizes = [self.carried.rig.blocks[heavy.block].n for heavy in self.component.heavies]
+        return len(self.component.eta) + np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)])
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return int(self.places[-1])
+
+    @cached_property
+    def _known(self) -> dict[int, int]:
+        """Where coordinates of the whole scene stand here, those of links of pendula by themselves."""
+        found = {int(place): k for k, place in enumerate(self.component.eta)}
+        first, d = self.carried.hanging.first, self.carried.size
+        for heavy, at in zip(self.component.heavies, self.places.tolist(), strict=False):
+            if heavy.is_alone:
+                link = d + int(first[heavy.shares[0].first])
+                found |= {link + i: at + i for i in range(self.carried.rig.blocks[heavy.block].n)}
+        return found
+
+    @cached_property
+    def factors(self) -> tuple[SquareSum, SquareSum, SquareSum]:
+        """Those of M, K and D; sizes in that of K may be negative."""
+        return self._factor(0), self._factor(1), self._factor(2)
+
+    def _factor(self, which: int) -> SquareSum:
+        own = self.squares[which]
+        rows = np.zeros((len(own), self.size))
+        for row, element in zip(rows, own, strict=True):
+            row[list(element.at)] = element.row
+        parts = [
+            self._chain(heavy, at)[which] for heavy, at in zip(self.component.heavies, self.places[:-1], strict=True)
+        ]
+        return SquareSum(
+            np.concatenate([rows, *(part.rows for part in parts)]),
+            np.concatenate([[element.size for element in own], *(part.size for part in parts)]),
+        )
+
+    @cached_property
+    def squares(self) -> tuple[tuple[Element, ...], ...]:
+        """The elements of M, K and D but those of the chains themselves, in the coordinates of the component."""
+        known, owned = self._known, self.carried.owned[self.component.group]
+        found = [[one._replace(at=tuple(known[place] for place in one.at)) for one in own] for own in owned]
+        for start, matrices in self.modal:
+            for own, S in zip(found, matrices, strict=True):
+                root, signs = square_root(S)
+                at = tuple(range(start, start + len(S)))
+                own += [Element(at, tuple(row), sign) for row, sign in zip(root.tolist(), signs.tolist(), strict=True)]
+        return tuple(map(tuple, found))
+
+    @property
+    def modal(self) -> Iterator[tuple[int, tuple[Floats, Floats, Floats]]]:
+        """M, K and D of every modal support of the component, with the place of its coordinates."""
+        structure = self.carried.hanging.structure
+        for own, start in zip(structure.carriers, structure.offsets, strict=False):
+            if own.M is not None and own.K is not None and own.D is not None and start in self._known:
+                yield self._known[start], (own.M, own.K, own.D)
+
+    def _chain(self, heavy: Heavy, at: int) -> tuple[SquareSum, SquareSum, SquareSum]:
+        """The squares of M, K and D of one combination."""
+        block, p, w = self.carried.rig.blocks[heavy.block], heavy.column, heavy.weight
+        eta, n, size = self.component.eta, block.n, self.size
+        ways = block.sigma[:, p]
+        angle = np.zeros((n, size))
+        angle[np.arange(n), at + np.arange(n)] = 1.0
+        centre = np.zeros((n, size))
+        centre[:, : len(eta)] = heavy.along[eta]
+        centre[:, at : at + n] = np.tril(np.tile(ways * block.length[:, p], (n, 1)), -1)
+        centre[np.arange(n), at + np.arange(n)] = ways * block.centre[:, p]
+        turn = angle.copy()
+        turn[1:] -= angle[:-1]
+        turn[0, : len(eta)] -= heavy.felt[eta]
+
+        def factor(*parts: tuple[Floats, Floats]) -> SquareSum:
+            rows, sizes = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+            return SquareSum(rows[sizes != 0], w * sizes[sizes != 0])
+
+        weight = block.sigma[:, p] * block.b[:, p] * self.carried.rig.gravity
+        return (
+            factor((centre, block.mass[:, p]), (angle, block.inertia[:, p])),
+            factor((angle, weight), (turn, block.stiffness[:, p])),
+            factor((turn, block.damping[:, p]), (centre, block.drag[:, p])),
+        )
+
+    @cached_property
+    def momentum(self) -> Floats:
+        """The momentum along the rail (n,) by each rate; NaN where a modal support is part of the component."""
+        momentum = np.zeros(self.size)
+        momentum[: len(self.component.eta)] = self.carried.momenta[self.component.eta]
+        for heavy, at in zip(self.component.heavies, self.places.tolist(), strict=False):
+            block = self.carried.rig.blocks[heavy.block]
+            several = sum(share.copies * share.amplitude for share in heavy.shares)
+            momentum[at : at + block.n] = several * block.sigma[:, heavy.column] * block.b[:, heavy.column]
+        return momentum
+
+    @cached_property
+    def is_damped(self) -> bool:
+        """Whether there are dampers or drag."""
+        return bool(self.squares[2]) or any(
+            block.damping[:, heavy.column].any() or block.drag[:, heavy.column].any() for block, heavy in self._chains
+        )
+
+    @property
+    def _chains(self) -> Iterator[tuple[Block, Heavy]]:
+        return ((self.carried.rig.blocks[heavy.block], heavy) for heavy in self.component.heavies)
+
+    @cached_property
+    def is_positive(self) -> bool:
+        """Whether all springs are positive."""
+        hang = all((block.sigma[:, heavy.column] > 0).all() for block, heavy in self._chains)
+        return hang and all(element.size > 0 for element in self.squares[1])
+
+    @cached_property
+    def terms(self) -> Floats:
+        """The sums of the absolute terms of K's diagonal, (n,)."""
+        K = self.factors[1]
+        found: Floats = (K.rows**2).T @ np.abs(K.size)
+        found[: len(self.component.eta)] += self.hidden
+        return found
+
+    @cached_property
+    def hidden(self) -> Floats:
+        """What the sums of terms of each η exceed the stiffness that is left of them, (nη,)."""
+        elements, eta = self.carried.hanging.elements, self.component.eta
+        left = np.zeros(self.carried.size)
+        for element in elements.stiffness:
+            if len(element.at) == 1 and element.row == (1.0,) and element.at[0] < left.size:
+                left[element.at[0]] += abs(element.size)
+        return np.maximum(elements.terms - left, 0.0)[eta]
+
+    @property
+    def cancelling(self) -> float:
+        """The largest ratio of the sum of absolute terms of an η's stiffness to what is left of it."""
+        left = np.zeros(len(self.component.eta))
+        for element in self.squares[1]:
+            for place, value in zip(element.at, element.row, strict=True):
+                if place < len(left):
+                    left[place] += element.size * value**2
+        held = left > 0
+        return float(1 + (self.hidden[held] / left[held]).max(initial=0.0))
+
+    @cached_property
+    def free(self) -> Floats:
+        """Motions (n, f) without any spring, orthonormal in M; no angle takes part in them."""
+        eta = self.component.eta
+        d = len(eta)
+        joints = [heavy.felt[eta] * (block.stiffness[0, heavy.column] > 0) for block, heavy in self._chains]
+        rows = np.zeros((len(self.squares[1]), d))
+        M = np.zeros((d, d))
+        for row, element in zip(rows, self.squares[1], strict=True):
+            row[[k for k in element.at if k < d]] = [value for k, value in zip(*element[:2], strict=True) if k < d]
+        for element in self.squares[0]:
+            element.add_to(M)
+        for block, heavy in self._chains:
+            mass = heavy.weight * block.mass[:, heavy.column].sum()
+            M += mass * np.multiply.outer(heavy.along[eta], heavy.along[eta])
+        basis = null_space(np.concatenate([rows, np.reshape(joints, (len(joints), d))]))
+        found = np.zeros((self.size, basis.shape[1]))
+        for k in range(basis.shape[1]):
+            before = found[:d, :k]
+            own = basis[:, k] - before @ (before.T @ (M @ basis[:, k]))
+            found[:d, k] = own / np.sqrt(own @ M @ own)
+        return found
+
+    @cached_property
+    def coasting(self) -> Floats:
+        """Free motions (n, f) that no damper drags either."""
+        D, free = self.factors[2], self.free
+        return free @ null_space(D.rows @ free)
+
+    @cached_property
+    def tree(self) -> Tree | None:
+        """The component as a tree of coordinates with plain chains; None for any other."""
+        known, d, hung = self._known, len(self.component.eta), list[tuple[Heavy, int]]()
+        for block, heavy in self._chains:
+            at = np.flatnonzero(heavy.along)
+            if len(at) != 1 or heavy.felt.any() or not block.is_plain[heavy.column]:
+                return None
+            hung.append((heavy, known[int(at[0])]))
+        mass, stiffness, springs = np.zeros(d), np.zeros(d), dict[tuple[int, int], tuple[float, float, float]]()
+        for own, elements in zip((mass, stiffness), self.squares, strict=False):
+            for element in elements:
+                if element.size < 0 or len(element.at) > (1 if own is mass else 2) or element.at[-1] >= d:
+                    return None
+                if len(element.at) == 1:
+                    own[element.at[0]] += element.size * element.row[0] ** 2
+                elif (pair := (element.at[0], element.at[1])) in springs:
+                    return None
+                else:
+                    springs[pair] = (element.size, element.row[0], element.row[1])
+        if not d or len(springs) != d - 1:
+            return None
+        return _tree(mass, stiffness, springs, self._hung(hung))
+
+    def _hung(self, hung: list[tuple[Heavy, int]]) -> list[HungChains]:
+        """The chains of every block, h² times as heavy, whose angles are h times as large."""
+        found = []
+        for number in sorted({heavy.block for heavy, _ in hung}):
+            own = [(k, heavy, at) for k, (heavy, at) in enumerate(hung) if heavy.block == number]
+            block = self.carried.rig.blocks[number].take(np.array([heavy.column for _, heavy, _ in own]))
+            h = np.array([float(heavy.along.sum()) for _, heavy, _ in own])
+            heavier = block.heavier(np.array([heavy.weight for _, heavy, _ in own]) * h**2)
+            places = np.array([at for *_, at in own])
+            found.append(HungChains(heavier, places, h, self.places[[k for k, *_ in own]]))
+        return found
+
+
+def _tree(
+    mass: Floats, stiffness: Floats, springs: dict[tuple[int, int], tuple[float, float, float]], hung: list[HungChains]
+) -> Tree | None:
+    """The tree of coordinates in the order in which they are reached from the first; None where there is a loop."""
+    beside: list[list[tuple[int, float, float, float]]] = [[] for _ in mass]
+    for (one, two), (size, near, far) in springs.items():
+        beside[one].append((two, size, near, far))
+        beside[two].append((one, size, far, near))
+    order, above = [0], {0: (-1, 0.0, 0.0, 0.0)}
+    for i in order:
+        for other, size, near, far in beside[i]:
+            if other not in above:
+                order.append(other)
+                above[other] = (i, size, near, far)
+    if len(order) < len(mass):
+        return None
+    at = {place: k for k, place in enumerate(order)}
+    spring, near_end, far_end = np.array([above[place][1:] for place in order]).T
+    return Tree(
+        np.array(order),
+        np.array([at.get(above[place][0], -1) for place in order]),
+        stiffness[order],
+        mass[order],
+        spring,
+        near_end,
+        far_end,
+        tuple(own._replace(places=np.array([at[place] for place in own.places.tolist()])) for own in hung),
+    )
+
+
+def square_root(S: Floats) -> tuple[Floats, Floats]:
+    """Rows F (R, d) and signs (R,) with S = Fᵀ diag(signs) F: Cholesky's factor where there is one."""
+    if not (S - np.diag(np.diag(S))).any():
+        held = np.diag(S) != 0
+        return np.diag(np.sqrt(np.abs(np.diag(S))))[held], np.sign(np.diag(S))[held]
+    diagonal = np.diag(S)
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    try:
+        L = np.linalg.cholesky(S * scale * scale[:, None])
+        return np.asarray((L / scale[:, None]).T), np.ones(len(S))
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(S * scale * scale[:, None])
+        kept = np.abs(values) > 4 * len(S) * ROUNDED * np.abs(values).max(initial=0.0)
+        rows = np.sqrt(np.abs(values[kept]))[:, None] * vectors.T[kept] / scale
+        return rows, np.sign(values[kept])

@@ -1,0 +1,286 @@
+"""Pendula on a structure, parted into what moves together, with equal ones combined.
+
+N equal pendula on coordinates η hang from pivots Φ η (N, d), and feel angles Ω η where a first joint has a spring or
+damper.  With (Φ, Ω) = U diag(σ) Vᵀ the combinations U_kᵀ of the pendula hang from the pivots σ_k V_kᵀ η, and all
+orthogonal ones leave the structure still, with the pendulum's fixed-base frequencies.  The rank is that of the rows
+with columns divided by √inertia of the structure; where it is full, as on carts, every pendulum stays as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.assembly import ARRAYS, Block, Element, Hanging, Rig, modal_supports
+from modal.eigen.recursion import at_infinity
+from modal.structure import slopes
+from modal.types import Floats, Ints
+
+ROUNDED = 2.0**-52
+"""Singular values below this, times the number of rows and columns, of the largest one are 0."""
+CANCELLED = 2.0**-48
+"""A push along the rail below this fraction of its terms is 0."""
+
+
+class Share(NamedTuple):
+    """How a combination moves each of `copies` equal pendula of a column of its block, by its first pendulum."""
+
+    column: int
+    copies: int
+    amplitude: float
+    first: int
+
+
+class Heavy(NamedTuple):
+    """A combination of equal pendula: a chain `weight` times as heavy on a pivot `along` η, feeling `felt` η, (d,)."""
+
+    block: int
+    column: int
+    weight: float
+    along: Floats
+    felt: Floats
+    shares: tuple[Share, ...]
+
+    @property
+    def is_alone(self) -> bool:
+        """Whether it is one pendulum, to whose links springs may be joined."""
+        return len(self.shares) == 1 and self.shares[0].copies == 1
+
+
+class StillGroup(NamedTuple):
+    """Combinations of a group of equal pendula, in `columns` (C,) of a block, that leave the structure still.
+
+    Each of `counts` (C,) pendula of a column moves by the combination's entry over √count.  All are orthogonal to the
+    columns of `moving` (C, r); the first alone pushes along the rail, if any `pushes`.
+    """
+
+    block: int
+    columns: Ints
+    counts: Ints
+    moving: Floats
+    pushes: bool
+
+    @classmethod
+    def of(cls, block: int, columns: Ints, counts: Ints, moving: Floats) -> StillGroup:
+        """The combinations orthogonal to `moving`, orthonormal itself."""
+        push = np.sqrt(counts)
+        for _ in range(2):
+            push = push - moving @ (moving.T @ push)
+        size = np.linalg.norm(push)
+        if size <= CANCELLED * np.sqrt(counts.sum()):
+            return cls(block, columns, counts, moving, False)
+        return cls(block, columns, counts, np.column_stack((moving, push / size)), True)
+
+    @property
+    def number(self) -> int:
+        """How many there are."""
+        return len(self.columns) - int(self.moving.shape[1]) + self.pushes
+
+    def vectors(self, which: Ints) -> Floats:
+        """Those with these numbers, (K, C): columns of the reflections that triangularize `moving`."""
+        found = np.zeros((len(which), len(self.columns)))
+        reflectors, tau = np.linalg.qr(self.moving, mode="raw")
+        later = which - self.pushes >= 0
+        found[np.flatnonzero(later), which[later] - self.pushes + self.moving.shape[1]] = 1.0
+        for i in reversed(range(len(tau))):
+            v = reflectors[i].copy()
+            v[:i], v[i] = 0.0, 1.0
+            found -= tau[i] * np.multiply.outer(found @ v, v)
+        found[~later] = self.moving[:, -1]
+        return found
+
+
+class Component(NamedTuple):
+    """Coordinates of the structure, in ascending order, and combinations of pendula that move together."""
+
+    group: int
+    eta: Ints
+    heavies: tuple[Heavy, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class PartedRig:
+    """A rig on a structure, parted."""
+
+    rig: Rig
+
+    @cached_property
+    def hanging(self) -> Hanging:
+        """Its pendula and elements."""
+        return Hanging(self.rig)
+
+    @property
+    def size(self) -> int:
+        """How many coordinates the structure has."""
+        return self.hanging.structure.size
+
+    @cached_property
+    def _columns(self) -> dict[tuple[int, int], int]:
+        """The first pendulum of every (block, column)."""
+        found: dict[tuple[int, int], int] = {}
+        for (block, column, _), first in zip(self.rig.members, self.hanging.starts.tolist(), strict=True):
+            found.setdefault((block, column), first)
+        return found
+
+    def _rows(self, block: int, column: int) -> tuple[Floats, Floats]:
+        """Φ and Ω (d,) of a column."""
+        first, own = self._columns[block, column], self.rig.blocks[block]
+        feels = own.stiffness[0, column] > 0 or own.damping[0, column] > 0
+        return self.hanging.phi.along[first], self.hanging.phi.turning[first] * feels
+
+    # ------------------------------------------------------------------------------------------- what moves together
+
+    @cached_property
+    def groups(self) -> Ints:
+        """The number of the part that each coordinate belongs to, then each pendulum that springs join, (d + T,)."""
+        tied = sorted(self.hanging.tied)
+        node = {p: self.size + k for k, p in enumerate(tied)}
+        leader = np.arange(self.size + len(tied))
+
+        def join(own: Sequence[int]) -> None:
+            for other in own[1:]:
+                one, two = (_leader(leader, k) for k in (own[0], other))
+                leader[max(one, two)] = min(one, two)
+
+        def of(place: int) -> int:
+            return place if place < self.size else node[self.hanging.owner(place - self.size)]
+
+        for own in (element.at for part in self.hanging.elements[:3] for element in part):
+            join([of(place) for place in own])
+        for carrier, start in zip(self.hanging.structure.carriers, self.hanging.structure.offsets, strict=False):
+            if carrier.M is not None:
+                join(range(start, start + carrier.size))
+        for block, column in self.rig.names:
+            pendulum = self._columns[block, column]
+            moved = np.flatnonzero(np.abs(self._rows(block, column)).sum(0)).tolist()
+            join([*([node[pendulum]] if pendulum in node else []), *moved])
+        return np.array([_leader(leader, k) for k in range(len(leader))], dtype=np.int64)
+
+    @cached_property
+    def owned(self) -> dict[int, tuple[list[Element], list[Element], list[Element]]]:
+        """The elements of M, K and D by the number of their part."""
+        node = {p: self.size + k for k, p in enumerate(sorted(self.hanging.tied))}
+        found: dict[int, tuple[list[Element], list[Element], list[Element]]] = {
+            int(k): ([], [], []) for k in self.groups
+        }
+        for which, part in enumerate(self.hanging.elements[:3]):
+            for element in part:
+                at = element.at[0]
+                at = at if at < self.size else node[self.hanging.owner(at - self.size)]
+                found[int(self.groups[at])][which].append(element)
+        return found
+
+    @cached_property
+    def parted(self) -> tuple[tuple[Component, ...], tuple[StillGroup, ...]]:
+        """The components, and the combinations of pendula in different columns that leave the structure still."""
+        tied = {p: self.size + k for k, p in enumerate(sorted(self.hanging.tied))}
+        owned: dict[int, list[Heavy]] = {int(k): [] for k in self.groups}
+        alike: dict[tuple[int, int, bytes], list[int]] = {}
+        for block, column in self.rig.names:
+            pendulum, rows = self._columns[block, column], self._rows(block, column)
+            count = int(self.rig.blocks[block].count[column])
+            if pendulum in tied:
+                own = Heavy(block, column, 1.0, *rows, (Share(column, 1, 1.0, pendulum),))
+                owned[int(self.groups[tied[pendulum]])].append(own)
+            elif (moved := np.flatnonzero(np.abs(rows).sum(0))).size and count:
+                key = int(self.groups[moved[0]]), block, _data(self.rig.blocks[block], column)
+                alike.setdefault(key, []).append(column)
+        still = []
+        for (group, block, _), columns in alike.items():
+            heavies, balanced = self._combined(block, columns)
+            owned[group] += heavies
+            still += balanced
+        eta = np.arange(self.size)
+        components = [Component(g, eta[self.groups[: self.size] == g], tuple(own)) for g, own in owned.items()]
+        return tuple(components), tuple(still)
+
+    def _combined(self, block: int, columns: list[int]) -> tuple[list[Heavy], list[StillGroup]]:
+        """The combinations of equal pendula in these columns that move the structure, and those that do not."""
+        counts = self.rig.blocks[block].count[columns]
+        rows = np.array([np.concatenate(self._rows(block, column)) for column in columns])
+        weighted = np.sqrt(counts)[:, None] * rows
+        scale = np.tile(1 / np.sqrt(self.inertia), 2)
+        U, sigma, _ = np.linalg.svd(weighted * scale, full_matrices=False)
+        rank = int((sigma > sigma[0] * ROUNDED * max(rows.shape)).sum())
+        first = [self._columns[block, column] for column in columns]
+        if rank == len(columns):
+            each = zip(columns, counts.tolist(), rows, first, strict=True)
+            alone = [
+                Heavy(block, c, float(n), row[: self.size], row[self.size :], (Share(c, n, 1.0, p),))
+                for c, n, row, p in each
+            ]
+            return alone, []
+        heavies = []
+        for combination in U.T[:rank]:
+            amplitude = (combination / np.sqrt(counts)).tolist()
+            shares = tuple(map(Share, columns, counts.tolist(), amplitude, first))
+            row = combination @ weighted
+            heavies.append(Heavy(block, columns[0], 1.0, row[: self.size], row[self.size :], shares))
+        return heavies, [StillGroup.of(block, np.array(columns), counts, U[:, :rank])]
+
+    @cached_property
+    def inertia(self) -> Floats:
+        """The diagonal of the structure's mass matrix with all that hangs, (d,)."""
+        return self.hanging.inertia.diagonal()
+
+    @cached_property
+    def pivots(self) -> tuple[Floats, ...]:
+        """Φ (P, d) of every column of each block."""
+        first = self._columns
+        return tuple(
+            self.hanging.phi.along[[first[number, p] for p in range(block.size)]]
+            for number, block in enumerate(self.rig.blocks)
+        )
+
+    @cached_property
+    def sinking(self) -> tuple[Floats | None, ...]:
+        """The mean of ψ ψᵀ (P, d, d) over the copies of every column of each block; None where no pivot moves down."""
+        down = self.hanging.phi.down
+        if not down.any():
+            return (None,) * len(self.rig.blocks)
+        found = [np.zeros((block.size, self.size, self.size)) for block in self.rig.blocks]
+        for (block, column, copies), first in zip(self.rig.members, self.hanging.starts.tolist(), strict=True):
+            share = copies / int(self.rig.blocks[block].count[column])
+            found[block][column] += share * np.multiply.outer(down[first], down[first])
+        return tuple(found)
+
+    @cached_property
+    def accelerances(self) -> Floats:
+        """Σ φ_η² over all modes (d,), φᵀMφ = 1: what a sudden force on each coordinate gives it, per unit of force."""
+        M, _, _ = modal_supports(self.hanging.structure)
+        for element in self.hanging.elements.inertia:
+            element.add_to(M)
+        for number, block in enumerate(self.rig.blocks):
+            felt = at_infinity(block)[0].ravel() * block.count
+            M += (self.pivots[number].T * felt) @ self.pivots[number]
+        return np.diag(np.linalg.inv(M))
+
+    @cached_property
+    def momenta(self) -> Floats:
+        """The momentum along the rail by each rate of the structure, (d,)."""
+        structure, whole = self.hanging.structure, np.zeros(self.size)
+        for carrier, own in enumerate(structure.carriers):
+            span = slice(structure.offsets[carrier], structure.offsets[carrier + 1])
+            if own.M is not None:
+                whole[span] += np.nan
+            elif own.size:
+                for place, value in slopes(structure, carrier, own.centre)[0].items():
+                    whole[place] += float(own.mass) * value
+        for number, block in enumerate(self.rig.blocks):
+            whole += (block.count * block.mass.sum(0)) @ self.pivots[number]
+        return whole
+
+
+def _leader(leader: Ints, k: int) -> int:
+    while leader[k] != k:
+        leader[k] = leader[leader[k]]
+        k = int(leader[k])
+    return k
+
+
+def _data(block: Block, column: int) -> bytes:
+    return b"".join(getattr(block, name)[:, column].tobytes() for name in ARRAYS)

@@ -1,0 +1,248 @@
+"""The doors of the packages: arguments of public functions that are none of what their annotations say.
+
+    @checked
+    def mode_orbit(scene: Scene, number: int, amplitude: float) -> Orbit: …
+
+    mode_orbit("chain-2", 1.5, nan)
+
+    scene: a Scene is required, not str: load("chain-2") gives one
+    number 1.5: must be a whole number
+    amplitude nan: must be a finite number
+
+One home for it, so that no function spends lines on what its signature has said already; ranges stay with the function.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial, wraps
+from math import isfinite, isnan
+from numbers import Integral, Real
+from os import PathLike
+from typing import Any, Literal, TypeVar, get_args, get_origin
+
+import numpy as np
+
+from modal.errors import SceneError, meant
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+Check = Callable[[object], str]
+"""What is wrong with a value, "" where nothing is."""
+LISTS = ("Sequence", "Iterable", "tuple", "list")
+LONGEST = 60
+"""Letters of a value in a message."""
+WAYS = {
+    "Scene": ': load("{value}") gives one',
+    "Modes": ": natural_modes(scene) gives them",
+    "Trajectory": ": simulate(scene, duration) gives one",
+    "State": ": state_at_rest(scene, angles_deg) gives one",
+    "System": ": system_of(scene) gives one",
+    "Variation": ': parse_variations(["support.mass=1:10:5"]) gives some',
+}
+"""How one comes by what is required, by its type."""
+
+
+def checked(function: Function) -> Function:
+    """The function with one SceneError for all arguments that are of other types than their annotations.
+
+    Numbers have to be finite, unless the default is infinite.  Annotations that say more than a type, a number, words
+    or a list of them are not looked at.
+    """
+    door = _Door(function)
+
+    @wraps(function)
+    def checking(*arguments: Any, **named: Any) -> Any:
+        if problems := list(door.problems(arguments, named)):
+            raise SceneError(problems)
+        return function(*arguments, **named)
+
+    return checking  # type: ignore[return-value]
+
+
+def problem_of(kind: str, value: object) -> str:
+    """Why a value is none of a kind, a name of a class, "" where it is one.
+
+    >>> problem_of("Modes", "chain-2")
+    'a Modes is required, not str: natural_modes(scene) gives them'
+    """
+    if kind in [own.__name__ for own in type(value).__mro__]:
+        return ""
+    way = WAYS.get(kind, "")
+    if "{value}" in way:
+        way = way.format(value=value) if isinstance(value, str | PathLike) else ""
+    return f"a {kind} is required, not {type(value).__name__}{way}"
+
+
+def require_type(name: str, value: object, *kinds: str) -> None:
+    """SceneError for an argument that is of none of these kinds, names of classes.
+
+    >>> try:
+    ...     require_type("trajectory", "run.npz", "Trajectory")
+    ... except SceneError as error:
+    ...     print(error)
+    trajectory: a Trajectory is required, not str: simulate(scene, duration) gives one
+    """
+    problems = [problem_of(kind, value) for kind in kinds]
+    if all(problems):
+        raise SceneError([f"{name}: {problems[0]}"])
+
+
+def checked_number(name: str, value: object, least: float = -float("inf"), most: float = float("inf")) -> float:
+    """A finite number within bounds; SceneError that names any other value.
+
+    >>> checked_number("energy", 2)
+    2.0
+    """
+    number = float(value) if _is_finite(value) else float("nan")  # type: ignore[arg-type]
+    if not isfinite(number) or not least <= number <= most:
+        bounds = [f" from {least:g}"] * isfinite(least) + [f" to {most:g}"] * isfinite(most)
+        raise SceneError([f"{name} {_shown(value)}: must be a finite number{''.join(bounds)}"])
+    return number
+
+
+def checked_index(name: str, value: object, least: int, most: int) -> int:
+    """A whole number from `least` to `most`; SceneError that names any other value.
+
+    >>> checked_index("copy", 1, 0, 2)
+    1
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral) or not least <= int(value) <= most:
+        raise SceneError([f"{name} {_shown(value)}: must be a whole number from {least} to {most}"])
+    return int(value)
+
+
+def _shown(value: object) -> str:
+    try:
+        text = repr(value)
+    except ValueError:  # of a whole number of thousands of digits
+        text = "(an enormous integer)"
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+
+
+@dataclass(frozen=True, eq=False)
+class _Door:
+    """The checks of a function's arguments, read from its signature when it is first called."""
+
+    function: Callable[..., Any]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The parameters that can be given by position."""
+        kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+        return tuple(name for name, one in inspect.signature(self.function).parameters.items() if one.kind in kinds)
+
+    @cached_property
+    def checks(self) -> Mapping[str, Check]:
+        """What is checked, by parameter."""
+        found = {}
+        for name, one in inspect.signature(self.function).parameters.items():
+            unbounded = isinstance(one.default, float) and not isfinite(one.default)
+            check = _check(str(one.annotation), self.function.__globals__, unbounded)
+            if check is not None and one.kind not in (one.VAR_POSITIONAL, one.VAR_KEYWORD):
+                found[name] = check
+        return found
+
+    def problems(self, arguments: Sequence[object], named: Mapping[str, object]) -> Iterator[str]:
+        """What is wrong with the arguments of a call."""
+        for name, value in [*zip(self.names, arguments, strict=False), *named.items()]:
+            if name in self.checks and (words := self.checks[name](value)):
+                yield f"{name}: {words}" if words.startswith(("a ", "has ")) else f"{name} {words}"
+
+
+def _check(annotation: str, names: Mapping[str, Any], unbounded: bool) -> Check | None:
+    """The check of an annotation, None where it says more than can be checked."""
+    atoms = [atom.strip() for atom in annotation.split(" | ")]
+    checks = [_of_atom(atom, names, unbounded) for atom in atoms if atom != "None"]
+    known = [check for check in checks if check is not None]
+    if len(known) < len(checks):
+        return None
+    if len(known) == len(atoms) == 1:  # most calls are right, and cost little
+        return known[0]
+
+    def problem(value: object) -> str:
+        if value is None and "None" in atoms:
+            return ""
+        problems = [check(value) for check in known]
+        return "" if "" in problems else problems[0]
+
+    return problem
+
+
+def _of_atom(atom: str, names: Mapping[str, Any], unbounded: bool) -> Check | None:
+    base, _, inner = atom.partition("[")
+    if base.split(".")[-1] in LISTS and inner:
+        each = _of_atom(inner.removesuffix("]").removesuffix(", ..."), names, unbounded)
+        return _list_of(each) if each else None
+    if atom in PLAIN:
+        return _unbounded if unbounded and atom == "float" else PLAIN[atom]
+    if atom.removeprefix("os.").startswith("PathLike"):
+        return lambda value: "" if isinstance(value, PathLike) else f"{_shown(value)}: must be the path of a file"
+    meaning = names.get(atom)
+    if base.split(".")[-1] == "Callable" or get_origin(meaning) is Callable:
+        return _callable
+    if get_origin(meaning) is Literal:
+        return _one_of(get_args(meaning))
+    if atom in WAYS or (isinstance(meaning, type) and not hasattr(meaning, "__protocol_attrs__")):
+        return partial(problem_of, atom)
+    return None
+
+
+def _is_finite(value: object) -> bool:
+    try:
+        return not isinstance(value, bool) and isinstance(value, Real) and isfinite(value)
+    except OverflowError:  # of a whole number beyond all floats
+        return False
+
+
+def _number(value: object) -> str:
+    right = _is_finite(value)
+    return "" if right else f"{_shown(value)}: must be a finite number"
+
+
+def _unbounded(value: object) -> str:
+    right = not isinstance(value, bool) and isinstance(value, Real) and not isnan(value)
+    return "" if right else f"{_shown(value)}: must be a number"
+
+
+def _whole(value: object) -> str:
+    right = not isinstance(value, bool) and isinstance(value, Integral)
+    return "" if right else f"{_shown(value)}: must be a whole number"
+
+
+def _text(value: object) -> str:
+    return "" if isinstance(value, str) else f"{_shown(value)}: must be text"
+
+
+def _truth(value: object) -> str:
+    right = isinstance(value, bool) or type(value).__name__ in {"bool", "bool_"}
+    return "" if right else f"{_shown(value)}: must be True or False"
+
+
+def _callable(value: object) -> str:
+    return "" if callable(value) else f"{_shown(value)}: must be a function"
+
+
+def _list_of(each: Check) -> Check:
+    def problem(value: object) -> str:
+        if isinstance(value, str):
+            return f"{_shown(value)}: must be a list: [{_shown(value)}]"
+        if not isinstance(value, Sequence | np.ndarray):
+            return f"{_shown(value)}: must be a list"
+        return next((f"has {words}" for one in value if (words := each(one))), "")
+
+    return problem
+
+
+PLAIN: dict[str, Check] = {"float": _number, "int": _whole, "str": _text, "bool": _truth}
+
+
+def _one_of(words: Sequence[str]) -> Check:
+    def problem(value: object) -> str:
+        if isinstance(value, str) and value in words:
+            return ""
+        near = meant(value, words) if isinstance(value, str) else ""
+        return f"{_shown(value)}: must be one of {', '.join(words)}{near}"
+
+    return problem

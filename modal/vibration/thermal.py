@@ -1,0 +1,131 @@
+"""Thermal noise of a scene: what its dampers and loss angles do to every output at a temperature T.
+
+Each dissipator along a row r, with the coefficient c_j = d + k φ/ω, pushes along its row with a force of the one-sided
+PSD 4 k_B T c_j (the fluctuation-dissipation theorem: Callen & Welton, Phys. Rev. 83, 34 (1951)), so that
+
+    S_y(f) = 4 k_B T Σ_j c_j(ω) |H_yj(ω)|²,        = 4 k_B T |Im H_xF|/ω   of a displacement x,
+
+which by reciprocity is a sum of (Im k_j) |Δ_j|² over the elongations Δ_j for a force on x: positive terms, where
+Im H_xF would cancel for small losses.  H comes from elimination (`modal.statespace.frequency`), to 13 digits at any
+frequency.
+For dampers alone ∫ S_x df = k_B T (K⁻¹)_xx; with a constant loss angle the integral grows without bound towards 0 Hz.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite, tau
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modal.assembly import Dissipator, dissipators_of
+from modal.errors import ComputationError, SceneError
+from modal.modes import natural_modes
+from modal.scene import Scene, require
+from modal.scene.doors import checked
+from modal.statespace import state_space, to_modal_form
+from modal.statespace.frequency import Elimination
+from modal.statespace.full_damping import MOST, is_small
+from modal.types import Complexes, Floats
+from modal.vibration.random import PRECISE, nodes, poles_of
+from modal.vibration.response import ModalResponse
+
+BOLTZMANN = 1.380649e-23
+"""k_B in J/K, exact in the SI."""
+USUAL = ("tip_positions",)
+TOLERANCE = 2e-14
+"""Relative error of every response, of which a PSD has twice that."""
+MOST_PAIRS = 20_000
+"""Most dissipators times outputs."""
+HOTTEST = 1e6
+FORCES = {"N", "N m"}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ThermalNoise(ModalResponse):
+    """The thermal noise of p outputs of a scene at a `temperature` (K), from its J `dissipators`."""
+
+    scene: Scene
+    temperature: float
+    dissipators: tuple[Dissipator, ...]
+
+    @cached_property
+    def places(self) -> tuple[str, ...]:
+        """The places of the scene that dissipate, copies and repeated links together, in its order."""
+        return tuple(dict.fromkeys(one.place for one in self.dissipators))
+
+    @cached_property
+    def _elimination(self) -> Elimination:
+        return Elimination(self.scene, self.dissipators, self.outputs)
+
+    def budget(self, f: ArrayLike, tolerance: float = TOLERANCE) -> Floats:
+        """The PSD of every output from each of the `places`, (places, p, W) in its unit squared per hertz.
+
+        At f = 0 that of dampers; infinite there with loss angles.  `tolerance` is the relative error of each response.
+        """
+        omega = tau * np.atleast_1d(np.asarray(f, dtype=float))
+        found = np.zeros((len(self.places), len(self.outputs), len(omega)))
+        if not self.dissipators:
+            return found
+        H: Complexes = self._elimination.along(omega, tolerance)
+        with np.errstate(all="ignore"):
+            for j, one in enumerate(self.dissipators):
+                strength = 4 * BOLTZMANN * self.temperature * one.strength(omega)
+                found[self.places.index(one.place)] += np.where(strength > 0, strength * np.abs(H[:, j]) ** 2, 0.0)
+        return found
+
+    def psd(self, f: ArrayLike) -> Floats:
+        """The PSD of every output, (p, W) in its unit squared per hertz, at the frequencies f (W,) in Hz."""
+        return np.asarray(self.budget(f).sum(0))
+
+    def asd(self, f: ArrayLike) -> Floats:
+        """Its square root (p, W), the amplitude spectral density, in the unit per √Hz."""
+        return np.sqrt(self.psd(f))
+
+    def rms(self, low: float, high: float) -> Floats:
+        """The RMS (p,) of every output from the noise between two frequencies (Hz)."""
+        total = np.zeros(len(self.outputs))
+        for omega, weight in nodes(tau * low, tau * high, poles_of(self.form)):
+            total += self.budget(omega / tau, PRECISE).sum(0) @ weight / tau
+        return np.sqrt(total)
+
+
+@checked
+def thermal_noise(scene: Scene, temperature: float, outputs: tuple[str, ...] = USUAL) -> ThermalNoise:
+    """The thermal noise of a scene at a temperature (K), at small angles about its equilibrium.
+
+    `outputs` are groups of `modal.statespace.signals.OUTPUTS` but those of forces.  Raises SceneError for a temperature
+    that is none, outputs that are forces, and a scene without dampers, drag and loss angles; ComputationError where a
+    mode grows by itself, and where too much would be computed.
+
+    >>> from modal import Bob, Pendulum, Scene
+    >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=40.0, length=0.6, wire_loss=1e-6)])])
+    >>> found = thermal_noise(scene, 290.0)
+    >>> [f"{value:.4e}" for value in found.asd([10.0, 100.0])[0]]
+    ['2.5963e-18', '8.1765e-21']
+    """
+    problems = []
+    if not (isfinite(temperature) and 0 < temperature <= HOTTEST):
+        problems.append(f"temperature {temperature:g}: must be above 0 K and at most {HOTTEST:g} K")
+    if "pivot_forces" in outputs or any(name.startswith("spring_force") for name in outputs):
+        problems.append(
+            "outputs: thermal noise is that of positions, angles, their rates and accelerations, not of forces"
+        )
+    if problems:
+        raise SceneError(problems)
+    require(scene, "thermal noise")
+    if not (scene.has_damping or scene.has_losses):
+        raise SceneError(["thermal noise: nothing dissipates in this scene: give it dampers, drag, loss or wire_loss"])
+    if scene.has_modal_damping and not is_small(scene):
+        raise ComputationError(f"thermal noise: damping ratios of more than {MOST} coordinates: give dampers instead")
+    modes = natural_modes(scene)
+    if growing := [number for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.real > 0]:
+        raise ComputationError(f"mode {growing[0]} grows by itself: there is no thermal equilibrium")
+    model = state_space(scene, outputs=outputs)
+    dissipators = tuple(dissipators_of(scene))
+    if len(dissipators) * len(model.outputs) > MOST_PAIRS:
+        sizes = f"{len(dissipators)} places that dissipate and {len(model.outputs)} outputs"
+        raise ComputationError(f"{sizes}: their product may be at most {MOST_PAIRS}; choose fewer outputs")
+    return ThermalNoise(to_modal_form(modes, model), scene, float(temperature), dissipators)

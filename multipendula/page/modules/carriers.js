@@ -1,0 +1,152 @@
+// Structures: what the text of `structure` takes and gives.  The state is (carriers' coordinates, angles, their rates,
+// work); which numbers of the scene stand where is told by Python, which wrote that text.
+
+import { structure } from "./structure.js";
+
+const BEFORE = 4; // entries before those of links: gravity and those of a cart
+const FIELDS = 10; // numbers of a link among the entries, the first of its `numbers`
+const BALANCED = 1e-8; // of gravity
+
+export const isStructure = () => structure !== null;
+
+// The coordinates of the carriers, each with its carrier, kind, unit ("m", "rad" or none) and name.
+export const coordinatesOf = () => structure.coordinates;
+
+// What changes of a system with the numbers of its scene; an error where these leave the scene as drawn no equilibrium.
+export function carriedBy(scene, links) {
+  const [rest, units] = [new Float64Array(2 * (structure.coordinates.length + links.length) + 1), structure.constants];
+  links.forEach((link, k) => (rest[structure.coordinates.length + k] = link.rest));
+  const prescribed = units.map(([place, unit], k) => scaled(placed(scene, place), unit) ?? structure.prescribed[k]);
+  const entries = entriesOf(scene, links);
+  const constants = (acting) => Float64Array.from(structure.steps.constants([...structure.kept.map((k) => entries[k]), ...acting]));
+  balanced(scene, rest, constants(prescribed.map(() => 0)));
+  return { rest, constants: constants(prescribed), bases: structure.bases };
+}
+
+const scaled = (value, unit) => (value === undefined ? null : value * unit);
+
+// The value at a place of a scene; undefined where the file leaves it out.
+export function placed(scene, place) {
+  return place.reduce((part, key) => part?.[key], scene);
+}
+
+// The support of a scene by its number.
+export function supportOf(scene, number) {
+  return Array.isArray(scene.support) ? scene.support[number] : scene.support;
+}
+
+// The numbers of supports and springs that may change: those that are not 0, which the text has, and all dampers.
+export function numbersOf(scene) {
+  const units = { mass: "kg", inertia: "kg m²" };
+  const ofCarrier = (support, place, number) => {
+    const own = structure.coordinates.filter(({ carrier }) => carrier === number);
+    const laws = ["stiffness", "damping"].flatMap((law) =>
+      own.flatMap(({ name, unit, kind }) => {
+        const way = kind === "platform" ? name.split(" ").at(-1) : null;
+        return unit ? [{ label: named(law, way), unit: unitOf(law, unit), place: [...place, law, ...(way ? [way] : [])] }] : [];
+      }),
+    );
+    const masses = Object.keys(units).map((key) => ({ label: named(key), unit: units[key], place: [...place, key] }));
+    return { name: support.name ?? support.kind, numbers: [...masses, ...laws].filter((one) => isThere(scene, one.place)) };
+  };
+  const several = Array.isArray(scene.support);
+  const supports = [scene.support].flat().map((support, k) => ofCarrier(support, several ? ["support", k] : ["support"], k));
+  const springs = (scene.spring ?? []).map(({ between, kind }, k) => ({
+    name: `Spring ${between.join(" – ")}`,
+    numbers: ["stiffness", "damping"]
+      .map((law) => ({ label: named(law), unit: unitOf(law, kind === "torsion" ? "rad" : "m"), place: ["spring", k, law] }))
+      .filter((one) => isThere(scene, one.place)),
+  }));
+  return [...supports, ...springs].filter(({ numbers }) => numbers.length);
+}
+
+const isThere = (scene, place) => placed(scene, place) > 0 || (place.includes("damping") && placed(scene, place.slice(0, -1)) !== undefined);
+const named = (law, way = null) => `${law[0].toUpperCase()}${law.slice(1)}${way ? ` in ${way}` : ""}`;
+const unitOf = (law, unit) => ({ stiffness: { m: "N/m", rad: "N m/rad" }, damping: { m: "N s/m", rad: "N m s/rad" } })[law][unit];
+
+// The motion of the ground or of a support; undefined where all is at rest.
+export function motionIn(scene) {
+  return structure.motion ? placed(scene, structure.motion) : undefined;
+}
+
+function entriesOf(scene, links) {
+  const entries = [...structure.entries];
+  entries[0] = scene.gravity;
+  links.forEach(({ numbers }, k) => {
+    for (let field = 0; field < FIELDS; field++) entries[BEFORE + field * links.length + k] = numbers[field];
+  });
+  for (const [k, place] of structure.places) entries[k] = placed(scene, place) ?? entries[k];
+  return entries;
+}
+
+function balanced(scene, rest, constants) {
+  const size = (rest.length - 1) / 2;
+  const out = new Float64Array(rest.length);
+  structure.steps.rates(constants, rest, new Float64Array(size + 1), null, out);
+  const longest = Math.max(...scene.pendulum.flatMap(({ links }) => links.map(({ length }) => length)));
+  if (!out.slice(size).every((value) => Math.abs(value) <= BALANCED * scene.gravity * Math.max(1, 1 / longest))) {
+    throw new Error("the scene as drawn is no equilibrium");
+  }
+}
+
+// A function f(t, y, out) for the derivative of y, or of small deviations from rest; `forces(t)` are those on all
+// coordinates.
+export function ratesOf({ size, structure: { constants, rest } }, forces, linear) {
+  const first = structure.timed ? 1 : 0;
+  const inputs = new Float64Array(first + size);
+  return (time, y, out) => {
+    if (first) inputs[0] = time;
+    if (forces) inputs.set(forces(time), first);
+    if (linear) structure.steps.linear(constants, rest, inputs, y, out);
+    else structure.steps.rates(constants, y, inputs, null, out);
+  };
+}
+
+// Kinetic and potential energy (J), the latter from rest.
+export function storedIn({ structure: { constants } }, y) {
+  const found = new Float64Array(2);
+  structure.steps.stored(constants, y, null, null, found);
+  return { kinetic: found[0], potential: found[1] };
+}
+
+// The bilinear forms x'Mz, x'Kz and x'Dz of small motions of all coordinates.
+export function pairedIn({ structure: { constants, rest } }, x, z) {
+  const found = new Float64Array(3);
+  structure.steps.paired(constants, rest, x, z, found);
+  return found;
+}
+
+// What impulses on all coordinates add to the rates.
+export function impelledIn({ size, structure: { constants } }, y, impulses) {
+  const found = new Float64Array(size);
+  structure.steps.impelled(constants, y, impulses, null, found);
+  return found;
+}
+
+// ------------------------------------------------------------------------------------------------ drawing
+
+const constants = structure && structure.drawing.constants([]);
+
+// Where the first joints of all pendula are, in metres along the rail and down.
+export function pivotsAt(y) {
+  const found = new Float64Array(2 * structure.bases.length);
+  structure.drawing.pivots(constants, y, null, null, found);
+  return paired(found);
+}
+
+// The lines and outlines of carriers, springs and ground: { role, carrier, closed, points }.
+export function piecesAt(y, joints) {
+  const found = new Float64Array(2 * structure.pieces.reduce((total, { count = 0 }) => total + count, 0));
+  structure.drawing.pieces(constants, y, joints.flat(2), null, found);
+  const points = paired(found);
+  let at = 0;
+  return structure.pieces.map((piece) => ({ ...piece, points: piece.points ? paired(piece.points) : points.slice(at, (at += piece.count)) }));
+}
+
+function paired(values) {
+  return Array.from({ length: values.length / 2 }, (_, k) => [values[2 * k], values[2 * k + 1]]);
+}
+
+// Whether what is prescribed sets off what hangs at rest, and the state at which the scene starts, null at rest.
+export const isPushed = () => structure.pushed;
+export const startGiven = () => structure.start;

@@ -1,0 +1,177 @@
+"""What the page of a structure has of its own: the equations and the drawing of this scene, written from Python.
+
+The module `structure` of the page is made here.  Of a scene that is no structure it says null; else it has the
+functions of `nonlinear.dynamics.structure_steps`, those of `modal.structure.outlines` recorded, and the numbers that
+they take: the entries of `nonlinear.system.entries_of` that are `kept`, with their `places` in the scene, then what is
+`prescribed`, with the places and units of its `constants`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from modal.modes.labels import ALIKE, COUNTED, PLATFORM, UNNAMED, VERBS
+from modal.scene import Scene
+from modal.structure import STILL, Piece, Scaffold, Structure
+
+if TYPE_CHECKING:
+    from nonlinear.dynamics import Module
+    from nonlinear.system import System
+
+NONE = "export const structure = null;"
+FUNCTIONS = "const { sin, cos, sqrt, atan: arctan } = Math;\nconst where = (x, a, b) => (x > 0 ? a : b);"
+UNITS = {"m": "m", "rad": "rad"}
+
+
+def structure_module(scene: Scene) -> str:
+    """The text of the module of a scene."""
+    if not scene.is_structured:
+        return NONE
+    from nonlinear.dynamics import structure_steps
+    from nonlinear.system import entries_of, prescribed_of, prescribed_places, structure_places, system_of
+
+    system = system_of(scene)
+    structure = system.structure
+    assert structure is not None
+    steps = structure_steps(system)
+    drawing, pieces = _drawing(system, structure)
+    data = {
+        "links": system.n_links,
+        "entries": entries_of(system),
+        "kept": steps.kept,
+        "prescribed": prescribed_of(system),
+        "places": [[k, list(place)] for k, place in structure_places(scene)],
+        "constants": [[list(place), unit] for place, unit in prescribed_places(scene, system)],
+        "motion": list(scene.motion_places[0]) if scene.motions else None,
+        "timed": bool(system.prescribed),
+        "coordinates": list(_coordinates(structure)),
+        "bases": _bases(structure),
+        "start": _start(scene, system),
+        "pushed": bool(system.forces) or any(motion.direction == "horizontal" for motion in scene.motions),
+        "pieces": pieces,
+    }
+    return "\n".join(
+        (
+            "// Written by `multipendula.page.structure`.",
+            FUNCTIONS,
+            f"const steps = {steps.module.javascript()};",
+            f"const drawing = {drawing.javascript()};",
+            f"export const structure = {{ ...{_inert(data)}, steps, drawing }};",
+        )
+    )
+
+
+def _inert(data: Any) -> str:
+    return json.dumps(data, allow_nan=False).replace("<", "\\u003c")
+
+
+def _coordinates(structure: Structure) -> Iterator[dict[str, Any]]:
+    """Of every coordinate its carrier, kind, unit and name, and words for its motion in a mode."""
+    for carrier, own in enumerate(structure.carriers):
+        named = UNNAMED.get(own.kind, own.name) if own.name == own.kind else own.name
+        for k, suffix in enumerate(own.suffixes):
+            way, _, last = suffix.rpartition("_")
+            unit = UNITS.get(last, "")
+            name = " ".join(filter(None, (own.name, way or ("" if unit else suffix))))
+            verb = PLATFORM[k] if own.kind == "platform" else VERBS[own.kind]
+            words = {"named": named, "verb": verb, "alike": ALIKE.get(own.kind), "counted": COUNTED}
+            yield {"carrier": carrier, "kind": own.kind, "unit": unit, "name": name, **words}
+
+
+def _bases(structure: Structure) -> list[int]:
+    """Of every pendulum the coordinate by which its carrier turns, -1 where it does not."""
+    angles = (structure.angle_of(pivot.carrier) for pivot in structure.pivots)
+    return [-1 if angle is None else angle for angle in angles]
+
+
+def _start(scene: Scene, system: System) -> list[float] | None:
+    """The y at which the scene starts; None at rest."""
+    from nonlinear.system import has_start, initial_state
+
+    if not has_start(scene):
+        return None
+    state = initial_state(scene)
+    parts = (state.supports, state.links, state.support_rates, state.link_rates, [0.0])
+    y = np.concatenate([np.asarray(part, dtype=float) for part in parts])
+    return None if _rests(y, system) else [float(value) for value in y]
+
+
+def _rests(y: Any, system: System) -> bool:
+    rest = np.zeros_like(y)
+    for group in system.groups:
+        rest[system.first + group.index] = group.rest
+    return bool(np.allclose(y, rest, rtol=0, atol=1e-15))
+
+
+# ------------------------------------------------------------------------------------------------------- drawing
+
+
+def _drawing(system: System, structure: Structure) -> tuple[Module, list[dict[str, Any]]]:
+    """The functions "pivots", of y = η, and "pieces", also of u, the joints of all pendula, and what is still.
+
+    Lengths are in m, along the rail and down.
+    """
+    from nonlinear.dynamics import Module, Tape
+
+    tape = Tape()
+    scaffold = scaffold_of(system)
+    eta = tape.inputs("y", structure.size)[None, :]
+    joints = tape.inputs("u", 2 * (system.n_links + len(structure.pivots)))
+    chains, at = {}, 0
+    for pendulum, count in enumerate(_sizes(system)):
+        own = joints[at : at + 2 * (count + 1)].reshape(1, -1, 2).copy()
+        own[..., 1] = -own[..., 1]
+        chains[pendulum], at = own, at + own.size
+    carriers = [(k, piece) for k in range(len(structure.carriers)) for piece in scaffold.of_carrier(k, eta)]
+    springs = scaffold.pieces(eta, chains)[len(carriers) :]
+    told, moving = [], list[Any]()
+    for carrier, piece in (*carriers, *((-1, piece) for piece in springs)):
+        points = [value for x, z in piece.points[0].tolist() for value in (x, -z)]
+        own_piece: dict[str, Any] = {"role": piece.role, "carrier": carrier}
+        if piece.closed:
+            own_piece["closed"] = True
+        if _is_still(piece, points):
+            own_piece["points"] = [round(float(value), 9) for value in points]
+        else:
+            own_piece["count"] = len(points) // 2
+            moving += points
+        told.append(own_piece)
+    pivots = [value for x, z in scaffold.pivots(eta)[0].tolist() for value in (x, -z)]
+    return Module(tape, {"pivots": pivots, "pieces": moving}), told
+
+
+def _is_still(piece: Piece, points: list[Any]) -> bool:
+    return piece.role in STILL and all(isinstance(value, float | int) for value in points)
+
+
+def scaffold_of(system: System) -> Scaffold:
+    """The structure of a system with all pendula."""
+    structure = system.structure
+    assert structure is not None
+    lengths, centres = system.by_link("length"), system.by_link("centre")
+    first = np.concatenate(([0], np.cumsum(_sizes(system))))
+    chains = [slice(*ends) for ends in pairwise(first)]
+    unit = max(float(np.maximum(lengths[own], centres[own]).sum()) for own in chains)
+    drawn = np.arange(len(chains))
+    scaffold = Scaffold(structure, drawn, first, unit)
+    pivots = scaffold.pivots(np.zeros((1, structure.size)))[0]
+    signs = system.by_link("sigma")
+    hanging = {
+        k: pivots[k] - np.array([(0.0, depth) for depth in (0.0, *np.cumsum(lengths[own] * signs[own]))])
+        for k, own in enumerate(chains)
+    }
+    return Scaffold(structure, drawn, first, unit, hanging=hanging)
+
+
+def _sizes(system: System) -> list[int]:
+    """Links of every pendulum."""
+    found = [0] * sum(len(group.pendula) for group in system.groups)
+    for group in system.groups:
+        for pendulum in group.pendula.tolist():
+            found[pendulum] = group.n
+    return found

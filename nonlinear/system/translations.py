@@ -1,0 +1,62 @@
+"""Along which displacements of what carries the pendula a scene is the same: those of carts that nothing holds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modal.structure import CarrierEnd, End, LinkEnd, Structure
+from modal.types import Floats
+from nonlinear.system.system import System
+
+SLIDES = {"cart": 0, "platform": 0}
+"""The coordinate of a kind of support that displaces it along the rail and nothing else."""
+HELD = -1
+
+
+def translations(system: System) -> Floats:
+    """Displacements (m) of the coordinates before those of links that leave every force as it is, (k, first).
+
+    One of a cart that no spring holds; on a structure one of each set of carts and platforms that springs join to each
+    other and to nothing else.  Dampers may resist them.
+
+    >>> from modal import load
+    >>> from nonlinear.system import system_of
+    >>> translations(system_of(load("paper-cart-2"))).tolist()
+    [[1.0]]
+    """
+    if system.structure is None:
+        free = system.cart is not None and not system.cart.stiffness
+        return np.ones((1, 1)) if free else np.zeros((0, system.first))
+    structure, sets = system.structure, _sets(system, system.structure)
+    found = np.zeros((len(structure.carriers), system.first))
+    for number, own in enumerate(sets[1:]):
+        if own != HELD:
+            found[own, structure.offsets[number] + SLIDES[structure.carriers[number].kind]] = 1.0
+    return found[found.any(1)]
+
+
+def _sets(system: System, structure: Structure) -> list[int]:
+    """The set to which the ground and each carrier belong; those that something holds are in the ground's, HELD."""
+    sets = [HELD, *range(len(structure.carriers))]
+
+    def join(one: int, other: int) -> None:
+        first, second = sorted((sets[one], sets[other]))
+        sets[:] = [first if own == second else own for own in sets]
+
+    for number, carrier in enumerate(structure.carriers, 1):
+        slides = SLIDES.get(carrier.kind)
+        if slides is None or carrier.stiffness[slides]:
+            join(0, number)
+    for spring, is_slack in zip(structure.springs, system.slack, strict=True):
+        one, other = (_carrier(system, structure, end) for end in spring.ends)
+        turns_damper = not is_slack and not (one and other)  # its direction depends on where the free end is
+        if not spring.torsion and (spring.stiffness or (spring.damping and turns_damper)):
+            join(one, other)
+    return sets
+
+
+def _carrier(system: System, structure: Structure, end: End) -> int:
+    """The number from 1 of the carrier on which an end is, or below which it hangs; 0 of the ground."""
+    if isinstance(end, LinkEnd):
+        return structure.pivots[int(system.pendulum[end.link])].carrier + 1
+    return end.carrier + 1 if isinstance(end, CarrierEnd) else 0
