@@ -37,6 +37,7 @@ if TYPE_CHECKING:
         example_names,
         load,
     )
+    from modal.tuning import tune as tune
 
 __all__ = [
     "Bob",
@@ -77,5 +78,6 @@ if not TYPE_CHECKING:
         __name__,
         {"Start": "InitialCondition", "shipped": "example_names"},
         homes=("errors", "scene", "assembly", "modes"),
+        later={"tune": "tuning"},
     )
     __dir__ = __all__.copy

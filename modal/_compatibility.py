@@ -206,8 +206,13 @@ def renamed(old: str, home: str) -> Callable[[str], Any]:
     return find
 
 
-def exported(package: str, names: dict[str, str], homes: tuple[str, ...] = ()) -> Callable[[str], Any]:
-    """The `__getattr__` of a package: it loads exports from `homes`, and accepts the old ones of these names."""
+def exported(
+    package: str, names: dict[str, str], homes: tuple[str, ...] = (), later: dict[str, str] | None = None
+) -> Callable[[str], Any]:
+    """The `__getattr__` of a package: it loads exports from `homes`, and accepts the old ones of these names.
+
+    Those `later`, by their rooms, need SciPy: `import *` leaves them out.
+    """
 
     def find(name: str) -> Any:
         offering = sys.modules[package]
@@ -215,6 +220,8 @@ def exported(package: str, names: dict[str, str], homes: tuple[str, ...] = ()) -
             return import_module(f"{package}.{name}")
         if homes and name in offering.__all__:
             return next(found[name] for home in homes if name in (found := vars(find(home))))
+        if name in (later or {}):
+            return getattr(import_module(f"{package}.{later[name]}"), name)  # type: ignore[index]
         if name not in names:
             raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=offering)
         warn_of_old_name(f"{package}.{name}", f"{package}.{names[name]}")

@@ -13,7 +13,8 @@ from modal.tuning.closed_forms import Absorber, absorbers, den_hartog, exact_opt
 from modal.tuning.loads import Load
 from modal.tuning.objective import Aim
 from modal.tuning.quantities import FreeNumber, Limit, Quantity, parse_limit, parse_quantity
-from modal.tuning.result import Curves, Rule, Tuned, Valley, tuned_json, tuned_record, tuned_text
+from modal.tuning.report import tuned_json, tuned_record, tuned_text
+from modal.tuning.result import Curves, Rule, Tuned, Valley
 from modal.tuning.search import tune
 from modal.tuning.worth import Case, Worth
 

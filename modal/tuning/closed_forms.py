@@ -33,7 +33,7 @@ from modal.types import Floats
 
 
 def den_hartog(mu: float) -> tuple[float, float]:
-    """F and ζ of Den Hartog.
+    """The f and ζ of Den Hartog.
 
     >>> [round(value, 6) for value in den_hartog(0.05)]
     [0.952381, 0.133631]
@@ -42,7 +42,7 @@ def den_hartog(mu: float) -> tuple[float, float]:
 
 
 def exact_optimum(mu: float) -> tuple[float, float]:
-    """F and ζ of the least peak of a carrier without a damper.
+    """The f and ζ of the least peak of a carrier without a damper.
 
     >>> [round(value, 8) for value in exact_optimum(0.05)]
     [0.95237204, 0.13393773]
@@ -70,12 +70,12 @@ class Absorber(Displayed):
 
     @property
     def den_hartog(self) -> tuple[float, float]:
-        """F and ζ of Den Hartog."""
+        """The f and ζ of Den Hartog."""
         return den_hartog(self.mu)
 
     @property
     def exact(self) -> tuple[float, float]:
-        """F and ζ of the least peak of a carrier without a damper."""
+        """The f and ζ of the least peak of a carrier without a damper."""
         return exact_optimum(self.mu)
 
 
@@ -97,7 +97,7 @@ def beside(scene: Scene, pendula: Sequence[int]) -> Beside | None:
     counts = [one.count * sum(link.count for link in one.links) for one in scene.pendulum]
     first = len(found.M) - sum(counts)
     starts = first + np.concatenate(([0], np.cumsum(counts)))
-    columns = [int(starts[p]) + k for p in pendula for k in range(counts[p])]
+    columns = np.array([int(starts[p]) + k for p in pendula for k in range(counts[p])])
     rest = np.setdiff1d(np.arange(len(found.M)), columns)
     if not len(rest):
         return None

@@ -60,7 +60,7 @@ def interpolated(arrays_at: Callable[[Floats], Arrays], start: Floats) -> Interp
     n, known = len(start), dict[Powers, Floats]()
     shapes = [np.shape(part) for part in arrays_at(start)]
 
-    def at(u: Sequence[float]) -> Floats:
+    def at(u: Floats | Sequence[float]) -> Floats:
         return np.concatenate([np.ravel(part) for part in arrays_at(start * np.asarray(u))])
 
     try:

@@ -4,8 +4,8 @@
 
     dH = Y' x + yᵀ (F' − Z' x) + thrust',          by a number of the scene, or by ω
 
-x and y are two solutions of one matrix, for any number of derivatives.  M, K, D and the rows and columns of outputs and
-inputs are polynomials in each number, differentiated exactly (`modal.assembly.differences`).  Where the cart's motion is
+x and y are two solutions of one matrix, for any number of derivatives.  M, K, D and the rows of outputs and inputs are
+polynomials in each number, differentiated exactly (`modal.assembly.differences`).  Where the cart's motion is
 prescribed, its row is left out and x_0 = s^(−order) of the input.
 """
 

@@ -1,4 +1,4 @@
-"""What is minimized: quantities with their weights and limits, in the logarithms of free numbers, over several cases."""
+"""What is minimized: quantities with weights and limits, in the logarithms of free numbers, over several cases."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ BEYOND = 30.0
 WITHIN = np.concatenate(([0.0], np.geomspace(0.08, 40.0, 9)))
 POINTS = 80
 ROUNDS, BETWEEN = 2, 9
-STEPS = 14
+STEPS, SETTLED = 40, 4e-16
 NEAR, NEARER = 1e-4, 1e-6
 """Relative distances from an undamped pole at which an infinite peak shows: it grows as their inverse."""
 FAR = 1e-4
@@ -32,7 +32,7 @@ class Peaks:
     """Frequencies `omega` (P,) in rad/s of maxima of |H| and of the ends of the band; `inside` (P,) are maxima.
 
     `beside` (Q,) are frequencies of the grid where |H| is nearly as large: as numbers change, two peaks may merge and
-    one wander fast, while |H| at a frequency changes slowly.  `endless` says where |H| has no bound, "" where it has one.
+    one wander fast, while |H| at a frequency changes slowly.  `endless` says where |H| has no bound, if it has none.
     """
 
     omega: Floats
@@ -123,10 +123,10 @@ def _level(model: Model, channel: int, low: Floats, high: Floats) -> Floats:
         with np.errstate(all="ignore"):
             c = np.where(fa - fb == 0, (a + b) / 2, (a * fb - b * fa) / (fb - fa))
         c = np.where((c > np.minimum(a, b)) & (c < np.maximum(a, b)), c, (a + b) / 2)
-        fc = rise(c)
+        moved, fc = np.abs(c - b), rise(c)
         crossed = fc * fb <= 0
         a, fa = np.where(crossed, b, a), np.where(crossed, fb, fa / 2)
         b, fb = c, fc
-        if np.all(np.abs(b - a) <= 1e-15 * np.abs(b)):
+        if np.all((moved <= SETTLED * np.abs(b)) | (fc == 0)):
             break
     return b

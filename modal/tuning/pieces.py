@@ -1,15 +1,17 @@
 """Quantities of a scene as the largest, or least, of smooth numbers: their pieces, with exact derivatives.
 
-peak        |H(iω_k)| at every peak; its derivative holds ω, since ∂|H|/∂ω = 0 there
-rms         √∫ |H|² S df and ∫ Re(H̄ ∂H) S df, by the rule of `modal.vibration`
-damping     ζ_k of every mode that swings, of Re λ_k and |λ_k|
-settling    ln 50 / −Re λ_k
-residual    one number, of which the derivative is a difference quotient of four values
+    peak        |H(iω_k)| at every peak; its derivative holds ω, since ∂|H|/∂ω = 0 there
+    rms         √∫ |H|² S df and ∫ Re(H̄ ∂H) S df, by the rule of `modal.vibration`
+    damping     ζ_k of every mode that swings, of Re λ_k and |λ_k|
+    settling    ln 50 / −Re λ_k
+    residual    one number
+
+The derivative of a residual is a difference quotient of four values, all others are exact.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import log, tau
@@ -62,7 +64,8 @@ class Pieces:
     """Numbers `values` (P,), of which a quantity is the largest or least, and `gradients` (P, n) by the free numbers.
 
     `at` (P,) are what they belong to: frequencies in rad/s, or numbers of modes; `inside` (P,) tells maxima of a
-    response from ends of a band, `helps` (P,) values beside peaks that are no pieces but bounds.  A quantity that has no finite value has no pieces and says in `endless` why.
+    response from ends of a band, `helps` (P,) values beside peaks that are no pieces but bounds.  A quantity without a
+    finite value has no pieces and says in `endless` why.
     """
 
     values: Floats
@@ -322,32 +325,16 @@ def masses_of(scene: Scene) -> list[Place]:
 def _validate(scene: Scene, quantities: Sequence[Quantity], setting: Setting) -> None:
     """SceneError for quantities that this scene, or what they are taken over, does not have."""
     kinds = {one.kind for one in quantities}
-    problems: list[str] = []
     if kinds - {"residual"}:
         require(scene, "tuning")
-    if "residual" in kinds:
-        if setting.travel is None:
-            problems.append("residual: needs a travel in metres")
-        if scene.cart is None:
-            problems.append("residual: needs a cart that travels")
-        elif not scene.is_hoisted and setting.over is None:
-            problems.append("residual: a travel of a scene without a hoist needs its duration: give over, in seconds")
-    elif setting.travel is not None:
-        problems.append("travel: is for the quantity residual")
-    if "rms" in kinds and setting.spectrum is None:
-        problems.append("rms: needs a PSD")
-    if setting.spectrum is not None and "rms" not in kinds:
-        problems.append("psd: is for a quantity rms:OUTPUT")
-    sources = {one.input for one in quantities if one.kind == "rms"}
-    if len(sources) > 1:
-        problems.append(f"rms: the PSD is of one input, and these are {', '.join(sorted(sources))}")
+    problems = [*_travel_problems(scene, kinds, setting), *_psd_problems(quantities, setting)]
     if setting.band is not None and "peak" not in kinds:
         problems.append("band: is for a quantity peak:OUTPUT/INPUT")
     if setting.band is not None and not 0 <= setting.band[0] < setting.band[1] < np.inf:
         problems.append(f"band {setting.band[0]:g}:{setting.band[1]:g}: goes from a frequency to a larger one, in Hz")
     if setting.modes and not kinds & {"damping", "settling"}:
         problems.append("mode: is for the quantities damping and settling")
-    if not problems and kinds & {"damping", "settling"}:
+    if not problems and setting.modes:
         total = len(natural_modes(scene))
         problems += [f"mode {k}: the scene has modes 1 to {total}" for k in setting.modes if not 1 <= k <= total]
     if problems:
@@ -355,3 +342,26 @@ def _validate(scene: Scene, quantities: Sequence[Quantity], setting: Setting) ->
     size = scene.n_links + len(scene.supports)
     if size > MOST_COORDINATES:
         raise ComputationError(f"the scene has {size} coordinates: at most {MOST_COORDINATES} are tuned")
+
+
+def _travel_problems(scene: Scene, kinds: set[str], setting: Setting) -> Iterator[str]:
+    if "residual" not in kinds:
+        if setting.travel is not None:
+            yield "travel: is for the quantity residual"
+        return
+    if setting.travel is None:
+        yield "residual: needs a travel in metres"
+    if scene.cart is None:
+        yield "residual: needs a cart that travels"
+    elif setting.travel is not None and not scene.is_hoisted and setting.over is None:
+        yield "residual: a travel of a scene without a hoist needs its duration: give over, in seconds"
+
+
+def _psd_problems(quantities: Sequence[Quantity], setting: Setting) -> Iterator[str]:
+    sources = sorted({one.input for one in quantities if one.kind == "rms"})
+    if sources and setting.spectrum is None:
+        yield "rms: needs a PSD"
+    if setting.spectrum is not None and not sources:
+        yield "psd: is for a quantity rms:OUTPUT"
+    if len(sources) > 1:
+        yield f"rms: the PSD is of one input, and these are {', '.join(sources)}"

@@ -1,12 +1,13 @@
 """What is tuned: quantities of a scene by their names, free numbers with bounds, and limits.
 
-peak:x/cart_force          the largest magnitude of the response of an output to an input over all frequencies
-rms:tip_1                  the RMS of an output under a PSD of the support's acceleration
-rms:x/cart_force           the same under a PSD of another input
-residual                   the largest angle that a travel of the cart leaves
-damping                    the least damping ratio of the modes
-settling                   the time after which every mode is within 2 %, ln 50 over the least decay rate
-2*peak:x/cart_force        twice as important as others
+    peak:x/cart_force          the largest magnitude of the response of an output to an input over all frequencies
+    rms:tip_1                  the RMS of an output under a PSD of the support's acceleration
+    rms:x/cart_force           the same under a PSD of another input
+    residual                   the largest angle that a travel of the cart leaves
+    damping                    the least damping ratio of the modes
+    settling                   the time after which every mode is within 2 %, ln 50 over the least decay rate
+
+Among several a quantity has a weight, as in 2*peak:x/cart_force.
 """
 
 from __future__ import annotations

@@ -146,7 +146,7 @@ def _aims(minimize: Sequence[str], maximize: Sequence[str]) -> tuple[list[Aim], 
 
 
 def _begin(scene: Scene, place: Place) -> float:
-    """Where the search for a number that is 0 begins: a tenth of critical damping, or of the stiffness that is there."""
+    """Where the search for a number that is 0 begins: a tenth of critical damping, or of the stiffness there."""
 
     def arrays(one: Scene) -> tuple[Floats, ...]:
         found = matrices(one)

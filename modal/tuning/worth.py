@@ -126,10 +126,10 @@ def worst_case(objective: Objective, z: Floats) -> Case:
 def worst_cases(objective: Objective, z: Floats) -> list[Case]:
     """Corners of the box of masses ±5 % in which one piece of the objective or another is worst."""
     places = _free_masses(objective, z)
+    corners: list[Factors]
     if len(places) <= CORNERS:
-        corners = [
-            dict(zip(places, signs, strict=True)) for signs in product((1 - SHARE, 1 + SHARE), repeat=len(places))
-        ]
+        signs = product((1 - SHARE, 1 + SHARE), repeat=len(places))
+        corners = [dict(zip(places, own, strict=True)) for own in signs]
     else:
         corners = list(_climbed(objective, z, places))
     found: list[Case] = []

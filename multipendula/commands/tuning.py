@@ -13,6 +13,7 @@ from multipendula.options import PICTURES, Joined, add_file, add_scene, add_them
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
+    from modal.scene.motion import Acting
     from modal.tuning import Tuned
     from nonlinear.orbits import FiniteSwing
 
@@ -93,6 +94,8 @@ def _swing(found: Tuned, degrees: float) -> FiniteSwing:
 
     quantity = found.objective.aims[0].quantity
     scene = found.scene
+    on: str
+    direction: Acting
     if quantity.input == "cart_force":
         on, direction = "cart", "horizontal"
     elif is_point(quantity.input):

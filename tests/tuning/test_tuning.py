@@ -1,0 +1,356 @@
+"""Best numbers by two routes: closed forms, equal peaks by Newton's method in 25 digits, and other engines."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from math import log, sqrt
+from pathlib import Path
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from modal import Bob, Body, Cart, ComputationError, Pendulum, Rod, Scene, SceneError
+from modal.scene import scene_from
+from modal.scene.parameters import with_numbers
+from modal.scene.records import Spectrum
+from modal.statespace.frequency import Elimination
+from modal.statespace.hoisting import Travel, travel_swing
+from modal.tuning import Tuned, den_hartog, exact_optimum, tune, tuned_record, tuned_text
+from modal.tuning.interpolation import interpolated
+from modal.tuning.model import Channel, Numbers, reduced
+from modal.tuning.peaks import find_peaks
+from modal.vibration import random_response
+from multipendula import cli
+
+K, M, G = 40.0, 10.0, 9.81
+LENGTH, DAMPING = "pendulum[0].links[0].length", "pendulum[0].links[0].damping"
+BOTH = [LENGTH, DAMPING]
+PEAK = "peak:x/cart_force"
+# f = ω_d/ω_1, ζ and the least peak of k|x/F|, by μ and ζ_1 (filed with the request for this command)
+BEST = {
+    (0.01, 0.0): (0.99009863, 0.06096178, 14.17964337),
+    (0.01, 0.05): (0.98067471, 0.06795535, 6.25086920),
+    (0.05, 0.0): (0.95237204, 0.13393773, 6.40792077),
+    (0.05, 0.02): (0.94609100, 0.13697183, 5.26715749),
+    (0.05, 0.05): (0.93535342, 0.14118530, 4.14621074),
+    (0.10, 0.0): (0.90905829, 0.18546984, 4.58916557),
+    (0.10, 0.05): (0.88751951, 0.19247170, 3.33685170),
+}
+
+
+def carrier(mu: float = 0.05, ratio: float = 0.0, damping: float = 0.4) -> Scene:
+    """A bob of μ times a cart's mass, the cart with this damping ratio."""
+    bob = Bob(mass=mu * M, length=2.4, damping=damping)
+    cart = Cart(mass=M, stiffness=K, damping=2 * ratio * sqrt(K * M))
+    return Scene(gravity=G, support=cart, pendulum=[Pendulum(links=[bob])])
+
+
+@cache
+def tuned(mu: float, ratio: float) -> Tuned:
+    return tune(carrier(mu, ratio), BOTH, minimize=[PEAK])
+
+
+def own_values(found: Tuned, mu: float) -> tuple[float, float]:
+    """f and ζ of the bob."""
+    length, damping = found.numbers[LENGTH], found.numbers[DAMPING]
+    omega = sqrt(G / length)
+    return omega / sqrt(K / M), damping / (2 * mu * M * length**2 * omega)
+
+
+@pytest.mark.parametrize(("mu", "ratio"), BEST)
+def test_the_least_highest_peak_is_the_known_one(mu: float, ratio: float) -> None:
+    found = tuned(mu, ratio)
+    assert found.certain
+    assert [*own_values(found, mu), K * found.after] == pytest.approx(BEST[mu, ratio], abs=6e-9)
+    if ratio == 0:
+        assert own_values(found, mu) == pytest.approx(exact_optimum(mu), rel=1e-10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("mu", "ratio"), [(0.01, 0.0), (0.05, 0.02), (0.1, 0.05)])
+def test_equal_peaks_by_newton_in_25_digits_are_the_same(mu: float, ratio: float) -> None:
+    """In mpmath, from the equations of two masses; nothing of the linear model is used."""
+    found = tuned(mu, ratio)
+    start = own_values(found, mu)
+
+    def height(w: mp.mpf, f: mp.mpf, z: mp.mpf) -> mp.mpf:
+        spring, rest = mu * f * f + 2j * w * z * f * mu, 1 - w * w + 2j * w * ratio
+        return mp.log(abs((spring - mu * w * w) / ((rest + spring) * (spring - mu * w * w) - spring**2)))
+
+    def slope(orders: tuple[int, int, int], *at: mp.mpf) -> mp.mpf:
+        return mp.diff(height, at, orders)
+
+    def conditions(f: mp.mpf, z: mp.mpf, v: mp.mpf, w: mp.mpf, share: mp.mpf) -> list[mp.mpf]:
+        balance = [
+            share * slope(order, v, f, z) + (1 - share) * slope(order, w, f, z) for order in ((0, 1, 0), (0, 0, 1))
+        ]
+        level = height(v, f, z) - height(w, f, z)
+        return [level, slope((1, 0, 0), v, f, z), slope((1, 0, 0), w, f, z), *balance]
+
+    at = found.pieces_after[0]
+    peaks = sorted((at.at[at.inside] / sqrt(K / M)).tolist())
+    with mp.workdps(30):
+        f, z, v, *_ = mp.findroot(conditions, (*start, peaks[0], peaks[-1], 0.5), tol=1e-20)
+        assert own_values(found, mu) == pytest.approx((float(f), float(z)), rel=1e-10)
+        assert K * found.after == pytest.approx(float(mp.exp(height(v, f, z))), rel=1e-11)
+
+
+@pytest.mark.parametrize("link", [Rod(mass=0.6, length=3.0, damping=0.3), Bob(mass=0.5, length=2.0, damping=0.1)])
+def test_the_mass_of_a_damper_is_its_b_squared_over_A(link: Rod | Bob) -> None:
+    scene = carrier().replace(pendulum=[Pendulum(links=[link])])
+    found = tune(scene, BOTH, minimize=[PEAK])
+    (rule,) = found.rules
+    share = 0.75 if isinstance(link, Rod) else 1.0
+    mu = share * link.mass / (M + (1 - share) * link.mass)
+    assert rule.absorber.mu == pytest.approx(mu, rel=1e-12)
+    assert (rule.absorber.f, rule.absorber.zeta) == pytest.approx(exact_optimum(mu), rel=1e-9)
+    assert den_hartog(mu) == pytest.approx((1 / (1 + mu), sqrt(3 * mu / 8 / (1 + mu))))
+    assert rule.value > found.after
+
+
+# ------------------------------------------------------------------------------------------------- two dampers
+
+
+def tower(storeys: int) -> Scene:
+    carts = [{"name": f"s{i + 1}", "kind": "cart", "mass": 4e5} for i in range(storeys)]
+    springs = [
+        {"between": ["ground" if i == 0 else f"s{i}", f"s{i + 1}"], "stiffness": 6e8 * (1 - 0.05 * i), "damping": 2e6}
+        for i in range(storeys)
+    ]
+    bobs = [
+        {"on": f"s{storeys}", "links": [{"kind": "bob", "mass": 4e4, "length": 0.6, "damping": 1e4}]},
+        {"on": f"s{storeys // 2 + 1}", "links": [{"kind": "bob", "mass": 2e4, "length": 0.1, "damping": 1e3}]},
+    ]
+    return scene_from({"gravity": G, "support": carts, "spring": springs, "pendulum": bobs})
+
+
+@pytest.mark.slow
+def test_two_dampers_of_a_tower_level_three_peaks() -> None:
+    """At the best numbers no direction lowers all of the highest peaks, which another engine finds equal."""
+    free = ["pendulum[*].links[0].length", "pendulum[*].links[0].damping"]
+    found = tune(tower(4), free, minimize=["peak:s4_m/s4_force"])
+    at = found.pieces_after[0]
+    equal = at.inside & (at.values > at.values.max() * (1 - 1e-9))
+    assert found.certain
+    assert equal.sum() == 3
+    form = reduced(found.scene, [Channel("s4_m", "s4_force")])
+    row, column = form.signals[0]
+    sizes = np.abs(Elimination(found.scene, [column], [row]).along(at.at[equal]))[0, 0]
+    assert sizes == pytest.approx(np.full(3, found.after), rel=1e-10)
+    highest = found.objective.evaluate(found.z, True).costs[0]
+    gradients = highest.gradients[highest.values > highest.values.max() - 1e-9]
+    weights = np.linalg.lstsq(np.vstack((gradients.T, np.ones(len(gradients)))), [0, 0, 0, 0, 1], rcond=None)[0]
+    assert weights.min() > 0
+    assert np.abs(gradients.T @ weights).max() < 1e-8
+    assert len(found.valleys) >= 1
+    assert found.after < min(one.value for one in found.rules)
+
+
+# ------------------------------------------------------------------------------------------- responses by numbers
+
+
+@pytest.mark.parametrize(
+    "channel",
+    [
+        Channel("x", "support_acceleration"),
+        Channel("tip_ddot_1", "support_velocity"),
+        Channel("pivot_force_1", "force_1_1"),
+        Channel("theta_1_1", "cart_acceleration"),
+        Channel("rel_1_2", "torque_1_2"),
+        Channel("tip_1", "force:pendulum[0].links[1]@0.2"),
+    ],
+)
+def test_responses_and_their_derivatives_are_those_of_elimination(channel: Channel) -> None:
+    links = [
+        Bob(mass=0.5, length=2.4, damping=0.4),
+        Body(mass=0.3, length=1.0, centre=0.4, inertia=0.02, stiffness=0.3),
+    ]
+    scene = carrier(ratio=0.02).replace(pendulum=[Pendulum(links=links)])
+    places = [("pendulum", 0, "links", 0, "length"), ("pendulum", 0, "links", 1, "mass"), ("support", "damping")]
+    form = reduced(scene, [channel])
+    numbers = Numbers(scene, places, form)
+    values = np.array([2.4, 0.3, scene.support.damping])
+    omega = np.array([0.7, 1.9, 4.0])
+    row, column = form.signals[0]
+
+    def true(own: np.ndarray) -> np.ndarray:
+        return Elimination(numbers.scene_at(own), [column], [row]).along(omega)[0, 0]
+
+    model = numbers.model(scene)
+    H, by = model.gradient(0, omega, model.differentiate(places))
+    assert pytest.approx(true(values), rel=1e-12) == H
+    for k, value in enumerate(values):
+        step = 1e-4 * value * np.eye(3)[k]
+        quotient = (
+            8 * (true(values + step) - true(values - step)) - true(values + 2 * step) + true(values - 2 * step)
+        ) / (12 * step[k])
+        assert by[:, k] == pytest.approx(quotient, rel=1e-7, abs=1e-9 * np.abs(quotient).max())
+    polynomial = interpolated(lambda own: form.arrays(numbers.scene_at(own)), values)
+    assert polynomial is not None
+    for part, other in zip(polynomial.arrays(3 * values), form.arrays(numbers.scene_at(3 * values)), strict=True):
+        assert part == pytest.approx(other, rel=1e-11, abs=1e-13)
+
+
+def test_peaks_are_where_the_slope_vanishes() -> None:
+    scene = carrier(ratio=0.01)
+    model = Numbers(scene, [], reduced(scene, [Channel("x", "cart_force")])).model(scene)
+    found = find_peaks(model, 0, None)
+    H, slope = model.slope(0, found.omega[found.inside])
+    assert found.inside.sum() == 2
+    assert np.abs((np.conj(H) * slope).real / np.abs(H) ** 2).max() < 1e-9
+
+
+# --------------------------------------------------------------------------------------------------- quantities
+
+
+@pytest.mark.slow
+def test_the_rms_is_that_of_vibration_and_least() -> None:
+    noise = Spectrum((0.1, 1.0), (1e-3, 1e-3), "acceleration")
+    found = tune(carrier(ratio=0.02), BOTH, minimize=["rms:x_dot"], limits=["rms:rel_1_1=0.5"], psd=noise)
+    outputs = random_response(found.scene, noise, ("cart_velocity", "relative_angles"))
+    assert [found.after, found.pieces_after[1].values[0]] == pytest.approx(outputs.rms, rel=1e-9)
+    assert all(one.larger > 0 and one.smaller > 0 for one in found.worths)
+
+
+def test_a_limit_of_the_stroke_is_kept_and_costs_something() -> None:
+    free = tuned(0.05, 0.02)
+    most = 0.8 * free.loads[0].stroke
+    found = tune(carrier(0.05, 0.02), BOTH, minimize=[PEAK], limits=[f"rel_1_1={most}"])
+    assert found.loads[0].stroke == pytest.approx(most, rel=1e-8)
+    assert found.after > free.after
+    assert found.loads[0].effort > 0
+
+
+@pytest.mark.slow
+def test_the_largest_damping_is_that_of_equal_pairs_of_poles() -> None:
+    """Of an undamped cart both pairs meet at f = 1/(1 + μ) and ζ = √(μ/(1 + μ)), with √μ/2 for every mode."""
+    mu = 0.1
+    found = tune(carrier(mu), BOTH, maximize=["damping"])
+    assert own_values(found, mu) == pytest.approx((1 / (1 + mu), sqrt(mu / (1 + mu))), rel=2e-3)
+    assert found.after == pytest.approx(sqrt(mu) / 2, rel=2e-2)
+    settling = tune(carrier(mu), [f"{LENGTH}=2.97:2.98", DAMPING], minimize=["settling"])
+    decay = -settling.objective.pieces(settling.z)[0].values.max()
+    assert settling.after == pytest.approx(-decay)
+    assert settling.after < settling.before
+    assert settling.after == pytest.approx(log(50) / (sqrt(mu) / 2 * sqrt(K / M) / sqrt(1 + mu)), rel=0.1)
+
+
+@pytest.mark.slow
+def test_the_residual_of_a_travel_is_least_where_the_period_fits() -> None:
+    """x = d (10 s³ − 15 s⁴ + 6 s⁵) leaves nothing where its spectrum vanishes at the mode: sin a = 3a/(3 − a²)."""
+    duration = 3.0
+    scene = Scene(gravity=G, support=Cart(mass=M), pendulum=[Pendulum(links=[Bob(mass=0.5, length=0.5)])])
+    found = tune(scene, [f"{LENGTH}=0.3:0.8"], minimize=["residual"], travel=2.0, over=duration)
+    with mp.workdps(20):
+        half = mp.findroot(lambda a: (3 - a * a) * mp.sin(a) - 3 * a * mp.cos(a), 5.763)
+    assert found.numbers[LENGTH] == pytest.approx(G / float(2 * half / duration) ** 2, rel=1e-5)
+    assert travel_swing(found.scene, Travel(2.0, 0.0, duration)) < 1e-5
+
+
+@pytest.mark.slow
+def test_robust_numbers_are_the_best_for_the_worst_masses() -> None:
+    plain, found = tuned(0.05, 0.02), tune(carrier(0.05, 0.02), BOTH, minimize=[PEAK], robust=True)
+    assert found.worst.value < plain.worst.value
+    assert found.after > plain.after
+    corners = [
+        found.objective.value(found.z, {("support", "mass"): a, ("pendulum", 0, "links", 0, "mass"): b})
+        for a in (0.95, 1.05)
+        for b in (0.95, 1.05)
+    ]
+    assert found.worst.value == pytest.approx(max(corners))
+    assert sorted(corners)[-1] == pytest.approx(sorted(corners)[-2], rel=1e-6)
+
+
+def test_what_a_number_is_worth_is_where_the_objective_is_one_percent_off() -> None:
+    found = tuned(0.05, 0.02)
+    for k, one in enumerate(found.worths):
+        for edge in (one.low, one.high):
+            z = found.z.copy()
+            z[k] = log(edge)
+            assert found.objective.value(z) / found.after == pytest.approx(1.01, abs=1e-5)
+    text = tuned_text(found)
+    assert "one valley" in text
+    assert "Den Hartog" in text
+
+
+# ---------------------------------------------------------------------------------------------------- bad input
+
+
+REFUSED = [
+    (["pendulum[0].count"], {}, "pendulum[0].count: is a count"),
+    (["gravity=3:2"], {}, "cannot be met"),
+    ([f"{LENGTH}=1"], {}, "bounds are FROM:TO"),
+    ([LENGTH, LENGTH], {}, "is freed twice"),
+    (["pendulum[0].links[0].mass=0:1"], {}, "cannot be met"),
+    (BOTH, {"minimize": ["peek:x/cart_force"]}, "did you mean peak?"),
+    (BOTH, {"minimize": ["peak:x"]}, "must be peak:OUTPUT/INPUT"),
+    (BOTH, {"minimize": ["0*settling"]}, "a weight is a number above 0"),
+    (BOTH, {"minimize": ["peak:y/cart_force"]}, "output y: must be one of"),
+    (BOTH, {"minimize": ["peak:x/cart_farce"]}, "did you mean cart_force?"),
+    (BOTH, {"minimize": ["rms:x"]}, "rms: needs a PSD"),
+    (BOTH, {"minimize": ["residual"]}, "residual: needs a travel"),
+    (BOTH, {"minimize": []}, "nothing is minimized"),
+    (BOTH, {"modes": [1]}, "mode: is for"),
+    (BOTH, {"limits": ["rel_1_1"]}, "must be OUTPUT=VALUE"),
+]
+
+
+@pytest.mark.parametrize(("free", "more", "words"), REFUSED)
+def test_bad_input_is_one_sentence(free: list[str], more: dict[str, list[str]], words: str) -> None:
+    with pytest.raises(SceneError) as refusal:
+        tune(carrier(), free, **{"minimize": [PEAK], **more})
+    assert len(refusal.value.problems) == 1
+    assert words in refusal.value.problems[0]
+
+
+@pytest.mark.slow
+def test_what_has_no_best_is_refused() -> None:
+    with pytest.raises(ComputationError, match=r"grows without bound at 0.35.* Hz, where nothing damps a mode"):
+        tune(carrier(damping=0.0), [LENGTH], minimize=[PEAK])
+    with pytest.raises(ComputationError, match=r"has no peak: .* the end of the band"):
+        tune(carrier(), BOTH, minimize=[PEAK], over_hz=(2.0, 3.0))
+    with pytest.raises(ComputationError, match="cannot be met within the bounds"):
+        tune(carrier(), [f"{LENGTH}=2:3", f"{DAMPING}=0.1:1"], minimize=[PEAK], limits=["rel_1_1=0.001"])
+    with pytest.raises(ComputationError, match="without end: give it bounds"):
+        tune(carrier(ratio=0.02), ["pendulum[0].links[0].mass", *BOTH], minimize=[PEAK])
+    board = {
+        "gravity": G,
+        "support": {"name": "board", "kind": "tilt", "mass": 2.0, "inertia": 0.1, "centre": [0.1, 0.3]},
+        "pendulum": [{"on": "board", "position": [-0.2, 0.0], "links": [{"kind": "bob", "mass": 1.0, "length": 0.4}]}],
+    }
+    with pytest.raises(SceneError, match="changes the equilibrium"):
+        tune(scene_from(board), ["pendulum[0].links[0].mass"], minimize=["settling"])
+
+
+@pytest.mark.slow
+def test_the_command_writes_all_or_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from modal.scene import dump, load
+
+    monkeypatch.chdir(tmp_path)
+    dump(carrier(0.05, 0.02), "tower.toml")
+    words = f"tune tower.toml --free {LENGTH},{DAMPING} --minimize {PEAK}".split()
+    assert cli.main([*words, "-o", "best.toml", "--report", "r.json", "--picture", "p.svg", "--angle", "5"]) == 0
+    report = json.loads(Path("r.json").read_text())
+    best = load("best.toml")
+    assert best.pendulum[0].links[0].length == pytest.approx(tuned(0.05, 0.02).numbers[LENGTH])
+    assert K * report["after"] == pytest.approx(BEST[0.05, 0.02][2], rel=1e-8)
+    assert report["numbers"][0]["place"] == LENGTH
+    assert len(report["objective"][0]["peaks"]) == 2
+    swing = report["finite_swing"]
+    assert swing["largest_angle_deg"] == pytest.approx(5, rel=3e-3)
+    assert swing["peak"] == pytest.approx(report["after"], rel=0.02)
+    assert Path("p.svg").stat().st_size > 1000
+    assert {with_numbers(place) for place in tuned(0.05, 0.02).worst.factors} == {
+        "support.mass",
+        "pendulum[0].links[0].mass",
+    }
+    assert set(tuned_record(tuned(0.05, 0.02))) | {"finite_swing"} == set(report)
+    capsys.readouterr()
+    assert cli.main([*words, "--max", "rel_1_1=-1", "-o", "none.toml", "--report", "none.json"]) != 0
+    assert "rel_1_1=-1" in capsys.readouterr().err
+    assert not Path("none.toml").exists()
+    assert not Path("none.json").exists()
