@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modal.report import Displayed, Summary
 from modal.scene import Scene
 from modal.scene.parameters import Place
 from modal.tuning.minimax import APART, HELPING, Faces, Point
@@ -17,8 +18,8 @@ from modal.types import Floats
 Factors = Mapping[Place, float]
 
 
-@dataclass(frozen=True)
-class Aim:
+@dataclass(frozen=True, repr=False)
+class Aim(Displayed):
     """A quantity that is to be small, or large where it is `maximized`."""
 
     quantity: Quantity
@@ -28,6 +29,9 @@ class Aim:
     def sign(self) -> float:
         """Of its cost, times its weight."""
         return -self.quantity.weight if self.maximized else self.quantity.weight
+
+    def _summary(self) -> Summary:
+        return Summary(self.words)
 
     @property
     def words(self) -> str:
