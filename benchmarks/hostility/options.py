@@ -61,7 +61,7 @@ BASES = {
     "gains": "small.toml",
     "response": "small.toml -o a.png",
     "shaper": "small.toml",
-    "tune": "small.toml --free pendulum[0].links[0].length=0.5:2 --minimize peak:theta_1_2/cart_acceleration --over-hz 0.1:1",
+    "tune": "tower --free pendulum[0].links[0].damping --minimize settling",
     "vibration": "small.toml --psd psd.csv",
     "shock": "small.toml record.csv",
     "derive": "small.toml --show matrices",

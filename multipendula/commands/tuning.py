@@ -164,7 +164,7 @@ def _arguments(page: Page) -> None:
     words = (
         "make this small: peak:OUTPUT/INPUT, such as peak:x/cart_force, the largest magnitude over frequencies; "
         "rms:OUTPUT under --psd; residual, the angle that a --travel leaves; damping, the least ratio of the modes; "
-        "settling, the time to 2 %; with a weight as in 2*peak:x/cart_force; repeat for several"
+        "settling, the time to 2 percent; with a weight as in 2*peak:x/cart_force; repeat for several"
     )
     add_words(page.asked, "--minimize", QUANTITIES, comma="", metavar="QUANTITY", action="append", help=words)
     words = "make this large: as --minimize; repeat for several"
