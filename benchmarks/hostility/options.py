@@ -61,7 +61,7 @@ BASES = {
     "gains": "small.toml",
     "response": "small.toml -o a.png",
     "shaper": "small.toml",
-    "tune": "small.toml --free pendulum[0].links[0].length=0.5:2 --minimize damping",
+    "tune": "tower --free pendulum[0].links[0].damping --minimize settling",
     "vibration": "small.toml --psd psd.csv",
     "shock": "small.toml record.csv",
     "derive": "small.toml --show matrices",

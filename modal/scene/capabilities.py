@@ -277,13 +277,15 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "tuning",
-            LINEAR - NO_RATIO.keys() | STRUCTURED,
+            LINEAR - NO_RATIO.keys() - {"massless_cart", "inverted"} | STRUCTURED,
             leaves=ABOUT,
             refuses={
                 **CONSTANT,
                 "damping_ratio": "follows every number through the modes",
                 "constant_force": "moves the equilibrium with every number",
+                "inverted": "is about an equilibrium that lasts",
             },
+            unless={"massless_cart": "the mass matrix is singular"},
             beside=UNLOADED,
         ),
         Capability(

@@ -17,6 +17,7 @@ from modal.statespace.shapers import Kind
 from modal.tuning.closed_forms import beside, den_hartog, single_links, values_for
 from modal.tuning.minimax import ALLOWED, Minimum, descend
 from modal.tuning.objective import Aim, Objective
+from modal.tuning.peaks import UNDAMPED
 from modal.tuning.pieces import Setting
 from modal.tuning.quantities import SOURCE, FreeNumber, Quantity, find_free, key_of, parse_limit, parse_quantity
 from modal.tuning.result import Tuned, Valley
@@ -106,6 +107,7 @@ def tune(
     if robust:
         best = _robust(objective, best)
     _refuse_no_peak(objective, best.point.z)
+    _refuse_undamped(objective, best.point.z)
     ends = tuple(
         Valley(
             objective.numbers(one.point.z),
@@ -310,6 +312,13 @@ def _refuse_endless(objective: Objective, best: Minimum) -> None:
                 raise ComputationError(
                     f"{one.path}: the {words}, the better, without end: give it bounds, such as {one.path}={way}"
                 )
+
+
+def _refuse_undamped(objective: Objective, z: Floats) -> None:
+    for aim, one in zip(objective.aims, objective.pieces(z), strict=False):
+        if aim.quantity.kind == "damping" and len(one.values) and np.abs(one.values).min() <= UNDAMPED:
+            number = int(one.at[np.abs(one.values).argmin()]) + 1
+            raise ComputationError(f"damping: nothing damps mode {number}, whatever the free numbers are")
 
 
 def _refuse_no_peak(objective: Objective, z: Floats) -> None:

@@ -164,7 +164,7 @@ def _arguments(page: Page) -> None:
     words = (
         "make this small: peak:OUTPUT/INPUT, such as peak:x/cart_force, the largest magnitude over frequencies; "
         "rms:OUTPUT under --psd; residual, the angle that a --travel leaves; damping, the least ratio of the modes; "
-        "settling, the time to 2 %%; with a weight as in 2*peak:x/cart_force; repeat for several"
+        "settling, the time to 2 percent; with a weight as in 2*peak:x/cart_force; repeat for several"
     )
     add_words(page.asked, "--minimize", QUANTITIES, comma="", metavar="QUANTITY", action="append", help=words)
     words = "make this large: as --minimize; repeat for several"
@@ -229,8 +229,8 @@ COMMANDS = (
         arguments=_arguments,
         details=(
             "At small angles, with exact derivatives and all peaks at once, from several starts. Beside the best "
-            "numbers are Den Hartog's where they apply; what each number is worth, and how far it may be off for 1 %% "
-            "of the objective; the worst case of all masses ±5 %%; stroke and torque of the dampers."
+            "numbers are Den Hartog's where they apply; what each number is worth, and how far it may be off for 1 % "
+            "of the objective; the worst case of all masses ±5 %; stroke and torque of the dampers."
         ),
         examples=(
             (

@@ -20,7 +20,7 @@ from modal.types import Floats
 from nonlinear.orbits.forced import forced_orbit, linear_response
 from nonlinear.orbits.orbit import Orbit
 
-POINTS, FINE, ROUNDS = 25, 7, 4
+POINTS, FINE, ROUNDS = 33, 5, 4
 """Frequencies over the band, between those beside the highest, and rounds that find the size of the force."""
 CLOSE = 2e-3
 """Relative error of the largest angle."""
