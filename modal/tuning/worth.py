@@ -72,9 +72,10 @@ def _loss(objective: Objective, z: Floats, k: int, best: float) -> Callable[[flo
         aside = z.copy()
         aside[k] += change
         try:
-            return float(objective.direction * (objective.value(aside) - best) / abs(best))
+            worse = float(objective.direction * (objective.value(aside) - best))
         except SceneError:
             return np.inf
+        return worse / abs(best) if best else np.inf * worse if worse else 0.0
 
     return loss
 

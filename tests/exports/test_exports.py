@@ -358,7 +358,7 @@ def test_sampling_does_not_depend_on_the_units() -> None:
 
 @pytest.mark.parametrize("dt", [0.0, -1.0, np.nan, np.inf])
 def test_a_step_must_be_positive(dt: float) -> None:
-    with pytest.raises(SceneError, match=f"step {dt} s: must be a positive number"):
+    with pytest.raises(SceneError, match=rf"step {dt}.*: must be a (positive|finite) number"):
         sample(model_of("chain-3"), dt)
 
 
