@@ -34,7 +34,7 @@ FIRST = 1 / 24  # the first step over the whole time
 MOST = 20_000  # steps
 STILL = 1e-3  # way of y in natural units, in a step in which it hardly moves
 LOOSE = 100  # tolerances by which such a step may err in V
-DEEPEST = 4  # divisions of divided steps
+DEEPEST = 7  # divisions of divided steps
 UNFOLLOWED = "the derivatives of the motion cannot be followed over a period"
 AT_ONCE = 1_000_000  # entries of J at the stages of steps that are taken together
 
