@@ -18,6 +18,7 @@ from nonlinear.dynamics import Generated, Lanes, Minimal, Recursion
 from nonlinear.dynamics.energies import energy_on_carriers
 from nonlinear.dynamics.variational import Variational
 from nonlinear.ensembles import ensemble
+from nonlinear.integration import taylor
 from nonlinear.postprocessing import reaction_forces_of
 from nonlinear.system import AppliedForces, Numbers, State, System, initial_state, numbers_of, system_of, system_with
 
@@ -465,6 +466,7 @@ def test_energy_is_kept_without_losses() -> None:
     assert not run.motion.work.any()
 
 
+@pytest.mark.skipif(not taylor.available(), reason="heyoka is not installed")
 def test_series_agree_with_steps() -> None:
     scene = load_scene("two-bobs")
     one, other = (simulate(scene, 3.0, tolerance=1e-12, output=5, method=name) for name in ("taylor", "DOP853"))
