@@ -27,7 +27,7 @@ from modal.scene.points import CarrierPoint, GroundPoint, parse_point
 from modal.scene.supports import Fixed, Planar
 from modal.symbolic.carriers import SymbolicCarrier, Where
 from modal.symbolic.lagrange import Coordinate, coordinate, time_derivative
-from modal.symbolic.system import MOST_LINKS, Chain, chains_of, rational, symbol
+from modal.symbolic.system import MOST_LINKS, Chain, OfChains, chains_of, rational, symbol
 
 
 class OnCarrier(NamedTuple):
@@ -95,7 +95,7 @@ class Energy(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SymbolicStructure(Displayed):
+class SymbolicStructure(Displayed, OfChains):
     """Carriers, chains with the points that they hang from, and springs with their two ends; a plane system."""
 
     title: str
@@ -114,17 +114,6 @@ class SymbolicStructure(Displayed):
         return Summary(f"{self.title}, {count} in symbols", facts)
 
     # -------------------------------------------------------------------------------------------------- coordinates
-
-    @cached_property
-    def links(self) -> list[tuple[int, int]]:
-        """(chain, link) of every angle, from 0."""
-        return [(p, i) for p, chain in enumerate(self.chains) for i in range(len(chain.mass))]
-
-    @cached_property
-    def angles(self) -> list[Coordinate]:
-        """θ_i of a single chain, θ_p,i of several."""
-        several = len(self.chains) > 1
-        return [coordinate("theta", *([p + 1] if several else []), i + 1) for p, i in self.links]
 
     @cached_property
     def coordinates(self) -> list[Coordinate]:

@@ -57,15 +57,10 @@ class SymbolicCart(NamedTuple):
     stiffness: Any
 
 
-@dataclass(frozen=True, eq=False)
-class SymbolicSystem:
-    """Chains, one for each copy, on a fixed support (`cart` None) or a cart; gravity in the same symbols."""
+class OfChains:
+    """The angles of the links of chains."""
 
-    title: str
-    gravity: Any
     chains: tuple[Chain, ...]
-    cart: SymbolicCart | None
-    spatial: bool = False
 
     @cached_property
     def links(self) -> list[tuple[int, int]]:
@@ -77,6 +72,17 @@ class SymbolicSystem:
         """θ_i of a single chain, θ_p,i of several."""
         several = len(self.chains) > 1
         return [coordinate("theta", *([p + 1] if several else []), i + 1) for p, i in self.links]
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicSystem(OfChains):
+    """Chains, one for each copy, on a fixed support (`cart` None) or a cart; gravity in the same symbols."""
+
+    title: str
+    gravity: Any
+    chains: tuple[Chain, ...]
+    cart: SymbolicCart | None
+    spatial: bool = False
 
     @cached_property
     def coordinates(self) -> list[Coordinate]:
