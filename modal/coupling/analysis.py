@@ -23,14 +23,15 @@ from modal._compatibility import former
 from modal.assembly import Rig, rig_of
 from modal.coupling.damping import Damped, damped_modes, negative_damping
 from modal.coupling.dynamic_mass import DynamicMass
-from modal.coupling.exchange import STRONG, EnergyExchange, Transfer, energy_exchanges, transfer
+from modal.coupling.exchange import STRONG, UNEVEN, EnergyExchange, Transfer, energy_exchanges, transfer
 from modal.coupling.fixed_base import FixedBaseModes, fixed_base_modes
 from modal.coupling.reduced import reduced
+from modal.coupling.families import FamilyRow, family_cells, family_name, mode_words
+from modal.coupling.numbering import Numbered
 from modal.coupling.structures import StructureCoupling
 from modal.eigen import at_infinity, degenerate_modes
 from modal.errors import ComputationError
-from modal.modes import MOST_COMPARED, lettered, natural_modes, table_numbers
-from modal.report import NOTHING, Displayed, Summary, brief, counted
+from modal.report import HTML_ROWS, Displayed, Summary, counted
 from modal.scene import Scene, name_of, require
 from modal.scene.doors import checked
 from modal.types import Floats, Ints
@@ -42,8 +43,6 @@ FAR = 0.2
 """Relative difference of first order from the splitting above which m_r must vary."""
 ROUGH = 0.02
 """Relative difference of a splitting from that with a constant m_r above which both are only a guide."""
-UNEVEN = 1e-3
-"""Largest differences of decay rates within a family, over its splitting and over the largest rate."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ class Family(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Coupling(Displayed):
+class Coupling(Numbered, Displayed):
     """The coupling of a scene's pendula by its cart; for a fixed support (no coupling) `dynamic` has cart mass 0."""
 
     scene: Scene
@@ -126,19 +125,8 @@ class Coupling(Displayed):
         )
         facts = [("mass felt by a slow push", f"{self.dynamic.at_rest:.6g} kg")]
         facts += [("by a fast one", f"{self.dynamic.at_infinity:.6g} kg")] if self.on_cart else []
-        headings = ("family", "ω (rad/s)", "modes", "μ (kg)", "coupling ε", "splitting (rad/s)")
-        rows = (
-            (
-                family_name(k),
-                brief(one.omega),
-                str(one.fold),
-                brief(one.mass),
-                brief(one.strength),
-                NOTHING if one.splitting is None else brief(one.splitting),
-            )
-            for k, one in enumerate(self.families)
-        )
-        return Summary(title, facts, headings, rows, len(self.families), words=frozenset({0}))
+        headings, cells = family_cells(self.rows(HTML_ROWS))
+        return Summary(title, facts, headings, cells, len(self.families), words=frozenset({0, len(headings) - 1}))
 
     @property
     def on_cart(self) -> bool:
@@ -223,22 +211,27 @@ class Coupling(Displayed):
         """The damping and excitation of each mode."""
         return damped_modes(self.rig, negative_damping(self.scene, self.rig))
 
-    @cached_property
-    def _table(self) -> tuple[Floats, Ints] | None:
-        """ω of the modes without dampers and their numbers in the table; None where the table is not available."""
-        if self.scene.has_damping and self.scene.n_links > MOST_COMPARED:
-            return None
-        try:
-            return natural_modes(self.scene.conservative).omega, table_numbers(self.scene)
-        except ComputationError:
-            return None
+    def rows(self, most: int | None = None) -> list[FamilyRow]:
+        """The table of families, or its first lines."""
+        return [self._row(index, family) for index, family in enumerate(self.families[:most])]
 
-    def number(self, omega: float) -> int | None:
-        """The number in the table of the undamped mode of this frequency (rad/s), None where unknown."""
-        if self._table is None:
-            return None
-        known, numbers = self._table
-        return int(numbers[np.abs(known - omega).argmin()])
+    def _row(self, index: int, family: Family) -> FamilyRow:
+        moving = None if family.cart_mode is None else self.cart_modes[family.cart_mode].omega
+        if not self.on_cart:
+            modes = mode_words(None, self.number(family.omega))
+        else:
+            still = self.number(family.omega) if family.fold > 1 else None
+            modes = mode_words(still, None if moving is None else self.number(moving), family.fold - 1)
+        return FamilyRow(
+            family=family_name(index),
+            omega=family.omega,
+            mass=family.mass,
+            strength=family.strength if self.on_cart else None,
+            splitting=family.splitting,
+            beat=family.beat,
+            share=family.exchange.most if family.exchange else None,
+            modes=modes,
+        )
 
     def residual(self) -> float:
         """Relative error of the total mass from modal effective and residual masses, two independent routes."""
@@ -261,11 +254,6 @@ class Coupling(Displayed):
         omega, index = self.dynamic.omega, np.arange(len(self.dynamic.omega))
         parts = np.array_split(index, 1 + len(omega) ** 2 // 1_000_000)
         return np.concatenate([self.dynamic(omega[p], left_out=index == p[:, None]) for p in parts])
-
-
-def family_name(index: int) -> str:
-    """A, B, … of families from 0: numbers are for modes."""
-    return lettered(index).upper()
 
 
 @checked

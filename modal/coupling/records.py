@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from modal.coupling.analysis import CartMode, Coupling, Family, family_name
+from modal.coupling.analysis import CartMode, Coupling, Family
+from modal.coupling.families import family_name
 from modal.coupling.damping import Damped
 from modal.coupling.exchange import EnergyExchange
 from modal.coupling.structures import Exchanged, PendulumFamily, StructureCoupling

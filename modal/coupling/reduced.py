@@ -54,6 +54,16 @@ class Reduced:
         return tuple(self.hanging.rig.names)
 
     @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The kinds of pendula in words, with what they hang from where there are several carriers."""
+        names = tuple(self.hanging.rig.names.values())
+        carriers = self.hanging.structure.carriers
+        if len(carriers) == 1:
+            return names
+        places = [carriers[self.hanging.structure.pivots[pivot].carrier].name for pivot in self.pivots]
+        return tuple(f"{name} on {place}" for name, place in zip(names, places, strict=True))
+
+    @cached_property
     def pivots(self) -> tuple[int, ...]:
         """The first pendulum of every kind, as the structure counts them."""
         first = {kind: p for p, kind in reversed(list(enumerate(map(tuple, self.hanging.kinds.tolist()))))}

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from math import isinf
 from textwrap import TextWrapper
 
-from modal.coupling.analysis import CartMode, Coupling, Family, family_name
+from modal.coupling.analysis import CartMode, Coupling, Family
+from modal.coupling.families import family_name
 from modal.coupling.damping_words import damping
 from modal.coupling.exchange import STRONG, Transfer
 from modal.coupling.exchange_words import exchanges
