@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
 from modal.coupling.analysis import Coupling, Family, explain
-from modal.coupling.families import FamilyRow, family_name
 from modal.coupling.damping import damped_modes, negative_damping
+from modal.coupling.families import FamilyRow, family_name
 from modal.coupling.report import coupling_report
 from modal.coupling.structures import Branch, PendulumFamily, StructureCoupling, StructureMode
 

@@ -24,10 +24,10 @@ from modal.assembly import Rig, rig_of
 from modal.coupling.damping import Damped, damped_modes, negative_damping
 from modal.coupling.dynamic_mass import DynamicMass
 from modal.coupling.exchange import STRONG, UNEVEN, EnergyExchange, Transfer, energy_exchanges, transfer
-from modal.coupling.fixed_base import FixedBaseModes, fixed_base_modes
-from modal.coupling.reduced import reduced
 from modal.coupling.families import FamilyRow, family_cells, family_name, mode_words
+from modal.coupling.fixed_base import FixedBaseModes, fixed_base_modes
 from modal.coupling.numbering import Numbered
+from modal.coupling.reduced import reduced
 from modal.coupling.structures import StructureCoupling
 from modal.eigen import at_infinity, degenerate_modes
 from modal.errors import ComputationError
@@ -231,6 +231,7 @@ class Coupling(Numbered, Displayed):
             beat=family.beat,
             share=family.exchange.most if family.exchange else None,
             modes=modes,
+            fold=family.fold,
         )
 
     def residual(self) -> float:

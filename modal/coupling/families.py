@@ -12,7 +12,7 @@ COLUMNS: tuple[tuple[str, Callable[[FamilyRow], float | str | None]], ...] = (
     ("family", lambda row: row.family),
     ("ω (rad/s)", lambda row: row.omega),
     ("effective mass (kg)", lambda row: row.mass),
-    ("coupling strength", lambda row: row.strength),
+    ("coupling strength", lambda row: None if row.strength is None else f"{row.strength:.4g}".replace("inf", "∞")),
     ("Δω (rad/s)", lambda row: row.splitting),
     ("beat (s)", lambda row: row.beat),
     ("share halfway (%)", lambda row: None if row.share is None else f"{100 * row.share:.3g}"),
@@ -28,7 +28,7 @@ class FamilyRow:
     `omega` ω_r (rad/s) with all else held, `mass` the modal effective mass (kg), `strength` ε, `splitting` Δω (rad/s),
     `beat` (s), and `share`, what the others of the family hold of the energy of one that is released, halfway through a
     beat, or the most that they ever hold with dampers.  `modes` are numbers in the table, `moves` what of a structure
-    moves.
+    moves, `fold` how many modes of single pendula the family has.
     """
 
     family: str
@@ -40,6 +40,7 @@ class FamilyRow:
     share: float | None
     modes: str
     moves: str = ""
+    fold: int = 1
 
 
 def family_name(index: int) -> str:
@@ -60,9 +61,9 @@ def mode_words(still: int | None, moving: int | None, copies: int = 1) -> str:
 
 def family_cells(rows: Sequence[FamilyRow]) -> tuple[list[str], list[list[str]]]:
     """Headings and cells of the columns that hold anything."""
-    values = [(heading, [value(row) for row in rows]) for heading, value in COLUMNS]
-    shown = [(heading, list(map(_cell, column))) for heading, column in values if any(v is not None for v in column)]
-    return [heading for heading, _ in shown], [list(cells) for cells in zip(*(cells for _, cells in shown))]
+    columns = {heading: [value(row) for row in rows] for heading, value in COLUMNS}
+    shown = {heading: column for heading, column in columns.items() if any(cell is not None for cell in column)}
+    return list(shown), [[_cell(shown[heading][k]) for heading in shown] for k in range(len(rows))]
 
 
 def _cell(value: float | str | None) -> str:

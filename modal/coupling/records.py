@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from modal.coupling.analysis import CartMode, Coupling, Family
-from modal.coupling.families import family_name
 from modal.coupling.damping import Damped
 from modal.coupling.exchange import EnergyExchange
+from modal.coupling.families import family_name
 from modal.coupling.structures import Exchanged, PendulumFamily, StructureCoupling
 from modal.report import finite
 from modal.scene import describe
@@ -73,11 +73,14 @@ def _pendulum_family(coupling: StructureCoupling, index: int, family: PendulumFa
                 "coupling_strength": finite(branch.strength),
                 "structure_still": branch.still,
                 "structure_motion": branch.motion.tolist(),
+                "modal_effective_mass_kg": coupling.effective_mass(family, branch),
+                "beat_period_s": coupling.beat(family, branch),
                 "pattern": branch.pattern.tolist(),
             }
             for branch in family.branches
         ],
         "beat_periods_s": list(coupling.beats(family)),
+        "energy_share_of_the_others": coupling.share(family),
     }
 
 

@@ -159,6 +159,7 @@ class StructureCoupling(Numbered, Displayed):
                 share=None if k else share,
                 modes=mode_words(None if k else still, self.number(branch.omega), family.still),
                 moves=self.moved(branch),
+                fold=family.fold,
             )
 
     @property
