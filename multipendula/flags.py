@@ -98,7 +98,7 @@ FLAGS: dict[str, tuple[str, str]] = {
     "--when": ("SECONDS", "the time at which a hoist's lengths are taken"),
     "--where": ("COLUMN=VALUE", "which rows of a record are used"),
     "--window": ("SECONDS", "length of the windows in which a long record is fitted"),
-    "--words": ("", "say everything in sentences, with formulas"),
+    "--words": ("", "everything in sentences too, beside the verdict and the tables"),
     "--workers": ("N", "number of processes"),
 }
 

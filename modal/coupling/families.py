@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from modal.modes import lettered
-from modal.report import NOTHING, short
+from modal.report import NOTHING, Displayed, short
 
 COLUMNS: tuple[tuple[str, Callable[[FamilyRow], float | str | None]], ...] = (
     ("family", lambda row: row.family),
@@ -21,8 +21,8 @@ COLUMNS: tuple[tuple[str, Callable[[FamilyRow], float | str | None]], ...] = (
 )
 
 
-@dataclass(frozen=True)
-class FamilyRow:
+@dataclass(frozen=True, repr=False)
+class FamilyRow(Displayed):
     """A line of the table, None where a quantity is not defined.
 
     `omega` ω_r (rad/s) with all else held, `mass` the modal effective mass (kg), `strength` ε, `splitting` Δω (rad/s),

@@ -48,7 +48,7 @@ def coupling_report(
     told, left = verdict(coupling, rows), left_out(coupling)
     if form == "json":
         record = structure_record if isinstance(coupling, StructureCoupling) else coupling_record
-        return as_json({**record(coupling), "verdict": list(told), "left_out": list(left)})  # type: ignore[arg-type]
+        return as_json({**record(coupling), "verdict_sentences": list(told), "left_out": list(left)})  # type: ignore[arg-type]
     title = f"{title_of(coupling.scene)}: what couples the pendula"
     names = {family_name(index) for index in range(shown(coupling))}
     rows = [row for row in rows if row.family in names]

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from nonlinear.synchronization import SynchronizationStudy
 
 
+MORE = "--words describes prediction and simulation in sentences."
+
+
 def sync(options: argparse.Namespace) -> None:
     """Predict which mode survives in a scene with drives, simulate it, and measure which pendula synchronize."""
     scene = validated(options, options.output, lambda: _fitting(options))
@@ -42,6 +45,9 @@ def _sync_arguments(page: Page) -> None:
     words = "follow every steady oscillation along one number instead, such as support.mass=1:100:30log"
     offer(page.asked.add_argument("--vary", metavar="PLACE=VALUES", help=words), places)
     add_format(page, ("text", "json", "csv"), help="csv with --vary only")
+    page.written.add_argument(
+        "--words", action="store_true", help="also describe prediction and simulation in sentences"
+    )
     add_report(page, ("text", "json", "csv"), "--output", "-o", "--picture", action=Former)
     add_file(page, "--film", words="a stroboscopic film in {}", kinds=FILMS)
 
@@ -55,7 +61,7 @@ def _fitting(options: argparse.Namespace) -> None:
 
 def _misfits(options: argparse.Namespace) -> Iterator[str]:
     if options.vary:
-        asked = [name for name in ("duration", "start", "film") if getattr(options, name)]
+        asked = [name for name in ("duration", "start", "film", "words") if getattr(options, name)]
         yield from (f"--{name}: cannot be combined with --vary" for name in asked)
         if options.format == "json":
             yield "--format json: cannot be combined with --vary"
@@ -70,18 +76,20 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
     with bar(1.0, "run") as report:
         told = forewarning(report, scene, options.duration)
         found = study_synchronization(scene, options.duration, start=start, report=lambda now, end: told(now / end))
-    say(_told(found, options.format), options.format)
+    say(_told(found, options), options.format)
     if options.output:
         _draw(found, options.output, options.theme)
     if options.film:
         _film(found, options.film, options.theme)
 
 
-def _told(found: SynchronizationStudy, form: str) -> str:
+def _told(found: SynchronizationStudy, options: argparse.Namespace) -> str:
     from modal.report import as_json
     from nonlinear.synchronization import sync_record, sync_text
 
-    return as_json(sync_record(found)) if form == "json" else sync_text(found)
+    if options.format == "json":
+        return as_json(sync_record(found))
+    return sync_text(found, words=options.words, elsewhere="" if options.words else MORE)
 
 
 def _draw(found: SynchronizationStudy, name: str, theme: str) -> None:
@@ -147,7 +155,8 @@ COMMANDS = (
         details=(
             "For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady "
             "oscillations, and which of them this start ends in and when; a simulation of the full equations then "
-            "measures the same. With --vary every steady oscillation is followed along one number of the scene instead."
+            "measures the same. The verdict comes first: which mode wins, and from when on. With --vary every steady "
+            "oscillation is followed along one number of the scene instead."
             " Of equal pendula on the supports of a structure the verdict comes first: which population is locked, and "
             "to which; then the growth rates of the motions in which every population is one pendulum, and with --vary "
             "the values at which these begin or cease to last."

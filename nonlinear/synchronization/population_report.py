@@ -28,8 +28,7 @@ EXACT = (
 
 
 def population_sections(found: PopulationPhases, motions: tuple[SymmetricMotion, ...], why: str) -> Iterator[str]:
-    """The verdict first, then the populations, then the symmetric motions."""
-    yield f"{capital(found.verdict)}."
+    """The populations, then their symmetric motions."""
     yield grid(list(map(list, _population_rows(found))), POPULATIONS, "text") + "\n\n" + fill(QUARTERS, line_width())
     if motions:
         yield _motions(motions)

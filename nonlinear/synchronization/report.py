@@ -64,27 +64,123 @@ MOST_FREQUENCIES = 6
 MOST_LINES, MOST_UNSTABLE = 16, 8  # configurations in the table, and unstable ones where there are more
 
 
-def sync_text(found: SynchronizationStudy) -> str:
-    """The report for a terminal."""
+def sync_text(found: SynchronizationStudy, *, words: bool = False, elsewhere: str = "") -> str:
+    """The report for a terminal: the verdict, the steady motions, what both leave out, and the sentence `elsewhere`.
+
+    `words` adds everything about the prediction and the simulation in sentences.
+    """
     require_type("found", found, "SynchronizationStudy")
-    parts = [headed(title_of(found.scene)), *_sections(found)]
+    parts = [headed(title_of(found.scene)), *_sections(found), elsewhere, *(_in_words(found) if words else ())]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
 def _sections(found: SynchronizationStudy) -> Iterator[str]:
+    yield "\n".join(fill(sentence, line_width()) for sentence in sync_verdict(found))
     if found.populations is not None:
         yield from population_sections(found.populations, found.motions, found.motionless)
-    if found.theory is None:
-        yield f"No prediction: {found.silent}."
-    else:
+    if found.theory is not None:
         yield "Steady motions by the averaged equations\n" + _table(found.theory)
-        yield _paragraph("Predicted from this start", _prediction(found.theory))
-    beside = ", and from a start nearby" if found.theory is not None and found.theory.prediction.unstable else ""
-    yield _paragraph(f"Simulated for {short(float(found.trajectory.times[-1]))} s{beside}", _simulation(found))
     if found.scene.has_damping:
         yield NUMBERED
     if found.theory is not None:
         yield fill(NOT_COVERED, line_width())
+
+
+def _in_words(found: SynchronizationStudy) -> Iterator[str]:
+    if found.theory is not None:
+        yield _paragraph("Predicted from this start", _prediction(found.theory))
+    beside = ", and from a start nearby" if found.theory is not None and found.theory.prediction.unstable else ""
+    yield _paragraph(f"Simulated for {short(float(found.trajectory.times[-1]))} s{beside}", _simulation(found))
+
+
+def sync_verdict(found: SynchronizationStudy) -> list[str]:
+    """At most five sentences: which mode wins, predicted and simulated, from when on, and whether the pendula lock."""
+    sentences = [] if found.populations is None else [f"{capital(found.populations.verdict)}."]
+    if found.theory is None:
+        sentences.append(f"No prediction: {found.silent}.")
+    elif found.theory.prediction.unstable:
+        sentences.append(
+            f"This start keeps to a motion that is unstable: all else is for one {100 * ASIDE:.0f} % away."
+        )
+    sentences += [*_winner(found), *_since(found)]
+    phases = found.phases
+    if phases.z.shape[1] > 1 and found.populations is None:
+        sentences += _locked(found)
+    if found.theory is not None and (reasons := _reasons(found.theory)):
+        more = f"; {len(reasons) - 1} more doubts" if len(reasons) > 2 else "; and another" if len(reasons) > 1 else ""
+        sentences.append(f"The prediction is not certain: {reasons[0]}{more}.")
+    return sentences
+
+
+def _reasons(theory: Theory) -> list[str]:
+    """Reasons why the survivor is not certain, without the one that no mode wins, which is said first."""
+    return [reason for reason in theory.doubts if reason != theory.prediction.undecided]
+
+
+def _winner(found: SynchronizationStudy) -> Iterator[str]:
+    """Which mode holds the energy at the end, and whether that was predicted."""
+    survival, end = found.survival, f"{float(found.trajectory.times[-1]):.4g} s"
+    try:
+        share = percent(survival.survivor_share) if survival else ""
+        held = survival and f"mode {survival.number} holds {share} of the energy after {end}"
+    except ComputationError as error:
+        held = str(error)
+    if found.theory is None:
+        if held:
+            yield f"{capital(held)}."
+        return
+    prediction = found.theory.prediction
+    if prediction.motion.dies:
+        yield "The swing dies out, by the prediction: no drive keeps it up."
+        return
+    mode = f"mode {prediction.number} ({prediction.averaged.modes[prediction.row].family})"
+    most = f"No mode wins; {mode} holds most, {percent(prediction.share)}"
+    told = f"{capital(mode)} wins" if prediction.is_won else most
+    if not held:
+        yield f"{told}, by the prediction."
+    elif found.agrees:
+        yield f"{told}, as predicted: in the simulation it holds {share} of the energy after {end}."
+    elif found.agrees is None:
+        yield f"{told}, by the prediction; the simulation is too short to tell: {held}."
+    else:
+        yield f"The simulation differs from the prediction: {held}. Predicted: {told[:1].lower()}{told[1:]}."
+
+
+def _since(found: SynchronizationStudy) -> Iterator[str]:
+    """From when on all other modes hold next to nothing, where there are others."""
+    if found.survival and len(found.survival.row) == 1:
+        return
+    prediction = found.theory.prediction if found.theory else None
+    predicted = prediction.locking_time() if prediction and not prediction.motion.dies else None
+    try:
+        simulated = found.survival.locking_time() if found.survival else None
+    except ComputationError:
+        return
+    times = [(predicted, "predicted"), (simulated, "simulated")]
+    each = [f"{time:.4g} s ({how})" for time, how in times if time is not None]
+    if each:
+        from_start = not any(time for time, _ in times)
+        when = "from the start" if from_start else f"after {listed(each, len(each))}"
+        yield f"All other modes hold less than 1 % of the energy {when}."
+    elif found.survival and found.survival.beating:
+        yield _beating(found.survival)
+
+
+def _locked(found: SynchronizationStudy) -> Iterator[str]:
+    """Whether the pendula have one frequency."""
+    phases = found.phases
+    try:
+        frequencies = phases.frequency
+    except ComputationError:
+        return
+    if not np.all(np.isfinite(frequencies)) or phases.resolution > frequencies.max():
+        return
+    order = float(phases.order[last(found.trajectory.times, ENDING), phases.leading].mean())
+    if phases.locked:
+        yield f"The pendula are locked at {frequencies.mean():.6g} rad/s, with the order parameter R = {order:.4f}."
+    else:
+        low, high = f"{frequencies.min():.6g}", f"{frequencies.max():.6g}"
+        yield f"The pendula are not locked: their frequencies go from {low} to {high} rad/s (R = {order:.4f})."
 
 
 def _paragraph(title: str, sentences: Iterator[str]) -> str:
@@ -151,14 +247,18 @@ def _prediction(theory: Theory) -> Iterator[str]:
         return
     mode = prediction.averaged.modes[prediction.row]
     share = percent(prediction.share)
-    yield f"Mode {prediction.number} survives ({mode.family}; {rad(mode.omega)}), with {share} of the energy."
+    which = f"({mode.family}; {rad(mode.omega)})"
+    if prediction.is_won:
+        yield f"Mode {prediction.number} survives {which}, with {share} of the energy."
+    else:
+        yield f"No mode wins: mode {prediction.number} {which} holds most, {share} of the energy."
     if theory.ending:
         size = float(np.abs(theory.ending.floquet.others).max())
         yield f"The orbit in which it ends is stable in the full equations: no multiplier exceeds {size:.6g}."
     if theory.uncertified:
         yield f"Its stability is that of the averaged equations alone ({theory.uncertified})."
-    if theory.doubts:
-        yield f"This is not certain: {'; '.join(theory.doubts)}."
+    if reasons := _reasons(theory):
+        yield f"This is not certain: {'; '.join(reasons)}."
     elif not theory.ending:
         yield "This is certain as far as the averaged equations reach."
     locking = prediction.locking_time()
@@ -166,7 +266,7 @@ def _prediction(theory: Theory) -> Iterator[str]:
         return
     yield f"All other modes hold less than 1 % of the energy after {short(locking)} s."
     if doubts := prediction.timing_doubts[len(prediction.doubts) :]:
-        yield f"That time is a guide: {'; '.join(doubts)}."
+        yield f"That time is approximate: {'; '.join(doubts)}."
 
 
 def _unstable(kept: RelativeEquilibrium) -> Iterator[str]:
@@ -281,6 +381,7 @@ def sync_record(found: SynchronizationStudy) -> dict[str, Any]:
         "configurations": [*map(_configuration_record, theory.configurations, theory.orbits)] if theory else None,
         "prediction": _prediction_record(theory) if theory else None,
         "no_prediction": found.silent or None,
+        "verdict_sentences": sync_verdict(found),
         "simulation": _simulation_record(found),
         "agrees": found.agrees,
         **_populations_record(found),

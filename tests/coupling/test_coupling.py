@@ -486,7 +486,7 @@ def test_the_verdict_comes_first_then_one_table(name: str) -> None:
     assert "[" not in coupling_report(found)
     assert "[" in coupling_report(found, words=True)
     record = json.loads(coupling_report(found, "json"))
-    assert " ".join(record["verdict"]) == " ".join(told.split())
+    assert " ".join(record["verdict_sentences"]) == " ".join(told.split())
     beats = [row.beat for row in found.rows() if row.beat]
     assert not beats or f"{max(beats):.4g} s" in told
 
