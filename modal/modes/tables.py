@@ -36,6 +36,7 @@ __all__ = ["GUIDE", "matrices_table", "table"]
 
 MOST_SHAPE_NUMBERS = 5_000_000
 GUIDE = "the 1 % amplitude is a guide"
+UNDAMPED = "Effective masses are those of the modes without dampers; – where dampers change a shape too much."
 SPLIT = "± –: the numbers split a frequency that several modes share, so it has no standard deviation of its own."
 
 
@@ -136,6 +137,8 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
         notes.append(f"* near a 1:1 or 1:3 resonance, with another mode or among its own: {starred}.")
     if any(row.is_uncertain for row in rows):
         notes.append("! beyond double precision: no digit of this frequency is certain.")
+    if modes.rig.is_damped and any(row.effective_mass > 0 for row in rows):
+        notes.append(UNDAMPED)
     if any(row.growth_rate for row in rows):
         notes.append("unstable: the scene leaves this equilibrium; every growing mode is paired with a decaying one.")
     if modes.scene.has_losses:

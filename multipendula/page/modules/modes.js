@@ -150,15 +150,22 @@ function energiesIn(system, { shapes: [shape] }) {
   });
 }
 
-// How the pendula with a fair share of the energy agree, by their first links.
+// How the pendula with a fair share of the energy agree, by their first links; with a cart on a spring also whether they
+// swing with it or against it, which tells its own mode from theirs.
 function agreementOf(system, row) {
-  if (!row.omega || system.chains.length === 1 || row.where !== "cart moves") return "";
+  if (!row.omega || row.where !== "cart moves") return "";
+  const many = system.chains.length > 1;
+  if (!many && !system.cart.stiffness) return "";
   const energies = energiesIn(system, row);
   const most = Math.max(...energies);
   const busy = system.chains.filter((_, i) => energies[i] >= 0.01 * most);
-  if (busy.length === 1) return `mostly pendulum ${system.chains.indexOf(busy[0]) + 1}`;
-  const tops = busy.map(({ first }) => row.shapes[0][1 + first]);
-  return tops.every((top) => top * tops[0] > 0) ? "in phase" : "mixed phases";
+  if (many && busy.length === 1) return `mostly pendulum ${system.chains.indexOf(busy[0]) + 1}`;
+  const [shape] = row.shapes;
+  const tops = busy.map(({ first }) => shape[1 + first]);
+  if (!tops.every((top) => top * tops[0] > 0 || !many)) return "mixed phases";
+  if (!system.cart.stiffness || !tops[0] || !shape[0]) return many ? "in phase" : "";
+  if (tops[0] * shape[0] > 0) return many ? "pendula follow" : "pendulum follows";
+  return many ? "pendula opposed" : "pendulum opposed";
 }
 
 // How the links of the chain that moves most agree.
