@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import start_of
-from multipendula.commands.shared import bar, drawn, film_form, forewarning, picture, remark, say, validated
+from multipendula.commands.shared import bar, drawn, film_form, forewarning, picture, remark, say, stages, validated
 from multipendula.completion import places
 from multipendula.options import (
     FILMS,
@@ -73,9 +73,11 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
     from nonlinear.synchronization import study_synchronization
 
     start = start_of(scene, options.start, undamped=True)
-    with bar(1.0, "run") as report:
-        told = forewarning(report, scene, options.duration)
-        found = study_synchronization(scene, options.duration, start=start, report=lambda now, end: told(now / end))
+    with stages("predicting", "simulating") as (predicting, simulating):
+        told = forewarning(simulating, scene, options.duration)
+        found = study_synchronization(
+            scene, options.duration, start=start, predicting=predicting, report=lambda now, end: told(now / end)
+        )
     say(_told(found, options), options.format)
     if options.output:
         _draw(found, options.output, options.theme)

@@ -9,6 +9,7 @@ that of a free pendulum: half its energy is drained.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -79,10 +80,20 @@ class SymmetricMotion(Displayed):
         return f"the trace of the within-block vanishes{share}"
 
 
-def symmetric_motions(scene: Scene) -> tuple[SymmetricMotion, ...]:
-    """The patterns of a structured scene with their growth rates; ComputationError where populations have none."""
+def symmetric_motions(
+    scene: Scene, report: Callable[[float], object] = lambda part: None
+) -> tuple[SymmetricMotion, ...]:
+    """The patterns of a structured scene with their growth rates; ComputationError where populations have none.
+
+    `report` is called with the part of them that is done.
+    """
     require_type("scene", scene, "Scene")
-    return tuple(symmetric_motion(pattern) for pattern in patterns_of(scene))
+    patterns = tuple(patterns_of(scene))
+    motions = []
+    for count, pattern in enumerate(patterns, start=1):
+        motions.append(symmetric_motion(pattern))
+        report(count / len(patterns))
+    return tuple(motions)
 
 
 def symmetric_motion(pattern: Pattern, beside: SymmetricMotion | None = None) -> SymmetricMotion:

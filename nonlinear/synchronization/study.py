@@ -30,6 +30,7 @@ SHARE = 0.05  # largest difference of the survivor's share of the energy from th
 USUAL, MOST = 200, 5000  # default and longest duration in periods
 FEW = 8  # pendula on a structure among which configurations are searched for one by one
 FOLDS, LONGEST = 10.0, 2000  # e-folding times of populations that a run lasts, and most periods of it
+SETTLING = 0.2  # part of a theory's time that the outcome of its start takes, roughly
 LOOSE = 1e-7  # tolerance of runs of populations
 
 
@@ -109,11 +110,18 @@ class SynchronizationStudy(Displayed):
         return locking is not None and float(self.trajectory.times[-1]) < locking
 
 
-def theory_of_scene(scene: Scene, start: State | None = None) -> Theory:
-    """The theory of a self-excited scene; ComputationError outside the scope of averaged equations."""
+def theory_of_scene(
+    scene: Scene, start: State | None = None, report: Callable[[float], object] = lambda part: None
+) -> Theory:
+    """The theory of a self-excited scene; ComputationError outside the scope of averaged equations.
+
+    `report` is called with the part that is done.
+    """
     validate_scene(scene)
     prediction = predict(scene, start)
-    return Theory(relative_equilibria(prediction.averaged), prediction)
+    report(SETTLING)
+    equilibria = relative_equilibria(prediction.averaged, lambda part: report(SETTLING + (1 - SETTLING) * part))
+    return Theory(equilibria, prediction)
 
 
 def usual_duration(scene: Scene, theory: Theory | None, motions: Sequence[SymmetricMotion] = ()) -> float:
@@ -141,24 +149,26 @@ def study_synchronization(
     *,
     start: State | None = None,
     report: Callable[[float, float], object] = lambda elapsed, duration: None,
+    predicting: Callable[[float], object] = lambda part: None,
     **options: Any,
 ) -> SynchronizationStudy:
     """Predict, simulate for `duration` seconds (by default as long as the prediction needs) and measure.
 
-    `start` replaces the initial condition of the scene file, `options` are those of `simulate`; `report` is called with
-    the simulated time and the duration.  A start that ends in an unstable state is replaced by a perturbed one, in
-    prediction and simulation.  KeyboardInterrupt where Ctrl-C cuts the run short.
+    `start` replaces the initial condition of the scene file, `options` are those of `simulate`; `predicting` is called
+    with the part of the prediction that is done, `report` with the simulated time and the duration.  A start that ends
+    in an unstable state is replaced by a perturbed one, in prediction and simulation.  KeyboardInterrupt where Ctrl-C
+    cuts the run short.
     """
     require(scene, "synchronization")
     silent = "; ".join(refusals(scene, "a prediction of synchronization"))
     motions: tuple[SymmetricMotion, ...] = ()
     motionless = silent
     if scene.is_structured and not silent:
-        motions, motionless = _tried(lambda: symmetric_motions(scene))
+        motions, motionless = _tried(lambda: symmetric_motions(scene, predicting))
         motions = motions or ()
         if scene.n_pendula > FEW:
             silent = f"among {scene.n_pendula} pendula on a structure steady motions are not searched for one by one"
-    theory, silent = (None, silent) if silent else _tried(lambda: theory_of_scene(scene, start))
+    theory, silent = (None, silent) if silent else _tried(lambda: theory_of_scene(scene, start, predicting))
     length = duration or usual_duration(scene, theory, motions)
     if scene.is_structured:
         options.setdefault("tolerance", LOOSE)
