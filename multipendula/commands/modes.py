@@ -51,7 +51,7 @@ def table(options: argparse.Namespace) -> None:
         raise SceneError(["--shapes: needs --format json"])
     modes, numbers = _modes(options, options.accuracy)
     stds = _stds(modes, numbers, options.covariance)
-    rows, starred = list(_with_progress(modes.rows(numbers), len(numbers))), tables.GUIDE
+    rows, starred = list(_with_progress(modes.rows(numbers), len(numbers))), f"{tables.GUIDE} (`--orbits` computes it)"
     if options.orbits:
         rows, starred = _by_orbits(modes, rows)
     with output(options.output) as write:
@@ -90,7 +90,7 @@ def _table_arguments(page: Page) -> None:
     words = "add the damping ratio at this largest angle, with dry friction and quadratic drag"
     degrees = number("degrees above 0 and at most 90", most=90)
     page.computed.add_argument("--amplitude", metavar="DEG", type=degrees, help=words)
-    words = "where a mode is starred, take the 1 %% amplitude from its periodic orbits in the full equations"
+    words = "where a mode is starred, take the 1 %% angle from its periodic orbits in the full equations"
     page.computed.add_argument("--orbits", action="store_true", help=words)
     words = (
         "print all columns or some, by their names in --format csv, or how these begin; after a + beside the usual "
@@ -105,7 +105,7 @@ def _table_arguments(page: Page) -> None:
 
 
 def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
-    """The rows with the 1 % amplitudes of starred modes from periodic orbits, and what these amplitudes are."""
+    """The rows with the 1 % angles of starred modes from periodic orbits, and what these angles are."""
     from dataclasses import replace
     from math import degrees, inf
 
@@ -123,7 +123,7 @@ def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
             except MultipendulaError as error:
                 missing.append(f"{tables.GUIDE} for mode {row.number} ({error})")
         found.append(replace(row, linear_to_1_percent_deg=angle))
-    return found, "; ".join(["the 1 % amplitude is that of the mode's periodic orbits", *missing])
+    return found, "; ".join(["the 1 % angle is that of the mode's periodic orbits", *missing])
 
 
 def shapes(options: argparse.Namespace) -> None:
