@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("modal", "nonlinear", "multipendula")
 ROOMS = re.findall(r"^\| `([\w.]+)` \|", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
-DOORS = {*PACKAGES, "modal._compatibility", "multipendula.__main__"}
+DOORS = {*PACKAGES, "modal.lazy", "modal.namesake", "multipendula.__main__"}
 """Modules of no room: they only open one."""
 HEAVY = {
     "matplotlib": {"modal.plotting", "nonlinear.plotting"},
@@ -41,7 +41,7 @@ HEAVY = {
 }
 MOST_ENTRIES = 19
 """Rooms that a package shows at a glance."""
-FIXTURES = {"__init__.py", "__main__.py", "_compatibility.py", "py.typed", "__pycache__"}
+FIXTURES = {"__init__.py", "__main__.py", "lazy.py", "namesake.py", "py.typed", "__pycache__"}
 
 
 def module_name(path: Path) -> str:
