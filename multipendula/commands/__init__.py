@@ -56,6 +56,6 @@ FIRST = (
     ("explain paper-cart-2", "why the two exchange energy, and how slowly"),
     ("animate paper-cart-3 --duration 2 -o run.gif", "film three of them, released with level links"),
     ("play paper-cart-2 -o page.html", "a page to play with them"),
-    ("scenes crane-hook > mine.toml", "copy a scene to edit; then `multipendula table mine.toml`"),
+    ("scenes crane-hook -o mine.toml", "copy a scene to edit; then `multipendula table mine.toml`"),
 )
 """Examples for beginners."""

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
 from multipendula.commands.shared import drawn, noted, picture, say
-from multipendula.options import add_format, add_report, add_scene, number, whole
+from multipendula.options import (
+    add_format,
+    add_option,
+    add_report,
+    add_scene,
+    add_shaped,
+    add_shaper,
+    add_travel,
+    add_words,
+    whole,
+)
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -95,20 +105,15 @@ def _written(found: Along, left: tuple[Residual, ...], options: argparse.Namespa
 
 def _arguments(page: Page) -> None:
     add_scene(page)
-    page.asked.add_argument(
-        "--samples", metavar="N", type=whole(10_000), default=11, help="number of times along the hoist (default 11)"
-    )
+    add_option(page.asked, "--samples", ", along the hoist (default 11)", type=whole(10_000), default=11)
     drives = ("cart_force", "cart_acceleration")
-    words = "cart_force (default): the frequencies with the cart free; cart_acceleration: with its motion prescribed"
-    page.asked.add_argument("--drive", metavar="NAME", choices=drives, default=drives[0], help=words)
-    words = "the cart travels so far, smoothly, from the begin of the hoist on: print the swing that is left"
-    page.asked.add_argument("--travel", metavar="METRES", type=number("metres above 0"), help=words)
-    words = "duration of the travel (default: that of the hoist)"
-    page.asked.add_argument("--over", metavar="SECONDS", type=number("seconds above 0"), help=words)
-    words = "shaper of the travel (default zv)"
-    page.asked.add_argument("--kind", choices=("zv", "zvd", "ei", "um"), help=words)
-    words = "for the K slowest modes (default 1)"
-    page.asked.add_argument("--count", metavar="K", type=whole(99999), help=words)
+    more = (
+        ": cart_force (default), the frequencies with the cart free; or cart_acceleration, with its motion prescribed"
+    )
+    add_words(page.asked, "--drive", drives, more, comma="", choices=drives, default=drives[0])
+    add_travel(page, ", from the begin of the hoist on; prints the swing that is left")
+    add_shaper(page, " of the travel (default zv)")
+    add_shaped(page)
     page.rephrase(r"^travel:", "--travel:")
     page.rephrase(r"^samples (\S+):", r"--samples \1:")
     add_format(page, ("text", "csv", "json"))

@@ -12,10 +12,10 @@ from multipendula.commands.shared import bar, drawn, film_form, forewarning, pic
 from multipendula.completion import places
 from multipendula.options import (
     FILMS,
-    Former,
     add_duration,
     add_file,
     add_format,
+    add_option,
     add_report,
     add_scene,
     add_start,
@@ -37,13 +37,13 @@ def sync(options: argparse.Namespace) -> None:
 
 def _sync_arguments(page: Page) -> None:
     add_scene(page)
-    add_duration(page, "default: as predicted")
-    add_start(page, "as in simulate, with undamped mode shapes")
-    words = "follow every steady oscillation along one number instead, such as support.mass=1:100:30log"
-    offer(page.asked.add_argument("--vary", metavar="PLACE=VALUES", help=words), places)
-    add_format(page, ("text", "json", "csv"), help="csv with --vary only")
-    add_report(page, ("text", "json", "csv"), "--output", "-o", "--picture", action=Former)
-    add_file(page, "--film", words="a stroboscopic film in {}", kinds=FILMS)
+    add_duration(page, " (default as predicted)")
+    add_start(page, ", as in simulate, with undamped mode shapes")
+    more = ", such as support.mass=1:100:30log, along which every steady oscillation is followed instead"
+    offer(add_option(page.asked, "--vary", more), places)
+    add_format(page, ("text", "csv", "json"), " (default text); csv with --vary only")
+    add_report(page, ("text", "csv", "json"))
+    add_file(page, "--film", "a stroboscopic one", FILMS)
 
 
 def _fitting(options: argparse.Namespace) -> None:
