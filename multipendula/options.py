@@ -296,7 +296,7 @@ def endings(kinds: Sequence[str]) -> tuple[str, ...]:
 
 
 def number(words: str, most: float = sys.float_info.max, least: float = 5e-324) -> Callable[[str], float]:
-    """A converter for numbers in a range, by default all above 0, which `words` describe."""
+    """A converter for numbers in a range, by default all above 0, which `words` describe, their unit first."""
 
     def converted(text: str) -> float:
         try:
@@ -307,6 +307,7 @@ def number(words: str, most: float = sys.float_info.max, least: float = 5e-324) 
             raise argparse.ArgumentTypeError(f"{text}: must be a number of {words}")
         return value
 
+    converted.of = words.split()[0]  # type: ignore[attr-defined]
     return converted
 
 
@@ -319,6 +320,7 @@ def whole(most: int) -> Callable[[str], int]:
             raise argparse.ArgumentTypeError(f"{text}: must be a whole number from 1 to {most}")
         return int(text)
 
+    converted.of = "whole number"  # type: ignore[attr-defined]
     return converted
 
 

@@ -192,10 +192,10 @@ NEEDED: dict[str, set[str]] = {
     "table paper-cart-2": set(),
     "simulate paper-cart-2 --duration 0.1": set(),
     "simulate chain-spatial --duration 0.1": set(),
-    "check paper-cart-2 --mode 1 --amplitude 1": set(),
+    "check paper-cart-2 --modes 1 --amplitudes 1": set(),
     "basins chain-1 --vary gravity=9:10:2 --vary pendulum[0].links[0].length=1:2:2 --duration 0.1 --workers 1": set(),
     "sync huygens --duration 1": set(),
-    "orbits chain-2 --mode 1 --to 3": set(),
+    "orbits chain-2 --mode 1 --largest-angle 3": set(),
     "tune tower --free pendulum[0].links[0].damping --minimize settling": {
         *("modal.identification", "scipy.linalg", "scipy.optimize", "scipy.sparse")
     },

@@ -442,7 +442,7 @@ def test_refused_exports(
 
 def test_smaller_exports(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     sizes = []
-    for words in ((), ("--minimal",), ("--modes", "1")):
+    for words in ((), ("--minimal",), ("--dominant", "1")):
         path = tmp_path / "model.json"
         printed(capsys, "export", "paper-cart-3", "--to", "json", *words, "-o", str(path))
         sizes.append(len(strict(path.read_text(encoding="utf-8"))["states"]))
@@ -534,7 +534,7 @@ LINE = "support.mass=90:110:3"
         (("advise", "chain-1", "--start", "mode:1:5", "--accuracy", "1e-2", "--duration", "1", "-o", "-"), b"PK"),
         (("plot", "chain-1", "--duration", "1", "-o", "-"), b"\x89PNG"),
         (("animate", "chain-1", "--duration", "0.2", "--fps", "10", "-o", "-"), b"GIF8"),
-        (("check", "chain-1", "--amplitude", "5", "-o", "-"), b"\x89PNG"),
+        (("check", "chain-1", "--amplitudes", "5", "-o", "-"), b"\x89PNG"),
         (("sweep", "paper-cart-2", "--vary", LINE, "--output", "-"), b"PK"),
         (("sweep", "paper-cart-2", "--vary", LINE, "--picture", "-"), b"\x89PNG"),
         (("sweep", "paper-cart-2", "--vary", LINE, "--loci", "--output", "-"), b"support.mass_kg,"),
@@ -577,9 +577,9 @@ def test_a_terminal_gets_no_bytes(capsys: pytest.CaptureFixture[str], monkeypatc
 
 def test_more_modes_than_there_are_cannot_be_kept(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     words = ("export", "chain-3", "--to", "json", "-o", str(tmp_path / "m.json"))
-    assert "--modes 99: the model has 3" in refused(capsys, 2, *words, "--modes", "99")
+    assert "--dominant 99: the model has 3" in refused(capsys, 2, *words, "--dominant", "99")
     assert list(tmp_path.iterdir()) == []
-    printed(capsys, *words, "--modes", "3")
+    printed(capsys, *words, "--dominant", "3")
 
 
 @pytest.mark.parametrize(
@@ -604,7 +604,7 @@ def test_errors_name_the_options_that_the_packages_do_not_know(
 
 def test_table_to_an_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
     asked = ("table", "rope", "--format", "json", "--modes", "1:3")
-    exact, found = (json.loads(printed(capsys, *asked, *more)) for more in ((), ("--accuracy", "1e-8")))
+    exact, found = (json.loads(printed(capsys, *asked, *more)) for more in ((), ("--relative-error", "1e-8")))
     for one, other in zip(exact["modes"], found["modes"], strict=True):
         assert other["omega_rad_per_s"] == pytest.approx(one["omega_rad_per_s"], rel=1e-8)
         assert 0 < other["relative_error_bound"] <= 1e-8
