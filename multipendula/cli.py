@@ -97,6 +97,8 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
         from multipendula.completion import complete
 
         complete(parser)
+    if not (sys.argv[1:] if arguments is None else arguments):
+        return _print_overview(parser)
     try:
         options, strangers = parser.parse_known_args(arguments)
     except SystemExit as leaving:
@@ -117,6 +119,18 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
         if stopped:
             raise KeyboardInterrupt from None
         return _answer(error, options)
+    return 0
+
+
+def _print_overview(parser: Page) -> int:
+    """What there is, on one screen."""
+    if sys.stdout is None:
+        return _refuse("standard output is closed", 1)
+    try:
+        print(parser.overview())
+        sys.stdout.flush()
+    except OSError as error:
+        return _answer(error, None)
     return 0
 
 

@@ -135,7 +135,12 @@ def add_accuracy(page: Page, more: str = "", **how: Any) -> None:
 
 def add_tolerance(page: Page, least: float = 1e-15, most: float = 0.01) -> None:
     """The tolerance of the integrator."""
-    add_option(page.computed, "--tolerance", " (default 1e-9)", type=number(f"{least:g} to {most:g}", most, least))
+    add_option(
+        page.computed,
+        "--tolerance",
+        " (default 1e-9)",
+        type=number(f"at least {least:g} and at most {most:g}", most, least),
+    )
 
 
 def add_largest_angle(group: argparse._ActionsContainer, more: str) -> None:
@@ -183,7 +188,7 @@ def add_records(page: Page, more: str = "") -> None:
         page.asked,
         "--where",
         ": those with this value in a column, such as use=identify; repeat for several",
-        action="append",
+        action=Repeated,
     )
     add_option(page.asked, "--angles", " (default absolute)", choices=("absolute", "relative"), default="absolute")
 
@@ -198,9 +203,35 @@ def add_spectrum(page: Page, more: str) -> None:
     offer(add_option(page.asked, "--psd", more), completion.files((".csv",)))
 
 
-def add_mode(page: Page, more: str, **how: Any) -> None:
-    """A row of the table of modes."""
-    offer(add_option(page.asked, "--mode", more, type=whole(100_000), **how), completion.mode_numbers)
+def add_mode(page: Page, more: str, most: int | None = None) -> None:
+    """A row of the table of modes, or several rows."""
+    action = add_option(page.asked, "--mode", more, type=whole(100_000), action=Repeated, most=most)
+    offer(action, completion.mode_numbers)
+
+
+def add_vary(page: Page, more: str, most: int | None = None, **how: Any) -> None:
+    """Numbers of the scene that take several values."""
+    offer(add_option(page.asked, "--vary", more, action=Repeated, most=most, **how), completion.places)
+
+
+class Repeated(argparse.Action):
+    """An option that is given once for each of several values: their list, or the one value where one is the most."""
+
+    def __init__(self, *names: Any, most: int | None = None, **how: Any) -> None:
+        super().__init__(*names, **how)
+        self.most = most
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option_string: Any = None
+    ) -> None:
+        """Add to what was given before; ArgumentError where one value is too many."""
+        before = getattr(namespace, self.dest)
+        if self.most == 1:
+            if before is not None:
+                raise argparse.ArgumentError(self, "is given twice, and this command takes one")
+            setattr(namespace, self.dest, values)
+        else:
+            setattr(namespace, self.dest, [*(before or ()), values])
 
 
 class Asked(argparse.Action):
@@ -307,7 +338,7 @@ def number(words: str, most: float = sys.float_info.max, least: float = 5e-324) 
             raise argparse.ArgumentTypeError(f"{text}: must be a number of {words}")
         return value
 
-    converted.of = words.split()[0]  # type: ignore[attr-defined]
+    converted.of = words.split(maxsplit=1)[0]  # type: ignore[attr-defined]
     return converted
 
 

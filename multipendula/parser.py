@@ -81,6 +81,18 @@ class Page(argparse.ArgumentParser):
         title = "examples" if self.name else "first steps"
         return f"{columns.format_help()}\n{title}:\n{shown(self.examples)}\n{self._further()}"
 
+    def overview(self) -> str:
+        """What there is, on one screen: the commands by topic, without what they do, and first steps."""
+        width = max(map(len, self.topics)) + 2
+        topics = (
+            textwrap.fill(f"  {topic:<{width}}{', '.join(names)}", WIDTH, subsequent_indent=" " * (width + 2))
+            for topic, names in self.topics.items()
+        )
+        about = textwrap.fill(self.description or "", WIDTH)
+        steps = f"first steps:\n{shown(self.examples)}"
+        further = f"`{self.prog} --help` says what each command does,\n`{self.prog} table --help` how one is used."
+        return "\n\n".join([about, "\n".join(["commands:", *topics]), steps, further])
+
     def _sections(self) -> Iterator[tuple[str | None, list[argparse.Action]]]:
         """Commands by topic, then arguments by title."""
         for chosen in self._positionals._group_actions:

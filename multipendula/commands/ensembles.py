@@ -13,6 +13,7 @@ from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
 from multipendula.commands.shared import bar, draw_in, estimate_of, forewarning, in_a_folder, picture, say
 from multipendula.completion import places
 from multipendula.options import (
+    Repeated,
     add_covariance,
     add_crew,
     add_duration,
@@ -24,6 +25,7 @@ from multipendula.options import (
     add_seed,
     add_strobes,
     add_tolerance,
+    add_vary,
     add_words,
     number,
     offer,
@@ -59,10 +61,10 @@ def basins(options: argparse.Namespace) -> None:
 def _basins_arguments(page: Page) -> None:
     add_scene(page)
     more = ", such as pendulum[0].start.angles_deg[0]=-180:180:512; two of them (default two angles, or angle and rate)"
-    offer(add_option(page.asked, "--vary", more, action="append"), places)
+    add_vary(page, more)
     page.rephrase(r"by find_bifurcations$", "by sweep --strobe")
     more = f": {', '.join(RHYTHMS)} (default configuration of a scene with drives, else first_turn)"
-    add_words(page.asked, "--measure", RHYTHMS, more, comma="", choices=RHYTHMS)
+    add_words(page.asked, "--measure", RHYTHMS, more, comma="", choices=RHYTHMS, action=Repeated, most=1)
     more = " (default 30 sqrt(l/g), for a rhythm as long as sync needs, for attractors ten slowest decays)"
     add_duration(page, more)
     _add_engine(page)
@@ -164,7 +166,7 @@ def _spread_arguments(page: Page) -> None:
         ": its standard deviation, support.mass=0.5 or support.mass=2%%, or its interval, gravity=9.8:9.83; repeat for "
         "several"
     )
-    offer(add_option(page.asked, "--uncertain", more, action="append"), places)
+    offer(add_option(page.asked, "--uncertain", more, action=Repeated), places)
     add_covariance(page, "draws its numbers together")
     add_members(page, ": scenes drawn (default 1000)", 10_000_000)
     add_seed(page)

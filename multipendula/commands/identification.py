@@ -9,6 +9,7 @@ from multipendula.command import Command
 from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output, picture, remark, say
 from multipendula.completion import files
 from multipendula.options import (
+    Repeated,
     add_file,
     add_format,
     add_free,
@@ -124,9 +125,9 @@ def _fit_arguments(page: Page) -> None:
     add_scene(page)
     add_records(page, "; or one of measured modes with mode, frequency_hz and std_hz")
     add_free(page, ", such as 'pendulum[0].links[*].damping', or none to judge the scene")
-    add_option(page.asked, "--prior", "; repeat for several", action="append")
+    add_option(page.asked, "--prior", "; repeat for several", action=Repeated)
     more = ": t=time_ms, theta_1_1_rad=theta_1_1_deg or theta_1_1_rad=-theta_1_1_rad; repeat for several"
-    add_option(page.asked, "--column", more, action="append")
+    add_option(page.asked, "--column", more, action=Repeated)
     for said, option in (
         (r"(?:columns|and) (?=[\w-]+=-?[\w-]+)", "--column "),
         (r"(?<=\()angles relative(?=\))", "--angles relative"),

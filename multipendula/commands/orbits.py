@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from multipendula.command import Command
 from multipendula.commands.runs import start_of, whole
 from multipendula.commands.shared import bar, drawn, film_form, noted, picture, remark, say, validated, warned
-from multipendula.completion import places
 from multipendula.options import (
     FILMS,
     add_duration,
@@ -22,7 +21,7 @@ from multipendula.options import (
     add_scene,
     add_start,
     add_switch,
-    offer,
+    add_vary,
 )
 from multipendula.options import whole as whole_number
 from multipendula.parser import Page
@@ -53,14 +52,14 @@ def orbits(options: argparse.Namespace) -> None:
 
 def _orbits_arguments(page: Page) -> None:
     add_scene(page)
-    add_mode(page, ", to follow without dampers and drives")
+    add_mode(page, ", to follow without dampers and drives", most=1)
     add_largest_angle(page.asked, f", with --mode (default {LARGEST:g})")
     more = (
         ", such as support.mass=1:100:2log, along which orbits are followed: the limit cycles of a scene with drives "
         "at joints, the motions of the period of a moved support and of forces, or with --mode the orbit of one "
         "largest angle"
     )
-    offer(add_option(page.asked, "--vary", more), places)
+    add_vary(page, more, most=1)
     add_switch(page.asked, "--enter", " at branch points and period doublings")
     add_option(page.asked, "--depth", ", with --enter (default 1)", type=whole_number(20))
     more = ", under forces or on a moved support (default 1)"

@@ -12,20 +12,19 @@ from multipendula.command import Command
 from multipendula.commands.ensembles import names_of, refuse
 from multipendula.commands.runs import tell_of_start
 from multipendula.commands.shared import bar, drawn, in_a_folder, picture, say
-from multipendula.completion import places
 from multipendula.options import (
     PICTURES,
     RUNS,
+    Repeated,
     add_crew,
-    add_option,
     add_output,
     add_picture,
     add_scene,
     add_strobes,
     add_switch,
+    add_vary,
     add_words,
     endings,
-    offer,
 )
 from multipendula.parser import Page
 
@@ -60,8 +59,7 @@ def refuse_both(options: argparse.Namespace) -> None:
 def _sweep_arguments(page: Page) -> None:
     add_scene(page)
     more = ": support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to three of them"
-    vary = add_option(page.asked, "--vary", more, action="append", required=True)
-    offer(vary, places)
+    add_vary(page, more, required=True)
     measures = (
         *("frequencies", "damping", "splitting", "beat", "amplitude", "energy_drift", "lyapunov"),
         *("order", "survivor", "locking", "pendulum_energy", "floquet"),
@@ -71,7 +69,7 @@ def _sweep_arguments(page: Page) -> None:
         "run, order, survivor, locking or pendulum_energy of a scene with drives, floquet under a vertical sine; "
         "repeat for several"
     )
-    add_words(page.asked, "--measure", measures, more, comma="", action="append")
+    add_words(page.asked, "--measure", measures, more, comma="", action=Repeated)
     add_switch(page.asked, "--loci")
     page.rephrase(r"(loci need an undamped scene .*)$", r"\1; without --loci, --measure frequencies takes dampers")
     add_switch(page.asked, "--strobe", ", along one --vary: a bifurcation diagram of the last 50 (-o: .csv, .json)")

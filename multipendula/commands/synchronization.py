@@ -9,17 +9,15 @@ from typing import TYPE_CHECKING
 from multipendula.command import Command
 from multipendula.commands.runs import start_of
 from multipendula.commands.shared import bar, drawn, film_form, forewarning, picture, remark, say, validated
-from multipendula.completion import places
 from multipendula.options import (
     FILMS,
     add_duration,
     add_file,
     add_format,
-    add_option,
     add_report,
     add_scene,
     add_start,
-    offer,
+    add_vary,
 )
 from multipendula.parser import Page
 
@@ -40,7 +38,7 @@ def _sync_arguments(page: Page) -> None:
     add_duration(page, " (default as predicted)")
     add_start(page, ", as in simulate, with undamped mode shapes")
     more = ", such as support.mass=1:100:30log, along which every steady oscillation is followed instead"
-    offer(add_option(page.asked, "--vary", more), places)
+    add_vary(page, more, most=1)
     add_format(page, ("text", "csv", "json"), " (default text); csv with --vary only")
     add_report(page, ("text", "csv", "json"))
     add_file(page, "--film", "a stroboscopic one", FILMS)

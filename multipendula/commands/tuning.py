@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from multipendula.command import Command
 from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output, picture, say
 from multipendula.options import (
+    Repeated,
     add_file,
     add_format,
     add_free,
@@ -182,18 +183,18 @@ def _arguments(page: Page) -> None:
         "--psd; residual, the angle that a --travel leaves; damping, the least ratio of the modes; settling, the time "
         "to 2 percent; with a weight as in 2*peak:x/cart_force; repeat for several"
     )
-    add_words(page.asked, "--minimize", QUANTITIES, more, comma="", action="append")
+    add_words(page.asked, "--minimize", QUANTITIES, more, comma="", action=Repeated)
     more = ", as for --minimize; repeat for several"
-    add_words(page.asked, "--maximize", QUANTITIES, more, comma="", action="append")
+    add_words(page.asked, "--maximize", QUANTITIES, more, comma="", action=Repeated)
     more = (
         ", such as rel_1_1=0.2, the stroke of a damper, as a peak or an RMS as the first quantity is; or any quantity, "
         "as settling=60; repeat for several"
     )
-    add_option(page.asked, "--max", more, action="append")
+    add_option(page.asked, "--max", more, action=Repeated)
     add_option(page.asked, "--over-hz", ", such as 0.1:2 (default all)", type=_band)
     more = ", for rms: of the support's acceleration, or of the input of rms:OUTPUT/INPUT, as in vibration"
     add_spectrum(page, more)
-    add_mode(page, ", to which damping and settling are limited; repeat for several", action="append")
+    add_mode(page, ", to which damping and settling are limited; repeat for several")
     add_travel(page, ", for residual, as in hoist")
     add_shaper(page, " of the travel, for the lengths before it (default none)")
     add_switch(page.computed, "--robust")

@@ -53,8 +53,8 @@ def test_csv_has_a_line_for_every_orbit_along_a_number(capsys: pytest.CaptureFix
 
 @pytest.mark.slow
 def test_a_run_may_be_the_beginning(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ("--vary", "support.mass=0.5:0.6:2", "--start", "mode:4:40", "--duration", "60", "--format", "json")
-    record = json.loads(told(capsys, "metronomes", *words))
+    words = ("--vary", "support.mass=0.5:0.6:2", "--settled", "--start", "mode:4:40", "--duration", "60")
+    record = json.loads(told(capsys, "metronomes", *words, "--format", "json"))
     (branch,) = record["branches"]
     assert branch["from"] == "start"
     assert all(point["stable"] for point in branch["points"])

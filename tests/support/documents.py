@@ -160,8 +160,6 @@ class Page:
         """What this project's command prints; its standard error is kept beside."""
         code, out, err = outcome(words, given)
         self.errors += err
-        if "is deprecated" in err:
-            raise WrongPageError(f"`multipendula {' '.join(words)}` has a former name: {err}")
         if refused is not None and bool(code) != refused:
             raise WrongPageError(f"`multipendula {' '.join(words)}` leaves with {code}: {err}")
         return out
