@@ -46,8 +46,8 @@ GROUPS = (
 )
 COMMANDS = tuple(command for group in GROUPS for command in group.COMMANDS)
 ABOUT = (
-    "Frequencies, mode shapes and motion of multi-pendulum systems: chains of bobs, rods and rigid bodies, in the plane "
-    "or in space, on a fixed support, coupled by a common cart, or hung from structures with springs."
+    "Frequencies, mode shapes and motion of multi-pendulum systems: chains of bobs, rods and rigid bodies, in the "
+    "plane or in space, on a fixed support, coupled by a common cart, or hung from structures with springs."
 )
 FIRST = (
     ("scenes", "list the shipped scenes"),

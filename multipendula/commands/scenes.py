@@ -105,8 +105,8 @@ COMMANDS = (
                 "then `source ~/.multipendula.fish` in ~/.config/fish/config.fish",
             ),
             (
-                "completion powershell -o ~/multipendula.ps1",
-                "then `. ~/multipendula.ps1` in the file that $PROFILE names",
+                'completion powershell -o "$HOME/multipendula.ps1"',
+                "then `. $HOME/multipendula.ps1` in the file that $PROFILE names",
             ),
         ),
     ),

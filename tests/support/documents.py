@@ -20,6 +20,7 @@ from __future__ import annotations
 import ast
 import io
 import json
+import os
 import re
 import shlex
 import subprocess
@@ -124,7 +125,7 @@ class Page:
         """The commands of a block; None for `refused` where they may be."""
         self.printed, self.errors = "", ""
         for line in text.replace("\\\n", " ").splitlines():
-            words = list(tokens(line))
+            words = [os.path.expanduser(os.path.expandvars(word)) for word in tokens(line)]
             wrong = words[-2:] == ["||", "true"]
             for piece in divided(words[: -2 if wrong else None], "&&"):
                 self.pipe(piece, wrong or refused)
@@ -138,7 +139,7 @@ class Page:
         for command in divided(words, "|"):
             given = self.command(command, given, refused)
         if target:
-            Path(target).expanduser().write_text(given, encoding="utf-8")
+            Path(target).write_text(given, encoding="utf-8")
         else:
             self.printed = (self.printed or "") + given
 
