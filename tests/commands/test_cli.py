@@ -236,7 +236,7 @@ def test_a_terminal_that_knows_only_ascii() -> None:
 
 
 def test_usage_errors_are_2() -> None:
-    for words in ([], ["table"], ["table", "chain-1", "--format", "yaml"], ["dance"]):
+    for words in (["--no"], ["table"], ["table", "chain-1", "--format", "yaml"], ["dance"]):
         assert run(*words).returncode == 2
 
 
@@ -419,7 +419,7 @@ def test_overflow_ends_in_a_message(
 @pytest.mark.parametrize("form", ["control", "mat", "m", "json", "npz", "csv", "c", "fmu", "modelica"])
 def test_export(capsys: pytest.CaptureFixture[str], tmp_path: Path, form: str) -> None:
     path = tmp_path / f"crane.{form}"
-    words = ("--input", "cart_acceleration", "--output", "angles,tip_positions", "--discrete", "0.01")
+    words = ("--input", "cart_acceleration", "--signals", "angles,tip_positions", "--discrete", "0.01")
     assert printed(capsys, "export", "crane-hook", "--to", form, *words, "-o", str(path)) == ""
     assert path.stat().st_size > 500
 
@@ -430,7 +430,7 @@ def test_export(capsys: pytest.CaptureFixture[str], tmp_path: Path, form: str) -
         (("--to", "c"), "needs --discrete"),
         (("--to", "doc"), "--to doc: must be one of"),
         (("--to", "json", "--input", "wind"), "--input wind: must be one of"),
-        (("--to", "json", "--output", "angles,angles"), "--signals angles: named twice"),
+        (("--to", "json", "--signals", "angles,angles"), "--signals angles: named twice"),
     ],
 )
 def test_refused_exports(
@@ -463,7 +463,7 @@ def test_responses_are_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path,
 
 
 def test_refused_responses(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert ".png, .svg or .pdf" in refused(capsys, 2, "response", "crane-hook", "-o", str(tmp_path / "a.gif"))
+    assert ".pdf, .txt, .csv or .json" in refused(capsys, 2, "response", "crane-hook", "-o", str(tmp_path / "a.gif"))
     wrong = refused(capsys, 2, "response", "crane-hook", "--from", "wind", "-o", str(tmp_path / "a.png"))
     assert "--from wind: must be one of cart_force" in wrong
     assert list(tmp_path.iterdir()) == []
@@ -494,7 +494,7 @@ def test_single_outputs_are_drawn(capsys: pytest.CaptureFixture[str], tmp_path: 
 
 def test_a_model_without_a_swing_can_be_truncated(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "cart.json"
-    words = ("--input", "cart_acceleration", "--output", "cart_position", "--modes", "1")
+    words = ("--input", "cart_acceleration", "--signals", "cart_position", "--dominant", "1")
     printed(capsys, "export", "crane-hook", "--to", "json", *words, "-o", str(path))
     assert len(strict(path.read_text(encoding="utf-8"))["states"]) == 2
 
@@ -503,7 +503,7 @@ def test_a_model_without_a_swing_can_be_truncated(capsys: pytest.CaptureFixture[
 def test_an_unseen_position_leaves_the_minimal_model(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "speed.json"
     for drive, states in (("cart_force", 5), ("cart_acceleration", 1)):
-        words = ("--minimal", "--input", drive, "--output", "cart_velocity")
+        words = ("--minimal", "--input", drive, "--signals", "cart_velocity")
         printed(capsys, "export", "crane-two-loads", "--to", "json", *words, "-o", str(path))
         assert len(strict(path.read_text(encoding="utf-8"))["states"]) == states
 
