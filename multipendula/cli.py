@@ -192,8 +192,8 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     named = [(_long(action), vars(options)[action.dest]) for action in files]
     if unnamed := [option for option, name in named if name == ""]:
         raise SceneError([f"{option}: the name of the file is empty" for option in unnamed])
-    if options.page.writes_text and (drawn := _drawn(options.output)):
-        raise SceneError([f"-o {drawn}: this command writes text{_how_to_draw(options.page, drawn)}"])
+    if why := options.page.refused.get(os.path.splitext(getattr(options, "output", None) or "")[1].lower()):
+        raise SceneError([f"-o {options.output}: {why}"])
     to_output = [option for option, name in named if name == STANDARD]
     if len(to_output) > 1:
         raise SceneError([f"{', '.join(to_output)}: at most one of them can be - (standard output)"])
@@ -204,17 +204,6 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     notes = StringIO() if options.quiet else sys.stderr
     with fitted(_columns()), redirect_stdout(words), redirect_stderr(notes):
         yield
-
-
-def _drawn(name: str | None) -> str:
-    """The name of a file if its ending is a picture's or a film's, else nothing."""
-    from multipendula.options import MOVING, PICTURES, endings
-
-    return name if name and os.path.splitext(name)[1].lower() in endings((*PICTURES, *MOVING)) else ""
-
-
-def _how_to_draw(page: Page, name: str) -> str:
-    return f"; --picture {name} draws" if "--picture" in page._option_string_actions else ""
 
 
 def _long(action: argparse.Action) -> str:

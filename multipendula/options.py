@@ -275,11 +275,18 @@ def add_output(page: Page, what: str, kinds: Sequence[str], **how: Any) -> None:
     add_file(page, "--output", what, kinds, "-o", **how)
 
 
-def add_text(page: Page) -> None:
-    """A file for the text output, in the format that its name ends in where --format does not choose."""
+def add_text(page: Page, *, drawn: bool = False) -> None:
+    """A file for the text output, in the format that its name ends in where --format does not choose.
+
+    A figure may be `drawn` there instead (`shared.picture_in_place`).
+    """
     page.texts = {f".{TEXTS[form]}": form for form in page.formats}
-    add_output(page, "the text", [TEXTS[form] for form in page.formats])
-    page.writes_text = True
+    kinds = [TEXTS[form] for form in page.formats]
+    add_output(page, "the text or the figure" if drawn else "the text", (*kinds, *PICTURES) if drawn else kinds)
+    if drawn:
+        page.refused = dict.fromkeys(endings(MOVING), "this command writes text or a figure")
+    else:
+        page.refused = dict.fromkeys(endings((*PICTURES, *MOVING)), "this command writes text")
 
 
 def add_quiet(page: Page) -> None:

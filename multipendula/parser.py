@@ -50,7 +50,7 @@ class Page(argparse.ArgumentParser):
         self.reports: dict[str, str] = {}
         self.texts: dict[str, str] = {}
         self.formats: tuple[str, ...] = ()
-        self.writes_text = False
+        self.refused: dict[str, str] = {}
         self.former: Mapping[str, Former] = {}
         self.asked = self.add_argument_group("arguments")
         self.motion = self.add_argument_group("motion")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from multipendula.command import Command
 from multipendula.commands.ensembles import names_of, refuse
 from multipendula.commands.runs import tell_of_start
-from multipendula.commands.shared import bar, drawn, in_a_folder, picture, say
+from multipendula.commands.shared import bar, drawn, picture_in_place, say
 from multipendula.options import (
     PICTURES,
     RUNS,
@@ -24,7 +24,6 @@ from multipendula.options import (
     add_switch,
     add_vary,
     add_words,
-    endings,
 )
 from multipendula.parser import Page
 
@@ -37,23 +36,10 @@ BY_STROBES = ("phase_deg", "settle", "of")
 
 def sweep(options: argparse.Namespace) -> None:
     """Compute measures of a scene over a parameter grid, or follow its frequencies or strobes along one parameter."""
-    if options.output and options.output.lower().endswith(endings(PICTURES)):
-        refuse_both(options)
-        options.picture, options.output = options.output, None
-    kind = picture(options.picture, "--picture") if options.picture else ""
-    for path in (options.picture, options.output):
-        in_a_folder(path)
+    kind = picture_in_place(options)
     if not options.strobe:
         refuse(options, BY_STROBES, "needs --strobe")
     (_loci if options.loci else _strobes if options.strobe else _map)(options, kind)
-
-
-def refuse_both(options: argparse.Namespace) -> None:
-    """SceneError where two pictures are asked for."""
-    from modal.errors import SceneError
-
-    if options.picture:
-        raise SceneError([f"-o {options.output}: is a picture beside --picture {options.picture}"])
 
 
 def _sweep_arguments(page: Page) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
-from multipendula.commands.shared import about, draw_in, listed, noted, output, picture
+from multipendula.commands.shared import about, draw_in, listed, noted, output, picture_in_place
 from multipendula.completion import files
 from multipendula.options import (
     add_format,
@@ -66,8 +66,7 @@ def _thermal(options: argparse.Namespace) -> None:
 
     if options.psd is None and options.input != INPUT:
         raise SceneError([f"--input {options.input}: is the input of a PSD: give --psd CSV"])
-    if options.picture:
-        picture(options.picture, "--picture")
+    picture_in_place(options)
     scene = about(noted(load(options.scene), "thermal noise"))
     outputs = listed(options.signals) or ("tip_positions",)
     noise, beside = thermal_noise(scene, options.temperature, outputs), None
@@ -134,7 +133,7 @@ def _add_written(page: Page) -> None:
     page.rephrase(r"choose (at most \d+|fewer outputs)$", r"\g<0> with --signals")
     add_words(page.asked, "--signals", OUTPUTS, f": angles,tip_accelerations (default), {', '.join(OUTPUTS[2:])}")
     add_format(page, ("text", "csv", "json"))
-    add_text(page)
+    add_text(page, drawn=True)
     add_picture(page)
 
 
@@ -144,8 +143,7 @@ def _report(
     """The response of the scene as a report and as a picture, whose name is judged before anything is computed."""
     from modal.scene import load
 
-    if options.picture:
-        picture(options.picture, "--picture")
+    picture_in_place(options)
     scene = about(noted(load(options.scene)))
     found = respond(scene, **({"outputs": listed(options.signals)} if options.signals else {}))
     draw_in(options, options.picture, "modal.plotting.vibration", figure, found)
