@@ -140,8 +140,8 @@ class Page(argparse.ArgumentParser):
 
     def _former_options(self) -> Iterator[str]:
         """What to say of former spellings of this command's options, which may be beginnings of new ones."""
-        given = list(takewhile(lambda word: word != "--", self.given))
-        for word, following in zip_longest(given, given[1:], fillvalue=""):
+        words = list(takewhile(lambda word: word != "--", self.given))
+        for word, following in zip_longest(words, words[1:], fillvalue=""):
             flag, equals, value = word.partition("=")
             if flag in self.former:
                 yield self.former[flag].words(flag, value if equals else following)

@@ -43,9 +43,9 @@ def hoist(options: argparse.Namespace) -> None:
         raise SceneError([f"--{name}: needs --travel METRES" for name in alone])
     scene = load(options.scene)
     noted(scene.at(0.0), "mode shapes")
-    found = frequencies_along(scene, options.samples, options.drive)
+    along = frequencies_along(scene, options.samples, options.drive)
     left = _left(scene, options) if options.travel else ()
-    say(_written(found, left, options), options.format)
+    say(_written(along, left, options), options.format)
     if options.output:
         from modal.plotting import draw_hoist
 
@@ -60,47 +60,47 @@ def _left(scene: Scene, options: argparse.Namespace) -> tuple[Residual, ...]:
     return travel_residuals(scene, travel, kind=options.kind or "zv", count=options.count or 1)
 
 
-def _written(found: Along, left: tuple[Residual, ...], options: argparse.Namespace) -> str:
+def _written(along: Along, left: tuple[Residual, ...], options: argparse.Namespace) -> str:
     """The table in the format asked for."""
     from math import degrees
 
     from modal.report import as_csv, as_json, grid, short, titled
     from modal.scene import title_of
 
-    names = [f"length_{p + 1}_{i + 1}_m" for p, i in found.links]
-    modes = found.names
+    names = [f"length_{p + 1}_{i + 1}_m" for p, i in along.links]
+    modes = along.names
     names += [f"omega_{k}_rad_per_s" for k in modes] + [f"swing_{k}" for k in modes]
     rows = [
         [time, *lengths, *omega, *swing]
         for time, lengths, omega, swing in zip(
-            found.times.tolist(), found.lengths.tolist(), found.omega.tolist(), found.swing.tolist(), strict=True
+            along.times.tolist(), along.lengths.tolist(), along.omega.tolist(), along.swing.tolist(), strict=True
         )
     ]
-    residual = [(one.words, degrees(one.angle)) for one in left]
+    residual = [(residue.words, degrees(residue.angle)) for residue in left]
     if options.format == "json":
         told: dict[str, Any] = {
-            "title": found.scene.title,
-            "drive": found.drive,
-            "time_s": found.times.tolist(),
-            "modes": found.names,
-            "links": [{"pendulum": p + 1, "link": i + 1} for p, i in found.links],
-            "length_m": found.lengths.tolist(),
-            "omega_rad_per_s": found.omega.tolist(),
-            "swing": found.swing.tolist(),
+            "title": along.scene.title,
+            "drive": along.drive,
+            "time_s": along.times.tolist(),
+            "modes": along.names,
+            "links": [{"pendulum": p + 1, "link": i + 1} for p, i in along.links],
+            "length_m": along.lengths.tolist(),
+            "omega_rad_per_s": along.omega.tolist(),
+            "swing": along.swing.tolist(),
             "residual": [{"command": words, "angle_deg": angle} for words, angle in residual],
         }
         return as_json(told)
     if options.format == "csv":
         head = "".join(f"# residual swing {angle!r} deg: {words}\n" for words, angle in residual)
         return head + as_csv([dict(zip(["time_s", *names], row, strict=True)) for row in rows])
-    headings = ["t (s)", *(f"l[{p + 1},{i + 1}] (m)" for p, i in found.links)]
+    headings = ["t (s)", *(f"l[{p + 1},{i + 1}] (m)" for p, i in along.links)]
     headings += [f"ω_{k} (rad/s)" for k in modes] + [f"swing_{k}" for k in modes]
     table = grid([[f"{value:.6g}" for value in row] for row in rows], headings)
     words = "swing: the largest angle of each mode over that at the beginning, if E/ω is conserved (a slow hoist)"
-    words += "; both ω and swing without dampers" if found.scene.has_damping else ""
+    words += "; both ω and swing without dampers" if along.scene.has_damping else ""
     words = words if modes else NO_MODE
     lines = [f"residual swing {short(angle)}°: {what}" for what, angle in residual]
-    return titled(title_of(found.scene), "along the hoist", [table, words, "\n".join(lines)], "text")
+    return titled(title_of(along.scene), "along the hoist", [table, words, "\n".join(lines)], "text")
 
 
 def _arguments(page: Page) -> None:

@@ -48,7 +48,7 @@ def _fit_modes(options: argparse.Namespace) -> None:
     motions = {"--where": options.where, "--scale": options.scale, "--compare": options.compare}
     motions |= {"--window": options.window, "--bootstrap": options.bootstrap, "--column": options.column}
     problems = [
-        f"{name}: is for measured motions, and {options.data[0]} has modes" for name, own in motions.items() if own
+        f"{name}: is for measured motions, and {options.data[0]} has modes" for name, asked in motions.items() if asked
     ]
     if options.angles != "absolute":
         problems.append("--angles: shapes of modes have absolute angles")
@@ -63,18 +63,18 @@ def _fit_modes(options: argparse.Namespace) -> None:
     measured = read_modes(scene, options.data[0])
     if measured.unused:
         remark(f"columns not used: {', '.join(measured.unused)}")
-    found = fit_modes(scene, measured, listed(options.free), priors=options.prior or (), loss=options.loss)
+    fitted = fit_modes(scene, measured, listed(options.free), priors=options.prior or (), loss=options.loss)
     if options.output:
-        dump(found.scene, options.output)
+        dump(fitted.scene, options.output)
     if options.report:
         with output(options.report) as write:
-            write(mode_fit_json(found))
+            write(mode_fit_json(fitted))
     if options.picture:
         from modal.plotting import draw_mode_fit
 
         with drawn(options.picture, options.theme) as stream:
-            draw_mode_fit(found, stream, kind)
-    say(mode_fit_json(found) if options.format == "json" else mode_fit_text(found), options.format)
+            draw_mode_fit(fitted, stream, kind)
+    say(mode_fit_json(fitted) if options.format == "json" else mode_fit_text(fitted), options.format)
 
 
 def _fit_motions(options: argparse.Namespace) -> None:
@@ -103,22 +103,22 @@ def _fit_motions(options: argparse.Namespace) -> None:
         candidates = (
             compare(scene, recording, free, listed(options.compare), report=report, **more) if options.compare else []
         )
-        found = candidates[0].fit if candidates else fitted(scene, recording, free, report=report, **more)
-    found = replace(found, verdict=tuple(map(options.page.in_options, found.verdict)))
+        estimate = candidates[0].fit if candidates else fitted(scene, recording, free, report=report, **more)
+    estimate = replace(estimate, verdict=tuple(map(options.page.in_options, estimate.verdict)))
     if recording.unused:
         remark(f"columns not used: {', '.join(recording.unused)}")
     if options.output:
-        dump(found.scene, options.output)
+        dump(estimate.scene, options.output)
     if options.report:
         with output(options.report) as write:
-            write(fit_json(found, candidates, draws))
+            write(fit_json(estimate, candidates, draws))
     if options.picture:
         from nonlinear.plotting import draw_fit
 
         with drawn(options.picture, options.theme) as stream:
-            draw_fit(found, stream, picture(options.picture, "--picture"))
+            draw_fit(estimate, stream, picture(options.picture, "--picture"))
     told = fit_json if options.format == "json" else fit_text
-    say(told(found, candidates, draws), options.format)
+    say(told(estimate, candidates, draws), options.format)
 
 
 def _fit_arguments(page: Page) -> None:
@@ -163,8 +163,8 @@ def poles(options: argparse.Namespace) -> None:
         *(lambda path=path: in_a_folder(path) for path in (options.output, options.identified_modes)),
     )
     absolute = recording.absolute()
-    found = identify(
-        [(one.times, one.values) for one in absolute.segments],
+    identified = identify(
+        [(segment.times, segment.values) for segment in absolute.segments],
         [sensor.name for sensor in absolute.sensors],
         method=options.identification,
         excitation=options.excitation,
@@ -172,16 +172,16 @@ def poles(options: argparse.Namespace) -> None:
     )
     if recording.unused:
         remark(f"columns not used: {', '.join(recording.unused)}")
-    title = ", ".join(dict.fromkeys(one.file for one in recording.segments))
+    title = ", ".join(dict.fromkeys(segment.file for segment in recording.segments))
     if options.identified_modes:
         with output(options.identified_modes) as write:
-            write(poles_table(found, "csv"))
+            write(poles_table(identified, "csv"))
     if options.output:
         from modal.plotting import draw_poles
 
         with drawn(options.output, options.theme) as stream:
-            draw_poles(found, stream, kind, title)
-    say(poles_table(found, options.format, title), options.format)
+            draw_poles(identified, stream, kind, title)
+    say(poles_table(identified, options.format, title), options.format)
 
 
 def _poles_arguments(page: Page) -> None:
@@ -209,13 +209,13 @@ def mac(options: argparse.Namespace) -> None:
     measured = read_modes(scene, options.data)
     if measured.unused:
         remark(f"columns not used: {', '.join(measured.unused)}")
-    found = compare_modes(natural_modes(scene), measured)
+    comparison = compare_modes(natural_modes(scene), measured)
     if options.output:
         from modal.plotting import draw_assurance
 
         with drawn(options.output, options.theme) as stream:
-            draw_assurance(found, stream, kind)
-    say(assurance_table(found, options.format), options.format)
+            draw_assurance(comparison, stream, kind)
+    say(assurance_table(comparison, options.format), options.format)
 
 
 def _mac_arguments(page: Page) -> None:

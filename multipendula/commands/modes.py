@@ -73,8 +73,11 @@ def _stds(modes: Modes, numbers: Sequence[int], path: str | None) -> dict[int, t
         return None
     from modal.identification import mode_stds
 
-    found = mode_stds(modes, estimate, numbers)
-    return {modes.first + row + 1: (one.omega, one.zeta) for row, one in zip(numbers, found, strict=True)}
+    deviations = mode_stds(modes, estimate, numbers)
+    return {
+        modes.first + row + 1: (deviation.omega, deviation.zeta)
+        for row, deviation in zip(numbers, deviations, strict=True)
+    }
 
 
 def _table_arguments(page: Page) -> None:
@@ -114,7 +117,7 @@ def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
     from modal.modes import tables
     from nonlinear.orbits import orbit_where_off
 
-    found, missing = [], []
+    replaced, missing = [], []
     for row in rows:
         angle = row.linear_to_1_percent_deg
         if row.resonances:
@@ -123,8 +126,8 @@ def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
                 angle = degrees(orbit.amplitude) if orbit else inf
             except MultipendulaError as error:
                 missing.append(f"{tables.GUIDE} for mode {row.number} ({error})")
-        found.append(replace(row, linear_to_1_percent_deg=angle))
-    return found, "; ".join(["the 1 % amplitude is that of the mode's periodic orbits", *missing])
+        replaced.append(replace(row, linear_to_1_percent_deg=angle))
+    return replaced, "; ".join(["the 1 % amplitude is that of the mode's periodic orbits", *missing])
 
 
 def shapes(options: argparse.Namespace) -> None:
@@ -178,8 +181,8 @@ def _modes(options: argparse.Namespace, accuracy: float | None = None) -> tuple[
     scene = load(options.scene)
     last = chosen(options.modes, sys.maxsize).stop
     lowest = slice(0, last) if scene.n_links > LONG_CHAIN and last < sys.maxsize else None
-    found = natural_modes(scene, accuracy=accuracy, modes=lowest)
-    return found, chosen(options.modes, len(found))
+    modes = natural_modes(scene, accuracy=accuracy, modes=lowest)
+    return modes, chosen(options.modes, len(modes))
 
 
 def _with_progress(rows: Iterator[Mode], total: int) -> Iterable[Mode]:

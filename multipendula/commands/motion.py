@@ -101,17 +101,17 @@ def _print_band(options: argparse.Namespace, estimate: Estimate, kind: str) -> N
     scene, duration = estimate.scene, options.duration or options.usual
     start = start_of(scene, options.start, told=True)
     with bar(BAND_MEMBERS, "member") as report:
-        found = find_spread(
+        members = find_spread(
             scene, (), duration, members=BAND_MEMBERS, estimate=estimate, start=start, report=report, check=0
         )
-    say(f"band of {found.size} members with {found.words}, from 5 to 95 %:\n{motion_words(found)}\n")
-    if found.failures:
-        say(f"{len(found.failures)} members failed: {next(iter(found.failures.values()))}\n")
+    say(f"band of {members.size} members with {members.words}, from 5 to 95 %:\n{motion_words(members)}\n")
+    if members.failures:
+        say(f"{len(members.failures)} members failed: {next(iter(members.failures.values()))}\n")
     if kind:
         from nonlinear.plotting import draw_spread
 
         with drawn(options.band, options.theme) as stream:
-            draw_spread(found, stream, kind)
+            draw_spread(members, stream, kind)
 
 
 def _simulate_arguments(page: Page) -> None:
@@ -169,9 +169,9 @@ def compile_ahead(options: argparse.Namespace) -> None:
     from nonlinear.ensembles import compilation_table, compile_engines
 
     more = {"tolerance": options.tolerance} if options.tolerance else {}
-    found = compile_engines(load(options.scene), **more)
+    compiled = compile_engines(load(options.scene), **more)
     with output(options.output) as write:
-        write(compilation_table(found, options.format))
+        write(compilation_table(compiled, options.format))
 
 
 def _compile_arguments(page: Page) -> None:

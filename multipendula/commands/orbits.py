@@ -38,16 +38,16 @@ LARGEST, LONG = 90.0, 100
 def orbits(options: argparse.Namespace) -> None:
     """Follow periodic orbits: a mode to large angles, or limit cycles along a number, with their stability."""
     scene = warned(validated(options, options.output, lambda: _fitting(options)), "a periodic orbit")
-    found = _mode(scene, options) if options.mode else _cycles(scene, options)
-    newest = found
+    branches = _mode(scene, options) if options.mode else _cycles(scene, options)
+    newest = branches
     for _ in range((options.depth or 1) if options.enter else 0):
         newest = tuple(_entered(newest))
-        found = (*found, *newest)
-    say(_told(scene, found, options), options.format)
+        branches = (*branches, *newest)
+    say(_told(scene, branches, options), options.format)
     if options.output:
-        _draw(scene, found, options)
+        _draw(scene, branches, options)
     if options.film:
-        _film(scene, found, options)
+        _film(scene, branches, options)
 
 
 def _orbits_arguments(page: Page) -> None:
@@ -158,35 +158,35 @@ def _settled(scene: Scene, path: str, value: float, options: argparse.Namespace)
     return run.final, last_swing(run.times, run.motion)
 
 
-def _entered(found: tuple[Branch, ...]) -> Iterator[Branch]:
+def _entered(branches: tuple[Branch, ...]) -> Iterator[Branch]:
     from modal.errors import ComputationError
     from nonlinear.orbits import LEAVES, entered
 
-    for one in found:
-        for special in one.special:
+    for branch in branches:
+        for special in branch.special:
             if special.kind in LEAVES:
                 try:
-                    yield entered(one, special)
+                    yield entered(branch, special)
                 except ComputationError as error:
                     remark(error)
 
 
-def _told(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) -> str:
+def _told(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> str:
     from modal.report import as_json
     from nonlinear.orbits import orbits_csv, orbits_record, orbits_text, oscillating
 
     if options.format == "json":
-        return as_json(orbits_record(found))
+        return as_json(orbits_record(branches))
     if options.format == "csv":
-        return orbits_csv(found)
+        return orbits_csv(branches)
     linear = None
     if options.mode and not options.vary:
         modes, row = oscillating(scene, options.mode)
         linear = float(modes.omega[row])
-    return orbits_text(scene, found, linear)
+    return orbits_text(scene, branches, linear)
 
 
-def _draw(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) -> None:
+def _draw(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> None:
     from nonlinear.orbits import oscillating
     from nonlinear.plotting import draw_orbits
 
@@ -195,16 +195,18 @@ def _draw(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) 
         modes, row = oscillating(scene, options.mode)
         mode = modes[row]
     with drawn(options.output, options.theme) as stream:
-        draw_orbits(scene, found, stream, picture(options.output), mode)
+        draw_orbits(scene, branches, stream, picture(options.output), mode)
 
 
-def _film(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) -> None:
+def _film(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> None:
     from nonlinear.orbits import oscillating
     from nonlinear.plotting import film_orbit
 
     modes, row = oscillating(scene, options.mode) if options.mode and not options.vary else (None, 0)
     with drawn(options.film, options.theme) as stream, bar(10) as report:
-        film_orbit(found[0].orbits[-1], stream, film_form(options.film, "--film"), modes=modes, row=row, report=report)
+        film_orbit(
+            branches[0].orbits[-1], stream, film_form(options.film, "--film"), modes=modes, row=row, report=report
+        )
 
 
 COMMANDS = (

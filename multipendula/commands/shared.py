@@ -55,13 +55,13 @@ def drawn(name: str, theme: str) -> Iterator[IO[bytes]]:
         yield stream
 
 
-def draw_in(options: argparse.Namespace, name: str | None, room: str, figure: str, found: object) -> None:
+def draw_in(options: argparse.Namespace, name: str | None, room: str, figure: str, result: object) -> None:
     """Draw what was `found` in a file, if there is one, by the function `figure` of a room of figures."""
     if name:
         from importlib import import_module
 
         with drawn(name, options.theme) as stream:
-            getattr(import_module(room), figure)(found, stream, picture(name))
+            getattr(import_module(room), figure)(result, stream, picture(name))
 
 
 def picture(name: str, option: str = "-o", kinds: Sequence[str] = PICTURES) -> str:
@@ -122,8 +122,8 @@ def validated(options: argparse.Namespace, image: str | None, fitting: Callable[
         lambda: in_a_folder(image),
         lambda: in_a_folder(options.film),
     )
-    found: Scene = scene
-    return found
+    checked: Scene = scene
+    return checked
 
 
 @contextmanager

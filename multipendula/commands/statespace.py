@@ -181,18 +181,18 @@ def shaper(options: argparse.Namespace) -> None:
     drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
     step, tolerance = options.discrete or 0.0, options.residual / 100
-    found = shaper_for(scene, options.count, options.kind, drive, step=step, tolerance=tolerance)
+    shaped_command = shaper_for(scene, options.count, options.kind, drive, step=step, tolerance=tolerance)
     remarks = list(swing_words(scene, options.count, drive))
     if estimate is not None:
         from modal.identification import shaped_modes
 
-        shaped = shaped_modes(found, estimate, drive, options.count)
+        shaped = shaped_modes(shaped_command, estimate, drive, options.count)
         remarks += [left.words(number) for number, left in enumerate(shaped, 1)]
     if scene.is_hoisted:
         from modal.statespace.hoisting import residual_words
 
-        remarks += residual_words(scene, options.count, options.kind, drive, found)
-    impulses = zip(found.times.tolist(), found.amplitudes.tolist(), strict=True)
+        remarks += residual_words(scene, options.count, options.kind, drive, shaped_command)
+    impulses = zip(shaped_command.times.tolist(), shaped_command.amplitudes.tolist(), strict=True)
     with output(options.output) as write:
         write("".join(folded(f"# {words}", mark="# ") + "\n" for words in remarks))
         write(csv_rows([("time_s", "amplitude"), *impulses]))

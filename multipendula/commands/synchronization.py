@@ -67,34 +67,34 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
     start = start_of(scene, options.start, undamped=True)
     with bar(1.0, "run") as report:
         told = forewarning(report, scene, options.duration)
-        found = study_synchronization(scene, options.duration, start=start, report=lambda now, end: told(now / end))
-    say(_told(found, options.format), options.format)
+        study = study_synchronization(scene, options.duration, start=start, report=lambda now, end: told(now / end))
+    say(_told(study, options.format), options.format)
     if options.output:
-        _draw(found, options.output, options.theme)
+        _draw(study, options.output, options.theme)
     if options.film:
-        _film(found, options.film, options.theme)
+        _film(study, options.film, options.theme)
 
 
-def _told(found: SynchronizationStudy, form: str) -> str:
+def _told(study: SynchronizationStudy, form: str) -> str:
     from modal.report import as_json
     from nonlinear.synchronization import sync_record, sync_text
 
-    return as_json(sync_record(found)) if form == "json" else sync_text(found)
+    return as_json(sync_record(study)) if form == "json" else sync_text(study)
 
 
-def _draw(found: SynchronizationStudy, name: str, theme: str) -> None:
+def _draw(study: SynchronizationStudy, name: str, theme: str) -> None:
     from nonlinear.plotting import draw_sync
 
     with drawn(name, theme) as stream:
-        draw_sync(found.trajectory, found.phases, stream, picture(name))
+        draw_sync(study.trajectory, study.phases, stream, picture(name))
 
 
-def _film(found: SynchronizationStudy, name: str, theme: str) -> None:
+def _film(study: SynchronizationStudy, name: str, theme: str) -> None:
     from nonlinear.plotting import SECONDS, animate, strobe
 
     form = film_form(name)
     with drawn(name, theme) as stream, bar(SECONDS) as report:
-        shown = animate(found.trajectory, stream, form, **strobe(found.phases, form), report=report)
+        shown = animate(study.trajectory, stream, form, **strobe(study.phases, form), report=report)
     remark(f"{shown.frames} frames, one every {shown.motion / shown.frames:.4g} s")
 
 
@@ -107,13 +107,13 @@ def _branches(scene: Scene, options: argparse.Namespace) -> None:
         _diagram(scene, variation, options)
         return
     with bar(0, "branch") as report:
-        found = follow_branches(scene, variation, report)
-    say(branches_csv(found) if options.format == "csv" else branches_text(found), options.format)
+        branches = follow_branches(scene, variation, report)
+    say(branches_csv(branches) if options.format == "csv" else branches_text(branches), options.format)
     if options.output:
         from nonlinear.plotting import draw_branches
 
         with drawn(options.output, options.theme) as stream:
-            draw_branches(found, stream, picture(options.output))
+            draw_branches(branches, stream, picture(options.output))
 
 
 def _has_populations(scene: Scene) -> bool:
@@ -127,13 +127,13 @@ def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) ->
     from nonlinear.synchronization import diagram_csv, diagram_text, follow_populations
 
     with bar(0, "motion") as report:
-        found = follow_populations(scene, variation, report)
-    say(diagram_csv(found) if options.format == "csv" else diagram_text(found), options.format)
+        diagram = follow_populations(scene, variation, report)
+    say(diagram_csv(diagram) if options.format == "csv" else diagram_text(diagram), options.format)
     if options.output:
         from nonlinear.plotting import draw_populations
 
         with drawn(options.output, options.theme) as stream:
-            draw_populations(found, stream, picture(options.output))
+            draw_populations(diagram, stream, picture(options.output))
 
 
 COMMANDS = (

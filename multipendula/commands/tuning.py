@@ -52,13 +52,13 @@ def tune(options: argparse.Namespace) -> None:
     problems = []
     if options.largest_angle is not None:
         problems += _angle_problems(options)
-    if options.picture and not any("peak:" in one for one in (*(options.minimize or ()), *(options.maximize or ()))):
+    if options.picture and not any("peak:" in aim for aim in (*(options.minimize or ()), *(options.maximize or ()))):
         problems.append("--picture: shows a peak:OUTPUT/INPUT before and after, and none is tuned")
     problems += [f"--{name}: needs --travel METRES" for name in ("over", "kind") if _alone(options, name)]
     if problems:
         raise SceneError(problems)
     with bar(0, "start"):
-        found = tuned(
+        best = tuned(
             scene,
             listed(options.free),
             minimize=options.minimize or (),
@@ -72,12 +72,12 @@ def tune(options: argparse.Namespace) -> None:
             kind=options.kind,
             robust=options.robust,
         )
-    swing = None if options.largest_angle is None else _swing(found, options.largest_angle)
-    record = {} if swing is None else {"finite_swing": _swing_record(swing, found)}
-    told = tuned_json(found, record) if options.report or options.format == "json" else ""
-    text = "" if options.format == "json" else tuned_text(found, "" if swing is None else _swing_words(swing, found))
+    swing = None if options.largest_angle is None else _swing(best, options.largest_angle)
+    record = {} if swing is None else {"finite_swing": _swing_record(swing, best)}
+    told = tuned_json(best, record) if options.report or options.format == "json" else ""
+    text = "" if options.format == "json" else tuned_text(best, "" if swing is None else _swing_words(swing, best))
     if options.output:
-        dump(found.scene, options.output)
+        dump(best.scene, options.output)
     if options.report:
         with output(options.report) as write:
             write(told)
@@ -85,7 +85,7 @@ def tune(options: argparse.Namespace) -> None:
         from modal.plotting import draw_tuning
 
         with drawn(options.picture, options.theme) as stream:
-            draw_tuning(found, stream, kind)
+            draw_tuning(best, stream, kind)
     say(told if options.format == "json" else text, options.format)
 
 
@@ -100,7 +100,7 @@ def _angle_problems(options: argparse.Namespace) -> list[str]:
     return []
 
 
-def _swing(found: Tuned, degrees: float) -> FiniteSwing:
+def _swing(best: Tuned, degrees: float) -> FiniteSwing:
     """The highest peak of the first quantity at finite swing."""
     from math import radians, tau
 
@@ -108,8 +108,8 @@ def _swing(found: Tuned, degrees: float) -> FiniteSwing:
     from modal.statespace.points import is_point, point_input
     from nonlinear.orbits import finite_swing
 
-    quantity = found.objective.aims[0].quantity
-    scene = found.scene
+    quantity = best.objective.aims[0].quantity
+    scene = best.scene
     on: str
     direction: Acting
     if quantity.input == "cart_force":
@@ -127,21 +127,21 @@ def _swing(found: Tuned, degrees: float) -> FiniteSwing:
         raise SceneError(
             [f"--largest-angle: forced orbits give the outputs {', '.join(labels[:6])}, not {quantity.output}"]
         )
-    at = found.pieces_after[0]
+    at = best.pieces_after[0]
     peaks = at.at[at.inside] / tau
-    band = found.objective.quantities.setting.band or (peaks.min() / WITHIN, peaks.max() * WITHIN)
+    band = best.objective.quantities.setting.band or (peaks.min() / WITHIN, peaks.max() * WITHIN)
     return finite_swing(scene, on, direction, labels.index(quantity.output), radians(degrees), band)
 
 
 def _copies(scene: Any) -> list[int]:
-    return [sum(link.count for link in one.links) for one in scene.pendulum for _ in range(one.count)]
+    return [sum(link.count for link in pendulum.links) for pendulum in scene.pendulum for _ in range(pendulum.count)]
 
 
-def _swing_record(swing: FiniteSwing, found: Tuned) -> dict[str, Any]:
+def _swing_record(swing: FiniteSwing, best: Tuned) -> dict[str, Any]:
     from math import degrees
 
     return {
-        "quantity": found.objective.aims[0].quantity.name,
+        "quantity": best.objective.aims[0].quantity.name,
         "largest_angle_deg": degrees(swing.angle),
         "force": swing.size,
         "peak": swing.peak,
@@ -151,13 +151,13 @@ def _swing_record(swing: FiniteSwing, found: Tuned) -> dict[str, Any]:
     }
 
 
-def _swing_words(swing: FiniteSwing, found: Tuned) -> str:
+def _swing_words(swing: FiniteSwing, best: Tuned) -> str:
     from math import degrees
 
     from modal.tuning.objective import extreme
 
-    quantity = found.objective.aims[0].quantity
-    linear = extreme(quantity, found.pieces_after[0])
+    quantity = best.objective.aims[0].quantity
+    linear = extreme(quantity, best.pieces_after[0])
     change = 100 * (swing.peak / linear - 1)
     return (
         f"At finite swing, a force of {swing.size:.5g} with which a link turns by {degrees(swing.angle):.4g}°: "

@@ -145,10 +145,10 @@ def _report(
 
     picture_in_place(options)
     scene = about(noted(load(options.scene)))
-    found = respond(scene, **({"outputs": listed(options.signals)} if options.signals else {}))
-    draw_in(options, options.picture, "modal.plotting.vibration", figure, found)
+    response = respond(scene, **({"outputs": listed(options.signals)} if options.signals else {}))
+    draw_in(options, options.picture, "modal.plotting.vibration", figure, response)
     with output(options.output) as write:
-        write(written(found, options.format))
+        write(written(response, options.format))
 
 
 COMMANDS = (
