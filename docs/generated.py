@@ -174,7 +174,10 @@ def options() -> str:
         f"`{f'{flag} {metavar}'.strip()}` | {_escaped(words)} | {_takers(takers[flag])}"
         for flag, (metavar, words) in FLAGS.items()
     ]
-    changed = [f"`{command} {flag}` | `{former.now}`" for (command, flag), former in FORMER.items()]
+    changed = [
+        f"`{command} {f'{flag} {FLAGS[former.now][0]}' if former.values else flag}` | `{former.now}`"
+        for (command, flag), former in FORMER.items()
+    ]
     return "\n\n".join(
         [
             _table("option | meaning | commands", rows),
@@ -186,12 +189,12 @@ def options() -> str:
 
 
 def _takers(commands: list[str]) -> str:
-    """The commands with links to their help, or how many take it but for some."""
+    """The commands by name, or those that do not take it where these are few."""
     missing = [name for name in parsers() if name not in commands]
-    links = ", ".join(f"[{name}](#command-{name})" for name in (missing if len(missing) < 3 else commands))
     if not missing:
         return "all"
-    return f"all but {links}" if len(missing) < 3 else links
+    few = len(missing) < 3
+    return "all but " * few + ", ".join(f"`{name}`" for name in (missing if few else commands))
 
 
 MARKS = {"takes": "✓", "leaves": "○", "singly": "1", "unless": "(✓)", "refuses": "✗", "beside": ""}
