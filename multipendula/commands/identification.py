@@ -186,7 +186,7 @@ def poles(options: argparse.Namespace) -> None:
 
 def _poles_arguments(page: Page) -> None:
     add_records(page, ", as for fit")
-    more = ": free decays (default), or random forces whose responses they are"
+    more = ": free, nothing but how they began (default), or random, forces like noise"
     add_option(page.asked, "--excitation", more, choices=("free", "random"), default="free")
     more = ": era, the eigensystem realization (default), or decrement, from the turning points of a single mode"
     add_option(page.computed, "--identification", more, choices=("era", "decrement"), default="era")

@@ -42,7 +42,7 @@ def add_signals(page: Page) -> None:
         "coordinate_rates, coordinate_accelerations, spring_forces, spring_extensions, or single ones, as floor2_m"
     )
     add_words(page.asked, "--signals", OUTPUTS, more)
-    add_option(page.asked, "--when", ", of the model", type=number("seconds from 0", least=0.0))
+    add_option(page.asked, "--when", "", type=number("seconds from 0", least=0.0))
     page.rephrase(r"Scene\.at\(seconds\)", "--when SECONDS")
 
 

@@ -209,7 +209,7 @@ def _shaper_arguments(page: Page) -> None:
     add_sample_time(page, ": impulses come at its multiples")
     page.rephrase(r"^a step of (\S+) s", r"--discrete \1")
     percent = number("percent above 0 and at most 50", most=50.0)
-    add_option(page.asked, "--residual", ", of ei (default 5)", type=percent, default=5.0)
+    add_option(page.asked, "--residual", ", by ei (default 5)", type=percent, default=5.0)
     add_shaped(page, 1)
     drives = ("cart_acceleration", "cart_velocity", "cart_force")
     more = (
