@@ -145,9 +145,7 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
         own = set(sharing(modes)) & {row.number for row in rows}
         if own:
             numbers = ", ".join(map(str, sorted(own)))
-            notes.append(
-                f"Q of modes {numbers} is approximate: they are closer to each other than their losses, and mix."
-            )
+            notes.append(f"Q of modes {numbers} is approximate: they are closer together than their losses, and mix.")
     if any(row.indistinct for row in rows):
         notes.append("~ closer to the next frequency than the error bounds can distinguish.")
     return notes

@@ -6,7 +6,7 @@ import argparse
 
 from multipendula.command import Command
 from multipendula.commands.shared import draw_in, noted, picture, say
-from multipendula.options import add_format, add_report, add_scene
+from multipendula.options import add_format, add_report, add_scene, add_switch
 from multipendula.parser import Page
 
 MORE = "--words says all of it in sentences with formulas; --format json has every number."
@@ -27,9 +27,8 @@ def explain(options: argparse.Namespace) -> None:
 
 def _explain_arguments(page: Page) -> None:
     add_scene(page)
-    words = "also say everything in sentences, every number with its formula"
-    page.written.add_argument("--words", action="store_true", help=words)
     add_format(page, ("text", "markdown", "json"))
+    add_switch(page.written, "--words", ", every number with its formula")
     add_report(page, ("text", "markdown", "json"))
 
 
