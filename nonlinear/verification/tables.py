@@ -11,7 +11,6 @@ from modal.report import (
     Form,
     as_csv,
     as_json,
-    counted,
     digits,
     finite,
     grid,
@@ -67,20 +66,23 @@ def check_verdict(found: Check) -> list[str]:
     runs = [(row, run) for row in found.rows for run in row.measurements]
     regular = [(row, run) for row, run in runs if not run.irregular]
     sentences = []
+    several = len(found.rows) > 1
+    what = f"the frequencies of {len(found.rows)} modes are up to" if several else "the frequency is"
     if regular:
         small, large = (choose(run.amplitude for _, run in regular) for choose in (min, max))
-        count = counted(len(found.rows), "mode", "modes")
         off = max(abs(run.shift) for _, run in regular if run.amplitude == small)
-        sentences.append(f"At {degrees(small):.3g}° the frequencies of {count} are up to {_off(off)} off the table.")
+        sentences.append(f"At {degrees(small):.3g}° {what} {_off(off)} off the table.")
         if large > small:
             there = [(row, run) for row, run in regular if run.amplitude == large]
             plain = max(abs(run.shift) for _, run in there)
             mended = max(abs(run.shift - row.predicted(run)) for row, run in there)
-            near = f"up to {_off(mended)} off ω (1 + κa²)"
-            sentences.append(f"At {degrees(large):.3g}° they are up to {_off(plain)} off the table, and {near}.")
+            they, up = ("they are", "up to ") if several else ("it is", "")
+            near = f"{up}{_off(mended)} off ω (1 + κa²)"
+            sentences.append(f"At {degrees(large):.3g}° {they} {up}{_off(plain)} off the table, and {near}.")
     angles = [(row.mode.linear_to_1_percent_deg, row.one_percent_deg) for row in found.rows]
     if misses := [abs(own / measured - 1) for own, measured in angles if isfinite(own) and isfinite(measured)]:
-        sentences.append(f"The angles at which a frequency is 1 % off are up to {_off(max(misses))} off the table.")
+        which = "angles at which a frequency is 1 % off are up to" if several else "angle at which it is 1 % off is"
+        sentences.append(f"The {which} {_off(max(misses))} off the table.")
     if odd := sorted({row.mode.number for row, run in runs if run.irregular}):
         modes = f"{'Mode' if len(odd) == 1 else 'Modes'} {listed(list(map(str, odd)), len(odd))}"
         sentences.append(f"{modes}: irregular at large angles, where no single frequency describes the motion.")
