@@ -295,7 +295,7 @@ def _left(scene: Scene, command: Pulse, stops: Sequence[float]) -> float:
 
 
 def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_acceleration") -> float:
-    """What a shaped impulse at the begin of the hoist leaves, over what the same impulse unshaped leaves.
+    """What a shaped impulse at the beginning of the hoist leaves, over what the same impulse unshaped leaves.
 
     At the end of the hoist, or of the impulses if that is later, in the largest angle of any link.  Raises SceneError
     for a scene without hoist, ComputationError for a force on a cart with which the mass matrix is singular.

@@ -15,7 +15,7 @@ KINDS = ("html",)
 
 
 def play(options: argparse.Namespace) -> None:
-    """Write a page to play with: the scene swings there, changes under the hand, and shows its modes."""
+    """Write a page to play with: the scene swings there, changes as you drag it, and shows its modes."""
     from modal.report import visible
     from modal.scene import STANDARD, kind_of, whole_file
     from multipendula.page import page
@@ -63,7 +63,7 @@ COMMANDS = (
             "mass and the table follows; choose a mode and it swings; pull a bob and the full equations run beside the "
             "linear prediction. A saved run plays with speed, step and scrub controls. Scenes in the plane of at most "
             "60 links, structures of at most 40 coordinates with those of links, without hoists, dry friction or "
-            "damping ratios; a support moves in a sine."
+            "damping ratios; a support may move as a sine."
         ),
         examples=(
             ("play paper-cart-2 -o page.html", "two double pendula on a cart, to play with"),

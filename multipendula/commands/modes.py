@@ -205,10 +205,10 @@ COMMANDS = (
             "One row per mode: frequency and period, multiplicity, description, participation of the cart, modal "
             "effective mass (on a free cart with the cart held), the angle up to which the linear frequency is "
             "accurate to 1 %, and a bound on the relative error. Dampers and drag add damping ratios, an inverted "
-            "equilibrium growth rates; dry friction is left out, but for its damping ratio at an amplitude. Columns "
-            "that say nothing about the scene are left out. A terminal too narrow for the others leaves out, in this "
-            "order, the bound, shares and masses, participation, multiplicity, period, 1 % angle and frequency in Hz, "
-            "and names them; a pipe or a file gets all."
+            "equilibrium growth rates; dry friction is left out, except for the damping ratio that --amplitude adds. "
+            "Columns that say nothing about the scene are left out. A terminal too narrow for the others leaves out, "
+            "in this order, the bound, shares and masses, participation, multiplicity, period, 1 % angle and frequency "
+            "in Hz, and names them; a pipe or a file gets all."
         ),
         examples=(
             ("table paper-cart-2", "every mode of two double pendula on a cart"),

@@ -155,10 +155,10 @@ COMMANDS = (
             "For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady "
             "oscillations, and which of them this start ends in and when; a simulation of the full equations then "
             "measures the same. The verdict comes first: which mode wins, and from when on. With --vary every steady "
-            "oscillation is followed along one number of the scene instead."
-            " Of equal pendula on the supports of a structure the verdict comes first: which population is locked, and "
-            "to which; then the growth rates of the motions in which every population is one pendulum, and with --vary "
-            "the values at which these begin or cease to last."
+            "oscillation is followed along one number of the scene instead. For equal pendula on the supports of a "
+            "structure it says which population is locked, and to which; then follow the growth rates of the motions "
+            "in which every population is one pendulum, and with --vary the values at which these begin or cease to "
+            "last."
         ),
         examples=(
             ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),
