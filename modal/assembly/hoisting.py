@@ -148,7 +148,7 @@ def hoisting_of(scene: Scene, hoists: Hoists | None = None) -> Hoisting | None:
             elif link.hoist:
                 laws.append((index, link.hoist.law(link.length)))
     if told:
-        raise SceneError([f"hoist: {place!r} is no pair of a pendulum and a link of this scene" for place in told])
+        raise SceneError([f"hoist: {place!r} is not a pair of a pendulum and a link of this scene" for place in told])
     return Hoisting(np.array(base), tuple(laws), hoists or None)
 
 

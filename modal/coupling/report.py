@@ -307,7 +307,7 @@ def _damped_beats(coupling: Coupling, family: Family, passed: Transfer) -> Itera
     most = f"the others never hold more than {left(passed.most)} of the energy given"
     if not passed.beats:
         yield (
-            "There are no beats: the motion of the cart decays before its phase has run away from the rest "
+            "There are no beats: the motion of the cart decays before it has run out of phase with the rest "
             f"[−Re Δλ > Im Δλ]. Of one pendulum set swinging alone{aside}, {most}{_guide(family)}."
         )
         return

@@ -91,12 +91,12 @@ OMITTED: Sentences = {"hoist": HOISTED, **ABOUT}
 """What the linear model of a scene leaves out; `ABOUT` where lengths are constant."""
 
 CONSTANT: Sentences = {"hoist": "needs constant lengths"}
-SHIFTED: Sentences = {"constant_force": "is computed about links that hang or stand straight, from which it moves them"}
+SHIFTED: Sentences = {"constant_force": "is computed about links that hang or stand straight, which it tilts"}
 LEANING: Sentences = {"constant_force": "there is no equilibrium"}
 """Constant forces move the equilibrium, and a scene is linearized about it; or they leave none."""
 STILL: Sentences = {
-    "moved_support": "needs a support at rest, and simulate follows a moved one",
-    **_each(FORCED, "needs a scene without forces, and simulate takes them"),
+    "moved_support": "needs a support at rest; simulate follows a moved one",
+    **_each(FORCED, "needs a scene without forces; simulate takes them"),
 }
 PLANE: Sentences = {"space": "is computed in the plane"}
 NO_RATIO: Sentences = {"damping_ratio": "does not support damping ratios of modes"}
@@ -198,7 +198,7 @@ STROBED = Capability(
     unless=STOPS,
     apart=UNRUBBED,
     beside=UNLOADED,
-    needs={DRIVEN_IN_TIME: "a stroboscopic section needs a period: a sine that moves the support or acts"},
+    needs={DRIVEN_IN_TIME: "a stroboscopic section needs a period: a sine that moves the support or acts as a force"},
 )
 
 SIDE_BY_SIDE = Capability(
@@ -340,7 +340,7 @@ CAPABILITIES: dict[str, Capability] = {
             refuses={
                 **NO_RATIO,
                 "hoist": "changes lengths in the plane only",
-                **_each(FRICTION | DRIVES, "acts on angles of the plane"),
+                **_each(FRICTION | DRIVES, "acts on angles in the plane"),
             },
             unless=ENDS,
             beside=_each(STRUCTURED, "a structure moves in the plane"),
@@ -499,7 +499,7 @@ CAPABILITIES: dict[str, Capability] = {
             STROBED,
             name="an attractor",
             needs={
-                DRIVEN_IN_TIME: "an attractor needs a period: a sine that moves the support or acts",
+                DRIVEN_IN_TIME: "an attractor needs a period: a sine that moves the support or acts as a force",
                 LOSING: "an attractor needs losses: dampers, drag or friction",
             },
         ),
@@ -513,7 +513,7 @@ CAPABILITIES: dict[str, Capability] = {
                 "hoist": "needs constant lengths",
             },
             apart=AIRLESS,
-            beside={**UNLOADED, **_each(_of("cart massless_cart"), "a cart is no support that moves as prescribed")},
+            beside={**UNLOADED, **_each(_of("cart massless_cart"), "a cart is not a support that moves as prescribed")},
             needs={_of("moved_support"): 'support.kind: a Floquet multiplier needs kind = "moved"'},
         ),
         AVERAGED,

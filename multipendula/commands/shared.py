@@ -239,8 +239,8 @@ def _forewarn(scene: Scene, duration: float | None, members: int, tolerance: flo
 
     days = least_seconds(scene, duration, tolerance, members) / DAY if duration else 0.0
     if days > 1:
-        told = f"about {days:.2g} days on one core" if days < LONGEST else "longer than anyone can wait"
-        remark(f"this takes {told}, as far as can be told beforehand; Ctrl-C ends it")
+        told = f"{days:.2g} days on one core" if days < LONGEST else "time longer than anyone can wait"
+        remark(f"this takes an estimated {told}; Ctrl-C ends it")
 
 
 def listed(text: str | None) -> tuple[str, ...]:

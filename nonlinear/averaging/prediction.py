@@ -105,7 +105,7 @@ class Prediction(Displayed):
             yield "no mode ever holds 99 % of the energy"
             return
         if locking < SWINGS * 2 * pi / self.averaged.omega.min():
-            yield f"it comes within {SWINGS} swings, finer than averages resolve"
+            yield f"it comes within {SWINGS} swings, less than averaging resolves"
         times = [other.locking_time() for other in self.neighbours]
         if any(time is None or abs(time - locking) > TIMED * locking for time in times):
             yield f"neighbouring starts lock more than {100 * TIMED:.0f} % sooner or later"
