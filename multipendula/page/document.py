@@ -15,18 +15,28 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from modal.report import html
-from modal.scene import scene_from, title_of
+from modal.scene import left_out, scene_from, title_of
 from multipendula.page.structure import NONE, structure_module
 
 HERE = Path(__file__).parent
-MODAL = ("steps", "structure", "carriers", "system", "matrices", "amplitude", "structure_modes", "modes")
+MODAL = (
+    *("steps", "structure", "carriers", "system", "matrices", "amplitude", "quadratic", "shapes", "families"),
+    *("structure_modes", "modes"),
+)
 PHYSICS = (*MODAL, "tableau", "dop853", "equations", "kicks", "motion", "scene_file", "recording")
 """The modules that touch no document; `steps`, `structure` and `tableau` are written."""
 MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "main")
 LARGEST, LARGEST_OF_STRUCTURES = 300_000, 800_000
 """Bytes of a page, at most, and of that of a structure, whose equations stand in it link by link."""
+ICON = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32"><path d="M5 4h22" stroke="#8a949c" stroke-width="3"/>'
+    '<path d="M16 4 11 16l9 9" fill="none" stroke="#8a949c" stroke-width="2"/><circle cx="11" cy="16" r="4" fill="#c48700"/>'
+    '<circle cx="20" cy="25" r="5" fill="#005f9e"/></svg>'
+)
+"""A double pendulum."""
 IMPORT = re.compile(r"^import (\{[^}]*\}) from \"\./(\w+)\.js\";$", re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:const|function|class) (\w+))", re.MULTILINE)
 
@@ -91,13 +101,15 @@ def page(data: dict[str, Any], recording: dict[str, Any] | None = None) -> str:
     """The document that shows the scene in `data` and plays a recording of it."""
     scene = scene_from(data)
     script, style = f"\n{joined(structure=structure_module(scene))}", f"\n{_file('page.css')}"
-    policy = f"default-src 'none'; script-src '{_digest(script)}'; style-src '{_digest(style)}'; base-uri 'none'"
+    sources = f"script-src '{_digest(script)}'; style-src '{_digest(style)}'; img-src data:"
+    policy = f"default-src 'none'; {sources}; base-uri 'none'"
     parts = {
         "title": html(title_of(scene)),
         "policy": html(policy),
+        "icon": f"data:image/svg+xml,{quote(ICON)}",
         "style": style,
         "script": script,
-        "data": inert({"scene": data, "recording": recording}),
+        "data": inert({"scene": data, "recording": recording, "notes": left_out(scene)}),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _file("page.html"))
 

@@ -1,6 +1,7 @@
 // Sliders with their numbers: what can be changed, and by how much.
 
 import { numbersOf, placed } from "./carriers.js";
+import { slowestOf } from "./modes.js";
 import { digits } from "./numbers.js";
 import { rounded } from "./stage.js";
 import { pushedAt } from "./system.js";
@@ -21,16 +22,51 @@ class Slider {
     this.bar = Object.assign(document.createElement("input"), { type: "range", id, min: 0, max: STEPS, step: 1 });
     this.number = Object.assign(document.createElement("input"), { type: "number", step: "any", min: 0 });
     this.number.setAttribute("aria-label", `${label}, ${unit}`);
-    this.bar.addEventListener("input", () => this.write(rounded(this.valueAt(Number(this.bar.value) / STEPS))));
-    this.number.addEventListener("change", () => {
-      const value = Number(this.number.value);
-      if (value > 0 || (linear && value === 0 && this.number.value !== "")) this.write(value);
-      this.show();
-    });
-    box.append(name, this.bar, this.number);
+    this.refusal = Object.assign(document.createElement("p"), { className: "refused", id: `${id}-refused`, hidden: true });
+    this.refusal.setAttribute("role", "alert");
+    this.label = label;
+    this.bar.addEventListener("input", () => this.enter(rounded(this.valueAt(Number(this.bar.value) / STEPS))));
+    this.number.addEventListener("change", () => this.typed());
+    box.append(name, this.bar, this.number, this.refusal);
+  }
+
+  // A number from the keys: what is none, or has no meaning here, is refused beside it.
+  typed() {
+    const text = this.number.value;
+    const value = Number(text);
+    if (text === "" || !Number.isFinite(value)) this.refuse("a number is needed");
+    else if (value < 0 || (!value && !this.linear)) this.refuse(`it must be ${this.linear ? "0 or more" : "above 0"}`);
+    else this.enter(value);
+  }
+
+  enter(value) {
+    this.accept();
+    Slider.entering = this;
+    this.write(value);
+    Slider.entering = null;
+    this.show();
+  }
+
+  // Said beside the number, which stays as it was, and read to those who do not see it.
+  refuse(why) {
+    const value = `${String(Number(this.read().toPrecision(4)))} ${this.unit}`.trim();
+    this.refusal.textContent = `${this.label}: ${why}. It stays ${value}.`;
+    this.refusal.hidden = false;
+    this.number.setAttribute("aria-invalid", "true");
+    this.number.setAttribute("aria-describedby", this.refusal.id);
+    this.show(true);
+  }
+
+  accept() {
+    if (this.refusal.hidden) return;
+    this.refusal.hidden = true;
+    this.refusal.textContent = "";
+    this.number.removeAttribute("aria-invalid");
+    this.number.removeAttribute("aria-describedby");
   }
 
   static count = 0;
+  static entering = null; // whose number is being tried
 
   ends() {
     const value = this.read();
@@ -43,13 +79,13 @@ class Slider {
     return this.linear ? low + part * (high - low) : low * (high / low) ** part;
   }
 
-  show() {
+  show(always = false) {
     const value = this.read();
     const [low, high] = this.ends();
     const part = this.linear ? (value - low) / (high - low) : Math.log(value / low) / Math.log(high / low);
     this.bar.value = Math.round(STEPS * part);
     this.bar.setAttribute("aria-valuetext", `${digits(value)} ${this.unit}`);
-    if (document.activeElement !== this.number) this.number.value = String(Number(value.toPrecision(4)));
+    if (always || document.activeElement !== this.number) this.number.value = String(Number(value.toPrecision(4)));
   }
 
   forget() {
@@ -191,11 +227,11 @@ export class Controls {
   // Dampers at every joint: for a share of critical damping c they are 2 c g b/w of the slowest mode.
   damp(percent) {
     const { player } = this;
-    const slowest = this.slowest();
+    const slowest = slowestOf(player.system);
     player.change((scene) => {
       for (const chain of player.system.chains) {
         chain.links.forEach((link, i) => {
-          const value = rounded((2 * percent * player.system.gravity * link.b) / slowest.omega / 100);
+          const value = rounded((2 * percent * player.system.gravity * link.b) / slowest / 100);
           const own = scene.pendulum[chain.entry].links[i];
           if (value) own.damping = value;
           else delete own.damping;
@@ -204,21 +240,26 @@ export class Controls {
     });
   }
 
-  slowest() {
-    return this.player.rows.find((row) => row.omega && !row.growing) ?? { omega: 1, ratio: 0 };
-  }
-
   // The share that the first joint has now.
   dampingOf() {
     const { player } = this;
     const [link] = player.system.links;
-    return (50 * link.damping * this.slowest().omega) / (player.system.gravity * link.b);
+    return link.damping ? (50 * link.damping * slowestOf(player.system)) / (player.system.gravity * link.b) : 0;
   }
 
   // After another choice the sliders of a link have other limits.
   chose() {
-    for (const slider of this.ofLink) slider.forget();
+    for (const slider of this.ofLink) {
+      slider.forget();
+      slider.accept();
+    }
     this.show();
+  }
+
+  // Whether a number of a slider was refused by the scene, which is said beside it.
+  refuse(why) {
+    Slider.entering?.refuse(why);
+    return Slider.entering !== null;
   }
 
   show() {

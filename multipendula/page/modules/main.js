@@ -3,7 +3,7 @@
 import { isStructure } from "./carriers.js";
 import { Controls } from "./controls.js";
 import { energiesOf } from "./equations.js";
-import { mannerOf } from "./modes.js";
+import { mannerOf } from "./shapes.js";
 import { degrees, digits, scientific } from "./numbers.js";
 import { drawScene, drawStrip, hueOf, paint } from "./picture.js";
 import { Player } from "./player.js";
@@ -24,7 +24,7 @@ function begin() {
   const held = word && word !== "swing" ? linked(word, given.scene) : null;
   const player = held ?? new Player(given.scene, given.recording ? new Recording(given.recording) : null);
   const stage = new Stage(element("scene"), player);
-  const table = new ModeTable(element("rows"), player);
+  const table = new ModeTable(element("rows"), { frequency: element("head-f"), damped: element("note-damped") }, player);
   const boxes = { chooser: element("chooser"), link: element("of-link"), cart: element("of-cart"), scene: element("of-scene"), drive: element("of-drive") };
   const controls = new Controls(boxes, player);
   const page = new LivePage({ player, stage, table, controls, sound: new Sound(), given });
@@ -66,6 +66,8 @@ class LivePage {
     const { player } = this;
     element("title").textContent = player.scene.title || document.title;
     element("replay").hidden = !player.recording;
+    element("left-out").textContent = this.given.notes.join(" ");
+    element("left-out").hidden = !this.given.notes.length;
     element("of-cart").hidden = !player.system.cart && !player.system.support && !isStructure();
     player.listen((what) => this.heard(what));
     this.bindButtons();
@@ -145,7 +147,8 @@ class LivePage {
     if (what === "drive") controls.show();
     if (what === "refused") {
       controls.show();
-      this.say("With this number the scene is no equilibrium as drawn, or cannot be computed: it stays as it was.");
+      const why = "with this number the scene is no equilibrium as drawn, or cannot be computed";
+      if (!controls.refuse(why)) this.say(`W${why.slice(1)}: it stays as it was.`);
     }
     if (what === "lost") this.say("This motion is too fast to be computed: everything hangs still again.");
     if (what === "mode" || what === "state") table.show();

@@ -92,30 +92,44 @@ function deviation(system, y) {
   return y.slice(0, 2 * system.size).map((value, i) => value - rest[i]);
 }
 
-// A state at rest in the shape of a mode whose largest angle is `amplitude` (rad); a translation moves the cart or the
-// carriers at `amplitude` m/s instead.
+// A state in the shape of a mode whose largest angle is `amplitude` (rad), which moves on as that mode alone; a
+// translation moves the cart or the carriers at `amplitude` m/s instead.
 export function inShape(system, row, amplitude, copy = 0) {
   const y = atRest(system);
+  const [shape, twist] = [row.shapes[copy], row.twists?.[copy]];
   if (!row.omega) {
-    row.shapes[copy].forEach((value, i) => (y[system.size + i] = amplitude * value));
+    shape.forEach((value, i) => (y[system.size + i] = amplitude * value));
     return y;
   }
-  row.shapes[copy].forEach((value, i) => (y[i] += amplitude * value));
+  shape.forEach((value, i) => (y[i] += amplitude * value));
+  const rate = twist ? row.rate : row.growing ? row.omega : 0;
+  if (rate) shape.forEach((value, i) => (y[system.size + i] = amplitude * (rate * value - row.turn * (twist?.[i] ?? 0))));
   return y;
 }
 
-// The largest angle (rad) that each mode has in a state: the amplitude of its swing, over its shapes.
+// The largest angle (rad) that each mode has in a state: the amplitude of its swing, over its shapes.  Of a mode l with
+// the shape f that is |2c|, |c| of one that does not swing, where c f'(2 l M + D) f = f'((l M + D) q + M q').
 export function amplitudesOf(system, rows, y) {
   const q = deviation(system, y);
-  const parts = [q.subarray(0, system.size), q.subarray(system.size)];
-  const product = (one, other) => formsIn(system, one, other)[0];
+  const [place, speed] = [q.subarray(0, system.size), q.subarray(system.size)];
   return rows.map((row) => {
     if (!row.omega || row.growing) return 0;
-    return Math.hypot(
-      ...row.shapes.flatMap((shape) => {
-        const mass = product(shape, shape);
-        return [product(shape, parts[0]) / mass, product(shape, parts[1]) / mass / row.omega];
-      }),
-    );
+    return Math.hypot(...row.shapes.map((shape, copy) => partIn(system, row, shape, row.twists?.[copy], place, speed)));
   });
+}
+
+function partIn(system, { rate, turn }, shape, twist, place, speed) {
+  const [real, aside] = [shape, twist].map((x) => x && [place, speed].map((own) => formsIn(system, x, own)));
+  const along = ([[M0, , D0], [M1]]) => [rate * M0 + D0 + M1, turn * M0];
+  const own = formsIn(system, shape);
+  let [p, q] = along(real);
+  let [m, d, b, e] = [own[0], own[2], 0, 0];
+  if (twist) {
+    const [u, v] = along(aside);
+    [p, q] = [p - v, q + u];
+    const [other, mixed] = [formsIn(system, twist), formsIn(system, shape, twist)];
+    [m, d, b, e] = [m - other[0], d - other[2], 2 * mixed[0], 2 * mixed[2]];
+  } else d = 0;
+  const [below, beside] = [2 * (rate * m - turn * b) + d, 2 * (rate * b + turn * m) + e];
+  return ((turn ? 2 : 1) * Math.hypot(p, q)) / Math.hypot(below, beside);
 }

@@ -3,6 +3,7 @@
 import { isPushed, motionIn } from "./carriers.js";
 import { amplitudesOf, inShape, Motion } from "./motion.js";
 import { modesOf } from "./modes.js";
+import { mannerOf } from "./shapes.js";
 import { atRest, pushedAt, startOf, sum, systemOf } from "./system.js";
 import { View } from "./view.js";
 
@@ -20,7 +21,7 @@ export class Player {
     this.scene = scene;
     this.selected = 0;
     this.rebuild();
-    this.drive.frequency = (this.rows.find((row) => row.omega && !row.growing)?.omega ?? 2 * Math.PI) / (2 * Math.PI);
+    this.drive.frequency = (this.rows.find((row) => mannerOf(row) === "swings")?.omega ?? 2 * Math.PI) / (2 * Math.PI);
     this.drive.amount = 0.05 * this.weight;
     this.hang();
     if (recording) this.replay();
@@ -121,7 +122,7 @@ export class Player {
   }
 
   get firstRow() {
-    return this.rows.find((row) => row.omega) ?? this.rows[0];
+    return ["swings", "grows", "decays", "shifts"].flatMap((manner) => this.rows.filter((row) => mannerOf(row) === manner))[0];
   }
 
   shape(row, copy) {
