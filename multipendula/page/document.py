@@ -18,16 +18,17 @@ from typing import Any
 from urllib.parse import quote
 
 from modal.report import html
-from modal.scene import left_out, scene_from, title_of
-from multipendula.page.structure import NONE, structure_module
+from modal.scene import Scene, left_out, scene_from, title_of
+from multipendula.page.structure import structure_module
+from multipendula.page.whole import whole_module
 
 HERE = Path(__file__).parent
 MODAL = (
-    *("steps", "structure", "carriers", "system", "matrices", "amplitude", "quadratic", "shapes", "families"),
-    *("structure_modes", "modes"),
+    *("steps", "structure", "whole", "carriers", "tableau", "dop853", "switched", "system", "matrices", "amplitude"),
+    *("quadratic", "shapes", "families", "structure_modes", "modes"),
 )
-PHYSICS = (*MODAL, "tableau", "dop853", "equations", "kicks", "motion", "scene_file", "recording")
-"""The modules that touch no document; `steps`, `structure` and `tableau` are written."""
+PHYSICS = (*MODAL, "equations", "kicks", "motion", "scene_file", "recording")
+"""The modules that touch no document; `steps`, `structure`, `tableau` and `whole` are written."""
 MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "main")
 LARGEST, LARGEST_OF_STRUCTURES = 300_000, 800_000
 """Bytes of a page, at most, and of that of a structure, whose equations stand in it link by link."""
@@ -41,14 +42,15 @@ IMPORT = re.compile(r"^import (\{[^}]*\}) from \"\./(\w+)\.js\";$", re.MULTILINE
 EXPORT = re.compile(r"^export (?=(?:const|function|class) (\w+))", re.MULTILINE)
 
 
-def joined(names: Sequence[str] = MODULES, structure: str = NONE) -> str:
-    """The modules of these names as one script, on a page of this `structure` (`structure_module`)."""
-    return "\n".join(_scoped(name, _module(name, structure)) for name in names)
+def joined(names: Sequence[str] = MODULES, scene: Scene | None = None) -> str:
+    """The modules of these names as one script, on the page of a scene."""
+    return "\n".join(_scoped(name, _module(name, scene)) for name in names)
 
 
-def _module(name: str, structure: str) -> str:
-    if name == "structure":
-        return structure
+def _module(name: str, scene: Scene | None) -> str:
+    own = {"structure": structure_module, "whole": whole_module}
+    if name in own:
+        return own[name](scene) if scene else f"export const {name} = null;"
     return {"steps": steps, "tableau": tableau}[name]() if name in {"steps", "tableau"} else _file(f"modules/{name}.js")
 
 
@@ -100,7 +102,7 @@ def _scoped(name: str, text: str) -> str:
 def page(data: dict[str, Any], recording: dict[str, Any] | None = None) -> str:
     """The document that shows the scene in `data` and plays a recording of it."""
     scene = scene_from(data)
-    script, style = f"\n{joined(structure=structure_module(scene))}", f"\n{_file('page.css')}"
+    script, style = f"\n{joined(scene=scene)}", f"\n{_file('page.css')}"
     sources = f"script-src '{_digest(script)}'; style-src '{_digest(style)}'; img-src data:"
     policy = f"default-src 'none'; {sources}; base-uri 'none'"
     parts = {

@@ -159,7 +159,7 @@ def answers() -> dict[str, Any]:
             "seconds": SECONDS,
         }
         question = QUESTION % {key: json.dumps(value) for key, value in given.items()}
-        modules = joined((*PHYSICS, "numbers", "view"), text_of(name))
+        modules = joined((*PHYSICS, "numbers", "view"), scene)
         scripts.append(f"{json.dumps(name)}: (() => {{ {modules}\n{question} }})()")
     return asked(f"process.stdout.write(JSON.stringify({{ {', '.join(scripts)} }}));")
 

@@ -5,6 +5,7 @@ import { Escapements } from "./kicks.js";
 import { energiesOf, equationsOf } from "./equations.js";
 import { formsIn } from "./matrices.js";
 import { linearized } from "./steps.js";
+import { isWhole, SwitchedIntegrator } from "./switched.js";
 import { atRest, pushedAt } from "./system.js";
 
 const FAR = 100; // rad between the motion and a prediction that has grown away from it and is given up
@@ -15,8 +16,8 @@ export class Motion {
     start[2 * system.size] = 0;
     const forces = push && forcesOf(system, push);
     this.system = system;
-    this.full = new Integrator(equationsOf(system, forces), start, { tolerance, uncounted: 1, time });
-    this.escapements = system.links.some((link) => link.impulse) ? new Escapements(system, start) : null;
+    this.full = isWhole() ? new SwitchedIntegrator(system, start, forces, { tolerance, time }) : new Integrator(equationsOf(system, forces), start, { tolerance, uncounted: 1, time });
+    this.escapements = !isWhole() && system.links.some((link) => link.impulse) ? new Escapements(system, start) : null;
     this.linear = linear ? new Integrator(equationsOf(system, forces, linearized), deviation(system, start), { tolerance, time }) : null;
     this.first = this.energy;
     this.largest = Math.max(this.first.kinetic, 1e-7 * system.gravity * system.links.reduce((total, link) => total + link.b, 0));

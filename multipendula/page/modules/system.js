@@ -5,6 +5,7 @@
 
 import { carriedBy, coordinatesOf, isStructure, motionIn, startGiven } from "./carriers.js";
 import { full, sine } from "./steps.js";
+import { isWhole, wholeOf } from "./switched.js";
 
 export const MOST_LINKS = 60;
 
@@ -26,9 +27,10 @@ export function systemOf(scene) {
     const lead = coordinatesOf().length;
     return { ...found, structure: carriedBy(scene, links), support: motion ? movedBy(motion) : null, lead, size: lead + links.length };
   }
-  const { kind, mass = 0, damping = 0, stiffness = 0 } = scene.support;
-  const cart = kind === "cart" ? { mass, damping, stiffness } : null;
-  return { ...found, cart, support: kind === "moved" ? movedBy(scene.support.motion) : null, lead: 1, size: links.length + 1 };
+  const { kind, mass = 0, damping = 0, stiffness = 0, friction, friction_coefficient: coefficient } = scene.support;
+  const cart = kind === "cart" ? { mass, damping, stiffness, friction: coefficient || friction || 0 } : null;
+  const plain = { ...found, cart, support: kind === "moved" ? movedBy(scene.support.motion) : null, lead: 1, size: links.length + 1 };
+  return isWhole() ? { ...plain, whole: wholeOf(scene, plain) } : plain;
 }
 
 // Where a push acts, among the coordinates, and its unit: on the cart or the first carrier, else as a moment on the
@@ -67,14 +69,14 @@ function linksOf(pendulum, gravity) {
   return links.map((link) => numbered(link, gravity));
 }
 
-function numbersOf({ kind, mass: m, length: l, centre, inertia, damping = 0, stiffness = 0, drag = 0, quadratic_drag: quadratic = 0, drive }, s) {
+function numbersOf({ kind, mass: m, length: l, centre, inertia, damping = 0, stiffness = 0, drag = 0, quadratic_drag: quadratic = 0, friction = 0, drive }, s) {
   const c = { bob: l, rod: l / 2 }[kind] ?? centre;
   const I = { bob: 0, rod: (m * l ** 2) / 12 }[kind] ?? inertia;
   const angle = ((drive?.angle_deg ?? 0) * Math.PI) / 180;
   const strength = drive?.kind === "van-der-pol" ? drive.strength : 0;
   const impulse = drive?.kind === "escapement" ? drive.impulse : 0;
   const curb = strength ? strength / angle ** 2 : 0;
-  return { kind, m, l, c, I, s, rest: s > 0 ? 0 : Math.PI, damping, stiffness, drag, quadratic, strength, curb, impulse, angle };
+  return { kind, m, l, c, I, s, rest: s > 0 ? 0 : Math.PI, damping, stiffness, drag, quadratic, strength, curb, impulse, angle, friction };
 }
 
 export function sum(values) {
