@@ -47,7 +47,7 @@ def structure_module(scene: Scene) -> str:
         "prescribed": prescribed_of(system),
         "places": [[k, list(place)] for k, place in structure_places(scene)],
         "constants": [[list(place), unit] for place, unit in prescribed_places(scene, system)],
-        "motion": list(scene.motion_places[0]) if scene.motions else None,
+        "motions": [list(place) for place in scene.motion_places],
         "timed": bool(system.prescribed),
         "coordinates": list(_coordinates(structure)),
         "bases": _bases(structure),

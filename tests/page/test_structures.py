@@ -20,7 +20,7 @@ from modal.assembly import matrices
 from modal.errors import SceneError
 from modal.scene import Scene, load, parse, scene_from
 from modal.structure import Scaffold, structure_of
-from multipendula.page import LARGEST_OF_STRUCTURES, joined, page, recording_of, scene_data, structure_module
+from multipendula.page import LARGEST_OF_STRUCTURES, joined, page, recording_of, scene_data
 from multipendula.page.document import PHYSICS
 from nonlinear import simulate
 from nonlinear.dynamics import Mechanics, Minimal, Recursion
@@ -129,11 +129,6 @@ return {
 @cache
 def scene_of(name: str) -> Scene:
     return load(name) if name in SHIPPED else scene_from({"zoo": ZOO, "shaken": SHAKEN}[name])
-
-
-@cache
-def text_of(name: str) -> str:
-    return structure_module(scene_of(name))
 
 
 def states_of(name: str) -> np.ndarray:
@@ -403,7 +398,7 @@ def pages() -> dict[str, Any]:
         hand = HAND % ("" if name == "two-bobs" else DRAG)
         scripts.append(
             f"answers[{json.dumps(name)}] = (() => {{ const given = {json.dumps(given)};\n{browser}\n"
-            f"{joined(structure=text_of(name))}\nreturn {hand}; }})();"
+            f"{joined(scene=scene_of(name))}\nreturn {hand}; }})();"
         )
     return asked(f"const answers = {{}};\n{' '.join(scripts)}\nprocess.stdout.write(JSON.stringify(answers));")
 

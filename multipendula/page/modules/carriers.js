@@ -64,9 +64,9 @@ const isThere = (scene, place) => placed(scene, place) > 0 || (place.includes("d
 const named = (law, way = null) => `${law[0].toUpperCase()}${law.slice(1)}${way ? ` in ${way}` : ""}`;
 const unitOf = (law, unit) => ({ stiffness: { m: "N/m", rad: "N m/rad" }, damping: { m: "N s/m", rad: "N m s/rad" } })[law][unit];
 
-// The motion of the ground or of a support; undefined where all is at rest.
-export function motionIn(scene) {
-  return structure.motion ? placed(scene, structure.motion) : undefined;
+// The motions of the ground or of a support.
+export function motionsIn(scene) {
+  return structure ? structure.motions.map((place) => placed(scene, place)) : [scene.support.motion ?? []].flat();
 }
 
 function entriesOf(scene, links) {

@@ -1,6 +1,6 @@
 // Sliders with their numbers: what can be changed, and by how much.
 
-import { numbersOf, placed } from "./carriers.js";
+import { motionsIn, numbersOf, placed } from "./carriers.js";
 import { slowestOf } from "./modes.js";
 import { digits } from "./numbers.js";
 import { rounded } from "./stage.js";
@@ -10,8 +10,9 @@ const STEPS = 600;
 
 // A slider from `low` to `high` on a logarithmic scale, or on a linear one from 0.
 class Slider {
-  constructor(box, { label, unit, read, write, range, linear = false }) {
-    Object.assign(this, { read, write, range, linear, unit });
+  // `there` tells whether it applies at all.
+  constructor(box, { label, unit, read, write, range, linear = false, there = () => true }) {
+    Object.assign(this, { read, write, range, linear, unit, there });
     const id = `slider-${Slider.count++}`;
     const name = document.createElement("label");
     name.htmlFor = id;
@@ -27,6 +28,7 @@ class Slider {
     this.label = label;
     this.bar.addEventListener("input", () => this.enter(rounded(this.valueAt(Number(this.bar.value) / STEPS))));
     this.number.addEventListener("change", () => this.typed());
+    this.name = name;
     box.append(name, this.bar, this.number, this.refusal);
   }
 
@@ -80,6 +82,7 @@ class Slider {
   }
 
   show(always = false) {
+    for (const part of [this.name, this.bar, this.number]) part.hidden = !this.there();
     const value = this.read();
     const [low, high] = this.ends();
     const part = this.linear ? (value - low) / (high - low) : Math.log(value / low) / Math.log(high / low);
@@ -156,15 +159,8 @@ export class Controls {
       );
     }
     if (player.system.structure) this.ofCarriers(boxes.cart);
-    if (player.system.support) {
-      const at = () => player.prescribed;
-      const ofMotion = (key) => ({ read: () => at()[key], write: (value) => player.change((scene) => (player.prescribedIn(scene)[key] = value)) });
-      const swing = { linear: true, range: (value) => [0, 2 * value || player.view.reach / 10] };
-      this.others.unshift(
-        new Slider(boxes.cart, { label: "Support amplitude", unit: "m", ...ofMotion("amplitude"), ...swing }),
-        new Slider(boxes.cart, { label: "Support frequency", unit: "Hz", ...ofMotion("frequency_hz"), range: decade }),
-      );
-    }
+    this.ofFriction(boxes);
+    this.ofTime(boxes);
     this.others.push(
       new Slider(boxes.drive, {
         label: pushedAt(player.system).unit === "N" ? "Force" : "Moment",
@@ -183,6 +179,45 @@ export class Controls {
     );
     this.chooser.addEventListener("change", () => player.choose(Number(this.chooser.value)));
     this.name();
+  }
+
+  // Dry friction where the scene has some: on the rail, and of the chosen link.
+  ofFriction(boxes) {
+    const { player } = this;
+    for (const [key, unit] of [["friction", "N"], ["friction_coefficient", ""]]) {
+      const { support } = player.scene;
+      if (!player.system.cart || !support[key]) continue;
+      const label = unit ? "Rail friction" : "Rail friction coefficient";
+      const change = (value) => player.change((scene) => (scene.support[key] = value));
+      this.others.unshift(new Slider(boxes.cart, { label, unit, read: () => player.scene.support[key], write: change, range: decade }));
+    }
+    if (!player.system.links.some(({ friction }) => friction)) return;
+    const own = () => player.system.links[player.selected].friction;
+    const change = (value) => player.changeLink(player.selected, "friction", value);
+    this.ofLink.push(new Slider(boxes.link, { label: "Friction", unit: "N m", read: () => own() || 1, write: change, range: decade, there: () => own() > 0 }));
+  }
+
+  // What moves a support or acts in time.
+  ofTime(boxes) {
+    const { player } = this;
+    const several = motionsIn(player.scene).length > 1;
+    const swing = { linear: true, range: (value) => [0, 2 * value || player.view.reach / 10] };
+    const of = (within, key) => ({ read: () => within(player.scene)[key], write: (value) => player.change((scene) => (within(scene)[key] = value)) });
+    motionsIn(player.scene).forEach(({ direction }, k) => {
+      const [within, whose] = [(scene) => motionsIn(scene)[k], several ? (direction === "vertical" ? "Upward " : "Sideways ") : "Support "];
+      this.others.push(
+        new Slider(boxes.cart, { label: `${whose}amplitude`, unit: "m", ...of(within, "amplitude"), ...swing }),
+        new Slider(boxes.cart, { label: `${whose}frequency`, unit: "Hz", ...of(within, "frequency_hz"), range: decade }),
+      );
+    });
+    (player.scene.force ?? []).forEach(({ on, direction }, k) => {
+      const within = (scene) => scene.force[k];
+      const [what, unit] = direction === "torque" ? ["Torque", "N m"] : ["Force", "N"];
+      this.others.push(
+        new Slider(boxes.scene, { label: `${what} on ${on}`, unit, ...of(within, "amplitude"), range: decade }),
+        new Slider(boxes.scene, { label: "Its frequency", unit: "Hz", ...of(within, "frequency_hz"), range: decade }),
+      );
+    });
   }
 
   // The numbers of supports and springs: a list to choose one from, and its sliders.

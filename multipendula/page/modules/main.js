@@ -11,6 +11,7 @@ import { Recording } from "./recording.js";
 import { packed, sceneFile, unpacked } from "./scene_file.js";
 import { Sound } from "./sound.js";
 import { Stage } from "./stage.js";
+import { isWhole } from "./switched.js";
 import { ModeTable } from "./table.js";
 
 const SPAN = 12; // s of the strip
@@ -36,7 +37,7 @@ function begin() {
 // What the link holds, null where it is no scene or one that cannot be computed; on the page of a structure a scene that
 // differs from the page's own in numbers alone.
 function linked(word, own) {
-  const held = unpacked(word, isStructure() ? own : null);
+  const held = unpacked(word, isStructure() || isWhole() ? own : null);
   try {
     const player = held && new Player(held.scene, null);
     if (player) restore(player, held);
@@ -235,6 +236,9 @@ class LivePage {
     const apart = player.motion?.linear ? degrees(player.motion.apart) : player.motion ? Infinity : NaN;
     element("apart").textContent = Number.isNaN(apart) ? "–" : apart > 360 ? "over 360°" : `${digits(apart, 3)}°`;
     element("behind").hidden = !player.behind;
+    const { stuck } = player;
+    element("sticking").hidden = !stuck;
+    if (stuck) element("stuck").textContent = stuck.map((link) => (link < 0 ? "rail" : `link ${link + 1}`)).join(", ") || "nothing";
     const { chain, index } = player.home(player.selected);
     element("strip-name").textContent = `Pendulum ${player.system.chains.indexOf(chain) + 1}, link ${index + 1}`;
     if (player.replaying) element("scrub").value = Math.round((1000 * player.time) / (player.recording.duration || 1));

@@ -5,7 +5,7 @@ import { Escapements } from "./kicks.js";
 import { energiesOf, equationsOf } from "./equations.js";
 import { formsIn } from "./matrices.js";
 import { linearized } from "./steps.js";
-import { isWhole, SwitchedIntegrator } from "./switched.js";
+import { forcedIn, isWhole, SwitchedIntegrator } from "./switched.js";
 import { atRest, pushedAt } from "./system.js";
 
 const FAR = 100; // rad between the motion and a prediction that has grown away from it and is given up
@@ -18,7 +18,7 @@ export class Motion {
     this.system = system;
     this.full = isWhole() ? new SwitchedIntegrator(system, start, forces, { tolerance, time }) : new Integrator(equationsOf(system, forces), start, { tolerance, uncounted: 1, time });
     this.escapements = !isWhole() && system.links.some((link) => link.impulse) ? new Escapements(system, start) : null;
-    this.linear = linear ? new Integrator(equationsOf(system, forces, linearized), deviation(system, start), { tolerance, time }) : null;
+    this.linear = linear ? new Integrator(linearOf(system, forces), deviation(system, start), { tolerance, time }) : null;
     this.first = this.energy;
     this.largest = Math.max(this.first.kinetic, 1e-7 * system.gravity * system.links.reduce((total, link) => total + link.b, 0));
     this.lowest = this.highest = this.first.potential;
@@ -76,6 +76,16 @@ export class Motion {
     for (let i = this.system.lead; i < this.system.size; i++) largest = Math.max(largest, Math.abs(y[i] - predicted[i]));
     return largest;
   }
+}
+
+// The linear equations, with the forces of the scene.
+function linearOf(system, forces) {
+  const [rates, forced] = [equationsOf(system, forces, linearized), forcedIn(system)];
+  if (!forced) return rates;
+  return (time, q, out) => {
+    rates(time, q, out);
+    forced(time).forEach((value, i) => (out[system.size + i] += value));
+  };
 }
 
 function forcesOf(system, push) {

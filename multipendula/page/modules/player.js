@@ -1,6 +1,6 @@
 // What hangs there and what it does now: a scene, its modes, a motion or a recording.
 
-import { isPushed, motionIn } from "./carriers.js";
+import { isPushed, motionsIn } from "./carriers.js";
 import { amplitudesOf, inShape, Motion } from "./motion.js";
 import { modesOf } from "./modes.js";
 import { mannerOf } from "./shapes.js";
@@ -81,7 +81,7 @@ export class Player {
 
   // Whether the scene has a time of its own, by a support that moves or forces.
   get isTimed() {
-    return this.system.support !== null || (this.system.structure !== null && isPushed());
+    return this.system.support !== null || (this.system.structure ? isPushed() : Boolean(this.scene.force?.length));
   }
 
   // The time of the scene (s): a support that moves goes on where it is.
@@ -106,19 +106,15 @@ export class Player {
     return this.y.every((value, i) => Math.abs(value - rest[i]) < 1e-12);
   }
 
-  // The motion of the support or the ground in the scene.
-  get prescribed() {
-    return this.prescribedIn(this.scene);
-  }
-
-  prescribedIn(scene) {
-    return this.system.structure ? motionIn(scene) : scene.support.motion;
+  // The links and the rail that dry friction holds now; null where the scene has none.
+  get stuck() {
+    return this.motion?.full.stuck ?? null;
   }
 
   // Whether the support's motion sets off what hangs at rest, or forces do.
   get isShaken() {
     if (this.system.structure) return isPushed();
-    return this.system.support !== null && this.scene.support.motion.direction !== "vertical";
+    return Boolean(this.scene.force?.length) || motionsIn(this.scene).some(({ direction }) => direction !== "vertical");
   }
 
   get firstRow() {

@@ -11,16 +11,25 @@ export function sceneFile(scene, system = null, y = null) {
   const support = y ? { ...scene.support, start: moved ? { displacement: y[0], rate: y[system.size] } : undefined } : scene.support;
   if (scene.title) lines.push(`title = ${quoted(scene.title)}`);
   lines.push(`gravity = ${real(scene.gravity)}`, "", "[support]", ...entries(support));
-  for (const pendulum of y ? separated(scene, system, y) : scene.pendulum) lines.push("", "[[pendulum]]", ...pendulumLines(pendulum));
-  return `${lines.join("\n")}\n`;
+  for (const force of scene.force ?? []) lines.push("", "[[force]]", ...entries(force));
+  const { pendula, remark } = hanging(scene, system, y);
+  for (const pendulum of pendula) lines.push("", "[[pendulum]]", ...pendulumLines(pendulum));
+  return `${[...remark, ...lines].join("\n")}\n`;
 }
 
-// The file of a structure.  Copies of a pendulum that springs or forces name stay one entry.
-function structureFile(scene, system, y) {
+// The pendula of a file.  Copies that springs or forces name stay one entry, without a start, which a remark says.
+function hanging(scene, system, y) {
   const named = [...(scene.spring ?? []).flatMap(({ between }) => between), ...(scene.force ?? []).map(({ on }) => on)].join(" ");
   const apart = y ? separated(scene, system, y) : scene.pendulum;
-  const whole = apart.length === scene.pendulum.length || !named.includes("pendulum[");
-  const lines = whole ? [] : ["# Springs or forces name pendula whose copies are apart: the file has no start of these."];
+  const together = apart.length === scene.pendulum.length || !named.includes("pendulum[");
+  const remark = together ? [] : ["# Springs or forces name pendula whose copies are apart: the file has no start of these."];
+  return { pendula: together ? apart : scene.pendulum, remark };
+}
+
+// The file of a structure.
+function structureFile(scene, system, y) {
+  const { pendula, remark } = hanging(scene, system, y);
+  const lines = [...remark];
   if (scene.title) lines.push(`title = ${quoted(scene.title)}`);
   lines.push(`gravity = ${real(scene.gravity)}`);
   const supports = [scene.support].flat().map((support, k) => (y ? begun(support, k, system, y) : support));
@@ -30,7 +39,7 @@ function structureFile(scene, system, y) {
     ...["spring", "force"].flatMap((key) => (scene[key] ?? []).map((one) => [`[[${key}]]`, one])),
   ];
   for (const [head, part] of parts) lines.push("", head, ...entries(part));
-  for (const pendulum of whole ? apart : scene.pendulum) lines.push("", "[[pendulum]]", ...pendulumLines(pendulum));
+  for (const pendulum of pendula) lines.push("", "[[pendulum]]", ...pendulumLines(pendulum));
   return `${lines.join("\n")}\n`;
 }
 
@@ -121,8 +130,8 @@ export function packed(state) {
   return btoa(String.fromCharCode(...bytes)).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
 }
 
-// The state in a link, checked: anyone may have written it.  null where it is none.  On the page of a structure, whose
-// text is that of its `own` scene, the link's scene differs from it in numbers alone.
+// The state in a link, checked: anyone may have written it.  null where it is none.  On a page whose text is that of its
+// `own` scene the link's scene differs from it in numbers alone.
 export function unpacked(text, own = null) {
   try {
     const bytes = Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
@@ -143,7 +152,7 @@ function isState({ scene, y, drive, selected }, own) {
   const links = scene.pendulum.reduce((total, pendulum) => total + (pendulum.count ?? 1) * pendulum.links.length, 0);
   const aside = drive === undefined || (isAmount(drive.amount) && isPositive(drive.frequency));
   const chosen = selected === undefined || (Number.isInteger(selected) && selected >= 0 && selected < links);
-  return links <= MOST_LINKS && aside && chosen && (y === undefined || isList(y, 2 * (links + (own ? coordinatesOf().length : 1)), isReal));
+  return links <= MOST_LINKS && aside && chosen && (y === undefined || isList(y, 2 * (links + (isStructure() ? coordinatesOf().length : 1)), isReal));
 }
 
 // The same but for numbers, which keep their signs, and which are 0 where the own one is, unless they are dampers.
@@ -161,13 +170,18 @@ function isLike(value, own, key = "") {
 
 export function isScene(scene) {
   const { title = "", gravity, support, pendulum, spring, ground, force } = scene;
-  if (spring !== undefined || ground !== undefined || force !== undefined) return false;
+  if ([spring, ground, force, support.friction, support.friction_coefficient].some((part) => part !== undefined)) return false;
   if (typeof title !== "string" || title.length > 200 || !isPositive(gravity) || !Array.isArray(pendulum)) return false;
-  const held = support.kind === "fixed" || (support.kind === "cart" && isPositive(support.mass)) || (support.kind === "moved" && isSine(support.motion));
+  const held = support.kind === "fixed" || (support.kind === "cart" && isPositive(support.mass)) || (support.kind === "moved" && areSines([support.motion].flat()));
   const { displacement = 0, rate = 0 } = support.start ?? {};
   if (!isReal(displacement) || !isReal(rate)) return false;
   if (!held || !isAmount(support.damping) || !isAmount(support.stiffness)) return false;
   return pendulum.length > 0 && pendulum.length <= MOST_LINKS && pendulum.every(isPendulum);
+}
+
+function areSines(motions) {
+  const ways = new Set(motions.map(({ direction = "horizontal" }) => direction));
+  return motions.length > 0 && ways.size === motions.length && motions.every(isSine);
 }
 
 function isSine({ kind, amplitude, frequency_hz, phase_deg = 0, direction = "horizontal" }) {
@@ -183,7 +197,8 @@ function isPendulum({ count = 1, links, equilibrium, start }) {
   return ways && begun && !(links.at(-1).kind === "body" && links.at(-1).centre === 0);
 }
 
-function isLink({ kind, mass, length, centre, inertia, damping, stiffness, drag, quadratic_drag, drive }) {
+function isLink({ kind, mass, length, centre, inertia, damping, stiffness, drag, quadratic_drag, friction, drive }) {
+  if (friction !== undefined) return false;
   const body = kind === "bob" || kind === "rod" || (kind === "body" && isReal(centre) && centre >= 0 && isReal(inertia) && inertia >= 0 && centre + inertia > 0);
   const driven = drive === undefined || (drive.kind === "van-der-pol" && isPositive(drive.strength) && isPositive(drive.angle_deg)) || (drive.kind === "escapement" && isPositive(drive.impulse) && isAmount(drive.angle_deg));
   return body && isPositive(mass) && isPositive(length) && [damping, stiffness, drag, quadratic_drag].every(isAmount) && driven;

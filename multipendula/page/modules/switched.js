@@ -19,15 +19,32 @@ export function wholeOf(scene, { gravity, cart, links }) {
   const fields = Array.from({ length: FIELDS }, (_, field) => links.map(({ numbers }) => numbers[field])).flat();
   const entries = [gravity, cart?.mass ?? 0, cart?.damping ?? 0, cart?.stiffness ?? 0, ...fields];
   const prescribed = whole.places.map(([place, unit], k) => (placed(scene, place) === undefined ? whole.prescribed[k] : placed(scene, place) * unit));
-  const constants = whole.constants([...whole.kept.map((k) => entries[k]), ...prescribed]);
+  const constantsOf = (acting) => whole.constants([...whole.kept.map((k) => entries[k]), ...acting]);
+  const constants = constantsOf(prescribed);
+  const still = constantsOf(prescribed.map((value, k) => (isSize(whole.places[k][0]) ? 0 : value)));
   const link = (below) => links[below - whole.first];
   const kicks = ["bent", "angle", "impulse"].flatMap((key) => whole.kicks.map(([below]) => link(below)[key]));
   const limits = whole.contacts.map(([below]) => (below < whole.first ? cart.friction : link(below).friction));
   const rate = Math.sqrt(gravity / Math.max(...links.map(({ l }) => l)));
-  return { constants, numbers: [...kicks, ...limits, rate] };
+  return { constants, still, numbers: [...kicks, ...limits, rate] };
 }
 
-// The friction that each joint or cart has room for: whether all at rest stays so.
+const isSize = (place) => place[0] === "force" && place.at(-1) === "amplitude";
+
+// What the forces of a scene add to the accelerations of small motions, a function of time (s); null without any.
+export function forcedIn(system) {
+  if (!whole?.places.some(([place]) => place[0] === "force")) return null;
+  const skipped = 1 - whole.first;
+  const inputs = new Array(system.size - skipped + 2 * whole.contacts.length).fill(0);
+  const rest = [...new Array(system.size - skipped - system.links.length).fill(0), ...system.links.map((link) => link.rest)];
+  const z = [...rest, ...rest.map(() => 0), 0];
+  return (time) => {
+    const [acted, none] = [system.whole.constants, system.whole.still].map((c) => whole.rates(c, z, [time, ...inputs], []));
+    const added = acted.map((value, i) => value - none[i]).slice(rest.length, 2 * rest.length);
+    return [...new Array(skipped).fill(0), ...added];
+  };
+}
+
 export class SwitchedIntegrator {
   // `forces(t)` are those of the page's own drive on all coordinates of y, or null.
   constructor(system, y, forces, { tolerance, time = 0 }) {
@@ -54,6 +71,12 @@ export class SwitchedIntegrator {
     const { size } = this.system;
     if (!this.skipped) return y;
     return Float64Array.of(0, ...y.slice(0, size - 1), 0, ...y.slice(size - 1));
+  }
+
+  // The numbers of the links whose joints stick, and -1 for the rail; null in a scene without friction.
+  get stuck() {
+    if (!whole.contacts.length) return null;
+    return whole.contacts.flatMap(([below], i) => (this.state[whole.kicks.length + i] ? [] : [below - whole.first]));
   }
 
   get time() {
