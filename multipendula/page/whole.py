@@ -20,6 +20,8 @@ NONE = "export const whole = null;"
 MOST_LINKS_RUBBED = 12
 """Of a scene with dry friction: its text grows with the square of their number."""
 TEXTS = ("rates", "sticking", "friction", "responses", "values", "clear", "kick")
+CHANGED = ("damping", "drag", "quadratic_drag")
+"""The numbers of links that have a slider also where they are 0."""
 CALLED = ("sticking", "friction", "responses", "kick", "kicked")
 """The texts that are called by what happens at a switch."""
 LISTS = frozenset({"inputs"})
@@ -40,9 +42,9 @@ def whole_module(scene: Scene) -> str:
 
     system = system_of(scene)
     switches = switches_of(system, pushed=True, works=True)
-    first = BEFORE + system.n_links * FIELDS.index("damping")
-    dampers = range(first, first + system.n_links)
-    present = tuple(has or k in dampers for k, has in enumerate(switches.form.present))
+    firsts = [BEFORE + system.n_links * FIELDS.index(name) for name in CHANGED]
+    changed = {k for first in firsts for k in range(first, first + system.n_links)}
+    present = tuple(has or k in changed for k, has in enumerate(switches.form.present))
     switches = replace(switches, form=replace(switches.form, present=present))
     at, module = switches.places, switches.module
     names = [name for name in TEXTS if name in module.functions]

@@ -1,6 +1,7 @@
 // A scene and a state as the text of a scene file, and as a link that holds them.
 
 import { coordinatesOf, isStructure } from "./carriers.js";
+import { isWhole } from "./switched.js";
 import { MOST_LINKS } from "./system.js";
 
 // The scene file; `y` (with `system`) gives the start, the scene's own is left out then.
@@ -155,16 +156,19 @@ function isState({ scene, y, drive, selected }, own) {
   return links <= MOST_LINKS && aside && chosen && (y === undefined || isList(y, 2 * (links + (isStructure() ? coordinatesOf().length : 1)), isReal));
 }
 
-// The same but for numbers, which keep their signs, and which are 0 where the own one is, unless they are dampers.
+// Numbers that a link may have without the page's own scene: those which its text has anyway.
+const mayAppear = (key) => key === "damping" || (isWhole() && (key === "drag" || key === "quadratic_drag"));
+
+// The same but for numbers, which keep their signs, and which are 0 where the own one is, unless they may appear.
 function isLike(value, own, key = "") {
-  if (typeof own === "number") return isReal(value) && (Math.sign(value) === Math.sign(own) || (key === "damping" && value >= 0));
+  if (typeof own === "number") return isReal(value) && (Math.sign(value) === Math.sign(own) || (mayAppear(key) && value >= 0));
   if (own === null || typeof own !== "object") return value === own;
   if (typeof value !== "object" || value === null || Array.isArray(value) !== Array.isArray(own)) return false;
   const keys = new Set([...Object.keys(own), ...Object.keys(value)]);
   return [...keys].every((one) => {
-    if (one === "damping" && own[one] === undefined) return isAmount(value[one]);
-    if (one === "damping" && value[one] === undefined) return typeof own[one] === "number";
-    return isLike(value[one], own[one], key === "damping" ? key : one);
+    if (mayAppear(one) && own[one] === undefined) return isAmount(value[one]);
+    if (mayAppear(one) && value[one] === undefined) return typeof own[one] === "number";
+    return isLike(value[one], own[one], mayAppear(key) ? key : one);
   });
 }
 
