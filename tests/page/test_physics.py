@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from amounts import usually
 from chromium import Chromium
-from live import BROWSER, asked, physics
+from live import BROWSER, asked, assert_rows, physics
 from scenes import mild_scene, motion_scene
 from scipy.integrate._ivp import dop853_coefficients as coefficients
 
@@ -37,14 +37,15 @@ from nonlinear.system import AppliedForces, initial_state, system_of
 
 pytestmark = [BROWSER, pytest.mark.slow]
 
-FREQUENCY, SHAPE, MOTION = 1e-12, 1e-9, 1e-6
+FREQUENCY, DAMPED, SHAPE, MOTION = 1e-12, 1e-9, 1e-9, 1e-6
 APART = 1e-10
 """rad by which a twin is started; within the horizon it stays within a thousand times that."""
 SECONDS = 10.0
 
 MODES = """(scenes) => scenes.map((scene) => {
   const system = $system.systemOf(scene);
-  return $modes.modesOf(system).map((row) => ({ ...row, swing: null, shapes: row.shapes.map((shape) => [...shape]) }));
+  const plain = (shapes) => shapes?.map((shape) => [...shape]) ?? null;
+  return $modes.modesOf(system).map((row) => ({ ...row, swing: null, parts: null, shapes: plain(row.shapes), twists: plain(row.twists) }));
 })"""
 RUNS = """({ scenes, times }) => scenes.map((scene) => {
   const system = $system.systemOf(scene);
@@ -64,32 +65,26 @@ def two_hundred() -> list[Scene]:
     return usually(every[::12], every)
 
 
-def strangers(row: dict[str, Any], modes: Modes) -> list[float]:
-    """How far each shape of a row is from the span of the table's shapes of the same frequency."""
-    matrix, number = modes.matrix, int(np.argmin(np.abs(modes.omega - row["omega"])))
-    own = matrix.shapes[:, matrix.row == number].real
-    found = []
-    for values in row["shapes"]:
-        shape = np.array(values if modes.on_cart else values[1:])
-        left = shape - own @ (own.T @ matrix.M @ shape)
-        found.append(float(np.sqrt(max(0.0, left @ matrix.M @ left) / (shape @ matrix.M @ shape))))
-    return found
+def strangers(row: dict[str, Any], modes: Modes, number: int) -> list[float]:
+    """How far each shape of a row is from the span of the table's shapes there."""
+    matrix = modes.matrix
+    own = np.linalg.qr(np.linalg.cholesky(matrix.M).T @ matrix.shapes[:, matrix.row == number])[0]
+    far = []
+    for values, twist in zip(row["shapes"], row["twists"] or [None] * row["multiplicity"], strict=True):
+        shape = np.array(values) + 1j * np.array(twist or 0.0)
+        scaled = np.linalg.cholesky(matrix.M).T @ (shape if modes.on_cart else shape[1:])
+        left = scaled - own @ (own.conj().T @ scaled)
+        far.append(float(np.linalg.norm(left) / np.linalg.norm(scaled)))
+    return far
 
 
 def assert_modes(rows: list[dict[str, Any]], scene: Scene) -> None:
-    modes = natural_modes(scene.conservative)
-    mine = np.sort([row["omega"] for row in rows for _ in range(row["multiplicity"])])
-    theirs = np.sort(np.repeat(modes.omega, modes.multiplicity))
-    assert len(mine) == len(theirs)
-    assert np.all(np.abs(mine - theirs) <= FREQUENCY * theirs)
-    for row in rows:
-        assert max(strangers(row, modes)) <= SHAPE
-        own = modes[int(np.argmin(np.abs(modes.omega - row["omega"])))]
-        assert row["growing"] == (own.growth_rate is not None)
-        assert row["resonant"] == bool(own.resonances), (scene, own)
-        if row["omega"] and not row["growing"]:
-            assert row["kappa"] == pytest.approx(own.kappa, rel=1e-9)
-            assert row["onePercent"] == pytest.approx(own.linear_to_1_percent_deg, rel=1e-9)
+    modes = natural_modes(scene)
+    assert_rows(rows, modes, words=scene.n_links < MOST_LINKS)
+    for number, row in enumerate(rows):
+        assert row["omega"] == pytest.approx(modes.omega[number], rel=DAMPED if scene.has_damping else FREQUENCY)
+        assert max(strangers(row, modes, number)) <= SHAPE
+        assert row["growing"] == (modes[number].growth_rate is not None)
 
 
 def test_modes_are_those_of_the_table(browser: Chromium) -> None:
@@ -106,14 +101,12 @@ def test_modes_of_shipped_scenes_and_of_a_long_chain(browser: Chromium) -> None:
     assert len(scenes) == 16
     for rows, scene in zip(asked(browser, MODES, [scene_data(one) for one in scenes]), scenes, strict=True):
         assert_modes(rows, scene)
-        if scene.n_links < MOST_LINKS:
-            assert [row["words"] for row in rows] == [mode.family for mode in natural_modes(scene.conservative)]
 
 
 def test_a_wrong_shape_or_frequency_is_seen(browser: Chromium) -> None:
     scene = motion_scene(3)
     (rows,) = asked(browser, MODES, [scene_data(scene)])
-    for row, factor in ((0, 1 + 1e-11), (-1, 1 - 1e-11)):
+    for row, factor in ((0, 1 + 1e-8), (-1, 1 - 1e-8)):
         changed = [dict(one) for one in rows]
         changed[row]["omega"] *= factor
         with pytest.raises(AssertionError):
@@ -122,16 +115,6 @@ def test_a_wrong_shape_or_frequency_is_seen(browser: Chromium) -> None:
     changed[-1]["shapes"] = [[value + 1e-7 * i for i, value in enumerate(changed[-1]["shapes"][0])]]
     with pytest.raises(AssertionError):
         assert_modes(changed, scene)
-
-
-def test_damping_ratios_are_the_first_order_of_the_table(browser: Chromium) -> None:
-    scene = load("paper-cart-2")
-    weak = [scene.replace(support=scene.support.replace(damping=1e-3)), aired(scene, drag=1e-3)]
-    for rows, one in zip(asked(browser, MODES, [scene_data(one) for one in weak]), weak, strict=True):
-        mine = sorted(row["ratio"] for row in rows if row["omega"])
-        theirs = sorted(mode.damping_ratio for mode in natural_modes(one) if mode.oscillates)
-        assert mine == pytest.approx(theirs, rel=1e-5, abs=1e-12)
-        assert mine[-1] > 1e-8
 
 
 def within(run: Trajectory, scene: Scene) -> np.ndarray:

@@ -43,14 +43,14 @@ def written(scene: Scene, folder: Path, recording: dict[str, Any] | None = None)
     return path
 
 
-def assert_rows(rows: Sequence[dict[str, Any]], modes: Modes, close: float = 1e-9) -> None:
+def assert_rows(rows: Sequence[dict[str, Any]], modes: Modes, close: float = 1e-9, *, words: bool = True) -> None:
     """The page's rows are those of the table, under its numbers: |λ|, ζ, multiplicity, words, κ and stars."""
     assert len(rows) == len(modes)
     for row, mode in zip(rows, modes, strict=True):
         assert row["omega"] == pytest.approx(mode.omega, rel=close)
         assert row["ratio"] == pytest.approx(mode.damping_ratio, abs=close)
         assert row["multiplicity"] == mode.multiplicity
-        assert row["words"] == mode.family
+        assert row["words"] == mode.family or not words
         assert row["resonant"] == bool(mode.resonances), mode
         if mode.kappa and np.isfinite(mode.kappa):
             assert row["kappa"] == pytest.approx(mode.kappa, rel=close)

@@ -285,7 +285,6 @@ DRIVEN = {"section": ("a stroboscopic section",), "orbits vary": ("a forced peri
 BEYOND = {
     ("count_100", "fit"): "at most",
     ("count_100", "play"): "at most",
-    ("moved_both_ways", "play"): "moves a support in one direction",
     ("structure", "tune"): "nothing damps mode 2",
     **dict.fromkeys((("count_100", "derive"), ("count_100", "tune")), "at most"),
     **dict.fromkeys((("hoist", "export"), ("hoist_and_drag", "export")), "holds a constant model"),

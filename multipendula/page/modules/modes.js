@@ -28,7 +28,7 @@ export function modesOf(system) {
 // The slowest swing without dampers (rad/s), that of the drawing of dampers by their share of critical damping.
 export function slowestOf(system) {
   const { M, K } = matricesBy(system.size, (x, z) => formsIn(system, x, z));
-  const [from, most] = [M[0][0] ? 0 : 1, system.gravity / Math.max(...system.links.map(({ l }) => l))];
+  const [from, most] = [system.cart || system.structure ? 0 : 1, system.gravity / Math.max(...system.links.map(({ l }) => l))];
   const parts = [M, K].map((S) => S.slice(from).map((line) => line.slice(from)));
   const squares = eigen(...parts).map((x) => {
     const whole = Float64Array.from({ length: system.size }, (_, i) => x[i - from] ?? 0);
