@@ -34,8 +34,8 @@ LARGEST, LARGEST_OF_STRUCTURES = 350_000, 800_000
 """Bytes of a page, at most, and of one whose equations stand in it link by link: of a structure, friction, forces."""
 ICON = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32"><path d="M5 4h22" stroke="#8a949c" stroke-width="3"/>'
-    '<path d="M16 4 11 16l9 9" fill="none" stroke="#8a949c" stroke-width="2"/><circle cx="11" cy="16" r="4" fill="#c48700"/>'
-    '<circle cx="20" cy="25" r="5" fill="#005f9e"/></svg>'
+    '<path d="M16 4 11 16l9 9" fill="none" stroke="#8a949c" stroke-width="2"/>'
+    '<circle cx="11" cy="16" r="4" fill="#c48700"/><circle cx="20" cy="25" r="5" fill="#005f9e"/></svg>'
 )
 """A double pendulum."""
 IMPORT = re.compile(r"^import (\{[^}]*\}) from \"\./(\w+)\.js\";$", re.MULTILINE)

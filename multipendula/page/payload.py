@@ -58,8 +58,9 @@ def _problems(scene: Scene) -> Iterator[str]:
         yield f"the scene has {scene.n_links} links in all: the live page shows at most {MOST_LINKS}"
     for place, motion in zip(scene.motion_places, scene.motions, strict=True):
         if motion.kind != "sine":
-            words = {"sweep": "a sweep", "record": "a record"}.get(motion.kind, "a random process")
-            yield f'{with_numbers(place)}.kind = "{motion.kind}": the live page cannot show a support that moves by {words}'
+            words = {"sweep": "in a sweep", "record": "as recorded"}.get(motion.kind, "at random")
+            where = f'{with_numbers(place)}.kind = "{motion.kind}"'
+            yield f"{where}: the live page cannot show a support that moves {words}"
     for k, force in enumerate(scene.force):
         if force.kind not in {"sine", "constant"}:
             yield f'force[{k}].kind = "{force.kind}": the live page cannot show a force that is no sine'

@@ -1,8 +1,8 @@
 """Scalar functions of Python as JavaScript: what happens at a switch is written once (`nonlinear.integration.changes`).
 
 Such functions have numbers, booleans and lists, `for` over lists and ranges, `if`, comprehensions, and of the built-ins
-those of `CALLED`: what Python runs and numba compiles.  Anything else is a TypeError that names its line.  A sum of lists
-must show as such, by a display, a slice, a comprehension or a function named in `lists`.
+those of `CALLED`: what Python runs and numba compiles.  Anything else is a TypeError that names its line.  A sum of
+lists must show as such, by a display, a slice, a comprehension or a function named in `lists`.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class _Writer:
 
     # ----------------------------------------------------------------------------------------------- expressions
 
-    def expression(self, node: ast.expr) -> str:  # noqa: PLR0911
+    def expression(self, node: ast.expr) -> str:  # noqa: PLR0912
         match node:
             case ast.Constant(value=bool() as value):
                 return str(value).lower()

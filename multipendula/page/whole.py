@@ -1,8 +1,8 @@
 """Scenes whose equations the page has as one text: those with dry friction, or with forces, on a cart or a support.
 
-The module `whole` of the page is made here, null for other scenes: the functions of `nonlinear.dynamics.switching_of`, what
-happens at a switch and where a step ends at one, all the same text as Python runs (`multipendula.page.scalars`), and
-where the numbers are that they take.
+The module `whole` of the page is made here, null for other scenes: the functions of `nonlinear.dynamics.switching_of`,
+what happens at a switch and where a step ends at one, all the same text as Python runs (`multipendula.page.scalars`),
+and where the numbers are that they take.
 """
 
 from __future__ import annotations
@@ -73,7 +73,8 @@ def whole_module(scene: Scene) -> str:
         f"const data = {json.dumps(data, allow_nan=False)};",
         "const constants = (p) => Float64Array.from(steps.constants(p));",
         f"const called = {{ {', '.join(names)} }};",
-        "export const whole = { ...data, ...called, constants, inputs, begin, due, change, seen, meet, NEAR, MET, STANDS, AGAIN };",
+        "const switching = { inputs, begin, due, change, seen, meet, NEAR, STANDS, AGAIN };",
+        "export const whole = { ...data, ...called, ...switching, constants };",
     )
     return "\n".join(lines)
 

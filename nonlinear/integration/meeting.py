@@ -7,6 +7,7 @@ step is met by another, shorter one, whose length Newton's method finds, kept wi
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
 from math import sqrt
 from typing import Any
 
@@ -139,7 +140,7 @@ def meet(
 
 def meeting_source() -> str:
     """The functions of this module, but this one, as a text of Python; what they have from outside is in `MEETING`."""
-    every = [rises, swells, seen, bent, highest, cubic, passing, meet]
+    every: list[Callable[..., Any]] = [rises, swells, seen, bent, highest, cubic, passing, meet]
     return "\n".join(inspect.getsource(one) for one in every)
 
 

@@ -45,7 +45,10 @@ SECONDS = 10.0
 MODES = """(scenes) => scenes.map((scene) => {
   const system = $system.systemOf(scene);
   const plain = (shapes) => shapes?.map((shape) => [...shape]) ?? null;
-  return $modes.modesOf(system).map((row) => ({ ...row, swing: null, parts: null, shapes: plain(row.shapes), twists: plain(row.twists) }));
+  return $modes.modesOf(system).map((row) => {
+    const shapes = { shapes: plain(row.shapes), twists: plain(row.twists) };
+    return { ...row, ...shapes, swing: null, parts: null };
+  });
 })"""
 RUNS = """({ scenes, times }) => scenes.map((scene) => {
   const system = $system.systemOf(scene);

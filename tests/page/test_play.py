@@ -117,10 +117,13 @@ ODD = {
     "hoist": (load("hoisting-crane"), r"pendulum\[0\].links\[0\].hoist: the live page"),
     "random": (
         load("chain-2").replace(support=Moved(motion=SweepMotion(amplitude=0.1, from_hz=1.0, to_hz=2.0, duration=3.0))),
-        'support.motion.kind = "sweep": the live page cannot show a support that moves by a sweep',
+        'support.motion.kind = "sweep": the live page cannot show a support that moves in a sweep',
     ),
     "ratio": (load("chain-2").replace(damping_ratio=0.1), r"damping_ratio = 0\.1: .*dampers"),
-    "massless": (load("paper-cart-2").replace(support=load("paper-cart-2").support.replace(mass=0.0)), "cannot show a cart"),
+    "massless": (
+        load("paper-cart-2").replace(support=load("paper-cart-2").support.replace(mass=0.0)),
+        "cannot show a cart",
+    ),
 }
 
 

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from live import assert_rows
 
 from modal import natural_modes
@@ -89,7 +88,8 @@ CHANGES: dict[str, list[tuple[list[Any], float]]] = {
 SECONDS = 1.5
 QUESTION = """
 const scene = %(scene)s, system = $system.systemOf(scene), drawn = new $view.View(system);
-const plain = (row) => ({ ...row, shapes: row.shapes.map((x) => [...x]), twists: row.twists?.map((x) => [...x]) ?? null });
+const listed = (shapes) => shapes?.map((x) => [...x]) ?? null;
+const plain = (row) => ({ ...row, shapes: listed(row.shapes), twists: listed(row.twists) });
 const ofModes = (own) => $modes.modesOf(own).map(plain);
 const states = %(states)s.map(([time, ...y]) => [time, Float64Array.from(y)]);
 const rate = $equations.equationsOf(system);

@@ -91,7 +91,8 @@ QUESTION = """
 const whole = %(scene)s, changed = %(changed)s;
 const run = (scene, options) => {
   const system = $system.systemOf(scene);
-  const motion = new $motion.Motion(system, $system.startOf(scene, system), { tolerance: 1e-12, linear: false, ...options });
+  const exact = { tolerance: 1e-12, linear: false, ...options };
+  const motion = new $motion.Motion(system, $system.startOf(scene, system), exact);
   const rows = %(times)s.map((time) => (motion.advance(time), [...motion.y]));
   return { rows, worst: motion.worst, stuck: motion.full.stuck ?? null };
 };

@@ -119,7 +119,9 @@ def test_neighbours_beat_that_explain_has_in_one_family(answers: dict[str, Any],
         assert all(row["beat"] is None for row in rows)
         return
     keys = ("mode_cart_still", "cart_mode", "mode_of_these")
-    families = [{own.get(key) for key in keys} | {one["mode"] for one in own.get("modes", ())} for own in record["families"]]
+    families = [
+        {own.get(key) for key in keys} | {one["mode"] for one in own.get("modes", ())} for own in record["families"]
+    ]
     for number, (row, after) in enumerate(pairwise(rows), 1):
         swings = min(row["turn"], after["turn"]) > 0
         akin = swings and any({number, number + 1} <= family for family in families)
