@@ -51,7 +51,7 @@ class Slider {
 
   // Said beside the number, which stays as it was, and read to those who do not see it.
   refuse(why) {
-    const value = `${String(Number(this.read().toPrecision(4)))} ${this.unit}`.trim();
+    const value = `${written(this.read())} ${this.unit}`.trim();
     this.refusal.textContent = `${this.label}: ${why}. It stays ${value}.`;
     this.refusal.hidden = false;
     this.number.setAttribute("aria-invalid", "true");
@@ -88,7 +88,7 @@ class Slider {
     const part = this.linear ? (value - low) / (high - low) : Math.log(value / low) / Math.log(high / low);
     this.bar.value = Math.round(STEPS * part);
     this.bar.setAttribute("aria-valuetext", `${digits(value)} ${this.unit}`);
-    if (always || document.activeElement !== this.number) this.number.value = String(Number(value.toPrecision(4)));
+    if (always || document.activeElement !== this.number) this.number.value = written(value);
   }
 
   forget() {
@@ -96,6 +96,11 @@ class Slider {
   }
 }
 
+// Four digits, as short as a field needs them.
+const written = (value) => {
+  const own = Number(value.toPrecision(4));
+  return own >= 1e6 || (own && own < 1e-4) ? own.toExponential().replace("e+", "e") : String(own);
+};
 const decade = (value) => [value / 10, value * 10];
 
 export class Controls {
