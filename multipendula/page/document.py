@@ -48,9 +48,9 @@ def joined(names: Sequence[str] = MODULES, scene: Scene | None = None) -> str:
 
 
 def _module(name: str, scene: Scene | None) -> str:
-    own = {"structure": structure_module, "whole": whole_module}
-    if name in own:
-        return own[name](scene) if scene else f"export const {name} = null;"
+    written_for = {"structure": structure_module, "whole": whole_module}
+    if name in written_for:
+        return written_for[name](scene) if scene else f"export const {name} = null;"
     return {"steps": steps, "tableau": tableau}[name]() if name in {"steps", "tableau"} else _file(f"modules/{name}.js")
 
 
@@ -74,10 +74,10 @@ def tableau() -> str:
     from nonlinear.integration import method
 
     def row(shares: Sequence[tuple[int, float]], length: int) -> list[float]:
-        found = [0.0] * length
+        weights = [0.0] * length
         for stage, share in shares:
-            found[stage] = share
-        return found
+            weights[stage] = share
+        return weights
 
     count = method.STAGES
     coefficients = {
@@ -113,7 +113,7 @@ def page(data: dict[str, Any], recording: dict[str, Any] | None = None) -> str:
         "script": script,
         "data": inert({"scene": data, "recording": recording, "notes": left_out(scene)}),
     }
-    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _file("page.html"))
+    return re.sub(r"\{\{(\w+)\}\}", lambda field: parts[field[1]], _file("page.html"))
 
 
 def inert(whole: Any) -> str:

@@ -43,8 +43,8 @@ def scene_data(scene: Scene) -> dict[str, Any]:
         data.pop("ground", None)
         moved = scene.ground and Moved(motion=scene.ground.motion)
         data["support"] = describe(moved or scene.supports[0])
-    for own, pendulum in zip(data["pendulum"], scene.pendulum, strict=True):
-        own["links"] = [
+    for entry, pendulum in zip(data["pendulum"], scene.pendulum, strict=True):
+        entry["links"] = [
             {key: value for key, value in describe(link).items() if key != "count"}
             for link in pendulum.links
             for _ in range(link.count)
@@ -55,7 +55,7 @@ def scene_data(scene: Scene) -> dict[str, Any]:
 def _problems(scene: Scene) -> Iterator[str]:
     yield from refusals(scene, "the live page")
     if scene.n_links > MOST_LINKS:
-        yield f"the scene has {scene.n_links} links in all: the live page shows at most {MOST_LINKS}"
+        yield f"the scene has {scene.n_links} links in all: the live page cannot show more than {MOST_LINKS}"
     for place, motion in zip(scene.motion_places, scene.motions, strict=True):
         if motion.kind != "sine":
             words = {"sweep": "in a sweep", "record": "as recorded"}.get(motion.kind, "at random")
@@ -80,7 +80,8 @@ def _structure_problems(scene: Scene) -> Iterator[str]:
     """What the page of a structure does not treat."""
     count = scene.n_links + structure_of(scene).size
     if scene.n_links <= MOST_LINKS and count > MOST_COORDINATES:
-        yield f"the structure has {count} coordinates, links included: the live page shows at most {MOST_COORDINATES}"
+        words = f"the live page cannot show more than {MOST_COORDINATES}"
+        yield f"the structure has {count} coordinates, links included: {words}"
     yield from _named_problems(scene)
 
 

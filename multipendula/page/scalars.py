@@ -40,7 +40,7 @@ def functions_of(source: str, lists: Collection[str] = ()) -> str:
 
 def function_source(functions: Sequence[Callable[..., Any]], lists: Collection[str] = ()) -> str:
     """The same of functions."""
-    return "\n".join(functions_of(inspect.getsource(one), lists) for one in functions)
+    return "\n".join(functions_of(inspect.getsource(function), lists) for function in functions)
 
 
 class _Writer:
@@ -50,7 +50,7 @@ class _Writer:
     # ------------------------------------------------------------------------------------------------ statements
 
     def function(self, node: ast.FunctionDef, indent: str) -> str:
-        names = [one.arg for one in node.args.args]
+        names = [argument.arg for argument in node.args.args]
         local = sorted(RESERVED.get(name, name) for name in _assigned(node.body) - set(names))
         head = f"{indent}function {node.name}({', '.join(names)}) {{"
         lines = [f"{indent}  let {', '.join(local)};"] if local else []
@@ -114,7 +114,7 @@ class _Writer:
             case ast.BoolOp(op=op, values=values):
                 return f"({(' && ' if isinstance(op, ast.And) else ' || ').join(map(self.expression, values))})"
             case ast.Compare(left=left, ops=ops, comparators=others):
-                words = [self.expression(one) for one in (left, *others)]
+                words = [self.expression(operand) for operand in (left, *others)]
                 pairs = zip(words, ops, words[1:], strict=False)
                 return f"({' && '.join(f'{a} {COMPARED[type(op)]} {b}' for a, op, b in pairs)})"
             case ast.IfExp(test=test, body=body, orelse=other):
@@ -151,14 +151,14 @@ class _Writer:
         return f"{over}.{'flatMap' if rest else 'map'}(({name}) => {inner})"
 
     def call(self, node: ast.Call) -> str:
-        given = [self.expression(one) for one in node.args]
+        arguments = [self.expression(argument) for argument in node.args]
         match node.func:
             case ast.Name(id="len"):
-                return f"{given[0]}.length"
+                return f"{arguments[0]}.length"
             case ast.Name(id=name):
-                return f"{CALLED.get(name, name)}({', '.join(given)})"
+                return f"{CALLED.get(name, name)}({', '.join(arguments)})"
             case ast.Attribute(value=value, attr="append"):
-                return f"{self.expression(value)}.push({', '.join(given)})"
+                return f"{self.expression(value)}.push({', '.join(arguments)})"
         raise TypeError(f"line {node.lineno}: no call of {ast.unparse(node.func)} in scalar functions")
 
 
@@ -168,7 +168,7 @@ def _assigned(body: Sequence[ast.stmt]) -> set[str]:
     for node in body:
         match node:
             case ast.Assign(targets=targets):
-                names |= {one.id for target in targets for one in _parts(target) if isinstance(one, ast.Name)}
+                names |= {leaf.id for target in targets for leaf in _parts(target) if isinstance(leaf, ast.Name)}
             case ast.AugAssign(target=ast.Name(id=name)):
                 names.add(name)
             case ast.For(body=inner) | ast.If(body=inner):
@@ -177,4 +177,4 @@ def _assigned(body: Sequence[ast.stmt]) -> set[str]:
 
 
 def _parts(target: ast.expr) -> list[ast.expr]:
-    return [one for part in target.elts for one in _parts(part)] if isinstance(target, ast.Tuple) else [target]
+    return [leaf for part in target.elts for leaf in _parts(part)] if isinstance(target, ast.Tuple) else [target]

@@ -38,19 +38,19 @@ def text(browser: Chromium, name: str) -> str:
 
 
 def cells(browser: Chromium) -> list[list[str]]:
-    found: list[list[str]] = browser.run(
+    texts: list[list[str]] = browser.run(
         "[...document.querySelectorAll('#rows tr')].map((row) => [...row.cells].map((cell) => cell.textContent))"
     )
-    return found
+    return texts
 
 
 def file_of(browser: Chromium) -> str:
     """The scene file that the page offers to copy."""
     browser.run("navigator.clipboard.writeText = () => Promise.reject(new Error('none'))")
     browser.click("file")
-    found = str(browser.run("document.getElementById('paper').value"))
+    toml = str(browser.run("document.getElementById('paper').value"))
     browser.run("document.getElementById('sheet').close()")
-    return found
+    return toml
 
 
 def enter(browser: Chromium, label: str, value: float) -> None:
@@ -239,7 +239,7 @@ def test_a_mode_that_does_not_swing_is_not_said_to(
     browser.size(1280, 900)
     browser.open(written(scene, tmp_path))
     rows = cells(browser)
-    row = next(k for k, one in enumerate(rows) if one[1] == frequency) if number is None else number - 1
+    row = next(k for k, texts in enumerate(rows) if texts[1] == frequency) if number is None else number - 1
     assert rows[row][1] == frequency
     browser.run(f"document.querySelectorAll('#rows tr')[{row}].click()")
     browser.frames(2)
@@ -492,6 +492,6 @@ def test_axe_finds_nothing(browser: Chromium, tmp_path: Path, width: int, dark: 
         "(() => { const box = document.querySelector('input[type=number]');"
         " box.value = '-1'; box.dispatchEvent(new Event('change')); })()"
     )
-    found: list[dict[str, Any]] = browser.run("axe.run().then((result) => result.violations)")
-    assert [(one["id"], [node["html"] for node in one["nodes"]]) for one in found] == []
+    violations: list[dict[str, Any]] = browser.run("axe.run().then((result) => result.violations)")
+    assert [(violation["id"], [node["html"] for node in violation["nodes"]]) for violation in violations] == []
     assert browser.run("axe.run().then((result) => result.passes.length)") > 20

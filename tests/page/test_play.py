@@ -77,7 +77,7 @@ HOSTILE = "</script><script>alert(1)</script><!--<img src=x onerror=alert(2)>&am
 
 def test_a_title_is_text_and_nothing_else() -> None:
     scene = load("chain-1").replace(title=HOSTILE)
-    usual, hostile = (Elements(page(scene_data(one))) for one in (load("chain-1"), scene))
+    usual, hostile = (Elements(page(scene_data(shown))) for shown in (load("chain-1"), scene))
     assert [tag for tag, _ in hostile.tags] == [tag for tag, _ in usual.tags]
     assert hostile.texts["title"].count(HOSTILE) == 2
     assert loads(f"x = {hostile.texts['data'].partition('title')[2].partition(': ')[2].split(', ')[0]}")["x"] == HOSTILE
@@ -88,12 +88,12 @@ def test_the_policy_admits_this_script_and_no_other() -> None:
     policy = unescape(next(str(attrs["content"]) for _, attrs in Elements(text).tags if "http-equiv" in attrs))
     assert "default-src 'none'" in policy
     assert "unsafe" not in policy
-    for kind, found in (
+    for kind, element in (
         ("script", re.search(r'<script type="module">(.*)</script>', text, flags=re.S)),
         ("style", re.search(r"<style>(.*)</style>", text, flags=re.S)),
     ):
-        assert found
-        assert f"{kind}-src 'sha256-{b64encode(sha256(found[1].encode()).digest()).decode()}'" in policy
+        assert element
+        assert f"{kind}-src 'sha256-{b64encode(sha256(element[1].encode()).digest()).decode()}'" in policy
 
 
 WRITTEN = {"steps", "structure", "tableau", "whole"}
@@ -155,7 +155,7 @@ def test_what_a_page_is_given_is_the_whole_scene(name: str) -> None:
     if refusals(scene, "the live page"):
         return
     back: Scene = scene_from(scene_data(scene))
-    assert [link for one in back.pendulum for link in one.links] == [
-        link.replace(count=1) for one in scene.pendulum for link in one.links for _ in range(link.count)
+    assert [link for pendulum in back.pendulum for link in pendulum.links] == [
+        link.replace(count=1) for pendulum in scene.pendulum for link in pendulum.links for _ in range(link.count)
     ]
     assert (back.gravity, back.support, back.title) == (scene.gravity, scene.support, scene.title)

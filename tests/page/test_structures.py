@@ -149,13 +149,13 @@ def answers() -> dict[str, Any]:
     scripts = []
     for name in NAMES:
         scene = scene_of(name)
-        given = {
+        asked_with = {
             "scene": scene_data(scene),
             "states": states_of(name).tolist(),
             "changes": CHANGES.get(name, []),
             "seconds": SECONDS,
         }
-        question = QUESTION % {key: json.dumps(value) for key, value in given.items()}
+        question = QUESTION % {key: json.dumps(value) for key, value in asked_with.items()}
         modules = joined((*PHYSICS, "numbers", "view"), scene)
         scripts.append(f"{json.dumps(name)}: (() => {{ {modules}\n{question} }})()")
     return asked(f"process.stdout.write(JSON.stringify({{ {', '.join(scripts)} }}));")
@@ -197,10 +197,10 @@ def test_energies_are_those_of_the_mechanics(answers: dict[str, Any], name: str)
         support_rates=y[:, half : half + first],
     )
     theirs = Mechanics(system, motion).energies
-    for own, kinetic, potential in zip(answers[name]["energies"], *theirs, strict=True):
+    for energies, kinetic, potential in zip(answers[name]["energies"], *theirs, strict=True):
         size = kinetic + abs(potential)
-        assert own["kinetic"] == pytest.approx(kinetic, rel=1e-9)
-        assert own["potential"] == pytest.approx(potential, rel=1e-9, abs=1e-11 * size)
+        assert energies["kinetic"] == pytest.approx(kinetic, rel=1e-9)
+        assert energies["potential"] == pytest.approx(potential, rel=1e-9, abs=1e-11 * size)
 
 
 def changed(name: str) -> Scene:
@@ -217,13 +217,13 @@ def changed(name: str) -> Scene:
 def test_modes_are_those_of_the_table_also_after_changes(answers: dict[str, Any], name: str) -> None:
     for rows, scene in ((answers[name]["modes"], scene_of(name)), (answers[name]["changed"], changed(name))):
         assert_rows(rows, natural_modes(scene))
-        own = matrices(scene)
+        parts = matrices(scene)
         for row in rows:
             value = row["rate"] + 1j * row["turn"]
-            twists = row["twists"] or [np.zeros(len(own.M))] * row["multiplicity"]
+            twists = row["twists"] or [np.zeros(len(parts.M))] * row["multiplicity"]
             for shape in np.array(row["shapes"]) + 1j * np.array(twists):
-                left = value**2 * (own.M @ shape) + value * (own.D @ shape) + own.K @ shape
-                assert np.abs(left).max() < 1e-9 * np.abs(own.K @ shape).max()
+                left = value**2 * (parts.M @ shape) + value * (parts.D @ shape) + parts.K @ shape
+                assert np.abs(left).max() < 1e-9 * np.abs(parts.K @ shape).max()
 
 
 @EVERY
@@ -240,7 +240,7 @@ def test_motions_are_pythons(answers: dict[str, Any], name: str) -> None:
 @pytest.mark.parametrize("name", ["two-bobs", "tower", "ship-crane", "zoo", "shaken"])
 def test_small_motions_are_the_linear_ones(answers: dict[str, Any], name: str) -> None:
     """Of scenes without drives: start, forces and the motion of the ground are a millionth."""
-    full, linear = (np.array(one[: len(answers[name]["y"]) - 1]) for one in answers[name]["small"])
+    full, linear = (np.array(motion[: len(answers[name]["y"]) - 1]) for motion in answers[name]["small"])
     assert np.abs(full - linear).max() < 1e-5 * np.abs(full).max()
     assert np.abs(full).max() > 1e-8
 
@@ -384,10 +384,10 @@ def pages() -> dict[str, Any]:
         recording = recording_of(simulate(scene, 0.5, output=11)) if name == "two-bobs" else None
         link = json.dumps({"scene": scene_data(changed(name))}) if name == "beam" else ""
         place = f"#{b64encode(link.encode()).decode()}" if link else ""
-        given = {"data": {"scene": scene_data(scene), "recording": recording, "notes": []}, "hash": place}
+        page_data = {"data": {"scene": scene_data(scene), "recording": recording, "notes": []}, "hash": place}
         hand = HAND % ("" if name == "two-bobs" else DRAG)
         scripts.append(
-            f"answers[{json.dumps(name)}] = (() => {{ const given = {json.dumps(given)};\n{browser}\n"
+            f"answers[{json.dumps(name)}] = (() => {{ const given = {json.dumps(page_data)};\n{browser}\n"
             f"{joined(scene=scene_of(name))}\nreturn {hand}; }})();"
         )
     return asked(f"const answers = {{}};\n{' '.join(scripts)}\nprocess.stdout.write(JSON.stringify(answers));")
@@ -395,17 +395,17 @@ def pages() -> dict[str, Any]:
 
 @EVERY
 def test_the_page_shows_what_there_is(pages: dict[str, Any], name: str) -> None:
-    found, scene = pages[name], changed(name) if name == "beam" else scene_of(name)
-    assert found["title"] == (scene.title or "")
+    seen, scene = pages[name], changed(name) if name == "beam" else scene_of(name)
+    assert seen["title"] == (scene.title or "")
     modes = natural_modes(scene)
-    assert [row[0] for row in found["rows"]] == [f"{omega / (2 * np.pi):.5g}" for omega in modes.omega]
-    assert found["springs"] >= len(scene.spring)
-    bodies = [own for own in structure_of(scene).carriers if own.size and own.points is None]
-    assert found["bodies"] >= len(bodies)
-    assert found["energy"].endswith("J")
-    assert found["energy"] != "0 J"
-    assert float(found["drift"].partition("·")[0]) >= 0
-    assert found["time"] != "0.00 s"
+    assert [row[0] for row in seen["rows"]] == [f"{omega / (2 * np.pi):.5g}" for omega in modes.omega]
+    assert seen["springs"] >= len(scene.spring)
+    bodies = [carrier for carrier in structure_of(scene).carriers if carrier.size and carrier.points is None]
+    assert seen["bodies"] >= len(bodies)
+    assert seen["energy"].endswith("J")
+    assert seen["energy"] != "0 J"
+    assert float(seen["drift"].partition("·")[0]) >= 0
+    assert seen["time"] != "0.00 s"
 
 
 def test_supports_and_springs_have_sliders(pages: dict[str, Any]) -> None:

@@ -133,11 +133,11 @@ def changed(name: str) -> dict[str, Any]:
 def answers() -> dict[str, Any]:
     """What the pages say, all asked at once."""
     scripts = []
-    for name, own in SCENES.items():
-        scene = scene_from({"gravity": 9.81, **own})
+    for name, data in SCENES.items():
+        scene = scene_from({"gravity": 9.81, **data})
         times = np.linspace(0, SECONDS, SAMPLES)[1:].tolist()
-        given = {"scene": scene_data(scene), "changed": changed(name), "times": times}
-        question = QUESTION % {key: json.dumps(value) for key, value in given.items()}
+        asked_with = {"scene": scene_data(scene), "changed": changed(name), "times": times}
+        question = QUESTION % {key: json.dumps(value) for key, value in asked_with.items()}
         scripts.append(f"{json.dumps(name)}: (() => {{ {joined(PHYSICS, scene)}\n{question} }})()")
     return asked(f"process.stdout.write(JSON.stringify({{ {', '.join(scripts)} }}));")
 
@@ -174,7 +174,7 @@ def test_the_page_says_what_friction_holds(answers: dict[str, Any]) -> None:
 @NEEDS_NODE
 @pytest.mark.parametrize("name", ["forces", "both ways"])
 def test_small_motions_are_the_linear_ones(answers: dict[str, Any], name: str) -> None:
-    full, linear = (np.array(one)[:-1] for one in answers[name]["small"])
+    full, linear = (np.array(motion)[:-1] for motion in answers[name]["small"])
     assert np.abs(full - linear[: len(full)]).max() < 1e-5 * np.abs(full).max()
 
 

@@ -68,7 +68,7 @@ def shown(scene: Scene) -> bool:
 def every() -> dict[str, Scene]:
     """Scenes of all kinds by their names; of random ones mild and wild."""
     scenes = {name: scene for name in example_names() if shown(scene := load(name))}
-    scenes |= {name: scene_from({"gravity": 9.81, **own}) for name, own in PLAIN.items()}
+    scenes |= {name: scene_from({"gravity": 9.81, **data}) for name, data in PLAIN.items()}
     return scenes | {f"{make.__name__} {k}": make(k) for make in (motion_scene, mild_scene) for k in range(1, 14, 3)}
 
 
@@ -77,16 +77,16 @@ def answers() -> dict[str, list[dict[str, Any]]]:
     """The rows of all scenes, all asked at once; scenes without a text of their own share the modules."""
     scripts = [f"const answers = {{}};\n{joined(MODAL)}"]
     for name, scene in every().items():
-        own = scene.is_structured or scene.has_friction
-        modules = joined(MODAL, scene) if own else ""
+        needs_text = scene.is_structured or scene.has_friction
+        modules = joined(MODAL, scene) if needs_text else ""
         question = QUESTION % json.dumps(scene_data(scene))
         scripts.append(f"answers[{json.dumps(name)}] = (() => {{ {modules}\n{question} }})();")
     script = "\n".join((*scripts, "process.stdout.write(JSON.stringify(answers));"))
     assert NODE is not None
     done = subprocess.run([NODE, "-"], input=script, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
-    found: dict[str, list[dict[str, Any]]] = json.loads(done.stdout)
-    return found
+    rows: dict[str, list[dict[str, Any]]] = json.loads(done.stdout)
+    return rows
 
 
 def test_rows_are_those_of_the_table(answers: dict[str, Any]) -> None:
@@ -120,7 +120,8 @@ def test_neighbours_beat_that_explain_has_in_one_family(answers: dict[str, Any],
         return
     keys = ("mode_cart_still", "cart_mode", "mode_of_these")
     families = [
-        {own.get(key) for key in keys} | {one["mode"] for one in own.get("modes", ())} for own in record["families"]
+        {entry.get(key) for key in keys} | {mode["mode"] for mode in entry.get("modes", ())}
+        for entry in record["families"]
     ]
     for number, (row, after) in enumerate(pairwise(rows), 1):
         swings = min(row["turn"], after["turn"]) > 0

@@ -20,7 +20,7 @@ from modal.scene import Scene
 from multipendula.page import joined, page, scene_data
 from multipendula.page.document import PHYSICS
 
-BROWSER = pytest.mark.skipif(chromium.found() is None, reason="no Chromium is installed here")
+BROWSER = pytest.mark.skipif(chromium.executable() is None, reason="no Chromium is installed here")
 
 
 def physics(browser: chromium.Chromium, folder: Path) -> None:
@@ -31,9 +31,9 @@ def physics(browser: chromium.Chromium, folder: Path) -> None:
     browser.run(joined(PHYSICS) + "\n;0")
 
 
-def asked(browser: chromium.Chromium, question: str, given: Any) -> Any:
+def asked(browser: chromium.Chromium, question: str, argument: Any) -> Any:
     """The value of a function of JavaScript for this argument."""
-    return browser.run(f"({question})({json.dumps(given)})")
+    return browser.run(f"({question})({json.dumps(argument)})")
 
 
 def written(scene: Scene, folder: Path, recording: dict[str, Any] | None = None) -> Path:
