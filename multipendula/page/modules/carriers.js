@@ -104,23 +104,23 @@ export function ratesOf({ size, structure: { constants, rest } }, forces, linear
 
 // Kinetic and potential energy (J), the latter from rest.
 export function storedIn({ structure: { constants } }, y) {
-  const found = new Float64Array(2);
-  structure.steps.stored(constants, y, null, null, found);
-  return { kinetic: found[0], potential: found[1] };
+  const energies = new Float64Array(2);
+  structure.steps.stored(constants, y, null, null, energies);
+  return { kinetic: energies[0], potential: energies[1] };
 }
 
 // The bilinear forms x'Mz, x'Kz and x'Dz of small motions of all coordinates.
 export function pairedIn({ structure: { constants, rest } }, x, z) {
-  const found = new Float64Array(3);
-  structure.steps.paired(constants, rest, x, z, found);
-  return found;
+  const forms = new Float64Array(3);
+  structure.steps.paired(constants, rest, x, z, forms);
+  return forms;
 }
 
 // What impulses on all coordinates add to the rates.
 export function impelledIn({ size, structure: { constants } }, y, impulses) {
-  const found = new Float64Array(size);
-  structure.steps.impelled(constants, y, impulses, null, found);
-  return found;
+  const rates = new Float64Array(size);
+  structure.steps.impelled(constants, y, impulses, null, rates);
+  return rates;
 }
 
 // ------------------------------------------------------------------------------------------------ drawing
@@ -129,16 +129,16 @@ const constants = structure && structure.drawing.constants([]);
 
 // Where the first joints of all pendula are, in metres along the rail and down.
 export function pivotsAt(y) {
-  const found = new Float64Array(2 * structure.bases.length);
-  structure.drawing.pivots(constants, y, null, null, found);
-  return paired(found);
+  const places = new Float64Array(2 * structure.bases.length);
+  structure.drawing.pivots(constants, y, null, null, places);
+  return paired(places);
 }
 
 // The lines and outlines of carriers, springs and ground: { role, carrier, closed, points }.
 export function piecesAt(y, joints) {
-  const found = new Float64Array(2 * structure.pieces.reduce((total, { count = 0 }) => total + count, 0));
-  structure.drawing.pieces(constants, y, joints.flat(2), null, found);
-  const points = paired(found);
+  const places = new Float64Array(2 * structure.pieces.reduce((total, { count = 0 }) => total + count, 0));
+  structure.drawing.pieces(constants, y, joints.flat(2), null, places);
+  const points = paired(places);
   let at = 0;
   return structure.pieces.map((piece) => ({ ...piece, points: piece.points ? paired(piece.points) : points.slice(at, (at += piece.count)) }));
 }

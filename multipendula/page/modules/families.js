@@ -6,7 +6,7 @@
 // belongs to what it has most of.  Of the energy of an own mode s a row has the share (f'M s)^2/(f'M f s'M s), over its
 // shapes f; two rows of other families beat, too, where they pass half of it on and back, 4 p q.
 
-import { eigen, formsIn, matricesBy } from "./matrices.js";
+import { dot, eigen, formsIn, matricesBy } from "./matrices.js";
 import { mannerOf } from "./shapes.js";
 
 const [SAME, WHOLE, HALF] = [1e-9, 1e-6, 0.5];
@@ -118,10 +118,4 @@ function byShares(families, moving, family, carried) {
     else room--;
   }
   return family;
-}
-
-function dot(x, y) {
-  let total = 0;
-  for (let i = 0; i < x.length; i++) total += x[i] * y[i];
-  return total;
 }

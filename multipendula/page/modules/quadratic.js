@@ -4,6 +4,8 @@
 // Van Loan, Matrix Computations, 7.5), then each vector by inverse iteration, from which λ follows anew: a symmetric
 // problem has a' as its left vector, so that the root of a'(λ² + λ Z + κ)a is wrong by the square of the vector's error.
 
+import { dot } from "./matrices.js";
+
 const EPS = 2 ** -52;
 const [TOGETHER, MOST_ROUNDS, NULL] = [1e-9, 3, 1e-7];
 
@@ -146,27 +148,21 @@ function factored(G, largest) {
 }
 
 function orthonormal(vectors) {
-  const found = [];
+  const basis = [];
   for (const vector of vectors) {
     const largest = Math.max(...vector.a.map(Math.abs), ...vector.b.map(Math.abs));
     let [a, b] = [vector.a.map((value) => value / largest), vector.b.map((value) => value / largest)];
     for (let round = 0; round < 2; round++) {
-      for (const own of found) {
+      for (const own of basis) {
         const [p, q] = [dot(own.a, a) + dot(own.b, b), dot(own.a, b) - dot(own.b, a)];
         [a, b] = [a.map((value, i) => value - p * own.a[i] + q * own.b[i]), b.map((value, i) => value - p * own.b[i] - q * own.a[i])];
       }
       const size = Math.hypot(...a, ...b);
       [a, b] = [a.map((value) => value / size), b.map((value) => value / size)];
     }
-    found.push({ a, b });
+    basis.push({ a, b });
   }
-  return found;
-}
-
-function dot(x, y) {
-  let total = 0;
-  for (let i = 0; i < x.length; i++) total += x[i] * y[i];
-  return total;
+  return basis;
 }
 
 const times = (z, w) => ({ re: z.re * w.re - z.im * w.im, im: z.re * w.im + z.im * w.re });
@@ -192,22 +188,22 @@ function squareRoot({ re, im }) {
 export function eigenvaluesOf(A) {
   const H = hessenberg(A.map((row) => Float64Array.from(row)));
   const norm = H.reduce((total, row) => total + row.reduce((sum, value) => sum + Math.abs(value), 0), 0);
-  const found = [];
+  const eigenvalues = [];
   let [n, rounds, shift] = [H.length - 1, 0, 0];
   while (n >= 0) {
     const low = smallBelow(H, n, norm);
     if (low === n) {
-      found.push({ re: H[n][n] + shift, im: 0 });
+      eigenvalues.push({ re: H[n][n] + shift, im: 0 });
       [n, rounds] = [n - 1, 0];
     } else if (low === n - 1) {
-      found.push(...pairOf(H, n, shift));
+      eigenvalues.push(...pairOf(H, n, shift));
       [n, rounds] = [n - 2, 0];
     } else {
       if (rounds === 60) throw new Error("the eigenvalues do not converge");
       shift = swept(H, low, n, rounds++, shift);
     }
   }
-  return found;
+  return eigenvalues;
 }
 
 function hessenberg(A) {

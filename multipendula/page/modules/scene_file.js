@@ -74,28 +74,28 @@ function pendulumLines({ count = 1, equilibrium, links, start, on, position }) {
 
 // Equal links in a row as one with a count.
 function repeated(links) {
-  const found = [];
+  const runs = [];
   for (const link of links) {
-    const last = found.at(-1);
+    const last = runs.at(-1);
     if (last && JSON.stringify(last.link) === JSON.stringify(link)) last.count++;
-    else found.push({ link, count: 1 });
+    else runs.push({ link, count: 1 });
   }
-  return found.map(({ link, count }) => (count > 1 ? { ...link, count } : link));
+  return runs.map(({ link, count }) => (count > 1 ? { ...link, count } : link));
 }
 
 // The pendula with the state as their start: copies that move alike stay one entry.
 function separated(scene, system, y) {
   const degrees = (values) => [...values].map((value) => (value * 180) / Math.PI);
-  const found = [];
+  const pendula = [];
   for (const { entry, first, links } of system.chains) {
     const [from, to] = [system.lead + first, system.lead + first + links.length];
     const start = { angles_deg: degrees(y.slice(from, to)), rates_deg: degrees(y.slice(system.size + from, system.size + to)) };
     if (start.rates_deg.every((rate) => !rate)) delete start.rates_deg;
-    const last = found.at(-1);
+    const last = pendula.at(-1);
     if (last?.entry === entry && JSON.stringify(last.pendulum.start) === JSON.stringify(start)) last.pendulum.count++;
-    else found.push({ entry, pendulum: { ...scene.pendulum[entry], count: 1, start } });
+    else pendula.push({ entry, pendulum: { ...scene.pendulum[entry], count: 1, start } });
   }
-  return found.map(({ pendulum }) => pendulum);
+  return pendula.map(({ pendulum }) => pendulum);
 }
 
 function entries(part) {

@@ -21,16 +21,16 @@ export function systemOf(scene) {
   }
   const links = chains.flatMap((chain) => chain.links);
   const reach = Math.max(...chains.map((chain) => sum(chain.links.map((link) => Math.max(link.l, link.c)))));
-  const found = { gravity: scene.gravity, cart: null, support: null, structure: null, chains, links, reach };
+  const common = { gravity: scene.gravity, cart: null, support: null, structure: null, chains, links, reach };
   const motions = motionsIn(scene);
   const support = motions.length ? movedBy(motions) : null;
   if (isStructure()) {
     const lead = coordinatesOf().length;
-    return { ...found, structure: carriedBy(scene, links), support, lead, size: lead + links.length };
+    return { ...common, structure: carriedBy(scene, links), support, lead, size: lead + links.length };
   }
   const { kind, mass = 0, damping = 0, stiffness = 0, friction, friction_coefficient: coefficient } = scene.support;
   const cart = kind === "cart" ? { mass, damping, stiffness, friction: coefficient || friction || 0 } : null;
-  const plain = { ...found, cart, support, lead: 1, size: links.length + 1 };
+  const plain = { ...common, cart, support, lead: 1, size: links.length + 1 };
   return isWhole() ? { ...plain, whole: wholeOf(scene, plain) } : plain;
 }
 
