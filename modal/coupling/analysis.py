@@ -113,7 +113,7 @@ class Coupling(Numbered, Displayed):
 
     scene: Scene
     rig: Rig
-    own: FixedBaseModes
+    fixed_base: FixedBaseModes
     pole: Ints
     dynamic: DynamicMass
 
@@ -140,12 +140,12 @@ class Coupling(Numbered, Displayed):
     @cached_property
     def families(self) -> tuple[Family, ...]:
         """The families, one for each distinct fixed-base frequency, ascending."""
-        fold = np.bincount(self.pole, weights=self.own.count).astype(int)
+        fold = np.bincount(self.pole, weights=self.fixed_base.count).astype(int)
         order = np.argsort(self.pole, kind="stable")
         members = np.split(order, np.cumsum(np.bincount(self.pole))[:-1])
         resting = self._rest()
         moved = {mode.family: number for number, mode in enumerate(self.cart_modes) if mode.family is not None}
-        found = (
+        families = (
             Family(
                 omega=float(omega),
                 members=tuple(members[r].tolist()),
@@ -157,21 +157,21 @@ class Coupling(Numbered, Displayed):
             )
             for r, omega in enumerate(self.dynamic.omega)
         )
-        return tuple(replace(family, exchange=self._exchange(family)) for family in found)
+        return tuple(replace(family, exchange=self._exchange(family)) for family in families)
 
     def _exchange(self, family: Family) -> Transfer | None:
         """Two levels: one pendulum of the first kind, and all others of the family moving alike."""
-        members, own = list(family.members), self.own
-        rate = own.rate[members]
+        members, modes = list(family.members), self.fixed_base
+        rate = modes.rate[members]
         uneven = np.ptp(rate) > UNEVEN * (abs(family.splitting or 0.0) + rate.max())
         if not (family.splitting and family.fold > 1 and family.is_first_order) or uneven:
             return None
-        share = float(own.mass[members[0]]) / family.mass
+        share = float(modes.mass[members[0]]) / family.mass
         drag = self.rig.cart.damping / family.omega if self.rig.cart else 0.0
         moved = family.splitting * family.rest / (family.rest - 1j * drag)
         lost = 1j * float(rate.mean())
-        found = transfer(lost + moved * share, lost + moved * (1 - share), moved * sqrt(share * (1 - share)))
-        return replace(found, beats=found.beats and lost.imag < family.omega)
+        passed = transfer(lost + moved * share, lost + moved * (1 - share), moved * sqrt(share * (1 - share)))
+        return replace(passed, beats=passed.beats and lost.imag < family.omega)
 
     @cached_property
     def cart_modes(self) -> tuple[CartMode, ...]:
@@ -186,14 +186,14 @@ class Coupling(Numbered, Displayed):
         whole = float(push.sum()) + (0.0 if self._held else 1 / self.dynamic.at_rest)
         light = self.dynamic.with_cart(0.0).zeros.omega.tolist()
         heavy = np.sqrt(zeros.square).tolist()
-        own = int(push.argmax()) if self._held else -1
+        leading = int(push.argmax()) if self._held else -1
         return tuple(
             CartMode(
                 omega=float(omega),
                 participation=float(push[j]) / whole,
                 light=light[j] if j < len(light) else inf,
                 heavy=heavy[j],
-                family=None if j == own else j - (self._held and j > own),
+                family=None if j == leading else j - (self._held and j > leading),
             )
             for j, omega in enumerate(zeros.omega)
         )
@@ -201,7 +201,9 @@ class Coupling(Numbered, Displayed):
     @cached_property
     def pairs(self) -> tuple[EnergyExchange, ...]:
         """Pairs of modes of different pendula, those that exchange most energy first."""
-        return energy_exchanges(self.own, self.dynamic, self.pole, self.rig.cart.damping) if self.rig.cart else ()
+        return (
+            energy_exchanges(self.fixed_base, self.dynamic, self.pole, self.rig.cart.damping) if self.rig.cart else ()
+        )
 
     @cached_property
     def damped(self) -> tuple[Damped, ...]:
@@ -268,22 +270,22 @@ def explain(scene: Scene) -> Coupling | StructureCoupling:
     if (size := sum(block.mass.size for block in rig.blocks)) > MOST_POLES:
         raise ComputationError(f"different pendula have {size} links: at most {MOST_POLES} are explained")
     with np.errstate(all="ignore"):
-        own = fixed_base_modes(rig)
-        gathered = degenerate_modes((own.omega**2,))
+        modes = fixed_base_modes(rig)
+        gathered = degenerate_modes((modes.omega**2,))
         pole = np.repeat(np.arange(len(gathered.first)), gathered.size)
         dynamic = DynamicMass(
-            omega=own.omega[gathered.first],
-            mass=np.add.reduceat(own.mass * own.count, gathered.first),
+            omega=modes.omega[gathered.first],
+            mass=np.add.reduceat(modes.mass * modes.count, gathered.first),
             cart=rig.cart.mass if rig.cart else 0.0,
             residual=_residual(rig),
             spring=rig.cart.stiffness if rig.cart else 0.0,
         )
-        found = Coupling(scene, rig, own, pole, dynamic)
-        if not np.all(np.isfinite(own.rate**2)):
+        coupling = Coupling(scene, rig, modes, pole, dynamic)
+        if not np.all(np.isfinite(modes.rate**2)):
             raise ComputationError("the rates at which joint dampers drain these modes are beyond double precision")
-    if not (missed := found.residual()) <= MISSED:
+    if not (missed := coupling.residual()) <= MISSED:
         raise ComputationError(f"modal effective masses are beyond double precision: their sum is off by {missed:.1e}")
-    return found
+    return coupling
 
 
 def _residual(rig: Rig) -> float:

@@ -116,12 +116,12 @@ def _family(coupling: Coupling, index: int, family: Family) -> dict[str, Any]:
 
 
 def _member(coupling: Coupling | StructureCoupling, k: int) -> dict[str, Any]:
-    own = coupling.own
+    modes = coupling.fixed_base
     return {
-        "pendulum": coupling.names[own.kind[k]],
-        "mode_of_the_pendulum": int(own.number[k]),
-        "copies": int(own.count[k]),
-        "modal_effective_mass_of_one_kg": float(own.mass[k]),
+        "pendulum": coupling.names[modes.kind[k]],
+        "mode_of_the_pendulum": int(modes.number[k]),
+        "copies": int(modes.count[k]),
+        "modal_effective_mass_of_one_kg": float(modes.mass[k]),
     }
 
 

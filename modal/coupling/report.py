@@ -26,7 +26,7 @@ NEAR = " (approximate: another family is near)"
 
 
 @dataclass(frozen=True)
-class Section:
+class ReportSection:
     """A title and sentences."""
 
     title: str
@@ -102,15 +102,15 @@ def _left_out(coupling: Coupling | StructureCoupling) -> Iterator[str]:
         yield "Beats count the drag of pendula as if the cart were at rest; the damping of the modes has all of it."
 
 
-def sections(coupling: Coupling | StructureCoupling) -> tuple[Section, ...]:
+def sections(coupling: Coupling | StructureCoupling) -> tuple[ReportSection, ...]:
     """The sections of the report."""
     if isinstance(coupling, StructureCoupling):
-        found = (Section(title, tuple(sentences)) for title, sentences in structure_sections(coupling))
-        return tuple(section for section in found if section.sentences)
+        written = (ReportSection(title, tuple(sentences)) for title, sentences in structure_sections(coupling))
+        return tuple(section for section in written if section.sentences)
     return _of_cart(coupling)
 
 
-def _of_cart(coupling: Coupling) -> tuple[Section, ...]:
+def _of_cart(coupling: Coupling) -> tuple[ReportSection, ...]:
     parts = (
         ("What hangs there", _scene),
         ("What the cart feels" if coupling.on_cart else "What a cart would feel", _felt),
@@ -119,11 +119,11 @@ def _of_cart(coupling: Coupling) -> tuple[Section, ...]:
         ("Exchange of energy between pendula", exchanges),
         ("Damping by family", damping),
     )
-    found = (Section(title, tuple(write(coupling))) for title, write in parts)
-    return tuple(section for section in found if section.sentences)
+    written = (ReportSection(title, tuple(write(coupling))) for title, write in parts)
+    return tuple(section for section in written if section.sentences)
 
 
-def _text(title: str, parts: Sequence[str], words: Sequence[Section]) -> str:
+def _text(title: str, parts: Sequence[str], words: Sequence[ReportSection]) -> str:
     wrapper = TextWrapper(line_width(), "- ", "  ", break_long_words=False, break_on_hyphens=False)
     lines = [headed(title)]
     for part in filter(None, parts):
@@ -133,7 +133,7 @@ def _text(title: str, parts: Sequence[str], words: Sequence[Section]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _markdown(title: str, parts: Sequence[str], words: Sequence[Section]) -> str:
+def _markdown(title: str, parts: Sequence[str], words: Sequence[ReportSection]) -> str:
     lines = [f"# {markdown(title)}"]
     for part in filter(None, parts):
         lines += ["", part]
@@ -229,9 +229,9 @@ def limits(coupling: Coupling) -> Iterator[str]:
 
 def _family(coupling: Coupling, r: str, family: Family) -> str:
     who = listed([member(coupling, k) for k in family.members[:MOST_LISTED]], len(family.members))
-    own = "" if coupling.on_cart else numbered(coupling, family.omega)
+    number = "" if coupling.on_cart else numbered(coupling, family.omega)
     head = (
-        f"Family {r}, ω_{r} = {rad(family.omega)}{own} [K φ = ω² A φ]: {who}, of modal effective mass "
+        f"Family {r}, ω_{r} = {rad(family.omega)}{number} [K φ = ω² A φ]: {who}, of modal effective mass "
         f"{short(family.mass)} kg [μ_{r} = Σ (φᵀb)²/(φᵀAφ)]."
     )
     if not coupling.on_cart:
@@ -244,8 +244,8 @@ def _moved(coupling: Coupling, r: str, family: Family) -> Iterator[str]:
     several = family.fold > 1
     if several:
         many = counted(family.fold - 1, "combination stays", "combinations stay")
-        own = numbered(coupling, family.omega)
-        yield f"{many} at ω_{r} with the cart still, in antiphase{own} [Σ φᵀb = 0];"
+        number = numbered(coupling, family.omega)
+        yield f"{many} at ω_{r} with the cart still, in antiphase{number} [Σ φᵀb = 0];"
     if family.cart_mode is None or family.splitting is None:
         yield f"{'the' if several else 'The'} one that moves the cart has gone to infinite frequency [m_dyn(∞) = 0]."
         return
@@ -299,7 +299,7 @@ def _beats(coupling: Coupling, family: Family) -> Iterator[str]:
 
 def _damped_beats(coupling: Coupling, family: Family, passed: Transfer) -> Iterator[str]:
     """The effect of dampers on beats."""
-    sigma = float(coupling.own.rate[family.members[0]])
+    sigma = float(coupling.fixed_base.rate[family.members[0]])
     if sigma >= family.omega:
         yield "Joint dampers make its pendula overdamped [σ ≥ ω]: there are no beats."
         return

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from modal.assembly import ratio_at
 from modal.coupling.damping import Damped, nearest_values, negative_damping, slowest
 from modal.coupling.fixed_base import FixedBaseModes
-from modal.coupling.reduced import Reduced
+from modal.coupling.reduced import ReducedStructure
 from modal.scene import Scene
 from modal.types import Floats
 
@@ -33,14 +33,14 @@ class StructureDamping:
     """What drains and feeds the modes of a structure: `squares` ω² (R,) and `vectors` (N, R) of all of them."""
 
     scene: Scene
-    reduced: Reduced
+    reduced: ReducedStructure
     squares: Floats
     vectors: Floats
 
     @property
-    def own(self) -> FixedBaseModes:
+    def fixed_base(self) -> FixedBaseModes:
         """The modes of every kind of pendulum alone, all else held."""
-        return self.reduced.own
+        return self.reduced.fixed_base
 
     @cached_property
     def losses(self) -> dict[str, Floats]:
@@ -61,13 +61,13 @@ class StructureDamping:
         if not self.scene.has_damping:
             return None
         losses = self.losses
-        found = losses["from_cart"] + losses["from_joints"] + losses["from_drag"]
+        matrix = losses["from_cart"] + losses["from_joints"] + losses["from_drag"]
         if self.reduced.hanging.rig.damping_ratio:
             square, vectors = self.squares, self.vectors
             momenta = self.reduced.M @ vectors
             omega = np.sqrt(square)
-            found = found + (momenta * (2 * ratio_at(self.reduced.hanging.rig)(omega) * omega)) @ momenta.T
-        return np.asarray(found)
+            matrix = matrix + (momenta * (2 * ratio_at(self.reduced.hanging.rig)(omega) * omega)) @ momenta.T
+        return np.asarray(matrix)
 
     @cached_property
     def modes(self) -> tuple[Damped, ...]:
@@ -83,9 +83,11 @@ class StructureDamping:
         losses = self.losses
         drained = sum(losses[name] for name in ("from_cart", "from_joints", "from_drag"))
         gaps = np.flatnonzero(np.diff(square) > 1e-12 * square[1:]) + 1
-        for own in np.split(np.arange(len(square)), gaps):
-            if len(own) > 1:
-                vectors[:, own] = vectors[:, own] @ np.linalg.eigh(vectors[:, own].T @ drained @ vectors[:, own])[1]
+        for group in np.split(np.arange(len(square)), gaps):
+            if len(group) > 1:
+                vectors[:, group] = (
+                    vectors[:, group] @ np.linalg.eigh(vectors[:, group].T @ drained @ vectors[:, group])[1]
+                )
         parts = {name: np.einsum("ik,ij,jk->k", vectors, S, vectors) / 2 for name, S in losses.items()}
         omega, d = np.sqrt(square), self.reduced.d
         ratio = ratio_at(self.reduced.hanging.rig)(omega) * omega
@@ -117,13 +119,13 @@ class StructureDamping:
 
     def _copies(self) -> list[Damped]:
         """Equal pendula in antiphase, which move nothing else."""
-        found, losses, own, d = [], self.losses, self.own, self.reduced.d
+        damped, losses, modes, d = [], self.losses, self.fixed_base, self.reduced.d
         rig = self.reduced.hanging.rig
         for k, name in enumerate(self.reduced.names):
             columns = np.array(self.reduced.columns(k))
-            if (copies := int(own.count[columns[0] - d])) < 2:
+            if (copies := int(modes.count[columns[0] - d])) < 2:
                 continue
-            omega = own.omega[columns - d]
+            omega = modes.omega[columns - d]
             parts = {key: S[np.ix_(columns, columns)] for key, S in losses.items() if key != "from_cart"}
             ratio = ratio_at(rig)(omega) * omega
             D = parts["from_joints"] + parts["from_drag"] + 2 * np.diag(ratio)
@@ -132,7 +134,7 @@ class StructureDamping:
             if D.any():
                 values = _quadratic(np.eye(len(columns)), D, np.diag(omega**2))
                 exact = nearest_values(np.column_stack((rate, omega)), slowest(_upper(values), len(columns)))
-            found += [
+            damped += [
                 Damped(
                     omega=float(omega[i]),
                     fold=copies - 1,
@@ -145,7 +147,7 @@ class StructureDamping:
                 )
                 for i in range(len(columns))
             ]
-        return found
+        return damped
 
 
 def _quadratic(M: Floats, D: Floats, K: Floats) -> NDArray[np.complex128]:

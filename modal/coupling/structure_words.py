@@ -8,7 +8,7 @@ from math import isfinite
 from modal.coupling.exchange import MOST_MODES, STRONG
 from modal.coupling.families import family_name
 from modal.coupling.structure_damping_words import damping
-from modal.coupling.structures import Branch, Exchanged, PendulumFamily, StructureCoupling
+from modal.coupling.structures import Exchanged, FamilyBranch, PendulumFamily, StructureCoupling
 from modal.coupling.wording import MOST_LISTED, SLIGHT, member, numbered
 from modal.report import capital, counted, listed, percent, rad, short
 from modal.structure import Structure
@@ -125,7 +125,7 @@ def _family(coupling: StructureCoupling, r: str, family: PendulumFamily) -> str:
     return " ".join(words)
 
 
-def _branch(coupling: StructureCoupling, r: str, family: PendulumFamily, branch: Branch) -> str:
+def _branch(coupling: StructureCoupling, r: str, family: PendulumFamily, branch: FamilyBranch) -> str:
     how = [coupling.moved(branch), _pattern(family, branch)]
     told = ", ".join(filter(None, how))
     where = f"{rad(branch.omega)}{numbered(coupling, branch.omega)}"
@@ -140,7 +140,7 @@ def _branch(coupling: StructureCoupling, r: str, family: PendulumFamily, branch:
     return f"{words}: ε = {short(branch.strength)}{guess}."
 
 
-def _pattern(family: PendulumFamily, branch: Branch) -> str:
+def _pattern(family: PendulumFamily, branch: FamilyBranch) -> str:
     """The pendula of two members, whether they swing alike."""
     if len(family.members) != 2 or abs(branch.pattern).min() < 0.1 * abs(branch.pattern).max():
         return ""
@@ -150,8 +150,8 @@ def _pattern(family: PendulumFamily, branch: Branch) -> str:
 def _exchanges(coupling: StructureCoupling) -> Iterator[str]:
     if len(coupling.names) == 1:
         return
-    if len(coupling.own.omega) > MOST_MODES:
-        yield f"{len(coupling.own.omega)} modes of {len(coupling.names)} kinds are too many to list in pairs."
+    if len(coupling.fixed_base.omega) > MOST_MODES:
+        yield f"{len(coupling.fixed_base.omega)} modes of {len(coupling.names)} kinds are too many to list in pairs."
         return
     told = [pair for pair in coupling.pairs if pair.coupling or pair.exchange.most > SLIGHT]
     yield from (_pair(coupling, pair) for pair in told[:MOST_LISTED])
@@ -167,7 +167,7 @@ def _pair(coupling: StructureCoupling, pair: Exchanged) -> str:
             "their energy goes where the modes above carry it."
         )
     tuned, passed = abs(pair.detuning) < 2 * abs(pair.coupling), pair.exchange
-    copies = int(max(coupling.own.count[[pair.first, pair.second]]))
+    copies = int(max(coupling.fixed_base.count[[pair.first, pair.second]]))
     alike = ", all copies moving alike" if copies > 1 else ""
     head = (
         f"{capital(a)} and {b}{alike}: detuning {short(abs(pair.detuning))} rad/s [|δ|, δ = ω_a + F_aa/2ω_a − ω_b − "

@@ -26,7 +26,7 @@ from modal.coupling.exchange import MOST_MODES, STRONG, UNEVEN, Transfer, most_o
 from modal.coupling.families import FamilyRow, family_cells, family_name, mode_words
 from modal.coupling.fixed_base import FixedBaseModes
 from modal.coupling.numbering import Numbered
-from modal.coupling.reduced import Reduced, pencil
+from modal.coupling.reduced import ReducedStructure, pencil
 from modal.coupling.structure_damping import STILL, StructureDamping
 from modal.eigen import degenerate_modes
 from modal.errors import ComputationError
@@ -60,7 +60,7 @@ class StructureMode(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Branch(Displayed):
+class FamilyBranch(Displayed):
     """One mode of a family that moves other things: its ε, and its `omega` (rad/s), `splitting` ω − ω_r.
 
     `motion` (d,) is what the structure does, in its own modes, `pattern` (√kg m) the amplitudes of the members.
@@ -93,7 +93,7 @@ class PendulumFamily(Displayed):
     fold: int
     still: int
     mass: Floats
-    branches: tuple[Branch, ...]
+    branches: tuple[FamilyBranch, ...]
 
 
 @dataclass(frozen=True, repr=False)
@@ -126,7 +126,7 @@ class StructureCoupling(Numbered, Displayed):
     """
 
     scene: Scene
-    reduced: Reduced
+    reduced: ReducedStructure
 
     def _summary(self) -> Summary:
         families = counted(len(self.families), "family", "families")
@@ -168,9 +168,9 @@ class StructureCoupling(Numbered, Displayed):
         return self.reduced.hanging.structure
 
     @property
-    def own(self) -> FixedBaseModes:
+    def fixed_base(self) -> FixedBaseModes:
         """The modes of every kind of pendulum alone, all else held."""
-        return self.reduced.own
+        return self.reduced.fixed_base
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -186,20 +186,22 @@ class StructureCoupling(Numbered, Displayed):
         if not d:
             return ()
         square, shapes = _pencil(self.reduced.K[:d, :d], self.reduced.M[:d, :d])
-        found = []
+        modes = []
         for value, shape in zip(square.tolist(), shapes.T, strict=True):
             largest = shape[np.abs(shape).argmax()]
             scale = (self._farthest(shape) or abs(largest)) * np.sign(largest)
-            found.append(StructureMode(sqrt(value), shape / scale, 1 / float(scale) ** 2))
-        return tuple(found)
+            modes.append(StructureMode(sqrt(value), shape / scale, 1 / float(scale) ** 2))
+        return tuple(modes)
 
     def _farthest(self, shape: Floats) -> float:
         """How far the point of the structure goes that goes farthest."""
         phi, structure = self.reduced.hanging.phi, self.structure
         ways = [np.hypot(phi.along @ shape, phi.down @ shape).max()]
-        for k, own in enumerate(structure.carriers):
-            if own.size and own.M is None:
-                rows = [sum(shape[at] * value for at, value in row.items()) for row in slopes(structure, k, own.centre)]
+        for k, carrier in enumerate(structure.carriers):
+            if carrier.size and carrier.M is None:
+                rows = [
+                    sum(shape[at] * value for at, value in row.items()) for row in slopes(structure, k, carrier.centre)
+                ]
                 ways.append(np.hypot(*rows))
         return float(max(ways))
 
@@ -235,20 +237,20 @@ class StructureCoupling(Numbered, Displayed):
 
         Its zeros are modes of the scene, its poles where all that is free holds this motion still.
         """
-        found = np.full((len(omega), self.reduced.d), np.nan)
-        for row, value in zip(found, omega.tolist(), strict=True):
+        masses = np.full((len(omega), self.reduced.d), np.nan)
+        for row, value in zip(masses, omega.tolist(), strict=True):
             try:
                 row[:] = 1 / np.diag(np.linalg.inv(self.dynamic(value)))
             except np.linalg.LinAlgError:
                 continue
-        return found
+        return masses
 
     # -------------------------------------------------------------------------------------------- the families
 
     @cached_property
     def _members(self) -> tuple[Ints, ...]:
         """The own modes of every family, ascending."""
-        gathered = degenerate_modes((self.own.omega**2,))
+        gathered = degenerate_modes((self.fixed_base.omega**2,))
         return tuple(
             gathered.order[first : first + size] for first, size in zip(gathered.first, gathered.size, strict=True)
         )
@@ -258,20 +260,20 @@ class StructureCoupling(Numbered, Displayed):
         """Of every family the combinations of its members that move other things, and those that do not, as columns."""
         d, K, M = self.reduced.d, self.reduced.K, self.reduced.M
         size = np.sqrt(np.diag(M)[:d])
-        found = []
+        combinations = []
         for members in self._members:
             at, whole = d + members, np.eye(len(members))
             if K[np.ix_(at, np.setdiff1d(np.arange(d, len(K)), at))].any() or np.any(
                 K[np.ix_(at, at)] - np.diag(np.diag(K)[at])
             ):
-                found.append((whole, whole[:, :0]))
+                combinations.append((whole, whole[:, :0]))
                 continue
-            omega = self.own.omega[members[0]]
+            omega = self.fixed_base.omega[members[0]]
             rows = np.hstack([K[at, :d] / (omega * size), M[at, :d] * omega / size])
             left, sizes, _ = np.linalg.svd(rows)
             rank = int(np.sum(sizes > RANK * omega))
-            found.append((left[:, :rank], left[:, rank:]))
-        return tuple(found)
+            combinations.append((left[:, :rank], left[:, rank:]))
+        return tuple(combinations)
 
     @cached_property
     def _moving(self) -> tuple[Floats, Floats]:
@@ -288,26 +290,26 @@ class StructureCoupling(Numbered, Displayed):
     @cached_property
     def omega(self) -> Floats:
         """All different natural frequencies (rad/s), ascending."""
-        still = [own.omega for own in self.families if own.still]
+        still = [family.omega for family in self.families if family.still]
         return np.unique(np.concatenate([np.sqrt(self._moving[0]), still]))
 
     @cached_property
     def families(self) -> tuple[PendulumFamily, ...]:
         """The families, one for each distinct frequency of pendula alone, ascending."""
         branches = self._branches
-        found = []
+        families = []
         for r, (members, (_, still)) in enumerate(zip(self._members, self._combinations, strict=True)):
             pushes = self.reduced.M[: self.reduced.d, self.reduced.d + members].T @ self.basis
-            fold = int(self.own.count[members].sum())
+            fold = int(self.fixed_base.count[members].sum())
             left = fold - len(members) + still.shape[1]
-            omega = float(self.own.omega[members[0]])
-            found.append(
+            omega = float(self.fixed_base.omega[members[0]])
+            families.append(
                 PendulumFamily(omega, tuple(members.tolist()), fold, left, (pushes**2).sum(0), tuple(branches[r]))
             )
-        return tuple(found)
+        return tuple(families)
 
     @cached_property
-    def _branches(self) -> list[list[Branch]]:
+    def _branches(self) -> list[list[FamilyBranch]]:
         """Of every family the modes that move other things; each mode belongs to one family or to the structure."""
         d, (square, vectors) = self.reduced.d, self._moving
         eigen = [self._shifts(r) for r in range(len(self._members))]
@@ -319,19 +321,19 @@ class StructureCoupling(Numbered, Displayed):
             places += [(r, k) for k in range(patterns.shape[1])]
         shares = (np.hstack(columns).T @ vectors) ** 2
         taken = paired(shares, np.ones(shares.shape[1], dtype=np.int64))
-        found: list[list[Branch]] = [[] for _ in self._members]
+        branches: list[list[FamilyBranch]] = [[] for _ in self._members]
         for row, mode in enumerate(taken.tolist()):
             r, k = places[row]
             if r >= 0:
-                found[r].append(self._branch(r, k, eigen[r], float(square[mode]), vectors[:, mode]))
-        return [sorted(own, key=lambda branch: branch.omega) for own in found]
+                branches[r].append(self._branch(r, k, eigen[r], float(square[mode]), vectors[:, mode]))
+        return [sorted(group, key=lambda branch: branch.omega) for group in branches]
 
     def _shifts(self, r: int) -> tuple[Floats, Floats]:
         """ε ω_r² ascending and patterns (members, R) of a family, by first order; infinite where nothing resists."""
         members, moving = self._members[r], self._combinations[r][0]
         if not moving.shape[1]:
             return np.zeros(0), moving
-        square = float(self.own.omega[members[0]]) ** 2
+        square = float(self.fixed_base.omega[members[0]]) ** 2
         try:
             shift, patterns = np.linalg.eigh(moving.T @ self.reduced.pulled(members.tolist(), square) @ moving)
         except np.linalg.LinAlgError:
@@ -341,12 +343,12 @@ class StructureCoupling(Numbered, Displayed):
     def _apart(self, members: Ints, x: float) -> Floats:
         """The exact shifts of ω² of some own modes by all else at x."""
         at = (self.reduced.d + members).tolist()
-        own = self.reduced.K[np.ix_(at, at)]
-        return np.asarray(own - np.diag(np.diag(own)) + self.reduced.eliminated(at, x))
+        stiffness = self.reduced.K[np.ix_(at, at)]
+        return np.asarray(stiffness - np.diag(np.diag(stiffness)) + self.reduced.eliminated(at, x))
 
-    def _branch(self, r: int, k: int, eigen: tuple[Floats, Floats], square: float, vector: Floats) -> Branch:
+    def _branch(self, r: int, k: int, eigen: tuple[Floats, Floats], square: float, vector: Floats) -> FamilyBranch:
         members, (shift, patterns), d = self._members[r], eigen, self.reduced.d
-        pole = float(self.own.omega[members[0]])
+        pole = float(self.fixed_base.omega[members[0]])
         moved = vector[:d]
         share = float(moved @ self.reduced.M[:d, :d] @ moved)
         strength = float(shift[k]) / pole**2
@@ -359,7 +361,9 @@ class StructureCoupling(Numbered, Displayed):
         pattern = vector[d + members]
         turn = np.sign(pattern[np.abs(pattern).argmax()]) or 1.0
         omega = sqrt(square)
-        return Branch(strength, omega, apart / (omega + pole), turn * motion, turn * pattern, still=share <= STILL)
+        return FamilyBranch(
+            strength, omega, apart / (omega + pole), turn * motion, turn * pattern, still=share <= STILL
+        )
 
     @cached_property
     def structure_modes(self) -> tuple[tuple[float, Floats], ...]:
@@ -383,13 +387,13 @@ class StructureCoupling(Numbered, Displayed):
         apart = [high - low for k, low in enumerate(levels) for high in levels[k + 1 :]]
         return tuple(sorted((2 * pi / gap for gap in apart if gap > 0), reverse=True))
 
-    def moved(self, branch: Branch) -> str:
+    def moved(self, branch: FamilyBranch) -> str:
         """What of the structure moves in a mode, in words; empty where there is no structure."""
         if branch.still:
             return "structure still" if self.reduced.d else ""
         return self.words(self.basis @ branch.motion)
 
-    def effective_mass(self, family: PendulumFamily, branch: Branch) -> float | None:
+    def effective_mass(self, family: PendulumFamily, branch: FamilyBranch) -> float | None:
         """Σ N (Γ Φ u)² (kg) of a family along the motion u of the structure in one of its modes.
 
         u is scaled as the structure's own modes are, by the point that moves most; None where the structure is still.
@@ -401,7 +405,7 @@ class StructureCoupling(Numbered, Displayed):
         pushes = self.reduced.M[: self.reduced.d, self.reduced.d + np.array(family.members)].T @ motion / scale
         return float(pushes @ pushes)
 
-    def beat(self, family: PendulumFamily, branch: Branch) -> float | None:
+    def beat(self, family: PendulumFamily, branch: FamilyBranch) -> float | None:
         """2π/|Δω| (s) between a mode of a family and the nearest other one; None where first order does not hold."""
         if not self.beats(family):
             return None
@@ -416,12 +420,12 @@ class StructureCoupling(Numbered, Displayed):
         of its pendula faster than others.
         """
         members = list(family.members)
-        rates = self.own.rate[members]
+        rates = self.fixed_base.rate[members]
         beats = self.beats(family)
         if not beats or np.ptp(rates) > UNEVEN * (2 * pi / beats[0] + rates.max()):
             return None
         weights = [float(branch.pattern[0] ** 2 / (branch.pattern @ branch.pattern)) for branch in family.branches]
-        weights = [weight / float(self.own.count[members[0]]) for weight in weights]
+        weights = [weight / float(self.fixed_base.count[members[0]]) for weight in weights]
         levels = [complex(branch.splitting, self._decay(branch.omega)) for branch in family.branches]
         if family.still:
             weights.append(1 - sum(weights))
@@ -443,16 +447,16 @@ class StructureCoupling(Numbered, Displayed):
     @cached_property
     def pairs(self) -> tuple[Exchanged, ...]:
         """Pairs of own modes of different kinds, those that exchange most first; none of more than MOST_MODES modes."""
-        count = len(self.own.omega)
+        count = len(self.fixed_base.omega)
         if count > MOST_MODES:
             return ()
-        kinds = self.own.kind
+        kinds = self.fixed_base.kind
         pairs = [(a, b) for a in range(count) for b in range(a + 1, count) if kinds[a] != kinds[b]]
-        found = [one for a, b in pairs if (one := self._exchanged(a, b))]
-        return tuple(sorted(found, key=lambda one: -one.exchange.most))
+        exchanges = [pair for a, b in pairs if (pair := self._exchanged(a, b))]
+        return tuple(sorted(exchanges, key=lambda pair: -pair.exchange.most))
 
     def _exchanged(self, a: int, b: int) -> Exchanged | None:
-        wa, wb = float(self.own.omega[a]), float(self.own.omega[b])
+        wa, wb = float(self.fixed_base.omega[a]), float(self.fixed_base.omega[b])
         x = wa * wb
         try:
             free = self.reduced.pulled((a, b), x)
@@ -486,7 +490,7 @@ class StructureCoupling(Numbered, Displayed):
         square, vectors = self._moving
         squares, columns = [square], [vectors]
         for members, (_, still) in zip(self._members, self._combinations, strict=True):
-            squares.append(np.full(still.shape[1], self.own.omega[members[0]] ** 2))
+            squares.append(np.full(still.shape[1], self.fixed_base.omega[members[0]] ** 2))
             columns.append(np.zeros((len(vectors), still.shape[1])))
             columns[-1][self.reduced.d + members] = still
         return np.concatenate(squares), np.hstack(columns)

@@ -54,8 +54,8 @@ def _coupled(coupling: AnyCoupling) -> str:
     springs = "a spring" if joined == 1 else f"{joined} springs"
     parts = [carrier_words(coupling.structure)] * bool(coupling.reduced.d)
     parts += [springs] * bool(coupling.structure.springs)
-    one = len(parts) == 1 and parts[0].startswith("a ")
-    verb = "couples" if one else "couple"
+    single = len(parts) == 1 and parts[0].startswith("a ")
+    verb = "couples" if single else "couple"
     if scene.n_pendula == 1:
         return f"One pendulum hangs from {parts[0]}: each shifts the frequencies of the other."
     return f"{capital(' and '.join(parts))} {verb} {pendula}."

@@ -21,15 +21,15 @@ ELSEWHERE = "in the JSON form"
 
 def shown(coupling: AnyCoupling) -> int:
     """How many entries of each kind are listed, fewer where there are many."""
-    return MOST_LISTED if len(coupling.own.omega) <= MOST_MODES else FEW
+    return MOST_LISTED if len(coupling.fixed_base.omega) <= MOST_MODES else FEW
 
 
 def member(coupling: AnyCoupling, k: int) -> str:
     """A fixed-base mode by its pendulum, and by its number where the pendulum has several."""
-    own = coupling.own
-    name = coupling.names[own.kind[k]]
-    several = int(np.sum(own.kind == own.kind[k])) > 1
-    return f"fixed-base mode {own.number[k]} of {name}" if several else name
+    modes = coupling.fixed_base
+    name = coupling.names[modes.kind[k]]
+    several = int(np.sum(modes.kind == modes.kind[k])) > 1
+    return f"fixed-base mode {modes.number[k]} of {name}" if several else name
 
 
 def numbered(coupling: AnyCoupling, omega: float) -> str:

@@ -40,7 +40,7 @@ class SymmetricMotion(Displayed):
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the sectors."""
-        return tuple(one.name for one in self.pattern.sectors)
+        return tuple(sector.name for sector in self.pattern.sectors)
 
     @property
     def is_stable(self) -> bool:
@@ -58,8 +58,10 @@ class SymmetricMotion(Displayed):
     @property
     def is_van_der_pol(self) -> bool:
         """Whether all pendula are single links with van der Pol drives."""
-        links = [one.pendulum.links for one in self.pattern.populations]
-        return all(len(own) == 1 and own[0].count == 1 and isinstance(own[0].drive, VanDerPol) for own in links)
+        links = [group.pendulum.links for group in self.pattern.populations]
+        return all(
+            len(drives) == 1 and drives[0].count == 1 and isinstance(drives[0].drive, VanDerPol) for drives in links
+        )
 
     def reason(self, sector: int) -> str:
         """Why disturbances of a sector within a population grow or just do not: the trace or the determinant."""

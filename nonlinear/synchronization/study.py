@@ -45,13 +45,13 @@ class Theory(Displayed):
     def orbits(self) -> tuple[Orbit | None, ...]:
         """The periodic orbit of every configuration in the full equations, None where none was found beside it."""
         scene = self.prediction.averaged.scene
-        return tuple(certified(scene, one) for one in self.configurations)
+        return tuple(certified(scene, state) for state in self.configurations)
 
     @cached_property
     def ending(self) -> Orbit | None:
         """The stable orbit of the full equations in which the predicted motion ends, None where none was found."""
-        one = self.prediction.ending
-        orbit = certified(self.prediction.averaged.scene, one) if one else None
+        state = self.prediction.ending
+        orbit = certified(self.prediction.averaged.scene, state) if state else None
         return orbit if orbit and orbit.is_stable else None
 
     @property
@@ -129,10 +129,10 @@ def usual_duration(scene: Scene, theory: Theory | None, motions: Sequence[Symmet
 
     Of populations that is FOLDS times as long as the slowest of their growth rates needs, up to LONGEST periods.
     """
-    orbits = [one.orbit for one in motions if one.orbit]
+    orbits = [motion.orbit for motion in motions if motion.orbit]
     if orbits:
-        period = max(one.orbit.period for one in orbits)
-        slowest = min(abs(rate) for one in orbits for rate in one.growth)
+        period = max(motion.orbit.period for motion in orbits)
+        slowest = min(abs(rate) for motion in orbits for rate in motion.growth)
         return float(np.clip(FOLDS / slowest if slowest else np.inf, USUAL * period, LONGEST * period))
     if theory is None:
         return USUAL * 2 * pi / (estimate_timescales(scene).swing or 1.0)
@@ -177,10 +177,10 @@ def study_synchronization(
     trajectory = simulate(scene, length, start=start, report=lambda elapsed: report(elapsed, length), **options)
     if trajectory.run.interrupted:
         raise KeyboardInterrupt
-    found, unmeasured = _tried(lambda: find_survival(trajectory, theory and theory.prediction.averaged.modes))
+    survival, unmeasured = _tried(lambda: find_survival(trajectory, theory and theory.prediction.averaged.modes))
     phases = phases_of(trajectory)
     told = population_phases(phases), motions, motionless
-    return SynchronizationStudy(scene, theory, silent, trajectory, phases, found, unmeasured, *told)
+    return SynchronizationStudy(scene, theory, silent, trajectory, phases, survival, unmeasured, *told)
 
 
 def _tried(action: Callable[[], Any]) -> tuple[Any, str]:

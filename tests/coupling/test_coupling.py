@@ -231,9 +231,9 @@ def test_pairs_say_nothing_where_others_take_part() -> None:
         one = scene(cart, *(bob(rng.uniform(0.3, 3), l) for l in lengths.tolist()))
         found, most = explain(one), most_passed(one)
         for pair in found.pairs:
-            a, b = (int(found.names[found.own.kind[k]].split()[-1]) - 1 for k in (pair.first, pair.second))
+            a, b = (int(found.names[found.fixed_base.kind[k]].split()[-1]) - 1 for k in (pair.first, pair.second))
             seen.append(pair.alone)
-            if pair.alone and max(found.own.mass) < 0.1 * abs(pair.cart_mass):
+            if pair.alone and max(found.fixed_base.mass) < 0.1 * abs(pair.cart_mass):
                 assert most[a, b] == pytest.approx(pair.share, rel=0.2, abs=0.03)
     assert 0.2 < np.mean(seen) < 0.8
     assert not any(pair.alone for pair in explain(CROWDED).pairs)
