@@ -1,8 +1,8 @@
 """What moves a support or acts in time on a page, where it is no sine: sweeps, records and random processes.
 
 The module `prescribed` of the page is made here, null where all that time brings are sines.  It has the functions of a
-sweep, as Python runs them (`multipendula.page.scalars`), the polynomials of a record, the lines of a random process, and
-which of them, in which derivative, are the inputs u of the equations (`nonlinear.dynamics.Inputs`).
+sweep, as Python runs them (`multipendula.page.scalars`), the polynomials of a record, the lines of a random process,
+and which of them, in which derivative, are the inputs u of the equations (`nonlinear.dynamics.inputs`).
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ const isSize = (place) => place[0] === "force" && place.at(-1) === "amplitude";
 
 // What the forces of a scene add to the accelerations of small motions, a function of time (s); null without any.
 export function forcedIn(system) {
-  if (!forcesAmong() && !whole?.places.some(([place]) => place[0] === "force")) return null;
+  if (!whole || !(forcesAmong() || whole.places.some(([place]) => place[0] === "force"))) return null;
   const skipped = 1 - whole.first;
   const inputs = new Array(system.size - skipped + 2 * whole.contacts.length).fill(0);
   const rest = [...new Array(system.size - skipped - system.links.length).fill(0), ...system.links.map((link) => link.rest)];
