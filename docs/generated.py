@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parent.parent
 REFERENCE = ROOT / "docs" / "reference"
 PLACE = re.compile(
-    r"^<!-- (commands|groups|names|modules|shipped|formats|ensemble_measures|measures|options|functions|combinations|gallery"
-    r"|play|live):?([^>]*) -->$",
+    r"^<!-- (commands|groups|names|modules|shipped|formats|ensemble_measures|measures|options|functions|combinations"
+    r"|gallery|play|live):?([^>]*) -->$",
     flags=re.MULTILINE,
 )
 PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\.(png|gif)\)$", flags=re.MULTILINE)
@@ -80,14 +80,21 @@ def _command(name: str, parser: Page) -> str:
     usage = parser.format_usage().removeprefix("usage: ").replace("\n" + " " * 7, "\n").strip()
     shown = [action for action in parser._actions if action.help != SUPPRESS and action.dest != "help"]
     known = _record(name)
-    parts = [f"(command-{name})=\n## {name}", _escaped(known.summary), f"```text\n{usage}\n```", _escaped(known.details)]
+    parts = [
+        f"(command-{name})=\n## {name}",
+        _escaped(known.summary),
+        f"```text\n{usage}\n```",
+        _escaped(known.details),
+    ]
     arguments = [_argument(action, parser) for action in shown if not action.option_strings]
     switches = [_argument(action, parser) for action in shown if action.option_strings]
     parts += [*arguments, *(["**Options**", *switches] if switches else [])]
     examples = "\n".join(f"# {words}\nmultipendula {line}" for line, words in parser.examples)
     parts += ["**Examples**", f"```sh\n{examples}\n```"]
     roles = {"computes": "computed by", "writes": "written and drawn by"}
-    used = [f"{words} {_linked(_functions()[name][role])}" for role, words in roles.items() if role in _functions()[name]]
+    used = [
+        f"{words} {_linked(_functions()[name][role])}" for role, words in roles.items() if role in _functions()[name]
+    ]
     return "\n\n".join([*parts, *([f"**In Python** {'; '.join(used)}."] if used else [])])
 
 
@@ -109,7 +116,7 @@ def _record(name: str) -> Command:
 
 @cache
 def sections() -> dict[str, list[str]]:
-    """Pages of the reference that describe commands, in the order of `multipendula --help`, with the commands of each."""
+    """Pages of the reference that describe commands, with these, in the order of `multipendula --help`."""
     described = {
         page.relative_to(REFERENCE).as_posix(): words.split()
         for page in sorted(REFERENCE.rglob("*.md"))

@@ -36,7 +36,6 @@ from modal.scene import (
     Tilt,
     VanDerPol,
 )
-
 from multipendula.commands import GROUPS
 
 pytestmark = pytest.mark.site
