@@ -15,7 +15,8 @@ import pytest
 from chromium import Chromium
 from live import BROWSER
 
-from modal.symbolic import derive, target, typeset
+from modal.symbolic import derive, typeset
+from modal.symbolic.derivation import target
 
 pytestmark = [pytest.mark.site, BROWSER]
 
@@ -27,7 +28,7 @@ CODE = re.compile(r"^ *(`{3,})[^\n]*\n.*?^ *\1 *$|(`+)(?!`)[^\n]*?(?<!`)\2(?!`)"
 DISPLAY = re.compile(r"\$\$(.*?)\$\$( \()?", re.DOTALL)
 INLINE = re.compile(r"\$([^$]+)\$")
 SET = """MathJax.startup.promise.then(() => [...document.querySelectorAll('div')].map((div) => ({
-  tex: div.title, wrong: [...div.querySelectorAll('[data-mml-node=merror]')].map((one) => one.textContent),
+  tex: div.title, wrong: [...div.querySelectorAll('[data-mml-node=merror], [fill=red]')].map((one) => one.textContent),
   drawn: div.querySelectorAll('mjx-container > svg').length, over: div.scrollWidth - div.clientWidth,
 })))"""
 DAMPED = """gravity = 9.81
@@ -96,10 +97,13 @@ def test_no_formula_of_the_manual_is_wrong_or_wider_than_a_phone(phone: Chromium
 
 
 def test_what_is_wrong_or_too_wide_is_seen(phone: Chromium, folder: Path) -> None:
-    wide = r"\begin{aligned}" + r"\sqrt{" + " + ".join(["x"] * 30) + r"}\end{aligned}"
-    wrong, over = seen(phone, folder, list(formulas(f"$\\frac{{1$ and `$`\n\n$$\n{wide}\n$$\n")))[::-1]
-    assert wrong["wrong"]
+    wide = r"\mathrm{" + 80 * "x" + "}"
+    page = f"$$\n{wide}\n$$\n\n$\\nosuch{{1}}$, `$`, $\\frac{{1$ and $\\left( 1$"
+    over, undefined, open_brace, unclosed = seen(phone, folder, list(formulas(page)))
     assert over["over"] > 50
+    assert undefined["wrong"]
+    assert unclosed["wrong"]
+    assert not open_brace["drawn"]
 
 
 @pytest.mark.parametrize("name", ["chain:3", "cart:2", "damped", "chain-spatial", "beam"])
