@@ -236,12 +236,14 @@ def options() -> str:
 
 
 def _takers(commands: list[str]) -> str:
-    """The commands by name, or those that do not take it where these are few."""
+    """The commands, linked to their help, or those that do not take it where these are few."""
     missing = [name for name in parsers() if name not in commands]
     if not missing:
         return "all"
     few = len(missing) < 3
-    return "all but " * few + ", ".join(f"`{name}`" for name in (missing if few else commands))
+    pages = {name: page for page, names in sections().items() for name in names}
+    links = (f"[`{name}`]({pages[name]}#command-{name})" for name in (missing if few else commands))
+    return "all but " * few + ", ".join(links)
 
 
 def functions() -> str:
