@@ -69,9 +69,9 @@ def simulate(
     """The motion of a scene over `duration` seconds at large angles.
 
     `method` is "auto", one of SciPy's ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA") or "taylor" (heyoka, extra
-    `taylor`); `form` is "auto", "minimal", "hamiltonian" or "maximal" in the plane, "spatial" in space.  `tolerance` is
-    the integrator's (default 1e-9): relative to each quantity, or, where that passes through zero, to the size of the
-    motion.  `accuracy` may be given instead, as the largest permitted error of any angle (rad): the cheapest method
+    `taylor`); `form` is "auto", "minimal" or "maximal" in the plane, "spatial" in space, "hamiltonian" in both.
+    `tolerance` is the integrator's (default 1e-9): relative to each quantity, or, where that passes through zero, to
+    the size of the motion.  `accuracy` may be given instead, as the largest permitted error of any angle (rad): the cheapest method
     that meets it is found and its error estimated (`nonlinear.accuracy.advice`); `run.error` and `run.reason` report
     the result.  `output` is a number of evenly spaced samples or their times after the start (s), ascending; `start`
     replaces the initial condition of the scene file, at `start_time` (s).  `load(t, state)` returns the external
@@ -177,8 +177,8 @@ def resume(
 ) -> Trajectory:
     """Continue a trajectory from its last state, with its times carried on.
 
-    Form (in the plane), tolerance and an explicitly chosen method are those of the trajectory unless given, or an
-    accuracy instead of a tolerance; the work restarts from 0.  A run in a few modes or in closed form continues as a
+    Form (in space Hamilton's alone), tolerance and an explicitly chosen method are those of the trajectory unless given,
+    or an accuracy instead of a tolerance; the work restarts from 0.  A run in a few modes or in closed form continues as a
     simulation of the whole scene.  Raises SceneError for a driven trajectory without its `load`.
 
     >>> from modal import load
@@ -193,7 +193,7 @@ def resume(
     run, last = trajectory.run, float(trajectory.times[-1])
     if options.get("accuracy") is None and run.form in FORMS:
         method = method or (run.method if run.reason.startswith(ASKED) else None)
-        form = form or (None if trajectory.system.spatial else run.form)
+        form = form or (None if trajectory.system.spatial and run.form != "hamiltonian" else run.form)
         tolerance = run.tolerance if tolerance is None else tolerance
     options |= {"method": method or "auto", "form": form or "auto", "tolerance": tolerance, "load": load}
     options.setdefault("before", trajectory.kicks)

@@ -356,9 +356,10 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "form hamiltonian",
-            ACTING | {"van_der_pol"},
-            refuses={**PLANE, **STICKS, **NO_SMOOTH, **CONSTANT, **BODILESS},
+            ACTING | {"van_der_pol", "space"},
+            refuses={**STICKS, **NO_SMOOTH, **CONSTANT, **BODILESS},
             unless=ENDS,
+            apart={("space", "damping_ratio"): "motion in space has no damping ratios"},
             instead=MINIMAL,
         ),
         Capability(

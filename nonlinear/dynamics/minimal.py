@@ -100,23 +100,28 @@ class Arranged(ABC):
         """Natural units of y, (size,)."""
         return self.layout.natural(self.system)
 
+    @property
+    def tangent_units(self) -> Floats:
+        """The natural size of what lies across every unit vector in space, (L,): of rates (1/s) sqrt(g/l)."""
+        return np.asarray(np.sqrt(self.system.gravity / self.system.by_link("length")))
+
     def project(self, y: Floats) -> tuple[Floats, float]:
         """No constraints in the plane: y (..., size) is unchanged.
 
-        In space normalized u and w across it, and the largest of ||u| − 1| and |u·w| / (|w| + √(g/l)) removed.
+        In space normalized u and w across it, and the largest of ||u| − 1| and |u·w| / (|w| + `tangent_units`) removed.
         """
         if self.width == 1:
             return y, 0.0
-        first, half, found = self.layout.first, self.layout.half, y.copy()
+        first, half, kept = self.layout.first, self.layout.half, y.copy()
         places = slice(first, half), slice(half + first, 2 * half)
         u, w = (y[..., place].reshape(*y.shape[:-1], -1, 3) for place in places)
         length = np.sqrt((u * u).sum(-1))
         u = u / length[..., None]
         along = (u * w).sum(-1)
-        speed = np.sqrt((w * w).sum(-1)) + np.sqrt(self.system.gravity / self.system.by_link("length"))
+        size = np.sqrt((w * w).sum(-1)) + self.tangent_units
         for place, part in zip(places, (u, w - along[..., None] * u), strict=True):
-            found[..., place] = part.reshape(*y.shape[:-1], -1)
-        return found, float(max(np.max(abs(length - 1)), np.max(abs(along) / speed)))
+            kept[..., place] = part.reshape(*y.shape[:-1], -1)
+        return kept, float(max(np.max(abs(length - 1)), np.max(abs(along) / size)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,23 +304,32 @@ class Suspended(Arranged):
         return found
 
 
-def inverted(system: System, solvers: Sequence[tuple[Group, Body]], q: Any, p: Any) -> Any:
-    """M⁻¹ p (half, ...), the accelerations by generalized forces p alone, at the coordinates q (half, ...)."""
+def inverted(
+    system: System,
+    solvers: Sequence[tuple[Group, Body]],
+    q: Any,
+    p: Any,
+    places: Sequence[Ints] | None = None,
+) -> Any:
+    """M⁻¹ p (half, ...), the accelerations by generalized forces p alone, at the coordinates q (half, ...).
+
+    `places` are the positions of each group's numbers among those of all links, by default one of every link.
+    """
     if system.structure is not None:
         return inverted_on_carriers(Carriers(system), solvers, q, p)
-    first, found = system.first, np.zeros(np.shape(p), dtype=np.result_type(q, p))
-    links = q[first:]
+    first, rates = system.first, np.zeros(np.shape(p), dtype=np.result_type(q, p))
+    links, where = q[first:], [group.index for group, _ in solvers] if places is None else places
     solved, mass, force = [], 0.0, 0.0
-    for group, body in solvers:
-        angles = links[group.index]
-        one_mass, one_force, memory = body.pull(angles, 0 * angles, p[first:][group.index], 0.0)
-        mass, force = mass + one_mass, force + one_force
-        solved.append((group, body, memory))
+    for place, (_, body) in zip(where, solvers, strict=True):
+        still = 0 * links[place]
+        felt, pulled, memory = body.pull(links[place], still, p[first:][place], 0.0)
+        mass, force = mass + felt, force + pulled
+        solved.append((place, body, memory))
     if system.cart:
-        found[0] = (p[0] - force) / (system.cart.mass + mass)
-    for group, body, memory in solved:
-        found[first:][group.index] = body.turn(memory, found[0] if system.cart else 0.0)
-    return found
+        rates[0] = (p[0] - force) / (system.cart.mass + mass)
+    for place, body, memory in solved:
+        rates[first:][place] = body.turn(memory, rates[0] if system.cart else 0.0)
+    return rates
 
 
 class Recursion:
