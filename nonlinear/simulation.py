@@ -71,16 +71,16 @@ def simulate(
     `method` is "auto", one of SciPy's ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA") or "taylor" (heyoka, extra
     `taylor`); `form` is "auto", "minimal" or "maximal" in the plane, "spatial" in space, "hamiltonian" in both.
     `tolerance` is the integrator's (default 1e-9): relative to each quantity, or, where that passes through zero, to
-    the size of the motion.  `accuracy` may be given instead, as the largest permitted error of any angle (rad): the cheapest method
-    that meets it is found and its error estimated (`nonlinear.accuracy.advice`); `run.error` and `run.reason` report
-    the result.  `output` is a number of evenly spaced samples or their times after the start (s), ascending; `start`
-    replaces the initial condition of the scene file, at `start_time` (s).  `load(t, state)` returns the external
-    `AppliedForces`.  A load that acts for less than a step may be missed: steps end and the integrator restarts at the
-    times `breaks` (s), and no step is longer than `max_step` (s).  An accuracy under a load needs one of them;
-    `breaks=[]` states that the load changes no faster than the scene swings.  `hoist` prescribes lengths of bobs in
-    place of the scene's, by the indices of pendulum and link from 0, {(0, 0): law}: a spline with `derivative`, such as
-    SciPy's, or a function of time that returns length, speed and acceleration (m, m/s, m/s²).  `before` holds the
-    escapements' kicks up to the start, which determine on which side each kicks next.  `report` is called with the
+    the size of the motion.  `accuracy` may be given instead, as the largest permitted error of any angle (rad): the
+    cheapest method that meets it is found and its error estimated (`nonlinear.accuracy.advice`); `run.error` and
+    `run.reason` report the result.  `output` is a number of evenly spaced samples or their times after the start (s),
+    ascending; `start` replaces the initial condition of the scene file, at `start_time` (s).  `load(t, state)` returns
+    the external `AppliedForces`.  A load that acts for less than a step may be missed: steps end and the integrator
+    restarts at the times `breaks` (s), and no step is longer than `max_step` (s).  An accuracy under a load needs one
+    of them; `breaks=[]` states that the load changes no faster than the scene swings.  `hoist` prescribes lengths of
+    bobs in place of the scene's, by the indices of pendulum and link from 0, {(0, 0): law}: a spline with `derivative`,
+    such as SciPy's, or a function of time that returns length, speed and acceleration (m, m/s, m/s²).  `before` holds
+    the escapements' kicks up to the start, which determine on which side each kicks next.  `report` is called with the
     simulated time after every step.
 
     On Ctrl-C the part computed so far is returned, and `run.stopped` says how far it goes.  Raises SceneError for
@@ -177,9 +177,9 @@ def resume(
 ) -> Trajectory:
     """Continue a trajectory from its last state, with its times carried on.
 
-    Form (in space Hamilton's alone), tolerance and an explicitly chosen method are those of the trajectory unless given,
-    or an accuracy instead of a tolerance; the work restarts from 0.  A run in a few modes or in closed form continues as a
-    simulation of the whole scene.  Raises SceneError for a driven trajectory without its `load`.
+    Form (in space Hamilton's alone), tolerance and an explicitly chosen method are those of the trajectory unless
+    given, or an accuracy instead of a tolerance; the work restarts from 0.  A run in a few modes or in closed form
+    continues as a simulation of the whole scene.  Raises SceneError for a driven trajectory without its `load`.
 
     >>> from modal import load
     >>> from nonlinear import resume, simulate

@@ -4,9 +4,9 @@ With the kinetic energy T = ½ M x'² + x' e_x·Σ b_i u_i' + ½ Σ A_ij u_i'·u
 
     P_i = ∂T/∂u_i' = Σ_j A_ij u_j' + b_i x' e_x        π_i = P_i − (u_i·P_i) u_i        p_x = ∂T/∂x'
 
-P_i is the derivative as if every component of u_i' were free, and π_i what of it counts on the sphere |u_i| = 1, so that
-u_i·π_i = 0.  As u_i·u_i' = 0, p_x x' + Σ π_i·u_i' = 2T, and H(x, u, p_x, π) = ½ (p_x x' + Σ π_i·u_i') + V with the rates
-that solve
+P_i is the derivative as if every component of u_i' were free, and π_i what of it counts on the sphere |u_i| = 1, so
+that u_i·π_i = 0.  As u_i·u_i' = 0, p_x x' + Σ π_i·u_i' = 2T, and H(x, u, p_x, π) = ½ (p_x x' + Σ π_i·u_i') + V with the
+rates that solve
 
     u_i·u_i' = 0        (1 − u_i u_iᵀ)(Σ_j A_ij u_j' + b_i x' e_x) = π_i        M x' + e_x·Σ b_i u_i' = p_x.
 
@@ -148,7 +148,7 @@ class SpatialHamiltonian(Arranged):
         return rates
 
     def _weight(self, group: Group, u: Any, frame: Sequence[Any]) -> Any:
-        """First moments b times g − a, (3, n, P, ...): gravity less the acceleration a of the support along the rail and down."""
+        """First moments times g − a, (3, n, P, ...), where the support has the acceleration a along the rail and down."""
         along, down = frame
         b = group.block.b.reshape(*group.block.b.shape, *[1] * (u.ndim - 3)) + 0 * u[0]
         return np.stack((-along * b, 0 * b, (self.system.gravity - down) * b))
