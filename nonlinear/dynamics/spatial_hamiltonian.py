@@ -148,7 +148,7 @@ class SpatialHamiltonian(Arranged):
         return rates
 
     def _weight(self, group: Group, u: Any, frame: Sequence[Any]) -> Any:
-        """First moments times g − a, (3, n, P, ...), where the support has the acceleration a along the rail and down."""
+        """First moments times g − a, (3, n, P, ...), of a support with the acceleration a along the rail and down."""
         along, down = frame
         b = group.block.b.reshape(*group.block.b.shape, *[1] * (u.ndim - 3)) + 0 * u[0]
         return np.stack((-along * b, 0 * b, (self.system.gravity - down) * b))
