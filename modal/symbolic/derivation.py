@@ -19,8 +19,9 @@ from modal.scene import Scene, load
 from modal.scene.doors import require_type
 from modal.symbolic import system as symbolic
 from modal.symbolic.eigen import modes_section, polynomial_section
+from modal.symbolic.hamiltonian import hamiltonian
 from modal.symbolic.kinetic import in_angles, in_plane, in_vectors
-from modal.symbolic.lagrangian import derive_lagrangian, vanishes
+from modal.symbolic.lagrangian import NOT_IN_SPACE, derive_lagrangian, gathered, vanishes
 from modal.symbolic.papers import equal
 from modal.symbolic.structure_sections import SECTIONS_OF_STRUCTURES
 from modal.symbolic.structures import SymbolicStructure, of_structured
@@ -28,10 +29,11 @@ from modal.symbolic.system import SYMBOLIC, SymbolicSystem
 from modal.symbolic.typesetting import Line, Section
 
 SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
+ASKED_FOR = ("hamiltonian",)
+"""Sections that are written where they are asked for by name, after the others."""
 CHECKED_UP_TO = 6
 CHECKED_IN_SPACE = 3
 WRITTEN_IN_ANGLES = 2
-NOT_IN_SPACE = "joint springs and dampers in space: only the linearized equations are derived"
 MOST_WRITTEN = 40
 MOST_CHAINED = 1000
 _TARGET = re.compile(r"(chain|cart):(?:(\d{1,4})x)?(\d{1,4})")
@@ -41,13 +43,13 @@ KINDS = ("bob", "rod")
 def derive(
     system: SymbolicSystem | SymbolicStructure, show: tuple[str, ...] = SECTIONS, scene: Scene | None = None
 ) -> Iterator[Section]:
-    """The sections of SECTIONS named in `show`, in their order.
+    """The sections of SECTIONS and ASKED_FOR named in `show`, in their order.
 
     `scene` is the scene of which `system` is the exact form, if any: its polynomial is then exact and integer.  Raises
     SceneError for more links than readable equations allow.
     """
     require_type("system", system, "SymbolicSystem", "SymbolicStructure")
-    if len(system.links) > MOST_WRITTEN and set(show) & {"lagrangian", "equations", "matrices"}:
+    if len(system.links) > MOST_WRITTEN and set(show) & {"lagrangian", "equations", "matrices", "hamiltonian"}:
         shorter = "choose polynomial and modes alone"
         raise SceneError([f"{len(system.links)} links: equations are written for at most {MOST_WRITTEN}; {shorter}"])
     writers = SECTIONS_OF_STRUCTURES if isinstance(system, SymbolicStructure) else SECTIONS_OF_SYSTEMS
@@ -56,7 +58,7 @@ def derive(
         "polynomial": lambda: polynomial_section(system, scene),
         "modes": lambda: modes_section(system, scene),
     }
-    return (makers[name]() for name in SECTIONS if name in show)
+    return (makers[name]() for name in (*SECTIONS, *ASKED_FOR) if name in show)
 
 
 def _lagrangian(system: SymbolicSystem) -> Section:
@@ -67,7 +69,7 @@ def _lagrangian(system: SymbolicSystem) -> Section:
     lines = [Line("kinetic energy in θ and φ" if system.spatial else "kinetic energy", equal(sp.Symbol("T"), T))]
     if system.spatial:
         lines.insert(0, Line("kinetic energy with unit vectors u_i", equal(sp.Symbol("T"), in_vectors(system))))
-    lines.append(Line("potential energy", equal(sp.Symbol("V"), _gathered(found.V))))
+    lines.append(Line("potential energy", equal(sp.Symbol("V"), gathered(found.V))))
     if found.R != 0:
         lines.append(Line("dissipation function", equal(sp.Symbol("R"), found.R)))
     lines.append(Line("Lagrangian", equal(sp.Symbol("L"), sp.Symbol("T") - sp.Symbol("V"))))
@@ -77,12 +79,6 @@ def _lagrangian(system: SymbolicSystem) -> Section:
             Line("T equals the kinetic energy from the Cartesian velocities of all masses: checked term by term")
         )
     return Section("Lagrangian", lines)
-
-
-def _gathered(V: Any) -> Any:
-    """A potential energy with one term for each cosine, its coefficient factored."""
-    expanded = sp.expand(V)
-    return sp.collect(expanded, sorted(expanded.atoms(sp.cos), key=str), sp.factor)
 
 
 def _has_joints(system: SymbolicSystem) -> bool:
@@ -145,6 +141,7 @@ SECTIONS_OF_SYSTEMS: dict[str, Callable[[Any], Section]] = {
     "lagrangian": _lagrangian,
     "equations": _equations,
     "matrices": _matrices,
+    "hamiltonian": hamiltonian,
 }
 
 

@@ -10,6 +10,7 @@ from multipendula.completion import scenes
 from multipendula.options import add_format, add_scene, add_text, add_words, offer, whole
 from multipendula.parser import Page
 
+ALONE = ("hamiltonian",)
 TARGETS = ("chain:", "cart:", "paper:000", "paper:001", "paper:002")
 
 
@@ -21,8 +22,9 @@ def derive(options: argparse.Namespace) -> None:
     from modal.symbolic.papers import catalogue
 
     show, symbols, ways = (listed(getattr(options, name)) for name in ("show", "symbolic", "equilibrium"))
-    if unknown := [word for word in show if word not in derivation.SECTIONS]:
-        raise SceneError([f"--show {word}: must be one of {', '.join(derivation.SECTIONS)}" for word in unknown])
+    known = (*derivation.SECTIONS, *derivation.ASKED_FOR)
+    if unknown := [word for word in show if word not in known]:
+        raise SceneError([f"--show {word}: must be one of {', '.join(known)}" for word in unknown])
     if options.target.startswith("paper:"):
         if show or symbols or ways or options.links != "bob":
             raise SceneError([f"{options.target}: takes none of --show, --symbolic, --links and --equilibrium"])
@@ -48,7 +50,8 @@ def _derive_arguments(page: Page) -> None:
     words = f"quantities to keep as symbols, one for each link, shared by copies: {','.join(symbols)}"
     add_words(page.asked, "--symbolic", symbols, metavar="WORDS", help=words)
     sections = ("lagrangian", "equations", "matrices", "polynomial", "modes")
-    add_words(page.written, "--show", sections, metavar="WORDS", help=f"only these sections: {','.join(sections)}")
+    words = f"only these sections: {','.join(sections)}; or by name alone: {','.join(ALONE)}"
+    add_words(page.written, "--show", (*sections, *ALONE), metavar="WORDS", help=words)
     page.rephrase(r"choose polynomial and modes alone$", "choose --show polynomial,modes")
     page.rephrase(r"^symbolic(?= )", "--symbolic")
     page.rephrase(r"a kind of link and an equilibrium are", "--links and --equilibrium are")
