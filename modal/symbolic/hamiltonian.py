@@ -41,7 +41,7 @@ INVERTED_UP_TO = 2
 """Most coordinates of which the inverse of M(q) is written out."""
 SYMBOLS_UP_TO, SYMBOLS = 4, 3
 """Most links with more than so many symbols of which the inverse of M, b, A is written out, but for bobs."""
-WITHOUT_INVERSE = "a massless cart above bobs: M, b, A have no inverse, so that the momenta do not tell the velocities at the hanging rest"
+WITHOUT_INVERSE = "a massless cart above bobs: M, b, A have no inverse, and momenta do not tell velocities at the rest"
 
 
 def momentum(c: Coordinate) -> Coordinate:
