@@ -296,6 +296,19 @@ CAPABILITIES: dict[str, Capability] = {
             beside=UNLOADED,
         ),
         Capability(
+            "a free-body diagram",
+            SHAPE | DRAG | FRICTION | DRIVES | {"dampers", "massless_cart"},
+            refuses={
+                **STILL,
+                **CONSTANT,
+                "space": "is drawn in the plane",
+                "damping_ratio": "has no part on which dampers of modes act",
+                "structure": "takes apart what hangs from one cart or from what stands still",
+                "springs": "takes apart what joints alone hold together",
+            },
+            beside=UNLOADED,
+        ),
+        Capability(
             "a polynomial in ω²",
             LINEAR - LOSS,
             leaves={**ABOUT, **LOSSLESS},
