@@ -10,12 +10,12 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import sympy as sp
 
 from modal.errors import SceneError
-from modal.scene import Scene, load
+from modal.scene import Bob, Cart, Fixed, Pendulum, Rod, Scene, load
 from modal.scene.doors import require_type
 from modal.symbolic import system as symbolic
 from modal.symbolic.eigen import modes_section, polynomial_section
@@ -28,6 +28,9 @@ from modal.symbolic.structures import SymbolicStructure, of_structured
 from modal.symbolic.system import SYMBOLIC, SymbolicSystem
 from modal.symbolic.typesetting import Line, Section
 
+if TYPE_CHECKING:
+    from modal.scene.model import Way
+
 SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
 ASKED_FOR = ("hamiltonian",)
 """Sections that are written where they are asked for by name, after the others."""
@@ -36,6 +39,7 @@ CHECKED_IN_SPACE = 3
 WRITTEN_IN_ANGLES = 2
 MOST_WRITTEN = 40
 MOST_CHAINED = 1000
+GRAVITY = 9.81
 _TARGET = re.compile(r"(chain|cart):(?:(\d{1,4})x)?(\d{1,4})")
 KINDS = ("bob", "rod")
 
@@ -161,24 +165,46 @@ def target(
     unknown = [word for word in chosen if word not in SYMBOLIC]
     if unknown:
         raise SceneError([f"symbolic {word}: must be one of {', '.join(SYMBOLIC)}" for word in unknown])
-    found = _TARGET.fullmatch(name)
-    if not found:
-        if ways or kind != KINDS[0]:
-            raise SceneError([f"{name}: a kind of link and an equilibrium are for chain: and cart: only"])
-        scene = load(name)
+    if (template := _template(name, ways)) is None:
+        scene = _loaded(name, kind, ways)
         return (of_structured if scene.is_structured else symbolic.of_scene)(scene, chosen), scene
-    support, count, links = found[1], int(found[2] or 1), int(found[3])
-    if support == "chain" and found[2]:
-        raise SceneError([f"{name}: a chain has a single pendulum; write chain:{links}, or cart:{count}x{links}"])
-    if links < 1 or count < 1 or links * count > MOST_CHAINED:
-        raise SceneError([f"{name}: from 1 to {MOST_CHAINED} links in all"])
-    sigma = _sigma(name, ways, links)
+    support, count, links = template
+    sigma = tuple(-1 if way == "up" else 1 for way in ways)
     if support == "chain":
         return symbolic.chain(links, kind, chosen, sigma), None
     return symbolic.cart(links, count, kind, chosen, sigma), None
 
 
-def _sigma(name: str, ways: tuple[str, ...], links: int) -> tuple[int, ...]:
+def scene_of(name: str, kind: str = "bob", ways: tuple[str, ...] = ()) -> Scene:
+    """The same as a scene, that of chain: and cart: with masses of 1 kg and lengths of 1 m, the cart of 1 kg too.
+
+    >>> scene_of("cart:2x3", "rod").n_links
+    6
+    """
+    if (template := _template(name, ways)) is None:
+        return _loaded(name, kind, ways)
+    support, count, links = template
+    link = (Rod if kind == "rod" else Bob)(mass=1.0, length=1.0, count=links)
+    pendulum = Pendulum(links=(link,), count=count, equilibrium=cast("tuple[Way, ...]", ways) or None)
+    return Scene(gravity=GRAVITY, support=Cart(mass=1.0) if support == "cart" else Fixed(), pendulum=(pendulum,))
+
+
+def _loaded(name: str, kind: str, ways: tuple[str, ...]) -> Scene:
+    if ways or kind != KINDS[0]:
+        raise SceneError([f"{name}: a kind of link and an equilibrium are for chain: and cart: only"])
+    return load(name)
+
+
+def _template(name: str, ways: tuple[str, ...]) -> tuple[str, int, int] | None:
+    """The support of chain: or cart:, the number of pendula and of links of each; None of the name of a scene."""
+    match = _TARGET.fullmatch(name)
+    if match is None:
+        return None
+    support, count, links = match[1], int(match[2] or 1), int(match[3])
+    if support == "chain" and match[2]:
+        raise SceneError([f"{name}: a chain has a single pendulum; write chain:{links}, or cart:{count}x{links}"])
+    if links < 1 or count < 1 or links * count > MOST_CHAINED:
+        raise SceneError([f"{name}: from 1 to {MOST_CHAINED} links in all"])
     if ways and (len(ways) != links or not set(ways) <= {"down", "up"}):
         raise SceneError([f"{name}: the equilibrium must be {links} of down and up, top to bottom"])
-    return tuple(-1 if way == "up" else 1 for way in ways)
+    return support, count, links

@@ -1,8 +1,9 @@
 """The balances of Newton and Euler of every part of a scene, and the constraints that join the parts: paper 000, IV.
 
-A cart has Σ F = m a along and down, a link the same and Σ M = I θ'' about its centre; each link hangs by its upper joint,
-whose acceleration is that of the chain above, two equations more; the rail keeps a cart from sinking.  With n links 5n
-equations, and 3 of a cart, for as many accelerations and forces: 10n + 3 for n double pendula.  All are linear in both:
+A cart has Σ F = m a along and down, a link the same and Σ M = I θ'' about its centre; each link hangs by its upper
+joint, whose acceleration is that of the chain above, two equations more; the rail keeps a cart from sinking.  With n
+links 5n equations, and 3 of a cart, for as many accelerations and forces: 10n + 3 for n double pendula.  In these
+all of them are linear,
 
     A u = F,    u = (accelerations of the cart and of every link, the rail's push, the joints' forces)
 
@@ -20,7 +21,9 @@ from typing import Any
 import sympy as sp
 
 from modal import pair
+from modal.errors import SceneError
 from modal.scene.free_bodies import Effort, FreeBodies, FreeBody, force_names, joint_law, normal
+from modal.symbolic.derivation import MOST_WRITTEN
 from modal.symbolic.lagrange import Coordinate, coordinate
 from modal.symbolic.papers import equal, residual
 from modal.symbolic.typesetting import Line, Section
@@ -166,8 +169,14 @@ def _turned(theta: Coordinate) -> tuple[Any, Any]:
     return theta.a * cos - theta.v**2 * sin, -theta.a * sin - theta.v**2 * cos
 
 
-def newton_euler(bodies: FreeBodies) -> list[Section]:
-    """A section for every part, for the constraints and for what forces are; last how many equations there are."""
+def part_sections(bodies: FreeBodies) -> list[Section]:
+    """A section for every part, for the constraints and for what forces are; last how many equations there are.
+
+    Raises SceneError for more links than readable equations allow.
+    """
+    if (links := len(bodies.parts) - 1) > MOST_WRITTEN:
+        told = f"{links} links: balances are written for at most {MOST_WRITTEN}; a picture draws those of some parts"
+        raise SceneError([told])
     system = NewtonEuler(bodies)
     sections = [
         Section(_titled(part), [Line(words, form) for words, form in system.balances(part)])

@@ -1,4 +1,4 @@
-"""Newton's and Euler's balances of the parts: paper 000's own, and solved, the accelerations and forces of two engines."""
+"""Newton's and Euler's balances of the parts: paper 000's own, and solved, those of two engines."""
 
 from __future__ import annotations
 
