@@ -26,7 +26,7 @@ from modal.modes import natural_modes
 from modal.scene import Scene, require
 from modal.scene.doors import checked
 from modal.statespace import state_space, to_modal_form
-from modal.statespace.frequency import Elimination
+from modal.statespace.frequency import ExactResponse
 from modal.statespace.full_damping import MOST, is_small
 from modal.types import Complexes, Floats
 from modal.vibration.random import PRECISE, nodes, poles_of
@@ -54,11 +54,11 @@ class ThermalNoise(ModalResponse):
     @cached_property
     def places(self) -> tuple[str, ...]:
         """The places of the scene that dissipate, copies and repeated links together, in its order."""
-        return tuple(dict.fromkeys(one.place for one in self.dissipators))
+        return tuple(dict.fromkeys(dissipator.place for dissipator in self.dissipators))
 
     @cached_property
-    def _elimination(self) -> Elimination:
-        return Elimination(self.scene, self.dissipators, self.outputs)
+    def _elimination(self) -> ExactResponse:
+        return ExactResponse(self.scene, self.dissipators, self.outputs)
 
     def budget(self, f: ArrayLike, tolerance: float = TOLERANCE) -> Floats:
         """The PSD of every output from each of the `places`, (places, p, W) in its unit squared per hertz.
@@ -66,15 +66,17 @@ class ThermalNoise(ModalResponse):
         At f = 0 that of dampers; infinite there with loss angles.  `tolerance` is the relative error of each response.
         """
         omega = tau * np.atleast_1d(np.asarray(f, dtype=float))
-        found = np.zeros((len(self.places), len(self.outputs), len(omega)))
+        budget = np.zeros((len(self.places), len(self.outputs), len(omega)))
         if not self.dissipators:
-            return found
+            return budget
         H: Complexes = self._elimination.along(omega, tolerance)
         with np.errstate(all="ignore"):
-            for j, one in enumerate(self.dissipators):
-                strength = 4 * BOLTZMANN * self.temperature * one.strength(omega)
-                found[self.places.index(one.place)] += np.where(strength > 0, strength * np.abs(H[:, j]) ** 2, 0.0)
-        return found
+            for j, dissipator in enumerate(self.dissipators):
+                strength = 4 * BOLTZMANN * self.temperature * dissipator.strength(omega)
+                budget[self.places.index(dissipator.place)] += np.where(
+                    strength > 0, strength * np.abs(H[:, j]) ** 2, 0.0
+                )
+        return budget
 
     def psd(self, f: ArrayLike) -> Floats:
         """The PSD of every output, (p, W) in its unit squared per hertz, at the frequencies f (W,) in Hz."""

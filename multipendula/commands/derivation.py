@@ -7,23 +7,21 @@ from collections.abc import Iterator
 
 from multipendula.command import Command
 from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output
-from multipendula.completion import files, scenes
+from multipendula.completion import scenes
 from multipendula.options import (
     PICTURES,
-    TEXTS,
     add_format,
+    add_option,
     add_scene,
     add_text,
     add_theme,
     add_words,
-    endings,
     offer,
     whole,
 )
 from multipendula.parser import Page
 
 ALONE = ("hamiltonian", "freebody")
-DRAWN = (*PICTURES, "tikz")
 TARGETS = ("chain:", "cart:", "paper:000", "paper:001", "paper:002")
 
 
@@ -115,32 +113,23 @@ def _derive_arguments(page: Page) -> None:
     )
     offer(target, scenes((".toml",), TARGETS))
     symbols = ("masses", "lengths", "gravity", "cart", "supports", "springs")
-    words = f"quantities to keep as symbols, one for each link, shared by copies: {','.join(symbols)}"
-    add_words(page.asked, "--symbolic", symbols, metavar="WORDS", help=words)
+    more = f", one for each link, shared by copies: {','.join(symbols)}"
+    add_words(page.asked, "--symbolic", symbols, more)
     sections = ("lagrangian", "equations", "matrices", "polynomial", "modes")
-    words = f"only these sections: {','.join(sections)}; or by name alone: {','.join(ALONE)}"
-    add_words(page.written, "--show", (*sections, *ALONE), metavar="WORDS", help=words)
+    more = f" that are shown (default all): {','.join(sections)}; or, alone: {','.join(ALONE)}"
+    add_words(page.written, "--show", (*sections, *ALONE), more)
     page.rephrase(r"choose polynomial and modes alone$", "choose --show polynomial,modes")
     page.rephrase(r"^symbolic(?= )", "--symbolic")
     page.rephrase(r"^parts(?= )", "--parts")
     page.rephrase(r"a kind of link and an equilibrium are", "--links and --equilibrium are")
-    page.asked.add_argument(
-        "--links", choices=("bob", "rod"), default="bob", help="kind of the links of chain: and cart:"
-    )
-    words = "equilibrium of the links of chain: and cart:"
-    add_words(page.asked, "--equilibrium", ("down", "up"), metavar="down,up", help=words)
-    words = "whose letters free bodies have, paper 000's or (default) the toolkit's own"
-    page.written.add_argument("--names", choices=("own", "paper"), help=words)
-    page.written.add_argument("--parts", metavar="1:12", help="free bodies to draw, the support first (default 1:12)")
+    more = " of chain: and cart: (default bob)"
+    add_option(page.asked, "--links", more, choices=("bob", "rod"), default="bob")
+    add_words(page.asked, "--equilibrium", ("down", "up"), " of chain: and cart: (default down)")
+    more = ": paper 000's or the toolkit's own (default own), of --show freebody"
+    add_option(page.written, "--names", more, choices=("own", "paper"))
+    add_option(page.written, "--parts", " (default 1:12), of --show freebody")
     add_format(page, ("text", "latex", "markdown"))
-    page.texts = {f".{TEXTS[form]}": form for form in page.formats}
-    words = (
-        "write to this file instead of standard output (-): text, LaTeX or Markdown by its ending "
-        f"({', '.join(page.texts)}); free bodies also as a picture ({', '.join(endings(DRAWN))}, and as TikZ .tex "
-        "without --format)"
-    )
-    action = page.written.add_argument("--output", "-o", metavar="FILE", help=words)
-    offer(action, files((*page.texts, *endings(DRAWN))))
+    add_text(page, drawn=True, more=("tikz",))
     add_theme(page)
 
 
@@ -158,8 +147,8 @@ def enclose(options: argparse.Namespace) -> None:
 
 def _enclose_arguments(page: Page) -> None:
     add_scene(page)
-    words = "relative width 10^-N (default 30)"
-    page.asked.add_argument("--digits", metavar="N", type=whole(1000), default=30, help=words)
+    more = ": a relative width of 10^-N (default 30)"
+    add_option(page.asked, "--digits", more, type=whole(1000), default=30)
     add_text(page)
 
 
