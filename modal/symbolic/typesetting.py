@@ -137,7 +137,10 @@ def _by_name(name: str) -> str:
         return ""
     letter, dots, word = called.groups()
     letter = rf"\{letter}" if letter in GREEK else letter
-    return _DOTTED[dots] % letter + rf"_{{\mathrm{{{word.replace('_', chr(92) + '_')}}}}}"
+    parts = word.split("_")
+    count = next((k for k, part in enumerate(reversed(parts)) if not part.isdigit()), 0)
+    named, numbers = r"\_".join(parts[: len(parts) - count]), "".join(f",{part}" for part in parts[len(parts) - count :])
+    return _DOTTED[dots] % letter + rf"_{{\mathrm{{{named}}}{numbers}}}"
 
 
 def _with_commas(formula: str) -> str:

@@ -116,7 +116,7 @@ def _derive_arguments(page: Page) -> None:
     more = f", one for each link, shared by copies: {','.join(symbols)}"
     add_words(page.asked, "--symbolic", symbols, more)
     sections = ("lagrangian", "equations", "matrices", "polynomial", "modes")
-    more = f" that are shown (default all): {','.join(sections)}; or, alone: {','.join(ALONE)}"
+    more = f" that are shown (default all): {','.join(sections)}; and where they are named: {','.join(ALONE)}"
     add_words(page.written, "--show", (*sections, *ALONE), more)
     page.rephrase(r"choose polynomial and modes alone$", "choose --show polynomial,modes")
     page.rephrase(r"^symbolic(?= )", "--symbolic")
