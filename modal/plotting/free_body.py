@@ -23,7 +23,7 @@ from matplotlib.patches import Circle, FancyArrowPatch, Rectangle
 
 from modal.errors import SceneError
 from modal.plotting.layout import SMALL, caption, headline
-from modal.plotting.style import colour, ink, mixed, muted, paper, sheet, theme
+from modal.plotting.style import QUIET, colour, ink, mixed, muted, paper, sheet, theme
 from modal.scene import FreeBodies, FreeBody, Scene, free_bodies, title_of
 from modal.scene.doors import checked
 from modal.scene.free_bodies import Effort, normal
@@ -119,7 +119,12 @@ def plot_free_body(scene: Scene, *, letters: str = "own", parts: str = "") -> Fi
 
 
 def free_body_tikz(scene: Scene, letters: str = "own", parts: str = "") -> str:
-    """The same diagrams as a TikZ picture, for a document of LaTeX that has the package tikz."""
+    r"""The same diagrams as a TikZ picture, for a document of LaTeX that has the package tikz.
+
+    >>> from modal import load
+    >>> print(free_body_tikz(load("chain-2")).splitlines()[0])
+    \definecolor{fbbody}{HTML}{005F9E}
+    """
     bodies = free_bodies(scene, letters)
     shown, _ = diagrams(bodies, parts)
     with theme("light"):
@@ -567,7 +572,8 @@ def _draw(axis: Axes, stroke: Stroke) -> None:
     hue, points = _hue(stroke.look), stroke.points
     if stroke.kind == "line":
         dash = "--" if stroke.dashed else "-"
-        axis.plot(*np.transpose(points), dash, color=hue, lw=stroke.width, solid_capstyle="round", zorder=3)
+        faint: dict[str, Any] = {"gid": QUIET} if stroke.look == "faint" else {}
+        axis.plot(*np.transpose(points), dash, color=hue, lw=stroke.width, solid_capstyle="round", zorder=3, **faint)
     elif stroke.kind in {"arrow", "measure"}:
         _arrow(axis, stroke, hue)
     elif stroke.kind == "box":

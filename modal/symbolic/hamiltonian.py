@@ -51,7 +51,12 @@ def momentum(c: Coordinate) -> Coordinate:
 
 
 def hamiltonian(system: SymbolicSystem) -> Section:
-    """H and Hamilton's equations of pendula on a support or a cart; SceneError where two routes disagree."""
+    """H and Hamilton's equations of pendula on a support or a cart; SceneError where two routes disagree.
+
+    >>> from modal.symbolic import chain, plain
+    >>> print(plain(hamiltonian(chain(1)).lines[-2].formula))
+    p1' = -g l m sin(θ1) - s1 θ1'
+    """
     return Section(TITLE, list(_in_space(system) if system.spatial else _in_plane(system)))
 
 

@@ -31,7 +31,14 @@ from modal.symbolic.typesetting import Line, Section
 
 @dataclass(frozen=True, eq=False)
 class NewtonEuler:
-    """The equations of the parts of a scene, `bodies`, in symbols."""
+    """The equations of the parts of a scene, `bodies`, in symbols.
+
+    >>> from modal import load
+    >>> from modal.scene import free_bodies
+    >>> system = NewtonEuler(free_bodies(load("paper-cart-3"), "paper"))
+    >>> len(system.equations), len(system.unknowns), system.equations[0]
+    (33, 33, Eq(-R_Bx_1 - R_Bx_2 - R_Bx_3, m_c*xddot))
+    """
 
     bodies: FreeBodies
 
@@ -173,6 +180,11 @@ def part_sections(bodies: FreeBodies) -> list[Section]:
     """A section for every part, for the constraints and for what forces are; last how many equations there are.
 
     Raises SceneError for more links than readable equations allow.
+
+    >>> from modal import load
+    >>> from modal.scene import free_bodies
+    >>> [section.title for section in part_sections(free_bodies(load("chain-1")))]
+    ['Link 1', 'Constraints', 'Count']
     """
     if (links := len(bodies.parts) - 1) > MOST_WRITTEN:
         told = f"{links} links: balances are written for at most {MOST_WRITTEN}; a picture draws those of some parts"

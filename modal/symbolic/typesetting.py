@@ -139,7 +139,10 @@ def _by_name(name: str) -> str:
     letter = rf"\{letter}" if letter in GREEK else letter
     parts = word.split("_")
     count = next((k for k, part in enumerate(reversed(parts)) if not part.isdigit()), 0)
-    named, numbers = r"\_".join(parts[: len(parts) - count]), "".join(f",{part}" for part in parts[len(parts) - count :])
+    named, numbers = (
+        r"\_".join(parts[: len(parts) - count]),
+        "".join(f",{part}" for part in parts[len(parts) - count :]),
+    )
     return _DOTTED[dots] % letter + rf"_{{\mathrm{{{named}}}{numbers}}}"
 
 
