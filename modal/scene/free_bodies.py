@@ -124,12 +124,11 @@ def free_bodies(scene: Scene, letters: str = "own") -> FreeBodies:
 
     >>> from modal import load
     >>> from modal.scene import free_bodies
-    >>> print(free_bodies(load("paper-cart-1"), "paper"))
-    A cart with one double pendulum of rods, taken apart
-      part    acts on it
-      cart    m_c g, R, -R_Bx_1, -R_By_1
-      link 1  m_1_1 g, R_Bx_1, R_By_1, R_Px_1, R_Py_1
-      link 2  m_1_2 g, -R_Px_1, -R_Py_1
+    >>> bodies = free_bodies(load("paper-cart-1"), "paper")
+    >>> [part.words for part in bodies.parts]
+    ['cart', 'link 1', 'link 2']
+    >>> [(effort.sign, effort.along, effort.down) for effort in bodies.parts[2].efforts]
+    [(1, '', 'm_1_2 g'), (-1, 'R_Px_1', 'R_Py_1')]
     """
     if letters not in LETTERS:
         raise SceneError([f"letters {letters}: must be one of {', '.join(LETTERS)}"])
