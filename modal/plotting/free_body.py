@@ -177,7 +177,7 @@ def diagrams(bodies: FreeBodies, parts: str = "") -> tuple[list[Diagram], str]:
     for number in numbers:
         part = bodies.parts[number]
         if part.link is None:
-            shown.append(_cart(bodies) if part.kind == "cart" else _fixed(bodies))
+            shown.append(_cart(bodies) if part.kind == "cart" else _standing(bodies))
             continue
         chain = pendula[part.place[0]]
         if not parts and part.place[1] == 0 and 1 < len(chain) <= MOST_LINKS:
@@ -276,13 +276,15 @@ def _force(place: Any, shaft: Any, positive: bool, text: str, look: str) -> Iter
     yield Written(f"${text}$", float(x), float(y), look, side)
 
 
-def _turn(place: Any, begin: float, end: float, positive: bool, text: str, look: str) -> Iterator[Stroke | Written]:
+def _turn(
+    place: Any, begin: float, end: float, positive: bool, text: str, look: str, radius: float = ARC
+) -> Iterator[Stroke | Written]:
     """A curved arrow about a place from one angle (degrees) to another, turned round where it is not positive."""
     angles = np.radians(np.linspace(begin, end, 25))
-    points = [_point(place + ARC * np.array([cos(a), sin(a)])) for a in angles]
+    points = [_point(place + radius * np.array([cos(a), sin(a)])) for a in angles]
     yield Stroke("arrow", tuple(points if positive else points[::-1]), look)
     middle = radians((begin + end) / 2)
-    x, y = place + (ARC + 0.08) * np.array([cos(middle), sin(middle)])
+    x, y = place + (radius + 0.08) * np.array([cos(middle), sin(middle)])
     yield Written(f"${text}$", float(x), float(y), look, "right" if cos(middle) > 0 else "left")
 
 
@@ -316,7 +318,7 @@ def _link(bodies: FreeBodies, part: FreeBody) -> Diagram:
         pieces.append(Stroke("ring", (_point(end), _point(end + np.array([0.045, 0]))), "ink", 1.0))
     if part.kind != "bob":
         pieces.append(Stroke("disc", (_point(centre), _point(centre + np.array([0.035, 0]))), "ink"))
-    at = TOP + 0.74 * LONG * way + 0.13 * across
+    at = TOP + (0.48 if part.kind == "bob" else 0.74) * LONG * way + 0.13 * across
     pieces.append(Written(f"${written(part.length, bodies.letters)}$", *_point(at), "ink", "right"))
     for effort in part.efforts:
         pieces += _effort(part, effort, centre, end, across)
@@ -342,10 +344,9 @@ def _effort(part: FreeBody, effort: Effort, centre: Any, end: Any, across: Any) 
         yield Stroke("arrow", (_point(low), _point(low - np.array([0, 0.4]))), "force")
         yield Written(f"${written(effort.down)}$", float(low[0] - 0.09), float(low[1] - 0.3), "force", "left")
     elif effort.kind == "drag":
-        tip = centre + 0.44 * across
-        yield Stroke("arrow", (_point(centre + 0.1 * across if bob else centre), _point(tip)), "force")
-        name = written("_".join(("D", *map(str, part.index))))
-        yield Written(f"${name}$", *_point(tip + 0.05 * across), "force", "right")
+        yield from _oblique(part, centre, across, 0.62)
+    elif effort.kind == "applied":
+        yield from _applied(part, effort, centre, end)
     elif effort.turning:
         begin, stop = (-42.0, 75.0) if effort.at == "upper" else (135.0, 215.0) if bob else (145.0, 250.0)
         place = TOP if effort.at == "upper" else end
@@ -360,6 +361,34 @@ def _effort(part: FreeBody, effort: Effort, centre: Any, end: Any, across: Any) 
         yield from _force(end + beside, down, effort.sign > 0, written(effort.down), "joint")
         out = np.array([BOB - GAP, 0.0]) if bob else np.zeros(2)
         yield from _force(end + out, right, effort.sign > 0, written(effort.along), "joint")
+
+
+def _oblique(part: FreeBody, centre: Any, across: Any, length: float) -> Iterator[Stroke | Written]:
+    """The drag on a link as one arrow."""
+    tip = centre + length * across
+    yield Stroke("arrow", (_point(centre + 0.1 * across if part.kind == "bob" else centre), _point(tip)), "force")
+    yield Written(
+        f"${written('_'.join(('D', *map(str, part.index))))}$", *_point(tip + 0.05 * across), "force", "right"
+    )
+
+
+def _applied(part: FreeBody, effort: Effort, centre: Any, end: Any) -> Iterator[Stroke | Written]:
+    """A force of the scene, to the right or up from its point, or a torque around a joint or the centre."""
+    link: Any = part.link
+    text = written(effort.along or effort.down or effort.turning)
+    if effort.turning:
+        place = {"upper": TOP, "lower": end}.get(effort.at, centre)
+        first, last = (-38.0, 60.0) if effort.at != "lower" else (150.0, 240.0)
+        yield from _turn(place, first, last, effort.sign > 0, text, "force", radius=0.38)
+        return
+    share = effort.below / link.length if effort.at == "point" else None
+    place = centre if share is None else TOP + min(share, 1.25) * (end - TOP)
+    shaft = np.array([1.0, 0.0]) if effort.along else np.array([0.0, 1.0])
+    begin = place + (BOB if part.kind == "bob" and share is None else 0.0) * shaft
+    tip = begin + ARROW * shaft
+    x, y = tip + np.array([0.06, 0.0 if effort.along else -0.1])
+    yield Stroke("arrow", (_point(begin), _point(tip)), "force")
+    yield Written(f"${text}$", float(x), float(y), "force", "right")
 
 
 def _caused(bodies: FreeBodies, part: FreeBody, way: Any, share: float) -> Iterator[Stroke | Written]:
@@ -406,7 +435,12 @@ def _on_pins(bodies: FreeBodies, height: float) -> Iterator[Stroke | Written]:
     shown, places = _pins(bodies)
     for p, x in zip(shown, places, strict=True):
         pin = np.array([x, height])
-        for effort in (one for one in bodies.support.efforts if one.kind == "joint" and one.pendulum == p):
+        for effort in (one for one in bodies.support.efforts if one.at == "support" and one.pendulum == p):
+            if effort.kind == "applied":
+                yield from _turn(pin, -38.0, 60.0, effort.sign > 0, written(effort.turning), "force", radius=0.38)
+                continue
+            if effort.kind != "joint":
+                continue
             if effort.turning:
                 yield from _turn(pin, -42.0, 75.0, effort.sign > 0, written(effort.turning), "joint")
                 continue
@@ -430,14 +464,21 @@ def _cart(bodies: FreeBodies) -> Diagram:
     pieces.append(Stroke("arrow", ((0.0, 0.0), (0.0, -0.55)), "force"))
     pieces.append(Stroke("disc", ((0.0, 0.0), (0.035, 0.0)), "ink"))
     pieces.append(Written(f"${written('m_c g')}$", 0.0, -0.7, "force"))
-    if any(effort.kind == "held" for effort in bodies.support.efforts):
-        pieces += _force(np.array([half, 0.0]), np.array([1.0, 0.0]), True, "H", "force")
+    pieces += _on_cart(bodies, half, 0.0)
     beside = half + 1.55
     pieces.append(Written("$=$", half + 0.85, 0.4))
     ghost = [_faded(piece, beside) for piece in _box(0.45)]
     pieces += [*ghost, *_accelerating(bodies, bodies.support, np.array([beside, 0.0]))]
     middle = (LEFT + RIGHT) / 2 - (beside + 0.9 - half) / 2
     return _diagram("cart", [_moved(piece, middle) for piece in pieces], 2)
+
+
+def _on_cart(bodies: FreeBodies, right: float, height: float) -> Iterator[Stroke | Written]:
+    """What pushes the cart along the rail from its right end: H of its spring and damper, forces of the scene."""
+    names = [one.along for one in bodies.support.efforts if one.kind in {"held", "applied"} and one.along]
+    for k, name in enumerate(names):
+        place = np.array([right, height + 0.2 * (k - (len(names) - 1) / 2)])
+        yield from _force(place, np.array([1.0, 0.0]), True, written(name), "force")
 
 
 def _box(half: float, middle: float = 0.0) -> list[Stroke | Written]:
@@ -459,8 +500,8 @@ def _moved(piece: Stroke | Written, shift: float) -> Stroke | Written:
     return piece._replace(points=tuple((x + shift, y) for x, y in piece.points))
 
 
-def _fixed(bodies: FreeBodies) -> Diagram:
-    """A support that stands still, with what the first links exert on it."""
+def _standing(bodies: FreeBodies) -> Diagram:
+    """A support that stands still or moves as prescribed, with what the first links exert on it."""
     _, places = _pins(bodies)
     left, right = places[0] - 0.6, places[-1] + 0.6
     pieces: list[Stroke | Written] = [_line((left, 0.0), (right, 0.0), "ink", 2.4)]
@@ -468,10 +509,12 @@ def _fixed(bodies: FreeBodies) -> Diagram:
         pieces.append(_line((foot, 0.0), (foot - 0.08, -0.08), "guide", 0.8))
     pieces += _brackets(places, 0.0)
     pieces += _on_pins(bodies, PIN)
-    pieces.append(Written("stands still: the ground holds it", (left + right) / 2, -0.3))
+    still = bodies.support.kind == "fixed"
+    words = "stands still: the ground holds it" if still else "moves as prescribed"
+    pieces.append(Written(words, (left + right) / 2, -0.3))
     middle = (LEFT + RIGHT) / 2
     wide = len(places) > 1
-    return _diagram("fixed support", [_moved(piece, middle) for piece in pieces], 2 if wide else 1)
+    return _diagram(bodies.support.words, [_moved(piece, middle) for piece in pieces], 2 if wide else 1)
 
 
 def _brackets(places: Sequence[float], low: float) -> Iterator[Stroke]:
@@ -496,12 +539,22 @@ def _chain(chain: Sequence[FreeBody], top: Any, scale: float) -> tuple[list[Stro
     return pieces, centres, joints
 
 
-def _weights(chain: Sequence[FreeBody], centres: Sequence[Any]) -> Iterator[Stroke | Written]:
+def _weights(chain: Sequence[FreeBody], centres: Sequence[Any], drag: float = 0.32) -> Iterator[Stroke | Written]:
+    """Weights and forces from outside on a pendulum, arrows of drag this long."""
     for part, centre in zip(chain, centres, strict=True):
         low = centre - np.array([0, 0.38])
         yield Stroke("disc", (_point(centre), _point(centre + np.array([0.03, 0]))), "ink")
         yield Stroke("arrow", (_point(centre), _point(low)), "force")
         yield Written(f"${written(f'{part.mass} g')}$", float(low[0] - 0.08), float(low[1] + 0.08), "force", "left")
+        for effort in part.efforts:
+            if effort.kind == "drag":
+                across = np.array([cos(TILT), sin(TILT)])
+                yield from _oblique(part, centre, across, drag)
+            elif effort.kind == "applied" and not effort.turning:
+                tip = centre + (np.array([ARROW, 0.0]) if effort.along else np.array([0.0, 0.36]))
+                x, y = tip + np.array([0.06, 0.0 if effort.along else -0.1])
+                yield Stroke("arrow", (_point(centre), _point(tip)), "force")
+                yield Written(f"${written(effort.along or effort.down)}$", float(x), float(y), "force", "right")
 
 
 def _pendulum(bodies: FreeBodies, chain: Sequence[FreeBody]) -> Diagram:
@@ -516,7 +569,7 @@ def _pendulum(bodies: FreeBodies, chain: Sequence[FreeBody]) -> Diagram:
             continue
         pieces += _force(top, np.array([0.0, 1.0]), effort.sign < 0, written(effort.down), "joint")
         pieces += _force(top, np.array([-1.0, 0.0]), effort.sign < 0, written(effort.along), "joint")
-    pieces += _weights(chain, centres)
+    pieces += _weights(chain, centres, 0.62)
     return _diagram(f"pendulum {first.place[0] + 1}", pieces)
 
 
@@ -526,8 +579,9 @@ def _whole(bodies: FreeBodies) -> Diagram:
     longest = max(map(len, pendula))
     scale = min(0.62, 1.3 / sum(cos(tilt) for tilt in TILTS[:longest]))
     reach = scale * sum(sin(tilt) for tilt in TILTS[:longest])
-    places = [(reach + 0.5) * k for k in range(len(pendula))]
-    left, right, high = -1.3, places[-1] + reach + 0.6, 0.85
+    pushed = any(one.kind in {"drag", "applied"} for part in bodies.parts[1:] for one in part.efforts)
+    places = [(reach + (1.0 if pushed else 0.5)) * k for k in range(len(pendula))]
+    left, right, high = -1.3, places[-1] + reach + (1.0 if pushed else 0.6), 0.85
     pieces: list[Stroke | Written] = [_raised(piece, high) for piece in _box((right - left) / 2, (left + right) / 2)]
     for chain, x in zip(pendula, places, strict=True):
         links, centres, _ = _chain(chain, (x, high), scale)
@@ -538,8 +592,8 @@ def _whole(bodies: FreeBodies) -> Diagram:
         pieces += _force(wheel, np.array([0.0, -1.0]), False, R, "force")
     pieces.append(Stroke("arrow", ((-0.76, high), (-0.76, high - 0.5)), "force"))
     pieces.append(Written(f"${written('m_c g')}$", -0.76, high - 0.63, "force"))
-    if held := any(effort.kind == "held" for effort in bodies.support.efforts):
-        pieces += _force(np.array([right, high]), np.array([1.0, 0.0]), True, "H", "force")
+    held = bool(beside := list(_on_cart(bodies, right, high)))
+    pieces += beside
     middle = (LEFT + RIGHT) / 2 - (left + right) / 2 - 0.3 * held
     return _diagram(
         "whole scene", [_moved(piece, middle) for piece in pieces], 1 if right - left + 0.6 * held < 4.3 else 2

@@ -297,9 +297,8 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "a free-body diagram",
-            SHAPE | DRAG | FRICTION | DRIVES | {"dampers", "massless_cart"},
+            SHAPE | DRAG | FRICTION | DRIVES | FORCED | {"dampers", "massless_cart", "moved_support"},
             refuses={
-                **STILL,
                 **CONSTANT,
                 "space": "is drawn in the plane",
                 "damping_ratio": "has no part on which dampers of modes act",

@@ -11,7 +11,7 @@ from it, `modal.plotting.plot_free_body` the diagrams.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 from modal.errors import SceneError
@@ -20,11 +20,12 @@ from modal.scene.capabilities import require
 from modal.scene.doors import checked
 from modal.scene.links import AnyLink, VanDerPol
 from modal.scene.model import Scene
+from modal.scene.points import places_of
 from modal.scene.titles import title_of
 
 LETTERS = ("own", "paper")
 """Whose letters the parts have: the toolkit's own, or those of paper 000."""
-Where = Literal["centre", "upper", "lower", "support"]
+Where = Literal["centre", "upper", "lower", "point", "support"]
 
 
 class Effort(NamedTuple):
@@ -32,7 +33,8 @@ class Effort(NamedTuple):
 
     They act as their letters say, along +x, down and the way θ grows, or reversed with `sign` −1.  `kind` is "weight",
     "joint" (a joint's force or moment), "normal" (of the rail), "held" (of a spring, a damper and friction between cart
-    and rail) or "drag"; `pendulum` is the number, from 0, of that which acts on a support.
+    and rail), "drag" or "applied"; `pendulum` is the number, from 0, of that which acts on a support.  `below` is the
+    distance (m) of a "point" from the upper joint, `reach` the name of its letter.
     """
 
     kind: str
@@ -42,11 +44,13 @@ class Effort(NamedTuple):
     down: str = ""
     turning: str = ""
     pendulum: int = 0
+    reach: str = ""
+    below: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class FreeBody:
-    """A part by its words, its kind ("cart", "fixed", "bob", "rod" or "body") and all that acts on it.
+    """A part by its words, its kind ("cart", "fixed", "moved", "bob", "rod" or "body") and all that acts on it.
 
     `index` is what its letters end in, `place` the numbers of its pendulum and its link from 0.  `mass`, `length`,
     `centre` and `inertia` are names of letters, "" where it has none of its own; `link` is the link of the scene.
@@ -144,7 +148,40 @@ def free_bodies(scene: Scene, letters: str = "own") -> FreeBodies:
         for p, chain in enumerate(chains)
         for i in range(len(chain))
     ]
-    return FreeBodies(scene, letters, (_support(scene, chains, letters, numbered), *parts))
+    support = _support(scene, chains, letters, numbered)
+    acting = _applied(scene, [part.place for part in parts])
+    with_forces = (
+        replace(part, efforts=(*part.efforts, *acting.get(k, ()))) for k, part in enumerate((support, *parts), -1)
+    )
+    return FreeBodies(scene, letters, tuple(with_forces))
+
+
+def _applied(scene: Scene, places: list[tuple[int, int]]) -> dict[int, list[Effort]]:
+    """The forces and torques of a scene by the link that they act on, −1 for the support: F_1, F_2 and so on.
+
+    A torque on a joint acts reversed on what the link hangs from.
+    """
+    efforts: dict[int, list[Effort]] = {}
+    for number, force in enumerate(scene.force, 1):
+        name, spots = f"F_{number}", places_of(scene, force.on)
+        if not spots:
+            efforts.setdefault(-1, []).append(Effort("applied", "centre", 1, along=name))
+        for link, above, below in spots:
+            own = efforts.setdefault(link, [])
+            if force.direction == "torque":
+                own.append(Effort("applied", "upper" if below is None else "centre", 1, turning=name))
+                if below is None:
+                    at: Where = "lower" if above >= 0 else "support"
+                    pendulum = places[link][0]
+                    efforts.setdefault(above, []).append(Effort("applied", at, -1, turning=name, pendulum=pendulum))
+                continue
+            reach = {} if below is None else {"reach": f"s_{number}", "below": below}
+            at = "centre" if below is None else "point"
+            if force.direction == "horizontal":
+                own.append(Effort("applied", at, 1, along=name, **reach))  # type: ignore[arg-type]
+            else:
+                own.append(Effort("applied", at, -1, down=name, **reach))  # type: ignore[arg-type]
+    return efforts
 
 
 def force_names(letters: str, index: tuple[int, ...]) -> tuple[str, str, int]:
@@ -214,8 +251,8 @@ def _support(scene: Scene, chains: list[list[AnyLink]], letters: str, numbered: 
             efforts.append(Effort("held", "centre", 1, along="H"))
     for p, chain in enumerate(chains):
         efforts += _joint(letters, (p + 1, 1) if numbered else (1,), chain[0], False, "support", p)
-    kind = "fixed" if cart is None else "cart"
-    words = "fixed support" if cart is None else "cart"
+    kind = "cart" if cart is not None else "moved" if scene.is_moved else "fixed"
+    words = {"cart": "cart", "moved": "moved support", "fixed": "fixed support"}[kind]
     return FreeBody(words, kind, (), (-1, -1), tuple(efforts), "" if cart is None else "m_c")
 
 

@@ -28,6 +28,9 @@ from modal.symbolic.lagrange import Coordinate, coordinate
 from modal.symbolic.papers import equal, residual
 from modal.symbolic.typesetting import Line, Section
 
+STILL = ("fixed", "moved")
+"""Kinds of supports whose motion is known, so that no balance is written of them."""
+
 
 @dataclass(frozen=True, eq=False)
 class NewtonEuler:
@@ -79,7 +82,7 @@ class NewtonEuler:
 
     def balances(self, part: FreeBody) -> Iterator[tuple[str, Any]]:
         """Σ F = m a along the rail and down, and Σ M = I θ'' about the centre of a link."""
-        if part.kind == "fixed":
+        if part.kind in STILL:
             return
         x, z, theta = self.motion(part)
         m = sp.Symbol(part.mass)
@@ -98,20 +101,21 @@ class NewtonEuler:
         if effort.at == "centre":
             return sp.S.Zero
         centre, theta = self.proportions(part)[0], self.motion(part)[2].q
-        arm = -centre if effort.at == "upper" else sp.Symbol(part.length) - centre
+        reach = {"upper": sp.S.Zero, "lower": sp.Symbol(part.length)}.get(effort.at, sp.Symbol(effort.reach))
+        arm = reach - centre
         along, down = (_product(name) if name else sp.S.Zero for name in (effort.along, effort.down))
         return sp.expand(effort.sign * arm * (along * sp.cos(theta) - down * sp.sin(theta)))
 
     def constraints(self) -> Iterator[tuple[str, Any]]:
         """The rail below the cart, and of every link the acceleration of its centre along the rail and down."""
         support = self.bodies.support
-        hung = sp.S.Zero
+        hung, sinking = self.prescribed()
         if support.kind == "cart":
             x, z, _ = self.motion(support)
             hung = x.a
             yield "the cart stays on the rail", equal(z.a, 0)
         for chain in self.bodies.pendula:
-            along, down = hung, sp.S.Zero
+            along, down = hung, sinking
             for part in chain:
                 x, z, theta = self.motion(part)
                 swing, sink = _turned(theta)
@@ -119,6 +123,13 @@ class NewtonEuler:
                 yield f"{part.words} along the rail", equal(x.a, along + centre * swing)
                 yield f"{part.words} down", equal(z.a, down + centre * sink)
                 along, down = along + length * swing, down + length * sink
+
+    def prescribed(self) -> tuple[Any, Any]:
+        """The accelerations of a support that moves along the rail and down, a_x and a_z; 0 where it does not."""
+        ways = {motion.direction for motion in self.bodies.scene.motions}
+        names = (("horizontal", "a_x"), ("vertical", f"a_{self.bodies.downward}"))
+        along, down = (sp.Symbol(name) if way in ways else sp.S.Zero for way, name in names)
+        return along, down
 
     def laws(self) -> Iterator[tuple[str, Any]]:
         """What moments of joints, drag, springs and dampers are, as functions of the motion."""
@@ -193,7 +204,7 @@ def part_sections(bodies: FreeBodies) -> list[Section]:
     sections = [
         Section(_titled(part), [Line(words, form) for words, form in system.balances(part)])
         for part in bodies.parts
-        if part.kind != "fixed"
+        if part.kind not in STILL
     ]
     sections.append(Section("Constraints", [Line(words, form) for words, form in system.constraints()]))
     if laws := [Line(words, form) for words, form in system.laws()]:

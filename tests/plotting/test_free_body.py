@@ -12,7 +12,7 @@ from modal import Bob, Body, Cart, Pendulum, Rod, Scene, SceneError, load
 from modal.plotting import free_body_tikz, plot_free_body
 from modal.plotting.free_body import MOST_PARTS, diagrams, written
 from modal.plotting.style import theme
-from modal.scene import VanDerPol, free_bodies
+from modal.scene import VanDerPol, free_bodies, scene_from
 
 FULL = Scene(
     gravity=9.81,
@@ -28,7 +28,31 @@ FULL = Scene(
         Pendulum(links=[Rod(mass=1.0, length=1.0, drive=VanDerPol(strength=0.1, angle_deg=20.0))]),
     ],
 )
-SCENES = {"full": FULL, **{name: load(name) for name in ("paper-cart-2", "chain-3", "huygens", "crane-hook")}}
+PUSHED = scene_from(
+    {
+        "gravity": 9.81,
+        "support": {"kind": "cart", "mass": 2.0},
+        "pendulum": [
+            {
+                "links": [
+                    {"kind": "rod", "mass": 1.0, "length": 1.0, "drag": 0.1, "damping": 0.1},
+                    {"kind": "bob", "mass": 1.0, "length": 1.0},
+                ]
+            }
+        ],
+        "force": [
+            {"on": "cart", "kind": "constant", "amplitude": 1.0},
+            {"on": "pendulum[0].links[0]@0.3", "kind": "constant", "amplitude": 1.0},
+            {"on": "pendulum[0].links[1]", "kind": "constant", "direction": "vertical", "amplitude": 1.0},
+            {"on": "pendulum[0].links[1]", "kind": "constant", "direction": "torque", "amplitude": 1.0},
+        ],
+    }
+)
+SCENES = {
+    "full": FULL,
+    "pushed": PUSHED,
+    **{name: load(name) for name in ("paper-cart-2", "chain-3", "huygens", "crane-hook")},
+}
 
 
 @pytest.mark.parametrize("name", SCENES)

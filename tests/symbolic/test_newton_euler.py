@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import sympy as sp
 from scenes import decimal_scene, minimal, random_state
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, SceneError, load
-from modal.scene import VanDerPol, free_bodies
+from modal.scene import VanDerPol, free_bodies, scene_from
 from modal.symbolic import vanishes
 from modal.symbolic.newton_euler import NewtonEuler
 from modal.symbolic.papers import cart_dae, residual
 from nonlinear.dynamics import Maximal
+from nonlinear.dynamics.applied import sizes_at
+from nonlinear.dynamics.joints import frame_of
 from nonlinear.system import system_of
 
 
@@ -85,6 +89,54 @@ def test_solved_they_are_the_accelerations_and_forces_of_both_engines(seed: int)
     slopes = equations.derivative(0.0, equations.begin(state))[equations.layout.half : 2 * equations.layout.half]
     turning = [u[0], *u[first + 2 : size : 3]] if first else u[first + 2 : size : 3]
     np.testing.assert_allclose(turning, slopes, rtol=0, atol=1e-9 * np.abs(slopes).max())
+
+
+FORCES = (
+    {"on": "pendulum[0].links[0]", "kind": "constant", "amplitude": 3.0},
+    {"on": "pendulum[0].links[1]@0.3", "direction": "vertical", "amplitude": 2.0, "frequency_hz": 0.7},
+    {"on": "pendulum[0].links[1]", "direction": "torque", "amplitude": 0.4, "frequency_hz": 0.4},
+    {"on": "pendulum[0].links[0]@0.2", "direction": "torque", "amplitude": 0.3, "frequency_hz": 0.5},
+)
+MOVED = {
+    "kind": "moved",
+    "motion": [
+        {"kind": "sine", "direction": "horizontal", "amplitude": 0.1, "frequency_hz": 0.6},
+        {"kind": "sine", "direction": "vertical", "amplitude": 0.2, "frequency_hz": 0.9},
+    ],
+}
+
+
+@pytest.mark.parametrize("support", [{"kind": "cart", "mass": 2.0}, MOVED], ids=["cart", "moved"])
+def test_forces_and_a_moved_support_are_those_of_the_engine(support: dict[str, Any]) -> None:
+    """Joint forces at any instant; accelerations of the parts are the engine's and that of its frame."""
+    time, links = (
+        0.37,
+        [{"kind": "rod", "mass": 1.0, "length": 1.0, "drag": 0.2}, {"kind": "bob", "mass": 0.5, "length": 0.8}],
+    )
+    more = [{"on": "cart", "amplitude": 1.5, "frequency_hz": 0.3}] if support["kind"] == "cart" else []
+    forces = [{"kind": "sine"} | each for each in (*FORCES, *more)]
+    scene = scene_from(
+        {"gravity": 9.81, "support": support, "pendulum": [{"links": links, "count": 2}], "force": forces}
+    )
+    system, numeric = NewtonEuler(free_bodies(scene)), system_of(scene)
+    state, maximal = random_state(numeric, 5), Maximal(numeric)
+    y, put = maximal.begin(state), values_of(scene, system)
+    put |= {sp.Symbol(f"F_{k}"): size for k, size in enumerate(sizes_at(numeric, time), 1)}
+    put[sp.Symbol("s_2")] = 0.3
+    (along, down), (vx, vz) = frame_of(numeric, time)
+    put |= {sp.Symbol("a_x"): along, sp.Symbol("a_z"): down}
+    size, first = maximal.pivots.size, maximal.pivots.first
+    names = [c for part in system.bodies.parts[1:] for c in system.motion(part)]
+    names = [*system.motion(system.bodies.support)[:2], *names] if first else names
+    rates = y[size : 2 * size].copy()
+    maximal.pivots.parts(rates)[1][:, :2] += vx, vz
+    put |= {c.q: value for c, value in zip(names, y[:size], strict=True)}
+    put |= {c.v: value for c, value in zip(names, rates, strict=True)}
+    put |= {law.lhs: law.rhs.subs(put) for _, law in system.laws()}
+    u = np.linalg.solve(*(np.array(part.subs(put), dtype=float) for part in system.linear_system())).ravel()
+    theirs = maximal.unknowns(time, y)
+    maximal.pivots.parts(theirs[:size])[1][:, :2] += along, down
+    np.testing.assert_allclose(u, theirs, rtol=0, atol=1e-10 * np.abs(theirs).max())
 
 
 def test_action_and_reaction_are_opposite_and_cancel_over_all_parts() -> None:
