@@ -539,8 +539,8 @@ def _chain(chain: Sequence[FreeBody], top: Any, scale: float) -> tuple[list[Stro
     return pieces, centres, joints
 
 
-def _weights(chain: Sequence[FreeBody], centres: Sequence[Any], drag: float = 0.32) -> Iterator[Stroke | Written]:
-    """Weights and forces from outside on a pendulum, arrows of drag this long."""
+def _weights(chain: Sequence[FreeBody], centres: Sequence[Any], lean: float = TILT) -> Iterator[Stroke | Written]:
+    """Weights and forces from outside on a pendulum, arrows of drag so far above the horizontal."""
     for part, centre in zip(chain, centres, strict=True):
         low = centre - np.array([0, 0.38])
         yield Stroke("disc", (_point(centre), _point(centre + np.array([0.03, 0]))), "ink")
@@ -548,8 +548,7 @@ def _weights(chain: Sequence[FreeBody], centres: Sequence[Any], drag: float = 0.
         yield Written(f"${written(f'{part.mass} g')}$", float(low[0] - 0.08), float(low[1] + 0.08), "force", "left")
         for effort in part.efforts:
             if effort.kind == "drag":
-                across = np.array([cos(TILT), sin(TILT)])
-                yield from _oblique(part, centre, across, drag)
+                yield from _oblique(part, centre, np.array([cos(lean), sin(lean)]), 0.32 if lean == TILT else 0.5)
             elif effort.kind == "applied" and not effort.turning:
                 tip = centre + (np.array([ARROW, 0.0]) if effort.along else np.array([0.0, 0.36]))
                 x, y = tip + np.array([0.06, 0.0 if effort.along else -0.1])
@@ -569,7 +568,8 @@ def _pendulum(bodies: FreeBodies, chain: Sequence[FreeBody]) -> Diagram:
             continue
         pieces += _force(top, np.array([0.0, 1.0]), effort.sign < 0, written(effort.down), "joint")
         pieces += _force(top, np.array([-1.0, 0.0]), effort.sign < 0, written(effort.along), "joint")
-    pieces += _weights(chain, centres, 0.62)
+    along = any(one.kind == "applied" and one.along for part in chain for one in part.efforts)
+    pieces += _weights(chain, centres, TILT if along else radians(5.0))
     return _diagram(f"pendulum {first.place[0] + 1}", pieces)
 
 
