@@ -58,7 +58,7 @@ class Stroke(NamedTuple):
     dashed: bool = False
 
 
-class Written(NamedTuple):
+class Lettering(NamedTuple):
     """Words or a formula of LaTeX at a place, centred or to its left or right."""
 
     text: str
@@ -74,7 +74,7 @@ class Diagram:
 
     title: str
     strokes: tuple[Stroke, ...]
-    words: tuple[Written, ...]
+    words: tuple[Lettering, ...]
     columns: int = 1
 
 
@@ -264,7 +264,7 @@ def _point(place: Any) -> tuple[float, float]:
     return float(place[0]), float(place[1])
 
 
-def _force(place: Any, shaft: Any, positive: bool, text: str, look: str) -> Iterator[Stroke | Written]:
+def _force(place: Any, shaft: Any, positive: bool, text: str, look: str) -> Iterator[Stroke | Lettering]:
     """An arrow whose shaft lies on one side of a place: into it, or out of it; its label at the far end.
 
     `shaft` is the unit vector from the place to the far end; the arrow points outwards where `positive`.
@@ -273,24 +273,24 @@ def _force(place: Any, shaft: Any, positive: bool, text: str, look: str) -> Iter
     yield Stroke("arrow", (_point(near), _point(far)) if positive else (_point(far), _point(near)), look)
     x, y = far + shaft * (0.06 if abs(shaft[0]) > 0.5 else 0.13)
     side = "center" if abs(shaft[0]) <= 0.5 else "right" if shaft[0] > 0 else "left"
-    yield Written(f"${text}$", float(x), float(y), look, side)
+    yield Lettering(f"${text}$", float(x), float(y), look, side)
 
 
 def _turn(
     place: Any, begin: float, end: float, positive: bool, text: str, look: str, radius: float = ARC
-) -> Iterator[Stroke | Written]:
+) -> Iterator[Stroke | Lettering]:
     """A curved arrow about a place from one angle (degrees) to another, turned round where it is not positive."""
     angles = np.radians(np.linspace(begin, end, 25))
     points = [_point(place + radius * np.array([cos(a), sin(a)])) for a in angles]
     yield Stroke("arrow", tuple(points if positive else points[::-1]), look)
     middle = radians((begin + end) / 2)
     x, y = place + (radius + 0.08) * np.array([cos(middle), sin(middle)])
-    yield Written(f"${text}$", float(x), float(y), look, "right" if cos(middle) > 0 else "left")
+    yield Lettering(f"${text}$", float(x), float(y), look, "right" if cos(middle) > 0 else "left")
 
 
-def _diagram(title: str, pieces: Sequence[Stroke | Written], columns: int = 1) -> Diagram:
+def _diagram(title: str, pieces: Sequence[Stroke | Lettering], columns: int = 1) -> Diagram:
     strokes = tuple(piece for piece in pieces if isinstance(piece, Stroke))
-    return Diagram(title, strokes, tuple(piece for piece in pieces if isinstance(piece, Written)), columns)
+    return Diagram(title, strokes, tuple(piece for piece in pieces if isinstance(piece, Lettering)), columns)
 
 
 def _bar(part: FreeBody, joint: Any, end: Any, look: str = "body") -> Iterator[Stroke]:
@@ -313,36 +313,36 @@ def _link(bodies: FreeBodies, part: FreeBody) -> Diagram:
     way = np.array([sin(TILT), -cos(TILT)])
     end, across = TOP + LONG * way, np.array([cos(TILT), sin(TILT)])
     centre = TOP + LONG * min(link.centre / link.length, 1.25) * way
-    pieces: list[Stroke | Written] = [*_bar(part, TOP, end), *_leaning(bodies, part)]
+    pieces: list[Stroke | Lettering] = [*_bar(part, TOP, end), *_leaning(bodies, part)]
     if bodies.of(part):
         pieces.append(Stroke("ring", (_point(end), _point(end + np.array([0.045, 0]))), "ink", 1.0))
     if part.kind != "bob":
         pieces.append(Stroke("disc", (_point(centre), _point(centre + np.array([0.035, 0]))), "ink"))
     at = TOP + (0.48 if part.kind == "bob" else 0.74) * LONG * way + 0.13 * across
-    pieces.append(Written(f"${written(part.length, bodies.letters)}$", *_point(at), "ink", "right"))
+    pieces.append(Lettering(f"${written(part.length, bodies.letters)}$", *_point(at), "ink", "right"))
     for effort in part.efforts:
         pieces += _effort(part, effort, centre, end, across)
     pieces += _caused(bodies, part, way, min(link.centre / link.length, 1.25))
     return _diagram(part.words, pieces)
 
 
-def _leaning(bodies: FreeBodies, part: FreeBody) -> Iterator[Stroke | Written]:
+def _leaning(bodies: FreeBodies, part: FreeBody) -> Iterator[Stroke | Lettering]:
     """The vertical below the upper joint and the angle of the link."""
     yield _line(TOP, TOP - np.array([0, 0.52]), "guide", SIZES["guide"], dashed=True)
     angles = np.linspace(-pi / 2, TILT - pi / 2, 15)
     points = tuple(_point(TOP + 0.3 * np.array([cos(a), sin(a)])) for a in angles)
     yield Stroke("line", points, "guide", SIZES["guide"])
     name = written("_".join(("theta", *map(str, part.index))))
-    yield Written(f"${name}$", TOP[0] - 0.06, TOP[1] - 0.34, "ink", "left")
+    yield Lettering(f"${name}$", TOP[0] - 0.06, TOP[1] - 0.34, "ink", "left")
 
 
-def _effort(part: FreeBody, effort: Effort, centre: Any, end: Any, across: Any) -> Iterator[Stroke | Written]:
+def _effort(part: FreeBody, effort: Effort, centre: Any, end: Any, across: Any) -> Iterator[Stroke | Lettering]:
     """The arrows of what acts on a link, shafts above and left of its upper joint, below and right of the lower one."""
     bob = part.kind == "bob"
     if effort.kind == "weight":
         low = centre + (np.array([-0.07, -BOB + GAP]) if bob else np.array([0, 0]))
         yield Stroke("arrow", (_point(low), _point(low - np.array([0, 0.4]))), "force")
-        yield Written(f"${written(effort.down)}$", float(low[0] - 0.09), float(low[1] - 0.3), "force", "left")
+        yield Lettering(f"${written(effort.down)}$", float(low[0] - 0.09), float(low[1] - 0.3), "force", "left")
     elif effort.kind == "drag":
         yield from _oblique(part, centre, across, 0.62)
     elif effort.kind == "applied":
@@ -363,16 +363,16 @@ def _effort(part: FreeBody, effort: Effort, centre: Any, end: Any, across: Any) 
         yield from _force(end + out, right, effort.sign > 0, written(effort.along), "joint")
 
 
-def _oblique(part: FreeBody, centre: Any, across: Any, length: float) -> Iterator[Stroke | Written]:
+def _oblique(part: FreeBody, centre: Any, across: Any, length: float) -> Iterator[Stroke | Lettering]:
     """The drag on a link as one arrow."""
     tip = centre + length * across
     yield Stroke("arrow", (_point(centre + 0.1 * across if part.kind == "bob" else centre), _point(tip)), "force")
-    yield Written(
+    yield Lettering(
         f"${written('_'.join(('D', *map(str, part.index))))}$", *_point(tip + 0.05 * across), "force", "right"
     )
 
 
-def _applied(part: FreeBody, effort: Effort, centre: Any, end: Any) -> Iterator[Stroke | Written]:
+def _applied(part: FreeBody, effort: Effort, centre: Any, end: Any) -> Iterator[Stroke | Lettering]:
     """A force of the scene, to the right or up from its point, or a torque around a joint or the centre."""
     link: Any = part.link
     text = written(effort.along or effort.down or effort.turning)
@@ -388,38 +388,38 @@ def _applied(part: FreeBody, effort: Effort, centre: Any, end: Any) -> Iterator[
     tip = begin + ARROW * shaft
     x, y = tip + np.array([0.06, 0.0 if effort.along else -0.1])
     yield Stroke("arrow", (_point(begin), _point(tip)), "force")
-    yield Written(f"${text}$", float(x), float(y), "force", "right")
+    yield Lettering(f"${text}$", float(x), float(y), "force", "right")
 
 
-def _caused(bodies: FreeBodies, part: FreeBody, way: Any, share: float) -> Iterator[Stroke | Written]:
+def _caused(bodies: FreeBodies, part: FreeBody, way: Any, share: float) -> Iterator[Stroke | Lettering]:
     """The same link with mass times acceleration at its centre, and inertia times angular acceleration."""
     top = TOP + np.array([BESIDE, 0])
     centre = top + share * LONG * way
-    yield Written("$=$", BESIDE - 0.78, 0.66)
+    yield Lettering("$=$", BESIDE - 0.78, 0.66)
     yield from _bar(part, top, top + LONG * way, "faint")
     yield from _accelerating(bodies, part, centre)
     if part.kind == "body":
         across = np.array([cos(TILT), sin(TILT)])
         near, far = top - 0.09 * across, centre - 0.09 * across
         yield Stroke("measure", (_point(near), _point(far)), "guide", SIZES["guide"])
-        yield Written(f"${written(part.centre)}$", *_point((near + far) / 2 - 0.06 * across), "ink", "left")
+        yield Lettering(f"${written(part.centre)}$", *_point((near + far) / 2 - 0.06 * across), "ink", "left")
     if part.kind != "bob":
         text = _inertia(bodies, part) + r"\," + _accelerated(r"\theta", part.index)
         angles = np.radians(np.linspace(18, 108, 20))
         points = tuple(_point(centre + 0.3 * np.array([cos(a), sin(a)])) for a in angles)
         yield Stroke("arrow", points, "inertia")
-        yield Written(f"${text}$", float(centre[0] + 0.34), float(centre[1] + 0.33), "inertia", "right")
+        yield Lettering(f"${text}$", float(centre[0] + 0.34), float(centre[1] + 0.33), "inertia", "right")
 
 
-def _accelerating(bodies: FreeBodies, part: FreeBody, centre: Any) -> Iterator[Stroke | Written]:
+def _accelerating(bodies: FreeBodies, part: FreeBody, centre: Any) -> Iterator[Stroke | Lettering]:
     m = written(part.mass)
     right, below = centre + np.array([ARROW, 0]), centre - np.array([0, ARROW])
     yield Stroke("arrow", (_point(centre), _point(right)), "inertia")
     text = rf"{m}\,{_accelerated('x', part.index)}"
-    yield Written(f"${text}$", float(right[0] + 0.05), float(right[1]), "inertia", "right")
+    yield Lettering(f"${text}$", float(right[0] + 0.05), float(right[1]), "inertia", "right")
     yield Stroke("arrow", (_point(centre), _point(below)), "inertia")
     text = rf"{m}\,{_accelerated(bodies.downward, part.index)}"
-    yield Written(f"${text}$", float(below[0]), float(below[1] - 0.15), "inertia")
+    yield Lettering(f"${text}$", float(below[0]), float(below[1] - 0.15), "inertia")
 
 
 def _pins(bodies: FreeBodies) -> tuple[list[int], list[float]]:
@@ -430,7 +430,7 @@ def _pins(bodies: FreeBodies) -> tuple[list[int], list[float]]:
     return shown, [apart * (k - (len(shown) - 1) / 2) for k in range(len(shown))]
 
 
-def _on_pins(bodies: FreeBodies, height: float) -> Iterator[Stroke | Written]:
+def _on_pins(bodies: FreeBodies, height: float) -> Iterator[Stroke | Lettering]:
     """What the first links exert on their pins: forces above and to the left, moments to the right."""
     shown, places = _pins(bodies)
     for p, x in zip(shown, places, strict=True):
@@ -449,31 +449,31 @@ def _on_pins(bodies: FreeBodies, height: float) -> Iterator[Stroke | Written]:
             yield from _force(pin, left, effort.sign < 0, written(effort.along), "joint")
         yield Stroke("ring", (_point(pin), _point(pin + np.array([0.045, 0]))), "ink", 1.0)
     if len(shown) < len(bodies.pendula):
-        yield Written(r"$\ldots$", (places[1] + places[2]) / 2, height)
+        yield Lettering(r"$\ldots$", (places[1] + places[2]) / 2, height)
 
 
 def _cart(bodies: FreeBodies) -> Diagram:
     """The cart on its wheels: weight, normal forces, the joints of the first links, a spring's or a damper's force."""
     _, places = _pins(bodies)
     half = places[-1] + 0.75
-    pieces: list[Stroke | Written] = [*_brackets(places, TALL / 2), *_box(half), *_on_pins(bodies, PIN)]
+    pieces: list[Stroke | Lettering] = [*_brackets(places, TALL / 2), *_box(half), *_on_pins(bodies, PIN)]
     for k, x in enumerate((-half + 0.2, half - 0.2)):
         wheel = np.array([x, -TALL / 2 - WHEEL])
         R = rf"{normal(bodies.letters)}_{{{k + 1}}}"
         pieces += _force(wheel - np.array([0, WHEEL]), np.array([0.0, -1.0]), False, R, "force")
     pieces.append(Stroke("arrow", ((0.0, 0.0), (0.0, -0.55)), "force"))
     pieces.append(Stroke("disc", ((0.0, 0.0), (0.035, 0.0)), "ink"))
-    pieces.append(Written(f"${written('m_c g')}$", 0.0, -0.7, "force"))
+    pieces.append(Lettering(f"${written('m_c g')}$", 0.0, -0.7, "force"))
     pieces += _on_cart(bodies, half, 0.0)
     beside = half + 1.55
-    pieces.append(Written("$=$", half + 0.85, 0.4))
+    pieces.append(Lettering("$=$", half + 0.85, 0.4))
     ghost = [_faded(piece, beside) for piece in _box(0.45)]
     pieces += [*ghost, *_accelerating(bodies, bodies.support, np.array([beside, 0.0]))]
     middle = (LEFT + RIGHT) / 2 - (beside + 0.9 - half) / 2
     return _diagram("cart", [_moved(piece, middle) for piece in pieces], 2)
 
 
-def _on_cart(bodies: FreeBodies, right: float, height: float) -> Iterator[Stroke | Written]:
+def _on_cart(bodies: FreeBodies, right: float, height: float) -> Iterator[Stroke | Lettering]:
     """What pushes the cart along the rail from its right end: H of its spring and damper, forces of the scene."""
     names = [one.along for one in bodies.support.efforts if one.kind in {"held", "applied"} and one.along]
     for k, name in enumerate(names):
@@ -481,7 +481,7 @@ def _on_cart(bodies: FreeBodies, right: float, height: float) -> Iterator[Stroke
         yield from _force(place, np.array([1.0, 0.0]), True, written(name), "force")
 
 
-def _box(half: float, middle: float = 0.0) -> list[Stroke | Written]:
+def _box(half: float, middle: float = 0.0) -> list[Stroke | Lettering]:
     """A cart so long to each side of its middle."""
     wheels = (middle - half + 0.2, middle + half - 0.2)
     box = Stroke("box", ((middle - half, -TALL / 2), (middle + half, TALL / 2)), "ink", 1.3)
@@ -489,13 +489,13 @@ def _box(half: float, middle: float = 0.0) -> list[Stroke | Written]:
     return [box, *(Stroke("wheel", (place, (place[0] + WHEEL, place[1])), "ink", 1.3) for place in centres)]
 
 
-def _faded(piece: Stroke | Written, shift: float) -> Stroke | Written:
+def _faded(piece: Stroke | Lettering, shift: float) -> Stroke | Lettering:
     """The same faint, so far to the right."""
     return _moved(piece._replace(look="faint"), shift)
 
 
-def _moved(piece: Stroke | Written, shift: float) -> Stroke | Written:
-    if isinstance(piece, Written):
+def _moved(piece: Stroke | Lettering, shift: float) -> Stroke | Lettering:
+    if isinstance(piece, Lettering):
         return piece._replace(x=piece.x + shift)
     return piece._replace(points=tuple((x + shift, y) for x, y in piece.points))
 
@@ -504,14 +504,14 @@ def _standing(bodies: FreeBodies) -> Diagram:
     """A support that stands still or moves as prescribed, with what the first links exert on it."""
     _, places = _pins(bodies)
     left, right = places[0] - 0.6, places[-1] + 0.6
-    pieces: list[Stroke | Written] = [_line((left, 0.0), (right, 0.0), "ink", 2.4)]
+    pieces: list[Stroke | Lettering] = [_line((left, 0.0), (right, 0.0), "ink", 2.4)]
     for foot in np.arange(left + 0.08, right, 0.1):
         pieces.append(_line((foot, 0.0), (foot - 0.08, -0.08), "guide", 0.8))
     pieces += _brackets(places, 0.0)
     pieces += _on_pins(bodies, PIN)
     still = bodies.support.kind == "fixed"
     words = "stands still: the ground holds it" if still else "moves as prescribed"
-    pieces.append(Written(words, (left + right) / 2, -0.3))
+    pieces.append(Lettering(words, (left + right) / 2, -0.3))
     middle = (LEFT + RIGHT) / 2
     wide = len(places) > 1
     return _diagram(bodies.support.words, [_moved(piece, middle) for piece in pieces], 2 if wide else 1)
@@ -524,9 +524,9 @@ def _brackets(places: Sequence[float], low: float) -> Iterator[Stroke]:
             yield _line((x + side, low), (x, PIN), "guide", 1.2)
 
 
-def _chain(chain: Sequence[FreeBody], top: Any, scale: float) -> tuple[list[Stroke | Written], list[Any], list[Any]]:
+def _chain(chain: Sequence[FreeBody], top: Any, scale: float) -> tuple[list[Stroke | Lettering], list[Any], list[Any]]:
     """A pendulum from its first joint: its strokes, the centres and the lower joints of its links."""
-    pieces: list[Stroke | Written] = []
+    pieces: list[Stroke | Lettering] = []
     centres, joints, joint = [], [], np.asarray(top, dtype=float)
     for part, tilt in zip(chain, TILTS, strict=False):
         link: Any = part.link
@@ -539,13 +539,13 @@ def _chain(chain: Sequence[FreeBody], top: Any, scale: float) -> tuple[list[Stro
     return pieces, centres, joints
 
 
-def _weights(chain: Sequence[FreeBody], centres: Sequence[Any], lean: float = TILT) -> Iterator[Stroke | Written]:
+def _weights(chain: Sequence[FreeBody], centres: Sequence[Any], lean: float = TILT) -> Iterator[Stroke | Lettering]:
     """Weights and forces from outside on a pendulum, arrows of drag so far above the horizontal."""
     for part, centre in zip(chain, centres, strict=True):
         low = centre - np.array([0, 0.38])
         yield Stroke("disc", (_point(centre), _point(centre + np.array([0.03, 0]))), "ink")
         yield Stroke("arrow", (_point(centre), _point(low)), "force")
-        yield Written(f"${written(f'{part.mass} g')}$", float(low[0] - 0.08), float(low[1] + 0.08), "force", "left")
+        yield Lettering(f"${written(f'{part.mass} g')}$", float(low[0] - 0.08), float(low[1] + 0.08), "force", "left")
         for effort in part.efforts:
             if effort.kind == "drag":
                 yield from _oblique(part, centre, np.array([cos(lean), sin(lean)]), 0.32 if lean == TILT else 0.5)
@@ -553,7 +553,7 @@ def _weights(chain: Sequence[FreeBody], centres: Sequence[Any], lean: float = TI
                 tip = centre + (np.array([ARROW, 0.0]) if effort.along else np.array([0.0, 0.36]))
                 x, y = tip + np.array([0.06, 0.0 if effort.along else -0.1])
                 yield Stroke("arrow", (_point(centre), _point(tip)), "force")
-                yield Written(f"${written(effort.along or effort.down)}$", float(x), float(y), "force", "right")
+                yield Lettering(f"${written(effort.along or effort.down)}$", float(x), float(y), "force", "right")
 
 
 def _pendulum(bodies: FreeBodies, chain: Sequence[FreeBody]) -> Diagram:
@@ -582,7 +582,7 @@ def _whole(bodies: FreeBodies) -> Diagram:
     pushed = any(one.kind in {"drag", "applied"} for part in bodies.parts[1:] for one in part.efforts)
     places = [(reach + (1.0 if pushed else 0.5)) * k for k in range(len(pendula))]
     left, right, high = -1.3, places[-1] + reach + (1.0 if pushed else 0.6), 0.85
-    pieces: list[Stroke | Written] = [_raised(piece, high) for piece in _box((right - left) / 2, (left + right) / 2)]
+    pieces: list[Stroke | Lettering] = [_raised(piece, high) for piece in _box((right - left) / 2, (left + right) / 2)]
     for chain, x in zip(pendula, places, strict=True):
         links, centres, _ = _chain(chain, (x, high), scale)
         pieces += [*links, *_weights(chain, centres)]
@@ -591,7 +591,7 @@ def _whole(bodies: FreeBodies) -> Diagram:
         R = rf"{normal(bodies.letters)}_{{{k + 1}}}"
         pieces += _force(wheel, np.array([0.0, -1.0]), False, R, "force")
     pieces.append(Stroke("arrow", ((-0.76, high), (-0.76, high - 0.5)), "force"))
-    pieces.append(Written(f"${written('m_c g')}$", -0.76, high - 0.63, "force"))
+    pieces.append(Lettering(f"${written('m_c g')}$", -0.76, high - 0.63, "force"))
     held = bool(beside := list(_on_cart(bodies, right, high)))
     pieces += beside
     middle = (LEFT + RIGHT) / 2 - (left + right) / 2 - 0.3 * held
@@ -600,8 +600,8 @@ def _whole(bodies: FreeBodies) -> Diagram:
     )
 
 
-def _raised(piece: Stroke | Written, height: float) -> Stroke | Written:
-    if isinstance(piece, Written):
+def _raised(piece: Stroke | Lettering, height: float) -> Stroke | Lettering:
+    if isinstance(piece, Lettering):
         return piece._replace(y=piece.y + height)
     return piece._replace(points=tuple((x, y + height) for x, y in piece.points))
 
@@ -655,7 +655,7 @@ def _arrow(axis: Axes, stroke: Stroke, hue: str) -> None:
     axis.add_patch(FancyArrowPatch(start, end, arrowstyle=style, mutation_scale=10, **look))
 
 
-def _write(axis: Axes, words: Written) -> None:
+def _write(axis: Axes, words: Lettering) -> None:
     side = {"left": "right", "right": "left"}.get(words.side, "center")
     size = "medium" if words.text.startswith("$") else SMALL
     axis.text(words.x, words.y, words.text, ha=side, va="center", color=_hue(words.look), fontsize=size, zorder=8)
