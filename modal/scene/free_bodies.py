@@ -48,8 +48,8 @@ class Effort(NamedTuple):
     below: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class FreeBody:
+@dataclass(frozen=True, eq=False, repr=False)
+class FreeBody(Displayed):
     """A part by its words, its kind ("cart", "fixed", "moved", "bob", "rod" or "body") and all that acts on it.
 
     `index` is what its letters end in, `place` the numbers of its pendulum and its link from 0.  `mass`, `length`,
@@ -68,6 +68,11 @@ class FreeBody:
     link: AnyLink | None = None
     above: bool = False
     """Whether it hangs from another link."""
+
+    def _summary(self) -> Summary:
+        rows = ((effort.kind, effort.at, _told(effort)) for effort in self.efforts)
+        title = f"{self.words[:1].upper()}{self.words[1:]}, taken apart"
+        return Summary(title, [("kind", self.kind)], ("what acts", "where", "letters"), rows, len(self.efforts))
 
     def named(self, letter: str) -> str:
         """A letter with its index."""

@@ -22,6 +22,8 @@ import sympy as sp
 
 from modal import pair
 from modal.errors import SceneError
+from modal.report import Displayed, Summary
+from modal.scene import title_of
 from modal.scene.free_bodies import Effort, FreeBodies, FreeBody, force_names, joint_law, normal
 from modal.symbolic.derivation import MOST_WRITTEN
 from modal.symbolic.lagrange import Coordinate, coordinate
@@ -32,8 +34,8 @@ STILL = ("fixed", "moved")
 """Kinds of supports whose motion is known, so that no balance is written of them."""
 
 
-@dataclass(frozen=True, eq=False)
-class NewtonEuler:
+@dataclass(frozen=True, eq=False, repr=False)
+class NewtonEuler(Displayed):
     """The equations of the parts of a scene, `bodies`, in symbols.
 
     >>> from modal import load
@@ -44,6 +46,10 @@ class NewtonEuler:
     """
 
     bodies: FreeBodies
+
+    def _summary(self) -> Summary:
+        facts = [("parts", str(len(self.bodies.parts))), ("equations", str(len(self.unknowns)))]
+        return Summary(f"Balances of Newton and Euler, {title_of(self.bodies.scene)}", facts)
 
     @cached_property
     def equations(self) -> list[Any]:
