@@ -28,7 +28,7 @@ FLAGS: dict[str, tuple[str, str]] = {
     "--depth": ("N", "how often branches that leave are followed in turn"),
     "--digits": ("N", "number of digits that are proved"),
     "--discrete": ("SECONDS", "sample time of a controller"),
-    "--dominant": ("N", "number of modes that contribute most, which alone are kept"),
+    "--dominant": ("N", "number of modes that contribute most, and are the only ones kept"),
     "--drive": ("NAME", "what moves the cart"),
     "--duration": ("SECONDS", "simulated time"),
     "--energy": ("JOULES", "energy above the scene's rest"),
@@ -82,7 +82,7 @@ FLAGS: dict[str, tuple[str, str]] = {
     "--relative-error": ("SHARE", "largest relative error of a frequency"),
     "--report": ("FILE", "file for the full report, - for standard output"),
     "--residual": ("PERCENT", "residual swing that is allowed"),
-    "--robust": ("", "tune for the worst case of all masses ±5 percent, each for itself"),
+    "--robust": ("", "tune for the worst case of all masses ±5 percent, each separately"),
     "--samples": ("N", "number of times in the output"),
     "--scale": ("", "fit the scale of every sensor too"),
     "--scheduler": ("ADDRESS", "Dask cluster that computes"),
@@ -109,6 +109,7 @@ FLAGS: dict[str, tuple[str, str]] = {
     "--when": ("SECONDS", "time at which a hoist's lengths are taken"),
     "--where": ("COLUMN=VALUE", "which rows of a record are used"),
     "--window": ("SECONDS", "length of windows in which a long record is fitted"),
+    "--words": ("", "everything in sentences too"),
     "--workers": ("N", "number of processes"),
 }
 """Metavar, empty for a switch or a choice of words that the page lists, and meaning."""

@@ -106,7 +106,7 @@ def in_latex(words: str) -> str:
     if unit:
         words = words[: unit.start()].rstrip()
     written = _NUMBER.sub(lambda number: f"{float(number[0]):.{SHOWN}g}", words)
-    written = re.sub(r"([a-z])('{1,2})", lambda m: rf"\{'d' * len(m[2])}ot{{{m[1]}}}", written)
+    written = re.sub(r"([a-z])('{1,2})", lambda m: _DOTTED["dot" if len(m[2]) == 1 else "ddot"] % m[1], written)
     written = re.sub(r"√\(([^()]*)\)", r"\\sqrt{\1}", written)
     written = re.sub("[⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda m: f"^{{{''.join(map(_SUPERSCRIPTS.__getitem__, m[0]))}}}", written)
     written = re.sub("|".join(_LETTERS), lambda m: _LETTERS[m[0]] + " ", written)

@@ -230,7 +230,7 @@ class Equations(Symbolic):
 
 
 def _unknown(time: float, state: Any) -> AppliedForces:
-    raise NotImplementedError("applied forces are inputs of what is written")
+    raise NotImplementedError("applied forces are inputs of the code that is written")
 
 
 @lru_cache(maxsize=64)

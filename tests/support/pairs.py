@@ -290,7 +290,7 @@ BEYOND = {
     **dict.fromkeys((("hoist", "export"), ("hoist_and_drag", "export")), "holds a constant model"),
     ("moved_horizontal", "sweep floquet"): "along the rail only",
     ("count_100", "section"): "no motion of this energy",
-    ("loss", "fit"): "has no place for loss angles",
+    ("loss", "fit"): "does not support loss angles",
     **dict.fromkeys(((kind, "thermal noise") for kind in UNDAMPED), "nothing dissipates in this scene"),
     **dict.fromkeys((("escapement", "orbits vary"), ("van_der_Pol", "orbits vary")), "no limit cycle was found"),
 }

@@ -23,8 +23,8 @@ from nonlinear.averaging import RelativeEquilibrium
 from nonlinear.plotting import branches_figure, draw_branches
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import (
-    Branch,
     Branches,
+    EquilibriumBranch,
     Phases,
     agreement,
     branches_csv,
@@ -56,17 +56,17 @@ def followed(scene: Scene, text: str) -> Branches:
     return follow_branches(scene, parse_variations([text])[0])
 
 
-def named(branches: Branches, words: str) -> Branch:
-    (chosen,) = [branch for branch in branches.branches if branch.words.startswith(words)]
+def named(branches: Branches, words: str) -> EquilibriumBranch:
+    (chosen,) = [chosen for chosen in branches.branches if chosen.words.startswith(words)]
     return chosen
 
 
-def critical(branch: Branch, *kinds: str) -> float:
+def critical(branch: EquilibriumBranch, *kinds: str) -> float:
     (value,) = [change.value for change in branch.changes if change.kind in kinds]
     return value
 
 
-def near(branch: Branch, scene: Scene, value: float) -> RelativeEquilibrium:
+def near(branch: EquilibriumBranch, scene: Scene, value: float) -> RelativeEquilibrium:
     """The configuration there, or the last one before it is lost."""
     at = int(np.abs(branch.values - value).argmin())
     moved = Walk(scene, branch.variation).moved(branch.states[at], value)
