@@ -296,6 +296,18 @@ CAPABILITIES: dict[str, Capability] = {
             beside=UNLOADED,
         ),
         Capability(
+            "a free-body diagram",
+            SHAPE | DRAG | FRICTION | DRIVES | FORCED | {"dampers", "massless_cart", "moved_support"},
+            refuses={
+                **CONSTANT,
+                "space": "is drawn in the plane",
+                "damping_ratio": "has no part on which dampers of modes act",
+                "structure": "takes apart what hangs from one cart or from what stands still",
+                "springs": "takes apart what joints alone hold together",
+            },
+            beside=UNLOADED,
+        ),
+        Capability(
             "a polynomial in ω²",
             LINEAR - LOSS,
             leaves={**ABOUT, **LOSSLESS},
@@ -356,9 +368,10 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "form hamiltonian",
-            ACTING | {"van_der_pol"},
-            refuses={**PLANE, **STICKS, **NO_SMOOTH, **CONSTANT, **BODILESS},
+            ACTING | {"van_der_pol", "space"},
+            refuses={**STICKS, **NO_SMOOTH, **CONSTANT, **BODILESS},
             unless=ENDS,
+            apart={("space", "damping_ratio"): "motion in space has no damping ratios"},
             instead=MINIMAL,
         ),
         Capability(
