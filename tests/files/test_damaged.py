@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-import sweep_measures as own
+import sweep_measures
 from forged import forged
 
 from modal import SceneError, load
@@ -127,7 +127,7 @@ def test_a_line_of_another_journal_is_no_line_of_this_one(tmp_path: Path) -> Non
 def test_a_removed_line_is_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SWEEP_LOG", str(tmp_path / "log"))
     study, path = (
-        Study(STUDY.scene, parse_variations(["support.mass=1,2,3"]), (RequestedMeasure(own.PRODUCT, 1.0),)),
+        Study(STUDY.scene, parse_variations(["support.mass=1,2,3"]), (RequestedMeasure(sweep_measures.PRODUCT, 1.0),)),
         tmp_path / "j",
     )
     with open_checkpoint(path, study) as kept:
@@ -136,7 +136,7 @@ def test_a_removed_line_is_measured_again(tmp_path: Path, monkeypatch: pytest.Mo
     path.write_bytes(b"".join(lines[:2] + lines[3:]))
     with open_checkpoint(path, study) as kept:
         assert sweep(study, journal=kept, workers=1).rows == whole.rows
-    assert own.logged() == ["1", "2", "3", "2"]
+    assert sweep_measures.logged() == ["1", "2", "3", "2"]
 
 
 # --------------------------------------------------------------------------------------------------------- forgery
