@@ -65,15 +65,15 @@ def parsed(source: str) -> ast.Module:
 
 @cache
 def imports(path: Path) -> set[str]:
-    found = set()
+    modules = set()
     for node in ast.walk(parsed(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            found |= {name.name for name in node.names}
+            modules |= {name.name for name in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             known = sources()
             full = {f"{node.module}.{name.name}" for name in node.names}
-            found |= {name if name in known else node.module for name in full}
-    return found
+            modules |= {name if name in known else node.module for name in full}
+    return modules
 
 
 def upward(rooms: list[str], imported: dict[str, set[str]]) -> set[tuple[str, str]]:
@@ -232,7 +232,9 @@ def test_rooms_of_scipy_are_loaded_when_they_are_used(name: str) -> None:
     """`import scipy` loads none of them; numba's kernels alone extend a class of SciPy, and load more than that."""
     body = parsed(sources()[name].read_text(encoding="utf-8")).body
     rooms = [node.module for node in body if isinstance(node, ast.ImportFrom) and f"{node.module}".startswith("scipy")]
-    rooms += [own.name for node in body if isinstance(node, ast.Import) for own in node.names if "scipy." in own.name]
+    rooms += [
+        name.name for node in body if isinstance(node, ast.Import) for name in node.names if "scipy." in name.name
+    ]
     assert rooms == (["scipy.integrate"] if name == "nonlinear.integration.compiled" else [])
 
 
@@ -295,16 +297,16 @@ def turns_first_moments(source: str) -> bool:
     """Whether a product in a source has both a first moment and a sine or cosine for factors."""
     products = (node for node in ast.walk(parsed(source)) if isinstance(node, ast.BinOp))
     names = (set(_factors(node)) for node in products if isinstance(node.op, ast.Mult | ast.MatMult))
-    return any(own & FIRST_MOMENTS and own & DIRECTIONS for own in names)
+    return any(group & FIRST_MOMENTS and group & DIRECTIONS for group in names)
 
 
 def test_the_physics_of_links_is_written_once() -> None:
-    found = {
+    places = {
         name
         for name, path in sources().items()
         if name.startswith(("nonlinear", "multipendula")) and turns_first_moments(path.read_text(encoding="utf-8"))
     }
-    assert found == set(KEPT)
+    assert places == set(KEPT)
 
 
 def test_a_twin_by_hand_would_be_found() -> None:
@@ -335,7 +337,7 @@ def _rounded(value: float) -> str:
 def coefficients_in(source: str) -> list[str]:
     """What a source in Python has of DOP853's tableau: numbers, also in texts, and what it reads of SciPy's method."""
     tree, numbers = parsed(source), list[float]()
-    found = ["dop853_coefficients"] * ("dop853_coefficients" in source)
+    coefficients = ["dop853_coefficients"] * ("dop853_coefficients" in source)
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, float):
             numbers.append(node.value)
@@ -343,14 +345,14 @@ def coefficients_in(source: str) -> list[str]:
             numbers += map(float, NUMBER.findall(node.value))
         if isinstance(node, ast.Attribute) and node.attr in TABLEAU:
             alone = len(node.attr) > 1 and node.attr != "n_stages"
-            found += [node.attr] if alone or _name(node.value).endswith("DOP853") else []
-    return found + [repr(value) for value in numbers if _rounded(value) in tableau()]
+            coefficients += [node.attr] if alone or _name(node.value).endswith("DOP853") else []
+    return coefficients + [repr(value) for value in numbers if _rounded(value) in tableau()]
 
 
 def test_the_tableau_of_dop853_stands_in_one_module() -> None:
     """Neither read from SciPy's method anywhere else, nor written down."""
-    found = {name: coefficients_in(path.read_text(encoding="utf-8")) for name, path in sources().items()}
-    assert {name for name, own in found.items() if own} == {"nonlinear.integration.method"}
+    by_module = {name: coefficients_in(path.read_text(encoding="utf-8")) for name, path in sources().items()}
+    assert {name for name, literals in by_module.items() if literals} == {"nonlinear.integration.method"}
     for path in (ROOT / "multipendula" / "page" / "modules").glob("*.js"):
         written = map(float, NUMBER.findall(path.read_text(encoding="utf-8")))
         assert [value for value in written if _rounded(value) in tableau()] == [], path.name

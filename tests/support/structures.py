@@ -325,7 +325,7 @@ class _Assembled:
         above = body.angle
         rest = iter(self.oracle.rest[self.oracle.carried + len(self.links) :])
         turned = mp.mpf(0)
-        for link in (one for one in pendulum.links for _ in range(one.count)):
+        for link in (part for part in pendulum.links for _ in range(part.count)):
             theta, straight = self.q[self.oracle.carried + len(self.links)], next(rest)
             gamma = (theta if above is None else theta - above) - (straight - turned)
             hung = _Hung(joint, theta, above, gamma, link)
@@ -355,8 +355,8 @@ class _Assembled:
         for support, body, first in zip(self.scene.supports, self.bodies, self.oracle.firsts, strict=False):
             rows, dampers = _own(support, "stiffness"), _own(support, "damping")
             for i, (row, losses) in enumerate(zip(rows, dampers, strict=True)):
-                own = sum((mp.mpf(k) * eta for k, eta in zip(row, body.eta, strict=True)), Jet(mp.mpf(0)))
-                self.parts.stored.append(mp.mpf(1) / 2 * body.eta[i] * own)
+                extension = sum((mp.mpf(k) * eta for k, eta in zip(row, body.eta, strict=True)), Jet(mp.mpf(0)))
+                self.parts.stored.append(mp.mpf(1) / 2 * body.eta[i] * extension)
                 if any(row) or support.kind == "modal":
                     weight = mp.fsum(-energy.first.get(first + i, 0) for energy in drawn.parts.weights)
                     self.parts.stored.append(weight * body.eta[i])
@@ -373,7 +373,7 @@ class _Assembled:
                     self.parts.stored.append(k / 2 * _square(b - a))
                     self.parts.dashpots.append((d, b - a))
                 continue
-            now, then = (_paired(*(one.ends(text) for text in spring.between)) for one in (self, drawn))
+            now, then = (_paired(*(structure.ends(text) for text in spring.between)) for structure in (self, drawn))
             for ends, rest in zip(now, then, strict=True):
                 start, end = (at or other for at, other in (rest, rest[::-1]))
                 # An end on the ground without a place is where the other end is drawn.
@@ -509,7 +509,7 @@ def _swung(support: Any, place: At, eta: list[Jet]) -> _Body:
 
 
 def _motions(scene: Scene) -> tuple[Any, ...]:
-    return next((one.motions for one in (scene.ground, scene.support) if hasattr(one, "motions")), ())
+    return next((carrier.motions for carrier in (scene.ground, scene.support) if hasattr(carrier, "motions")), ())
 
 
 def _phase(signal: Any, time: Jet) -> Jet:
