@@ -19,6 +19,7 @@ from typing import Any, Literal
 import numpy as np
 
 from modal.report import Displayed
+from modal.scene.stored import SeveralOrNone
 from modal.scene.validation import LARGEST, POSITIVE, REAL, UNREAD, Part, field, list_of, number, one_of, optional
 from modal.types import Floats
 
@@ -42,8 +43,8 @@ class Hoist(Part):
     profile: Profile = field(one_of("smooth", "trapezoidal"), default="smooth")
     ramp: float | None = field(optional(number(ge=1e-3, le=0.5)), default=None)
     file: str | None = field(optional({"type": "str", "max_length": 4096}), default=None)
-    time_s: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
-    length_m: tuple[float, ...] | None = field(optional(list_of(POSITIVE)), default=None)
+    time_s: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
+    length_m: SeveralOrNone[float] = field(optional(list_of(POSITIVE)), default=None)
 
     @property
     def is_recorded(self) -> bool:

@@ -21,6 +21,7 @@ from modal.scene.losses import is_lossy
 from modal.scene.motion import FORCE, ConstantForce, Force, Ground, Moved, SupportMotion
 from modal.scene.points import point_problems
 from modal.scene.springs import Spring
+from modal.scene.stored import OneOrSeveral, Pair, Several, SeveralOrNone
 from modal.scene.structures import force_problems, structure_problems
 from modal.scene.supports import (
     PAIR,
@@ -28,7 +29,6 @@ from modal.scene.supports import (
     Fixed,
     Heave,
     ModalSupport,
-    Pair,
     Planar,
     Platform,
     Swing,
@@ -69,9 +69,9 @@ class InitialCondition(Part):
     (30.0, 0.0)
     """
 
-    angles_deg: tuple[float, ...] = field(list_of(REAL))
-    rates_deg: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
-    azimuths_deg: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    angles_deg: Several[float] = field(list_of(REAL))
+    rates_deg: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
+    azimuths_deg: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
     spread: bool = field({"type": "bool", "strict": True}, default=False)
 
 
@@ -88,12 +88,12 @@ class Pendulum(Part):
     (2, ('down', 'down'))
     """
 
-    links: tuple[AnyLink, ...] = field(parts(any_kind(Bob, Rod, Body)))
+    links: Several[AnyLink] = field(parts(any_kind(Bob, Rod, Body)))
     count: int = field(COUNT, default=1)
-    equilibrium: tuple[Way, ...] | None = field(optional(list_of(one_of("down", "up"))), default=None)
+    equilibrium: SeveralOrNone[Way] = field(optional(list_of(one_of("down", "up"))), default=None)
     start: InitialCondition | None = field(optional(InitialCondition.schema()), default=None)
     on: str | None = field(optional({"type": "str", "max_length": 100}), default=None)
-    position: Pair = field(PAIR, default=(0.0, 0.0))
+    position: Pair[float] = field(PAIR, default=(0.0, 0.0))
 
     @property
     def n_links(self) -> int:
@@ -168,13 +168,13 @@ class Scene(Displayed, Part):
     title: str = field(after(_one_line, {"type": "str", "max_length": 200}), default="")
     gravity: float = field(POSITIVE)
     space: Literal["plane", "space"] = field(one_of("plane", "space"), default="plane")
-    support: Support | Moved | tuple[Support | Moved, ...] = field(
+    support: OneOrSeveral[Support | Moved] = field(
         after(_alone, one_or_list(any_kind(*SUPPORTS, Moved))), default=Fixed()
     )
-    damping_ratio: float | tuple[float, ...] = field(one_or_list(RATIO), default=0.0)
-    pendulum: tuple[Pendulum, ...] = field(parts(Pendulum.schema()))
-    force: tuple[Force, ...] = field(parts_or_none(FORCE), default=())
-    spring: tuple[Spring, ...] = field(parts_or_none(Spring.schema()), default=())
+    damping_ratio: OneOrSeveral[float] = field(one_or_list(RATIO), default=0.0)
+    pendulum: Several[Pendulum] = field(parts(Pendulum.schema()))
+    force: Several[Force] = field(parts_or_none(FORCE), default=())
+    spring: Several[Spring] = field(parts_or_none(Spring.schema()), default=())
     ground: Ground | None = field(optional(Ground.schema()), default=None)
 
     @property

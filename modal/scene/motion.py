@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import Literal
 
 from modal.scene.points import parse_point
+from modal.scene.stored import OneOrSeveral, Several, SeveralOrNone
 from modal.scene.validation import (
     NON_NEGATIVE,
     POSITIVE,
@@ -80,7 +81,7 @@ class RecordSignal(Part):
 
     kind: Literal["record"] = field(one_of("record"), default="record")
     file: str | None = field(optional({"type": "str", "max_length": 4096}), default=None)
-    time_s: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    time_s: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
 
     def recorded_problems(self, keys: tuple[str, ...]) -> Iterator[str]:
         """A file that is not read, missing or several quantities of these keys, and times that do not ascend."""
@@ -110,8 +111,8 @@ class RandomSignal(Part):
     """
 
     kind: Literal["random"] = field(one_of("random"), default="random")
-    psd: tuple[float, ...] = field(before(_numbers, list_of(NON_NEGATIVE)))
-    frequency_hz: tuple[float, ...] | None = field(optional(list_of(number(ge=0, le=1e100))), default=None)
+    psd: Several[float] = field(before(_numbers, list_of(NON_NEGATIVE)))
+    frequency_hz: SeveralOrNone[float] = field(optional(list_of(number(ge=0, le=1e100))), default=None)
     seed: int = field({"type": "int", "strict": True, "ge": 0, "le": LARGEST_SEED})
     duration: float = field(POSITIVE)
 
@@ -159,9 +160,9 @@ class RecordMotion(RecordSignal, Movement):
     takes out the constant acceleration by which the velocity at the end differs from that at the beginning.
     """
 
-    displacement_m: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
-    velocity_m_per_s: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
-    acceleration_m_per_s2: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    displacement_m: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
+    velocity_m_per_s: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
+    acceleration_m_per_s2: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
     baseline: Literal["keep", "velocity"] = field(one_of("keep", "velocity"), default="keep")
 
     @property
@@ -206,7 +207,7 @@ class Ground(Part):
     1
     """
 
-    motion: SupportMotion | tuple[SupportMotion, ...] = field(one_or_list(MOTION))
+    motion: OneOrSeveral[SupportMotion] = field(one_or_list(MOTION))
 
     @property
     def motions(self) -> tuple[SupportMotion, ...]:
@@ -267,8 +268,8 @@ class SweepForce(SweepSignal, AppliedForce):
 class RecordForce(RecordSignal, AppliedForce):
     """Samples at `time_s` of a force (`force_n`) or a torque (`moment_nm`), joined by a spline; zero outside them."""
 
-    force_n: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
-    moment_nm: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    force_n: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
+    moment_nm: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
 
     @property
     def samples(self) -> tuple[float, ...]:

@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Self, cast, dataclass_transform
 from pydantic_core import SchemaValidator, ValidationError
 
 from modal.errors import SceneError, first_of, meant
+from modal.scene.stored import PartSignature
 
 LARGEST = 1e100
 SMALLEST = 1e-100
@@ -175,6 +176,7 @@ class Part:
 
     __slots__ = ("__dict__", "__pydantic_extra__", "__pydantic_fields_set__", "__pydantic_private__")
     fields: ClassVar[dict[str, Field]] = {}
+    __signature__ = PartSignature()
     _made: ClassVar[SchemaValidator]
     model_config: ClassVar[dict[str, Any]] = {"extra": "forbid"}
 
