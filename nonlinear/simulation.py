@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from modal._compatibility import exported
 from modal.errors import SceneError
+from modal.report import silent
 from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Floats
@@ -19,7 +20,6 @@ from nonlinear.integration import (
     Trajectory,
     paced,
     sample_times,
-    silent,
     validate,
     validate_accuracy,
     validate_events,

@@ -26,6 +26,8 @@ from modal.types import Floats
 if TYPE_CHECKING:
     from os import PathLike
 
+    from matplotlib.figure import Figure
+
 GROWING = "Growing modes get nothing of the scene's damping_ratio, which belongs to modes that oscillate."
 SELECTED = "Only some of the modes were computed, and resonances among these alone."
 CHUNK, MOST_TOLD = 400_000, 8
@@ -50,23 +52,31 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     (2.68011401, 'cart still: antiphase, slow')
     """
 
+    internal = Displayed.internal | {
+        *("every", "first", "limits", "natural", "on_cart", "place", "rig", "selected", "short", "spectrum", "units"),
+        "which",
+    }
+
     @overload
     def __getitem__(self, index: int) -> Mode: ...
     @overload
     def __getitem__(self, index: slice) -> list[Mode]: ...
     def __getitem__(self, index: int | slice) -> Mode | list[Mode]:
+        if isinstance(index, slice):
+            return list(self.rows(range(len(self))[index]))
+        return next(self.rows([index]))
+
+    def place(self, index: int) -> int:
+        """An index from 0, negative ones from the end on; IndexError where there is no such mode."""
         try:
-            chosen = range(len(self))[index]
+            return range(len(self))[index]
         except IndexError:
-            raise IndexError(self._no_index(index)) from None
+            of_number = f"; mode {index} of the table is modes[{index - 1}]" if index == len(self) else ""
+            words = f"there is no mode of index {index}: {len(self)} modes have indices 0 to {len(self) - 1}{of_number}"
+            raise IndexError(words) from None
         except TypeError:
             words = f"modes[{index!r}]: modes have indices from 0; columns are attributes, such as modes.omega"
             raise TypeError(words) from None
-        return list(self.rows(chosen)) if isinstance(chosen, range) else next(self.rows([chosen]))
-
-    def _no_index(self, index: object) -> str:
-        of_number = f"; mode {index} of the table is modes[{index - 1}]" if index == len(self) else ""
-        return f"there is no mode of index {index}: {len(self)} modes have indices 0 to {len(self) - 1}{of_number}"
 
     def index_of(self, row: Mode) -> int:
         """The index of a row, from 0: its number counts all modes of the scene from 1, also where some were selected.
@@ -84,8 +94,9 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     def rows(self, numbers: Sequence[int]) -> Iterator[Mode]:
         """The modes with these indices (from 0), computed together, a bounded amount of memory at a time."""
         size = max(1, CHUNK // max(1, sum(block.mass.size for block in self.rig.blocks)))
-        for start in range(0, len(numbers), size):
-            chunk = numbers[start : start + size]
+        places = [self.place(number) for number in numbers]
+        for start in range(0, len(places), size):
+            chunk = places[start : start + size]
             with np.errstate(all="ignore"):
                 found = dict(described(self, chunk))
             yield from (found[number] for number in chunk)
@@ -180,7 +191,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         Where no digit of the frequency is certain, `Shape.uncertain` is set. Raises IndexError for a mode or
         copy that does not exist, ValueError for another normalisation.
         """
-        how, left = validate_normalisation(normalise), copy
+        how, left, number = validate_normalisation(normalise), copy, self.place(number)
         for part in self.spectrum.groups[number]:
             if 0 <= left < part.along + part.across:
                 details = self.spectrum.details(part.source, [part.row_of(left)])
@@ -231,7 +242,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         found: dict[str, NDArray[Any]] = deferred("modal.modes.summary:table_of")(self)
         return found
 
-    def plot(self, numbers: Sequence[int] | None = None, **options: Any) -> Any:
+    def plot(self, numbers: Sequence[int] | None = None, **options: Any) -> Figure:
         """A matplotlib figure of the shapes of the modes with these indices (from 0), by default the first ones.
 
         `options` are those of `modal.plotting.shapes.shapes_figure`; matplotlib is imported at the first call.
@@ -240,14 +251,15 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         >>> len(natural_modes(load("chain-3")).plot(amplitude_deg=15.0).axes)
         3
         """
-        return deferred("modal.plotting.shapes:shapes_figure")(self, numbers, **options)
+        figure: Figure = deferred("modal.plotting.shapes:shapes_figure")(self, numbers, **options)
+        return figure
 
-    def animate(self, path: str | PathLike[str], numbers: Sequence[int] | None = None, **options: Any) -> Any:
+    def animate(self, path: str | PathLike[str], numbers: Sequence[int] | None = None, **options: Any) -> None:
         """Write a film of these modes (indices from 0) to a .gif, .mp4 or .html file, by default of the first ones.
 
-        `options` are those of `modal.plotting.modal_films.film_modes`, whose result is returned.
+        `options` are those of `modal.plotting.modal_films.film_modes`.
         """
-        return deferred("modal.plotting.modal_films:save_film")(self, path, numbers, **options)
+        deferred("modal.plotting.modal_films:save_film")(self, path, numbers, **options)
 
     def _summary(self) -> Summary:
         found: Summary = deferred("modal.modes.summary:summarize")(self, TEXT_ROWS)

@@ -27,7 +27,7 @@ from PIL import Image
 
 from modal.errors import ComputationError, SceneError
 from modal.plotting.style import any_letters, colour, ink, paper
-from modal.report import html
+from modal.report import html, silent
 
 FORMS = ("gif", "mp4", "html")
 COLOURS, SAMPLED = 64, 6
@@ -107,7 +107,7 @@ def require_writer(form: str, frames: int) -> None:
         find_ffmpeg()
 
 
-def write_film(film: MovingFigure, stream: IO[bytes], form: str, report: Report = lambda done: None) -> None:
+def write_film(film: MovingFigure, stream: IO[bytes], form: str, report: Report = silent) -> None:
     """Write a film as "gif", "mp4" or "html"; `report` is called with the seconds of film done."""
 
     def shot(frame: int) -> Image.Image:

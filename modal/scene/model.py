@@ -21,7 +21,7 @@ from modal.scene.losses import is_lossy
 from modal.scene.motion import FORCE, ConstantForce, Force, Ground, Moved, SupportMotion
 from modal.scene.points import point_problems
 from modal.scene.springs import Spring
-from modal.scene.stored import OneOrSeveral, Pair, Several, SeveralOrNone
+from modal.scene.stored import OneOrSeveral, Pair, PartSignature, Several, SeveralOrNone
 from modal.scene.structures import force_problems, structure_problems
 from modal.scene.supports import (
     PAIR,
@@ -164,6 +164,7 @@ class Scene(Displayed, Part):
     """
 
     __slots__ = ("_features",)
+    __signature__ = PartSignature()
 
     title: str = field(after(_one_line, {"type": "str", "max_length": 200}), default="")
     gravity: float = field(POSITIVE)

@@ -12,12 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from inspect import Parameter, Signature, get_annotations
-from typing import TYPE_CHECKING, Generic, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 if TYPE_CHECKING:
     from typing import Self
-
-    from modal.scene.validation import Part
 
 Read = TypeVar("Read")
 Accepted = TypeVar("Accepted")
@@ -58,7 +56,7 @@ ACCEPTED = {
 class PartSignature:
     """The `__signature__` of a class of parts: its fields, each with the type that it accepts and its default."""
 
-    def __get__(self, part: object, cls: type[Part]) -> Signature:
+    def __get__(self, part: object, cls: type[Any]) -> Signature:
         if part is not None:
             raise AttributeError("__signature__")
         types = {name: told for base in reversed(cls.__mro__) for name, told in get_annotations(base).items()}

@@ -21,7 +21,7 @@ from nonlinear.integration.arguments import (
     validate_observable,
     validate_whole,
 )
-from nonlinear.integration.driver import Drive, silent
+from nonlinear.integration.driver import Drive
 from nonlinear.integration.escapements import Escaping, escaping
 from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equations_of, taylor_takes, validate_method
 from nonlinear.integration.run import Request, SimulationError, prepare
@@ -62,7 +62,6 @@ __all__ = [
     "rounded",
     "sample_count",
     "sample_times",
-    "silent",
     "slightly",
     "taylor_takes",
     "validate",

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.report import Displayed
+from modal.report import Displayed, silent
 from modal.scene import Scene, refusals, require, validate_scene
 from modal.scene.doors import checked
 from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relative_equilibria
@@ -140,7 +140,7 @@ def study_synchronization(
     duration: float | None = None,
     *,
     start: State | None = None,
-    report: Callable[[float, float], object] = lambda elapsed, duration: None,
+    report: Callable[[float, float], object] = silent,
     **options: Any,
 ) -> SynchronizationStudy:
     """Predict, simulate for `duration` seconds (by default as long as the prediction needs) and measure.
