@@ -16,12 +16,20 @@ from unicodedata import category
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
 from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features
-from modal.scene.links import AnyLink, Bob, Body, Rod
+from modal.scene.links import AnyLink, Bob, Body, Link, Rod
 from modal.scene.losses import is_lossy
-from modal.scene.motion import FORCE, ConstantForce, Force, Ground, Moved, SupportMotion
+from modal.scene.motion import FORCE, AppliedForce, ConstantForce, Force, Ground, Moved, SupportMotion
 from modal.scene.points import point_problems
 from modal.scene.springs import Spring
-from modal.scene.stored import OneOrSeveral, Pair, PartSignature, Several, SeveralOrNone
+from modal.scene.stored import (
+    OneOrSeveral,
+    OneOrSeveralKinds,
+    Pair,
+    PartSignature,
+    Several,
+    SeveralKinds,
+    SeveralOrNone,
+)
 from modal.scene.structures import force_problems, structure_problems
 from modal.scene.supports import (
     PAIR,
@@ -29,6 +37,7 @@ from modal.scene.supports import (
     Fixed,
     Heave,
     ModalSupport,
+    Placed,
     Planar,
     Platform,
     Swing,
@@ -88,7 +97,7 @@ class Pendulum(Part):
     (2, ('down', 'down'))
     """
 
-    links: Several[AnyLink] = field(parts(any_kind(Bob, Rod, Body)))
+    links: SeveralKinds[AnyLink, Link] = field(parts(any_kind(Bob, Rod, Body)))
     count: int = field(COUNT, default=1)
     equilibrium: SeveralOrNone[Way] = field(optional(list_of(one_of("down", "up"))), default=None)
     start: InitialCondition | None = field(optional(InitialCondition.schema()), default=None)
@@ -169,12 +178,12 @@ class Scene(Displayed, Part):
     title: str = field(after(_one_line, {"type": "str", "max_length": 200}), default="")
     gravity: float = field(POSITIVE)
     space: Literal["plane", "space"] = field(one_of("plane", "space"), default="plane")
-    support: OneOrSeveral[Support | Moved] = field(
+    support: OneOrSeveralKinds[Support | Moved, Placed | Moved] = field(
         after(_alone, one_or_list(any_kind(*SUPPORTS, Moved))), default=Fixed()
     )
     damping_ratio: OneOrSeveral[float] = field(one_or_list(RATIO), default=0.0)
     pendulum: Several[Pendulum] = field(parts(Pendulum.schema()))
-    force: Several[Force] = field(parts_or_none(FORCE), default=())
+    force: SeveralKinds[Force, AppliedForce] = field(parts_or_none(FORCE), default=())
     spring: Several[Spring] = field(parts_or_none(Spring.schema()), default=())
     ground: Ground | None = field(optional(Ground.schema()), default=None)
 

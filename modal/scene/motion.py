@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Literal
 
 from modal.scene.points import parse_point
-from modal.scene.stored import OneOrSeveral, Several, SeveralOrNone
+from modal.scene.stored import OneOrSeveralKinds, Several, SeveralOrNone
 from modal.scene.validation import (
     NON_NEGATIVE,
     POSITIVE,
@@ -207,7 +207,7 @@ class Ground(Part):
     1
     """
 
-    motion: OneOrSeveral[SupportMotion] = field(one_or_list(MOTION))
+    motion: OneOrSeveralKinds[SupportMotion, Movement] = field(one_or_list(MOTION))
 
     @property
     def motions(self) -> tuple[SupportMotion, ...]:

@@ -1,6 +1,6 @@
 """Types of fields that take any sequence and store a tuple, and the signatures of parts.
 
-    links: Several[AnyLink] = field(…)
+    links: SeveralKinds[AnyLink, Link] = field(…)
 
     Pendulum(links=[Bob(mass=1.0, length=2.0)]).links  # a list is given, a tuple is read
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 Read = TypeVar("Read")
 Accepted = TypeVar("Accepted")
 Item = TypeVar("Item")
+Base = TypeVar("Base")
 
 
 class Stored(Generic[Read, Accepted]):
@@ -36,16 +37,21 @@ class Stored(Generic[Read, Accepted]):
 
 
 Several = Stored[tuple[Item, ...], Sequence[Item]]
+SeveralKinds = Stored[tuple[Item, ...], Sequence[Base]]
+"""Several of a union of classes: a checker takes a list of two of them for one of their common base."""
 SeveralOrNone = Stored[tuple[Item, ...] | None, Sequence[Item] | None]
 OneOrSeveral = Stored[Item | tuple[Item, ...], Item | Sequence[Item]]
+OneOrSeveralKinds = Stored[Item | tuple[Item, ...], Base | Sequence[Base]]
 Pair = Stored[tuple[Item, Item], Sequence[Item]]
 Rows = Stored[tuple[tuple[Item, ...], ...] | None, Sequence[Sequence[Item]] | None]
 RowsOfPoints = Stored[tuple[tuple[tuple[Item, ...], ...], ...] | None, Sequence[Sequence[Sequence[Item]]] | None]
 
 ACCEPTED = {
     "Several": "Sequence[{0}]",
+    "SeveralKinds": "Sequence[{0}]",
     "SeveralOrNone": "Sequence[{0}] | None",
     "OneOrSeveral": "{0} | Sequence[{0}]",
+    "OneOrSeveralKinds": "{0} | Sequence[{0}]",
     "Pair": "Sequence[{0}]",
     "Rows": "Sequence[Sequence[{0}]] | None",
     "RowsOfPoints": "Sequence[Sequence[Sequence[{0}]]] | None",
@@ -76,8 +82,8 @@ class PartSignature:
 def accepted(annotation: str) -> str:
     """The type that a field of this annotation accepts.
 
-    >>> accepted("Several[AnyLink]"), accepted("float")
+    >>> accepted("SeveralKinds[AnyLink, Link]"), accepted("float")
     ('Sequence[AnyLink]', 'float')
     """
-    name, _, item = annotation.partition("[")
-    return ACCEPTED[name].format(item.removesuffix("]")) if name in ACCEPTED else annotation
+    name, _, items = annotation.partition("[")
+    return ACCEPTED[name].format(*items.removesuffix("]").split(", ")) if name in ACCEPTED else annotation
