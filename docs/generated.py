@@ -9,6 +9,7 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- formats -->                            what a model can be written as
     <!-- measures -->                           what a sweep can measure
     <!-- options -->                            every option with its metavar and its one meaning
+    <!-- functions -->                          every command with its functions in Python
     <!-- combinations -->                       what a scene has by what takes it
     <!-- gallery -->                            every figure of docs/pictures.toml
     <!-- play -->                               sketches of all shipped scenes, linked to their live pages
@@ -22,11 +23,12 @@ from __future__ import annotations
 import re
 import tomllib
 from argparse import SUPPRESS, Action, HelpFormatter, _SubParsersAction
+from collections.abc import Iterable
 from functools import cache, partial
 from html import escape as html
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from modal.scene.capabilities import Capability
@@ -34,8 +36,8 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parent.parent
 PLACE = re.compile(
-    r"^<!-- (commands|names|modules|shipped|formats|ensemble_measures|measures|options|combinations|gallery|play|live)"
-    r":?([^>]*) -->$",
+    r"^<!-- (commands|names|modules|shipped|formats|ensemble_measures|measures|options|functions|combinations|gallery"
+    r"|play|live):?([^>]*) -->$",
     flags=re.MULTILINE,
 )
 PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\.(png|gif)\)$", flags=re.MULTILINE)
@@ -173,6 +175,51 @@ def options() -> str:
     others = [f"`{command} {flag}` | {_escaped(words)}" for (command, flag), words in OTHERWISE.items()]
     more = ["## Other meanings", "These uses still mean something else.", _table("option | meaning there", others)]
     return "\n\n".join([_table("option | meaning", rows), *more])
+
+
+def functions() -> str:
+    """Every command, linked to its section, with the functions that compute and those that write and draw."""
+    told = tomllib.loads((ROOT / "docs" / "functions.toml").read_text(encoding="utf-8"))
+    columns = ("computes", "writes")
+    rows = [
+        " | ".join([f"[`{command}`]({_section(command)})", *(_linked(told[command].get(key, ())) for key in columns)])
+        for command in parsers()
+    ]
+    return _table("command | computes | writes, draws", rows)
+
+
+def _section(command: str) -> str:
+    """Where the reference describes a command, from a page of the reference."""
+    folder = ROOT / "docs" / "reference"
+    for page in sorted(folder.rglob("*.md")):
+        places = PLACE.findall(page.read_text(encoding="utf-8"))
+        if any(kind == "commands" and command in words.split() for kind, words in places):
+            return f"{page.relative_to(folder).as_posix()}#command-{command}"
+    raise LookupError(command)
+
+
+def _linked(wanted: Iterable[str]) -> str:
+    """Names of functions as code, those that the reference documents as links."""
+    known = set(documented().values())
+    shown = []
+    for name in wanted:
+        thing = function_named(name)
+        full = f"{thing.__module__}.{thing.__qualname__}"
+        target = name if {name, name.rpartition(".")[0]} & known else full
+        is_documented = target == name or thing.__module__ in known
+        shown.append(f"{{py:obj}}`{name} <{target}>`" if is_documented else f"`{name}`")
+    return ", ".join(shown)
+
+
+def function_named(name: str) -> Any:
+    """The function or method of a full name; ImportError or AttributeError where there is none."""
+    package, _, last = name.rpartition(".")
+    home = (
+        import_module(package)
+        if package[:1].islower() and package.split(".")[-1].islower()
+        else function_named(package)
+    )
+    return getattr(home, last)
 
 
 MARKS = {"takes": "✓", "leaves": "○", "singly": "1", "unless": "(✓)", "refuses": "✗", "beside": ""}

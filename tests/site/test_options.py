@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import tomllib
+from pathlib import Path
+
 import pytest
-from generated import combinations, options, parsers
+from generated import combinations, function_named, functions, options, parsers
 
 from modal.scene import CAPABILITIES, FEATURES
 from multipendula.flags import FLAGS, OTHERWISE
@@ -29,6 +32,17 @@ def test_the_table_has_no_option_and_no_exception_that_is_gone() -> None:
     used = {(command, flag) for command in parsers() for flag in flags(command)}
     assert FLAGS.keys() == {flag for _, flag in used}
     assert OTHERWISE.keys() <= used
+
+
+def test_every_command_has_its_functions() -> None:
+    told = tomllib.loads((Path(__file__).parents[2] / "docs" / "functions.toml").read_text("utf-8"))
+    assert told.keys() == parsers().keys()
+    named = {name for entry in told.values() for names in entry.values() for name in names}
+    assert all(callable(function_named(name)) for name in named)
+    assert all(entry for command, entry in told.items() if command != "completion")
+    page = functions()
+    assert all(f"`{command}`](" in page for command in told)
+    assert all(name in page for name in named)
 
 
 def test_the_pages_hold_every_entry() -> None:
