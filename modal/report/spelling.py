@@ -65,7 +65,9 @@ def _apart(text: str, at: int) -> str:
 
 def _is_accent(letter: str) -> bool:
     """Whether a letter is one of the alphabet with an accent, or a mark, which leave words as they are."""
-    return normalize("NFKD", letter)[0].isascii() and not _shift(letter) or bool(combining(letter)) or letter in "ßæœÆŒ"
+    if combining(letter) or letter in "ßæœÆŒ":
+        return True
+    return normalize("NFKD", letter)[0].isascii() and not _shift(letter)
 
 
 def _letter(letter: str, before: str) -> str:

@@ -14,7 +14,7 @@ from threading import Timer
 from typing import IO, Any
 
 from modal.errors import SceneError, meant
-from modal.scene.contents import content_of, limited
+from modal.scene.contents import content_of, decoded, limited
 from modal.scene.doors import checked, require_type
 from modal.scene.model import Scene, describe, scene_from
 
@@ -53,13 +53,13 @@ def load(source: str | os.PathLike[str]) -> Scene:
 def parse(text: bytes, folder: Path = Path()) -> Scene:
     """The scene in a TOML document; files that it names are relative to `folder`."""
     try:
-        document = text.decode("utf-8-sig").replace("\r\n", "\n")
+        document = decoded(text, "scene").replace("\r\n", "\n")
         for found in _DEEP.finditer(document):
             if found["deep"]:
                 raise SceneError([f"line {_line(found)}: a key of over {DEEPEST} parts"])
         data = tomllib.loads(document)
-    except UnicodeDecodeError as error:
-        raise SceneError([f"byte {error.start} is not UTF-8 text"]) from None
+    except SceneError:
+        raise
     except ValueError as error:
         raise SceneError([f"broken TOML: {error}"]) from None
     except RecursionError:

@@ -7,12 +7,18 @@ Read from how the file begins, of an archive from the names of what it holds; no
 
 from __future__ import annotations
 
+import codecs
 import re
 import zlib
 from io import BytesIO
 from typing import NamedTuple
 from zipfile import BadZipFile, ZipFile
 
+MARKS = {
+    **{codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_UTF32_BE: "utf-32"},
+    **{codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"},
+}
+"""Byte-order marks of encodings, the longer before the shorter that begin alike."""
 BEGINNING = 20_000
 """Bytes of a text that are looked at."""
 SIGNATURES = (
@@ -25,23 +31,37 @@ SIGNATURES = (
 )
 """How binary files begin, their kinds, and what they are."""
 TEXTS = (
-    (r'\s*# \{"sha256": "\w*", "multipendula_trajectory"', "run", "a run"),
-    (r'\s*# \{"sha256": "\w*", "multipendula_', "sweep", "a result saved by multipendula"),
-    (r"(?is)\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<svg|\s*<\?xml.{0,300}<svg", "picture", "an SVG picture"),
-    (r"(?i)\s*<(!doctype )?html", "page", "a web page"),
-    (r"\s*\{\s*(\"|\})|\s*\[\s*\{\s*\"", "json", "JSON"),
-    (r"(?m)(.*\n)*?\s*(\[\[?(pendulum|support|force|spring|ground)\]\]?|gravity\s*=)", "scene", "a scene"),
-    (r'(\s*#.*\n)*[ \t]*["\w()./ -]+[,;\t](["\w()./ -]+[,;\t])*["\w()./ -]*\r?\n["\d.\s,;eE+-]+', "table", "a CSV table"),
+    (r'\A\s*# \{"sha256": "\w*", "multipendula_trajectory"', "run table", "a run"),
+    (r'\A\s*# \{"sha256": "\w*", "multipendula_', "run table", "a result saved by multipendula"),
+    (r"(?s)\A\s*(<\?xml.{0,2000}?)?<svg", "picture", "an SVG picture"),
+    (r"(?i)\A\s*<(!doctype )?html", "page", "a web page"),
+    (r"\A\s*\{\s*[\"}]|\A\s*\[\s*\{\s*\"", "json", "JSON"),
+    (r"(?m)^[ \t]*(\[\[?(pendulum|support|force|spring|ground)\]\]?|gravity[ \t]*=)", "scene", "a scene"),
+    (r"\A([ \t]*(#[^\n]*)?\r?\n)*[^\n=,;\t]+([,;\t][^\n=,;\t]*)+\n[-+\"\d.]", "table", "a CSV table"),
 )
 """How texts begin, their kinds, and what they are; the first that fits."""
-EXPECTED = {"scene": "a scene", "table": "a CSV table"}
-"""Kinds that are asked for, in words."""
+
+
+class Expected(NamedTuple):
+    """What is asked for, in words, and the kinds of files that may be it."""
+
+    words: str
+    kinds: frozenset[str]
+
+
+EXPECTED = {
+    "scene": Expected("a scene", frozenset({"scene"})),
+    "table": Expected("a CSV table", frozenset({"table", "run table"})),
+    "report": Expected("a JSON report of fit", frozenset({"json"})),
+    "": Expected("a text file", frozenset()),
+}
 OF_RUN = "plot and animate take it; a scene is the TOML file that was simulated"
 AS_CSV = "numbers are read from CSV text"
 INSTEAD = {
     ("scene", "run"): OF_RUN,
+    ("scene", "run table"): OF_RUN,
     ("scene", "table"): "measurements follow a scene, as in `fit SCENE DATA.csv`",
-    ("scene", "json"): "scenes are TOML, gravity = 9.81 in place of {\"gravity\": 9.81}",
+    ("scene", "json"): 'scenes are TOML, gravity = 9.81 in place of {"gravity": 9.81}',
     ("scene", "picture"): "give the TOML file of the scene that it shows",
     ("scene", "page"): "give the TOML file of the scene that it shows",
     ("scene", "model"): "give the TOML file of the scene that was exported",
@@ -59,21 +79,23 @@ INSTEAD = {
 
 
 class FileKind(NamedTuple):
-    """A kind of file, and what one is in words."""
+    """A kind of file, what one is in words, and whether it is text."""
 
     kind: str
     words: str
+    is_text: bool = False
 
     def problem(self, expected: str) -> str:
-        """Why it is none of what was expected, a key of `EXPECTED` or words, and what to give instead."""
+        """Why it is not what was expected, a key of `EXPECTED` or words, and what to give instead."""
         instead = INSTEAD.get((expected, self.kind), "")
-        return f"is {self.words}, not {EXPECTED.get(expected, expected)}{': ' if instead else ''}{instead}"
+        asked = EXPECTED[expected].words if expected in EXPECTED else expected
+        return f"is {self.words}, not {asked}{': ' if instead else ''}{instead}"
 
 
 def recognize(content: bytes) -> FileKind | None:
-    """The kind of a file with this content, None where nothing tells.
+    r"""The kind of a file with this content, None where nothing tells.
 
-    >>> recognize(b"\\x89PNG...").problem("scene")
+    >>> recognize(b"\x89PNG...").problem("scene")
     'is a PNG picture, not a scene: give the TOML file of the scene that it shows'
     """
     for beginning, kind, words in SIGNATURES:
@@ -83,9 +105,18 @@ def recognize(content: bytes) -> FileKind | None:
         return FileKind("picture", "a film")
     if content.startswith(b"PK\x03\x04"):
         return _archive(content)
-    text = content[:BEGINNING].decode("utf-8-sig", errors="replace")
-    found = next((kind for pattern, *kind in TEXTS if re.match(pattern, text)), None)
-    return FileKind(*found) if found else None
+    text = as_text(content[:BEGINNING], errors="replace")
+    found = next((kind for pattern, *kind in TEXTS if re.search(pattern, text)), None)
+    return FileKind(*found, is_text=True) if found else None
+
+
+def as_text(content: bytes, errors: str = "strict") -> str:
+    """Text in UTF-8, or in UTF-16 or UTF-32 with a mark at its beginning, as Windows PowerShell writes it.
+
+    Raises UnicodeDecodeError.
+    """
+    encoding = next((name for mark, name in MARKS.items() if content.startswith(mark)), "utf-8-sig")
+    return content.decode(encoding, errors)
 
 
 def _archive(content: bytes) -> FileKind | None:
@@ -96,11 +127,15 @@ def _archive(content: bytes) -> FileKind | None:
             if "header.npy" in names:
                 with zipped.open("header.npy") as header:
                     told = header.read(BEGINNING).replace(b"\0", b"")
-                return FileKind("run", "a run") if b"multipendula_trajectory" in told else FileKind("sweep", "a sweep")
+                if b"multipendula_" in told:
+                    is_run = b"multipendula_trajectory" in told
+                    return FileKind("run", "a run") if is_run else FileKind("sweep", "a result saved by multipendula")
     except (BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, OSError, ValueError):
-        return FileKind("zip", "a damaged archive")
+        return FileKind("damaged", "a damaged archive")
     if {"A.npy", "B.npy", "C.npy", "D.npy"} <= names:
         return FileKind("model", "a model")
     if any(name.endswith(".npy") for name in names):
         return FileKind("arrays", "an archive of arrays (NPZ)")
-    return FileKind("excel", "an Excel workbook") if "[Content_Types].xml" in names else FileKind("zip", "a ZIP archive")
+    return (
+        FileKind("excel", "an Excel workbook") if "[Content_Types].xml" in names else FileKind("zip", "a ZIP archive")
+    )

@@ -112,7 +112,7 @@ def _quantity(name: str) -> Quantity | None:
 def _table(path: str | PathLike[str], quoted: bool) -> Table:
     name = fspath(path)
     try:
-        text = text_of(path)
+        text = text_of(path, "table")
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
     lines = [(at, line) for at, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]

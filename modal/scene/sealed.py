@@ -21,6 +21,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.scene.contents import content_of
+from modal.scene.recognition import recognize
 from modal.types import Floats
 
 LARGEST = 1_500_000_000
@@ -36,6 +37,13 @@ NPY = re.compile(
 LONGEST_HEAD = 1024
 Source = bytes | str | os.PathLike[str]
 """A file: its bytes, or the path at which it is."""
+KINDS = {
+    "trajectory": ("run",),
+    "sweep": ("sweep", "run"),
+    "model": ("model", "json", "arrays"),
+    "NPZ file of M, K and points": ("arrays",),
+}
+"""The kinds of files (`modal.scene.recognition`) that a damaged one of these may be taken for."""
 UNREADABLE = (
     *(ValueError, KeyError, TypeError, AttributeError, IndexError, EOFError, RecursionError, OverflowError),
     *(NotImplementedError, RuntimeError, BadZipFile, zlib.error),
@@ -51,6 +59,9 @@ def reading(source: Source, what: str) -> Iterator[None]:
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
     except UNREADABLE:
+        kind = None if isinstance(source, bytes) else recognize(content_of(source))
+        if kind and kind.kind.partition(" ")[0] not in (*KINDS.get(what, ()), "damaged"):
+            raise SceneError([f"{name}: {kind.problem(f'a {what} saved by multipendula')}"]) from None
         raise SceneError([f"{name}: is incomplete, or is not a {what} saved by this version of multipendula"]) from None
 
 
