@@ -25,7 +25,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, installing
 from modal.plotting.style import any_letters, colour, ink, paper
 from modal.report import html, silent
 
@@ -36,7 +36,7 @@ NEARLY = 8
 """Largest distance of a colour from the background, of 255, at which it is drawn as background."""
 MOST_FRAMES = 20_000
 NO_FFMPEG = (
-    "mp4 needs ffmpeg: install it, or the extra `video` (pip install 'multipendula[video]'); gif and html do not"
+    f"mp4 needs ffmpeg: install it, or the extra `video` ({installing('video')}); gif and html do not"
 )
 Report = Callable[[float], object]
 
