@@ -35,9 +35,7 @@ COLOURS, SAMPLED = 64, 6
 NEARLY = 8
 """Largest distance of a colour from the background, of 255, at which it is drawn as background."""
 MOST_FRAMES = 20_000
-NO_FFMPEG = (
-    f"mp4 needs ffmpeg: install it, or the extra `video` ({installing('video')}); gif and html do not"
-)
+NO_FFMPEG = f"mp4 needs ffmpeg: install it, or the extra `video` ({installing('video')}); gif and html do not"
 Report = Callable[[float], object]
 
 

@@ -17,6 +17,7 @@ from modal.errors import SceneError, meant
 from modal.scene.contents import content_of, decoded, limited
 from modal.scene.doors import checked, require_type
 from modal.scene.model import Scene, describe, scene_from
+from modal.scene.toml_mistakes import told
 
 STANDARD = "-"
 """The name of standard input where a file is read, of standard output where one is written."""
@@ -58,6 +59,8 @@ def parse(text: bytes, folder: Path = Path()) -> Scene:
             if found["deep"]:
                 raise SceneError([f"line {_line(found)}: a key of over {DEEPEST} parts"])
         data = tomllib.loads(document)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(told(document, error)) from None
     except SceneError:
         raise
     except ValueError as error:
