@@ -44,6 +44,8 @@ LETTERS = {
     "，": ",",
     "．": ".",
 }
+HEADER = re.compile(r"[ \t]*\[\[?[ \t]*([\w.-]+)[ \t]*\]\]?[ \t]*(#.*)?")
+"""The line that begins a table."""
 TRUTHS = {
     **dict.fromkeys(("True", "TRUE", "yes", "Yes", "YES", "on", "On", "ON"), "true"),
     **dict.fromkeys(("False", "FALSE", "no", "No", "NO", "off", "Off", "OFF"), "false"),
@@ -184,7 +186,7 @@ def _replaced(pattern: str, by: str | Callable[[re.Match[str]], str], words: str
     """
 
     def mistake(broken: Broken) -> Iterator[Guess]:
-        matches = list(re.finditer(pattern, broken.line))
+        matches = [] if HEADER.fullmatch(broken.line) else list(re.finditer(pattern, broken.line))
         for number, match in enumerate([*matches[:1], *matches[:MOST_ALONE]]):
             line = re.sub(pattern, by, broken.line)
             if number:
@@ -228,7 +230,7 @@ def _repeated_key(broken: Broken) -> Iterator[Guess]:
 
 def _repeated_table(broken: Broken) -> Iterator[Guess]:
     """[pendulum] twice, or beside [[pendulum]]: each of several has two brackets."""
-    header = re.match(r"[ \t]*\[\[?[ \t]*([\w.-]+)[ \t]*\]\]?", broken.line)
+    header = HEADER.fullmatch(broken.line)
     if header is None or not broken.why.startswith(("Cannot declare", "Cannot overwrite", "Cannot mutate")):
         return
     name = re.escape(header[1])
@@ -237,6 +239,9 @@ def _repeated_table(broken: Broken) -> Iterator[Guess]:
     if first is not None:
         words = f"each of several tables has two brackets: [[{header[1]}]]"
         yield Guess(first.end(1), words, single.sub(rf"\1[[{header[1]}]]", broken.document))
+    key = header[1].rpartition(".")[2]
+    words = f"{key} is given a second time by this table"
+    yield Guess(broken.start, words, broken.with_line(f"[unread-{key}]"), is_meant=False)
 
 
 def _two_keys(broken: Broken) -> Iterator[Guess]:
@@ -394,7 +399,7 @@ BRACKETS: tuple[Mistake, ...] = (
 )
 EQUALS: tuple[Mistake, ...] = (
     _replaced(KEY + r"([\w-]+)[ \t]+(?!=)(\S)", r"\1\2 = \3", "an equals sign is missing", 3),
-    _replaced(r"^([ \t]*[\w.-]+[ \t]*=)[ \t]*(?=#|$)", "", "a value is missing after this"),
+    _replaced(r"^([ \t]*[\w.-]+[ \t]*=[ \t]*)()(?=#|$)", "", "a value is missing here", 2),
 )
 TABLES: tuple[Mistake, ...] = (_two_keys, _repeated_table, _repeated_key, _open_header)
 MISTAKES = (*SIGNS, *VALUES, *ENDINGS, *TABLES, *TEXTS, *BRACKETS, *EQUALS)

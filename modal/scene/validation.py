@@ -18,6 +18,7 @@ from pydantic_core import SchemaValidator, ValidationError
 
 from modal.errors import SceneError, first_of, meant
 from modal.scene.stored import PartSignature
+from modal.scene.wording import OTHER_NAMES, as_table, in_brackets, number_in, suggestion
 
 LARGEST = 1e100
 SMALLEST = 1e-100
@@ -389,30 +390,75 @@ def _key(name: str) -> str:
 def _words(finding: Mapping[str, Any]) -> str:
     kind, context = finding["type"], finding.get("ctx", {})
     if kind == "extra_forbidden":
-        key = str(finding["loc"][-1])
-        if key in KEYS:
-            return "does not belong here" + meant(key, KEYS - {key}, near=ALIKE)
-        if key in TAGS:
-            return f'is not a known key: write kind = "{key}"'
-        return "is not a known key" + meant(key, KEYS)
+        return _unknown(str(finding["loc"][-1]), is_table=isinstance(finding["input"], dict | list))
     if kind == "greater_than_equal":
         return _lower_bound(finding["input"], context["ge"])
     if kind == "less_than":
         return f"must be below {_bound(context['lt'])}"
     if kind == "less_than_equal":
         return f"must be at most {_bound(context['le'])}"
+    if kind in {"float_type", "int_type"} and isinstance(finding["input"], str | float):
+        return WORDS[kind] + _as_number(finding["input"], is_whole=kind == "int_type")
     if kind == "float_type" and isinstance(finding["input"], int) and not isinstance(finding["input"], bool):
         return "is too large"
     if kind == "tuple_type" and isinstance(finding["input"], Mapping):
         return f"must be a list: write {LISTS_OF_TABLES.get(str(finding['loc'][-1]), '[…]')}"
+    if kind == "tuple_type" and isinstance(finding["input"], str | int | float):
+        return f"must be a list: write {in_brackets(finding['input'], _shown(finding['input']))}"
+    if kind.startswith("model_"):
+        return WORDS[kind] + _as_part(str(next(reversed(_in_file(finding["loc"])), "")), finding["input"])
     if kind == "union_tag_not_found":
         key = next(part for part in reversed(_in_file(finding["loc"])) if isinstance(part, str))
-        return f"needs a kind, one of {KINDS[key]}"
+        other = next((word for word in ("type", "shape", "Kind") if word in dict(_items(finding["input"]))), "")
+        return f"needs a kind, one of {KINDS[key]}" + f": write kind in place of {other}" * bool(other)
     if kind in {"literal_error", "union_tag_invalid"}:
-        return f"must be one of {context.get('expected') or context['expected_tags']}".replace("'", '"')
+        listed = str(context.get("expected") or context["expected_tags"])
+        word = context.get("tag", finding["input"])
+        near = suggestion(word, re.findall("'([^']*)'", listed)) if isinstance(word, str) else ""
+        return f"must be one of {listed}".replace("'", '"') + near
     if kind == "value_error":
         return str(context["error"])
     return WORDS.get(kind, str(finding["msg"]))
+
+
+def _unknown(key: str, is_table: bool) -> str:
+    """What is wrong with a key that is not known where it stands."""
+    if key in KEYS:
+        return "does not belong here" + meant(key, KEYS - {key}, near=ALIKE)
+    kind = key if key in TAGS else OTHER_NAMES.get(key.lower(), "")
+    if key == "scene" and is_table:
+        return "is not a table: the keys of a scene stand at the top of the file"
+    if kind in TAGS and is_table and (table := as_table(kind, KINDS)):
+        return f"is not a table of a scene: write {table}"
+    if key in TAGS:
+        return f'is not a known key: write kind = "{key}"'
+    return "is not a known key" + suggestion(key, KEYS)
+
+
+def _as_number(value: str | float, is_whole: bool) -> str:
+    """How a number is written that stands as text, or with a point where it has to be whole."""
+    number = number_in(value) if isinstance(value, str) else f"{value:g}"
+    fits = number and (not is_whole or re.fullmatch(r"[-+]?\d+", number))
+    return f": write {number}" + " without quotation marks" * isinstance(value, str) if fits else ""
+
+
+def _items(value: object) -> Iterator[tuple[str, object]]:
+    return iter(value.items()) if isinstance(value, Mapping) else iter(())
+
+
+def _as_part(key: str, value: object) -> str:
+    """How a part is written of which the kind alone was given, or the angles of a start."""
+    if key == "start" and isinstance(value, int | float | list):
+        angles = value if isinstance(value, list) else [value]
+        return f": write start = {{ angles_deg = {_shown(angles)} }}"
+    return _as_kind(key, value) if isinstance(value, str) else ""
+
+
+def _as_kind(key: str, word: str) -> str:
+    """How a part is written of which the kind alone was given."""
+    kinds = re.findall('"([^"]*)"', KINDS.get(key, ""))
+    kind = word if word in kinds else OTHER_NAMES.get(word.lower(), "")
+    return f": write {as_table(kind, {key: KINDS[key]})}" if kind in kinds and key in KINDS else ""
 
 
 def _lower_bound(value: float, bound: float) -> str:

@@ -64,7 +64,7 @@ MISTAKES = {
     "a number stands without its unit": [("3.0", "3.0 kg"), ("9.81", "9.81 m/s²"), ("3.0", "3.0kg # heavy")],
     "a line ends without a semicolon": [("9.81", "9.81;")],
     "a line ends without a comma": [("9.81", "9.81,")],
-    "a value is missing after this": [("9.81", ""), ("9.81", " # earth")],
+    "a value is missing here": [("9.81", ""), ("9.81", " # earth")],
     "a backslash stands between single": [("gravity", 'title = "C:\\data"\ngravity')],
     "a list stands in square brackets": [("count", "x"), ("[[pen", "position = (1.0, 2.0)\n[[pen")][1:],
     "each key has a line of its own": [("9.81", '9.81 title = "x"')],
