@@ -227,9 +227,9 @@ def _linked(wanted: Iterable[str]) -> str:
     for name in wanted:
         thing = function_named(name)
         full = f"{thing.__module__}.{thing.__qualname__}"
-        target = name if {name, name.rpartition(".")[0]} & known else full
-        is_documented = target == name or thing.__module__ in known
-        shown.append(f"{{py:obj}}`{name} <{target}>`" if is_documented else f"`{name}`")
+        targets = {name: {name, name.rpartition(".")[0]}, full: {thing.__module__}}
+        target = next((target for target, homes in targets.items() if homes & known), None)
+        shown.append(f"{{py:obj}}`{name} <{target}>`" if target else f"`{name}`")
     return ", ".join(shown)
 
 
