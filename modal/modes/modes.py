@@ -98,8 +98,8 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         for start in range(0, len(places), size):
             chunk = places[start : start + size]
             with np.errstate(all="ignore"):
-                found = dict(described(self, chunk))
-            yield from (found[number] for number in chunk)
+                modes = dict(described(self, chunk))
+            yield from (modes[number] for number in chunk)
 
     # -------------------------------------------------------------------------------- columns that need the rows
 
@@ -172,8 +172,10 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     def matrix(self) -> ModalMatrix:
         """The modal matrix Φ of all modes and copies, in the order of the table."""
         each = all_shapes(self)
-        across = np.array([shape.across for own in each for shape in own], dtype=bool)
-        return stacked([[self.column(one) for one in own] for own in each], across, self.matrices.M)
+        across = np.array([shape.across for vectors in each for shape in vectors], dtype=bool)
+        return stacked(
+            [[self.column(shape_of_copy) for shape_of_copy in vectors] for vectors in each], across, self.matrices.M
+        )
 
     def column(self, shape: Shape) -> NDArray[Any]:
         """A shape as one vector (n,): the cart or the structure, then every link in the order of the file."""
@@ -204,10 +206,10 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     def notes(self) -> tuple[str, ...]:
         """What was omitted or approximated, and why."""
         with np.errstate(all="ignore"):
-            found = notes(self.natural, self.spectrum.sources)
+            of_routes = notes(self.natural, self.spectrum.sources)
         grows = self.scene.has_modal_damping and bool(((self.eigenvalue.real > 0) & (self.eigenvalue.imag == 0)).any())
         told = (*equilibrium_words(self.rig), *left_out(self.scene))
-        return *found, *[GROWING] * grows, *told, *[SELECTED] * self.selected
+        return *of_routes, *[GROWING] * grows, *told, *[SELECTED] * self.selected
 
     @cached_property
     def route(self) -> str:
@@ -227,8 +229,8 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         >>> print(modes.table("csv", modes[1:2])[:40])
         mode,omega_rad_per_s,frequency_hz,period
         """
-        found: str = deferred("modal.modes.tables:table")(self, self.every if rows is None else rows, form, **options)
-        return found
+        text: str = deferred("modal.modes.tables:table")(self, self.every if rows is None else rows, form, **options)
+        return text
 
     def to_dict(self) -> dict[str, NDArray[Any]]:
         """Every column of the table (R,) by its key in CSV and JSON, with its unit; NaN where there is no value.
@@ -239,8 +241,8 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         >>> natural_modes(load("chain-2")).to_dict()["frequency_hz"].round(4).tolist()
         [0.3815, 0.9211]
         """
-        found: dict[str, NDArray[Any]] = deferred("modal.modes.summary:table_of")(self)
-        return found
+        columns: dict[str, NDArray[Any]] = deferred("modal.modes.summary:table_of")(self)
+        return columns
 
     def plot(self, numbers: Sequence[int] | None = None, **options: Any) -> Figure:
         """A matplotlib figure of the shapes of the modes with these indices (from 0), by default the first ones.
@@ -262,8 +264,8 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         deferred("modal.plotting.modal_films:save_film")(self, path, numbers, **options)
 
     def _summary(self) -> Summary:
-        found: Summary = deferred("modal.modes.summary:summarize")(self, TEXT_ROWS)
-        return found
+        summary: Summary = deferred("modal.modes.summary:summarize")(self, TEXT_ROWS)
+        return summary
 
     def _repr_html_(self) -> str:
         shown = self[:HTML_ROWS]
@@ -291,9 +293,9 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     limits = Limits(validate_accuracy(accuracy), _lowest(modes))
     if limits == EVERYTHING and modes is None and (short := Short.of(validate_scene(scene))):
         return Modes(scene, short=short)
-    found = Modes(scene, limits, modes)
-    _ = found.spectrum  # what cannot be computed is told here
-    return found
+    computed = Modes(scene, limits, modes)
+    _ = computed.spectrum  # what cannot be computed is told here
+    return computed
 
 
 def equilibrium_words(rig: Rig) -> tuple[str, ...]:
@@ -309,8 +311,8 @@ def equilibrium_words(rig: Rig) -> tuple[str, ...]:
         return ()
     sizes = [rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)]
     each = np.split(np.degrees(rig.rest_angles) + 0.0, np.cumsum(sizes)[:-1])
-    words = [", ".join([f"{angle:.1f}°" for angle in own[:MOST_TOLD].tolist()]) for own in each]
-    words = [f"{told}, …" if len(own) > MOST_TOLD else told for told, own in zip(words, each, strict=True)]
+    words = [", ".join([f"{angle:.1f}°" for angle in angles[:MOST_TOLD].tolist()]) for angles in each]
+    words = [f"{told}, …" if len(angles) > MOST_TOLD else told for told, angles in zip(words, each, strict=True)]
     runs = [(told, len(list(group))) for told, group in groupby(words)]
     told = [told if count == 1 else f"{told} ({count} times)" for told, count in runs[:MOST_TOLD]]
     told += ["…"] * (len(runs) > MOST_TOLD)

@@ -67,7 +67,7 @@ def described(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int,
     structured = modes.scene.is_structured  # κ of structures is not known
     near = {n: () if structured else _resonances(modes, n) for n in numbers}
     asked = {n: [] if near[n] or structured else answering(modes.omega, n, _partners(modes, n)) for n in numbers}
-    pieces = _pieces(modes, sorted({*numbers, *(k for found in asked.values() for _, k in found)}))
+    pieces = _pieces(modes, sorted({*numbers, *(k for pairs in asked.values() for _, k in pairs)}))
     for n in numbers:
         mode = _mode(modes, n, pieces[n])
         answers = _answers(modes, n, asked[n], pieces) if mode.kappa and not near[n] else []
@@ -81,9 +81,9 @@ def _pieces(modes: Eigenvalues, numbers: Sequence[int]) -> dict[int, list[_Piece
     )
     pieces: dict[int, list[_Piece]] = {n: [] for n in numbers}
     for source, members in groupby(needed, key=lambda entry: entry[0].source):
-        found = list(members)
-        details = modes.spectrum.details(source, [part.row for part, _ in found])
-        for at, (part, n) in enumerate(found):
+        numbers_of = list(members)
+        details = modes.spectrum.details(source, [part.row for part, _ in numbers_of])
+        for at, (part, n) in enumerate(numbers_of):
             pieces[n].append(_Piece(part, details, at))
     return pieces
 
@@ -151,18 +151,18 @@ def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
     """
     structure = modes.rig.structure
     assert structure is not None
-    found, share, taken = np.zeros(structure.size), np.zeros(structure.size), False
+    motion, share, taken = np.zeros(structure.size), np.zeros(structure.size), False
     for part in (part for part in modes.spectrum.groups[number] if not part.still):
         details = modes.spectrum.details(part.source, [part.row])
-        eta = np.array([own[0] for own in details.eta])
+        eta = np.array([coordinates[0] for coordinates in details.eta])
         carried = modes.spectrum.sources[part.source].reduced.carried  # type: ignore[attr-defined]
         share = share + np.abs(eta) ** 2 / details.modal_mass[0] / carried.accelerances
         if not taken and eta.any():
             moved = eta * np.array(coordinate_units(structure, modes.units.length))
             angles = np.concatenate([details.angles[block][:, column, 0] for block, column, _ in modes.rig.members])
             leading = first_of_largest(angles) or moved[np.abs(moved).argmax()]
-            found, taken = (moved / leading).real, True
-    return found, share if not modes.rig.is_damped else np.full(structure.size, np.nan)
+            motion, taken = (moved / leading).real, True
+    return motion, share if not modes.rig.is_damped else np.full(structure.size, np.nan)
 
 
 def _on_structure(modes: Eigenvalues, number: int, head: _Piece, ratio: float) -> str:
@@ -202,8 +202,8 @@ def _resonances(modes: Eigenvalues, number: int) -> tuple[str, ...]:
     """Resonances with modes that can exchange energy: on a cart all, on a fixed support the same pendulum's."""
     parts = modes.spectrum.groups[number]
     fold = modes.multiplicity[number] if modes.on_cart else 1 + any(part.along and part.across for part in parts)
-    own = (f"1:1 among its own {fold} shapes",) if fold > 1 else ()
-    return own + resonances(modes.omega, number, _partners(modes, number), modes.first)
+    among = (f"1:1 among its own {fold} shapes",) if fold > 1 else ()
+    return among + resonances(modes.omega, number, _partners(modes, number), modes.first)
 
 
 def _partners(modes: Eigenvalues, number: int) -> Ints:

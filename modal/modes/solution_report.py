@@ -118,23 +118,23 @@ def _parts(spectrum: ModalSpectrum) -> tuple[Part, ...]:
     taken = Counter[int]()
     for part in (part for parts in spectrum.groups for part in parts):
         taken[part.source] += part.along + part.across
-    found: dict[tuple[str, str, int], tuple[int, int]] = {}
+    solved: dict[tuple[str, str, int], tuple[int, int]] = {}
     for index, source in enumerate(spectrum.sources):
         built = source.built
         kind = built.what, source.route, built.unknowns
-        problems, modes = found.get(kind, (0, 0))
-        found[kind] = problems + built.problems, modes + taken[index]
+        problems, modes = solved.get(kind, (0, 0))
+        solved[kind] = problems + built.problems, modes + taken[index]
     return tuple(
-        Part(what, route, problems, unknowns, modes) for (what, route, unknowns), (problems, modes) in found.items()
+        Part(what, route, problems, unknowns, modes) for (what, route, unknowns), (problems, modes) in solved.items()
     )
 
 
 def _matrices(spectrum: ModalSpectrum) -> tuple[Matrix, ...]:
     """The matrices, the largest first, equal ones merged."""
-    found = Counter[tuple[str, int]]()
+    counts = Counter[tuple[str, int]]()
     for name, order, number in (matrix for source in spectrum.sources for matrix in source.built.matrices):
-        found[name, order] += number
-    return tuple(Matrix(name, order, found[name, order]) for name, order in sorted(found, key=lambda key: -key[1]))
+        counts[name, order] += number
+    return tuple(Matrix(name, order, counts[name, order]) for name, order in sorted(counts, key=lambda key: -key[1]))
 
 
 def coordinates(rig: Rig) -> int:
@@ -166,14 +166,14 @@ def _solving_left_out(modes: Modes) -> Iterator[str]:
     if any(isinstance(source, Rigid) for source in sources):
         yield "no search for the free cart's own frequency: 0 exactly"
     why = "the scene's damping_ratio leaves the undamped shapes" if modes.is_classical else "nothing damps"
-    if not any(one.is_complex for one in built):
+    if not any(route.is_complex for route in built):
         yield f"no complex eigenproblem: {why}"
-    orders = [order for one in built for name, order, _ in one.matrices if name == "M"]
+    orders = [order for route in built for name, order, _ in route.matrices if name == "M"]
     if not orders:
-        seeded = any(name == "seeds" for one in built for name, *_ in one.matrices)
+        seeded = any(name == "seeds" for route in built for name, *_ in route.matrices)
         counts = "its counts confirm seeds" if seeded else "O(n) numbers"
         yield f"no M and K of {size} × {size}: frequencies come from the effective mass, {counts}"
-    elif not any(name == "D" for one in built for name, *_ in one.matrices):
+    elif not any(name == "D" for route in built for name, *_ in route.matrices):
         yield f"no damping matrix: {why}"
     if orders and max(orders) < size:
         yield f"no M and K of {size} × {size}: {max(orders)} × {max(orders)} are the largest"

@@ -271,5 +271,5 @@ def deferred(place: str) -> Callable[..., Any]:
     return partial(_call, *place.split(":"))
 
 
-def _call(module: str, name: str, /, *given: Any, **named: Any) -> Any:
-    return getattr(import_module(module), name)(*given, **named)
+def _call(module: str, name: str, /, *arguments: Any, **named: Any) -> Any:
+    return getattr(import_module(module), name)(*arguments, **named)

@@ -29,7 +29,7 @@ def visible(text: str) -> str:
     """
     if text.isascii() and text.isprintable():
         return text
-    joined = {found.start() for found in JOINERS.finditer(text)}
+    joined = {joiner.start() for joiner in JOINERS.finditer(text)}
     return "".join(
         ascii(letter)[1:-1] if category(letter) in HIDDEN and place not in joined else letter
         for place, letter in enumerate(text)
@@ -102,7 +102,7 @@ def csv_comment(header: str) -> str:
     A spreadsheet splits the line at its separators; within a text, those before the beginning of a formula are escaped.
     """
     text, separator = re.compile(r'"(?:[^"\\]|\\.)*"'), re.compile(rf"[,;|](?={FORMULA.pattern})")
-    return text.sub(lambda found: separator.sub(lambda mark: unicode_escape(mark[0]), found[0]), header)
+    return text.sub(lambda quoted: separator.sub(lambda mark: unicode_escape(mark[0]), quoted[0]), header)
 
 
 def unicode_escape(letter: str) -> str:

@@ -101,8 +101,8 @@ def _fold(line: str, most: int, mark: str) -> Iterator[str]:
     if _RULE.fullmatch(line):
         yield line[:most]
         return
-    found = _HANGING.match(line.removeprefix(mark))
-    hanging = len(found[0]) if found else 0
+    start = _HANGING.match(line.removeprefix(mark))
+    hanging = len(start[0]) if start else 0
     indent = mark + " " * (hanging if hanging <= most // 2 else 2)
     at = len(mark) + hanging if hanging <= most // 2 else 0
     yield from filled(line[at:], most, line[:at], indent)
@@ -149,5 +149,5 @@ def _pieces(word: str, most: int) -> Iterator[tuple[str, bool]]:
     if word.isascii() or breadth(word) <= most:
         yield word, False
         return
-    for number, found in enumerate(re.finditer(r"[\x00-\x7f]+|[^\x00-\x7f]", word)):
-        yield found[0], number > 0
+    for number, run in enumerate(re.finditer(r"[\x00-\x7f]+|[^\x00-\x7f]", word)):
+        yield run[0], number > 0

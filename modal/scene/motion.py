@@ -88,13 +88,13 @@ class RecordSignal(Part):
         if self.file is not None:
             yield f".file: {UNREAD}"
             return
-        given = [name for name in keys if getattr(self, name) is not None]
-        if len(given) != 1 or self.time_s is None:
+        recorded = [name for name in keys if getattr(self, name) is not None]
+        if len(recorded) != 1 or self.time_s is None:
             yield f": needs a file, or time_s and {'one of ' if len(keys) > 1 else ''}{', '.join(keys)}"
             return
-        times, values = self.time_s, getattr(self, given[0])
+        times, values = self.time_s, getattr(self, recorded[0])
         if len(times) != len(values):
-            yield f".{given[0]}: has {len(values)} values for {len(times)} times"
+            yield f".{recorded[0]}: has {len(values)} values for {len(times)} times"
         elif len(times) < FEWEST:
             yield f".time_s: has {len(times)} samples: at least {FEWEST} are needed"
         if any(later <= earlier for earlier, later in pairwise(times)):
@@ -217,7 +217,7 @@ class Ground(Part):
     def problems(self) -> Iterator[str]:
         """Several motions in one direction."""
         for direction in ("horizontal", "vertical"):
-            count = sum(one.direction == direction for one in self.motions)
+            count = sum(motion.direction == direction for motion in self.motions)
             if count > 1:
                 yield f'.motion: has {count} motions with direction = "{direction}": one of each direction is possible'
 

@@ -167,7 +167,7 @@ def places_of(scene: Described, text: str) -> list[Place]:
     point = parse_point(text)
     if not isinstance(point, Point):
         return []
-    before = sum(one.n_links * one.count for one in scene.pendulum[: point.pendulum])
+    before = sum(earlier.n_links * earlier.count for earlier in scene.pendulum[: point.pendulum])
     pendulum = scene.pendulum[point.pendulum]
     first = sum(link.count for link in pendulum.links[: point.link])
     copies = range(pendulum.count) if point.copy is None else [point.copy]

@@ -106,8 +106,8 @@ def recognize(content: bytes) -> FileKind | None:
     if content.startswith(b"PK\x03\x04"):
         return _archive(content)
     text = as_text(content[:BEGINNING], errors="replace")
-    found = next(((kind, words) for pattern, kind, words in TEXTS if re.search(pattern, text)), None)
-    return FileKind(found[0], found[1], is_text=True) if found else None
+    known = next(((kind, words) for pattern, kind, words in TEXTS if re.search(pattern, text)), None)
+    return FileKind(known[0], known[1], is_text=True) if known else None
 
 
 def as_text(content: bytes, errors: str = "strict") -> str:

@@ -169,8 +169,8 @@ def _spring_problems(scene: Described, spring: Any, at: str) -> Iterator[str]:
         yield f"{at}.between: joins {first} points to {second}: as many of both, or one"
         return
     bodies = [_bodies(scene, text) for text in spring.between]
-    pairs = zip(*(own * (max(first, second) // len(own)) for own in bodies), strict=True)
-    if any(one == other for one, other in pairs):
+    pairs = zip(*(body * (max(first, second) // len(body)) for body in bodies), strict=True)
+    if any(first_body == other for first_body, other in pairs):
         at_rest = bodies[0][0] == ("ground", 0)
         yield f"{at}.between: both ends are " + ("at rest" if at_rest else "on one body") + ": it would do nothing"
 

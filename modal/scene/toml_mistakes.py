@@ -173,7 +173,7 @@ class Guess:
 
 
 def _starts(document: str) -> list[int]:
-    return [0, *(found.end() for found in re.finditer("\n", document))]
+    return [0, *(newline.end() for newline in re.finditer("\n", document))]
 
 
 # ---------------------------------------------------------------------------------------------- the usual mistakes
@@ -190,8 +190,8 @@ def _replaced(pattern: str, by: str | Callable[[re.Match[str]], str], words: str
         for number, match in enumerate([*matches[:1], *matches[:MOST_ALONE]]):
             line = re.sub(pattern, by, broken.line)
             if number:
-                one = match.expand(by) if isinstance(by, str) else by(match)
-                line = broken.line[: match.start()] + one + broken.line[match.end() :]
+                replacement = match.expand(by) if isinstance(by, str) else by(match)
+                line = broken.line[: match.start()] + replacement + broken.line[match.end() :]
             said = words.format(match[0], *match.groups(""))
             yield Guess(broken.start + match.start(mark), said, broken.with_line(line))
 
@@ -219,8 +219,8 @@ def _repeated_key(broken: Broken) -> Iterator[Guess]:
     keys = re.findall(r'(?:^|[{,])[ \t]*([\w."-]+)[ \t]*=', broken.line)
     table = broken.document.rfind("\n[", 0, broken.start) + 1
     for key in keys:
-        own = re.compile(rf"^[ \t]*{re.escape(key)}[ \t]*=", re.MULTILINE)
-        earlier = own.search(broken.document, table, broken.start)
+        pattern = re.compile(rf"^[ \t]*{re.escape(key)}[ \t]*=", re.MULTILINE)
+        earlier = pattern.search(broken.document, table, broken.start)
         if earlier or keys.count(key) > 1:
             number = broken.document.count("\n", 0, earlier.start()) + 1 if earlier else 0
             where = f" in this table, first in line {number}" if earlier else " in this table"
@@ -331,8 +331,8 @@ def _open_string(broken: Broken) -> Iterator[Guess]:
         if lines.count(mark) % 2:
             at = lines.rfind(mark)
             for pattern in (r"[\w .()\[\]-]*?(?=[ \t]*(?:$|[,}\]#]))", r"[^#]*?(?=[ \t]*(?:#|$))"):
-                if found := re.match(pattern, lines[at + 1 :]):
-                    end = at + 1 + found.end()
+                if value := re.match(pattern, lines[at + 1 :]):
+                    end = at + 1 + value.end()
                     line = lines[:end] + mark + lines[end:]
                     yield Guess(broken.start + at, "this quotation mark is not closed", broken.with_line(line))
 

@@ -159,8 +159,10 @@ class Field:
     @property
     def full_schema(self) -> Schema:
         """The schema with the default."""
-        own = self.schema if self.is_required else {"type": "default", "schema": self.schema, "default": self.default}
-        return {"type": "model-field", "schema": own}
+        schema = (
+            self.schema if self.is_required else {"type": "default", "schema": self.schema, "default": self.default}
+        )
+        return {"type": "model-field", "schema": schema}
 
 
 def field(schema: Schema, *, default: Any = REQUIRED) -> Any:
@@ -183,15 +185,15 @@ class Part:
 
     def __init_subclass__(cls) -> None:
         """Take the fields out of the class; register the keys and kinds of a new part."""
-        own = {name: value for name, value in vars(cls).items() if isinstance(value, Field)}
-        for name in own:
+        declared = {name: value for name, value in vars(cls).items() if isinstance(value, Field)}
+        for name in declared:
             delattr(cls, name)
         inherited = (vars(base).get("fields", {}) for base in reversed(cls.__mro__[1:]))
-        cls.fields = {name: one for fields in inherited for name, one in fields.items()} | own
+        cls.fields = {name: field for fields in inherited for name, field in fields.items()} | declared
         KEYS.update(cls.fields)
         TAGS.update(_kinds_of(cls))
-        kinds = {key: list(_kinds(one.schema)) for key, one in cls.fields.items() if key != "kind"}
-        KINDS.update({key: ", ".join(f'"{kind}"' for kind in found) for key, found in kinds.items() if found})
+        kinds = {key: list(_kinds(field.schema)) for key, field in cls.fields.items() if key != "kind"}
+        KINDS.update({key: ", ".join(f'"{kind}"' for kind in listed) for key, listed in kinds.items() if listed})
 
     def __init__(self, /, **data: Any) -> None:
         """Raises SceneError."""
@@ -215,7 +217,7 @@ class Part:
     @classmethod
     def schema(cls) -> Schema:
         """The schema by which it is checked."""
-        fields = {name: one.full_schema for name, one in cls.fields.items()}
+        fields = {name: field.full_schema for name, field in cls.fields.items()}
         inner = {"type": "model-fields", "fields": fields, "extra_behavior": "forbid"}
         return after(_consistent, {"type": "model", "cls": cls, "schema": inner})
 
@@ -230,11 +232,11 @@ class Part:
         """The JSON Schema of the mappings that `model_validate` accepts; descriptions leave out examples in Python."""
         from pydantic.json_schema import GenerateJsonSchema
 
-        found = GenerateJsonSchema().generate(_named(cls.schema()))
-        for part in (found, *found.get("$defs", {}).values()):
+        document = GenerateJsonSchema().generate(_named(cls.schema()))
+        for part in (document, *document.get("$defs", {}).values()):
             if "description" in part:
                 part["description"] = part["description"].partition("\n\n>>>")[0]
-        return found
+        return document
 
     def model_dump(self) -> dict[str, Any]:
         """All fields as nested mappings, which `model_validate` reads back."""
@@ -283,8 +285,8 @@ class Part:
 
     def __repr__(self) -> str:
         """As it is written in Python, without defaults; of long lists the beginning."""
-        own = ((name, value) for name, value in self if value != self.fields[name].default)
-        return f"{type(self).__name__}({', '.join(f'{name}={_written(value)}' for name, value in own)})"
+        written = ((name, value) for name, value in self if value != self.fields[name].default)
+        return f"{type(self).__name__}({', '.join(f'{name}={_written(value)}' for name, value in written)})"
 
 
 def _written(value: Any) -> str:
@@ -302,26 +304,26 @@ def _dumped(value: Any) -> Any:
 
 def _restored(cls: type[Part], values: dict[str, Any]) -> Part:
     """A part that has already been checked."""
-    found = cls.__new__(cls)
-    found.__dict__.update(values)
-    return found
+    part = cls.__new__(cls)
+    part.__dict__.update(values)
+    return part
 
 
 def _consistent(part: Part) -> Part:
     """The part itself; ValueError with one line per problem."""
-    if found := list(part.problems()):
-        raise ValueError("\n".join(found))
+    if problems := list(part.problems()):
+        raise ValueError("\n".join(problems))
     return part
 
 
 def _named(schema: Any) -> Any:
     """A schema whose parts have names to refer to, and defaults that JSON can write."""
     if isinstance(schema, list):
-        return [_named(one) for one in schema]
+        return [_named(inner) for inner in schema]
     if not isinstance(schema, dict):
         return schema.__dict__ if isinstance(schema, Part) else schema
-    found = {key: _named(value) for key, value in schema.items()}
-    return found | {"ref": f"scene.{schema['cls'].__name__}:0"} if schema.get("type") == "model" else found
+    named = {key: _named(value) for key, value in schema.items()}
+    return named | {"ref": f"scene.{schema['cls'].__name__}:0"} if schema.get("type") == "model" else named
 
 
 def _kinds_of(cls: type[Part]) -> list[str]:
@@ -341,9 +343,11 @@ def _kinds(schema: Schema) -> Iterator[str]:
 
 def problems_of(error: ValidationError) -> Iterator[str]:
     """One line per mistake, in the order of the file, and the number omitted where there are many."""
-    found = [one for one in error.errors(include_url=False) if one["type"] != "too_short" or not one["input"]]
-    lines = (_problem(one, words) for one in found for words in _words(one).splitlines())
-    yield from first_of(lines, sum(map(_size, found)))
+    findings = [
+        finding for finding in error.errors(include_url=False) if finding["type"] != "too_short" or not finding["input"]
+    ]
+    lines = (_problem(finding, words) for finding in findings for words in _words(finding).splitlines())
+    yield from first_of(lines, sum(map(_size, findings)))
 
 
 def _size(finding: Mapping[str, Any]) -> int:
