@@ -3,6 +3,7 @@
 A page holds a comment where a part belongs; what stands there is Markdown:
 
     <!-- commands: table shapes -->             help of commands, from the parser
+    <!-- groups -->                             the pages of commands, with what each command does
     <!-- names: modal load Scene -->            names of a package, from their docstrings
     <!-- modules: modal.loci modal.gains -->    whole modules
     <!-- shipped -->                            the scenes that come with the package
@@ -32,12 +33,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from modal.scene.capabilities import Capability
+    from multipendula.command import Command
     from multipendula.parser import Page
 
 ROOT = Path(__file__).parent.parent
+REFERENCE = ROOT / "docs" / "reference"
 PLACE = re.compile(
-    r"^<!-- (commands|names|modules|shipped|formats|ensemble_measures|measures|options|functions|combinations|gallery"
-    r"|play|live):?([^>]*) -->$",
+    r"^<!-- (commands|groups|names|modules|shipped|formats|ensemble_measures|measures|options|functions|combinations"
+    r"|gallery|play|live):?([^>]*) -->$",
     flags=re.MULTILINE,
 )
 PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\.(png|gif)\)$", flags=re.MULTILINE)
@@ -76,10 +79,52 @@ def _command(name: str, parser: Page) -> str:
     parser.formatter_class, parser.color = partial(HelpFormatter, width=88), False  # type: ignore[assignment]
     usage = parser.format_usage().removeprefix("usage: ").replace("\n" + " " * 7, "\n").strip()
     shown = [action for action in parser._actions if action.help != SUPPRESS and action.dest != "help"]
-    parts = [f"(command-{name})=\n### {name}", _escaped(parser.description or ""), f"```text\n{usage}\n```"]
-    parts += [_argument(action, parser) for action in shown]
+    known = _record(name)
+    parts = [
+        f"(command-{name})=\n## {name}",
+        _escaped(known.summary),
+        f"```text\n{usage}\n```",
+        _escaped(known.details),
+    ]
+    arguments = [_argument(action, parser) for action in shown if not action.option_strings]
+    switches = [_argument(action, parser) for action in shown if action.option_strings]
+    parts += [*arguments, *(["**Options**", *switches] if switches else [])]
     examples = "\n".join(f"# {words}\nmultipendula {line}" for line, words in parser.examples)
-    return "\n\n".join([*parts, f"For example\n\n```sh\n{examples}\n```"])
+    parts += ["**Examples**", f"```sh\n{examples}\n```"]
+    roles = {"computes": "computed by", "writes": "written and drawn by"}
+    used = [
+        f"{words} {_linked(_functions()[name][role])}" for role, words in roles.items() if role in _functions()[name]
+    ]
+    return "\n\n".join([*parts, *([f"**In Python** {'; '.join(used)}."] if used else [])])
+
+
+def groups() -> str:
+    """Every page of commands with its commands and what each does."""
+    rows = []
+    for page, names in sections().items():
+        title = (REFERENCE / page).read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
+        summaries = [f"[`{name}`]({page}#command-{name}) | {_escaped(_record(name).summary)}" for name in names]
+        rows += [f"{f'[{title}]({page})' if not at else ''} | {words}" for at, words in enumerate(summaries)]
+    return _table("page | command | what it does", rows)
+
+
+def _record(name: str) -> Command:
+    from multipendula.commands import COMMANDS
+
+    return next(command for command in COMMANDS if command.name == name)
+
+
+@cache
+def sections() -> dict[str, list[str]]:
+    """Pages of the reference that describe commands, with these, in the order of `multipendula --help`."""
+    described = {
+        page.relative_to(REFERENCE).as_posix(): words.split()
+        for page in sorted(REFERENCE.rglob("*.md"))
+        for kind, words in PLACE.findall(page.read_text(encoding="utf-8"))
+        if kind == "commands"
+    }
+    order = list(parsers())
+    return dict(sorted(described.items(), key=lambda section: order.index(section[1][0])))
 
 
 def _argument(action: Action, parser: Page) -> str:
@@ -201,23 +246,24 @@ def _takers(commands: list[str]) -> str:
 
 def functions() -> str:
     """Every command, linked to its section, with the functions that compute and those that write and draw."""
-    told = tomllib.loads((ROOT / "docs" / "functions.toml").read_text(encoding="utf-8"))
     columns = ("computes", "writes")
+    described = {name: page for page, names in sections().items() for name in names}
     rows = [
-        " | ".join([f"[`{command}`]({_section(command)})", *(_linked(told[command].get(key, ())) for key in columns)])
+        " | ".join(
+            [
+                f"[`{command}`]({described[command]}#command-{command})",
+                *(_linked(_functions()[command].get(key, ())) for key in columns),
+            ]
+        )
         for command in parsers()
     ]
     return _table("command | computes | writes, draws", rows)
 
 
-def _section(command: str) -> str:
-    """Where the reference describes a command, from a page of the reference."""
-    folder = ROOT / "docs" / "reference"
-    for page in sorted(folder.rglob("*.md")):
-        places = PLACE.findall(page.read_text(encoding="utf-8"))
-        if any(kind == "commands" and command in words.split() for kind, words in places):
-            return f"{page.relative_to(folder).as_posix()}#command-{command}"
-    raise LookupError(command)
+@cache
+def _functions() -> dict[str, dict[str, list[str]]]:
+    """What each command is in Python."""
+    return tomllib.loads((ROOT / "docs" / "functions.toml").read_text(encoding="utf-8"))
 
 
 def _linked(wanted: Iterable[str]) -> str:
@@ -227,9 +273,9 @@ def _linked(wanted: Iterable[str]) -> str:
     for name in wanted:
         thing = function_named(name)
         full = f"{thing.__module__}.{thing.__qualname__}"
-        targets = {name: {name, name.rpartition(".")[0]}, full: {thing.__module__}}
-        target = next((target for target, homes in targets.items() if homes & known), None)
-        shown.append(f"{{py:obj}}`{name} <{target}>`" if target else f"`{name}`")
+        target = name if {name, name.rpartition(".")[0]} & known else full
+        is_documented = bool({target, target.rpartition(".")[0]} & known)
+        shown.append(f"{{py:obj}}`{name} <{target}>`" if is_documented else f"`{name}`")
     return ", ".join(shown)
 
 
