@@ -34,7 +34,7 @@ LIGHTLY = 0.1
 """Damping ratio up to which a mode has an amplitude coefficient, as in `modal.eigen.matrix_source`."""
 
 
-class _Piece(NamedTuple):
+class _RowPart(NamedTuple):
     """A part of a row and its place in the details of its source."""
 
     part: SpectrumPart
@@ -57,7 +57,7 @@ class _Piece(NamedTuple):
         return float(self.details.effective_mass[self.at])
 
 
-def _head(pieces: list[_Piece]) -> _Piece:
+def _head(pieces: list[_RowPart]) -> _RowPart:
     """The piece that moves most of the scene."""
     return next((piece for piece in pieces if not piece.part.still), pieces[0])
 
@@ -74,21 +74,21 @@ def described(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int,
         yield n, replace(mode, resonances=(*near[n], *answers) if isfinite(mode.kappa) else ())
 
 
-def _pieces(modes: Eigenvalues, numbers: Sequence[int]) -> dict[int, list[_Piece]]:
+def _pieces(modes: Eigenvalues, numbers: Sequence[int]) -> dict[int, list[_RowPart]]:
     needed = sorted(
         ((part, n) for n in numbers for part in modes.spectrum.groups[n]),
         key=lambda entry: (entry[0].source, entry[0].row),
     )
-    pieces: dict[int, list[_Piece]] = {n: [] for n in numbers}
+    pieces: dict[int, list[_RowPart]] = {n: [] for n in numbers}
     for source, members in groupby(needed, key=lambda entry: entry[0].source):
         numbers_of = list(members)
         details = modes.spectrum.details(source, [part.row for part, _ in numbers_of])
         for at, (part, n) in enumerate(numbers_of):
-            pieces[n].append(_Piece(part, details, at))
+            pieces[n].append(_RowPart(part, details, at))
     return pieces
 
 
-def _mode(modes: Eigenvalues, number: int, pieces: list[_Piece]) -> Mode:
+def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
     """One row: sums over its pieces, and the shape of the one that moves most of the scene."""
     head, unit = _head(pieces), modes.units.mass
     ratio = float(modes.damping_ratio[number])
@@ -115,7 +115,7 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_Piece]) -> Mode:
     )
 
 
-def _family(modes: Eigenvalues, number: int, head: _Piece, ratio: float) -> str:
+def _family(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> str:
     if np.isnan(ratio):
         return "beyond double precision"
     details, at = head.details, head.at
@@ -165,7 +165,7 @@ def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
     return motion, share if not modes.rig.is_damped else np.full(structure.size, np.nan)
 
 
-def _on_structure(modes: Eigenvalues, number: int, head: _Piece, ratio: float) -> str:
+def _on_structure(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> str:
     structure, details, at = modes.rig.structure, head.details, head.at
     assert structure is not None
     eta = np.array([part[at] for part in details.eta]) if not head.part.still else np.zeros(structure.size)
@@ -215,7 +215,7 @@ def _partners(modes: Eigenvalues, number: int) -> Ints:
 
 
 def _answers(
-    modes: Eigenvalues, number: int, asked: list[tuple[int, int]], pieces: dict[int, list[_Piece]]
+    modes: Eigenvalues, number: int, asked: list[tuple[int, int]], pieces: dict[int, list[_RowPart]]
 ) -> list[str]:
     """The modes whose responses make a mode's angle of 1 % a guide, in words: those that change it most.
 
@@ -242,7 +242,7 @@ def _answers(
     return list(dict.fromkeys(named))
 
 
-def _swing(modes: Eigenvalues, number: int, piece: _Piece) -> ModeSwing:
+def _swing(modes: Eigenvalues, number: int, piece: _RowPart) -> ModeSwing:
     details, at = piece.details, [piece.at]
     angles = tuple(angle[:, :, at].real for angle in details.angles)
     largest = largest_angle(angles)

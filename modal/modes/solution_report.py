@@ -33,7 +33,7 @@ MOST_SHOWN = 6
 
 
 @dataclass(frozen=True)
-class Part:
+class ProblemGroup:
     """Problems of one form: their number, `unknowns` in each, and the number of modes of the scene from them."""
 
     what: str
@@ -61,7 +61,7 @@ class SolutionReport:
     """
 
     coordinates: int
-    parts: tuple[Part, ...]
+    parts: tuple[ProblemGroup, ...]
     matrices: tuple[Matrix, ...]
     complex_problem: bool
     left_out: tuple[str, ...]
@@ -113,7 +113,7 @@ def report_solution(modes: Modes) -> SolutionReport:
     )
 
 
-def _parts(spectrum: ModalSpectrum) -> tuple[Part, ...]:
+def _parts(spectrum: ModalSpectrum) -> tuple[ProblemGroup, ...]:
     """One part for each source, equal ones merged."""
     taken = Counter[int]()
     for part in (part for parts in spectrum.groups for part in parts):
@@ -125,7 +125,8 @@ def _parts(spectrum: ModalSpectrum) -> tuple[Part, ...]:
         problems, modes = solved.get(kind, (0, 0))
         solved[kind] = problems + built.problems, modes + taken[index]
     return tuple(
-        Part(what, route, problems, unknowns, modes) for (what, route, unknowns), (problems, modes) in solved.items()
+        ProblemGroup(what, route, problems, unknowns, modes)
+        for (what, route, unknowns), (problems, modes) in solved.items()
     )
 
 
@@ -191,7 +192,7 @@ def not_loaded() -> Iterator[str]:
         yield f"not imported: {', '.join(missing)}"
 
 
-def _row(part: Part) -> str:
+def _row(part: ProblemGroup) -> str:
     unknowns = f"{part.problems} × {part.unknowns}" if part.problems > 1 else str(part.unknowns)
     purpose = "" if part.modes else ", for what is coupled below"
     return f"{unknowns:>12}  {part.modes:>8}  {part.route:<16}  {part.what}{purpose}"
