@@ -180,6 +180,13 @@ class Part:
     __slots__ = ("__dict__", "__pydantic_extra__", "__pydantic_fields_set__", "__pydantic_private__")
     fields: ClassVar[dict[str, Field]] = {}
     __signature__ = PartSignature()
+    machinery: ClassVar[frozenset[str]] = frozenset(
+        {
+            *("fields", "machinery", "model_config", "model_copy", "model_dump", "model_json_schema", "model_validate"),
+            *("copy", "problems", "schema"),
+        }
+    )
+    """What `dir` and completion leave out, with all names that begin with an underscore."""
     _made: ClassVar[SchemaValidator]
     model_config: ClassVar[dict[str, Any]] = {"extra": "forbid"}
 
@@ -259,6 +266,10 @@ class Part:
     def copy(self, **options: Any) -> Self:
         """Another name of `model_copy`."""
         return self.model_copy(**options)
+
+    def __dir__(self) -> list[str]:
+        names = (name for name in super().__dir__() if name not in self.machinery)
+        return sorted(name for name in names if not name.startswith("_"))
 
     def __copy__(self) -> Self:
         return self

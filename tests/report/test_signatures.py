@@ -15,7 +15,7 @@ import pytest
 import modal
 import nonlinear
 from modal import Bob, Pendulum, Scene, load, natural_modes
-from modal.report import Displayed, silent
+from modal.report import silent
 from nonlinear import simulate
 
 OBJECT = re.compile(r" at 0x|<factory>|<lambda>|<object|\n|\*\*data")
@@ -74,7 +74,15 @@ def test_completion_offers_what_is_public() -> None:
     modes = natural_modes(load("paper-cart-2"))
     assert {"omega", "frequency", "shape", "plot", "table", "to_dict"} <= set(dir(modes))
     assert not {"rig", "short", "limits", "which", "internal"} & set(dir(modes))
-    results: list[Displayed] = [modes, modes[1], modes.shape(1), modes.scene, simulate(modes.scene, 0.1)]
+    assert {"mass", "length", "count", "replace", "centre"} <= set(dir(modes.scene.pendulum[0].links[0]))
+    results: list[object] = [
+        modes.scene.support,
+        modes,
+        modes[1],
+        modes.shape(1),
+        modes.scene,
+        simulate(modes.scene, 0.1),
+    ]
     for result in results:
         assert not [name for name in dir(result) if name.startswith("_")]
 
