@@ -98,7 +98,7 @@ def estimate_of(scene: Scene, record: Any) -> Estimate:
     if not (isinstance(parameters, list) and isinstance(rows, list)):
         raise SceneError(['has no "parameters" and "covariance": it must be the report of a fit, in JSON'])
     if not parameters:
-        raise SceneError(["has no fitted numbers, so that nothing is uncertain"])
+        raise SceneError(["has no fitted numbers: nothing is uncertain"])
     problems: list[str] = []
     places: list[Place] = []
     for k, parameter in enumerate(parameters):

@@ -105,7 +105,7 @@ def _parsed(scene: Scene, name: str, text: str) -> MeasuredModes:
     header = rows[0][1] if rows else []
     problems = [*_header_problems(scene, header)]
     problems += [
-        f"line {line} has not {len(header)} cells like the first" for line, row in rows if len(row) != len(header)
+        f"line {line}: must have {len(header)} cells like the first" for line, row in rows if len(row) != len(header)
     ]
     if not rows[1:]:
         problems.append("has no modes")

@@ -45,7 +45,7 @@ def table_numbers(scene: Scene, still: Modes | None = None) -> Ints:
 def counterparts(modes: Modes, others: Modes, among: Sequence[int] | None = None) -> Ints:
     """For every row (R,) of `modes` the index of the most similar row of `others` (one of `among`)."""
     chosen = np.arange(len(others)) if among is None else np.asarray(among, dtype=np.intp)
-    alike = np.round(_alike(modes, others)[:, chosen], DIGITS)
+    alike = np.round(likeness(modes, others)[:, chosen], DIGITS)
     partners = paired(alike, np.ones(len(chosen), dtype=np.int64))
     return np.asarray(chosen[np.where(partners < 0, alike.argmax(axis=1), partners)])
 
@@ -83,15 +83,15 @@ def lettered(index: int) -> str:
     return (lettered(before - 1) if before else "") + chr(ord("a") + last)
 
 
-def _alike(modes: Modes, others: Modes) -> Floats:
-    """The w (R, S), over all coordinates where both have them, else over the links."""
+def likeness(modes: Modes, others: Modes) -> Floats:
+    """The similarity w (R, S) of rows, over all coordinates where both have them, else over the links."""
     left_out = max(modes.rig.leading - others.rig.leading, 0)
     M = modes.matrices.M[left_out:, left_out:]
     left, owners = _stacked(modes, M)
     other, whose = _stacked(others, M)
-    likeness = np.zeros((len(modes), len(others)))
-    np.add.at(likeness, np.ix_(owners, whose), np.abs(left.conj().T @ M @ other) ** 2)
-    return likeness
+    similarity = np.zeros((len(modes), len(others)))
+    np.add.at(similarity, np.ix_(owners, whose), np.abs(left.conj().T @ M @ other) ** 2)
+    return similarity
 
 
 def _stacked(modes: Modes, M: Floats) -> tuple[Complexes, Ints]:

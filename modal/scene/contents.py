@@ -21,6 +21,8 @@ SMALLEST_READ, LARGEST_READ = 1e-50, 1e50
 SIZES_READ = f"its size must be from {SMALLEST_READ:g} to {LARGEST_READ:g}, or 0"
 PIECE = 1 << 20
 """Bytes that are read at once: no memory is taken for what is not there."""
+NAMES = {"table": "CSV text", "report": "JSON text", "": "text"}
+"""What text is called of which a file of each kind consists."""
 LONGEST_HEAD = 1_000_000
 """Bytes within which a first line that is read alone must stand."""
 
@@ -43,8 +45,9 @@ def decoded(content: bytes, expected: str = "") -> str:
     try:
         return as_text(content)
     except UnicodeDecodeError as error:
-        what = "is not a CSV text file: " if expected == "table" else ""
-        raise SceneError([f"{what}byte {error.start} is not UTF-8 text: save the file as UTF-8"]) from None
+        if expected == "scene":
+            raise SceneError([f"byte {error.start} is not UTF-8 text: save the file as UTF-8"]) from None
+        raise SceneError([f"is not a {NAMES[expected]} file: byte {error.start} is not UTF-8"]) from None
 
 
 def first_line(path: str | PathLike[str]) -> str:

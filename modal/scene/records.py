@@ -231,7 +231,7 @@ class _Files(NamedTuple):
             return part
         place = f'{place}.{name} = "{path}"'
         if others := [key for key in keys if key in part]:
-            self.problems.append(f"{place}: leaves no place for {', '.join(others)}")
+            self.problems.append(f"{place}: cannot be combined with {', '.join(others)}")
             return part
         try:
             numbers = reader(self.folder / path, quoted=False)
