@@ -76,6 +76,18 @@ def imports(path: Path) -> set[str]:
     return modules
 
 
+@cache
+def imported_at_run_time(path: Path) -> set[str]:
+    """The packages that a module imports for more than the type checker."""
+    tree = parsed(path.read_text(encoding="utf-8"))
+    guards = [node for node in ast.walk(tree) if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
+    told = {id(inner) for guard in guards for part in guard.body for inner in ast.walk(part)}
+    nodes = [node for node in ast.walk(tree) if id(node) not in told]
+    names = [name.name for node in nodes if isinstance(node, ast.Import) for name in node.names]
+    names += [f"{node.module}" for node in nodes if isinstance(node, ast.ImportFrom)]
+    return {name.partition(".")[0] for name in names}
+
+
 def upward(rooms: list[str], imported: dict[str, set[str]]) -> set[tuple[str, str]]:
     """Imports of a module from a room of the same packages that the list does not name above its own."""
     return {
@@ -157,11 +169,14 @@ def test_the_check_of_imports_bites(tmp_path: Path) -> None:
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"e"}, "e": {"numpy"}}) == {"a", "b", "c"}
     (tmp_path / "a.py").write_text("def f():\n    import matplotlib.pyplot\n")
     assert imports(tmp_path / "a.py") == {"matplotlib.pyplot"}
+    assert imported_at_run_time(tmp_path / "a.py") == {"matplotlib"}
+    (tmp_path / "b.py").write_text("if TYPE_CHECKING:\n    from matplotlib.figure import Figure\nimport numpy\n")
+    assert imported_at_run_time(tmp_path / "b.py") == {"numpy"}
 
 
 @pytest.mark.parametrize("name", sources())
 def test_heavy_packages_have_their_homes(name: str) -> None:
-    used = {target.partition(".")[0] for target in imports(sources()[name])}
+    used = imported_at_run_time(sources()[name])
     strangers = {
         heavy
         for heavy, homes in HEAVY.items()

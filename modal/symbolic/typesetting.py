@@ -123,7 +123,7 @@ def _text(title: str, sections: list[Section]) -> str:
     lines = [visible(title), ""]
     for section in sections:
         heading = _readable(section.title)
-        lines += [heading, "-" * len(heading)]
+        lines += [heading, "-" * breadth(heading)]
         for words, formula in section.lines:
             lines.append(f"  {_readable(words)}" + (f":  {plain(formula)}" if formula is not None else ""))
         lines.append("")

@@ -167,7 +167,7 @@ def test_compiled_work_is_the_change_of_energy(seed: int) -> None:
 def test_missing_numba_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compiled, "available", lambda: False)
     assert not compiled.available()
-    with pytest.raises(MissingExtraError, match=r"multipendula\[fast\]"):
+    with pytest.raises(MissingExtraError, match=r"\.\[fast\]"):
         Compiled(system_of(load("chain-1")))
 
 
@@ -353,5 +353,5 @@ def test_series_refuse() -> None:
 
 def test_missing_heyoka_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "heyoka", None)
-    with pytest.raises(MissingExtraError, match=r"multipendula\[taylor\]"):
+    with pytest.raises(MissingExtraError, match=r"\.\[taylor\]"):
         TaylorStepper(minimal(chain(1)), np.zeros(2), 0.0, 1.0, 1e-15, Pace())

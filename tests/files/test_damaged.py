@@ -194,7 +194,7 @@ def test_no_pickle_is_opened(tmp_path: Path) -> None:
     with zipfile.ZipFile(stream, "a") as zipped:
         zipped.comment = bytes(64)
     (tmp_path / "run.npz").write_bytes(forged(stream.getvalue()))
-    with pytest.raises(SceneError, match="is not a trajectory"):
+    with pytest.raises(SceneError, match="not a trajectory saved by"):
         recordings.load(tmp_path / "run.npz")
 
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, load
+from modal.report import silent
 from nonlinear.dynamics import Generated, form_of
-from nonlinear.integration import Pace, SimulationError, readiness, silent, taylor
+from nonlinear.integration import Pace, SimulationError, readiness, taylor
 from nonlinear.integration.steppers import Sweeper
 from nonlinear.integration.taylor import TaylorStepper
 from nonlinear.simulation import simulate

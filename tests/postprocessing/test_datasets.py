@@ -73,7 +73,7 @@ def test_a_data_set_in_space_has_unit_vectors() -> None:
 
 def test_without_xarray_its_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(MissingExtraError, match=r'xarray is missing: pip install "multipendula\[xarray\]"'):
+    with pytest.raises(MissingExtraError, match=r'xarray is missing: pip install "\.\[xarray\]"'):
         uneven().to_xarray()
 
 

@@ -115,8 +115,8 @@ def test_one_mistake_in_a_link(changes: dict, words: str) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("gravity = ", "broken TOML: "),
-        ("gravity = 9.81\ngravity = 9.81", "broken TOML: "),
+        ("gravity = ", "line 1: a value is missing here"),
+        ("gravity = 9.81\ngravity = 9.81", "line 2: gravity stands twice"),
         ("a = " + "[" * 5000, "broken TOML: "),
         ("gravity = " + "9" * 5000, "broken TOML: "),
         ("", "gravity: is required"),

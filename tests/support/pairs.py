@@ -31,7 +31,7 @@ from nonlinear.system import AppliedForces, State
 SCENES = Path(__file__).parents[1] / "combinations" / "scenes"
 PATIENCE = 20.0
 """Seconds of processor time that an answer may take."""
-EXTRA = "multipendula["  # how messages name what is not installed
+EXTRA = "in a clone of multipendula"  # how messages name what is not installed
 GRAVITY = "--vary gravity=9.8:9.9:2"
 FIRST, SECOND = "pendulum[0].start.angles_deg[0]", "pendulum[0].start.angles_deg[1]"
 GRID = f"--vary {FIRST}=5:10:2 --vary {SECOND}=5:10:2"

@@ -21,7 +21,7 @@ import mpmath as mp
 
 from modal.scene import Scene, VanDerPol
 from modal.scene.motion import SineForce, SineMotion
-from modal.scene.points import CarrierPoint, GroundPoint, Point, parse_point
+from modal.scene.points import CarrierPoint, GroundPoint, PendulumPoint, parse_point
 
 DIGITS = 50
 Number = float | mp.mpf
@@ -393,7 +393,7 @@ class _Assembled:
         point = parse_point(text)
         if isinstance(point, GroundPoint):
             return [None if point.place is None else tuple(Jet(mp.mpf(part)) for part in point.place)]  # type: ignore[list-item]
-        if isinstance(point, Point):
+        if isinstance(point, PendulumPoint):
             return [
                 hung.at(self._centre(hung) if point.below is None else mp.mpf(point.below))
                 for hung in self._hung(point)
@@ -404,14 +404,14 @@ class _Assembled:
 
     def _angles(self, text: str) -> list[Jet]:
         point = parse_point(text)
-        if isinstance(point, Point):
+        if isinstance(point, PendulumPoint):
             return [hung.theta for hung in self._hung(point)]
         if isinstance(point, GroundPoint):
             return [Jet(mp.mpf(0))]
         angle = self._named("cart" if point is None else point.name).angle
         return [angle or Jet(mp.mpf(0))]
 
-    def _hung(self, point: Point) -> Iterator[_Hung]:
+    def _hung(self, point: PendulumPoint) -> Iterator[_Hung]:
         links = self.scene.pendulum[point.pendulum].links
         before = sum(link.count for link in links[: point.link])
         for copy, first in enumerate(self.firsts[point.pendulum]):
@@ -442,14 +442,14 @@ class _Assembled:
             value = mp.mpf(force.amplitude) * mp.sin(_phase(force, Jet(time)).value)
             point = parse_point(force.on)
             if force.direction == "torque":
-                for jet in self._angles(force.on) if not isinstance(point, Point) else self._twisted(point):
+                for jet in self._angles(force.on) if not isinstance(point, PendulumPoint) else self._twisted(point):
                     self.parts.pushed.append((value, jet))
                 continue
             for place in self.ends(force.on):
                 assert place is not None
                 self.parts.pushed.append((value, place[0]) if force.direction == "horizontal" else (-value, place[1]))
 
-    def _twisted(self, point: Point) -> Iterator[Jet]:
+    def _twisted(self, point: PendulumPoint) -> Iterator[Jet]:
         for hung in self._hung(point):
             alone = hung.above is None or point.below is not None
             yield hung.theta if alone else hung.theta - hung.above

@@ -576,7 +576,7 @@ def test_every_column_of_maps_has_its_axis_and_whole_numbers_have_ticks_of_their
 
 def test_without_distributed_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(MissingExtraError, match=r"multipendula\[cluster\]"), cluster("tcp://127.0.0.1:1"):
+    with pytest.raises(MissingExtraError, match=r"\.\[cluster\]"), cluster("tcp://127.0.0.1:1"):
         pass
 
 
