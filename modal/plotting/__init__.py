@@ -37,16 +37,18 @@ from modal.plotting.shapes import MOST_PANELS, draw_shapes, shapes_figure
 from modal.plotting.sketches import sketch_figure
 from modal.plotting.sliders import slide
 from modal.plotting.style import (
-    DASHES,
+    COMPUTED,
     HUES,
+    MARKED,
     MOST_CURVES,
+    PREDICTED,
     QUIET,
+    UNSTABLE,
     WIDE,
     WIDTH,
     Picture,
     any_letters,
     colour,
-    dash,
     in_both_themes,
     ink,
     mixed,
@@ -57,6 +59,7 @@ from modal.plotting.style import (
     save,
     shade,
     sheet,
+    spots,
     theme,
     thickness,
 )
@@ -64,14 +67,17 @@ from modal.plotting.themes import Pair, pair_of, show_both_themes
 from modal.plotting.tuning import draw_tuning, tuning_figure
 
 __all__ = [
-    "DASHES",
+    "COMPUTED",
     "HUES",
     "LOOP",
+    "MARKED",
     "MOST_CURVES",
     "MOST_PANELS",
     "NUMBER",
+    "PREDICTED",
     "QUIET",
     "SMALL",
+    "UNSTABLE",
     "WIDE",
     "WIDTH",
     "MovingFigure",
@@ -84,7 +90,6 @@ __all__ = [
     "caption",
     "colour",
     "coupling_figure",
-    "dash",
     "draw_assurance",
     "draw_bode",
     "draw_coupling",
@@ -127,6 +132,7 @@ __all__ = [
     "side_by_side",
     "sketch_figure",
     "slide",
+    "spots",
     "theme",
     "thickness",
     "tuning_figure",

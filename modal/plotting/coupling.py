@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from modal.coupling import Coupling, Family, StructureCoupling, family_name
 from modal.plotting.layout import SMALL, headline, key
 from modal.plotting.structure_coupling import structure_figure
-from modal.plotting.style import WIDE, colour, ink, muted, paper, save, sheet
+from modal.plotting.style import MARKED, WIDE, colour, ink, muted, paper, save, sheet
 from modal.scene import title_of
 from modal.types import Floats
 
@@ -57,9 +57,9 @@ def _finish(figure: Figure, coupling: Coupling) -> None:
     headline(figure, title_of(coupling.scene), what)
     entries = {
         "dynamic mass": Line2D([], [], color=curve()),
-        "poles: the cart stands still": Line2D([], [], color=pole(), ls="--", lw=1.1),
+        "poles: the cart stands still": Line2D([], [], color=pole(), ls=MARKED, lw=1.4),
         "zeros: the cart moves": Line2D([], [], color=zero(), marker="o", mec=paper()),
-        "mass for a fast push": Line2D([], [], color=muted(), ls=":", lw=0.9),
+        "mass for a fast push": Line2D([], [], color=muted(), ls=MARKED, lw=0.9),
     }
     entries = entries if coupling.on_cart else dict(list(entries.items())[:3])
     key(figure, list(entries.values()), list(entries))
@@ -110,7 +110,7 @@ def draw_mass(axis: Axes, coupling: Coupling) -> None:
     axis.yaxis.set_major_formatter("{x:g}")
     axis.axhline(0.0, color=ink(), lw=0.8)
     if coupling.on_cart:
-        axis.axhline(dynamic.at_infinity, color=muted(), lw=0.9, ls=":")
+        axis.axhline(dynamic.at_infinity, color=muted(), lw=0.9, ls=MARKED)
     crowd = crowded(coupling)
     omega = _grid(poles, zeros, low, high, wide)
     omega = omega[(omega <= poles[0]) | (omega >= poles[-1])] if crowd else omega
@@ -124,7 +124,7 @@ def draw_mass(axis: Axes, coupling: Coupling) -> None:
         zeros = zeros[(zeros < poles[0]) | (zeros > poles[-1])]
     else:
         for value in poles:
-            axis.axvline(value, color=pole(), ls="--", lw=1.1)
+            axis.axvline(value, color=pole(), ls=MARKED, lw=1.4)
         _labels(axis, poles, [f"{name(k)} {value:.5g}" for k, value in enumerate(poles)], pole(), above=True)
     axis.plot(zeros, 0 * zeros, "o", color=zero(), ms=6, zorder=4, mec=paper(), mew=0.8)
     _labels(axis, zeros, [f"{value:.5g}" for value in zeros], zero(), above=False)
@@ -201,7 +201,7 @@ def draw_close(axis: Axes, coupling: Coupling, number: int) -> None:
         mass = _beside(coupling, number, share * split)
         axis.plot(share * split, np.where(np.abs(mass) < 30 * scale, mass, np.nan), color=curve())
     axis.axhline(0.0, color=ink(), lw=0.8)
-    axis.axvline(0.0, color=pole(), ls="--", lw=1.1)
+    axis.axvline(0.0, color=pole(), ls=MARKED, lw=1.4)
     axis.plot([split], [0.0], "o", color=zero(), ms=6, mec=paper(), mew=0.8, zorder=4)
     arrow = {"arrowstyle": "<->", "color": ink(), "lw": 0.9, "shrinkA": 0, "shrinkB": 0}
     axis.annotate("", (split, -2.2 * scale), (0.0, -2.2 * scale), arrowprops=arrow)
@@ -252,7 +252,7 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
         words = f"band: {len(poles)} poles" + (f", with {held} modes that move the cart between them" if held else "")
         axis.text(0.98, 0.92, words, transform=axis.transAxes, ha="right", va="top", fontsize=SMALL, bbox=plain())
     else:
-        axis.hlines(poles, low, high, color=pole(), ls="--", lw=1.0, alpha=0.8)
+        axis.hlines(poles, low, high, color=pole(), ls=MARKED, lw=1.2)
     axis.plot(masses, omega[:, chosen], color=zero(), lw=1.6)
     _here(axis, here, spot, now[chosen[chosen < len(now)]], size=6)
     if not crowd:
@@ -307,7 +307,7 @@ def _here(axis: Axes, here: float, spot: float, now: Floats, *, size: float) -> 
     """The scene's own cart, and its frequencies as dots."""
     where = "a massless cart" if here == 0 else "a fixed support" if np.isinf(here) else f"{here:.6g} kg"
     late = spot > np.sqrt(np.prod(axis.get_xlim()))
-    axis.axvline(spot, color=ink(), lw=1.2, ls=":")
+    axis.axvline(spot, color=ink(), lw=1.2, ls=MARKED)
     if now.size:
         spots = np.full(len(now), spot)
         axis.plot(spots, now, "o", color=zero(), ms=size, mec=paper(), mew=size / 8, zorder=4, clip_on=False)

@@ -1,4 +1,4 @@
-"""Curves of one panel, so that each is seen: those that coincide are named together or alternate in dashes."""
+"""Curves of one panel, so that each is seen: those that coincide are named together or are stripes of both colours."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from modal.plotting.layout import evenly
-from modal.plotting.style import colour, dash, thickness
+from modal.plotting.style import colour, spots, thickness
 from modal.types import Booleans, Floats, Ints
 
 CLOSE = 0.004
@@ -23,11 +23,11 @@ MOST_POINTS = 60_000
 """Most points at which the cells of a curve are looked up."""
 AWHILE = 15.0
 """Length in cells from which curves are upon each other and do not just cross."""
-DASH = 3.5
-"""Length of such a dash in points."""
+STRIPE = 3.5
+"""Length of a stripe in points."""
 SLOTS = {1: (1, 2), 2: (0, 4), 3: (1, 4), 4: (2, 8), 5: (3, 8)}
-"""By how many curves lie below: the place of a dash and the length of the pattern, in dashes; no pattern hides all of
-another."""
+"""By how many curves lie below: the place of a stripe and the length of the pattern, in stripes; no pattern hides all
+of another."""
 SMALLER = 0.6
 """Size of marks upon others, over theirs."""
 LONGEST = 30
@@ -107,10 +107,10 @@ def draw_curves(
     log: str = "",
     **style: Any,
 ) -> None:
-    """Curves (x, y) in the colours of their numbers, dashed where they are upon those drawn before.
+    """Curves (x, y) in the colours of their numbers, as stripes where they are upon those drawn before.
 
-    Up to six curves on the same place all show.  `log` names the axes to be read as logarithmic, "x" or "y" or
-    "xy"; `style` goes to `Axes.plot`.
+    Up to six curves on the same place all show; a legend shows each as a solid line.  `log` names the axes to be read
+    as logarithmic, "x" or "y" or "xy"; `style` goes to `Axes.plot`.
     """
     places = _places([(_read(x, log="x" in log), _read(y, log="y" in log)) for x, y in curves])
     cells = [_cells(place) for place in places]
@@ -120,18 +120,16 @@ def draw_curves(
         own = _numbered(places[k][:, upon])
         below = sum(2 * int(np.isin(own, other).sum()) >= len(own) for other in cells[:k]) if upon.any() else 0
         width = thickness(number, first)
-        unit, (slot, period) = DASH / width, SLOTS.get(below, (0, 1))
+        unit, (slot, period) = STRIPE / width, SLOTS.get(below, (0, 1))
         broken = ((period - slot) * unit, (unit, (period - 1) * unit))
         size = {"ms": style["ms"] * SMALLER**below} if "ms" in style else {}
-        look: dict[str, Any] = {"color": colour(number), "lw": width, **style, **size}
+        look: dict[str, Any] = {"color": colour(number), "lw": width, **style, **size, **spots(number)}
         label = names[k] if names else f"_{k}"
         if period == 1 or not upon.any():
-            axis.plot(x, y, label=label, ls=dash(number), **look)
+            axis.plot(x, y, label=label, **look)
             continue
-        if not upon.all():
-            axis.plot(x, np.where(_widened(~upon), y, np.nan), label=label, ls=dash(number), **look)
-            label = f"_{label}"
-        axis.plot(x, np.where(upon, y, np.nan), label=label, ls=broken, dash_capstyle="butt", **look)
+        axis.plot(x, np.where(_widened(~upon), y, np.nan), label=label, **look)
+        axis.plot(x, np.where(upon, y, np.nan), label=f"_{label}", ls=broken, dash_capstyle="butt", **look)
 
 
 def _read(values: Floats, *, log: bool) -> Floats:

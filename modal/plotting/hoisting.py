@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from modal.errors import ComputationError
 from modal.plotting.layout import framed, headline, legend
-from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, save, sheet
+from modal.plotting.style import MOST_CURVES, WIDTH, colour, save, sheet, spots
 from modal.scene import title_of
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def hoist_figure(found: Along) -> Figure:
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axis, (values, names, words) in zip(axes, panels, strict=True):
         for k, name in enumerate(names):
-            axis.plot(found.times, values[:, k], color=colour(k), ls=dash(k), label=name)
+            axis.plot(found.times, values[:, k], color=colour(k), label=name, **spots(k))
         framed(axis, "time (s)" if axis is axes[-1] else "", words)
         axis.set_xlim(found.times[0], found.times[-1])
         legend(axis)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from modal.plotting.layout import SMALL, evenly, headline, legend
-from modal.plotting.style import WIDTH, colour, ink, muted, paper, rest, save, sheet
+from modal.plotting.style import MARKED, WIDTH, colour, ink, muted, paper, rest, save, sheet
 from modal.scene import title_of
 from modal.types import Floats
 
@@ -84,7 +84,7 @@ def assurance_figure(found: Assurance) -> Figure:
     measured = np.array([pair.measured.frequency for pair in found.pairs])
     std = np.array([pair.measured.std for pair in found.pairs])
     most = 1.1 * float(max(computed.max(), measured.max()))
-    axis.plot([0, most], [0, most], color=muted(), label="equal")
+    axis.plot([0, most], [0, most], color=muted(), ls=MARKED, label="equal")
     axis.errorbar(computed, measured, BARS * std, fmt="o", color=colour(0), capsize=3, label="pair ± 2 std")
     for pair in found.pairs:
         words = f"{100 * pair.error:+.2g} %"

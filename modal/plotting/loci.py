@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
 from modal.plotting.layout import NUMBER, headline, key, log_ticks
-from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, ink, paper, save, sheet
+from modal.plotting.style import MOST_CURVES, WIDTH, colour, ink, paper, save, sheet, spots
 from modal.scene import title_of
 from modal.scene.parameters import Variation
 
@@ -54,7 +54,7 @@ def loci_figure(found: Loci) -> Figure:
 def _locus(axis: Axes, found: Loci, k: int) -> Line2D:
     fold = f" ({found.multiplicity[k]}-fold)" if found.multiplicity[k] > 1 else ""
     label = f"locus {found.names[k]}{fold}"
-    return axis.plot(found.values, found.omega[:, k], color=colour(k), ls=dash(k), zorder=3, label=label)[0]
+    return axis.plot(found.values, found.omega[:, k], color=colour(k), zorder=3, label=label, **spots(k))[0]
 
 
 def _mark(axis: Axes, meeting: CloseApproach) -> None:

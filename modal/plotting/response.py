@@ -16,7 +16,7 @@ from modal.errors import ComputationError
 from modal.modes import UNCERTAIN
 from modal.plotting.curves import draw_curves
 from modal.plotting.layout import LONGEST, headline, key, log_ticks, mark_modes
-from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, muted, save, sheet, thickness
+from modal.plotting.style import MOST_CURVES, WIDTH, colour, muted, save, sheet, spots, thickness
 from modal.scene import title_of
 from modal.statespace import ModalForm, Signal, frequency_response, impulse_response, impulse_times
 from modal.types import Complexes, Floats
@@ -265,7 +265,7 @@ def _limits(form: ModalForm, omega: Floats, size: Floats) -> tuple[float, float,
 
 def _finish(figure: Figure, form: ModalForm, names: Sequence[str], title: str, notes: str = "") -> None:
     headline(figure, title_of(form.modes.scene), title)
-    handles = [Line2D([], [], color=colour(k), ls=dash(k), lw=thickness(k, FIRST)) for k in range(len(names))]
+    handles = [Line2D([], [], color=colour(k), lw=thickness(k, FIRST), **spots(k)) for k in range(len(names))]
     key(figure, handles, names, notes=notes)
 
 

@@ -17,7 +17,7 @@ from modal.modes import Mode, Modes, Shape
 from modal.plotting.carriers import draw_pieces
 from modal.plotting.layout import caption, evenly, headline, side_by_side
 from modal.plotting.profiles import profiles_figure
-from modal.plotting.style import QUIET, WIDE, colour, ink, mixed, muted, paper, rest, save, sheet
+from modal.plotting.style import MARKED, QUIET, WIDE, colour, ink, mixed, muted, paper, rest, save, sheet
 from modal.scene import AnyLink, Bob, Rod, Scene, title_of
 from modal.scene.doors import require_type
 from modal.structure import Scaffold
@@ -304,7 +304,7 @@ def _marks(axis: Axes, links: Sequence[AnyLink], x: Floats, y: Floats, look: dic
         part = link.centre / link.length
         centre = (x[i] + part * (x[i + 1] - x[i]), y[i] + part * (y[i + 1] - y[i]))
         if part > 1:
-            axis.plot([x[i + 1], centre[0]], [y[i + 1], centre[1]], ":", **look, lw=1.2, zorder=2)
+            axis.plot([x[i + 1], centre[0]], [y[i + 1], centre[1]], ls=MARKED, **look, lw=1.2, zorder=2)
         if isinstance(link, Rod):
             axis.plot(x[i : i + 2], y[i : i + 2], **look, lw=min(4.0, 0.6 * most), zorder=3)
         else:

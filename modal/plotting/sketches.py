@@ -19,7 +19,7 @@ from matplotlib.patches import Arc, Circle, FancyArrowPatch, FancyBboxPatch
 from modal.errors import ComputationError
 from modal.plotting.carriers import draw_pieces
 from modal.plotting.structure_sketches import labels_of, schematic
-from modal.plotting.style import colour, ink, muted, paper, shade, sheet
+from modal.plotting.style import MARKED, colour, ink, muted, paper, shade, sheet
 from modal.scene import AnyLink, Bob, Rod, Scene, validate_scene
 from modal.types import Floats
 
@@ -295,7 +295,7 @@ def _symbol(letter: str, one: _Drawn, numbered: bool) -> str:
 def _angle(axis: Axes, one: _Drawn, side: float) -> None:
     """The vertical through the upper joint, and the arc of θ."""
     x, y = one.joint
-    axis.plot([x, x], [y, y - 0.54], "--", color=muted(), lw=1.0, zorder=1)
+    axis.plot([x, x], [y, y - 0.54], ls=MARKED, color=muted(), lw=1.0, zorder=1)
     degrees = np.sort([270.0, 270.0 + np.degrees(one.tilt)])
     axis.add_patch(Arc((x, y), 2 * ARC, 2 * ARC, theta1=degrees[0], theta2=degrees[1], color=ink(), lw=1.2, zorder=2))
     half = one.tilt / 2
@@ -324,8 +324,8 @@ def _in_space() -> Figure:
     _say(axis, "l", *(0.55 * tip + (0.1, 0.1)))
     _arrow(axis, tip, tip - (0, WEIGHT), colour(4))
     _say(axis, "m g", tip[0] + 0.2, tip[1] - WEIGHT + 0.06, color=colour(4))
-    axis.plot(*np.transpose([foot, tip]), "--", color=muted(), lw=1.0)
-    axis.plot(*np.transpose([foot, foot + np.array([0.75, 0])]), "--", color=muted(), lw=1.0)
+    axis.plot(*np.transpose([foot, tip]), ls=MARKED, color=muted(), lw=1.0)
+    axis.plot(*np.transpose([foot, foot + np.array([0.75, 0])]), ls=MARKED, color=muted(), lw=1.0)
     lean, turn = np.linspace(0, theta, 30), np.linspace(0, phi, 30)
     axis.plot(*seen(ARC, lean, phi), color=ink(), lw=1.2)
     _say(axis, r"\theta", *seen(ARC + 0.14, theta / 2, phi))

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from modal.coupling import StructureCoupling, family_name
 from modal.plotting.layout import SMALL, headline, key, shortened
-from modal.plotting.style import QUIET, WIDE, colour, ink, mixed, paper, sheet
+from modal.plotting.style import MARKED, QUIET, WIDE, colour, ink, mixed, paper, sheet
 from modal.scene import title_of
 from modal.types import Floats
 
@@ -45,9 +45,9 @@ def structure_figure(coupling: StructureCoupling) -> Figure:
     headline(figure, title_of(coupling.scene), what if panels else "levels of pendula alone and together")
     entries = {
         "mass that a push feels": Line2D([], [], color=colour(2)),
-        "pendula alone, all else held": Line2D([], [], color=colour(0), ls="--", lw=1.2),
+        "pendula alone, all else held": Line2D([], [], color=colour(0), ls=MARKED, lw=1.4),
         "modes of the scene": Line2D([], [], color=colour(4), marker="o", mec=paper()),
-        "the structure alone, pendula stiff": Line2D([], [], color=colour(1), ls="-.", lw=1.4),
+        "the structure alone, pendula stiff": Line2D([], [], color=colour(1), ls=MARKED, lw=1.4),
     }
     chosen = entries if panels else {name: entries[name] for name in list(entries)[1:3]}
     key(figure, list(chosen.values()), list(chosen))
@@ -84,7 +84,7 @@ def _felt(axis: Axes, coupling: StructureCoupling, s: int, span: tuple[float, fl
     axis.plot(omega, np.clip(felt, -20 * mode.mass, 20 * mode.mass), color=colour(2), zorder=3)
     axis.axhline(0.0, color=ink(), lw=0.8)
     for own, family in enumerate(coupling.families):
-        axis.axvline(family.omega, color=colour(0), ls="--", lw=1.1, zorder=1)
+        axis.axvline(family.omega, color=colour(0), ls=MARKED, lw=1.4, zorder=1)
         if own < 6:
             axis.annotate(
                 rf"ω$_\mathrm{{{family_name(own)}}}$",
@@ -97,7 +97,7 @@ def _felt(axis: Axes, coupling: StructureCoupling, s: int, span: tuple[float, fl
                 color=colour(0),
             ).set_annotation_clip(False)
     if mode.omega:
-        axis.axvline(mode.omega, color=colour(1), ls="-.", lw=1.2, zorder=1)
+        axis.axvline(mode.omega, color=colour(1), ls=MARKED, lw=1.4, zorder=1)
     axis.plot(zeros, 0 * zeros, "o", color=colour(4), ms=6, mec=paper(), mew=0.8, zorder=4)
     axis.set(xlim=(low, high), ylim=(-1.2 * mode.mass, TOP * mode.mass), xscale="log" if wide else "linear")
     axis.set(xlabel="angular frequency ω (rad/s)", ylabel="mass felt (kg)")
@@ -121,7 +121,7 @@ def _levels(axis: Axes, coupling: StructureCoupling, wide: bool) -> None:
     middle = (1.6, 2.4)
     told: dict[str, list[tuple[float, str]]] = {"left": [], "middle": [], "right": []}
     for r, family in enumerate(coupling.families):
-        axis.plot(left, [family.omega] * 2, color=colour(0), ls="--", lw=1.6)
+        axis.plot(left, [family.omega] * 2, color=colour(0), lw=1.8)
         told["left"].append((family.omega, rf"ω$_\mathrm{{{family_name(r)}}}$ {family.omega:.5g}"))
         if family.still:
             _level(axis, middle, family.omega, left[1], family.omega, colour(0))
@@ -135,7 +135,7 @@ def _levels(axis: Axes, coupling: StructureCoupling, wide: bool) -> None:
         _level(axis, middle, omega, right[0], coupling.modes[s].omega, colour(1))
         told["middle"].append((omega, f"{omega:.5g}"))
     for s, mode in enumerate(coupling.modes):
-        axis.plot(right, [mode.omega] * 2, color=colour(1), ls="-.", lw=1.6)
+        axis.plot(right, [mode.omega] * 2, color=colour(1), lw=1.8)
         told["right"].append((mode.omega, f"s{s + 1} {mode.omega:.5g}"))
     axis.set(
         xlim=(-0.75, 4.75 if coupling.modes else 3.2),

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from modal.errors import ComputationError
 from modal.plotting.curves import draw_curves
 from modal.plotting.layout import headline, key, log_ticks
-from modal.plotting.style import WIDTH, colour, dash, muted, save, sheet, thickness
+from modal.plotting.style import MARKED, WIDTH, colour, muted, save, sheet, thickness
 from modal.scene import title_of
 
 if TYPE_CHECKING:
@@ -48,8 +48,8 @@ def tuning_figure(found: Tuned) -> Figure:
     for axis, one in zip(panels, every, strict=True):
         _draw(axis, one, found)
     panels[-1].set_xlabel("frequency (Hz)")
-    handles = [Line2D([], [], color=colour(k), ls=dash(k), lw=thickness(k, FIRST)) for k in range(2)]
-    handles.append(Line2D([], [], color=muted(), ls=":", lw=1.0))
+    handles = [Line2D([], [], color=colour(k), lw=thickness(k, FIRST)) for k in range(2)]
+    handles.append(Line2D([], [], color=muted(), ls=MARKED, lw=1.0))
     headline(figure, title_of(found.given), "before and after tuning")
     key(figure, handles, ["before", "after", "highest peak after"])
     return figure
@@ -63,7 +63,7 @@ def _draw(axis: Axes, one: Curves, found: Tuned) -> None:
     low = max(min(float(np.nanmin(before)), float(np.nanmin(after))), top - DEEP)
     curves = [(one.frequency_hz, np.clip(own, low - ABOVE, highest + 2 * ABOVE)) for own in (before, after)]
     draw_curves(axis, curves, first=FIRST, log="x")
-    axis.axhline(top, color=muted(), ls=":", lw=1.0, zorder=0)
+    axis.axhline(top, color=muted(), ls=MARKED, lw=1.0, zorder=0)
     words = f"{one.name}\n(dB re 1 {one.unit})" if len(one.name) + len(one.unit) > LONGEST else f"{one.name} (dB)"
     ends = float(one.frequency_hz[0]), float(one.frequency_hz[-1])
     axis.set(xscale="log", xlim=ends, ylim=(low - 2, max(highest, top) + ABOVE), ylabel=words)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from modal.errors import ComputationError
 from modal.plotting.layout import framed, headline, legend, log_ticks, mark_modes
-from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, ink, muted, save, sheet, thickness
+from modal.plotting.style import MARKED, MOST_CURVES, WIDTH, colour, ink, muted, save, sheet, spots, thickness
 from modal.scene import title_of
 from modal.statespace import Signal
 from modal.types import Floats
@@ -64,7 +64,7 @@ def random_figure(found: RandomResponse) -> Figure:
         for place, k in enumerate(shown):
             words = f"{found.outputs[k].name}, RMS {_size(found.rms[k])} {unit}"
             drawn = np.where((psd[k] > 0) & np.isfinite(psd[k]), psd[k], np.nan)
-            axis.plot(f, drawn, color=colour(place), ls=dash(place), lw=thickness(place, 1.8), label=words)
+            axis.plot(f, drawn, color=colour(place), lw=thickness(place, 1.8), label=words, **spots(place))
         sizes = psd[shown][np.isfinite(psd[shown])]
         if sizes.size and sizes.max() > 0:
             axis.set_ylim(bottom=max(sizes[sizes > 0].min() / 2, DEEPEST * sizes.max()))
@@ -109,7 +109,7 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
         axis.plot(f, _drawn(whole), color=ink(), lw=2.0, label="thermal noise")
         most = np.argsort(-np.nan_to_num((parts[:, k] / np.where(whole > 0, whole, 1.0)).max(-1)))[:MOST_PLACES]
         for place, j in enumerate(sorted(most.tolist())):
-            line = {"color": colour(place), "ls": dash(place + 1), "lw": 1.3}
+            line = {"color": colour(place), "lw": 1.3}
             axis.plot(f, _drawn(parts[j, k]), label=noise.places[j], **line)
         if driven is not None and beside is not None:
             words = f"from the PSD of {beside.source.name.replace('_', ' ')}"
@@ -154,13 +154,13 @@ def shock_figure(found: ShockResponse) -> Figure:
     framed(histories[0], "", "acceleration (m/s²)", "support")
     for axis, unit in zip(histories[1:], units, strict=True):
         for place, k in enumerate(k for k, signal in enumerate(found.outputs) if signal.unit == unit):
-            line = {"color": colour(place), "ls": dash(place), "lw": thickness(place, 1.5)}
+            line = {"color": colour(place), "lw": thickness(place, 1.5), **spots(place)}
             axis.plot(times, found.history[k, rows], label=found.outputs[k].name, **line)
         framed(axis, "", f"{QUANTITIES.get(unit, '')} ({_pretty(unit)})".strip(), "response")
         legend(axis)
     for axis in histories:
         axis.set_xlim(times[0], times[-1])
-        axis.axvline(found.record.last, color=muted(), ls=":", lw=0.9)
+        axis.axvline(found.record.last, color=muted(), ls=MARKED, lw=0.9)
     for axis in histories[:-1]:
         axis.tick_params(labelbottom=False)
     histories[-1].set_xlabel("time, with the end of the record dotted (s)")

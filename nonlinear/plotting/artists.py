@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting import QUIET, SMALL, colour, ink, muted, paper, shade
+from modal.plotting import MARKED, QUIET, SMALL, colour, ink, muted, paper, shade
 from modal.plotting.carriers import ORDER, WIDTHS
 from modal.scene import Bob, Rod
 from modal.structure import Piece
@@ -204,7 +204,7 @@ def _piece(axis: Axes, piece: Piece) -> Polygon | Line2D:
     look: dict[str, Any] = {"color": ink() if piece.role in {"ground", "line"} else muted(), "lw": width}
     if piece.role == "dot":
         look = {"marker": "o", "ms": 4.0, "color": paper(), "mec": ink(), "mew": 1.2, "ls": ""}
-    look |= {"ls": "--"} if piece.role == "guide" else {}
+    look |= {"ls": MARKED} if piece.role == "guide" else {}
     return axis.plot(*points.T, **look, solid_joinstyle="round", zorder=order)[0]
 
 
@@ -240,7 +240,7 @@ class _Player:
         self.wake = _wake(axis, hue, self.trail)
         self.line = axis.plot([], [], lw=min(2.2, thick), **round_ended, zorder=4)[0]
         self.bars = axis.plot([], [], lw=thick, **round_ended, zorder=5)[0]
-        self.reach = axis.plot([], [], ":", lw=1.2, color=hue, zorder=4)[0]
+        self.reach = axis.plot([], [], ls=MARKED, lw=1.2, color=hue, zorder=4)[0]
         self.discs = _dots(axis, "o", self._sizes(self.bobs, shortest), hue, 6)
         self.diamonds = _dots(axis, "D", 0.5 * self._sizes(self.bodies, shortest), hue, 6)
         size = min(2.8, 0.6 * thick) if marked else 0.0
@@ -349,8 +349,8 @@ def _bars(axis: Axes, energies: Energies) -> tuple[list[Rectangle], list[Rectang
 def _lines(axis: Axes, energies: Energies, times: Floats) -> tuple[list[Line2D], Line2D]:
     kinetic, potential = energies.whole
     _decorate(axis, "energy of all (J)", 17)
-    looks = (("kinetic", KINETIC, "--"), ("potential", POTENTIAL, "-"), ("total", 1.0, "-"))
-    drawn = [axis.plot([], [], dash, color=shade(part), label=name)[0] for name, part, dash in looks]
+    looks = (("kinetic", KINETIC, 1.0), ("potential", POTENTIAL, 1.8), ("total", 1.0, 1.8))
+    drawn = [axis.plot([], [], lw=width, color=shade(part), label=name)[0] for name, part, width in looks]
     dot = axis.plot([], [], "o", ms=4.5, color=ink())[0]
     span = max(float(times[-1] - times[0]), 1e-300)
     axis.set(xlim=(times[0], times[-1] + 0.03 * span), ylim=(0, 1.08 * _top(kinetic + potential)))

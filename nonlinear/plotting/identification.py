@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.figure import Figure
 
-from modal.plotting import WIDTH, colour, headline, legend, rest, save, sheet
+from modal.plotting import MARKED, WIDTH, colour, headline, legend, rest, save, sheet
 from modal.scene import title_of
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def fit_figure(found: Fit) -> Figure:
             axes[-1].plot(times, 1e3 * missed, color=colour(c), lw=0.8, **label)
         if s:
             for axis in axes:
-                axis.axvline(times[0] - GAP * longest / 2, color=rest(), lw=0.6, ls=":")
+                axis.axvline(times[0] - GAP * longest / 2, color=rest(), lw=0.6, ls=MARKED)
     for axis, sensor in zip(axes, sensors, strict=False):
         axis.set_ylabel(f"{sensor.name} ({SHOWN[sensor.unit]})")
     legend(axes[0], 2)

@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
 from modal.plotting import (
+    PREDICTED,
     WIDTH,
     axis_words,
     colour,
@@ -69,7 +70,7 @@ def _panel(axis: Axes, found: PopulationDiagram, branch: MotionBranch, names: li
         for own in windows if name in branch.sectors else ():
             x = branch.values[own]
             axis.plot(x, exact[own], lw=narrowing(number), label=f"_{name}", **look)
-            axis.plot(x, averaged[own], ls=(0, (2, 2)), lw=1.0, label=f"_{name} averaged", **look)
+            axis.plot(x, averaged[own], ls=PREDICTED, lw=1.0, label=f"_{name} averaged", **look)
     for begins, shape in ((False, "o"), (True, "s")):
         at = [one.value for one in found.thresholds if one.pattern == branch.name and begins == (not one.sector)]
         axis.plot(at, np.zeros(len(at)), **mark(shape))
@@ -80,7 +81,7 @@ def _handles(names: list[str], ends: bool) -> list[Line2D]:
     lines = [Line2D([], [], color=colour(k), lw=narrowing(k), label=name) for k, name in enumerate(names)]
     return [
         *lines,
-        Line2D([], [], color=ink(), lw=1.0, ls=(0, (2, 2)), label="averaged equations"),
+        Line2D([], [], color=ink(), lw=1.0, ls=PREDICTED, label="averaged equations"),
         Line2D([], [], color=muted(), lw=BAR, label="stable"),
         Line2D([], [], label="threshold", **mark()),
         *[Line2D([], [], label="the motion itself begins or ends", **mark("s"))] * ends,

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from modal.errors import ComputationError, MultipendulaError
 from modal.modes import natural_modes
 from modal.plotting import (
+    MARKED,
     WIDE,
     caption,
     draw_curves,
@@ -245,7 +246,7 @@ def _spectrum(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
     else:
         words = f"; dotted: modes{_without(trajectory.scene)}" if marks else ""
         for mark in marks:
-            axis.axvline(mark, color=ink(), ls=":", lw=1.0, zorder=1)
+            axis.axvline(mark, color=ink(), ls=MARKED, lw=1.0, zorder=1)
     axis.set_title(f"Spectrum{words}\n{WINDOW_NAME} window, resolution {resolution(times):.2g} rad/s", loc="left")
 
 

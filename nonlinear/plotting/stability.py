@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from modal.plotting import colour, ink, narrowing, paper
+from modal.plotting import COMPUTED, UNSTABLE, colour, ink, narrowing, paper
 from modal.types import Floats
 
-LINES: dict[bool, Any] = {True: "-", False: (0, (3, 2))}
+LINES: dict[bool, Any] = {True: COMPUTED, False: UNSTABLE}
 """Of what is stable, and of what is not."""
 
 

@@ -152,7 +152,7 @@ def _shares(axis: Axes, trajectory: Trajectory) -> None:
     draw_curves(axis, curves, names=_names(found, rows), first=FIRST)
     if rest.size:
         words = counted(rest.size, "other", "others")
-        axis.plot(found.times, found.share[:, rest].sum(1), "--", color=muted(), lw=1.2, label=words)
+        axis.plot(found.times, found.share[:, rest].sum(1), color=muted(), lw=1.2, label=words)
     axis.set_yticks(np.linspace(0, 1, 6))
     legend(axis, 2)
 

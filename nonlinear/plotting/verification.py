@@ -13,13 +13,13 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
 from modal.plotting import (
-    DASHES,
     HUES,
+    MARKED,
+    PREDICTED,
     QUIET,
     SMALL,
     WIDTH,
     colour,
-    dash,
     headline,
     key,
     log_ticks,
@@ -48,7 +48,7 @@ def draw_check(found: Check, stream: IO[bytes], form: str = "png") -> None:
 
 
 def check_figure(found: Check) -> Figure:
-    """|ω(a)/ω − 1| against the largest angle on logarithmic axes: marks are runs, thin lines κa², wide ones orbits.
+    """|ω(a)/ω − 1| against the largest angle on logarithmic axes: marks are runs, dashed lines κa², wide ones orbits.
 
     The level of 1 % is marked, with the angle measured for it; hollow marks are frequencies that rise with amplitude.
     Irregular runs are omitted.  Raises ComputationError where there is nothing to draw or too much.
@@ -66,7 +66,7 @@ def check_figure(found: Check) -> Figure:
         _shifts(axis, row, low, high, k)
     sizes = [abs(run.shift) for row in rows for run in row.measurements if not run.irregular]
     bottom, top = min(min(sizes) / BEYOND**2, ONE_PERCENT / 20), min(2 * max(*sizes, 2 * ONE_PERCENT), 1.0)
-    axis.axhline(ONE_PERCENT, color=muted(), lw=0.9, ls=":", zorder=0)
+    axis.axhline(ONE_PERCENT, color=muted(), lw=0.9, ls=MARKED, zorder=0)
     behind = {"facecolor": paper(), "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
     style: dict[str, Any] = {"fontsize": SMALL, "bbox": behind, "zorder": 5}
     axis.annotate("1 %", (0.004, ONE_PERCENT), (0, 4), axis.get_yaxis_transform(), "offset points", **style)
@@ -86,16 +86,16 @@ def _decade(low: float, high: float) -> tuple[float, float]:
 def _notes(rows: Sequence[ModeCheck]) -> str:
     """What the marks and lines of a check are."""
     rising = any(run.shift > 0 and not run.irregular for row in rows for run in row.measurements)
-    words = ["marks: measured" + (", hollow where the frequency rises" if rising else ""), "thin lines: κa²"]
+    words = ["marks: measured" + (", hollow where the frequency rises" if rising else ""), "dashed: κa²"]
     words += ["wide lines: periodic orbits"] if any(row.backbone for row in rows) else []
     words += ["ticks: measured 1 %"] if any(np.isfinite(row.one_percent_deg) for row in rows) else []
     return "; ".join(words)
 
 
 def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None:
-    """One mode: κa² as a line, periodic orbits as a wide one, runs as marks, the measured 1 % as a tick."""
+    """One mode: κa² dashed, periodic orbits as a wide one, runs as marks, the measured 1 % as a tick."""
     a = np.geomspace(low, high, POINTS)
-    axis.plot(a, np.abs(row.mode.kappa) * np.radians(a) ** 2, color=colour(k), ls=DASHES[k % 2], lw=1.3, zorder=2)
+    axis.plot(a, np.abs(row.mode.kappa) * np.radians(a) ** 2, color=colour(k), ls=PREDICTED, lw=1.3, zorder=2)
     if row.backbone and row.backbone.linear:
         size, shift = np.rad2deg(row.backbone.amplitude), np.abs(row.backbone.omega / row.backbone.linear - 1)
         axis.plot(size, shift, color=colour(k), lw=2.4, alpha=0.35, gid=QUIET, zorder=1.5)
@@ -125,13 +125,13 @@ def spectrum_figure(found: Comparison) -> Figure:
     omega, sizes = _spectra(found, rows)
     top = float(sizes.max())
     for k, size in enumerate(sizes):
-        axis.plot(omega, size, color=colour(k), ls=dash(k), lw=1.3, zorder=3)
+        axis.plot(omega, size, color=colour(k), lw=1.3, zorder=3)
     low, high = found.swinging.min() / 2, min(float(omega[-1]), 1.6 * float(found.swinging.max()))
     axis.set(xlim=(low, high), yscale="log", ylim=(top * DEEPEST, top * 3))
     axis.set(xlabel="angular frequency ω (rad/s)", ylabel="amplitude of the modal coordinate (°)")
     inside = enumerate(np.abs(found.modes.eigenvalue.imag).tolist(), 1)
     mark_modes(axis, [(number, omega) for number, omega in inside if low < omega < high])
-    handles = [Line2D([], [], color=colour(k), ls=dash(k)) for k in range(len(rows))]
+    handles = [Line2D([], [], color=colour(k)) for k in range(len(rows))]
     names = [f"mode {row.mode.number}: {row.mode.omega:.5g} rad/s" for row in rows]
     headline(figure, title_of(found.modes.scene), "spectra of the modal coordinates")
     notes = f"window (1 + cos πs)^{ORDER}, s from −1 to 1 over the motion, with zeros to {PADDING} times its length"
@@ -170,7 +170,7 @@ def _marker(k: int) -> str:
 
 
 def _handle(k: int) -> Line2D:
-    return Line2D([], [], color=colour(k), ls=DASHES[k % 2], marker=_marker(k), ms=_size(k), mec=paper())
+    return Line2D([], [], color=colour(k), ls=PREDICTED, marker=_marker(k), ms=_size(k), mec=paper())
 
 
 def _size(k: int) -> float:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from nonlinear.accuracy import Candidate, Row, WorkPrecision
 
 METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
-LOOKS = {"minimal": ("o", "-"), "spatial": ("o", "-"), "compiled": ("D", "--"), "maximal": ("s", ":")}
+MARKERS = {"minimal": "o", "spatial": "o", "compiled": "D", "maximal": "s"}
 MODAL = {LINEAR: "P", CORRECTED: "*"}
 BEYOND = 2.5  # margin factor of the axes beyond the outermost candidate
 
@@ -69,10 +69,10 @@ def _family(axis: Axes, found: WorkPrecision, rows: list[Row]) -> None:
     if candidate.modal:
         axis.plot(*points, MODAL[candidate.kind], color=ink(), ms=11, mec=paper(), label=candidate.kind, zorder=5)
         return
-    marker, line = LOOKS["compiled" if candidate.compiled else candidate.kind]
+    marker = MARKERS["compiled" if candidate.compiled else candidate.kind]
     hue = colour(METHODS[candidate.method])
     look: dict[str, Any] = {"color": hue, "mfc": paper() if candidate.compiled else hue, "ms": 6, "lw": 1.4}
-    axis.plot(*points, line, marker=marker, label=_named(candidate), zorder=4, **look)
+    axis.plot(*points, marker=marker, label=_named(candidate), zorder=4, **look)
 
 
 def _named(candidate: Candidate) -> str:
