@@ -30,7 +30,7 @@ from modal.plotting.layout import (
     mark_modes,
     side_by_side,
 )
-from modal.plotting.loci import axis_words, draw_loci, scale
+from modal.plotting.loci import draw_loci, scale
 from modal.plotting.modal_films import LOOP, film_modes
 from modal.plotting.response import bode_figure, draw_bode, draw_impulse
 from modal.plotting.shapes import MOST_PANELS, draw_shapes, shapes_figure
@@ -85,7 +85,6 @@ __all__ = [
     "Picture",
     "any_letters",
     "assurance_figure",
-    "axis_words",
     "bode_figure",
     "caption",
     "colour",

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting.layout import NUMBER, headline, key, log_ticks
+from modal.plotting.layout import headline, key, log_ticks
 from modal.plotting.style import MOST_CURVES, WIDTH, colour, ink, paper, save, sheet, spots
-from modal.scene import title_of
+from modal.scene import number_label, title_of
 from modal.scene.parameters import Variation
 
 if TYPE_CHECKING:
@@ -44,7 +44,8 @@ def loci_figure(found: Loci) -> Figure:
     for meeting in found.encounters:
         _mark(axis, meeting)
     values = found.variation.values
-    axis.set(xlabel=axis_words(found.variation), ylabel="angular frequency ω (rad/s)", xlim=(values[0], values[-1]))
+    axis.set(xlabel=number_label(found.scene, found.variation.path), ylabel="angular frequency ω (rad/s)")
+    axis.set_xlim(values[0], values[-1])
     scale(axis, "x", found.variation)
     headline(figure, title_of(found.scene), "frequency loci")
     key(figure, [*lines, *_named(found)], columns=2 if len(shown) <= MOST_NAMED else 4)
@@ -83,12 +84,6 @@ def encounter_words(meeting: CloseApproach, found: Loci) -> str:
     a, b = (found.names[number] for number in meeting.loci)
     gap = "" if meeting.kind == "crossing" else f", gap {meeting.gap:.4g} rad/s"
     return f"{meeting.kind} {a} · {b} at {meeting.value:.5g} {found.variation.unit}".rstrip() + gap
-
-
-def axis_words(variation: Variation) -> str:
-    """The label of an axis over a variation."""
-    unit = variation.unit or ("Hz" if variation.path.endswith("_hz") else NUMBER)
-    return f"{variation.path} ({unit})"
 
 
 def scale(axis: Axes, which: Literal["x", "y"], variation: Variation) -> None:

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting import HUES, WIDTH, axis_words, headline, key, save, scale, sheet
-from modal.scene import title_of
+from modal.plotting import HUES, WIDTH, headline, key, save, scale, sheet
+from modal.scene import number_label, title_of
 from modal.types import Floats
 from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
 
@@ -41,7 +41,7 @@ def branches_figure(found: Branches) -> Figure:
         _curve(lower, one, one.omega, number)
     upper.set(ylabel="largest angle (°)", xlim=(values[0], values[-1]))
     upper.set_ylim(0, 1.05 * upper.get_ylim()[1])
-    lower.set(xlabel=axis_words(found.variation), ylabel="angular frequency ω (rad/s)")
+    lower.set(xlabel=number_label(found.scene, found.variation.path), ylabel="angular frequency ω (rad/s)")
     scale(lower, "x", found.variation)
     headline(figure, title_of(found.scene), "steady oscillations")
     key(figure, _handles(found), columns=2)

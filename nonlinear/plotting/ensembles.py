@@ -10,8 +10,8 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize, 
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from modal.plotting import WIDTH, axis_words, colour, headline, legend, rest, save, scale, sheet, thickness
-from modal.scene import title_of
+from modal.plotting import WIDTH, colour, headline, legend, rest, save, scale, sheet, thickness
+from modal.scene import number_label, number_words, title_of
 from modal.types import Floats
 from nonlinear.plotting.sweeps import edges, label
 
@@ -40,17 +40,15 @@ def basins_figure(found: Basins) -> Figure:
     """The measure over both numbers: a colour each for configurations, else shades; what never happens stays blank."""
     figure = sheet(WIDTH, 6.6)
     axis = figure.subplots()
-    y, x = found.axes
+    scene, (y, x) = found.ensemble.question.scene, found.axes
     axis.patch.set(edgecolor=rest(), hatch="" if found.column == "first_turn_s" else "////", lw=0)
     (_kinds if found.names else _shades)(figure, axis, found)
     scale(axis, "x", x)
     scale(axis, "y", y)
-    axis.set(xlabel=axis_words(x), ylabel=axis_words(y))
+    axis.set(xlabel=number_label(scene, x.path), ylabel=number_label(scene, y.path))
     axis.grid(visible=False)
     words = TITLES.get(found.column, label(found.column))
-    headline(
-        figure, title_of(found.ensemble.question.scene), f"{words}, within {found.ensemble.question.duration:.3g} s"
-    )
+    headline(figure, title_of(scene), f"{words}, within {found.ensemble.question.duration:.3g} s")
     return figure
 
 
@@ -164,7 +162,7 @@ def _deviations(axis: Axes, found: Spread) -> None:
     deviation = np.array([one["standard_deviation_rad_per_s"] / one["omega_rad_per_s"] for one in records])
     for k, path in enumerate(found.values):
         part = deviation * _parts(records, path)
-        axis.bar(at, part, bottom=bottom, width=0.6, color=colour(k), label=path)
+        axis.bar(at, part, bottom=bottom, width=0.6, color=colour(k), label=number_words(found.scene, path))
         bottom = bottom + part
     axis.set_xticks(at, [f"mode {one['mode']}\n{one['omega_rad_per_s']:.4g} rad/s" for one in records])
     axis.set(

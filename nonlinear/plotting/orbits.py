@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, natural_modes
-from modal.plotting import HUES, MARKED, PREDICTED, WIDTH, axis_words, headline, key, muted, save, scale, sheet
-from modal.scene import Scene, title_of
+from modal.plotting import HUES, MARKED, PREDICTED, WIDTH, headline, key, muted, save, scale, sheet
+from modal.scene import Scene, number_label, title_of
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
 from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
@@ -42,7 +42,7 @@ def orbits_figure(scene: Scene, branches: Sequence[Branch], mode: Mode | None = 
     if not 1 <= len(branches) <= HUES:
         raise ComputationError(f"{len(branches)} branches do not fit in a figure: from 1 to {HUES}")
     forced = branches[0].is_forced
-    figure = _backbones(branches, mode) if mode else _resonance(scene, branches) if forced else _along(branches)
+    figure = _backbones(branches, mode) if mode else _resonance(scene, branches) if forced else _along(scene, branches)
     headline(figure, title_of(scene), "periodic motions under drives" if forced else "periodic orbits")
     beside = [line for line in figure.axes[0].lines if not str(line.get_label()).startswith("_")] if forced else []
     lines = [Line2D([], [], color=line.get_color(), ls=line.get_linestyle(), label=line.get_label()) for line in beside]
@@ -68,7 +68,7 @@ def _backbones(branches: Sequence[Branch], mode: Mode) -> Figure:
     return figure
 
 
-def _along(branches: Sequence[Branch]) -> Figure:
+def _along(scene: Scene, branches: Sequence[Branch]) -> Figure:
     figure = sheet(WIDTH, 7.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
     variation = branches[0].variation
@@ -78,7 +78,7 @@ def _along(branches: Sequence[Branch]) -> Figure:
         _curve(lower, branch, branch.value, branch.omega, number)
     upper.set(ylabel="largest angle (°)", xlim=(variation.values[0], variation.values[-1]))
     upper.set_ylim(0, 1.05 * upper.get_ylim()[1])
-    lower.set(xlabel=axis_words(variation), ylabel="angular frequency ω (rad/s)")
+    lower.set(xlabel=number_label(scene, variation.path), ylabel="angular frequency ω (rad/s)")
     scale(lower, "x", variation)
     return figure
 
@@ -110,7 +110,7 @@ def _resonance(scene: Scene, branches: Sequence[Branch]) -> Figure:
     upper.set(
         ylabel="largest angle (°)", xlim=(variation.values[0], variation.values[-1]), ylim=(0, 1.08 * widest or 1)
     )
-    words = "frequency of the drive (Hz)" if is_frequency else axis_words(variation)
+    words = "frequency of the drive (Hz)" if is_frequency else number_label(scene, variation.path)
     lower.set(xlabel=words, ylabel="phase against the drive (°)")
     scale(lower, "x", variation)
     return figure

@@ -13,7 +13,6 @@ from modal.errors import ComputationError
 from modal.plotting import (
     PREDICTED,
     WIDTH,
-    axis_words,
     colour,
     framed,
     headline,
@@ -25,7 +24,7 @@ from modal.plotting import (
     scale,
     sheet,
 )
-from modal.scene import title_of
+from modal.scene import number_label, title_of
 from nonlinear.plotting.stability import mark
 
 if TYPE_CHECKING:
@@ -52,7 +51,10 @@ def populations_figure(found: PopulationDiagram) -> Figure:
     names = list(dict.fromkeys(name for one in branches for name in one.sectors))
     for axis, branch in zip(axes, branches, strict=True):
         _panel(axis, found, branch, names)
-    axes[-1].set(xlabel=axis_words(found.variation), xlim=(found.variation.values[0], found.variation.values[-1]))
+    axes[-1].set(
+        xlabel=number_label(found.scene, found.variation.path),
+        xlim=(found.variation.values[0], found.variation.values[-1]),
+    )
     scale(axes[-1], "x", found.variation)
     headline(figure, title_of(found.scene), "motions of populations")
     key(figure, _handles(names, any(not one.sector for one in found.thresholds)), columns=3)

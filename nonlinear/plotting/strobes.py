@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from modal.plotting import NUMBER, WIDTH, colour, headline, save, scale, sheet
-from modal.scene import title_of
+from modal.plotting import WIDTH, colour, headline, save, scale, sheet
+from modal.scene import number_label, title_of
 from nonlinear.ensembles import BifurcationDiagram, StroboscopicSection
 
 FEWEST, MOST = 2.0, 6.0  # points across a dot, by how many there are
@@ -54,7 +54,7 @@ def bifurcation_figure(found: BifurcationDiagram) -> Figure:
         axis.set(ylabel=f"{link_name(found, link)} at {found.phase_deg:g}° of the drives (°)")
         _turn(axis, "y", angles)
     scale(axes[-1], "x", found.variation)
-    axes[-1].set(xlabel=f"{found.variation.path} ({found.unit or NUMBER})")
+    axes[-1].set(xlabel=number_label(found.scene, found.variation.path))
     headline(
         figure, title_of(found.scene), f"bifurcation diagram: the last {found.times.shape[1]} strobes of each value"
     )
