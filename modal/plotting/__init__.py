@@ -33,7 +33,7 @@ from modal.plotting.layout import (
 from modal.plotting.loci import draw_loci, scale
 from modal.plotting.modal_films import LOOP, film_modes
 from modal.plotting.response import bode_figure, draw_bode, draw_impulse
-from modal.plotting.shapes import MOST_PANELS, draw_shapes, shapes_figure
+from modal.plotting.shapes import MOST_PANELS, USUAL_PANELS, draw_shapes, shapes_figure
 from modal.plotting.sketches import sketch_figure
 from modal.plotting.sliders import slide
 from modal.plotting.style import (
@@ -78,6 +78,7 @@ __all__ = [
     "QUIET",
     "SMALL",
     "UNSTABLE",
+    "USUAL_PANELS",
     "WIDE",
     "WIDTH",
     "MovingFigure",

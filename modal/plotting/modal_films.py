@@ -21,7 +21,9 @@ from modal.plotting.films import FORMS, MovingFigure, Report, form_problems, fra
 from modal.plotting.layout import caption, headline
 from modal.plotting.profiles import levels_of, number_pendula
 from modal.plotting.shapes import (
+    AMPLITUDE_DEG,
     MOST_PANELS,
+    USUAL_PANELS,
     Layout,
     arranged,
     draw_rest,
@@ -32,6 +34,7 @@ from modal.plotting.shapes import (
     layout_of,
     panel_words,
     set_apart,
+    some_words,
 )
 from modal.plotting.style import any_letters, colour, sheet
 from modal.scene import kind_of, title_of, whole_file
@@ -45,15 +48,21 @@ HIGHEST, LARGEST = 3.0, 11.0
 """Most height of a panel and most width of a film (inches)."""
 DECAYING, FOLDS = 0.8, 4.0
 """The part of a loop in which a mode decays or grows, and by how many factors of e."""
-AMPLITUDE_DEG = 25.0
 MOST_LEVELS = 3
 """Links of every pendulum, from the top, whose angles are drawn over the number of the pendulum."""
 
 
 class ModalFilm(MovingFigure):
-    """A panel for each of the modes with these indices (from 0), over one loop of `count` frames."""
+    """A panel for each of the modes with these indices (from 0), over one loop of `count` frames; `first` is a note."""
 
-    def __init__(self, modes: Modes, numbers: Sequence[int], rate: float, amplitude_deg: float = AMPLITUDE_DEG) -> None:
+    def __init__(
+        self,
+        modes: Modes,
+        numbers: Sequence[int],
+        rate: float,
+        amplitude_deg: float = AMPLITUDE_DEG,
+        first: str = "",
+    ) -> None:
         rows, many = list(modes.rows(numbers)), is_crowded(modes.scene)
         layout = None if many else layout_of(modes)
         (columns, lines), width, height = _sizes(len(rows), layout)
@@ -74,7 +83,7 @@ class ModalFilm(MovingFigure):
             axis.set_title(text, linespacing=1.3)
         for axis in axes.flat[len(rows) :]:
             axis.remove()
-        words = [_caption(modes, rows)]
+        words = [first + _caption(modes, rows)]
         if layout is not None and layout.scaffold is not None:
             words += set_apart(layout.scaffold, modes.scene.n_pendula)
         caption(figure, "; ".join(words))
@@ -212,13 +221,13 @@ def film_modes(
     """
     if problems := form_problems(form, fps):
         raise SceneError(problems)
-    chosen = range(min(len(modes), MOST_PANELS)) if numbers is None else numbers
+    chosen = range(min(len(modes), USUAL_PANELS)) if numbers is None else numbers
     if len(chosen) > MOST_PANELS:
         raise ComputationError(f"{len(chosen)} modes do not fit in one film: choose at most {MOST_PANELS} modes")
     rate = frame_rate(form, fps)
     require_writer(form, round(LOOP * rate))
     with any_letters():
-        film = ModalFilm(modes, chosen, rate, amplitude_deg)
+        film = ModalFilm(modes, chosen, rate, amplitude_deg, some_words(modes, numbers))
         write_film(film, stream, form, report)
     return film
 

@@ -26,12 +26,12 @@ DOTS = 120  # pendula up to which dots are large
 
 
 def profiles_figure(
-    modes: Modes, rows: Sequence[Mode], words: Callable[[Mode, int], str], amplitude_deg: float
+    modes: Modes, rows: Sequence[Mode], words: Callable[[Mode, int], str], amplitude_deg: float, first: str = ""
 ) -> Figure:
     """One panel for each row: angles (°) over the number of the pendulum, a curve for every level of links.
 
     The shape is linear and to scale, the largest angle of any link `amplitude_deg`; `words` titles a row in lines of so
-    many letters.
+    many letters; `first` is the first of the notes below.
     """
     lines = -(-len(rows) // COLUMNS)
     columns = -(-len(rows) // lines)
@@ -48,7 +48,7 @@ def profiles_figure(
         axis.remove()
     local = any(np.ptp(axis.get_xlim()) < len(levels) - 1 for axis in axes.flat[: len(rows)])
     headline(figure, title_of(modes.scene), "mode shapes")
-    notes = _notes(modes, rows, levels, drawn, amplitude_deg, local=local)
+    notes = first + _notes(modes, rows, levels, drawn, amplitude_deg, local=local)
     if len(drawn) > 1:
         marks = [Line2D([], [], color=colour(k), marker="o", ms=3) for k in range(len(drawn))]
         key(figure, marks, [f"link {level + 1}" for level in drawn], columns=HUES, notes=notes)
