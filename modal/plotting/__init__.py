@@ -6,7 +6,7 @@ with `style` and `layout`; each of the other modules makes one kind of figure.
 """
 
 from modal.plotting.coupling import coupling_figure, draw_coupling
-from modal.plotting.curves import draw_curves, pick
+from modal.plotting.curves import draw_curves, envelope, is_blob, pick
 from modal.plotting.films import MovingFigure, form_problems, frame_rate, require_writer, write_film
 from modal.plotting.hoisting import draw_hoist
 from modal.plotting.identification import (
@@ -101,6 +101,7 @@ __all__ = [
     "draw_poles",
     "draw_shapes",
     "draw_tuning",
+    "envelope",
     "evenly",
     "film_modes",
     "form_problems",
@@ -109,6 +110,7 @@ __all__ = [
     "headline",
     "in_both_themes",
     "ink",
+    "is_blob",
     "key",
     "legend",
     "log_ticks",

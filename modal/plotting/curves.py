@@ -1,4 +1,8 @@
-"""Curves of one panel, so that each is seen: those that coincide are named together or are stripes of both colours."""
+"""Curves of one panel, so that each is seen.
+
+Those that coincide are named together or are stripes of both colours; one that swings faster than a line can show is
+the band between its least and its largest values.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 
 from modal.plotting.layout import evenly
 from modal.plotting.style import colour, spots, thickness
@@ -17,8 +22,8 @@ CLOSE = 0.004
 """Largest distance of curves that coincide, as a fraction of the range of all: less than the width of a line."""
 INSTANTS = 400
 """Points at which curves are compared."""
-CELLS = 300, 100
-"""Cells of a panel across and up, about a point each; curves in the same cells are upon each other."""
+LEAST_CELLS = 40
+"""Least cells of a panel across and up, which are a point each; curves in the same cells are upon each other."""
 MOST_POINTS = 60_000
 """Most points at which the cells of a curve are looked up."""
 AWHILE = 15.0
@@ -33,6 +38,13 @@ SMALLER = 0.6
 LONGEST = 30
 """Most letters of the names of curves that coincide."""
 NUMBERS = re.compile(r"\d+")
+MOST_TURNS, TALL = 1.0, 0.04
+"""Turns for each point of an axis from which a curve is a blob, and its band is drawn; least height of a band, over the
+panel's."""
+PER_COLUMN, BAND = 8, 0.3
+"""Least samples in each column of a band on an average, and its opacity."""
+RANGE = "least to most"
+"""What the legend says of a band."""
 
 
 def coinciding(curves: Floats) -> list[list[int]]:
@@ -105,38 +117,101 @@ def draw_curves(
     numbers: Sequence[int] = (),
     first: float = 2.0,
     log: str = "",
+    bands: bool = False,
     **style: Any,
-) -> None:
+) -> bool:
     """Curves (x, y) in the colours of their numbers, as stripes where they are upon those drawn before.
 
     Up to six curves on the same place all show; a legend shows each as a solid line.  `log` names the axes to be read
-    as logarithmic, "x" or "y" or "xy"; `style` goes to `Axes.plot`.
+    as logarithmic, "x" or "y" or "xy"; `style` goes to `Axes.plot`.  With `bands`, curves that would be blobs over
+    ascending x are bands, as their names say.  Returns whether there is a band.
     """
-    places = _places([(_read(x, log="x" in log), _read(y, log="y" in log)) for x, y in curves])
-    cells = [_cells(place) for place in places]
+    size = _size(axis)
+    read = [(_read(x, log="x" in log), _read(y, log="y" in log)) for x, y in curves]
+    ends = [(np.nanmin(y), np.nanmax(y)) for _, y in read if np.isfinite(y).any()] if bands else []
+    extent = max((high for _, high in ends), default=0.0) - min((low for low, _ in ends), default=0.0)
+    extent = max(extent, float(np.ptp(axis.get_ylim()))) if axis.has_data() and "y" not in log else extent
+    dense = [bands and is_blob(y, size[0], extent) for _, y in read]
+    placed = iter(_places([curve for curve, is_dense in zip(read, dense, strict=True) if not is_dense], size))
+    places = [np.zeros((2, 0)) if is_dense else next(placed) for is_dense in dense]
+    cells = [_cells(place, size) for place in places]
     for k, (x, y) in enumerate(curves):
         number = numbers[k] if numbers else k
-        upon = _upon(places[k], cells[:k])
-        own = _numbered(places[k][:, upon])
+        if dense[k]:
+            edges, low, high = envelope(x, read[k][1], size[0])
+            both = (np.exp(low), np.exp(high)) if "y" in log else (low, high)
+            _band(axis, edges, both, names[k] if names else "", style.get("color", colour(number)))
+            continue
+        upon = _upon(places[k], cells[:k], size)
+        own = _numbered(places[k][:, upon], size)
         below = sum(2 * int(np.isin(own, other).sum()) >= len(own) for other in cells[:k]) if upon.any() else 0
         width = thickness(number, first)
         unit, (slot, period) = STRIPE / width, SLOTS.get(below, (0, 1))
         broken = ((period - slot) * unit, (unit, (period - 1) * unit))
-        size = {"ms": style["ms"] * SMALLER**below} if "ms" in style else {}
-        look: dict[str, Any] = {"color": colour(number), "lw": width, **style, **size, **spots(number)}
+        marks = {"ms": style["ms"] * SMALLER**below} if "ms" in style else {}
+        look: dict[str, Any] = {"color": colour(number), "lw": width, **style, **marks, **spots(number)}
         label = names[k] if names else f"_{k}"
         if period == 1 or not upon.any():
             axis.plot(x, y, label=label, **look)
             continue
         axis.plot(x, np.where(_widened(~upon), y, np.nan), label=label, **look)
         axis.plot(x, np.where(upon, y, np.nan), label=f"_{label}", ls=broken, dash_capstyle="butt", **look)
+    return any(dense)
+
+
+def _size(axis: Axes) -> tuple[int, int]:
+    """The width and the height of an axis in points, nearly: it has its place before the figure is laid out."""
+    inches = np.array(axis.get_window_extent().size) / axis.figure.dpi
+    across, up = np.maximum(np.rint(72 * inches), LEAST_CELLS).astype(int)
+    return int(across), int(up)
+
+
+def is_blob(y: Floats, points: int, extent: float) -> bool:
+    """Whether a curve turns more than MOST_TURNS times on each of so many points across, and not only by a trifle.
+
+    `extent` is the height of the panel in the units of the curve.
+    """
+    known = np.asarray(y, dtype=np.float64)[np.isfinite(y)]
+    way = np.sign(np.diff(known))
+    way = way[way != 0]
+    if np.count_nonzero(way[1:] != way[:-1]) <= MOST_TURNS * points:
+        return False
+    _, low, high = envelope(np.arange(len(known), dtype=np.float64), known, points)
+    return bool(np.median(high - low) > TALL * extent)
+
+
+def envelope(x: Floats, y: Floats, columns: int) -> tuple[Floats, Floats, Floats]:
+    """The edges (C + 1,) of at most so many columns of ascending x, and below and above all samples there.
+
+    Straight lines between the edges have every sample between them.
+    """
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y = np.asarray(x)[known], np.asarray(y)[known]
+    count = max(1, min(columns, len(x) // PER_COLUMN))
+    edges = np.linspace(x[0], x[-1], count + 1)
+    column = np.clip(np.searchsorted(edges, x, "right") - 1, 0, count - 1)
+    bounds = []
+    for least in (np.minimum, np.maximum):
+        ends = np.full(count, np.nan)
+        ends[column] = y
+        least.at(ends, column, y)
+        filled = np.flatnonzero(np.isfinite(ends))
+        ends = np.interp(np.arange(count), filled, ends[filled])
+        bounds.append(least(np.append(ends[:1], ends), np.append(ends, ends[-1:])))
+    return edges, bounds[0], bounds[1]
+
+
+def _band(axis: Axes, edges: Floats, ends: tuple[Floats, Floats], name: str, hue: str) -> None:
+    """The band of a curve, with its edges in full colour."""
+    label = f"{name}: {RANGE}" if name else f"_{RANGE}"
+    axis.fill_between(edges, *ends, facecolor=to_rgba(hue, BAND), edgecolor=hue, lw=0.7, label=label)
 
 
 def _read(values: Floats, *, log: bool) -> Floats:
     return np.log(np.where(values > 0, values, np.nan)) if log else values
 
 
-def _places(curves: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
+def _places(curves: Sequence[tuple[Floats, Floats]], size: tuple[int, int]) -> list[Floats]:
     """The points of curves in cells of their panel, (2, T) each."""
     both = [np.stack(np.broadcast_arrays(*curve)) for curve in curves]
     known = [curve[:, np.isfinite(curve).all(0)] for curve in both]
@@ -144,24 +219,24 @@ def _places(curves: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
     if not whole.size:
         return both
     low, extent = whole.min(1, keepdims=True), np.maximum(np.ptp(whole, axis=1, keepdims=True), 1e-300)
-    return [(curve - low) / extent * (np.array([CELLS]).T - 1) for curve in both]
+    return [(curve - low) / extent * (np.array([size]).T - 1) for curve in both]
 
 
-def _numbered(place: Floats) -> Ints:
+def _numbered(place: Floats, size: tuple[int, int]) -> Ints:
     """The number of the cell of each point; −1 for what is not finite."""
     known = np.isfinite(place).all(axis=0)
     x, y = np.round(np.where(known, place, 0.0)).astype(np.int64)
-    return np.where(known, x * CELLS[1] + y, -1)
+    return np.where(known, x * size[1] + y, -1)
 
 
-def _cells(place: Floats) -> Ints:
+def _cells(place: Floats, size: tuple[int, int]) -> Ints:
     """The cells through which a curve goes."""
     points = place[:, np.isfinite(place).all(axis=0)]
     if not points.size:
         return np.zeros(0, dtype=np.int64)
     along = _along(points)
     fine = np.linspace(0.0, along[-1], int(min(2 * along[-1], MOST_POINTS)) + 2)
-    return np.unique(_numbered(np.stack([np.interp(fine, along, row) for row in points])))
+    return np.unique(_numbered(np.stack([np.interp(fine, along, row) for row in points]), size))
 
 
 def _along(points: Floats) -> Floats:
@@ -170,11 +245,11 @@ def _along(points: Floats) -> Floats:
     return np.concatenate(([0.0], np.cumsum(steps)))
 
 
-def _upon(place: Floats, others: Sequence[Ints]) -> Booleans:
+def _upon(place: Floats, others: Sequence[Ints], size: tuple[int, int]) -> Booleans:
     """Where a curve is upon others for a while, which excludes crossings."""
     if not others or not place.shape[1]:
         return np.zeros(place.shape[1], dtype=bool)
-    upon = np.isin(_numbered(place), np.concatenate(others))
+    upon = np.isin(_numbered(place, size), np.concatenate(others))
     along = _along(place)
     for kind in (False, True):
         breaks = np.flatnonzero(np.diff(upon)) + 1

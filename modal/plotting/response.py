@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from modal.errors import ComputationError
 from modal.modes import UNCERTAIN
-from modal.plotting.curves import draw_curves
+from modal.plotting.curves import RANGE, draw_curves
 from modal.plotting.layout import LONGEST, headline, key, log_ticks, mark_modes
 from modal.plotting.style import MOST_CURVES, WIDTH, colour, muted, save, sheet, spots, thickness
 from modal.scene import title_of
@@ -143,15 +143,17 @@ def impulse_figure(
     units = list(dict.fromkeys(form.model.outputs[output].unit for output in shown))
     figure = sheet(WIDTH, 1.4 + 2.2 * len(units))
     panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
+    bands = False
     for panel, unit in zip(panels, units, strict=True):
         own = [k for k, output in enumerate(shown) if form.model.outputs[output].unit == unit]
-        draw_curves(panel, [(t, h[k]) for k in own], numbers=own, first=FIRST)
+        bands |= draw_curves(panel, [(t, h[k]) for k in own], numbers=own, first=FIRST, bands=True)
     for panel, unit in zip(panels, units, strict=True):
         panel.set_ylabel(f"response ({unit} per {form.model.inputs[source].unit} s)")
         panel.axhline(0.0, color=muted(), lw=0.8, zorder=0)
     panels[-1].set(xlabel="time t (s)", xlim=(0.0, t[-1]))
     names = [_named(form.model.outputs[output]) for output in shown]
-    _finish(figure, form, names, f"impulse response to {_named(form.model.inputs[source])}")
+    notes = f"bands: {RANGE} of what swings faster than lines can show" if bands else ""
+    _finish(figure, form, names, f"impulse response to {_named(form.model.inputs[source])}", notes)
     return figure
 
 

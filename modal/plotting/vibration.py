@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from modal.errors import ComputationError
+from modal.plotting.curves import draw_curves
 from modal.plotting.layout import framed, headline, legend, log_ticks, mark_modes
 from modal.plotting.style import MARKED, MOST_CURVES, WIDTH, colour, ink, muted, save, sheet, spots, thickness
 from modal.scene import title_of
@@ -150,12 +151,12 @@ def shock_figure(found: ShockResponse) -> Figure:
     figure = sheet(WIDTH, 1.6 + 2.0 * len(units) + 2.0 * bool(combined))
     panels = figure.subplots(1 + len(units) + bool(combined), 1, squeeze=False)[:, 0]
     histories = panels[: 1 + len(units)]
-    histories[0].plot(times, found.record.acceleration(times), color=ink(), lw=1.0)
+    draw_curves(histories[0], [(times, found.record.acceleration(times))], bands=True, color=ink(), lw=1.0)
     framed(histories[0], "", "acceleration (m/s²)", "support")
     for axis, unit in zip(histories[1:], units, strict=True):
-        for place, k in enumerate(k for k, signal in enumerate(found.outputs) if signal.unit == unit):
-            line = {"color": colour(place), "lw": thickness(place, 1.5), **spots(place)}
-            axis.plot(times, found.history[k, rows], label=found.outputs[k].name, **line)
+        shown = [k for k, signal in enumerate(found.outputs) if signal.unit == unit]
+        names = [found.outputs[k].name for k in shown]
+        draw_curves(axis, [(times, found.history[k, rows]) for k in shown], names=names, first=1.5, bands=True)
         framed(axis, "", f"{QUANTITIES.get(unit, '')} ({_pretty(unit)})".strip(), "response")
         legend(axis)
     for axis in histories:
