@@ -142,13 +142,15 @@ def add_file(page: Page, *flags: str, words: str = "{}", kinds: Sequence[str] = 
     offer(action, completion.files(endings(kinds)))
 
 
-def add_text(page: Page) -> None:
-    """A file for the text output, in the format that its name ends in where --format does not choose."""
+def add_text(page: Page, *, pictures: bool = False) -> None:
+    """A file for the text output, in the format that its name ends in where --format does not choose; or a picture."""
     page.texts = {f".{TEXTS[form]}": form for form in page.formats}
     words = "write to this file instead of standard output (-)"
     told = f", by its ending ({', '.join(page.texts)}) in the format" if page.texts else ""
-    action = page.written.add_argument("--output", "-o", metavar="FILE", help=words + told, type=file_of_text)
-    offer(action, completion.files(tuple(page.texts)))
+    action = page.written.add_argument(
+        "--output", "-o", metavar="FILE", help=words + told, type=str if pictures else file_of_text
+    )
+    offer(action, completion.files((*page.texts, *(endings(PICTURES) if pictures else ()))))
 
 
 def add_quiet(page: Page) -> None:

@@ -64,6 +64,7 @@ from modal.plotting.style import (
     thickness,
 )
 from modal.plotting.themes import Pair, pair_of, show_both_themes
+from modal.plotting.travels import draw_travel, travel_figure
 from modal.plotting.tuning import draw_tuning, tuning_figure
 
 __all__ = [
@@ -100,6 +101,7 @@ __all__ = [
     "draw_mode_fit",
     "draw_poles",
     "draw_shapes",
+    "draw_travel",
     "draw_tuning",
     "envelope",
     "evenly",
@@ -137,6 +139,7 @@ __all__ = [
     "spots",
     "theme",
     "thickness",
+    "travel_figure",
     "tuning_figure",
     "write_film",
 ]

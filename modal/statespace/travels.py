@@ -12,7 +12,7 @@ lengths is a matrix exponential; along a hoist the equations are integrated.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -68,6 +68,11 @@ class ShapedTravel(Displayed):
         """The figure of `modal.plotting.travels.travel_figure`."""
         return deferred("modal.plotting.travels:travel_figure")(self)
 
+    def words(self) -> Iterator[str]:
+        """What the travel leaves as it is and shaped, a line each."""
+        for name, angle in zip(("as it is", "shaped"), np.degrees(self.residual).tolist(), strict=True):
+            yield f"a travel of {self.distance:g} m {name}: residual swing {angle:.4g}°"
+
     def _summary(self) -> Summary:
         largest = np.degrees(np.abs(self.angles).max((1, 2)))
         columns = {
@@ -90,8 +95,8 @@ def shaped_travel(
     """The travel by `distance` (m) over `duration` (s), as it is and shaped, from the begin of the hoist or 0 s on.
 
     By default it lasts as long as the hoist; without one a period of the slowest swing, or so long that its
-    acceleration is at most BRISK of gravity's.  Raises what `shaper_for` does, and SceneError for a distance that is not a
-    positive number.
+    acceleration is at most BRISK of gravity's.  Raises what `shaper_for` does, and SceneError for a distance that is
+    not a positive number.
 
     >>> from modal import load
     >>> from modal.statespace import shaper_for

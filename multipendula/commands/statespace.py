@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from modal.exports import FORMATS
 from multipendula.command import Command
 from multipendula.commands.models import add_model_file, add_signals, model_of, scene_at, scene_of
-from multipendula.commands.shared import about, drawn, estimate_of, listed, noted, output, picture, remark, say
+from multipendula.commands.shared import about, draw_in, drawn, estimate_of, listed, noted, output, picture, remark, say
 from multipendula.completion import files
 from multipendula.options import (
     PICTURES,
@@ -188,6 +188,7 @@ def _frequencies(text: str) -> list[float]:
 
 def shaper(options: argparse.Namespace) -> None:
     """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
+    from modal.errors import SceneError
     from modal.report import csv_rows, folded
     from modal.scene import load
     from modal.statespace import shaper_for, swing_words, usual_drive
@@ -207,8 +208,18 @@ def shaper(options: argparse.Namespace) -> None:
         from modal.statespace.hoisting import residual_words
 
         remarks += residual_words(scene, options.count, options.kind, drive, found)
+    is_picture = options.output is not None and options.output.lower().endswith(endings(PICTURES))
+    if options.travel is None and (is_picture or options.over is not None):
+        raise SceneError([f"{'-o ' + options.output if is_picture else '--over'}: needs --travel METRES"])
+    if options.travel is not None:
+        from modal.statespace.travels import shaped_travel
+
+        travel = shaped_travel(scene, found, options.travel, options.over, drive)
+        remarks += list(travel.words())
+        if is_picture:
+            draw_in(options, options.output, "modal.plotting", "draw_travel", travel)
     impulses = zip(found.times.tolist(), found.amplitudes.tolist(), strict=True)
-    with output(options.output) as write:
+    with output(None if is_picture else options.output) as write:
         write("".join(folded(f"# {words}", mark="# ") + "\n" for words in remarks))
         write(csv_rows([("time_s", "amplitude"), *impulses]))
 
@@ -233,7 +244,14 @@ def _shaper_arguments(page: Page) -> None:
     )
     add_words(page.asked, "--drive", drives, comma="", metavar="NAME", help=words)
     page.rephrase(r"^drive = '(\S+)':", r"--drive \1:")
-    add_text(page)
+    words = "what it moves travels so far, smoothly: tell the swing that is left with and without the shaper"
+    page.asked.add_argument("--travel", metavar="METRES", type=number("metres above 0"), help=words)
+    words = "duration of the travel (default that of a hoist, else with a tenth of gravity's acceleration)"
+    page.asked.add_argument("--over", metavar="SECONDS", type=number("seconds above 0"), help=words)
+    page.rephrase(r"^distance (\S+):", r"--travel \1:")
+    page.rephrase(r"^duration (\S+):", r"--over \1:")
+    add_text(page, pictures=True)
+    add_theme(page)
 
 
 COMMANDS = (
@@ -311,6 +329,7 @@ COMMANDS = (
             ("shaper crane-hook", "for the slowest mode"),
             ("shaper crane-hook --kind zvd --count 2", "for both modes, tolerant of errors in cable length"),
             ("shaper crane-hook --kind ei --discrete 0.02", "for a controller that samples at 50 Hz"),
+            ("shaper crane-hook --travel 20 -o before_after.png", "a picture of the swing with and without the shaper"),
         ),
     ),
 )
