@@ -22,6 +22,8 @@ from modal.statespace import ModalForm, Signal, frequency_response, impulse_resp
 from modal.types import Complexes, Floats
 
 POINTS = 2000
+TURN = 2 * np.pi
+"""rad/s of 1 Hz: the command that draws responses also prints them at frequencies in Hz."""
 Spread = Callable[[Floats], Floats]
 DEEP, BEYOND = 240.0, 5.0
 """Most decibels that a picture goes down; decibels by which cut curves go on beyond it."""
@@ -65,7 +67,9 @@ def bode_figure(
     band: tuple[float, float] | None = None,
     std: Spread | None = None,
 ) -> Figure:
-    """Magnitude and phase of G(iω) from input `source` to these outputs (indices; by default all) over a band (rad/s).
+    """Magnitude and phase of G(2πif) from input `source` to these outputs (indices; by default all), over f in Hz.
+
+    `band` is in rad/s, by default from below the lowest mode to above the highest.
 
     Dotted lines with numbers mark the modes, the fixed-base ones where the cart's motion is prescribed.  Every peak and
     trough of a damped mode has its own height, found between the points of the grid; peaks of undamped modes are
@@ -80,19 +84,20 @@ def bode_figure(
     bottom, top, infinite = _limits(form, omega, size)
     figure = sheet(WIDTH, 6.0 + ROW * max(0, len(shown) - 6))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    heights = [_whole(omega, response, bottom - BEYOND, top + BEYOND) for response in G]
+    each = [_whole(omega, response, bottom - BEYOND, top + BEYOND) for response in G]
+    heights, hertz = [(w / TURN, y) for w, y in each], omega / TURN
     cut = any(bool(np.any(y < bottom)) for _, y in heights)
     draw_curves(upper, heights, first=FIRST, log="x")
-    draw_curves(lower, [(omega, _phase(response)) for response in G], first=FIRST, log="x")
+    draw_curves(lower, [(hertz, _phase(response)) for response in G], first=FIRST, log="x")
     given = form.model.inputs[source]
     upper.set(xscale="log", ylabel=_magnitude(_units(form, shown, source)), ylim=(bottom, top))
     if std is not None:
-        _shade(upper, omega, size, std(omega)[shown, source])
+        _shade(upper, hertz, size, std(omega)[shown, source])
     upper.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 4, 5, 10]))
-    lower.set(ylabel="phase (°)", xlabel="angular frequency ω (rad/s)", xlim=(low, high), ylim=(-195, 195))
+    lower.set(ylabel="phase (°)", xlabel="frequency (Hz)", xlim=(low / TURN, high / TURN), ylim=(-195, 195))
     lower.yaxis.set_major_locator(MultipleLocator(90))
     log_ticks(lower.xaxis, high / low)
-    inside = [(k, omega) for k, omega in enumerate(form.modes.omega.tolist(), 1) if low <= omega <= high]
+    inside = [(k, rate / TURN) for k, rate in enumerate(form.modes.omega.tolist(), 1) if low <= rate <= high]
     mark_modes(upper, inside)
     mark_modes(lower, inside, numbered=False)
     held = ", with the fixed-base modes" if form.is_held else ""
@@ -106,14 +111,14 @@ def bode_figure(
     return figure
 
 
-def _shade(axis: Axes, omega: Floats, size: Floats, spread: Floats) -> None:
+def _shade(axis: Axes, hertz: Floats, size: Floats, spread: Floats) -> None:
     """Two standard deviations to either side of every curve."""
     low, high = axis.get_ylim()
     least = 10 ** (low / 20)
     for k, (own, std) in enumerate(zip(size, spread, strict=True)):
         with np.errstate(all="ignore"):
             below, above = (np.clip(_decibel(np.maximum(own + sign * std, least)), low, high) for sign in (-2, 2))
-        axis.fill_between(omega, below, above, color=colour(k), alpha=0.22, lw=0)
+        axis.fill_between(hertz, below, above, color=colour(k), alpha=0.22, lw=0)
 
 
 def draw_impulse(
