@@ -28,6 +28,8 @@ MOST_POINTS = 60_000
 """Most points at which the cells of a curve are looked up."""
 AWHILE = 15.0
 """Length in cells from which curves are upon each other and do not just cross."""
+GAP = 3.0
+"""Length in cells up to which curves upon each other may part."""
 STRIPE = 3.5
 """Length of a stripe in points."""
 SLOTS = {1: (1, 2), 2: (0, 4), 3: (1, 4), 4: (2, 8), 5: (3, 8)}
@@ -38,9 +40,9 @@ SMALLER = 0.6
 LONGEST = 30
 """Most letters of the names of curves that coincide."""
 NUMBERS = re.compile(r"\d+")
-MOST_TURNS, TALL = 1.0, 0.04
-"""Turns for each point of an axis from which a curve is a blob, and its band is drawn; least height of a band, over the
-panel's."""
+MOST_TURNS, TALL = 2.0, 0.04
+"""Turns within the width of its line from which a curve is a blob, and its band is drawn; least height of a band, over
+the panel's."""
 PER_COLUMN, BAND = 8, 0.3
 """Least samples in each column of a band on an average, and its opacity."""
 RANGE = "least to most"
@@ -131,12 +133,14 @@ def draw_curves(
     ends = [(np.nanmin(y), np.nanmax(y)) for _, y in read if np.isfinite(y).any()] if bands else []
     extent = max((high for _, high in ends), default=0.0) - min((low for low, _ in ends), default=0.0)
     extent = max(extent, float(np.ptp(axis.get_ylim()))) if axis.has_data() and "y" not in log else extent
-    dense = [bands and is_blob(y, size[0], extent) for _, y in read]
+    numbers = numbers or range(len(curves))
+    widths = [float(style.get("lw", thickness(number, first))) for number in numbers]
+    dense = [bands and is_blob(y, size[0] / width, extent) for (_, y), width in zip(read, widths, strict=True)]
     placed = iter(_places([curve for curve, is_dense in zip(read, dense, strict=True) if not is_dense], size))
     places = [np.zeros((2, 0)) if is_dense else next(placed) for is_dense in dense]
     cells = [_cells(place, size) for place in places]
     for k, (x, y) in enumerate(curves):
-        number = numbers[k] if numbers else k
+        number = numbers[k]
         if dense[k]:
             edges, low, high = envelope(x, read[k][1], size[0])
             both = (np.exp(low), np.exp(high)) if "y" in log else (low, high)
@@ -166,17 +170,17 @@ def _size(axis: Axes) -> tuple[int, int]:
     return int(across), int(up)
 
 
-def is_blob(y: Floats, points: int, extent: float) -> bool:
-    """Whether a curve turns more than MOST_TURNS times on each of so many points across, and not only by a trifle.
+def is_blob(y: Floats, columns: float, extent: float) -> bool:
+    """Whether a curve turns more than MOST_TURNS times in each of so many columns, and not only by a trifle.
 
     `extent` is the height of the panel in the units of the curve.
     """
     known = np.asarray(y, dtype=np.float64)[np.isfinite(y)]
     way = np.sign(np.diff(known))
     way = way[way != 0]
-    if np.count_nonzero(way[1:] != way[:-1]) <= MOST_TURNS * points:
+    if np.count_nonzero(way[1:] != way[:-1]) <= MOST_TURNS * columns:
         return False
-    _, low, high = envelope(np.arange(len(known), dtype=np.float64), known, points)
+    _, low, high = envelope(np.arange(len(known), dtype=np.float64), known, int(columns))
     return bool(np.median(high - low) > TALL * extent)
 
 
@@ -251,11 +255,11 @@ def _upon(place: Floats, others: Sequence[Ints], size: tuple[int, int]) -> Boole
         return np.zeros(place.shape[1], dtype=bool)
     upon = np.isin(_numbered(place, size), np.concatenate(others))
     along = _along(place)
-    for kind in (False, True):
+    for kind, awhile in ((False, GAP), (True, AWHILE)):
         breaks = np.flatnonzero(np.diff(upon)) + 1
         for run in np.split(np.arange(len(upon)), breaks):
             whole = along[min(run[-1] + 1, len(along) - 1)] - along[max(run[0] - 1, 0)]
-            if upon[run[0]] == kind and whole < AWHILE and len(run) < len(upon):
+            if upon[run[0]] == kind and whole < awhile and len(run) < len(upon):
                 upon[run] = not kind
     return upon
 

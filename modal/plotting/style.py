@@ -28,6 +28,8 @@ COMPUTED = "-"
 """The line of what the model gives, or what was measured: solid."""
 PREDICTED = "--"
 """The line of what a simpler theory says beside it (small angles, κ, averaged equations, regular motion): dashed."""
+DASH = 3.7
+"""Length of such a dash over the width of its line."""
 MARKED = ":"
 """The line of a value, of an instant or of a construction, where there is no curve: dotted."""
 UNSTABLE = "-."
@@ -111,6 +113,11 @@ def spots(k: int) -> dict[str, Any]:
     marker = SPOTS[k // HUES % len(SPOTS)]
     every = (0.02 * (k % HUES), 0.14)
     return {"marker": marker, "ms": 4.5, "mfc": paper(), "mew": 1.1, "markevery": every} if marker else {}
+
+
+def predicted(k: int) -> tuple[float, tuple[float, float]]:
+    """The dashes of prediction k: of two on one place each shows in the gaps of the other."""
+    return (DASH * (k % 2), (DASH, DASH))
 
 
 def thickness(k: int, first: float = 2.4) -> float:

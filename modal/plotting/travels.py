@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from modal.plotting.curves import draw_curves, pick
 from modal.plotting.layout import SMALL, framed, headline, legend
-from modal.plotting.style import MARKED, WIDTH, colour, ink, muted, paper, save, sheet, thickness
+from modal.plotting.style import MARKED, WIDTH, colour, ink, muted, paper, save, sheet
 from modal.scene import title_of
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def _residual(axis: Axes, travel: ShapedTravel, row: int) -> None:
     """Two dotted lines that bound the swing after the command, and how large it is."""
     angle, over = float(np.degrees(travel.residual[row])), float(travel.over[row])
     for sign in (-1, 1):
-        axis.plot([over, travel.times[-1]], [sign * angle] * 2, color=muted(), ls=MARKED, lw=thickness(1))
+        axis.plot([over, travel.times[-1]], [sign * angle] * 2, color=muted(), ls=MARKED, lw=1.4)
     axis.axvline(over, color=muted(), ls=MARKED, lw=1.0, zorder=0)
     words = f"residual swing {angle:.3g}°" if angle >= 5e-4 else "no residual swing"
     look: dict[str, Any] = {

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from modal.errors import ComputationError
-from modal.plotting.curves import draw_curves
+from modal.errors import ComputationError, SceneError
+from modal.plotting.curves import RANGE, draw_curves
 from modal.plotting.layout import framed, headline, legend, log_ticks, mark_modes
 from modal.plotting.style import MARKED, MOST_CURVES, WIDTH, colour, ink, muted, save, sheet, spots, thickness
-from modal.scene import title_of
+from modal.scene import Scene, number_words, title_of
 from modal.statespace import Signal
 from modal.types import Floats
 
@@ -111,7 +112,7 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
         most = np.argsort(-np.nan_to_num((parts[:, k] / np.where(whole > 0, whole, 1.0)).max(-1)))[:MOST_PLACES]
         for place, j in enumerate(sorted(most.tolist())):
             line = {"color": colour(place), "lw": 1.3}
-            axis.plot(f, _drawn(parts[j, k]), label=noise.places[j], **line)
+            axis.plot(f, _drawn(parts[j, k]), label=_place_words(noise.scene, noise.places[j]), **line)
         if driven is not None and beside is not None:
             words = f"from the PSD of {beside.source.name.replace('_', ' ')}"
             axis.plot(f, _drawn(driven[k]), color=muted(), lw=1.6, label=words)
@@ -127,6 +128,13 @@ def thermal_figure(noise: ThermalNoise, beside: RandomResponse | None = None, at
         mark_modes(axis, inside, numbered=False)
     headline(figure, title_of(noise.scene), f"thermal noise at {noise.temperature:g}\N{NO-BREAK SPACE}K")
     return figure
+
+
+def _place_words(scene: Scene, place: str) -> str:
+    """What dissipates there: a number of the scene by its name, else the place as it is."""
+    with suppress(SceneError):
+        return number_words(scene, place)
+    return place
 
 
 def _drawn(values: Floats) -> Floats:
@@ -151,8 +159,9 @@ def shock_figure(found: ShockResponse) -> Figure:
     figure = sheet(WIDTH, 1.6 + 2.0 * len(units) + 2.0 * bool(combined))
     panels = figure.subplots(1 + len(units) + bool(combined), 1, squeeze=False)[:, 0]
     histories = panels[: 1 + len(units)]
-    draw_curves(histories[0], [(times, found.record.acceleration(times))], bands=True, color=ink(), lw=1.0)
-    framed(histories[0], "", "acceleration (m/s²)", "support")
+    shaken = [(times, found.record.acceleration(times))]
+    has_band = draw_curves(histories[0], shaken, bands=True, color=ink(), lw=1.0)
+    framed(histories[0], "", "acceleration (m/s²)", "support" + f", {RANGE}" * has_band)
     for axis, unit in zip(histories[1:], units, strict=True):
         shown = [k for k, signal in enumerate(found.outputs) if signal.unit == unit]
         names = [found.outputs[k].name for k in shown]

@@ -40,7 +40,7 @@ MOST_LINES, MOST_MARKS, FEWEST = 6, 24, 32
 MOST_MODES = 480  # links of a scene whose natural frequencies are computed for the spectrum
 POINTS, MOST_SMOOTHED = 6000, 200  # points drawn, and links of a scene up to which a run is interpolated
 FAINT = 1e-6  # power of note over the strongest line, where no frequency says how far a spectrum goes
-PORTRAIT = 100  # points across from which on a portrait of so many swings is drawn as dots
+PORTRAIT = 100  # swings from which on a portrait is drawn as dots
 STILL, ROOM = 1e-9, 1e-3  # motion (m) of a cart that is at rest but for rounding, and the room about it
 DEEPEST = 1e-10  # smallest power shown in a spectrum over the strongest line
 

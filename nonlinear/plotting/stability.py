@@ -15,15 +15,18 @@ from modal.types import Floats
 
 LINES: dict[bool, Any] = {True: COMPUTED, False: UNSTABLE}
 """Of what is stable, and of what is not."""
+THINNER = 0.6
+"""Width of a branch where it is unstable, over that where it is stable."""
 
 
 def draw_branch(axis: Axes, x: Floats, y: Floats, is_stable: Sequence[bool], number: int) -> None:
-    """One branch, in pieces of equal stability that meet."""
+    """One branch, in pieces of equal stability that meet; unstable ones are thinner."""
     fates = np.array(is_stable)
     breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
     for start, stop in pairwise(breaks):
         piece = slice(max(start - 1, 0), stop)
-        look = {"color": colour(number), "ls": LINES[bool(fates[start])], "lw": narrowing(number)}
+        fate = bool(fates[start])
+        look = {"color": colour(number), "ls": LINES[fate], "lw": narrowing(number) * (1.0 if fate else THINNER)}
         axis.plot(x[piece], y[piece], **look, zorder=3, label=f"_{number}")
 
 

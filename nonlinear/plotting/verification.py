@@ -26,6 +26,7 @@ from modal.plotting import (
     mark_modes,
     muted,
     paper,
+    predicted,
     save,
     sheet,
 )
@@ -95,7 +96,7 @@ def _notes(rows: Sequence[ModeCheck]) -> str:
 def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None:
     """One mode: κa² dashed, periodic orbits as a wide one, runs as marks, the measured 1 % as a tick."""
     a = np.geomspace(low, high, POINTS)
-    axis.plot(a, np.abs(row.mode.kappa) * np.radians(a) ** 2, color=colour(k), ls=PREDICTED, lw=1.3, zorder=2)
+    axis.plot(a, np.abs(row.mode.kappa) * np.radians(a) ** 2, color=colour(k), ls=predicted(k), lw=1.3, zorder=2)
     if row.backbone and row.backbone.linear:
         size, shift = np.rad2deg(row.backbone.amplitude), np.abs(row.backbone.omega / row.backbone.linear - 1)
         axis.plot(size, shift, color=colour(k), lw=2.4, alpha=0.35, gid=QUIET, zorder=1.5)
