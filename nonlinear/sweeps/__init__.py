@@ -4,9 +4,6 @@ In: a `Study`: a scene, its variations and the measures.  Out: a `Sweep`, saved 
 interrupted sweep can resume.  Start with `measures` and `study`; `running` runs the points, `files` saves the result.
 """
 
-from typing import TYPE_CHECKING
-
-from modal._compatibility import renamed
 from nonlinear.ensembles.executors import WorkerPool
 from nonlinear.sweeps.checkpoint import Checkpoint, open_checkpoint
 from nonlinear.sweeps.files import KINDS, load, save
@@ -29,6 +26,3 @@ __all__ = [
     "sweep",
     "sweep_text",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = renamed(__name__, "nonlinear.sweeps.running")
