@@ -236,9 +236,9 @@ def draw_close(axis: Axes, coupling: Coupling, number: int) -> None:
 def _beside(coupling: Coupling, number: int, apart: Floats) -> Floats:
     """m_dyn at these distances from the pole of a family."""
     family, dynamic = coupling.families[number], coupling.dynamic
-    own = family.mass * (family.omega / apart) * (family.omega / (2 * family.omega + apart))
+    pole_part = family.mass * (family.omega / apart) * (family.omega / (2 * family.omega + apart))
     marked = np.tile(np.arange(len(dynamic.omega)) == number, (len(apart), 1))
-    return dynamic(family.omega + apart, left_out=marked) - own
+    return dynamic(family.omega + apart, left_out=marked) - pole_part
 
 
 def draw_limits(axis: Axes, coupling: Coupling) -> None:

@@ -79,23 +79,23 @@ def together(names: Sequence[str]) -> str:
 
 def _runs(names: Sequence[str]) -> list[str]:
     """Names that differ in one number as ranges of it, what stands before the number said once."""
-    parts = [(NUMBERS.split(name), [int(found) for found in NUMBERS.findall(name)]) for name in names]
-    numbers = {len(found) for _, found in parts}
+    parts = [(NUMBERS.split(name), [int(labels) for labels in NUMBERS.findall(name)]) for name in names]
+    numbers = {len(labels) for _, labels in parts}
     if len({tuple(words) for words, _ in parts}) > 1 or numbers == {0}:
         return list(names)
-    table = np.array([found for _, found in parts])
+    table = np.array([labels for _, labels in parts])
     varied = np.flatnonzero(np.ptp(table, axis=0) > 0)
     if len(varied) != 1:
         return list(names)
     breaks = np.flatnonzero(np.diff(table[:, varied[0]]) != 1) + 1
-    place = [found.span() for found in NUMBERS.finditer(names[0])][varied[0]]
+    place = [labels.span() for labels in NUMBERS.finditer(names[0])][varied[0]]
     head = names[0][: place[0]]
     said = head if head.endswith(" ") else ""
-    found = []
+    labels = []
     for run in np.split(np.arange(len(names)), breaks):
         ends = [names[run[0]], names[run[-1]]][: len(run)]
-        found.append("–".join(end.removeprefix(said) for end in ends))
-    return [said + found[0], *found[1:]]
+        labels.append("–".join(end.removeprefix(said) for end in ends))
+    return [said + labels[0], *labels[1:]]
 
 
 def pick(curves: Floats, names: Sequence[str], most: int) -> tuple[Ints, list[str], int]:
@@ -147,8 +147,8 @@ def draw_curves(
             _band(axis, edges, both, names[k] if names else "", style.get("color", colour(number)))
             continue
         upon = _upon(places[k], cells[:k], size)
-        own = _numbered(places[k][:, upon], size)
-        below = sum(2 * int(np.isin(own, other).sum()) >= len(own) for other in cells[:k]) if upon.any() else 0
+        shared = _numbered(places[k][:, upon], size)
+        below = sum(2 * int(np.isin(shared, other).sum()) >= len(shared) for other in cells[:k]) if upon.any() else 0
         width = thickness(number, first)
         unit, (slot, period) = STRIPE / width, SLOTS.get(below, (0, 1))
         broken = ((period - slot) * unit, (unit, (period - 1) * unit))
@@ -266,7 +266,7 @@ def _upon(place: Floats, others: Sequence[Ints], size: tuple[int, int]) -> Boole
 
 def _widened(where: Booleans) -> Booleans:
     """The same and the points beside, so that pieces of a curve meet."""
-    found = where.copy()
-    found[1:] |= where[:-1]
-    found[:-1] |= where[1:]
-    return found
+    wider = where.copy()
+    wider[1:] |= where[:-1]
+    wider[:-1] |= where[1:]
+    return wider

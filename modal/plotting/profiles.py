@@ -60,11 +60,11 @@ def profiles_figure(
 def levels_of(scene: Scene) -> Ints:
     """The index of the link of each pendulum (rows) at each level (columns), −1 where it has none."""
     counts = [sum(link.count for link in pendulum.links) for pendulum in scene.pendulum for _ in range(pendulum.count)]
-    found = np.full((len(counts), max(counts)), -1, dtype=np.int64)
+    levels = np.full((len(counts), max(counts)), -1, dtype=np.int64)
     first = np.cumsum([0, *counts[:-1]])
     for k, (start, count) in enumerate(zip(first.tolist(), counts, strict=True)):
-        found[k, :count] = start + np.arange(count)
-    return found
+        levels[k, :count] = start + np.arange(count)
+    return levels
 
 
 def _panel(axis: Axes, modes: Modes, row: Mode, levels: Ints, amplitude_deg: float) -> str:

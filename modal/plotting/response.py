@@ -89,7 +89,7 @@ def bode_figure(
     cut = any(bool(np.any(y < bottom)) for _, y in heights)
     draw_curves(upper, heights, first=FIRST, log="x")
     draw_curves(lower, [(hertz, _phase(response)) for response in G], first=FIRST, log="x")
-    given = form.model.inputs[source]
+    pushed = form.model.inputs[source]
     upper.set(xscale="log", ylabel=_magnitude(_units(form, shown, source)), ylim=(bottom, top))
     if std is not None:
         _shade(upper, hertz, size, std(omega)[shown, source])
@@ -101,10 +101,10 @@ def bode_figure(
     mark_modes(upper, inside)
     mark_modes(lower, inside, numbered=False)
     held = ", with the fixed-base modes" if form.is_held else ""
-    words = f"response to {_named(given)}{held}"
+    words = f"response to {_named(pushed)}{held}"
     notes = [f"peaks of undamped modes are infinite and cut at {top:g} dB".replace("-", "−")] if infinite else []
     notes += [f"zeros cut at {bottom:g} dB".replace("-", "−")] if cut else []
-    names = [f"{_named(form.model.outputs[output])} / {_named(given)}" for output in shown]
+    names = [f"{_named(form.model.outputs[output])} / {_named(pushed)}" for output in shown]
     if max(map(len, names)) > LONGEST:  # the title names the input, too
         names = [_named(form.model.outputs[output]) for output in shown]
     _finish(figure, form, names, words + (", ± 2 standard deviations" if std else ""), "; ".join(notes))
@@ -115,9 +115,9 @@ def _shade(axis: Axes, hertz: Floats, size: Floats, spread: Floats) -> None:
     """Two standard deviations to either side of every curve."""
     low, high = axis.get_ylim()
     least = 10 ** (low / 20)
-    for k, (own, std) in enumerate(zip(size, spread, strict=True)):
+    for k, (magnitude, std) in enumerate(zip(size, spread, strict=True)):
         with np.errstate(all="ignore"):
-            below, above = (np.clip(_decibel(np.maximum(own + sign * std, least)), low, high) for sign in (-2, 2))
+            below, above = (np.clip(_decibel(np.maximum(magnitude + sign * std, least)), low, high) for sign in (-2, 2))
         axis.fill_between(hertz, below, above, color=colour(k), alpha=0.22, lw=0)
 
 
@@ -150,8 +150,10 @@ def impulse_figure(
     panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
     bands = False
     for panel, unit in zip(panels, units, strict=True):
-        own = [k for k, output in enumerate(shown) if form.model.outputs[output].unit == unit]
-        bands |= draw_curves(panel, [(t, h[k]) for k in own], numbers=own, first=FIRST, bands=True)
+        outputs_of_unit = [k for k, output in enumerate(shown) if form.model.outputs[output].unit == unit]
+        bands |= draw_curves(
+            panel, [(t, h[k]) for k in outputs_of_unit], numbers=outputs_of_unit, first=FIRST, bands=True
+        )
     for panel, unit in zip(panels, units, strict=True):
         panel.set_ylabel(f"response ({unit} per {form.model.inputs[source].unit} s)")
         panel.axhline(0.0, color=muted(), lw=0.8, zorder=0)

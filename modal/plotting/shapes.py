@@ -199,7 +199,7 @@ def _on_structure(modes: Modes, hanging: list[tuple[tuple[AnyLink, ...], Floats,
     """The layout of pendula on a structure: as it is drawn at rest, with room for it to move."""
     structure = modes.rig.structure
     assert structure is not None
-    first = np.cumsum([0, *(one.n_links for one in modes.scene.pendulum for _ in range(one.count))])
+    first = np.cumsum([0, *(pendulum.n_links for pendulum in modes.scene.pendulum for _ in range(pendulum.count))])
     chains, rests, offsets = (tuple(column) for column in zip(*hanging, strict=True))
     depth = max(float(np.ptp(_placed(chain, np.ones(len(chain))))) for chain in chains)
     drawn = np.searchsorted(first, offsets)
@@ -211,7 +211,7 @@ def _on_structure(modes: Modes, hanging: list[tuple[tuple[AnyLink, ...], Floats,
     pieces = scaffold.pieces(still, dict(zip(drawn.tolist(), hung, strict=True)))
     points = np.concatenate([part.reshape(-1, 2) for part in (*hung, *(piece.points for piece in pieces))])
     (left, low), (right, high) = points.min(0), points.max(0)
-    rises = 0.3 * any(own.kind in {"tilt", "heave", "platform", "modal"} for own in structure.carriers)
+    rises = 0.3 * any(carrier.kind in {"tilt", "heave", "platform", "modal"} for carrier in structure.carriers)
     return replace(
         layout,
         below=-float(low) + rises * depth,

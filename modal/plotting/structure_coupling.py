@@ -57,7 +57,7 @@ def structure_figure(coupling: StructureCoupling) -> Figure:
 def _span(coupling: StructureCoupling) -> tuple[float, float, bool]:
     """Both ends of the frequency axis, and whether it is logarithmic."""
     every = np.concatenate(
-        [coupling.omega, [own.omega for own in coupling.families], [mode.omega for mode in coupling.modes]]
+        [coupling.omega, [family.omega for family in coupling.families], [mode.omega for mode in coupling.modes]]
     )
     every = every[every > 0]
     low, high = float(every.min()), float(every.max())
@@ -72,7 +72,7 @@ def _felt(axis: Axes, coupling: StructureCoupling, s: int, span: tuple[float, fl
     low, high, wide = span
     mode = coupling.modes[s]
     zeros = np.array([omega for omega, share in _shares(coupling, s) if share > LEAST and omega > 0])
-    marked = np.concatenate([zeros, [own.omega for own in coupling.families]])
+    marked = np.concatenate([zeros, [family.omega for family in coupling.families]])
     aside = np.geomspace(1e-6, 0.03, 60)
     near = np.outer(marked, np.concatenate([1 - aside, 1 + aside])).ravel()
     even = np.geomspace(low, high, POINTS) if wide else np.linspace(max(low, high / POINTS), high, POINTS)
@@ -83,11 +83,11 @@ def _felt(axis: Axes, coupling: StructureCoupling, s: int, span: tuple[float, fl
     felt[:-1][leaps] = np.nan
     axis.plot(omega, np.clip(felt, -20 * mode.mass, 20 * mode.mass), color=colour(2), zorder=3)
     axis.axhline(0.0, color=ink(), lw=0.8)
-    for own, family in enumerate(coupling.families):
+    for r, family in enumerate(coupling.families):
         axis.axvline(family.omega, color=colour(0), ls=MARKED, lw=1.4, zorder=1)
-        if own < 6:
+        if r < 6:
             axis.annotate(
-                rf"ω$_\mathrm{{{family_name(own)}}}$",
+                rf"ω$_\mathrm{{{family_name(r)}}}$",
                 (family.omega, 1.0),
                 (0, 2),
                 axis.get_xaxis_transform(),
@@ -108,7 +108,7 @@ def _felt(axis: Axes, coupling: StructureCoupling, s: int, span: tuple[float, fl
 
 def _shares(coupling: StructureCoupling, s: int) -> list[tuple[float, float]]:
     """ω of the scene's moving modes, and the share of own mode s of the structure in their kinetic energy."""
-    branches = [(branch.omega, branch.motion) for own in coupling.families for branch in own.branches]
+    branches = [(branch.omega, branch.motion) for family in coupling.families for branch in family.branches]
     return [
         (omega, float(coupling.modes[s].mass * motion[s] ** 2))
         for omega, motion in (*branches, *coupling.structure_modes)
@@ -161,13 +161,13 @@ def _level(axis: Axes, middle: tuple[float, float], omega: float, side: float, b
 
 def _matched(coupling: StructureCoupling) -> list[int]:
     """The structure's own mode that each mode of the scene that belongs to it is mostly of, none twice."""
-    left, found = set(range(len(coupling.modes))), list[int]()
+    left, matches = set(range(len(coupling.modes))), list[int]()
     for _, motion in coupling.structure_modes:
         energy: Floats = np.array([mode.mass for mode in coupling.modes]) * motion**2
         best = max(left, key=lambda s, energy=energy: float(energy[s]))  # type: ignore[misc]
         left.remove(best)
-        found.append(best)
-    return found
+        matches.append(best)
+    return matches
 
 
 def _words(axis: Axes, told: list[tuple[float, str]], x: float, ha: str) -> None:

@@ -138,7 +138,7 @@ def shade(part: float) -> str:
 
 def mixed(hue: str, part: float) -> str:
     """A mixture of a colour and paper: 1 is the colour, 0 is paper."""
-    inked, plain = (np.array(to_rgb(one)) for one in (hue, paper()))
+    inked, plain = (np.array(to_rgb(end)) for end in (hue, paper()))
     return to_hex(tuple((part * inked + (1 - part) * plain).tolist()))
 
 

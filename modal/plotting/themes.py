@@ -115,11 +115,11 @@ def _reduced(picture: BytesIO) -> bytes:
 
 def _described(figure: Figure) -> str:
     """The title of a figure and what its axes show."""
-    found = [figure.get_suptitle()]
+    phrases = [figure.get_suptitle()]
     for axis in figure.axes:
         up, across = (" ".join(words.split()) for words in (axis.get_ylabel(), axis.get_xlabel()))
-        found += [axis.get_title(), f"{up} over {across}" if up and across else up or across]
-    return "; ".join(dict.fromkeys(words for words in found if words)) or "a figure"
+        phrases += [axis.get_title(), f"{up} over {across}" if up and across else up or across]
+    return "; ".join(dict.fromkeys(words for words in phrases if words)) or "a figure"
 
 
 def show_both_themes() -> None:

@@ -121,11 +121,11 @@ def _linear(scene: Scene, variation: Variation) -> tuple[Floats, Floats]:
     from nonlinear.orbits import linear_response
 
     space = np.geomspace if variation.log else np.linspace
-    values, found = space(variation.values[0], variation.values[-1], POINTS), np.full(POINTS, np.nan)
+    values, angles = space(variation.values[0], variation.values[-1], POINTS), np.full(POINTS, np.nan)
     for k, value in enumerate(values.tolist()):
         with suppress(ComputationError, SceneError):
-            found[k] = np.rad2deg(linear_response(vary(scene, {variation.path: value})).amplitude)
-    return values, found
+            angles[k] = np.rad2deg(linear_response(vary(scene, {variation.path: value})).amplitude)
+    return values, angles
 
 
 def _backbones_of(scene: Scene, variation: Variation, widest: float) -> Iterator[tuple[Floats, Floats]]:

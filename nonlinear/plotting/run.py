@@ -264,13 +264,13 @@ def _spectrum(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
         axis.set_title("Spectrum", loc="left")
         axis.text(0.5, 0.5, "too few or uneven samples", ha="center", color=muted(), transform=axis.transAxes)
         return
-    found = [_power(trajectory, link) for link in drawn.links]
-    omega, highest = found[0][0], max(float(power.max()) for _, power in found)
+    spectra = [_power(trajectory, link) for link in drawn.links]
+    omega, highest = spectra[0][0], max(float(power.max()) for _, power in spectra)
     marks = _linear(trajectory, float(omega[-1]))
-    last = min(omega[-1], max(3 * max(marks) if marks else _reach(found), 2 * resolution(times)))
+    last = min(omega[-1], max(3 * max(marks) if marks else _reach(spectra), 2 * resolution(times)))
     seen = omega <= 1.1 * last
     lowest = highest * DEEPEST
-    powers = [np.where((power > 0) & seen, np.maximum(power, lowest / 10), np.nan) for _, power in found]
+    powers = [np.where((power > 0) & seen, np.maximum(power, lowest / 10), np.nan) for _, power in spectra]
     has_band = draw_curves(axis, [(omega[seen], power[seen]) for power in powers], first=1.7, log="y", bands=True)
     axis.set_xlim(0, last)
     if highest > 0:
@@ -295,10 +295,10 @@ def _without(scene: Scene) -> str:
     return " without dry friction" if scene.has_friction else ""
 
 
-def _reach(found: list[tuple[Floats, Floats]]) -> float:
+def _reach(spectra: list[tuple[Floats, Floats]]) -> float:
     """The angular frequency (rad/s) above which no power of note is seen."""
-    highest = max(float(power.max()) for _, power in found)
-    return max(float(omega[power >= FAINT * highest].max(initial=0.0)) for omega, power in found)
+    highest = max(float(power.max()) for _, power in spectra)
+    return max(float(omega[power >= FAINT * highest].max(initial=0.0)) for omega, power in spectra)
 
 
 def _power(trajectory: Trajectory, link: int) -> tuple[Floats, Floats]:
