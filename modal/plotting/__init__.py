@@ -64,7 +64,7 @@ from modal.plotting.style import (
     theme,
     thickness,
 )
-from modal.plotting.themes import Pair, pair_of, show_both_themes
+from modal.plotting.themes import ThemedPicture, pair_of, show_both_themes
 from modal.plotting.travels import draw_travel, travel_figure
 from modal.plotting.tuning import draw_tuning, tuning_figure
 
@@ -84,8 +84,8 @@ __all__ = [
     "WIDE",
     "WIDTH",
     "MovingFigure",
-    "Pair",
     "Picture",
+    "ThemedPicture",
     "any_letters",
     "assurance_figure",
     "bode_figure",

@@ -24,7 +24,7 @@ from modal.plotting.shapes import (
     AMPLITUDE_DEG,
     MOST_PANELS,
     USUAL_PANELS,
-    Layout,
+    ShapeLayout,
     arranged,
     draw_rest,
     draw_swing,
@@ -123,7 +123,7 @@ class _Panel:
         self.drawn = [artist for artist in self.axis.get_children() if artist not in before]
 
 
-def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout | None, amplitude: float) -> _Panel:
+def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout | None, amplitude: float) -> _Panel:
     """The panel of a mode, with what stands still in it; layout is None where angles are drawn over pendula."""
     shape = modes.shape(modes.index_of(row))
     real = replace(shape, cart=complex(shape.cart).real, angles=shape.angles.real, supports=np.real(shape.supports))
@@ -180,7 +180,7 @@ def _profile(axis: Axes, modes: Modes, amplitude: float) -> Callable[[Axes, Shap
     return draw
 
 
-def _sizes(count: int, layout: Layout | None) -> tuple[tuple[int, int], float, float]:
+def _sizes(count: int, layout: ShapeLayout | None) -> tuple[tuple[int, int], float, float]:
     """The columns and lines of panels, and the width and height of one (inches)."""
     ratio = 1.5 if layout is None else 2 * layout.half_width / (layout.top - layout.bottom)
     columns, lines = arranged(count, ratio)

@@ -41,7 +41,7 @@ LEAST, WIDEST = 4.6, 1.4  # least width of a picture (inches); width over height
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class ShapeLayout:
     """The pendula drawn, their links' angles at equilibrium, the index of the first link of each, and their pivots.
 
     In metres: the longest chain, the extent below and above the rail, and half the width, about `middle`.  What hangs
@@ -60,7 +60,7 @@ class Layout:
     middle: float = 0.0
     mark: float = MARK
 
-    def within(self, width: float) -> Layout:
+    def within(self, width: float) -> ShapeLayout:
         """The same with marks small enough for structures and long chains, in a panel of this width (inches)."""
         points = 72 * width / (2 * self.half_width)
         mark = MARK if self.scaffold is None else min(MARK, 0.4 * self.depth * points)
@@ -169,7 +169,7 @@ def arranged(count: int, ratio: float) -> tuple[int, int]:
     return -(-count // lines), lines
 
 
-def layout_of(modes: Modes) -> Layout:
+def layout_of(modes: Modes) -> ShapeLayout:
     """What is drawn of the pendula, and where."""
     hanging: list[tuple[tuple[AnyLink, ...], Floats, int]] = []
     first, angles = 0, modes.rig.rest_angles
@@ -192,10 +192,10 @@ def layout_of(modes: Modes) -> Layout:
     if modes.rig.leans:
         below = max(sum(link.length for link in chain) for chain in chains)
         half_width += aside + 0.2 * depth
-    return Layout(chains, rests, offsets, pivots, depth, below, above, half_width)
+    return ShapeLayout(chains, rests, offsets, pivots, depth, below, above, half_width)
 
 
-def _on_structure(modes: Modes, hanging: list[tuple[tuple[AnyLink, ...], Floats, int]]) -> Layout:
+def _on_structure(modes: Modes, hanging: list[tuple[tuple[AnyLink, ...], Floats, int]]) -> ShapeLayout:
     """The layout of pendula on a structure: as it is drawn at rest, with room for it to move."""
     structure = modes.rig.structure
     assert structure is not None
@@ -204,7 +204,7 @@ def _on_structure(modes: Modes, hanging: list[tuple[tuple[AnyLink, ...], Floats,
     depth = max(float(np.ptp(_placed(chain, np.ones(len(chain))))) for chain in chains)
     drawn = np.searchsorted(first, offsets)
     scaffold = Scaffold(structure, drawn, first, depth)
-    layout = Layout(chains, rests, offsets, np.zeros(0), depth, 0.0, 0.0, 0.0, scaffold)
+    layout = ShapeLayout(chains, rests, offsets, np.zeros(0), depth, 0.0, 0.0, 0.0, scaffold)
     still = np.zeros((1, structure.size))
     pivots = scaffold.pivots(still)[0]
     hung = [_hung(chain, rest, pivot)[None] for chain, rest, pivot in zip(chains, rests, pivots, strict=True)]
@@ -234,7 +234,7 @@ def _placed(links: tuple[AnyLink, ...], way: Floats) -> Floats:
     return np.concatenate([joints, joints[:-1] + way * [link.centre for link in links]])
 
 
-def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout, amplitude: float) -> None:
+def _panel(axis: Axes, modes: Modes, row: Mode, layout: ShapeLayout, amplitude: float) -> None:
     shape = modes.shape(modes.index_of(row))
     if np.iscomplexobj(shape.angles):
         shape = replace(
@@ -255,7 +255,7 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout, amplitude: float
         draw_swing(axis, modes, layout, shape, amplitude, {"color": colour(0)})
 
 
-def draw_rest(axis: Axes, modes: Modes, layout: Layout, shape: Shape) -> None:
+def draw_rest(axis: Axes, modes: Modes, layout: ShapeLayout, shape: Shape) -> None:
     """The rail and everything at equilibrium, on an axis with the limits of the layout."""
     axis.set_xlim(*layout.ends)
     axis.set_ylim(layout.bottom, layout.top)
@@ -265,7 +265,7 @@ def draw_rest(axis: Axes, modes: Modes, layout: Layout, shape: Shape) -> None:
     draw_swing(axis, modes, layout, shape, 0.0, {"color": rest(), "gid": QUIET})
 
 
-def draw_translation(axis: Axes, layout: Layout) -> None:
+def draw_translation(axis: Axes, layout: ShapeLayout) -> None:
     """The sign of a rigid translation."""
     reach, height = 0.3 * layout.depth, 0.13 * layout.depth
     if layout.scaffold is not None:
@@ -286,7 +286,7 @@ def panel_words(row: Mode, letters: int) -> str:
     return f"mode {row.number}{frequency}\n{fill(rate, letters)}\n{fill(row.family, letters)}"
 
 
-def fitting_amplitude(layout: Layout, shape: Shape, amplitude: float) -> float:
+def fitting_amplitude(layout: ShapeLayout, shape: Shape, amplitude: float) -> float:
     """A reduced amplitude where the cart would leave the picture; long chains are drawn linearly, by displacement."""
     if layout.is_linear:
         cart = float(np.real(shape.cart))
@@ -300,7 +300,9 @@ def fitting_amplitude(layout: Layout, shape: Shape, amplitude: float) -> float:
     return float(min(amplitude, FARTHEST * layout.depth / max(abs(shape.cart), 1e-300)))
 
 
-def draw_swing(axis: Axes, modes: Modes, layout: Layout, shape: Shape, amplitude: float, look: dict[str, Any]) -> None:
+def draw_swing(
+    axis: Axes, modes: Modes, layout: ShapeLayout, shape: Shape, amplitude: float, look: dict[str, Any]
+) -> None:
     """A real shape times an amplitude (rad)."""
     places, still = layout.places(shape, amplitude), layout.places(shape, 0.0)
     joints = {}
@@ -329,7 +331,9 @@ def draw_swing(axis: Axes, modes: Modes, layout: Layout, shape: Shape, amplitude
     draw_pieces(axis, pieces, look, rests=amplitude == 0)
 
 
-def _marks(axis: Axes, links: Sequence[AnyLink], x: Floats, y: Floats, look: dict[str, Any], layout: Layout) -> None:
+def _marks(
+    axis: Axes, links: Sequence[AnyLink], x: Floats, y: Floats, look: dict[str, Any], layout: ShapeLayout
+) -> None:
     heaviest, most = max(link.mass for link in links), layout.mark
     for i, link in enumerate(links):
         part = link.centre / link.length
@@ -349,7 +353,9 @@ def _marks(axis: Axes, links: Sequence[AnyLink], x: Floats, y: Floats, look: dic
     )
 
 
-def _support(axis: Axes, modes: Modes, layout: Layout, shift: float, look: dict[str, Any], *, filled: bool) -> None:
+def _support(
+    axis: Axes, modes: Modes, layout: ShapeLayout, shift: float, look: dict[str, Any], *, filled: bool
+) -> None:
     left, right = layout.pivots[0] - 0.16 * layout.depth, layout.pivots[-1] + 0.16 * layout.depth
     height = 0.075 * layout.depth
     if modes.rig.cart is None:
@@ -360,7 +366,7 @@ def _support(axis: Axes, modes: Modes, layout: Layout, shift: float, look: dict[
     axis.add_patch(FancyBboxPatch((left + shift, 0.0), right - left, height, fc=face, ec=look["color"], **style))
 
 
-def _caption(modes: Modes, rows: Sequence[Mode], layout: Layout, amplitude_deg: float) -> str:
+def _caption(modes: Modes, rows: Sequence[Mode], layout: ShapeLayout, amplitude_deg: float) -> str:
     words = ["grey: rest"]
     if any(row.oscillates for row in rows):
         words += ["blue and orange: the two ends of the swing"]

@@ -38,7 +38,7 @@ OBLIQUE = 0.55 * np.array([np.cos(np.radians(35)), np.sin(np.radians(35))])
 
 
 @dataclass(frozen=True)
-class _Drawn:
+class _SketchedLink:
     """One link: its upper and lower joint and its centre in the picture, its tilt (rad), its symbols' numbers."""
 
     link: AnyLink
@@ -102,7 +102,7 @@ def _structured(scene: Scene, chains: list[list[AnyLink]], tilts: list[Floats]) 
         centres = [min(link.centre / link.length, 1.4) for link in chain]
         drawn.append(
             [
-                _Drawn(link, start, end, start + centre * (end - start), float(angle), number)
+                _SketchedLink(link, start, end, start + centre * (end - start), float(angle), number)
                 for link, start, end, centre, angle, number in zip(
                     chain, joints[p], joints[p][1:], centres, angles, named, strict=False
                 )
@@ -160,7 +160,7 @@ def _tilts(chains: list[list[AnyLink]], angles_deg: Sequence[float] | None) -> l
     return np.split(np.radians(angles), np.cumsum([len(chain) for chain in chains])[:-1])
 
 
-def _placed(scene: Scene, chains: list[list[AnyLink]], tilts: list[Floats]) -> list[list[_Drawn]]:
+def _placed(scene: Scene, chains: list[list[AnyLink]], tilts: list[Floats]) -> list[list[_SketchedLink]]:
     """Every link in its place; pendula as far apart as their extents ask for."""
     longest = max(link.length for chain in chains for link in chain)
     shapes = []
@@ -174,7 +174,7 @@ def _placed(scene: Scene, chains: list[list[AnyLink]], tilts: list[Floats]) -> l
     named = iter(numbers)
     return [
         [
-            _Drawn(
+            _SketchedLink(
                 link,
                 joints[i] + (place, 0),
                 joints[i + 1] + (place, 0),
@@ -262,7 +262,7 @@ def _cart(axis: Axes, left: float, right: float, push: str) -> None:
         _say(axis, push, right + 0.24, 0.14, color=colour(4))
 
 
-def _link(axis: Axes, drawn: _Drawn, below: _Drawn | None, differ: dict[str, bool]) -> None:
+def _link(axis: Axes, drawn: _SketchedLink, below: _SketchedLink | None, differ: dict[str, bool]) -> None:
     """One link with its angle, length and centre, and the weight at its centre of mass."""
     side = 1.0 if drawn.tilt >= 0 else -1.0
     across, hue = side * np.array([np.cos(drawn.tilt), np.sin(drawn.tilt)]), colour(0)
@@ -288,11 +288,11 @@ def _link(axis: Axes, drawn: _Drawn, below: _Drawn | None, differ: dict[str, boo
     _say(axis, f"{_symbol('m', drawn, differ['mass'])} g", x, y, color=colour(4))
 
 
-def _symbol(letter: str, drawn: _Drawn, numbered: bool) -> str:
+def _symbol(letter: str, drawn: _SketchedLink, numbered: bool) -> str:
     return f"{letter}_{{{drawn.number}}}" if numbered and drawn.number else letter
 
 
-def _angle(axis: Axes, drawn: _Drawn, side: float) -> None:
+def _angle(axis: Axes, drawn: _SketchedLink, side: float) -> None:
     """The vertical through the upper joint, and the arc of θ."""
     x, y = drawn.joint
     axis.plot([x, x], [y, y - 0.54], ls=MARKED, color=muted(), lw=1.0, zorder=1)

@@ -52,7 +52,7 @@ def draw_run(trajectory: Trajectory, stream: IO[bytes], *, kind: str = "png") ->
 
 
 @dataclass(frozen=True)
-class _Drawn:
+class _DrawnLinks:
     """The links drawn, from 0, their names, and how many links they stand for, with those that coincide with them."""
 
     links: list[int]
@@ -60,7 +60,7 @@ class _Drawn:
     stand_for: int
 
     @classmethod
-    def of(cls, trajectory: Trajectory) -> _Drawn:
+    def of(cls, trajectory: Trajectory) -> _DrawnLinks:
         """Of many links some evenly spaced."""
         links, names, stand_for = pick(degrees(trajectory)[0].T, _names(trajectory), MOST_LINES)
         return cls(links.tolist(), names, stand_for)
@@ -80,7 +80,7 @@ def run_figure(trajectory: Trajectory) -> Figure:
     tall = 2 if carried else 3
     angles = figure.add_subplot(grid[:tall, 0])
     energies = figure.add_subplot(grid[-tall:, 0], sharex=angles)
-    drawn = _Drawn.of(trajectory)
+    drawn = _DrawnLinks.of(trajectory)
     smooth = _smooth(trajectory)
     _angles(angles, smooth, drawn)
     for k, (title, unit, curves) in enumerate(carried):
@@ -133,7 +133,7 @@ def _range(axis: Axes, times: Floats, values: Floats, what: str) -> None:
     axis.fill_between(times, values.min(1), values.max(1), label=f"range of all {values.shape[1]} {what}", **style)
 
 
-def _angles(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
+def _angles(axis: Axes, trajectory: Trajectory, drawn: _DrawnLinks) -> None:
     values, times = degrees(trajectory)[0], trajectory.times
     curves = [(times, values[:, link]) for link in drawn.links]
     has_band = draw_curves(axis, curves, names=drawn.names, bands=True)
@@ -220,7 +220,7 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
     legend(axis)
 
 
-def _portrait(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
+def _portrait(axis: Axes, trajectory: Trajectory, drawn: _DrawnLinks) -> None:
     if trajectory.system.spatial:
         _top_view(axis, trajectory)
         return
@@ -256,7 +256,7 @@ def _top_view(axis: Axes, trajectory: Trajectory) -> None:
     legend(axis, 3)
 
 
-def _spectrum(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
+def _spectrum(axis: Axes, trajectory: Trajectory, drawn: _DrawnLinks) -> None:
     framed(axis, "angular frequency ω (rad/s)", "power (°² s)")
     times = trajectory.times
     even = len(times) >= FEWEST and np.ptp(np.diff(times)) < 1e-6 * (times[1] - times[0])
@@ -322,7 +322,7 @@ def _linear(trajectory: Trajectory, most: float) -> list[float]:
     return [float(value) for value in swinging if 0 < value < most]
 
 
-def _caption(trajectory: Trajectory, drawn: _Drawn) -> str:
+def _caption(trajectory: Trajectory, drawn: _DrawnLinks) -> str:
     run, momentum = trajectory.run, trajectory.momentum_drift()
     words = [f"{run.method} at tolerance {run.tolerance:g}, {run.steps} steps"]
     words.append(f"energy drift {trajectory.energy_drift():.1e}")

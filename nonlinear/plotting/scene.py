@@ -46,7 +46,7 @@ class Actor:
 
 
 @dataclass(frozen=True, eq=False)
-class Energies:
+class FilmEnergies:
     """Kinetic energy and potential energy above equilibrium (J) of the named bodies (F, B) and of the whole (F,)."""
 
     names: tuple[str, ...]
@@ -192,7 +192,7 @@ def _links(trajectory: Trajectory, pendulum: int) -> tuple[AnyLink, ...]:
     return tuple(link for link in entry.links for _ in range(link.count))
 
 
-def energies_of(trajectory: Trajectory, at: Floats) -> Energies:
+def energies_of(trajectory: Trajectory, at: Floats) -> FilmEnergies:
     """The energies of the drawn pendula, then of what carries them, and of everything, at the times `at` (F,) in s."""
     rows = max(1, CLAUSE // trajectory.system.n_links)
     parts = [_energies(trajectory, at[first : first + rows]) for first in range(0, len(at), rows)]
@@ -201,7 +201,7 @@ def energies_of(trajectory: Trajectory, at: Floats) -> Energies:
     bars = np.append(shown, trajectory.system.n_pendula) if carried else shown
     carried = SHORT.get(carried, carried) if len(shown) > FEW else carried
     names = (*map(str, shown + 1), *[carried] * bool(carried))
-    return Energies(names, kinetic[:, bars], potential[:, bars], (kinetic.sum(1), potential.sum(1)))
+    return FilmEnergies(names, kinetic[:, bars], potential[:, bars], (kinetic.sum(1), potential.sum(1)))
 
 
 def carrier_name(system: System) -> str:
