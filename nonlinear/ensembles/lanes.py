@@ -11,7 +11,7 @@ from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.integration import pacing
 from nonlinear.integration.crowds import RailWork, switching
-from nonlinear.integration.lanes import Task, Watch, integrate
+from nonlinear.integration.lanes import LaneTask, Watch, integrate
 from nonlinear.integration.watches import Crossings, FirstTurns, Growth, Largest, Samples, Stretching
 from nonlinear.integration.within import fill
 from nonlinear.system import Layout, Numbers
@@ -28,7 +28,7 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     return found
 
 
-def task_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[Task, Floats, Floats]:
+def task_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[LaneTask, Floats, Floats]:
     """What to integrate, natural units of y, and the error (in these) allowed in a step."""
     units, layout = pacing.units_of(numbers), lanes.layout
     scale, slope = units.scale(layout), slope_of(lanes, numbers, y)
@@ -37,7 +37,7 @@ def task_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[
         size = pacing.shaken(numbers, layout, y, size, wanted.duration)
     relative, absolute, first = pacing.tolerances(y, slope, scale, size, units.rate, wanted.tolerance)
     absolute = np.ascontiguousarray(np.broadcast_to(absolute, y.shape))
-    return Task(lanes, numbers, y, wanted.duration, relative, absolute, first), scale, relative * size
+    return LaneTask(lanes, numbers, y, wanted.duration, relative, absolute, first), scale, relative * size
 
 
 @dataclass(eq=False)
@@ -107,7 +107,7 @@ def stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
     return watch.growth
 
 
-def stretched(numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[Task, Floats]:
+def stretched(numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[LaneTask, Floats]:
     """The task of y and a tangent vector, and natural units of this."""
     lanes = Lanes(numbers, tangent=True)
     layout = replace(lanes.layout, works=False)
@@ -119,7 +119,7 @@ def stretched(numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[Task, Floats
     members = y.shape[1]
     first = pacing.longest_first(pacing.units_of(numbers).rate, members)
     relative = np.full(members, wanted.tolerance)
-    return Task(lanes, numbers, both, wanted.duration, relative, absolute, first), scale
+    return LaneTask(lanes, numbers, both, wanted.duration, relative, absolute, first), scale
 
 
 def shortest_scale(numbers: Numbers, layout: Layout) -> Floats:
@@ -127,4 +127,4 @@ def shortest_scale(numbers: Numbers, layout: Layout) -> Floats:
     system = numbers.arrays
     length = np.min([group.block.length.min((0, 1)) for group in system.groups], axis=0)
     rate = np.sqrt(np.atleast_1d(system.gravity) / length)
-    return pacing.Units(length, rate, 0 * rate).scale(layout)
+    return pacing.MemberUnits(length, rate, 0 * rate).scale(layout)
