@@ -89,7 +89,12 @@ def number_words(scene: Scene, path: str) -> str:
 
 
 def number_unit(scene: Scene, path: str) -> str:
-    """Its unit, of a force N and of a torque N m; a dash for a number without dimension."""
+    """Its unit, of a force N and of a torque N m; a dash for a number without dimension.
+
+    >>> from modal import load
+    >>> number_unit(load("crane-hook"), "gravity"), number_unit(load("crane-hook"), "damping_ratio")
+    ('m/s²', '–')
+    """
     place = find_places(scene, path)[0]
     if place[0] == "force" and place[-1] == "amplitude":
         return "N m" if scene.force[int(place[1])].direction == "torque" else "N"
