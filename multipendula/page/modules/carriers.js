@@ -64,9 +64,12 @@ const isThere = (scene, place) => placed(scene, place) > 0 || (place.includes("d
 const named = (law, way = null) => `${law[0].toUpperCase()}${law.slice(1)}${way ? ` in ${way}` : ""}`;
 const unitOf = (law, unit) => ({ stiffness: { m: "N/m", rad: "N m/rad" }, damping: { m: "N s/m", rad: "N m s/rad" } })[law][unit];
 
-// The motion of the ground or of a support; undefined where all is at rest.
-export function motionIn(scene) {
-  return structure.motion ? placed(scene, structure.motion) : undefined;
+// How many inputs of the text come before the forces on its coordinates.
+export const leadingCount = () => structure.leading;
+
+// The motions of the ground or of a support.
+export function motionsIn(scene) {
+  return structure ? structure.motions.map((place) => placed(scene, place)) : [scene.support.motion ?? []].flat();
 }
 
 function entriesOf(scene, links) {
@@ -82,7 +85,7 @@ function entriesOf(scene, links) {
 function balanced(scene, rest, constants) {
   const size = (rest.length - 1) / 2;
   const out = new Float64Array(rest.length);
-  structure.steps.rates(constants, rest, new Float64Array(size + 1), null, out);
+  structure.steps.rates(constants, rest, new Float64Array(size + structure.leading), null, out);
   const longest = Math.max(...scene.pendulum.flatMap(({ links }) => links.map(({ length }) => length)));
   if (!out.slice(size).every((value) => Math.abs(value) <= BALANCED * scene.gravity * Math.max(1, 1 / longest))) {
     throw new Error("the scene as drawn is no equilibrium");
@@ -91,11 +94,11 @@ function balanced(scene, rest, constants) {
 
 // A function f(t, y, out) for the derivative of y, or of small deviations from rest; `forces(t)` are those on all
 // coordinates.
-export function ratesOf({ size, structure: { constants, rest } }, forces, linear) {
-  const first = structure.timed ? 1 : 0;
+export function ratesOf({ size, leading, structure: { constants, rest } }, forces, linear) {
+  const first = structure.leading;
   const inputs = new Float64Array(first + size);
   return (time, y, out) => {
-    if (first) inputs[0] = time;
+    if (first) inputs.set(leading(time));
     if (forces) inputs.set(forces(time), first);
     if (linear) structure.steps.linear(constants, rest, inputs, y, out);
     else structure.steps.rates(constants, y, inputs, null, out);
@@ -104,23 +107,23 @@ export function ratesOf({ size, structure: { constants, rest } }, forces, linear
 
 // Kinetic and potential energy (J), the latter from rest.
 export function storedIn({ structure: { constants } }, y) {
-  const found = new Float64Array(2);
-  structure.steps.stored(constants, y, null, null, found);
-  return { kinetic: found[0], potential: found[1] };
+  const energies = new Float64Array(2);
+  structure.steps.stored(constants, y, null, null, energies);
+  return { kinetic: energies[0], potential: energies[1] };
 }
 
 // The bilinear forms x'Mz, x'Kz and x'Dz of small motions of all coordinates.
 export function pairedIn({ structure: { constants, rest } }, x, z) {
-  const found = new Float64Array(3);
-  structure.steps.paired(constants, rest, x, z, found);
-  return found;
+  const forms = new Float64Array(3);
+  structure.steps.paired(constants, rest, x, z, forms);
+  return forms;
 }
 
 // What impulses on all coordinates add to the rates.
 export function impelledIn({ size, structure: { constants } }, y, impulses) {
-  const found = new Float64Array(size);
-  structure.steps.impelled(constants, y, impulses, null, found);
-  return found;
+  const rates = new Float64Array(size);
+  structure.steps.impelled(constants, y, impulses, null, rates);
+  return rates;
 }
 
 // ------------------------------------------------------------------------------------------------ drawing
@@ -129,16 +132,16 @@ const constants = structure && structure.drawing.constants([]);
 
 // Where the first joints of all pendula are, in metres along the rail and down.
 export function pivotsAt(y) {
-  const found = new Float64Array(2 * structure.bases.length);
-  structure.drawing.pivots(constants, y, null, null, found);
-  return paired(found);
+  const places = new Float64Array(2 * structure.bases.length);
+  structure.drawing.pivots(constants, y, null, null, places);
+  return paired(places);
 }
 
 // The lines and outlines of carriers, springs and ground: { role, carrier, closed, points }.
 export function piecesAt(y, joints) {
-  const found = new Float64Array(2 * structure.pieces.reduce((total, { count = 0 }) => total + count, 0));
-  structure.drawing.pieces(constants, y, joints.flat(2), null, found);
-  const points = paired(found);
+  const places = new Float64Array(2 * structure.pieces.reduce((total, { count = 0 }) => total + count, 0));
+  structure.drawing.pieces(constants, y, joints.flat(2), null, places);
+  const points = paired(places);
   let at = 0;
   return structure.pieces.map((piece) => ({ ...piece, points: piece.points ? paired(piece.points) : points.slice(at, (at += piece.count)) }));
 }
