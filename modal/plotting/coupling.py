@@ -31,8 +31,8 @@ LOOSE = 0.5
 """Strength of coupling up to which an enlargement about a pole shows its zero and no other."""
 FELT = r"dynamic mass $m_\mathrm{dyn}$ (kg)"
 MASSES = 81
-RISE = 2.5
-"""Top of the lower panel over the highest frequency of the scene, where a curve rises without limit."""
+RISE, LOW_RISE = 2.5, 1.4
+"""Top of the lower panel over the highest frequency of the scene, where a curve rises without limit; of many modes."""
 CART_MASS = r"mass of the cart $m_c$ (kg)"
 
 
@@ -285,13 +285,18 @@ def _reach(poles: Floats, now: Floats, omega: Floats, light: Floats) -> tuple[fl
     """Both ends of the frequency axis of the limits and whether it is logarithmic.
 
     They hold all poles, the scene's own modes and the finite limits of a light cart; where a mode of a light cart has
-    no limit, the axis goes as far as it rises on an axis of the same kind, up to RISE times the highest of these.
+    no limit, the axis goes as far as it rises on an axis of the same kind, up to RISE times the highest of these,
+    of many LOW_RISE times.
     """
     bottom, top, wide = span(np.concatenate([poles, now, light[np.isfinite(light)]]), poles)
     known = np.concatenate((poles, now))
     lowest = float(min(known.min(), omega.min()))
     rises = float(omega.max()) > top
-    top = min(float(omega.max()) * 1.05, RISE * float(known.max())) if rises else top
+    top = (
+        min(float(omega.max()) * 1.05, (RISE if len(poles) <= MOST_HEAVY else LOW_RISE) * float(known.max()))
+        if rises
+        else top
+    )
     wide = wide or (top > LOGARITHMIC * lowest and not _fits_linear(poles))
     room = 0.12 * (top - lowest)
     return (lowest / 1.5 if wide else max(0.0, bottom, lowest - room)), top, wide
