@@ -8,6 +8,7 @@ with `style` and `layout`; each of the other modules makes one kind of figure.
 from modal.plotting.coupling import coupling_figure, draw_coupling
 from modal.plotting.curves import draw_curves, envelope, is_blob, pick
 from modal.plotting.films import MovingFigure, form_problems, frame_rate, require_writer, write_film
+from modal.plotting.free_body import free_body_tikz, plot_free_body
 from modal.plotting.hoisting import draw_hoist
 from modal.plotting.identification import (
     assurance_figure,
@@ -110,6 +111,7 @@ __all__ = [
     "form_problems",
     "frame_rate",
     "framed",
+    "free_body_tikz",
     "headline",
     "in_both_themes",
     "ink",
@@ -125,6 +127,7 @@ __all__ = [
     "pair_of",
     "paper",
     "pick",
+    "plot_free_body",
     "poles_figure",
     "predicted",
     "require_writer",

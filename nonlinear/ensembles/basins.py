@@ -251,8 +251,8 @@ def _none(found: Basins) -> str:
     if not found.names or not found.shares()[NONE]:
         return words
     if found.attractor is not None:
-        return f"{words}; {NONE}: still on the way, or not periodic within {LONGEST} periods of the drives"
-    return f"{words}; {NONE}: at rest, still on the way, or in another motion"
+        return f"{words}; {NONE}: not settled yet, or not periodic within {LONGEST} periods of the drives"
+    return f"{words}; {NONE}: at rest, not settled yet, or in another motion"
 
 
 def _ends(found: Basins) -> str:

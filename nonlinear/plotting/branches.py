@@ -16,7 +16,7 @@ from modal.types import Floats
 from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
 
 if TYPE_CHECKING:
-    from nonlinear.synchronization import Branch, Branches
+    from nonlinear.synchronization import Branches, EquilibriumBranch
 
 MOST_CURVES = HUES
 
@@ -50,7 +50,7 @@ def branches_figure(branches: Branches) -> Figure:
     return figure
 
 
-def _curve(axis: Axes, branch: Branch, y: Floats, number: int) -> None:
+def _curve(axis: Axes, branch: EquilibriumBranch, y: Floats, number: int) -> None:
     draw_branch(axis, branch.values, y, branch.is_stable, number)
     critical = [change.value for change in branch.changes]
     axis.plot(critical, np.interp(critical, branch.values, y), **mark())

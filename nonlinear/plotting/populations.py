@@ -72,7 +72,7 @@ def _panel(axis: Axes, diagram: PopulationDiagram, branch: MotionBranch, names: 
         for window in windows if name in branch.sectors else ():
             x = branch.values[window]
             axis.plot(x, exact[window], lw=narrowing(number), label=f"_{name}", **look)
-            axis.plot(x, averaged[window], ls=PREDICTED, lw=1.0, label=f"_{name} averaged", **look)
+            axis.plot(x, averaged[window], ls=PREDICTED, lw=1.0, label=f"_{name} averaged", color=ink(), zorder=5)
     for begins, shape in ((False, "o"), (True, "s")):
         at = [
             threshold.value
