@@ -166,11 +166,11 @@ def _turns(scene: Scene, coordinate: int) -> bool:
 
 def _slow_push(scene: Scene, begin: float, pushed: int) -> Floats:
     """(k, c, m) of the coordinate along the shape in which everything follows it slowly."""
-    own = matrices_along(scene)(begin)
-    fastest = float(np.abs(scipy.linalg.eigvalsh(own.K, own.M)).max())
-    shape = np.linalg.solve(own.K + SLOWLY * fastest * own.M, np.eye(len(own.M))[pushed])
+    constant = matrices_along(scene)(begin)
+    fastest = float(np.abs(scipy.linalg.eigvalsh(constant.K, constant.M)).max())
+    shape = np.linalg.solve(constant.K + SLOWLY * fastest * constant.M, np.eye(len(constant.M))[pushed])
     shape /= shape[pushed]
-    slow = np.array([shape @ matrix @ shape for matrix in (own.K, own.D, own.M)])
+    slow = np.array([shape @ matrix @ shape for matrix in (constant.K, constant.D, constant.M)])
     return np.where(np.abs(slow) > SLOWLY * fastest * slow[2] * 10, slow, 0.0)
 
 
