@@ -12,12 +12,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from math import degrees, prod, sqrt
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, Form, Summary, as_csv, as_json, deferred, finite, grid, tabulated, titled
+from modal.report import Displayed, Form, Summary, as_csv, as_json, deferred, finite, grid, silent, tabulated, titled
 from modal.scene import InitialCondition, Pendulum, Scene, describe, name_of, require, title_of
 from modal.scene.doors import checked
 from modal.scene.parameters import Variation, parse_variations
@@ -32,6 +32,9 @@ from nonlinear.synchronization import agreement
 from nonlinear.synchronization.study import theory_of_scene
 from nonlinear.synchronization.study import usual_duration as sync_duration
 from nonlinear.system import has_start
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle", "attractor")
 """Measures with one number a member, or one a link, of which the earliest is taken; attractors are found from all."""
@@ -80,9 +83,10 @@ class Basins(Displayed):
         found = {own.column: grid.ravel() for own, grid in zip(self.axes, axes, strict=True)}
         return {**found, self.column: self.values.ravel()}
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """A matplotlib figure of the map."""
-        return deferred("nonlinear.plotting.ensembles:basins_figure")(self)
+        figure: Figure = deferred("nonlinear.plotting.ensembles:basins_figure")(self)
+        return figure
 
     def _summary(self) -> Summary:
         shape = " × ".join(str(len(axis.values)) for axis in self.axes)
@@ -129,7 +133,7 @@ def find_basins(
     *,
     vary: Sequence[str] | Sequence[Variation] = (),
     measure: str | None = None,
-    report: Callable[[float], object] = lambda done: None,
+    report: Callable[[float], object] = silent,
     **options: Any,
 ) -> Basins:
     """The measure over two numbers of a scene, by default the first angles of its first two pendula or links.

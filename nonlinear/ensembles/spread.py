@@ -34,6 +34,7 @@ from modal.report import (
     deferred,
     finite,
     grid,
+    silent,
     titled,
 )
 from modal.scene import Scene, describe, left_out, name_of, title_of
@@ -45,6 +46,8 @@ from nonlinear.integration import validate, validate_whole
 from nonlinear.system import State, system_of
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from modal.identification import Estimate
 
 MEMBERS, SAMPLES, SEED = 1000, 201, 5
@@ -159,9 +162,10 @@ class Spread(Displayed):
         found = {f"omega_{number}_rad_per_s": own for number, own in enumerate(self.omega.T, 1)}
         return {**self.values, **found}
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """A matplotlib figure of the frequencies and of the motion."""
-        return deferred("nonlinear.plotting.ensembles:spread_figure")(self)
+        figure: Figure = deferred("nonlinear.plotting.ensembles:spread_figure")(self)
+        return figure
 
     def _summary(self) -> Summary:
         title = f"Spread of {name_of(self.scene)}: {counted(self.size, 'member', 'members')} with {self.words}"
@@ -269,7 +273,7 @@ def find_spread(
     seed: int = SEED,
     estimate: Estimate | None = None,
     start: State | None = None,
-    report: Callable[[float], object] = lambda done: None,
+    report: Callable[[float], object] = silent,
     **options: Any,
 ) -> Spread:
     """Frequencies of so many members with numbers drawn within `tolerances`, and their motion over a duration (s).

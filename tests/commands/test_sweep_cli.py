@@ -23,10 +23,10 @@ from nonlinear.sweeps import sweep as swept
 KAPITZA = str(Path(__file__).parents[2] / "examples" / "kapitza.toml")
 
 
-def options(*places: str, **given: Any) -> Namespace:
+def options(*places: str, **changes: Any) -> Namespace:
     usual = dict.fromkeys(("measure", "output", "picture", "scheduler", "phase_deg", "settle", "of"))
     usual |= {"scene": "paper-cart-2", "vary": list(places), "loci": False, "strobe": False, "workers": 1}
-    return Namespace(theme="light", fresh=False, **usual | given)
+    return Namespace(theme="light", fresh=False, **usual | changes)
 
 
 def test_a_map_is_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -69,7 +69,7 @@ def test_loci_are_told_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("changes", "words"),
     [
         ({"output": "m.txt"}, "must end in .npz, .csv or .json"),
         ({"picture": "m.bmp"}, "must end in .png"),
@@ -80,9 +80,9 @@ def test_loci_are_told_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixt
         ({"loci": True, "workers": None, "vary": ["gravity=1:2:3"] * 2}, "--loci: .*one --vary"),
     ],
 )
-def test_bad_options_are_refused(given: dict[str, Any], words: str) -> None:
+def test_bad_options_are_refused(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(SceneError, match=words):
-        sweep(options(**{"vary": ["support.mass=1:2:3"]} | given))
+        sweep(options(**{"vary": ["support.mass=1:2:3"]} | changes))
 
 
 def test_a_picture_that_cannot_be_drawn_is_refused_at_once(capsys: pytest.CaptureFixture[str]) -> None:
@@ -117,8 +117,8 @@ def test_points_without_a_start_begin_in_their_first_mode_that_swings(
     scene, kept = unstarted(tmp_path), tmp_path / "m.npz"
     sweep(options(f"support.mass=1:9:{count}", scene=scene, measure=["amplitude:2"], output=str(kept)))
     assert "begins in the shape of its first mode that swings, its largest angle 5°" in capsys.readouterr().err
-    found = sweep_files.load(kept)
-    for mass, travel in zip(found.study.variations[0].values, found.values("cart_travel_m"), strict=True):
+    loaded = sweep_files.load(kept)
+    for mass, travel in zip(loaded.study.variations[0].values, loaded.values("cart_travel_m"), strict=True):
         point = vary(load(scene), {"support.mass": mass})
         cart = simulate(point, 2.0, start=usual_start(point), output=2001).motion.cart
         assert travel == pytest.approx(np.ptp(cart), rel=1e-4)
@@ -140,11 +140,11 @@ def test_tongues_are_kept_and_drawn(tmp_path: Path) -> None:
         *("largest_multiplier", "growth_rate_per_s", "kind"),
     ]
     assert told["data"]["kind"][:4] == [1, 1, 1, -1]
-    assert [(one["kind"], one["turns"]) for one in told["boundaries"]] == [("at the frequency", False)]
+    assert [(boundary["kind"], boundary["turns"]) for boundary in told["boundaries"]] == [("at the frequency", False)]
     assert drawn.read_bytes().startswith(b"\x89PNG")
     line = swept(Study(load(KAPITZA), parse_variations(grid[1:]), parse_measures(["floquet"])), workers=1)
     held = np.interp(0.02, told["boundaries"][0]["amplitude_m"][::-1], told["boundaries"][0]["frequency_hz"][::-1])
-    assert [one.frequency_hz.tolist() for one in line.boundaries] == [[pytest.approx(held, rel=1e-3)]]
+    assert [boundary.frequency_hz.tolist() for boundary in line.boundaries] == [[pytest.approx(held, rel=1e-3)]]
 
 
 def test_floquet_is_refused_before_anything_is_computed() -> None:

@@ -60,7 +60,7 @@ def study(*texts: str, measure: Measure = own.PRODUCT, number: float = 2.0) -> S
 
 
 def test_values_are_lists_ranges_and_ratios() -> None:
-    linear, ratios, listed, one = parse_variations(
+    linear, ratios, listed, single = parse_variations(
         ["gravity=1:2:5", "support.mass=1:1000:4log", "support.damping=0,.5,1e1", "support.stiffness=3"]
     )
     assert linear.values == (1.0, 1.25, 1.5, 1.75, 2.0)
@@ -68,8 +68,8 @@ def test_values_are_lists_ranges_and_ratios() -> None:
     assert (ratios.values[0], ratios.values[-1]) == (1.0, 1000.0)
     assert (linear.log, ratios.log) == (False, True)
     assert listed.values == (0.0, 0.5, 10.0)
-    assert one.values == (3.0,)
-    assert [v.unit for v in (linear, ratios, listed, one)] == ["m/s²", "kg", "N s/m", "N/m"]
+    assert single.values == (3.0,)
+    assert [v.unit for v in (linear, ratios, listed, single)] == ["m/s²", "kg", "N s/m", "N/m"]
 
 
 @pytest.mark.parametrize(
@@ -161,7 +161,7 @@ def test_a_variation_in_python_is_checked_too() -> None:
 def test_measures_of_the_paper_s_cart() -> None:
     """Published in the design: ω = 2.68011401, 2.71754912, 7.18867087, 7.20947810 rad/s; beats 167.8 s and 302.0 s."""
     frequencies, beat, upper, gap, ratio = (
-        one.of(PAPER) for one in parse_measures(["frequencies", "beat", "beat:4", "splitting", "damping:2"])
+        measure.of(PAPER) for measure in parse_measures(["frequencies", "beat", "beat:4", "splitting", "damping:2"])
     )
     expected = [2.68011401, 2.71754912, 7.18867087, 7.20947810]
     assert list(frequencies.values()) == pytest.approx(expected, rel=3e-9)
@@ -190,9 +190,9 @@ def test_equal_frequencies_count_each() -> None:
 def test_damping_of_one_pendulum() -> None:
     """m l² θ'' + c θ' + m g l θ = 0: ζ = c/(2 m l² ω)."""
     link = Bob(mass=2.0, length=0.5, damping=0.1)
-    one = Scene(gravity=9.81, pendulum=(Pendulum(links=(link,)),))
+    scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(link,)),))
     expected = 0.1 / (2 * 2.0 * 0.25 * sqrt(9.81 / 0.5))
-    assert parse_measures(["damping"])[0].of(one) == {"damping_ratio_1": pytest.approx(expected, rel=1e-12)}
+    assert parse_measures(["damping"])[0].of(scene) == {"damping_ratio_1": pytest.approx(expected, rel=1e-12)}
 
 
 def test_a_dragged_cart_s_creep_is_not_counted() -> None:
@@ -203,10 +203,10 @@ def test_a_dragged_cart_s_creep_is_not_counted() -> None:
 def test_measures_of_runs_are_those_of_the_trajectory() -> None:
     scene = load("crane-two-loads")
     run = simulate(scene, 3.0)
-    found = parse_measures(["amplitude:3"])[0].of(scene) | parse_measures(["energy_drift:3"])[0].of(scene)
-    assert found["largest_angle_deg"] == pytest.approx(np.degrees(np.abs(run.motion.links).max()), rel=1e-3)
-    assert found["cart_travel_m"] == pytest.approx(np.ptp(run.motion.cart), rel=1e-3)
-    assert found["energy_drift"] == run.energy_drift()
+    measured = parse_measures(["amplitude:3"])[0].of(scene) | parse_measures(["energy_drift:3"])[0].of(scene)
+    assert measured["largest_angle_deg"] == pytest.approx(np.degrees(np.abs(run.motion.links).max()), rel=1e-3)
+    assert measured["cart_travel_m"] == pytest.approx(np.ptp(run.motion.cart), rel=1e-3)
+    assert measured["energy_drift"] == run.energy_drift()
     leaning = load("chain-spatial")
     first = max(leaning.pendulum[0].start.angles_deg)
     assert parse_measures(["amplitude:0.01"])[0].of(leaning)["largest_angle_deg"] == pytest.approx(first, rel=1e-2)
@@ -240,16 +240,16 @@ def test_the_amplitude_is_that_of_the_turning_point(space: Literal["plane", "spa
     scene = Scene(gravity=G, space=space, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), start=start),))
     highest = np.degrees(np.arccos(np.cos(np.radians(20)) - np.pi**2 / (2 * G)))
     for seconds in ("10", "31"):
-        found = parse_measures([f"amplitude:{seconds}"])[0].of(scene)
-        assert found["largest_angle_deg"] == pytest.approx(highest, rel=1e-7)
+        measured = parse_measures([f"amplitude:{seconds}"])[0].of(scene)
+        assert measured["largest_angle_deg"] == pytest.approx(highest, rel=1e-7)
 
 
 def test_the_travel_is_that_between_turning_points() -> None:
     """Let go at rest, what hangs from a free cart swings to the other side as far, and the centre of mass stays."""
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0),), start=InitialCondition(angles_deg=(50.0,)))
     scene = Scene(gravity=G, support=Cart(mass=3.0), pendulum=(pendulum,))
-    found = parse_measures(["amplitude:7"])[0].of(scene)
-    assert found["cart_travel_m"] == pytest.approx(2 * np.sin(np.radians(50)) / 4, rel=1e-7)
+    measured = parse_measures(["amplitude:7"])[0].of(scene)
+    assert measured["cart_travel_m"] == pytest.approx(2 * np.sin(np.radians(50)) / 4, rel=1e-7)
 
 
 @pytest.mark.parametrize("text", ["", "frequency", "beat:0", "beat:1.5", "beat:x", "beat:nan", "beat:-1", "beat:1e9"])
@@ -259,7 +259,7 @@ def test_bad_measures_are_refused(text: str) -> None:
 
 
 def test_every_measure_has_words_and_a_usual_number() -> None:
-    assert [one.text.partition(":")[0] for one in parse_measures(list(MEASURES))] == list(MEASURES)
+    assert [measure.text.partition(":")[0] for measure in parse_measures(list(MEASURES))] == list(MEASURES)
     assert all(measure.words for measure in MEASURES.values())
     with pytest.raises(SceneError, match="requested twice"):
         parse_measures(["frequencies", "frequencies:4"])
@@ -274,10 +274,10 @@ def test_a_grid_is_the_direct_loop() -> None:
     asking = Study(
         PAPER, parse_variations(["support.mass=1:100:3log", "gravity=1,9.81"]), parse_measures(["frequencies:2"])
     )
-    found = sweep(asking, workers=1)
-    assert found.complete
-    assert not found.failures
-    grid = found.values("omega_2_rad_per_s")
+    swept = sweep(asking, workers=1)
+    assert swept.complete
+    assert not swept.failures
+    grid = swept.values("omega_2_rad_per_s")
     assert grid.shape == (3, 2)
     axes = [variation.values for variation in asking.variations]
     for (i, mass), (j, gravity) in product(enumerate(axes[0]), enumerate(axes[1])):
@@ -286,17 +286,17 @@ def test_a_grid_is_the_direct_loop() -> None:
 
 
 def test_points_run_with_the_last_axis_fastest() -> None:
-    found = sweep(study("support.mass=1,2,3", "support.damping=0,10", "gravity=5,6"), workers=1)
+    swept = sweep(study("support.mass=1,2,3", "support.damping=0,10", "gravity=5,6"), workers=1)
     expected = [[[2 * mass + damping] * 2 for damping in (0, 10)] for mass in (1, 2, 3)]
-    assert np.array_equal(found.values("product_kg"), expected)
-    assert found.study.point(5) == {"support.mass": 2, "support.damping": 0, "gravity": 6}
+    assert np.array_equal(swept.values("product_kg"), expected)
+    assert swept.study.point(5) == {"support.mass": 2, "support.damping": 0, "gravity": 6}
 
 
 def test_a_point_that_fails_hurts_no_other() -> None:
-    found = sweep(study(measure=own.FAILING, number=3.0), workers=1)
-    assert found.failures == {2: "RuntimeError: nothing to see"}
-    assert isnan(found.values("product_kg")[2])
-    assert np.array_equal(np.delete(found.values("product_kg"), 2), [1, 2, 4, 5, 6])
+    swept = sweep(study(measure=own.FAILING, number=3.0), workers=1)
+    assert swept.failures == {2: "RuntimeError: nothing to see"}
+    assert isnan(swept.values("product_kg")[2])
+    assert np.array_equal(np.delete(swept.values("product_kg"), 2), [1, 2, 4, 5, 6])
     crossed = sweep(study("pendulum[0].links[0].count=1,2", "support.mass=1,2"), workers=1)
     assert list(crossed.failures) == [0, 1]
     assert "angles_deg: has 2 values for 1 links" in crossed.failures[0]
@@ -306,11 +306,11 @@ def test_a_point_that_fails_hurts_no_other() -> None:
 def test_a_point_that_kills_its_process_is_found_and_the_rest_is_measured() -> None:
     frequencies = parse_measures(["frequencies:2"])
     asking = study("support.mass=1,2,3,4", measure=own.DYING, number=3.0)
-    found = sweep(Study(PAPER, asking.variations, (*asking.measures, *frequencies)), workers=2)
-    assert found.failures == {2: DIED}
+    swept = sweep(Study(PAPER, asking.variations, (*asking.measures, *frequencies)), workers=2)
+    assert swept.failures == {2: DIED}
     here = sweep(Study(PAPER, asking.variations, frequencies), workers=1).values("omega_2_rad_per_s")
-    assert np.array_equal(np.delete(found.values("omega_2_rad_per_s"), 2), np.delete(here, 2))
-    assert np.array_equal(np.delete(found.values("product_kg"), 2), [1, 2, 4])
+    assert np.array_equal(np.delete(swept.values("omega_2_rad_per_s"), 2), np.delete(here, 2))
+    assert np.array_equal(np.delete(swept.values("product_kg"), 2), [1, 2, 4])
 
 
 def test_progress_is_told() -> None:
@@ -548,9 +548,9 @@ def test_other_files_are_refused_in_one_line(tmp_path: Path) -> None:
 
 def test_curves_and_maps_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     whole, failing, _ = both_ways()
-    for one in (whole, failing):
+    for swept in (whole, failing):
         stream = io.BytesIO()
-        draw_sweep(one, stream)
+        draw_sweep(swept, stream)
         assert stream.getvalue().startswith(b"\x89PNG")
     assert (label("omega_2b_rad_per_s"), label("beat_1_s")) == ("ω$_{2b}$ (rad/s)", "beat 1 (s)")
     nothing = Sweep(whole.study, ())
@@ -576,7 +576,7 @@ def test_every_column_of_maps_has_its_axis_and_whole_numbers_have_ticks_of_their
 
 def test_without_distributed_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(MissingExtraError, match=r"multipendula\[cluster\]"), cluster("tcp://127.0.0.1:1"):
+    with pytest.raises(MissingExtraError, match=r"\.\[cluster\]"), cluster("tcp://127.0.0.1:1"):
         pass
 
 
@@ -610,7 +610,7 @@ def test_no_scheduler_is_said(address: str) -> None:
 
 
 def test_rows_that_are_compared_hold_no_nan() -> None:
-    assert not any(isnan(value) for one in both_ways() for row in one.rows for value in row.numbers.values())
+    assert not any(isnan(value) for swept in both_ways() for row in swept.rows for value in row.numbers.values())
 
 
 @pytest.mark.parametrize("workers", [0, -1, 1.5, float("nan"), "2", True])
