@@ -6,7 +6,7 @@ Start with `summary`.
 
 from nonlinear.postprocessing.averages import last, smooth
 from nonlinear.postprocessing.extents import Extent, angles_of, extent_of, largest_angle, places_of
-from nonlinear.postprocessing.frequencies import LEAST_PERIODS, ORDER, Line, attention, line, lines
+from nonlinear.postprocessing.frequencies import LEAST_PERIODS, ORDER, SpectralLine, attention, line, lines
 from nonlinear.postprocessing.reaction_forces import reaction_forces_of
 from nonlinear.postprocessing.resampling import extremes, picked, resample
 from nonlinear.postprocessing.spectra import WINDOW_NAME, power_spectrum, resolution
@@ -17,7 +17,7 @@ __all__ = [
     "ORDER",
     "WINDOW_NAME",
     "Extent",
-    "Line",
+    "SpectralLine",
     "angles_of",
     "attention",
     "extent_of",
