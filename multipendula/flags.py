@@ -103,7 +103,6 @@ FLAGS: dict[str, tuple[str, str]] = {
 
 OTHERWISE: dict[tuple[str, str], str] = {
     ("advise", "--output"): "saves the motion that was advised",
-    ("basins", "--measure"): "measures of its own, without :N",
     ("check", "--mode"): "several rows, 1:3, which --modes names elsewhere",
     ("export", "--modes"): "the number of modes that contribute most",
     ("fit", "--output"): "the fitted scene",

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 FORMATS = ("text", "csv", "json")
 ENGINES = ("auto", "numpy", "numba", "heyoka", "simulate")
-RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle", "attractor")
 BY_ENERGY, BY_STROBES = ("energy", "at"), ("phase_deg", "spread", "settle", "of", "seed")
 """Options of a section at an energy, and of a stroboscopic one."""
 
@@ -51,12 +50,15 @@ def basins(options: argparse.Namespace) -> None:
 
 
 def _basins_arguments(page: Page) -> None:
+    from nonlinear.measures import taken_by
+
     add_scene(page)
     words = "two numbers, such as pendulum[0].start.angles_deg[0]=-180:180:512 (default: angles, or angle and rate)"
     offer(page.asked.add_argument("--vary", metavar="PLACE=VALUES", action="append", help=words), places)
     page.rephrase(r"by find_bifurcations$", "by sweep --strobe")
-    words = f"{', '.join(RHYTHMS)} (default: configuration of a scene with drives, else first_turn)"
-    add_words(page.asked, "--measure", RHYTHMS, comma="", choices=RHYTHMS, metavar="NAME", help=words)
+    words = f"{', '.join(taken_by('basins'))} (default: configuration of a scene with drives, else first_turn)"
+    add_words(page.asked, "--measure", taken_by("basins"), comma="", metavar="NAME[:N]", help=f"{words}; N seconds")
+    page.rephrase(r"^measure (\S+): cannot be combined with a duration$", r"--measure \1: has its own --duration")
     add_duration(page, "default 30 sqrt(l/g), for a rhythm as long as sync needs, for attractors ten slowest decays")
     _add_engine(page)
     words = "keep finished chunks in this folder, and go on there after an interruption"
@@ -135,11 +137,12 @@ def _section_arguments(page: Page) -> None:
 def spread(options: argparse.Namespace) -> None:
     """Propagate tolerances of a scene's numbers to its frequencies and its motion by Monte Carlo."""
     from modal.errors import SceneError
-    from nonlinear.ensembles import find_spread, spread_table
+    from nonlinear.sweeps import find_spread, spread_table
 
     scene = _scene(options)
     members, seed = options.members or 1000, options.seed or 5
     with _engine(options, scene, members) as more:
+        more["measures"] = options.measure or ()
         more["estimate"] = estimate_of(scene, options.covariance)
         if more["estimate"] is None and not options.tolerance:
             raise SceneError(["spread needs --tolerance PLACE=WIDTH or --covariance FIT.json"])
@@ -152,6 +155,8 @@ def spread(options: argparse.Namespace) -> None:
 
 
 def _spread_arguments(page: Page) -> None:
+    from nonlinear.measures import taken_by
+
     add_scene(page)
     words = (
         "a number with its standard deviation, support.mass=0.5 or support.mass=2%%, or its interval, "
@@ -162,6 +167,8 @@ def _spread_arguments(page: Page) -> None:
     add_covariance(page, "draws its numbers together")
     page.asked.add_argument("--members", metavar="N", type=whole(10_000_000), help="number drawn (default 1000)")
     page.asked.add_argument("--seed", metavar="N", type=whole(2**31), help="of the random numbers")
+    words = f"{', '.join(taken_by('spread'))} (default: all frequencies); repeat for several"
+    add_words(page.asked, "--measure", taken_by("spread"), comma="", metavar="NAME[:N]", action="append", help=words)
     add_duration(page, "of the motion, from the scene's own start (default: frequencies only)")
     _add_engine(page)
     add_format(page, FORMATS)

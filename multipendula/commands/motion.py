@@ -95,7 +95,7 @@ def _banded(options: argparse.Namespace) -> tuple[Estimate, str] | None:
 
 def _print_band(options: argparse.Namespace, estimate: Estimate, kind: str) -> None:
     """How wide the motion is where the numbers vary by their covariance."""
-    from nonlinear.ensembles import find_spread, motion_words
+    from nonlinear.sweeps import find_spread, motion_words
 
     scene, duration = estimate.scene, options.duration or options.usual
     start = start_of(scene, options.start, told=True)

@@ -56,20 +56,14 @@ def refuse_both(options: argparse.Namespace) -> None:
 
 
 def _sweep_arguments(page: Page) -> None:
+    from nonlinear.measures import taken_by
+
     add_scene(page)
     words = "support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to three of them"
     vary = page.asked.add_argument("--vary", metavar="PLACE=VALUES", action="append", required=True, help=words)
     offer(vary, places)
-    measures = (
-        *("frequencies", "damping", "splitting", "beat", "amplitude", "energy_drift", "lyapunov"),
-        *("order", "survivor", "locking", "pendulum_energy", "floquet"),
-    )
-    words = (
-        "frequencies (default), damping, splitting or beat of the modes, amplitude, energy_drift or lyapunov of a run, "
-        "order, survivor, locking or pendulum_energy of a scene with drives, floquet under a vertical sine; repeat for "
-        "several"
-    )
-    add_words(page.asked, "--measure", measures, comma="", metavar="NAME[:N]", action="append", help=words)
+    words = f"{', '.join(taken_by('sweep'))} (default frequencies); repeat for several"
+    add_words(page.asked, "--measure", taken_by("sweep"), comma="", metavar="NAME[:N]", action="append", help=words)
     words = "follow all frequencies along one --vary by their mode shapes"
     page.asked.add_argument("--loci", action="store_true", help=words)
     page.rephrase(r"(loci need an undamped scene .*)$", r"\1; without --loci, --measure frequencies takes dampers")
@@ -106,7 +100,7 @@ def _map(options: argparse.Namespace, kind: str) -> None:
         from nonlinear.plotting import draw_sweep, validate_axes
 
         validate_axes(axes)
-    if any(one.measure.runs for one in measures) and not has_start(scene):
+    if any(request.computation.runs for request in measures) and not has_start(scene):
         tell_of_start("every point begins in the shape of its first mode that swings")
     with _journal(options, study) as kept:
         with _crew(options) as crew, bar(study.size, "point") as report:

@@ -8,10 +8,18 @@ Start with `lyapunov`.
 """
 
 from nonlinear.chaos.claims import study, text
-from nonlinear.chaos.lyapunov import TRANSIENT, Exponent, lyapunov_exponent, usual_duration
+from nonlinear.chaos.lyapunov import (
+    TOLERANCE,
+    TRANSIENT,
+    Exponent,
+    lyapunov_exponent,
+    usual_duration,
+    validate_duration,
+)
 from nonlinear.chaos.studies import Case, Finding, measure
 
 __all__ = [
+    "TOLERANCE",
     "TRANSIENT",
     "Case",
     "Exponent",
@@ -21,4 +29,5 @@ __all__ = [
     "study",
     "text",
     "usual_duration",
+    "validate_duration",
 ]

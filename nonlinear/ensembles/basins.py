@@ -27,14 +27,13 @@ from nonlinear.ensembles.measures import configurations
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.ensembles.runs import form_of
 from nonlinear.ensembles.strobes import MOST as LONGEST
+from nonlinear.measures import requested
 from nonlinear.reduction import usual_start
 from nonlinear.synchronization import agreement
 from nonlinear.synchronization.study import theory_of_scene
 from nonlinear.synchronization.study import usual_duration as sync_duration
 from nonlinear.system import has_start
 
-RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle", "attractor")
-"""Measures with one number a member, or one a link, of which the earliest is taken; attractors are found from all."""
 SIZE, WIDEST = 64, 170.0  # places along each angle, and how far from hanging (deg), where nobody says
 SIZE_ONE_BY_ONE = 12  # where each takes as long as a run of its own
 EARLIEST = "first_turn_s"
@@ -134,14 +133,13 @@ def find_basins(
 ) -> Basins:
     """The measure over two numbers of a scene, by default the first angles of its first two pendula or links.
 
-    Where no start is given or varied, all begin in the usual one of the scene.  `measure` is one of RHYTHMS, `options`
-    are those of `ensemble`.  SceneError for anything else.
+    Where no start is given or varied, all begin in the usual one of the scene.  `measure` is one that `basins` takes in
+    `nonlinear.measures`, NAME or NAME:N for so many seconds in place of a `duration`; `options` are those of
+    `ensemble`.  SceneError for anything else.
     """
     axes = grid_of(scene, vary)
-    measure = measure or ("configuration" if scene.is_driven else "first_turn")
+    measure, duration = _measure_of(scene, measure, duration)
     require(scene, "an attractor" if measure == ATTRACTOR else "an ensemble")
-    if measure not in RHYTHMS:
-        raise SceneError([f"measure {measure}: must be one of {', '.join(RHYTHMS)}"])
     if measure == ATTRACTOR:
         members, attractors, numbers = find_attractors(with_starts(scene, axes), axes, duration, report, **options)
         return Basins(members, ATTRACTOR, (NONE, *(one.name for one in attractors)), attractors, numbers)
@@ -164,6 +162,18 @@ def find_basins(
     names = _names(own) if measure == "configuration" else ()
     column = EARLIEST if measure == "first_turn" else next(name for name in found.columns if name.startswith(measure))
     return Basins(found, column, names)
+
+
+def _measure_of(scene: Scene, text: str | None, duration: float | None) -> tuple[str, float | None]:
+    """The name of the measure in a text, and for how long (s), None where nothing says so."""
+    if text is None:
+        return "configuration" if scene.is_driven else "first_turn", duration
+    measure, seconds = requested("basins", text)
+    if ":" not in text:
+        return measure.name, duration
+    if duration is not None:
+        raise SceneError([f"measure {text}: cannot be combined with a duration"])
+    return measure.name, seconds
 
 
 def _names(scene: Scene) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from modal.eigen.compiling import available
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats, Ints
+from nonlinear.chaos import TRANSIENT
 from nonlinear.dynamics import Lanes, undisturbed
 from nonlinear.dynamics.friction import JAMMED as STUCK
 from nonlinear.dynamics.inputs import Inputs
@@ -59,9 +60,11 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     found = watches.found(Found(ran.y, ran.error, ran.horizon, ran.reasons, rubbed=rubbed))
     if wanted.stretching:
         task, scale = stretched(numbers, y[: 2 * lanes.layout.half], wanted)
-        gain = integrate(task, np.concatenate((scale, scale)), np.zeros(y.shape[1]), None, grows=False)
-        gain.gain[[*gain.reasons]] = np.nan
-        found.stretching = gain.gain
+        units, none = np.concatenate((scale, scale)), np.zeros(y.shape[1])
+        ends = [wanted.duration * TRANSIENT, task.end]
+        before, gain = (integrate(replace(task, end=end), units, none, None, grows=False) for end in ends)
+        gain.gain[[*gain.reasons, *before.reasons]] = np.nan
+        found.stretching = gain.gain - before.gain
     return found
 
 

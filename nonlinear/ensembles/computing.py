@@ -13,7 +13,7 @@ from nonlinear.dynamics import Lanes
 from nonlinear.ensembles import lanes, plain
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.found import Found, Wanted
-from nonlinear.ensembles.measures import Columns, Context
+from nonlinear.ensembles.measures import COLUMNS, Columns, Context
 from nonlinear.ensembles.members import RATIO, Block, Part
 from nonlinear.ensembles.plain import state_columns
 from nonlinear.ensembles.question import COMPILED, LANES, PLAIN, Question
@@ -74,8 +74,8 @@ def _layout(question: Question) -> Layout:
 def _chunk(question: Question, part: Part, block: Block, context: Context, found: Found, drift: Floats) -> Chunk:
     ending, kept = _rows(question, found)
     columns: Columns = {"energy_drift": drift, "error_rad": found.error, "horizon_s": found.horizon}
-    for measure in question.measures.measures:
-        columns |= measure.columns(context, found, ending)
+    for name in question.measures.names:
+        columns |= COLUMNS[name](context, found, ending)
     if question.keeps_end:
         columns |= states(context.layout, found.y.T)
     if question.times:

@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modal.types import Floats
+from nonlinear.chaos import TRANSIENT
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.integration import pacing
 from nonlinear.integration.crowds import RailWork, switching
 from nonlinear.integration.lanes import Task, Watch, integrate
-from nonlinear.integration.watches import Crossings, FirstTurns, Growth, Largest, Samples, Stretching
+from nonlinear.integration.watches import Crossings, FirstTurns, Gains, Growth, Largest, Samples, tangent_direction
 from nonlinear.integration.within import fill
 from nonlinear.system import Layout, Numbers
-
-SEED = 0  # of the direction of tangent vectors
 
 
 def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
@@ -99,27 +98,30 @@ def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
 
 
 def stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
-    """What ln |v| gains of a tangent vector in a direction drawn at random, the same for all, (S,)."""
+    """What ln |v| gains of a tangent vector in so many seconds after a transient, (S,).
+
+    It begins in a direction drawn at random, the same for all.
+    """
     task, scale = stretched(numbers, y, wanted)
-    watch = Stretching(scale, y.shape[1])
+    watch = Gains(scale, np.array([TRANSIENT, 1 + TRANSIENT]) * wanted.duration, y, lambda elapsed: None)
     outcome = integrate(switching(task), [watch])
-    watch.growth[[*outcome.reasons]] = np.nan
-    return watch.growth
+    growth = watch.rows[1] - watch.rows[0]
+    growth[[*outcome.reasons]] = np.nan
+    return np.asarray(growth)
 
 
 def stretched(numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[Task, Floats]:
-    """The task of y and a tangent vector, and natural units of this."""
+    """The task of y and a tangent vector, the transient included, and natural units of this."""
     lanes = Lanes(numbers, tangent=True)
     layout = replace(lanes.layout, works=False)
     scale = shortest_scale(numbers, layout)
-    v = np.random.default_rng(SEED).standard_normal((layout.size, 1)) * scale
-    v = np.broadcast_to(v / np.sqrt(np.sum((v / scale) ** 2, axis=0)), y.shape)
+    v = np.broadcast_to(tangent_direction(layout.size) * scale, y.shape)
     both, units = np.concatenate((y, v)), np.broadcast_to(scale, y.shape)
     absolute = wanted.tolerance * np.concatenate((units, units))
     members = y.shape[1]
     first = pacing.longest_first(pacing.units_of(numbers).rate, members)
     relative = np.full(members, wanted.tolerance)
-    return Task(lanes, numbers, both, wanted.duration, relative, absolute, first), scale
+    return Task(lanes, numbers, both, (1 + TRANSIENT) * wanted.duration, relative, absolute, first), scale
 
 
 def shortest_scale(numbers: Numbers, layout: Layout) -> Floats:

@@ -9,8 +9,17 @@ import numpy as np
 from modal.errors import SceneError
 from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.ensembles.found import Found, Section
-from nonlinear.ensembles.measures import Columns, Context, places
+from nonlinear.ensembles.found import Found, Section, Wanted
+from nonlinear.ensembles.measures import (
+    COLUMNS,
+    ENDS,
+    Columns,
+    Context,
+    ending_times,
+    energy_columns,
+    places,
+    validate_measures,
+)
 from nonlinear.ensembles.question import Question
 from nonlinear.integration import Trajectory
 from nonlinear.integration.passages import Level, Passages, counted, level_of, starts_of
@@ -29,19 +38,12 @@ STATES = {
 CARRIED = {"supports": "supports", "support_rates": "support_rates_per_s"}
 """And those of a structure, (…, d) in m or rad, named as `System.labels` begins."""
 TURNS, SECTION = "over the top", "section"
-IN_SPACE = ("largest_angle", "pendulum_energy")
-"""Measures that mean something in space."""
 
 
-def validate_plain(measures: tuple[str, ...], scene: Scene) -> None:
+def validate_plain(measures: tuple[str, ...]) -> None:
     """SceneError for measures that runs one by one cannot have."""
-    problems = ["lyapunov: needs members side by side in the plane"] if "lyapunov" in measures else []
-    if scene.space == "space":
-        problems += [
-            f"{name}: only for motion in the plane" for name in measures if name not in (*IN_SPACE, "lyapunov")
-        ]
-    if problems:
-        raise SceneError(problems)
+    if "lyapunov" in measures:
+        raise SceneError(["lyapunov: needs members side by side in the plane"])
 
 
 def state_columns(is_structured: bool) -> dict[str, str]:
@@ -95,8 +97,8 @@ def _measured(question: Question, scene: Scene, run: Trajectory, sampled: Trajec
     if "largest_angle" in names:
         whole.largest = np.array([largest_angle(run)])
     context = Context(scene, run.system, numbers_of(scene), layout, rows[:1].T, question.wanted)
-    for measure in question.measures.measures:
-        found |= {name: own[0] for name, own in measure.columns(context, whole, ending).items()}
+    for measure in names:
+        found |= {name: values[0] for name, values in COLUMNS[measure](context, whole, ending).items()}
     if question.measures.section:
         found |= _crossings(run, question.measures.section, layout)
     return found
@@ -124,10 +126,34 @@ def _in_space(question: Question, run: Trajectory, sampled: Trajectory) -> Colum
     if "largest_angle" in question.measures.names:
         found["largest_angle_deg"] = np.array(np.degrees(largest_angle(run)))
     if "pendulum_energy" in question.measures.names:
-        mechanics = sampled.at(np.searchsorted(sampled.times, question.ending)).mechanics
-        mean = mechanics.of_pendula(mechanics.kinetic + mechanics.potential).mean(0)
-        found |= {f"pendulum_{p}_energy_J": own for p, own in enumerate(mean, 1)}
+        found |= _energies(sampled.at(np.searchsorted(sampled.times, question.ending)))
     return found
+
+
+def _energies(run: Trajectory) -> Columns:
+    """Mean energies over the samples of a run."""
+    mechanics = run.mechanics
+    pendula = mechanics.of_pendula(mechanics.kinetic + mechanics.potential).mean(0)
+    carried = np.mean(mechanics.cart_kinetic + mechanics.cart_potential)
+    return energy_columns(run.system, pendula, np.asarray(carried))
+
+
+def measured_run(run: Trajectory, name: str) -> dict[str, float]:
+    """A measure that is read off the last tenth of a run from t = 0 at `times_of` it, as an ensemble reads it."""
+    assert name in ENDS
+    scene, duration = run.scene, float(run.times[-1])
+    validate_measures((name,), scene)
+    late = run.at(np.searchsorted(run.times, ending_times(scene, duration)))
+    if run.system.spatial:
+        return {column: float(value) for column, value in _energies(late).items()}
+    layout = Layout.of(run.system, works=run.system.works)
+    ending = layout.rows(late.motion)[None]
+    none = np.full(1, np.nan)
+    context = Context(
+        scene, run.system, numbers_of(scene), layout, ending[0, :1].T, Wanted(duration, run.run.tolerance)
+    )
+    columns = COLUMNS[name](context, Found(ending[0, -1:].T, none, none.copy()), ending)
+    return {column: float(values[0]) for column, values in columns.items()}
 
 
 def _rows(layout: Layout, run: Trajectory) -> Floats:

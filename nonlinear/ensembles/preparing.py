@@ -16,7 +16,7 @@ from modal.report import Displayed, Form, Summary, as_json, by_column, grid, tab
 from modal.scene import Scene, refusals, title_of, validate_scene
 from modal.scene.doors import checked
 from nonlinear.ensembles.costs import code_of, first_numbers
-from nonlinear.ensembles.measures import asked, validate_measures
+from nonlinear.ensembles.measures import requested_measures, validate_measures
 from nonlinear.ensembles.members import members_of
 from nonlinear.ensembles.question import COMPILED, SERIES
 from nonlinear.ensembles.running import USUAL, ensemble
@@ -84,8 +84,8 @@ def compile_engines(scene: Scene, tolerance: float = USUAL, measures: Sequence[s
     """
     validate_scene(scene)
     system = system_of(scene)
-    wanted, _ = validate(lambda: asked(measures, system), lambda: validate_numbers(1.0, tolerance, 0.0))
-    validate_measures(wanted, scene)
+    wanted, _ = validate(lambda: requested_measures(measures, system), lambda: validate_numbers(1.0, tolerance, 0.0))
+    validate_measures(wanted.names, scene)
     return Compilation(scene, tuple(_codes(scene, float(tolerance), measures)))
 
 

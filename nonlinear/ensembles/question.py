@@ -19,7 +19,7 @@ from modal.scene import Scene, one_by_one
 from modal.scene.features import FRICTION
 from modal.scene.parameters import Place, find_places, is_of_switch
 from nonlinear.ensembles.found import Wanted
-from nonlinear.ensembles.measures import Asked, ending_times
+from nonlinear.ensembles.measures import RequestedMeasures, ending_times
 from nonlinear.ensembles.members import Members, Part
 from nonlinear.integration import choose, estimate_timescales
 from nonlinear.integration.costs import PER_PERIOD
@@ -46,7 +46,7 @@ class Question(Displayed):
     duration: float
     tolerance: float
     engine: str
-    measures: Asked
+    measures: RequestedMeasures
     times: tuple[float, ...] = ()
     keeps_end: bool = False
     checked: tuple[int, ...] = ()

@@ -27,7 +27,7 @@ from modal.types import Floats
 from nonlinear.ensembles.computing import Chunk, compute, engine_of
 from nonlinear.ensembles.costs import Decision, choose_engine, seconds_of
 from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
-from nonlinear.ensembles.measures import asked, validate_measures
+from nonlinear.ensembles.measures import requested_measures, validate_measures
 from nonlinear.ensembles.members import Members, Starts, members_of
 from nonlinear.ensembles.parts import Parts, engine_of_folder
 from nonlinear.ensembles.plain import state_columns, validate_plain
@@ -194,7 +194,8 @@ def ensemble(
     `starts` are angles (S, links) in rad at rest, or states; `vary` is a grid such as
     `["pendulum[0].start.angles_deg[0]=-180:180:512"]`, or one value a member at each place, `{"gravity": [9.8, 9.9]}`.
     Each member has its own steps, to the `tolerance` of `simulate`.  Kept is what is asked for: `output` is "end", a
-    number of evenly spaced samples or their times (s); `measures` are computed on the way (`MEASURES`).  With neither
+    number of evenly spaced samples or their times (s); `measures` are computed on the way
+    (`nonlinear.measures`).  With neither
     the end is kept.  Every member has its `energy_drift`, an estimate of its error and its horizon; `check` members,
     drawn at random, are run by `simulate`, too.
 
@@ -268,7 +269,7 @@ def _question(
     system = system_of(scene)
     members, wanted, times, *_ = validate(
         lambda: members_of(scene, starts, vary),
-        lambda: asked(measures, system),
+        lambda: requested_measures(measures, system),
         lambda: _times(scene, duration, output),
         lambda: validate_numbers(duration, tolerance, 0.0),
     )
@@ -277,10 +278,10 @@ def _question(
     decision = choice(why_not, members, duration, tolerance, wanted.names)
     chosen = decision.engine
     if chosen == PLAIN:
-        validate_plain(wanted.names, scene)
+        validate_plain(wanted.names)
     if chosen != PLAIN:
         engine_of(chosen)
-    validate_measures(wanted, scene)
+    validate_measures(wanted.names, scene)
     keeps_end = output == END if isinstance(output, str) else output is None and not measures
     checked = () if chosen == PLAIN else sample_of(members.size, check)
     question = Question(members, duration, tolerance, chosen, wanted, times, keeps_end, checked)

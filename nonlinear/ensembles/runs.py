@@ -1,24 +1,30 @@
-"""Runs of many scenes side by side, as trajectories, for whoever measures runs one by one.
+"""Many scenes side by side, for whoever measures scenes one by one: their runs, or what an ensemble measures of them.
 
 Scenes of one form, the same pendula and links in number and the same joints, go together; each has the samples that
-`simulate` would keep.
+`simulate` would keep.  Runs with kicks of escapements or dry friction go alone, since these belong to a trajectory.
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from modal.errors import MultipendulaError
+from modal.errors import ComputationError, MultipendulaError
 from modal.scene import AnyLink, ModalSupport, Scene, one_by_one, refusals, validate_scenes
 from modal.types import Floats
+from nonlinear import chaos
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.found import Wanted
+from nonlinear.ensembles.lanes import run as run_in_lanes
 from nonlinear.ensembles.lanes import task_of
+from nonlinear.ensembles.measures import COLUMNS, Context, ending_times, validate_measures
 from nonlinear.ensembles.question import ROOM
+from nonlinear.ensembles.running import ensemble
 from nonlinear.integration import SolverInfo, Trajectory, choose, sample_times
 from nonlinear.integration.lanes import integrate
+from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.integration.watches import Samples
 from nonlinear.reduction import usual_start
 from nonlinear.system import numbers_of_all, system_of
@@ -66,15 +72,80 @@ def _moved(scene: Scene) -> Hashable:
 def run_together(scenes: Iterable[Scene], duration: float) -> dict[Scene, Trajectory]:
     """The runs of those scenes that can go together, from their usual starts; the others are left out."""
     scenes = validate_scenes(scenes if isinstance(scenes, Sequence) else [*scenes])
-    forms: dict[Hashable, list[Scene]] = {}
+    runs: dict[Scene, Trajectory] = {}
+    for group in _by_form([scene for scene in scenes if not _switches(scene)]).values():
+        if len(group) >= FEWEST:
+            runs |= _together(group, duration)
+    return runs
+
+
+def _by_form(scenes: Iterable[Scene]) -> dict[Hashable, list[Scene]]:
+    """Those scenes that can go together, each once."""
+    groups: dict[Hashable, list[Scene]] = {}
     for scene in dict.fromkeys(scenes):
         if (form := form_of(scene)) is not None:
-            forms.setdefault(form, []).append(scene)
-    found: dict[Scene, Trajectory] = {}
-    for own in forms.values():
-        if len(own) >= FEWEST:
-            found |= _together(own, duration)
-    return found
+            groups.setdefault(form, []).append(scene)
+    return groups
+
+
+def _switches(scene: Scene) -> bool:
+    """Whether its motion has kicks or dry friction."""
+    system = system_of(scene)
+    return system.kicked or system.rubs
+
+
+def measured_together(scenes: Sequence[Scene], seconds: float, name: str) -> dict[Scene, dict[str, float]]:
+    """A measure of an ensemble, "first_turn" or "lyapunov", of every scene from its usual start, side by side.
+
+    Scenes that fail are left out; of one scene alone its error is raised.
+    """
+    columns: dict[Scene, dict[str, float]] = {}
+    groups = _by_form(scenes)
+    apart = [[scene] for scene in dict.fromkeys(scenes) if form_of(scene) is None]
+    for group in (*groups.values(), *apart):
+        each = [[scene] for scene in group] if _switches(group[0]) else [group]
+        for part in each:
+            try:
+                columns |= _measured(part, seconds, name)
+            except MultipendulaError:
+                if len(scenes) == 1:
+                    raise
+                for scene in part if len(part) > 1 else ():
+                    columns |= measured_together([scene], seconds, name)
+    return columns
+
+
+def _measured(scenes: Sequence[Scene], seconds: float, name: str) -> dict[Scene, dict[str, float]]:
+    """The measure of scenes of one form, or of one scene."""
+    for scene in scenes:
+        validate_measures((name,), scene, seconds)
+    tolerance = chaos.TOLERANCE if name == "lyapunov" else TOLERANCE
+    if form_of(scenes[0]) is None:
+        member = ensemble(scenes[0], seconds, starts=[usual_start(scenes[0])], measures=[name], engine="simulate")
+        if member.failures:
+            raise ComputationError(member.failures[0])
+        return {scenes[0]: {column: float(values[0]) for column, values in member.to_dict().items()}}
+    numbers = numbers_of_all(scenes)
+    if _switches(scenes[0]):
+        numbers = replace(numbers, switching=switching_of(system_of(scenes[0])))
+    lanes = Lanes(numbers)
+    y = np.stack([lanes.layout.begin(usual_start(scene)) for scene in scenes], axis=1)
+    wanted = Wanted(seconds, tolerance, first_turns=name == "first_turn", stretching=name == "lyapunov")
+    outcome = run_in_lanes(numbers, y, wanted)
+    if outcome.reasons and len(scenes) == 1:
+        raise ComputationError(outcome.reasons[0])
+    context = Context(scenes[0], system_of(scenes[0]), numbers, lanes.layout, y, wanted)
+    columns = COLUMNS[name](context, outcome, np.empty((len(scenes), 0, len(y))))
+    return {
+        scene: {column: float(values[k]) for column, values in columns.items()}
+        for k, scene in enumerate(scenes)
+        if k not in outcome.reasons
+    }
+
+
+def times_of(scene: Scene, duration: float) -> Floats:
+    """Samples (s) of a run that is measured: those of `simulate`, and those by which ensembles judge its end."""
+    return np.union1d(sample_times(scene, duration, 0.0, None), ending_times(scene, duration))
 
 
 def _together(scenes: Sequence[Scene], duration: float) -> dict[Scene, Trajectory]:
@@ -85,7 +156,7 @@ def _together(scenes: Sequence[Scene], duration: float) -> dict[Scene, Trajector
             if scene.has_damping and choose(scene, duration, TOLERANCE).method == "Radau":
                 continue
             usual_start(scene)
-            times.append(sample_times(scene, duration, 0.0, None))
+            times.append(times_of(scene, duration))
         except MultipendulaError:
             continue
         kept.append(scene)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from modal.types import Floats, Ints
+from nonlinear.chaos import TRANSIENT
 from nonlinear.dynamics import Lanes
 from nonlinear.dynamics.inputs import at_time
 from nonlinear.ensembles.energies import Accounts
@@ -307,21 +308,22 @@ class Judge:
 
 
 def _stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
-    """What ln |v| gains, as `nonlinear.ensembles.lanes.stretching` has it."""
+    """What ln |v| gains after the transient, as `nonlinear.ensembles.lanes.stretching` has it."""
     task, scale = stretched(numbers, y, wanted)
     integrator = _integrator(task, wanted.tolerance, None, wanted)
     half, members = len(y), y.shape[1]
-    pieces = max(1, ceil(wanted.duration * _swing(numbers) / SEGMENT))
-    grid = np.linspace(0.0, wanted.duration, pieces + 1)
+    pieces = max(1, ceil(TRANSIENT * wanted.duration * _swing(numbers) / SEGMENT))
+    whole = round(pieces * (1 + TRANSIENT) / TRANSIENT)
+    grid = np.linspace(0.0, task.end, whole + 1)
     found = Found(np.empty_like(task.begun), np.zeros(members), np.zeros(members))
     gained = np.zeros(members)
     for first in range(0, members, AT_ONCE):
         own = slice(first, min(first + AT_ONCE, members))
         units = scale[:, own] if scale.shape[1] > 1 else scale
-        for k in range(pieces):
+        for k in range(whole):
             rows = _propagated(integrator, task, own, grid[k : k + 2], None, found)
             length = np.sqrt(np.sum((rows[-1, half:] / units) ** 2, axis=0))
-            gained[own] += np.log(length)
+            gained[own] += np.log(length) * (k >= pieces)
             task.begun[:half, own], task.begun[half:, own] = rows[-1, :half], rows[-1, half:] / length
     gained[[*found.reasons]] = np.nan
     return gained

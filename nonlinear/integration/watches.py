@@ -254,6 +254,12 @@ class Gains:
         self.report(float(self._reached.min()))
 
 
+def tangent_direction(size: int) -> Floats:
+    """The direction of length 1, (size, 1), in which tangent vectors begin, in natural units: drawn once for all."""
+    drawn = np.random.default_rng(0).standard_normal((size, 1))
+    return np.asarray(drawn / np.linalg.norm(drawn))
+
+
 @dataclass(eq=False)
 class Stretching:
     """What ln |v| has gained of tangent vectors, (S,), which are brought back to length 1 after every step."""

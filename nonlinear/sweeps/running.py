@@ -80,7 +80,7 @@ class Sweep(Displayed):
         Traced by continuation from the grid of the sweep, accurate beyond it; amplitudes in m, frequencies in Hz.
         """
         study = self.study
-        if FLOQUET not in [one.measure for one in study.measures]:
+        if FLOQUET not in [request.name for request in study.measures]:
             return ()
         sine, places = vertical_sine(study.scene), vertical_places(study.scene)
         values: dict[str, Any] = {"amplitude": sine.amplitude, "frequency_hz": sine.frequency_hz}
@@ -233,7 +233,7 @@ def _lines(sweep: Sweep) -> Iterator[str]:
     yield grid(rows, ("number", "smallest", "at", "largest", "at"))
     yield from reasons(sweep)
     yield from notes(sweep)
-    if any(one.measure.numbered for one in sweep.study.measures):
+    if any(request.computation.numbered for request in sweep.study.measures):
         yield NUMBERED
 
 
@@ -249,7 +249,7 @@ def reasons(sweep: Sweep) -> Iterator[str]:
 def notes(sweep: Sweep) -> tuple[str, ...]:
     """What frequencies and damping ratios leave out anywhere in the sweep, a sentence each."""
     study = sweep.study
-    if not any(one.measure.numbered and not one.measure.runs for one in study.measures):
+    if not any(request.computation.numbered and not request.computation.runs for request in study.measures):
         return ()
     scenes = [study.scene]
     with suppress(SceneError):

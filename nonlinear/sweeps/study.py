@@ -39,7 +39,8 @@ class Study(Displayed):
         if not self.measures:
             problems.append("a sweep needs a measure: frequencies, for example")
         checks: list[Callable[[], object]] = [partial(validate_variations, self.scene, self.variations)]
-        checks += [partial(one.measure.door, self.scene) for one in self.measures if one.measure.door]
+        doors = (request.computation.door for request in self.measures)
+        checks += [partial(door, self.scene) for door in doors if door]
         for check in checks:
             try:
                 check()
@@ -72,7 +73,7 @@ class Study(Displayed):
     @property
     def fingerprint(self) -> str:
         """A checksum that identifies the study."""
-        functions = [one.measure.function.__qualname__ for one in self.measures]
+        functions = [request.computation.function.__qualname__ for request in self.measures]
         return sha256(json.dumps([self.header(), functions]).encode()).hexdigest()
 
 
@@ -94,7 +95,7 @@ class Task:
     @property
     def durations(self) -> tuple[float, ...]:
         """Of the runs (s) that measures are read off."""
-        return tuple(dict.fromkeys(one.number for one in self.measures if one.measure.runs))
+        return tuple(dict.fromkeys(request.number for request in self.measures if request.computation.runs))
 
 
 @dataclass(frozen=True, repr=False)
@@ -119,13 +120,14 @@ def measure_each(task: Task, points: Points) -> Iterator[Row]:
     """The rows of some points, one by one; an error at one becomes its reason and does not affect the others."""
     variable = Variable(task.scene, points[0][1])
     scenes = [_scene(variable, values) for _, values in points]
-    if any(one.measure.numbered for one in task.measures):
-        find_together([scene for scene in scenes if isinstance(scene, Scene)])
-    for one in task.measures:
-        if one.measure.together:
-            one.measure.together([scene for scene in scenes if isinstance(scene, Scene)])
+    valid = [scene for scene in scenes if isinstance(scene, Scene)]
+    if any(request.computation.numbered for request in task.measures):
+        find_together(valid)
+    for request in task.measures:
+        if request.computation.together:
+            request.computation.together(valid, request.number)
     if seconds := task.durations:
-        run_all_together([scene for scene in scenes if isinstance(scene, Scene)], seconds)
+        run_all_together(valid, seconds)
     for (index, _), scene in zip(points, scenes, strict=True):
         yield _row(task, index, scene)
 

@@ -14,9 +14,10 @@ import sweep_measures as own
 from modal import ComputationError, SceneError, load
 from modal.scene.parameters import parse_variations, vary
 from multipendula.commands.sweeps import sweep
+from nonlinear.measures import MEASURES
 from nonlinear.reduction import usual_start
 from nonlinear.simulation import simulate
-from nonlinear.sweeps import MEASURES, Study, parse_measures
+from nonlinear.sweeps import COMPUTATIONS, Study, parse_measures
 from nonlinear.sweeps import files as sweep_files
 from nonlinear.sweeps import sweep as swept
 
@@ -42,7 +43,8 @@ def test_ctrl_c_leaves_a_journal_that_the_same_command_goes_on_from(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("SWEEP_LOG", str(tmp_path / "log"))
-    monkeypatch.setitem(MEASURES, "interrupted", own.INTERRUPTED)
+    monkeypatch.setitem(MEASURES, "interrupted", own.INTERRUPTED.measure)
+    monkeypatch.setitem(COMPUTATIONS, "interrupted", own.INTERRUPTED)
     kept = tmp_path / "m.csv"
     asked = options("support.mass=1,2,3", measure=["interrupted:3"], output=str(kept))
     monkeypatch.setenv("SWEEP_INTERRUPTS", "1")
@@ -115,7 +117,7 @@ def test_points_without_a_start_begin_in_their_first_mode_that_swings(
 ) -> None:
     """One by one and side by side, as `simulate` does with the scene of each point; and a note says so."""
     scene, kept = unstarted(tmp_path), tmp_path / "m.npz"
-    sweep(options(f"support.mass=1:9:{count}", scene=scene, measure=["amplitude:2"], output=str(kept)))
+    sweep(options(f"support.mass=1:9:{count}", scene=scene, measure=["cart_travel:2"], output=str(kept)))
     assert "begins in the shape of its first mode that swings, its largest angle 5°" in capsys.readouterr().err
     found = sweep_files.load(kept)
     for mass, travel in zip(found.study.variations[0].values, found.values("cart_travel_m"), strict=True):

@@ -26,14 +26,12 @@ from nonlinear.ensembles import (
     basins_table,
     find_basins,
     find_section,
-    find_spread,
     grid_of,
     section_table,
-    spread_table,
 )
-from nonlinear.ensembles.spread import Tolerance
 from nonlinear.reduction import usual_start
-from nonlinear.sweeps import Study, parse_measures, sweep, sweep_text
+from nonlinear.sweeps import Study, find_spread, parse_measures, spread_table, sweep, sweep_text
+from nonlinear.sweeps.spread import Tolerance
 from nonlinear.synchronization import study_synchronization
 from nonlinear.synchronization.study import theory_of_scene, usual_duration
 

@@ -30,10 +30,10 @@ from modal.statespace.transfer import transfer_functions
 from nonlinear import ensemble, simulate
 from nonlinear.averaging import average
 from nonlinear.chaos import lyapunov_exponent
-from nonlinear.ensembles import find_basins, find_section, find_spread
+from nonlinear.ensembles import find_basins, find_section
 from nonlinear.identification import Recording, Segment, Sensor, fit
 from nonlinear.orbits import nonlinear_mode
-from nonlinear.sweeps import Study, parse_measures, sweep
+from nonlinear.sweeps import Study, find_spread, parse_measures, sweep
 from nonlinear.synchronization import phases_of
 from nonlinear.verification import check
 

@@ -32,12 +32,13 @@ from modal.scene.parameters import (
     with_numbers,
 )
 from nonlinear.ensembles.cluster import cluster
+from nonlinear.measures import MEASURES, taken_by
 from nonlinear.plotting import draw_sweep
 from nonlinear.plotting.sweeps import label, sweep_figure
 from nonlinear.simulation import simulate
-from nonlinear.sweeps import MEASURES, Study, Sweep, open_checkpoint, parse_measures, sweep
+from nonlinear.sweeps import COMPUTATIONS, Study, Sweep, open_checkpoint, parse_measures, sweep
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.measures import Measure, RequestedMeasure
+from nonlinear.sweeps.measures import Computation, RequestedMeasure
 from nonlinear.sweeps.running import DIED
 from nonlinear.sweeps.study import MOST_POINTS, Row
 
@@ -52,7 +53,7 @@ def _log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
 
 
-def study(*texts: str, measure: Measure = own.PRODUCT, number: float = 2.0) -> Study:
+def study(*texts: str, measure: Computation = own.PRODUCT, number: float = 2.0) -> Study:
     return Study(PAPER, parse_variations(texts or [MASSES]), (RequestedMeasure(measure, number),))
 
 
@@ -203,13 +204,17 @@ def test_a_dragged_cart_s_creep_is_not_counted() -> None:
 def test_measures_of_runs_are_those_of_the_trajectory() -> None:
     scene = load("crane-two-loads")
     run = simulate(scene, 3.0)
-    found = parse_measures(["amplitude:3"])[0].of(scene) | parse_measures(["energy_drift:3"])[0].of(scene)
+    found = {
+        column: number
+        for request in parse_measures(["largest_angle:3", "cart_travel:3", "energy_drift:3"])
+        for column, number in request.of(scene).items()
+    }
     assert found["largest_angle_deg"] == pytest.approx(np.degrees(np.abs(run.motion.links).max()), rel=1e-3)
     assert found["cart_travel_m"] == pytest.approx(np.ptp(run.motion.cart), rel=1e-3)
     assert found["energy_drift"] == run.energy_drift()
     leaning = load("chain-spatial")
     first = max(leaning.pendulum[0].start.angles_deg)
-    assert parse_measures(["amplitude:0.01"])[0].of(leaning)["largest_angle_deg"] == pytest.approx(first, rel=1e-2)
+    assert parse_measures(["largest_angle:0.01"])[0].of(leaning)["largest_angle_deg"] == pytest.approx(first, rel=1e-2)
 
 
 @pytest.mark.parametrize("damping", [0.5, 2.0, 5.0])
@@ -240,7 +245,7 @@ def test_the_amplitude_is_that_of_the_turning_point(space: Literal["plane", "spa
     scene = Scene(gravity=G, space=space, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), start=start),))
     highest = np.degrees(np.arccos(np.cos(np.radians(20)) - np.pi**2 / (2 * G)))
     for seconds in ("10", "31"):
-        found = parse_measures([f"amplitude:{seconds}"])[0].of(scene)
+        found = parse_measures([f"largest_angle:{seconds}"])[0].of(scene)
         assert found["largest_angle_deg"] == pytest.approx(highest, rel=1e-7)
 
 
@@ -248,7 +253,7 @@ def test_the_travel_is_that_between_turning_points() -> None:
     """Let go at rest, what hangs from a free cart swings to the other side as far, and the centre of mass stays."""
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0),), start=InitialCondition(angles_deg=(50.0,)))
     scene = Scene(gravity=G, support=Cart(mass=3.0), pendulum=(pendulum,))
-    found = parse_measures(["amplitude:7"])[0].of(scene)
+    found = parse_measures(["cart_travel:7"])[0].of(scene)
     assert found["cart_travel_m"] == pytest.approx(2 * np.sin(np.radians(50)) / 4, rel=1e-7)
 
 
@@ -259,12 +264,12 @@ def test_bad_measures_are_refused(text: str) -> None:
 
 
 def test_every_measure_has_words_and_a_usual_number() -> None:
-    assert [one.text.partition(":")[0] for one in parse_measures(list(MEASURES))] == list(MEASURES)
-    assert all(measure.words for measure in MEASURES.values())
+    assert tuple(request.name for request in parse_measures(taken_by("sweep"))) == taken_by("sweep")
+    assert all(measure.words and measure.columns and measure.needs for measure in MEASURES.values())
     with pytest.raises(SceneError, match="requested twice"):
         parse_measures(["frequencies", "frequencies:4"])
-    with pytest.raises(SceneError, match="amplitude is requested twice"):
-        parse_measures(["amplitude:1", "amplitude:2"])
+    with pytest.raises(SceneError, match="largest_angle is requested twice"):
+        parse_measures(["largest_angle:1", "largest_angle:2"])
 
 
 # ------------------------------------------------------------------------------------------------------- sweeps
@@ -492,7 +497,8 @@ def both_ways() -> list[Sweep]:
 
 @pytest.mark.parametrize("kind", ["npz", "csv"])
 def test_what_is_read_is_what_was_saved(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(MEASURES, "failing", own.FAILING)
+    monkeypatch.setitem(MEASURES, "failing", own.FAILING.measure)
+    monkeypatch.setitem(COMPUTATIONS, "failing", own.FAILING)
     for saved in both_ways():
         path = tmp_path / f"s.{kind}"
         sweep_files.save(saved, path)

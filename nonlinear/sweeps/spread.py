@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,14 +40,17 @@ from modal.scene import Scene, describe, left_out, name_of, title_of
 from modal.scene.doors import checked
 from modal.scene.parameters import Variable, find_places, number_at, unit_at
 from modal.types import Floats
-from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
+from nonlinear.sweeps.measures import parse_measures
+from nonlinear.sweeps.study import Task, measure_each
 from nonlinear.system import State, system_of
 
 if TYPE_CHECKING:
     from modal.identification import Estimate
 
 MEMBERS, SAMPLES, SEED = 1000, 201, 5
+TOGETHER = 256  # members measured together
 ROUNDING = 1e-12  # of a result, below which nothing is said to matter
 QUANTILES = (0.05, 0.5, 0.95)
 WRITTEN = re.compile(r"\s*([^=]+?)\s*=\s*(?:([^:%]+)(%?)|([^:]+):([^:]+))\s*")
@@ -143,7 +146,10 @@ def _number(text: str, word: str) -> float:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Spread(Displayed):
-    """Members with drawn numbers: `values` (S,) by path, `omega` (S, R) in rad/s, and their motion where asked for."""
+    """Members with drawn numbers: `values` (S,) by path, `omega` (S, R) in rad/s, and their motion where asked for.
+
+    `measured` has the columns of measures that were asked for: the scene's own number, and those of members (S,).
+    """
 
     scene: Scene
     tolerances: tuple[Tolerance, ...]
@@ -153,11 +159,12 @@ class Spread(Displayed):
     failures: dict[int, str]
     ensemble: Ensemble | None = None
     estimate: Estimate | None = None
+    measured: dict[str, tuple[float, Floats]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Floats]:
-        """What was drawn and every frequency in rad/s, (S,)."""
-        found = {f"omega_{number}_rad_per_s": own for number, own in enumerate(self.omega.T, 1)}
-        return {**self.values, **found}
+        """What was drawn, every frequency in rad/s and what was measured, (S,)."""
+        columns = {f"omega_{number}_rad_per_s": omega for number, omega in enumerate(self.omega.T, 1)}
+        return {**self.values, **columns, **{name: numbers for name, (_, numbers) in self.measured.items()}}
 
     def plot(self) -> Any:
         """A matplotlib figure of the frequencies and of the motion."""
@@ -252,6 +259,29 @@ class Spread(Displayed):
             )
         return found
 
+    @cached_property
+    def quantities(self) -> list[dict[str, Any]]:
+        """A record for every column that was measured: the scene's own number, quantiles, which number matters most."""
+        records = []
+        for name, (nominal, numbers) in self.measured.items():
+            known = numbers[np.isfinite(numbers)]
+            low, middle, high = np.quantile(known, QUANTILES).tolist() if known.size else (np.nan,) * 3
+            shares = self.shares(numbers)
+            records.append(
+                {
+                    "quantity": name,
+                    "nominal": nominal,
+                    "standard_deviation": float(known.std(ddof=1)) if known.size > 1 else np.nan,
+                    "q05": low,
+                    "q50": middle,
+                    "q95": high,
+                    "known": int(known.size),
+                    "shares": shares,
+                    "matters_most": max(shares, key=shares.__getitem__) if any(shares.values()) else "",
+                }
+            )
+        return records
+
 
 def _share(x: Floats, r: Floats) -> float:
     if len(x) < 3 or x.std() == 0 or not r.std() > ROUNDING * abs(r.mean()):
@@ -269,20 +299,28 @@ def find_spread(
     seed: int = SEED,
     estimate: Estimate | None = None,
     start: State | None = None,
+    measures: Sequence[str] = (),
     report: Callable[[float], object] = lambda done: None,
     **options: Any,
 ) -> Spread:
     """Frequencies of so many members with numbers drawn within `tolerances`, and their motion over a duration (s).
 
     The numbers of an `estimate` are drawn by its covariance.  The motion is from `start`, if not from the scene's own;
-    `options` are those of `ensemble`.  SceneError names every mistake; ComputationError where no member can be.
+    `measures`, NAME or NAME:N of those that `spread` takes in `nonlinear.measures`, are computed of every member in
+    this process, as a sweep computes them.  `options` are those of `ensemble`.  SceneError names every mistake;
+    ComputationError where no member can be.
     """
     own = parse_tolerances(scene, tolerances) if tolerances or estimate is None else ()
     if estimate is not None:
         twice = [one.path for one in own if {*find_places(scene, one.path)} & {*estimate.places}]
         if twice:
             raise SceneError([f"{path}: has a tolerance and is among the fitted numbers" for path in twice])
-    validate(lambda: validate_whole(3, members=members), lambda: validate_whole(0, seed=seed))
+    *_, requests = validate(
+        lambda: validate_whole(3, members=members),
+        lambda: validate_whole(0, seed=seed),
+        lambda: parse_measures(measures, "spread"),
+    )
+    validate(*(partial(door, scene) for request in requests if (door := request.computation.door)))
     rng = np.random.default_rng(seed)
     values = {one.path: one.drawn(_value(scene, one.path), members, rng) for one in own}
     values |= estimate.drawn(members, rng) if estimate is not None else {}
@@ -301,7 +339,28 @@ def find_spread(
         if motion.interrupted:
             raise KeyboardInterrupt
         failures = failures | motion.failures
-    return Spread(scene, own, values, omega, found[0], failures, motion, estimate)
+    measured, reasons = _measured(Task(scene, requests), values, members) if requests else ({}, {})
+    return Spread(scene, own, values, omega, found[0], failures | reasons, motion, estimate, measured)
+
+
+def _measured(
+    task: Task, values: dict[str, Floats], members: int
+) -> tuple[dict[str, tuple[float, Floats]], dict[int, str]]:
+    """The scene's own number and those of members (S,) in every column that is measured, and why members have none."""
+    nominal, *_ = measure_each(task, [(0, {path: _value(task.scene, path) for path in values})])
+    if nominal.reason:
+        raise ComputationError(nominal.reason)
+    columns = {name: (number, np.full(members, np.nan)) for name, number in nominal.numbers.items()}
+    reasons: dict[int, str] = {}
+    for first in range(0, members, TOGETHER):
+        some = range(first, min(first + TOGETHER, members))
+        points = [(k, {path: float(drawn[k]) for path, drawn in values.items()}) for k in some]
+        for row in measure_each(task, points):
+            for name in columns.keys() & row.numbers.keys():
+                columns[name][1][row.index] = row.numbers[name]
+            if row.reason:
+                reasons[row.index] = row.reason
+    return columns, reasons
 
 
 def _scenes(scene: Scene, values: dict[str, Floats]) -> tuple[dict[int, Scene], dict[int, str]]:
@@ -333,7 +392,8 @@ def spread_table(found: Spread, form: Form) -> str:
         for one in found.frequencies
     ]
     headings = ("mode", "ω (rad/s)", "σ (rad/s)", "5 %", "95 %", "matters most")
-    parts = [f"{found.size} members with {found.words}", grid(rows, headings), *found.notes, motion_words(found)]
+    table = grid(rows, headings) if not found.measured else measured_words(found)
+    parts = [f"{found.size} members with {found.words}", table, *found.notes, motion_words(found)]
     if found.failures:
         parts.append(f"{len(found.failures)} members failed: {next(iter(found.failures.values()))}")
     return titled(title_of(found.scene), "spread", parts, "text")
@@ -341,6 +401,19 @@ def spread_table(found: Spread, form: Form) -> str:
 
 def _words(shares: dict[str, float], most: str) -> str:
     return f"{most} ({100 * shares[most]:.0f} %)" if most else NOTHING
+
+
+def measured_words(found: Spread) -> str:
+    """The table of what was measured."""
+    rows = [
+        (
+            record["quantity"],
+            *(f"{record[key]:.6g}" for key in ("nominal", "standard_deviation", "q05", "q95")),
+            _words(record["shares"], record["matters_most"]),
+        )
+        for record in found.quantities
+    ]
+    return grid(rows, ("quantity", "of the scene", "σ", "5 %", "95 %", "matters most"))
 
 
 def motion_words(found: Spread) -> str:
@@ -362,16 +435,22 @@ def _members(found: Spread) -> Iterator[list[Any]]:
     modes = [k for k, own in enumerate(found.nominal) if own > 0]
     places = [label[len("theta") :].strip("[]").replace(",", "_") for label in _coordinates(found)]
     at = [f"theta_{place}_at_{time:.10g}_s_deg" for time in found.times.tolist() for place in places]
-    yield [*found.values, *(f"omega_{mode + 1}_rad_per_s" for mode in modes), *at]
+    measured = {name: own for name, (_, own) in found.measured.items() if not name.startswith("omega_")}
+    yield [*found.values, *(f"omega_{mode + 1}_rad_per_s" for mode in modes), *measured, *at]
     drawn = np.column_stack([*found.values.values()])
     for k in range(found.size):
-        yield [*drawn[k].tolist(), *found.omega[k, modes].tolist(), *found.angles[k].ravel().tolist()]
+        own = [float(numbers[k]) for numbers in measured.values()]
+        yield [*drawn[k].tolist(), *found.omega[k, modes].tolist(), *own, *found.angles[k].ravel().tolist()]
 
 
 def _coordinates(found: Spread) -> list[str]:
     """The labels of the links."""
     system = system_of(found.scene)
     return list(system.labels[system.first :])
+
+
+def _finite(record: dict[str, Any]) -> dict[str, Any]:
+    return {key: finite(value) if isinstance(value, float) else value for key, value in record.items()}
 
 
 def _whole(found: Spread) -> dict[str, Any]:
@@ -383,6 +462,7 @@ def _whole(found: Spread) -> dict[str, Any]:
         "failed": len(found.failures),
         "frequencies": found.frequencies,
         "notes": list(found.notes),
+        **({"measures": [_finite(record) for record in found.quantities]} if found.measured else {}),
     }
     if found.ensemble is not None:
         record["motion"] = {
