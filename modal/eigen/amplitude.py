@@ -47,8 +47,8 @@ def fourth_order(block: Block, angle: Floats, cart_speed: Floats, speed: Floats)
     b = (block.sigma * block.b)[:, :, None]
     square = angle * angle
     inertial = cart_speed * (b * square * speed).sum(0) + _pairs(block, angle, speed)
-    found: Floats = (b * square * square).sum(0) / 24 - inertial / 2
-    return found
+    lagrangian: Floats = (b * square * square).sum(0) / 24 - inertial / 2
+    return lagrangian
 
 
 def _pairs(block: Block, angle: Floats, speed: Floats) -> Floats:
@@ -101,9 +101,9 @@ def distortion(blocks: tuple[Block, ...], swing: Swing, answers: Sequence[tuple[
         meets[at] = (linear * drifted <= 0).item()
     bent = 1 + chosen @ bend
     lost = (chosen @ meets > 0) | (bent <= 0)
-    found = _largest(swing, answers, chosen * size) / np.sqrt(np.where(lost, 1, bent))
-    found[0] *= _own(blocks, swing, kappa)
-    return np.where(lost, inf, found - 1)
+    angles = _largest(swing, answers, chosen * size) / np.sqrt(np.where(lost, 1, bent))
+    angles[0] *= _own(blocks, swing, kappa)
+    return np.where(lost, inf, angles - 1)
 
 
 def _own(blocks: tuple[Block, ...], swing: Swing, kappa: float) -> float:
@@ -126,9 +126,9 @@ def _mixed(blocks: tuple[Block, ...], swing: Swing, other: Swing, harmonic: int)
     cos, sin, omega = np.cos(QUARTER), -np.sin(QUARTER), np.sqrt(swing.x)
     cart_speed = _lanes(swing.cart * omega, sin) + _lanes(other.cart * omega, fast)
     total = np.zeros(len(cart_speed))
-    for block, own, its in zip(blocks, swing.angles, other.angles, strict=True):
-        angle = _lanes(own, cos) + _lanes(its, far)
-        speed = _lanes(own * omega, sin) + _lanes(its * omega, fast)
+    for block, swung, its in zip(blocks, swing.angles, other.angles, strict=True):
+        angle = _lanes(swung, cos) + _lanes(its, far)
+        speed = _lanes(swung * omega, sin) + _lanes(its * omega, fast)
         total += fourth_order(block, angle, cart_speed, speed).sum(0)
     none, near, less, twice, minus = total.reshape(len(omega), len(RATIOS), -1).mean(2).T
     first = (8 * (near - less) - (twice - minus)) / 12
@@ -138,10 +138,10 @@ def _mixed(blocks: tuple[Block, ...], swing: Swing, other: Swing, harmonic: int)
 
 def _lanes(values: Floats, factors: Floats) -> Floats:
     """(…, R · L) from values (…, R) and L factors."""
-    found: Floats = (values[..., None] * np.broadcast_to(factors, (len(RATIOS), len(QUARTER))).ravel()).reshape(
+    lanes: Floats = (values[..., None] * np.broadcast_to(factors, (len(RATIOS), len(QUARTER))).ravel()).reshape(
         *values.shape[:-1], -1
     )
-    return found
+    return lanes
 
 
 def _largest(swing: Swing, answers: Sequence[tuple[int, Swing]], sizes: Floats) -> Floats:
@@ -149,8 +149,8 @@ def _largest(swing: Swing, answers: Sequence[tuple[int, Swing]], sizes: Floats) 
     time = np.linspace(0.0, pi / 2, INSTANTS)
     waves = np.array([np.cos(harmonic * time) for harmonic, _ in answers]).reshape(-1, INSTANTS)
     largest = []
-    for at, own in enumerate(swing.angles):
-        theirs = np.concatenate([own[..., :0], *(other.angles[at] for _, other in answers)], axis=-1)
+    for at, angles in enumerate(swing.angles):
+        theirs = np.concatenate([angles[..., :0], *(other.angles[at] for _, other in answers)], axis=-1)
         moved = np.tensordot(theirs, sizes[:, :, None] * waves, axes=(2, 1))
-        largest.append(np.abs(own[..., None] * np.cos(time) + moved).max((0, 1, 3)))
+        largest.append(np.abs(angles[..., None] * np.cos(time) + moved).max((0, 1, 3)))
     return np.asarray(np.max(largest, axis=0))

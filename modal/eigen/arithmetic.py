@@ -184,26 +184,26 @@ def evaluated(
     In floats first, then in digits where they have lost too many.
     """
     with np.errstate(all="ignore"):
-        found, errors = (numbers := Rounded(omega)).results(evaluate(numbers))
-    lost = ~(errors <= tolerance * np.abs(found))
+        values, errors = (numbers := Rounded(omega)).results(evaluate(numbers))
+    lost = ~(errors <= tolerance * np.abs(values))
     entries = tuple(range(lost.ndim - 1))
     if len(left := np.flatnonzero(lost.any(entries))):
-        found[..., left] = _in_digits(
+        values[..., left] = _in_digits(
             evaluate, omega[left], is_real, np.nan_to_num(errors[..., left], posinf=0.0) / ULP
         )
-    return found
+    return values
 
 
 def _in_digits(evaluate: Callable[[Any], Any], omega: Floats | Complexes, is_real: bool, terms: Floats) -> Complexes:
     """The values (…, W) in as many digits as they need; `terms` (…, W) is the size of what adds up to each."""
-    found = np.zeros(terms.shape, dtype=np.complex128)
+    results = np.zeros(terms.shape, dtype=np.complex128)
     left, last = np.arange(len(omega)), None
     for precision in PRECISIONS:
         with localcontext(Context(prec=precision)):
             digits = evaluate(Digits(omega[left], precision, is_real=is_real))
             values = np.frompyfunc(complex if is_real else Complex.__complex__, 1, 1)(digits).astype(np.complex128)
         values[np.abs(values) < 10.0 ** (-precision // 2) * terms[..., left]] = 0
-        found[..., left] = values
+        results[..., left] = values
         if last is not None:
             apart = ~(np.abs(values - last) <= AGREED * np.abs(values))
             again = apart.any(tuple(range(apart.ndim - 1)))
@@ -211,4 +211,4 @@ def _in_digits(evaluate: Callable[[Any], Any], omega: Floats | Complexes, is_rea
             if not len(left):
                 break
         last = values
-    return found
+    return results

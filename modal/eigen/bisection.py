@@ -78,8 +78,8 @@ def confirmed(problem: Counting, wanted: Ints, guess: Floats, near: int = NEAR) 
     bits = np.where(guess > 0, guess, 1.0).view(np.int64)
     steps = np.arange(-near, near + 1)
     reached = _reached(problem, wanted, bits + steps[:, None, None])
-    found = (bits + steps[reached.argmax(0)]).view(np.float64)
-    return found, reached[0] | ~reached[-1]
+    squares = (bits + steps[reached.argmax(0)]).view(np.float64)
+    return squares, reached[0] | ~reached[-1]
 
 
 def lies_within(problem: Counting, wanted: Ints, guess: Floats, error: Floats | float) -> Booleans:

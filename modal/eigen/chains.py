@@ -148,12 +148,12 @@ def _settled(suspension: Suspension, wanted: Ints, tried: Tried, modes: int) -> 
     if suspension.supports == 1:
         x[rows] = _otherwise(suspension, wanted[rows, None], guess[rows], known[rows], modes)
         return Squares(x, error)
-    own, step = [], max(1, CACHED // suspension.size)
+    squares, step = [], max(1, CACHED // suspension.size)
     for at in range(0, len(rows), step):
         row, support = rows[at : at + step], supports[at : at + step]
         alone = wanted[None, row], guess[None, row, support], known[None, row, support]
-        own.append(_otherwise(suspension.take(support), *alone, modes)[0])
-    x[missed] = np.concatenate(own)
+        squares.append(_otherwise(suspension.take(support), *alone, modes)[0])
+    x[missed] = np.concatenate(squares)
     return Squares(x, error)
 
 
@@ -177,10 +177,10 @@ def _improved(suspension: Suspension, wanted: Ints, guess: Floats) -> tuple[Floa
 
     Of one support the float at which the count steps, of many a float within CLOSEST of it.
     """
-    found = at_pivot(suspension, guess)
+    squares = at_pivot(suspension, guess)
     if suspension.supports == 1:
-        return confirmed(suspension, wanted, found, FARTHER if _are_few(suspension, wanted) else NEAR)
-    return found, ~lies_within(suspension, wanted, found, CLOSEST)
+        return confirmed(suspension, wanted, squares, FARTHER if _are_few(suspension, wanted) else NEAR)
+    return squares, ~lies_within(suspension, wanted, squares, CLOSEST)
 
 
 def _otherwise(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
@@ -190,12 +190,12 @@ def _otherwise(suspension: Suspension, wanted: Ints, guess: Floats, error: Float
     """
     if kernels():
         return searched(suspension, wanted, guess, error, modes)
-    found, missed = confirmed(suspension, wanted, twisted(suspension, guess), FARTHER)
+    squares, missed = confirmed(suspension, wanted, twisted(suspension, guess), FARTHER)
     if missed.any():
         rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))
         part = np.ix_(rows, supports)
-        found[part] = searched(suspension.take(supports), wanted[part], guess[part], error[part], modes)
-    return found
+        squares[part] = searched(suspension.take(supports), wanted[part], guess[part], error[part], modes)
+    return squares
 
 
 # ---------------------------------------------------------------------------------------------- fixed support
@@ -257,7 +257,7 @@ class CartProblem:
     @property
     def route(self) -> str:
         """Dense where that is accurate enough, else the effective mass."""
-        return self.found.route
+        return self.oscillating.route
 
     @property
     def built(self) -> Built:
@@ -272,7 +272,7 @@ class CartProblem:
         return links + (self.cart.stiffness > 0) - is_singular(self.blocks, self.cart)
 
     @cached_property
-    def found(self) -> Squares:
+    def oscillating(self) -> Squares:
         """ω² (R,) of every other oscillatory mode, ascending, within the limits."""
         if self.limits.squares is not None:
             return Squares.exact(self.limits.squares)
@@ -284,12 +284,12 @@ class CartProblem:
     @property
     def squares(self) -> Floats:
         """ω² (R,)."""
-        return self.found.x
+        return self.oscillating.x
 
     @property
     def dense_error(self) -> Floats:
         """Bounds on the relative errors of ω (R,) beyond rounding."""
-        return self.found.error / 2
+        return self.oscillating.error / 2
 
     def shapes(self, rows: Ints) -> Motion:
         """Shapes of these modes, all chains and the cart together."""
@@ -321,19 +321,19 @@ class CartProblem:
         return below, above
 
     def _joint_masses(self) -> list[Floats]:
-        own = [joint_masses(block.constants.p, block.constants.r) for block in self.blocks]
-        pivot = self.cart.mass + sum(float(masses[0].sum()) for masses in own)
-        for masses in own:
+        joints = [joint_masses(block.constants.p, block.constants.r) for block in self.blocks]
+        pivot = self.cart.mass + sum(float(masses[0].sum()) for masses in joints)
+        for masses in joints:
             masses[0] = pivot
-        return own
+        return joints
 
 
-def _mismatch(below: Swept, above: Swept, own: Floats) -> tuple[Floats, Floats]:
+def _mismatch(below: Swept, above: Swept, masses: Floats) -> tuple[Floats, Floats]:
     """|μ + ν| at each joint, and the cost of joining the halves there, given the joints' own masses (n + 1, P)."""
     gap = np.abs(below.mass + above.mass)
     near, whole = below.nearest + above.nearest, below.energy + above.energy
-    joinable = (own[:, :, None] > 0) & (near > 1e-150 * whole)
-    weight = np.where(joinable, own[:, :, None], 1.0)
+    joinable = (masses[:, :, None] > 0) & (near > 1e-150 * whole)
+    weight = np.where(joinable, masses[:, :, None], 1.0)
     share = np.where(joinable, near, 1.0) / np.where(joinable, whole, 1.0)
     return gap, np.where(joinable, np.maximum(gap / weight, ROUNDING) / share, np.inf)
 

@@ -22,8 +22,8 @@ def count_and_mass(constants: tuple[Floats, ...], x: Floats, nudge: float) -> tu
     lanes = _side_by_side(constants, x)
     shape = (constants[0].shape[1], *lanes.shape)
     below, mass = np.empty(shape, dtype=np.int64), np.empty(shape)
-    for own, negative, felt in zip(_apart(constants), below, mass, strict=True):
-        _count(*own, lanes, nudge, negative, felt)
+    for chain, negative, felt in zip(_apart(constants), below, mass, strict=True):
+        _count(*chain, lanes, nudge, negative, felt)
     return below.reshape(-1, *x.shape), mass.reshape(-1, *x.shape)
 
 
@@ -32,8 +32,8 @@ def mass_and_energy(constants: tuple[Floats, ...], x: Floats) -> tuple[Floats, F
     lanes = _side_by_side(constants, x)
     shape = (constants[0].shape[1], *lanes.shape)
     mass, energy = np.empty(shape), np.empty(shape)
-    for own, felt, whole in zip(_apart(constants), mass, energy, strict=True):
-        _accumulate(*own, lanes, felt, whole)
+    for chain, felt, whole in zip(_apart(constants), mass, energy, strict=True):
+        _accumulate(*chain, lanes, felt, whole)
     return mass.reshape(-1, *x.shape), energy.reshape(-1, *x.shape)
 
 

@@ -42,13 +42,13 @@ class ComponentMatrices:
     @cached_property
     def _known(self) -> dict[int, int]:
         """Where coordinates of the whole scene stand here, those of links of pendula by themselves."""
-        found = {int(place): k for k, place in enumerate(self.component.eta)}
+        places = {int(place): k for k, place in enumerate(self.component.eta)}
         first, d = self.carried.hanging.first, self.carried.size
         for heavy, at in zip(self.component.heavies, self.places.tolist(), strict=False):
             if heavy.is_alone:
                 link = d + int(first[heavy.shares[0].first])
-                found |= {link + i: at + i for i in range(self.carried.rig.blocks[heavy.block].n)}
-        return found
+                places |= {link + i: at + i for i in range(self.carried.rig.blocks[heavy.block].n)}
+        return places
 
     @cached_property
     def factors(self) -> tuple[SquareSum, SquareSum, SquareSum]:
@@ -56,37 +56,42 @@ class ComponentMatrices:
         return self._factor(0), self._factor(1), self._factor(2)
 
     def _factor(self, which: int) -> SquareSum:
-        own = self.squares[which]
-        rows = np.zeros((len(own), self.size))
-        for row, element in zip(rows, own, strict=True):
+        elements = self.squares[which]
+        rows = np.zeros((len(elements), self.size))
+        for row, element in zip(rows, elements, strict=True):
             row[list(element.at)] = element.row
         parts = [
             self._chain(heavy, at)[which] for heavy, at in zip(self.component.heavies, self.places[:-1], strict=True)
         ]
         return SquareSum(
             np.concatenate([rows, *(part.rows for part in parts)]),
-            np.concatenate([[element.size for element in own], *(part.size for part in parts)]),
+            np.concatenate([[element.size for element in elements], *(part.size for part in parts)]),
         )
 
     @cached_property
     def squares(self) -> tuple[tuple[Element, ...], ...]:
         """The elements of M, K and D but those of the chains themselves, in the coordinates of the component."""
         known, owned = self._known, self.carried.owned[self.component.group]
-        found = [[one._replace(at=tuple(known[place] for place in one.at)) for one in own] for own in owned]
+        squares = [
+            [element._replace(at=tuple(known[place] for place in element.at)) for element in elements]
+            for elements in owned
+        ]
         for start, matrices in self.modal:
-            for own, S in zip(found, matrices, strict=True):
+            for elements, S in zip(squares, matrices, strict=True):
                 root, signs = square_root(S)
                 at = tuple(range(start, start + len(S)))
-                own += [Element(at, tuple(row), sign) for row, sign in zip(root.tolist(), signs.tolist(), strict=True)]
-        return tuple(map(tuple, found))
+                elements += [
+                    Element(at, tuple(row), sign) for row, sign in zip(root.tolist(), signs.tolist(), strict=True)
+                ]
+        return tuple(map(tuple, squares))
 
     @property
     def modal(self) -> Iterator[tuple[int, tuple[Floats, Floats, Floats]]]:
         """M, K and D of every modal support of the component, with the place of its coordinates."""
         structure = self.carried.hanging.structure
-        for own, start in zip(structure.carriers, structure.offsets, strict=False):
-            if own.M is not None and own.K is not None and own.D is not None and start in self._known:
-                yield self._known[start], (own.M, own.K, own.D)
+        for carrier, start in zip(structure.carriers, structure.offsets, strict=False):
+            if carrier.M is not None and carrier.K is not None and carrier.D is not None and start in self._known:
+                yield self._known[start], (carrier.M, carrier.K, carrier.D)
 
     def _chain(self, heavy: Heavy, at: int) -> tuple[SquareSum, SquareSum, SquareSum]:
         """The squares of M, K and D of one combination."""
@@ -146,9 +151,9 @@ class ComponentMatrices:
     def terms(self) -> Floats:
         """The sums of the absolute terms of K's diagonal, (n,)."""
         K = self.factors[1]
-        found: Floats = (K.rows**2).T @ np.abs(K.size)
-        found[: len(self.component.eta)] += self.hidden
-        return found
+        terms: Floats = (K.rows**2).T @ np.abs(K.size)
+        terms[: len(self.component.eta)] += self.hidden
+        return terms
 
     @cached_property
     def hidden(self) -> Floats:
@@ -187,12 +192,12 @@ class ComponentMatrices:
             mass = heavy.weight * block.mass[:, heavy.column].sum()
             M += mass * np.multiply.outer(heavy.along[eta], heavy.along[eta])
         basis = null_space(np.concatenate([rows, np.reshape(joints, (len(joints), d))]))
-        found = np.zeros((self.size, basis.shape[1]))
+        motions = np.zeros((self.size, basis.shape[1]))
         for k in range(basis.shape[1]):
-            before = found[:d, :k]
-            own = basis[:, k] - before @ (before.T @ (M @ basis[:, k]))
-            found[:d, k] = own / np.sqrt(own @ M @ own)
-        return found
+            before = motions[:d, :k]
+            motion = basis[:, k] - before @ (before.T @ (M @ basis[:, k]))
+            motions[:d, k] = motion / np.sqrt(motion @ M @ motion)
+        return motions
 
     @cached_property
     def coasting(self) -> Floats:
@@ -210,12 +215,12 @@ class ComponentMatrices:
                 return None
             hung.append((heavy, known[int(at[0])]))
         mass, stiffness, springs = np.zeros(d), np.zeros(d), dict[tuple[int, int], tuple[float, float, float]]()
-        for own, elements in zip((mass, stiffness), self.squares, strict=False):
+        for diagonal, elements in zip((mass, stiffness), self.squares, strict=False):
             for element in elements:
-                if element.size < 0 or len(element.at) > (1 if own is mass else 2) or element.at[-1] >= d:
+                if element.size < 0 or len(element.at) > (1 if diagonal is mass else 2) or element.at[-1] >= d:
                     return None
                 if len(element.at) == 1:
-                    own[element.at[0]] += element.size * element.row[0] ** 2
+                    diagonal[element.at[0]] += element.size * element.row[0] ** 2
                 elif (pair := (element.at[0], element.at[1])) in springs:
                     return None
                 else:
@@ -226,15 +231,15 @@ class ComponentMatrices:
 
     def _hung(self, hung: list[tuple[Heavy, int]]) -> list[HungChains]:
         """The chains of every block, h² times as heavy, whose angles are h times as large."""
-        found = []
+        chains = []
         for number in sorted({heavy.block for heavy, _ in hung}):
-            own = [(k, heavy, at) for k, (heavy, at) in enumerate(hung) if heavy.block == number]
-            block = self.carried.rig.blocks[number].take(np.array([heavy.column for _, heavy, _ in own]))
-            h = np.array([float(heavy.along.sum()) for _, heavy, _ in own])
-            heavier = block.heavier(np.array([heavy.weight for _, heavy, _ in own]) * h**2)
-            places = np.array([at for *_, at in own])
-            found.append(HungChains(heavier, places, h, self.places[[k for k, *_ in own]]))
-        return found
+            members = [(k, heavy, at) for k, (heavy, at) in enumerate(hung) if heavy.block == number]
+            block = self.carried.rig.blocks[number].take(np.array([heavy.column for _, heavy, _ in members]))
+            h = np.array([float(heavy.along.sum()) for _, heavy, _ in members])
+            heavier = block.heavier(np.array([heavy.weight for _, heavy, _ in members]) * h**2)
+            places = np.array([at for *_, at in members])
+            chains.append(HungChains(heavier, places, h, self.places[[k for k, *_ in members]]))
+        return chains
 
 
 def _tree(
@@ -242,9 +247,9 @@ def _tree(
 ) -> Tree | None:
     """The tree of coordinates in the order in which they are reached from the first; None where there is a loop."""
     beside: list[list[tuple[int, float, float, float]]] = [[] for _ in mass]
-    for (one, two), (size, near, far) in springs.items():
-        beside[one].append((two, size, near, far))
-        beside[two].append((one, size, far, near))
+    for (first, second), (size, near, far) in springs.items():
+        beside[first].append((second, size, near, far))
+        beside[second].append((first, size, far, near))
     order, above = [0], {0: (-1, 0.0, 0.0, 0.0)}
     for i in order:
         for other, size, near, far in beside[i]:
@@ -263,7 +268,7 @@ def _tree(
         spring,
         near_end,
         far_end,
-        tuple(own._replace(places=np.array([at[place] for place in own.places.tolist()])) for own in hung),
+        tuple(chains._replace(places=np.array([at[place] for place in chains.places.tolist()])) for chains in hung),
     )
 
 

@@ -82,16 +82,16 @@ class StillGroup(NamedTuple):
 
     def vectors(self, which: Ints) -> Floats:
         """Those with these numbers, (K, C): columns of the reflections that triangularize `moving`."""
-        found = np.zeros((len(which), len(self.columns)))
+        vectors = np.zeros((len(which), len(self.columns)))
         reflectors, tau = np.linalg.qr(self.moving, mode="raw")
         later = which - self.pushes >= 0
-        found[np.flatnonzero(later), which[later] - self.pushes + self.moving.shape[1]] = 1.0
+        vectors[np.flatnonzero(later), which[later] - self.pushes + self.moving.shape[1]] = 1.0
         for i in reversed(range(len(tau))):
             v = reflectors[i].copy()
             v[:i], v[i] = 0.0, 1.0
-            found -= tau[i] * np.multiply.outer(found @ v, v)
-        found[~later] = self.moving[:, -1]
-        return found
+            vectors -= tau[i] * np.multiply.outer(vectors @ v, v)
+        vectors[~later] = self.moving[:, -1]
+        return vectors
 
 
 class Component(NamedTuple):
@@ -121,15 +121,15 @@ class PartedRig:
     @cached_property
     def _columns(self) -> dict[tuple[int, int], int]:
         """The first pendulum of every (block, column)."""
-        found: dict[tuple[int, int], int] = {}
+        pendula: dict[tuple[int, int], int] = {}
         for (block, column, _), first in zip(self.rig.members, self.hanging.starts.tolist(), strict=True):
-            found.setdefault((block, column), first)
-        return found
+            pendula.setdefault((block, column), first)
+        return pendula
 
     def _rows(self, block: int, column: int) -> tuple[Floats, Floats]:
         """Φ and Ω (d,) of a column."""
-        first, own = self._columns[block, column], self.rig.blocks[block]
-        feels = own.stiffness[0, column] > 0 or own.damping[0, column] > 0
+        first, chains = self._columns[block, column], self.rig.blocks[block]
+        feels = chains.stiffness[0, column] > 0 or chains.damping[0, column] > 0
         return self.hanging.phi.along[first], self.hanging.phi.turning[first] * feels
 
     # ------------------------------------------------------------------------------------------- what moves together
@@ -141,16 +141,16 @@ class PartedRig:
         node = {p: self.size + k for k, p in enumerate(tied)}
         leader = np.arange(self.size + len(tied))
 
-        def join(own: Sequence[int]) -> None:
-            for other in own[1:]:
-                one, two = (_leader(leader, k) for k in (own[0], other))
-                leader[max(one, two)] = min(one, two)
+        def join(places: Sequence[int]) -> None:
+            for other in places[1:]:
+                first, second = (_leader(leader, k) for k in (places[0], other))
+                leader[max(first, second)] = min(first, second)
 
         def of(place: int) -> int:
             return place if place < self.size else node[self.hanging.owner(place - self.size)]
 
-        for own in (element.at for part in self.hanging.elements[:3] for element in part):
-            join([of(place) for place in own])
+        for element in (element for part in self.hanging.elements[:3] for element in part):
+            join([of(place) for place in element.at])
         for carrier, start in zip(self.hanging.structure.carriers, self.hanging.structure.offsets, strict=False):
             if carrier.M is not None:
                 join(range(start, start + carrier.size))
@@ -164,15 +164,15 @@ class PartedRig:
     def owned(self) -> dict[int, tuple[list[Element], list[Element], list[Element]]]:
         """The elements of M, K and D by the number of their part."""
         node = {p: self.size + k for k, p in enumerate(sorted(self.hanging.tied))}
-        found: dict[int, tuple[list[Element], list[Element], list[Element]]] = {
+        elements: dict[int, tuple[list[Element], list[Element], list[Element]]] = {
             int(k): ([], [], []) for k in self.groups
         }
         for which, part in enumerate(self.hanging.elements[:3]):
             for element in part:
                 at = element.at[0]
                 at = at if at < self.size else node[self.hanging.owner(at - self.size)]
-                found[int(self.groups[at])][which].append(element)
-        return found
+                elements[int(self.groups[at])][which].append(element)
+        return elements
 
     @cached_property
     def parted(self) -> tuple[tuple[Component, ...], tuple[StillGroup, ...]]:
@@ -184,8 +184,8 @@ class PartedRig:
             pendulum, rows = self._columns[block, column], self._rows(block, column)
             count = int(self.rig.blocks[block].count[column])
             if pendulum in tied:
-                own = Heavy(block, column, 1.0, *rows, (Share(column, 1, 1.0, pendulum),))
-                owned[int(self.groups[tied[pendulum]])].append(own)
+                heavy = Heavy(block, column, 1.0, *rows, (Share(column, 1, 1.0, pendulum),))
+                owned[int(self.groups[tied[pendulum]])].append(heavy)
             elif (moved := np.flatnonzero(np.abs(rows).sum(0))).size and count:
                 key = int(self.groups[moved[0]]), block, _data(self.rig.blocks[block], column)
                 alike.setdefault(key, []).append(column)
@@ -195,7 +195,7 @@ class PartedRig:
             owned[group] += heavies
             still += balanced
         eta = np.arange(self.size)
-        components = [Component(g, eta[self.groups[: self.size] == g], tuple(own)) for g, own in owned.items()]
+        components = [Component(g, eta[self.groups[: self.size] == g], tuple(heavy)) for g, heavy in owned.items()]
         return tuple(components), tuple(still)
 
     def _combined(self, block: int, columns: list[int]) -> tuple[list[Heavy], list[StillGroup]]:
@@ -242,11 +242,11 @@ class PartedRig:
         down = self.hanging.phi.down
         if not down.any():
             return (None,) * len(self.rig.blocks)
-        found = [np.zeros((block.size, self.size, self.size)) for block in self.rig.blocks]
+        means = [np.zeros((block.size, self.size, self.size)) for block in self.rig.blocks]
         for (block, column, copies), first in zip(self.rig.members, self.hanging.starts.tolist(), strict=True):
             share = copies / int(self.rig.blocks[block].count[column])
-            found[block][column] += share * np.multiply.outer(down[first], down[first])
-        return tuple(found)
+            means[block][column] += share * np.multiply.outer(down[first], down[first])
+        return tuple(means)
 
     @cached_property
     def accelerances(self) -> Floats:
@@ -263,13 +263,13 @@ class PartedRig:
     def momenta(self) -> Floats:
         """The momentum along the rail by each rate of the structure, (d,)."""
         structure, whole = self.hanging.structure, np.zeros(self.size)
-        for carrier, own in enumerate(structure.carriers):
+        for carrier, body in enumerate(structure.carriers):
             span = slice(structure.offsets[carrier], structure.offsets[carrier + 1])
-            if own.M is not None:
+            if body.M is not None:
                 whole[span] += np.nan
-            elif own.size:
-                for place, value in slopes(structure, carrier, own.centre)[0].items():
-                    whole[place] += float(own.mass) * value
+            elif body.size:
+                for place, value in slopes(structure, carrier, body.centre)[0].items():
+                    whole[place] += float(body.mass) * value
         for number, block in enumerate(self.rig.blocks):
             whole += (block.count * block.mass.sum(0)) @ self.pivots[number]
         return whole

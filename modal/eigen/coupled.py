@@ -39,11 +39,11 @@ class _Own:
 
 @dataclass(frozen=True, eq=False)
 class CoupledPendula:
-    """Chains that share a cart, counts folded into their masses, with their fixed-base squares `own` (n, P)."""
+    """Chains that share a cart, counts folded into their masses, with their squares `fixed` (n, P)."""
 
     blocks: tuple[Block, ...]
     cart: CartNumbers
-    own: tuple[Floats, ...]
+    fixed: tuple[Floats, ...]
     clusters: DegenerateModes
     route = "secular equation"
     slack = 4
@@ -60,13 +60,13 @@ class CoupledPendula:
     @cached_property
     def modes(self) -> tuple[_Own, ...]:
         """Fixed-base modes of every block."""
-        return tuple(_own_modes(block, square) for block, square in zip(self.blocks, self.own, strict=True))
+        return tuple(_own_modes(block, square) for block, square in zip(self.blocks, self.fixed, strict=True))
 
     @cached_property
     def poles(self) -> Poles:
         """One pole for each cluster, after that of the spring."""
-        own = zip(self.modes, self.own, strict=True)
-        weight = np.concatenate([(modes.momentum**2 / modes.modal_mass * x).ravel() for modes, x in own])
+        pairs = zip(self.modes, self.fixed, strict=True)
+        weight = np.concatenate([(modes.momentum**2 / modes.modal_mass * x).ravel() for modes, x in pairs])
         weight = np.maximum(np.add.reduceat(weight[self.clusters.order], self.clusters.first), LIGHTEST)
         square, spring = self.clusters.square, self.cart.stiffness
         if spring > 0:
@@ -107,11 +107,13 @@ class CoupledPendula:
 
     def _sums(self, rows: Ints, power: int) -> list[Floats]:
         """α + Σ μ_r (λ_r/(λ_r − x))^power of every pendulum, for each block (P, R)."""
-        found = []
-        for block, modes, own, distance in zip(self.blocks, self.modes, self.own, self._distances(rows), strict=True):
+        sums = []
+        for block, modes, squares, distance in zip(
+            self.blocks, self.modes, self.fixed, self._distances(rows), strict=True
+        ):
             weight = (modes.momentum**2 / modes.modal_mass)[..., None]
-            found.append(at_infinity(block)[0][:, None] + (weight * (own[..., None] / distance) ** power).sum(0))
-        return found
+            sums.append(at_infinity(block)[0][:, None] + (weight * (squares[..., None] / distance) ** power).sum(0))
+        return sums
 
     def _distances(self, rows: Ints) -> list[Floats]:
         """λ_r − x of every fixed-base mode, for each block (n modes, P, R), with full relative accuracy."""
@@ -120,9 +122,9 @@ class CoupledPendula:
         apart = square[:, None] - self.poles.square[anchor] - offset
         distance = np.empty((len(self.clusters.order), len(rows)))
         distance[self.clusters.order] = np.repeat(apart, self.clusters.size, axis=0)
-        ends = np.cumsum([own.size for own in self.own])[:-1]
-        parts = zip(np.split(distance, ends), self.own, strict=True)
-        return [part.reshape(*own.shape, len(rows)) for part, own in parts]
+        ends = np.cumsum([squares.size for squares in self.fixed])[:-1]
+        parts = zip(np.split(distance, ends), self.fixed, strict=True)
+        return [part.reshape(*squares.shape, len(rows)) for part, squares in parts]
 
 
 class Counted(CoupledPendula):
@@ -149,8 +151,8 @@ def _own_modes(block: Block, square: Floats) -> _Own:
     column, x = np.broadcast_to(np.arange(block.size), square.shape).ravel(), square.ravel()
     step = max(1, CHUNK // block.n)
 
-    def kept(own: slice) -> tuple[Floats, Floats, Floats]:
-        motion = fixed_shapes(block.take(column[own]), x[own])
+    def kept(part: slice) -> tuple[Floats, Floats, Floats]:
+        motion = fixed_shapes(block.take(column[part]), x[part])
         return motion.momentum, motion.modal_mass, motion.turns[0][:, 0]
 
     pieces = [kept(slice(start, start + step)) for start in range(0, x.size, step)]

@@ -125,13 +125,13 @@ class Still:
         """The modes in a cluster, each of modal mass 1, the one with the largest momentum first."""
         first, size = int(self.clusters.first[cluster]), int(self.clusters.size[cluster])
         places = np.sort(self.clusters.order[first : first + size])
-        found, offset = [], 0
+        members, offset = [], 0
         for index, block in enumerate(self.blocks):
-            own = places[(places >= offset) & (places < offset + block.mass.size)] - offset
-            columns = own % block.size
-            motion = fixed_shapes(block.take(columns), np.full(len(own), self.clusters.square[cluster]))
+            here = places[(places >= offset) & (places < offset + block.mass.size)] - offset
+            columns = here % block.size
+            motion = fixed_shapes(block.take(columns), np.full(len(here), self.clusters.square[cluster]))
             scale = 1 / np.sqrt(motion.modal_mass)
-            found += [
+            members += [
                 _Member(
                     block=index,
                     column=int(column),
@@ -143,7 +143,7 @@ class Still:
                 for k, column in enumerate(columns)
             ]
             offset += block.mass.size
-        return sorted(found, key=lambda member: -abs(member.momentum))
+        return sorted(members, key=lambda member: -abs(member.momentum))
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,5 +163,5 @@ def _combination(members: list[_Member], number: int) -> Floats:
     p = np.array([member.momentum for member in members[: number + 2]])
     p = p / abs(p[0]) if p[0] else np.ones_like(p)
     s = np.cumsum(p * p)
-    found: Floats = np.append(p[:-1] * p[-1], -s[-2]) / np.sqrt(s[-2]) / np.sqrt(s[-1])
-    return found
+    amplitudes: Floats = np.append(p[:-1] * p[-1], -s[-2]) / np.sqrt(s[-2]) / np.sqrt(s[-1])
+    return amplitudes

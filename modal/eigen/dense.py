@@ -95,8 +95,8 @@ def _factored(S: Floats) -> tuple[Floats, Floats, float]:
 
 def _in_factors(L: Floats, S: Floats) -> Floats:
     """L⁻¹ S L⁻ᵀ of a symmetric S."""
-    found: Floats = np.linalg.solve(L, np.linalg.solve(L, S).T)
-    return found
+    reduced: Floats = np.linalg.solve(L, np.linalg.solve(L, S).T)
+    return reduced
 
 
 def without_cart(M: Floats, K: Floats) -> tuple[Floats, Floats, float]:

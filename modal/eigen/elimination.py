@@ -82,8 +82,8 @@ def hung(
     for i in range(block.n - 1, -1, -1):
         m, mJ, r, p, q, upper, lower = (part[i] for part in links[:-1])
         s, rest, J = upper / m, lower / m, mJ / m
-        own = joint[i] / length[i] / length[i]
-        total = k[i] + stiff + own
+        spring = joint[i] / length[i] / length[i]
+        total = k[i] + stiff + spring
         P = felt(numbers.pivot(total - square * (r + mu + nu + nu), total))
         N = felt(total + square * (q - nu))
         beta = felt(upper + mu + nu)
@@ -97,7 +97,7 @@ def hung(
         mu = felt(((m + mu) * total - square * (mJ + p * mu + (lower + lower) * nu - nu * nu)) / P)
         if coupling is not None:
             nu = felt(coupling * beta / P)
-            stiff = felt(joint[i] * (P - own) / P / length[i - 1] / length[i - 1])
+            stiff = felt(joint[i] * (P - spring) / P / length[i - 1] / length[i - 1])
             turned = felt(_wide(coupling) * E / _wide(P))
     joints, angles = _followed(passed[::-1], numbers.number(np.eye(1, 1 + len(loads))[..., None]), square, felt)
     return Hung(mu, e, epsilon, joints, np.array(angles) * sigma[:, :, None] / length[:, :, None])

@@ -22,8 +22,8 @@ class SquareSum(NamedTuple):
     @property
     def matrix(self) -> Floats:
         """The sum, (n, n)."""
-        found: Floats = (self.rows.T * self.size) @ self.rows
-        return found
+        S: Floats = (self.rows.T * self.size) @ self.rows
+        return S
 
 
 def is_wide(size: int) -> bool:

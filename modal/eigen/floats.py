@@ -31,15 +31,15 @@ def passed_with_energy(k: Any, r: Any, p: Any, m: Any, mJ: Any, q: Any, y: Any, 
 
 def count_and_mass(constants: tuple[Floats, ...], x: Floats, nudge: float) -> tuple[Ints, Floats]:
     """Pivots D < 0 and the mass at the pivot, (P, R, 1), of chains (1/k, r, p, m, m J) at trial values (R, 1)."""
-    found = [[_count(links, y, nudge) for y in x.ravel().tolist()] for links in _chains(constants)]
-    below, mass = np.array(found).transpose(2, 0, 1)[..., None]
+    counts = [[_count(links, y, nudge) for y in x.ravel().tolist()] for links in _chains(constants)]
+    below, mass = np.array(counts).transpose(2, 0, 1)[..., None]
     return below.astype(np.int64), mass
 
 
 def mass_and_energy(constants: tuple[Floats, ...], x: Floats) -> tuple[Floats, Floats]:
     """Mass and energy at the pivot, (P, R, 1), of chains (1/k, r, p, m, m J, q) at trial values (R, 1)."""
-    found = [[_accumulate(links, y) for y in x.ravel().tolist()] for links in _chains(constants)]
-    mass, energy = np.array(found).transpose(2, 0, 1)[..., None]
+    sums = [[_accumulate(links, y) for y in x.ravel().tolist()] for links in _chains(constants)]
+    mass, energy = np.array(sums).transpose(2, 0, 1)[..., None]
     return mass, energy
 
 

@@ -54,11 +54,11 @@ class FromMatrices:
     def built(self) -> Built:
         """The assembled matrices, and the one whose eigenvalues were found."""
         M, K = self.matrices
-        own = [("M", len(M), 1), ("K", len(K), 1), *([("D", len(self.D), 1)] if self.is_damped else [])]
+        sizes = [("M", len(M), 1), ("K", len(K), 1), *([("D", len(self.D), 1)] if self.is_damped else [])]
         links = counted(sum(block.mass.size for block in self.blocks), "link")
         what = f"cart and {links}" if self.cart else f"chain of {links}, support still"
         kind = "state" if self.is_damped else "symmetric"
-        return Built(what, 1, len(M), (*own, (kind, self.modes.order, self.modes.number)), self.is_damped)
+        return Built(what, 1, len(M), (*sizes, (kind, self.modes.order, self.modes.number)), self.is_damped)
 
     @cached_property
     def matrices(self) -> tuple[Floats, Floats]:
@@ -110,8 +110,8 @@ class FromMatrices:
         """Eigenvalues, shapes, errors."""
         if self.is_singular and (self.stands or self.is_damped):
             raise ComputationError(dense.SINGULAR)
-        found = self._solved()
-        return replace(found, error=found.error + self._turned_by_rounding) if self.leans else found
+        modes = self._solved()
+        return replace(modes, error=modes.error + self._turned_by_rounding) if self.leans else modes
 
     @property
     def _turned_by_rounding(self) -> float:
@@ -174,8 +174,8 @@ class FromMatrices:
         if not self.is_singular:
             return 1.0 / bare_mass(self.blocks, self.cart)
         M, shape = self.matrices[0], self.modes.shape.real
-        own = float(np.sum(shape[0] ** 2 / _form(shape, M, shape)))
-        return own + (1.0 / float(M[0, 0]) if self.is_free else 0.0)
+        accelerance = float(np.sum(shape[0] ** 2 / _form(shape, M, shape)))
+        return accelerance + (1.0 / float(M[0, 0]) if self.is_free else 0.0)
 
     @property
     def eigenvalue(self) -> NDArray[np.complex128]:
@@ -257,18 +257,18 @@ class FromMatrices:
 
     def _energies(self, cart: Numbers, angles: tuple[Numbers, ...]) -> tuple[Floats, ...]:
         """The energies of the real and of the imaginary part, added."""
-        found = []
+        energies = []
         for block, angle in zip(self.blocks, angles, strict=True):
             turn = angle * (block.across * block.length)[:, :, None]
             parts = [(cart.real, turn.real), (cart.imag, turn.imag)]
             if block.sinking is not None:
                 sunk = angle * (block.sinking * block.length)[:, :, None]
                 parts += [(0 * cart.real, sunk.real), (0 * cart.real, sunk.imag)]
-            found.append(sum((kinetic(block, joints(y, a), a) for y, a in parts), start=np.zeros(turn.shape)))
-        return tuple(found)
+            energies.append(sum((kinetic(block, joints(y, a), a) for y, a in parts), start=np.zeros(turn.shape)))
+        return tuple(energies)
 
 
 def _form(left: Numbers, S: Floats, right: Numbers) -> Numbers:
     """φᵀ S ψ of columns φ and ψ, (R,)."""
-    found: Numbers = np.einsum("ir,ir->r", left, S @ right)
-    return found
+    products: Numbers = np.einsum("ir,ir->r", left, S @ right)
+    return products

@@ -71,12 +71,12 @@ class _Problem:
         strong = d > np.sqrt(m) * np.sqrt(k)
         wished = np.concatenate([np.sqrt(k / m)[~strong], (d / m)[strong], (k[strong] / d[strong])])
         ascending = np.sort(wished[wished > 0])
-        found = []
+        rates = []
         while ascending.size:
             near = ascending <= SPAN * ascending[0]
-            found.append(float(np.sqrt(ascending[0]) * np.sqrt(ascending[near][-1])))
+            rates.append(float(np.sqrt(ascending[0]) * np.sqrt(ascending[near][-1])))
             ascending = ascending[~near]
-        return found
+        return rates
 
     def turned(self, rate: float) -> tuple[Floats, Floats]:
         """Coordinates q (size, size) as columns of the old ones, and each damper's displacement in terms of q, by rows.
@@ -120,8 +120,8 @@ class _Solution:
 
     def joined(self, faster: _Solution) -> _Solution:
         """The slow part of this one and the fast part of another, cut where the sum of their bounds is smallest."""
-        own, other = (np.log(part.error) for part in (self, faster))
-        cost = np.append(0.0, np.cumsum(own)) + np.append(np.cumsum(other[::-1])[::-1], 0.0)
+        slower, other = (np.log(part.error) for part in (self, faster))
+        cost = np.append(0.0, np.cumsum(slower)) + np.append(np.cumsum(other[::-1])[::-1], 0.0)
         allowed = self.gaps & faster.gaps
         allowed[[0, -1]] = True
         cut = int(np.argmin(np.where(allowed, cost, np.inf)))
@@ -145,13 +145,13 @@ def damped(M: Floats, K: Floats, terms: Floats, dampers: Dampers, modal: Floats 
     first = int(coasts)
     extra = np.zeros((0, len(M))) if modal is None else modal
     problem = _Problem(inertia, stiffness, sizes[first:, first:], dampers.hung if coasts else dampers, extra[:, first:])
-    found, number = _solved_everywhere(problem)
-    found = found.take(slice(int(free and not coasts), None))
-    value, error = found.value, lost * found.error
+    solution, number = _solved_everywhere(problem)
+    solution = solution.take(slice(int(free and not coasts), None))
+    value, error = solution.value, lost * solution.error
     rounded_up = (value.imag != 0) & (value.real > 0) & (value.real <= error * np.abs(value))
     value = np.where(rounded_up, 1j * value.imag, value)
     chosen = np.flatnonzero(value.imag >= 0)
-    shape = found.shape[:, chosen]
+    shape = solution.shape[:, chosen]
     return Eigen(value[chosen], with_cart(M, shape, free=coasts), error[chosen], 2 * len(inertia), number)
 
 
@@ -159,10 +159,10 @@ def _solved_everywhere(problem: _Problem) -> tuple[_Solution, int]:
     """The solutions for all rates, joined, and their number."""
     solved = {rate: _solved(problem, rate) for rate in problem.rates}
     while True:
-        found = reduce(_Solution.joined, (solved[rate] for rate in sorted(solved)))
-        rate = found.wishes(list(solved))
+        solution = reduce(_Solution.joined, (solved[rate] for rate in sorted(solved)))
+        rate = solution.wishes(list(solved))
         if rate is None or len(solved) >= MOST:
-            return found, len(solved)
+            return solution, len(solved)
         solved[rate] = _solved(problem, rate)
 
 
@@ -201,7 +201,7 @@ def _solved(problem: _Problem, rate: float) -> _Solution:
 
     It is the condition number times a backward error of a few roundings of the matrix's norm and of P⁻¹'s sensitivity.
     """
-    scaled = min((_scaled(problem, rate * moved) for moved in MOVED), key=lambda one: one.sensitivity)
+    scaled = min((_scaled(problem, rate * moved) for moved in MOVED), key=lambda candidate: candidate.sensitivity)
     M, K, D, n = scaled.M, scaled.K, scaled.friction.T @ scaled.friction, len(scaled.M)
     state = np.block([[np.zeros((n, n)), np.eye(n)], [-scaled.inverse @ part for part in (M - D + K, 2 * (M - K))]])
     theta, right = np.linalg.eig(state)

@@ -38,15 +38,15 @@ def at_pivot(suspension: Suspension, x: Floats) -> Floats:
     with np.errstate(all="ignore"):
         if suspension.mass is None or suspension.stiffness is None:
             (chains,) = suspension.chains
-            mass, energy = (one[0] for one in _mass_and_energy(chains.rest, x))
+            mass, energy = (rows[0] for rows in _mass_and_energy(chains.rest, x))
             first = chains.r[0, 0]
             missed = (mass + first - 1.0 / (chains.inverse[0, 0] * x)) / (energy + first)
         else:
             every = zip(*(_mass_and_energy(chains, x) for chains in suspension.chains), strict=True)
-            mass, energy = (sum(own.sum(0) for own in both) for both in every)
+            mass, energy = (sum(values.sum(0) for values in both) for both in every)
             missed = (mass + suspension.mass - suspension.stiffness / x) / (energy + suspension.mass)
-        found: Floats = x * (1.0 - missed)
-        return found
+        quotients: Floats = x * (1.0 - missed)
+        return quotients
 
 
 def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
@@ -70,8 +70,10 @@ def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
             np.subtract(whole, less, out=less)
         shares += 1.0
         factors = t, near, far, 2 * q, free, gains, masses, shares
-        for own, r, p, twice, free, passed, added, carried in zip(*(values[::-1] for values in factors), strict=True):
-            np.multiply(own, mass, out=D)
+        for stretched, r, p, twice, free, passed, added, carried in zip(
+            *(values[::-1] for values in factors), strict=True
+        ):
+            np.multiply(stretched, mass, out=D)
             np.subtract(free, D, out=D)
             mass *= passed
             mass += added
@@ -95,13 +97,13 @@ def twisted(suspension: Suspension, x: Floats) -> Floats:
 
 def _missed(suspension: Suspension, x: Floats) -> Floats:
     """(μ + ν)/N (R, S) at the best joint."""
-    found = []
-    for below, above, own in _joined(suspension, x):
+    choices = []
+    for below, above, masses in _joined(suspension, x):
         mass, energy = below.mass + above.mass, below.energy + above.energy
         missed = mass / energy
-        cost = np.abs(mass * missed) / own
-        found.append((np.where(np.isfinite(cost), cost, np.inf).reshape(-1, *x.shape), missed.reshape(-1, *x.shape)))
-    costs, missed = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        cost = np.abs(mass * missed) / masses
+        choices.append((np.where(np.isfinite(cost), cost, np.inf).reshape(-1, *x.shape), missed.reshape(-1, *x.shape)))
+    costs, missed = (np.concatenate(parts) for parts in zip(*choices, strict=True))
     at = costs.argmin(0)[None]
     chosen: Floats = np.take_along_axis(missed, at, 0)[0]
     return chosen
@@ -121,9 +123,9 @@ def _joined(suspension: Suspension, x: Floats) -> Iterator[tuple[_Side, _Side, F
     energies = without_each(np.broadcast_to(mass, x.shape), [below.energy[0] for below in from_below])
     pivot = mass + sum(chains.p[0].sum(0) for chains in suspension.chains)
     for chains, below, felt, energy in zip(suspension.chains, from_below, others, energies, strict=True):
-        own = joint_masses(chains.p, chains.r)
-        own[0] = pivot
-        yield below, _swept(chains, x, felt, energy, upward=False), own
+        masses = joint_masses(chains.p, chains.r)
+        masses[0] = pivot
+        yield below, _swept(chains, x, felt, energy, upward=False), masses
 
 
 def _swept(chains: Chains, x: Floats, mass: Floats | float, energy: Floats | float, *, upward: bool) -> _Side:
@@ -137,12 +139,12 @@ def _swept(chains: Chains, x: Floats, mass: Floats | float, energy: Floats | flo
     side.mass[0], side.energy[0] = mass, energy
     twice, D = 2 * q, np.empty(t.shape[1:])
     for i in range(chains.n):
-        felt, found = side.mass[i], side.mass[i + 1]
+        felt, lower = side.mass[i], side.mass[i + 1]
         np.multiply(t[i], felt, out=D)
         np.subtract(free[i], D, out=D)
-        np.multiply(passed[i], felt, out=found)
-        found += added[i]
-        found /= D
+        np.multiply(passed[i], felt, out=lower)
+        lower += added[i]
+        lower /= D
         np.divide(carried[i], D, out=D)
         whole = side.energy[i + 1]
         np.add(side.energy[i], near[i], out=whole)
@@ -153,10 +155,10 @@ def _swept(chains: Chains, x: Floats, mass: Floats | float, energy: Floats | flo
     return side
 
 
-def without_each(own: Floats, parts: list[Floats]) -> list[Floats]:
+def without_each(base: Floats, parts: list[Floats]) -> list[Floats]:
     """Own + Σ of all rows but each one, for rows (P, …) in several arrays, without subtraction."""
     rows = np.concatenate(parts)
     before, after = np.zeros_like(rows), np.zeros_like(rows)
     np.cumsum(rows[:-1], axis=0, out=before[1:])
     after[:-1] = np.cumsum(rows[:0:-1], axis=0)[::-1]
-    return np.split(own + (before + after), np.cumsum([len(part) for part in parts])[:-1])
+    return np.split(base + (before + after), np.cumsum([len(part) for part in parts])[:-1])

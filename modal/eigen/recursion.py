@@ -102,8 +102,8 @@ def kinetic(block: Block, y: Floats, a: Floats) -> Floats:
 
 def joints(pivot: Floats, a: Floats) -> Floats:
     """Displacements (n + 1, P, R) of all joints from those of the pivots (R,) and the turns a (n, P, R)."""
-    found: Floats = pivot + np.concatenate([np.zeros((1, *a.shape[1:])), np.cumsum(a, 0)])
-    return found
+    places: Floats = pivot + np.concatenate([np.zeros((1, *a.shape[1:])), np.cumsum(a, 0)])
+    return places
 
 
 def joint_masses(p: Floats, r: Floats) -> Floats:

@@ -74,8 +74,8 @@ class _Table:
         exact = distance == 0
         share = _WEIGHTS / np.where(exact, 1.0, distance)
         share = np.where(exact.any(1, keepdims=True), exact, share)
-        found: Floats = (share @ self.values) / share.sum(1)
-        return found
+        values: Floats = (share @ self.values) / share.sum(1)
+        return values
 
 
 @dataclass(frozen=True, eq=False)

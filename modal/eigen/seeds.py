@@ -72,18 +72,18 @@ def _product(suspension: Suspension) -> Callable[[Floats], Floats]:
         for name in ("b", "length", "diagonal")
     )
     moment = np.sqrt(b)
-    reach, own = length / moment, diagonal / b
+    reach, scale = length / moment, diagonal / b
     drawn = moment / suspension.total_mass[0] if suspension.mass is not None else np.zeros_like(moment)
     ends = np.cumsum([chains.n for chains, _ in rows]).tolist()
     pieces = [slice(end - chains.n, end) for end, (chains, _) in zip(ends, rows, strict=True)]
 
     def product(v: Floats) -> Floats:
-        found: Floats = own * v - drawn * (moment @ v)
+        image: Floats = scale * v - drawn * (moment @ v)
         for piece in pieces:
             along, across = (reach * v)[piece], (moment * v)[piece]
-            found[piece][1:] += moment[piece][1:] * np.cumsum(along[:-1])
-            found[piece][:-1] += reach[piece][:-1] * np.cumsum(across[:0:-1])[::-1]
-        return found
+            image[piece][1:] += moment[piece][1:] * np.cumsum(along[:-1])
+            image[piece][:-1] += reach[piece][:-1] * np.cumsum(across[:0:-1])[::-1]
+        return image
 
     return product
 
@@ -109,23 +109,23 @@ def _scaled(suspension: Suspension) -> Floats:
     supports, links = suspension.supports, suspension.size
     spring = suspension.stiffness is not None and bool(suspension.stiffness[0] > 0)
     free = suspension.stiffness is not None and not spring
-    found = np.zeros((links + spring, links + spring, supports))
+    matrices = np.zeros((links + spring, links + spring, supports))
     moments = [np.sqrt(chains.b[:, :, 0]).swapaxes(0, 1).reshape(-1, supports) for chains in suspension.chains]
     every = np.concatenate(moments)
     drawn = every / suspension.total_mass if free else np.zeros((links, 1))
     if free and links > suspension.chains[0].n:
-        np.multiply(every[:, None], -drawn, out=found)
+        np.multiply(every[:, None], -drawn, out=matrices)
     at = 0
     for chains in suspension.chains:
         for p in range(chains.m.shape[1]):
-            own = slice(at, at + chains.n)
-            moment, less = every[own], drawn[own]
+            span = slice(at, at + chains.n)
+            moment, less = every[span], drawn[span]
             at += chains.n
-            block = found[own.start + spring : at + spring, own.start + spring : at + spring]
+            block = matrices[span.start + spring : at + spring, span.start + spring : at + spring]
             np.multiply(moment[:, None], chains.length[:, p, 0] / moment - less, out=block)
             np.einsum("iis->is", block)[:] = chains.diagonal[:, p, 0] / moment / moment - moment * less
     if spring and suspension.stiffness is not None:
         held = np.sqrt(suspension.stiffness)
-        found[0, 0] = suspension.total_mass / held / held
-        found[1:, 0] = every / held
-    return found.transpose(2, 0, 1)
+        matrices[0, 0] = suspension.total_mass / held / held
+        matrices[1:, 0] = every / held
+    return matrices.transpose(2, 0, 1)

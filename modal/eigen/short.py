@@ -37,10 +37,10 @@ def short_squares(links: Sequence[Link], cart: CartNumbers | None) -> Floats | N
     The same floats as `squares_of`; None where counts confirm none near a seed, or two modes meet.
     """
     try:
-        found = list(_found(links, cart))
+        squares = list(_found(links, cart))
     except (ZeroDivisionError, np.linalg.LinAlgError):
         return None
-    return np.array(found) if all(map(lt, [0.0, *found], found)) else None
+    return np.array(squares) if all(map(lt, [0.0, *squares], squares)) else None
 
 
 def _found(links: Sequence[Link], cart: CartNumbers | None) -> Iterator[float]:
@@ -51,7 +51,7 @@ def _found(links: Sequence[Link], cart: CartNumbers | None) -> Iterator[float]:
         constants.append((1 / k, r, p, m, mJ, q))
         scaled.append((k, length, r + below))
         below += m
-    counted = [own[:5] for own in constants]
+    counted = [constant[:5] for constant in constants]
     seeds = _seeds(scaled, below, cart)
     if cart:
         mass, stiffness = cart.mass, cart.stiffness
@@ -64,9 +64,9 @@ def _found(links: Sequence[Link], cart: CartNumbers | None) -> Iterator[float]:
         for _ in range(STEPS):
             mu, energy = swept_with_energy(constants, x)
             x *= 1.0 - (mu + mass - stiffness / x) / (energy + mass)
-            if found := _stepped(counted, rail, spring, j, x):
+            if square := _stepped(counted, rail, spring, j, x):
                 break
-        yield found
+        yield square
 
 
 @np.errstate(all="ignore")
@@ -87,8 +87,8 @@ def _seeds(scaled: list[tuple[float, float, float]], hanging: float, cart: CartN
             matrix[1:, 0] = moment / cart.stiffness**0.5
         else:
             chain -= moment[:, None] * (moment / total)
-    found: list[float] = (1.0 / np.linalg.eigvalsh(matrix)[::-1]).tolist()
-    return found
+    seeds: list[float] = (1.0 / np.linalg.eigvalsh(matrix)[::-1]).tolist()
+    return seeds
 
 
 def _stepped(links: list[Constants], mass: float, stiffness: float, before: int, x: float) -> float:

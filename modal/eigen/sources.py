@@ -153,7 +153,7 @@ class Alone:
     @property
     def route(self) -> str:
         """Dense where that is accurate enough, else the effective mass."""
-        return self.found.route
+        return self.fixed.route
 
     @property
     def built(self) -> Built:
@@ -162,14 +162,14 @@ class Alone:
         return Built(f"chain of {counted(n, 'link')}, support still", chains, n, seed_matrices(n, chains))
 
     @cached_property
-    def found(self) -> Squares:
+    def fixed(self) -> Squares:
         """ω² (n, P), or of the lowest of the n modes."""
         return fixed_squares(self.block, self.limits)
 
     @property
     def squares(self) -> Floats:
         """ω² without their errors."""
-        return self.found.x
+        return self.fixed.x
 
     @cached_property
     def eigenvalue(self) -> NDArray[np.complex128]:
@@ -179,7 +179,7 @@ class Alone:
     @property
     def error(self) -> Floats:
         """Relative error bounds."""
-        return self.found.error.ravel() / 2 + structured_error(self.block.n, 1)
+        return self.fixed.error.ravel() / 2 + structured_error(self.block.n, 1)
 
     def details(self, rows: Ints) -> Details:
         """One copy's shape and momentum."""
@@ -258,14 +258,14 @@ def _details(
 
 @dataclass(frozen=True, eq=False)
 class Accelerance:
-    """Σ φ_x² over all finite modes (1/kg), `found` at its first use; unlike a closure it can be pickled."""
+    """Σ φ_x² over all finite modes (1/kg), from `compute` at its first use; unlike a closure it can be pickled."""
 
-    found: Callable[[], float]
+    compute: Callable[[], float]
 
     @cached_property
     def value(self) -> float:
         """The number."""
-        return self.found()
+        return self.compute()
 
     def __call__(self) -> float:
         """The number."""
@@ -281,8 +281,8 @@ def bare_accelerance(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
 
 def largest_angle(angles: tuple[NDArray[np.inexact], ...]) -> Floats:
     """Max |θ| (R,) over all links."""
-    found: Floats = np.max([np.abs(angle).max((0, 1)) for angle in angles], axis=0)
-    return found
+    largest: Floats = np.max([np.abs(angle).max((0, 1)) for angle in angles], axis=0)
+    return largest
 
 
 def per_copy(energies: tuple[Floats, ...], counts: tuple[Ints, ...]) -> tuple[Floats, ...]:

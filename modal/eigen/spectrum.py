@@ -92,8 +92,8 @@ def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
         return
     coupled = rig.cart is not None and rig.n_kinds > 1 and not _needs_more(rig)
     ratio = ratio_at(rig) if rig.damping_ratio else None
-    own = limits if rig.n_kinds == 1 else EVERYTHING if coupled else Limits(lowest=limits.lowest)
-    alone = [Alone(block, own) for block in rig.blocks]
+    shown = limits if rig.n_kinds == 1 else EVERYTHING if coupled else Limits(lowest=limits.lowest)
+    alone = [Alone(block, shown) for block in rig.blocks]
     for index, (block, source) in enumerate(zip(rig.blocks, alone, strict=True)):
         along = block.count - (1 if rig.cart else 0)
         across = block.count if rig.spatial else np.zeros_like(block.count)
@@ -124,24 +124,24 @@ def _on_structure(rig: Rig, limits: Limits) -> Iterator[Batch]:
     carried, ratio = PartedRig(rig), ratio_at(rig) if rig.damping_ratio else None
     components, balanced = carried.parted
     moved = np.array(
-        [(heavy.block, share.column) for own in components for heavy in own.heavies for share in heavy.shares]
+        [(heavy.block, share.column) for part in components for heavy in part.heavies for share in heavy.shares]
     )
     for index, block in enumerate(rig.blocks):
         along = block.count.copy()
         along[np.unique(moved[moved[:, 0] == index, 1]) if len(moved) else []] -= 1
-        groups = [own for own in balanced if own.block == index]
+        groups = [group for group in balanced if group.block == index]
         needed = along > 0
-        needed[[own.columns[0] for own in groups]] = True
+        needed[[group.columns[0] for group in groups]] = True
         for columns, each in (
             _sources(Alone(block, Limits(lowest=limits.lowest)), needed, ratio) if needed.any() else ()
         ):
             rows = np.arange(len(each.eigenvalue))
-            own = columns[rows % columns.size]
-            there = along[own] > 0
+            column = columns[rows % columns.size]
+            there = along[column] > 0
             zero = np.zeros(int(there.sum()), dtype=np.int64)
-            yield Batch(each, rows[there], along[own[there]], zero, still=True, block=index, columns=own[there])
+            yield Batch(each, rows[there], along[column[there]], zero, still=True, block=index, columns=column[there])
             for group in (group for group in groups if group.columns[0] in columns):
-                yield from _balanced(carried, group, each, rows[own == group.columns[0]])
+                yield from _balanced(carried, group, each, rows[column == group.columns[0]])
     for component in components:
         reduced = ComponentMatrices(carried, component)
         if reduced.free.size:
@@ -206,20 +206,20 @@ def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone], ratio: RatioAt | N
     elif rig.n_kinds == 1:
         yield _moving(Together(heavy, counts, CartProblem(heavy, cart, limits=limits), accelerance))
     else:
-        own = tuple(source.squares for source in alone)
-        yield from _different(heavy, counts, cart, own, accelerance, limits)
+        squares = tuple(source.squares for source in alone)
+        yield from _different(heavy, counts, cart, squares, accelerance, limits)
 
 
 def _different(
     heavy: tuple[Block, ...],
     counts: tuple[Ints, ...],
     cart: CartNumbers,
-    own: tuple[Floats, ...],
+    squares: tuple[Floats, ...],
     accelerance: Callable[[], float],
     limits: Limits,
 ) -> Iterator[Batch]:
     """Modes of different kinds with squares `own`: those that leave the cart still by coincidence, and the others."""
-    gathered = degenerate_modes(own)
+    gathered = degenerate_modes(squares)
     few = sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
     if few and gathered.closest > CLOSE and not gathered.shared.size:
         yield _moving(Together(heavy, counts, CartProblem(heavy, cart, limits=limits), accelerance))
@@ -228,7 +228,7 @@ def _different(
         still = Still(heavy, gathered)
         first = np.cumsum(still.folds) - still.folds
         yield Batch(Together(heavy, counts, still, accelerance), first, still.folds, np.zeros_like(first), still=True)
-    problem = (Counted if few else CoupledPendula)(heavy, cart, own, gathered)
+    problem = (Counted if few else CoupledPendula)(heavy, cart, squares, gathered)
     yield _moving(Together(heavy, counts, problem, accelerance))
 
 
@@ -279,11 +279,11 @@ class Spectrum:
     @cached_property
     def numbers_of_kind(self) -> dict[tuple[int, int] | None, list[int]]:
         """The indices of the eigenvalues of each kind of pendulum alone; None for those of several kinds."""
-        found: dict[tuple[int, int] | None, list[int]] = {}
+        numbers: dict[tuple[int, int] | None, list[int]] = {}
         for number, parts in enumerate(self.groups):
             for part in parts:
-                found.setdefault(part.kind, []).append(number)
-        return found
+                numbers.setdefault(part.kind, []).append(number)
+        return numbers
 
     def take(self, rows: slice) -> Spectrum:
         """A slice of the eigenvalues."""
@@ -303,11 +303,11 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> Spectrum:
     Raises ComputationError where double precision or memory does not suffice.
     """
     try:
-        found = list(batches(rig, limits))
-        values = np.concatenate([batch.source.eigenvalue[batch.rows] for batch in found])
+        parts = list(batches(rig, limits))
+        values = np.concatenate([batch.source.eigenvalue[batch.rows] for batch in parts])
         if rig.damping_ratio:
-            values = _damped(values, np.concatenate([_undamped(batch) for batch in found]), ratio_at(rig))
-        errors = np.concatenate([batch.source.error[batch.rows] for batch in found])
+            values = _damped(values, np.concatenate([_undamped(batch) for batch in parts]), ratio_at(rig))
+        errors = np.concatenate([batch.source.error[batch.rows] for batch in parts])
     except np.linalg.LinAlgError:
         raise ComputationError("the ratios in this scene are beyond double precision on its dense route") from None
     if not np.all(np.isfinite(values)):
@@ -318,7 +318,7 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> Spectrum:
     cuts = np.concatenate([[0], steps, [len(order)]])
     cuts = cuts if limits.lowest is None else cuts[: limits.lowest + 1]
     first = order[cuts[:-1]]
-    return Spectrum(values[first], errors[first], tuple(found), order, cuts)
+    return Spectrum(values[first], errors[first], tuple(parts), order, cuts)
 
 
 def _undamped(batch: Batch) -> Booleans:
@@ -331,6 +331,6 @@ def _damped(values: NDArray[np.complex128], undamped: Booleans, ratio: RatioAt) 
     """The eigenvalues −ζω + iω√(1−ζ²) of those modes iω to which no other dampers belong."""
     swings = undamped & (values.imag > 0)
     zeta = ratio(values[swings].imag)
-    found = values.copy()
-    found[swings] *= np.sqrt((1 - zeta) * (1 + zeta)) + 1j * zeta
-    return found
+    damped = values.copy()
+    damped[swings] *= np.sqrt((1 - zeta) * (1 + zeta)) + 1j * zeta
+    return damped

@@ -141,23 +141,23 @@ class _Shape(NamedTuple):
     def subtract(self, column: int, other: _Shape, share: Floats) -> None:
         """Subtract this multiple of another shape from one column, in place."""
         parts = [*zip(self.angles, other.angles, strict=True), *zip(self.centres, other.centres, strict=True)]
-        for own, its in [*parts, (self.cart, other.cart)]:
-            own[..., column] -= (its * share)[..., 0]
+        for mine, its in [*parts, (self.cart, other.cart)]:
+            mine[..., column] -= (its * share)[..., 0]
 
 
-def gathered(block: Block, found: Eliminated, x: Floats, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
+def gathered(block: Block, pivots: Eliminated, x: Floats, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
     """The load on each link (n, P, R) once everything below is eliminated, and the force on the pivot (P, R)."""
     felt, pivot = np.empty_like(moment), np.zeros(moment.shape[1:])
     passed, turned = pivot, _turned(block)
     for i in reversed(range(block.n)):
         _, l, c, _, s = _link(block, i)
         felt[i] = l * pivot + passed + c * force[i] + moment[i]
-        pivot = pivot + force[i] + x * found.moment[i] * felt[i] / found.pivot[i]
-        passed = turned[i][:, None] * s * felt[i] / found.pivot[i]
+        pivot = pivot + force[i] + x * pivots.moment[i] * felt[i] / pivots.pivot[i]
+        passed = turned[i][:, None] * s * felt[i] / pivots.pivot[i]
     return felt, pivot
 
 
-def descended(block: Block, found: Eliminated, x: Floats, felt: Floats, pivot: Floats) -> tuple[Floats, Floats]:
+def descended(block: Block, pivots: Eliminated, x: Floats, felt: Floats, pivot: Floats) -> tuple[Floats, Floats]:
     """Angles and displacements of the centres (n, P, R) under the load on each link, pivots displaced (R,) or (P, R).
 
     The lower joint moves by y + l θ = (y (D + x l H) + l (s φ + …)) / D, in which D + x l H needs no μ.
@@ -167,10 +167,10 @@ def descended(block: Block, found: Eliminated, x: Floats, felt: Floats, pivot: F
     for i in range(block.n):
         m, l, c, inertia, s = _link(block, i)
         pushed = s * turned[i][:, None] * above + felt[i]
-        angles[i] = above = (pushed + x * found.moment[i] * y) / found.pivot[i]
-        held = (block.sigma[i] * block.b[i])[:, None] + found.stiffness[i] + s
-        gain = held + x * (m * c * (l - c) - inertia - l * found.first_moment[i])
-        lower = (y * gain + l * pushed) / found.pivot[i]
+        angles[i] = above = (pushed + x * pivots.moment[i] * y) / pivots.pivot[i]
+        held = (block.sigma[i] * block.b[i])[:, None] + pivots.stiffness[i] + s
+        gain = held + x * (m * c * (l - c) - inertia - l * pivots.first_moment[i])
+        lower = (y * gain + l * pushed) / pivots.pivot[i]
         centres[i] = y * ((l - c) / l) + lower * (c / l)
         y = lower
     return angles, centres
@@ -205,10 +205,10 @@ class SprungProblem:
     def count(self, x: Floats) -> Ints:
         """Number of modes below each trial x (R,), of one sign."""
         below, masses = zip(*(count_and_mass(block, x) for block in self.blocks), strict=True)
-        total: Ints = np.sum([found.sum(0) for found in below], axis=0)
+        total: Ints = np.sum([values.sum(0) for values in below], axis=0)
         if self.cart is None:
             return total
-        felt = self.cart.mass + sum(found.sum(0) for found in masses)
+        felt = self.cart.mass + sum(values.sum(0) for values in masses)
         free = self.cart.stiffness == 0
         return np.asarray(total + (x * felt > self.cart.stiffness) - (free & (x > 0)))
 
@@ -223,14 +223,14 @@ class SprungProblem:
         growing = int(self.count(low)[0]) if self.stands else 0
         order = np.arange(self.n_modes)
         high = above_all(self.count, low, np.array([self.n_modes]))
-        found = np.empty(self.n_modes)
+        squares = np.empty(self.n_modes)
         if growing:
             first = order[:growing]
             top = above_all(lambda u: growing - self.count(-u), low, np.array([growing]))
-            found[:growing] = -self._located(lambda u: self.count(-u) <= first, low, top, growing)
+            squares[:growing] = -self._located(lambda u: self.count(-u) <= first, low, top, growing)
         last = order[growing:]
-        found[growing:] = self._located(lambda u: self.count(u) > last, low, high, len(last))
-        return found
+        squares[growing:] = self._located(lambda u: self.count(u) > last, low, high, len(last))
+        return squares
 
     @staticmethod
     def _located(reached: Callable[[Floats], Booleans], low: Floats, high: Floats, number: int) -> Floats:
@@ -261,16 +261,16 @@ class SprungProblem:
         held = self.cart.stiffness * shape.cart**2 if self.cart else np.zeros(len(x))
         for block, angles in zip(self.blocks, shape.angles, strict=True):
             held = held + self._held(block, angles)
-        found: Floats = ROUNDINGS * (held / (np.abs(x) * _product(self._inertial(shape), shape)) + 1) / 2
-        return found
+        lost: Floats = ROUNDINGS * (held / (np.abs(x) * _product(self._inertial(shape), shape)) + 1) / 2
+        return lost
 
     @staticmethod
     def _held(block: Block, angles: Floats) -> Floats:
         """Σ |k| e² (R,) of gravity and springs."""
         above = np.concatenate([np.zeros_like(angles[:1]), angles[:-1]]) * _turned(block)[:, :, None]
         spring = block.stiffness[:, :, None] * (angles - above) ** 2
-        found: Floats = (block.b[:, :, None] * angles**2 + spring).sum((0, 1))
-        return found
+        energy: Floats = (block.b[:, :, None] * angles**2 + spring).sum((0, 1))
+        return energy
 
     def shapes(self, rows: Ints) -> Motion:
         """Shapes of these modes, all chains and the cart together."""
@@ -290,18 +290,18 @@ class SprungProblem:
 
     def _momentum(self, x: Floats, shape: _Shape) -> Floats:
         """Total momentum, from the first moment about the pivot, where nothing cancels."""
-        found: Floats = (eliminated(self.blocks[0], x).moment[0] * shape.angles[0][0]).sum(0)
-        return found
+        momentum: Floats = (eliminated(self.blocks[0], x).moment[0] * shape.angles[0][0]).sum(0)
+        return momentum
 
     def _solved(self, rows: Ints) -> tuple[_Shape, Floats]:
         """Shapes of these modes, largest angle 1, and φᵀMφ times the error of their Rayleigh quotients, (R,)."""
         near = self._clusters
         members = np.flatnonzero(np.isin(near, near[rows]))
         x, places = self.squares[members], members - np.searchsorted(near, near[members])
-        found = [eliminated(block, x) for block in self.blocks]
+        pivots = [eliminated(block, x) for block in self.blocks]
         loads = self._first(places)
         for _ in range(ITERATIONS):
-            shape = self._answer(found, x, loads)
+            shape = self._answer(pivots, x, loads)
             largest = np.max([np.abs(angles).max((0, 1)) for angles in shape.angles], axis=0)
             shape = shape.scaled(1 / largest)
             missed = _product(loads, shape) / largest
@@ -322,8 +322,8 @@ class SprungProblem:
         """Cluster numbers of the modes (R,), equal where inverse iteration alone cannot separate their shapes."""
         x = self.squares
         apart = np.diff(x) > CLOSE * np.minimum(np.abs(x[1:]), np.abs(x[:-1]))
-        found: Ints = np.concatenate([[0], np.cumsum(apart)])
-        return found
+        numbers: Ints = np.concatenate([[0], np.cumsum(apart)])
+        return numbers
 
     def _make_orthogonal(self, shape: _Shape, k: int, place: int) -> None:
         """Make column k orthogonal in M to the `place` columns before it, in place."""
@@ -338,22 +338,24 @@ class SprungProblem:
         sizes = [np.sqrt(block.diagonal)[:, :, None] for block in self.blocks]
         every = range(int(places.max(initial=0)) + 1)
         drawn = [[size[:, :, 0] * random.uniform(0.5, 1.0, size.shape[:2]) for size in sizes] for _ in every]
-        moment = tuple(np.stack(own, axis=-1)[:, :, places] for own in zip(*drawn, strict=True))
+        moment = tuple(np.stack(parts, axis=-1)[:, :, places] for parts in zip(*drawn, strict=True))
         cart = np.full(len(places), np.sqrt(self.cart.mass + self._hanging) if self.cart else 0.0)
         return _Loads(tuple(map(np.zeros_like, moment)), moment, cart)
 
-    def _answer(self, found: list[Eliminated], x: Floats, loads: _Loads) -> _Shape:
+    def _answer(self, chains: list[Eliminated], x: Floats, loads: _Loads) -> _Shape:
         """(K − x M)⁻¹ of these loads."""
-        parts = zip(self.blocks, found, loads.force, loads.moment, strict=True)
-        felt, pivots = zip(*(gathered(block, one, x, *load) for block, one, *load in parts), strict=True)
+        parts = zip(self.blocks, chains, loads.force, loads.moment, strict=True)
+        felt, pivots = zip(*(gathered(block, chain, x, *load) for block, chain, *load in parts), strict=True)
         cart = np.zeros(len(x))
         if self.cart:
-            mass = self.cart.mass + sum(one.mass[0].sum(0) for one in found)
+            mass = self.cart.mass + sum(chain.mass[0].sum(0) for chain in chains)
             stiffness = self.cart.stiffness - x * mass
             stiffness = np.where(stiffness == 0, -NUDGE * (self.cart.stiffness + np.abs(x) * self._hanging), stiffness)
             cart = (loads.cart + sum(pivot.sum(0) for pivot in pivots)) / stiffness
-        moved = zip(self.blocks, found, felt, strict=True)
-        angles, centres = zip(*(descended(block, one, x, own, cart) for block, one, own in moved), strict=True)
+        moved = zip(self.blocks, chains, felt, strict=True)
+        angles, centres = zip(
+            *(descended(block, chain, x, felt_by, cart) for block, chain, felt_by in moved), strict=True
+        )
         return _Shape(angles, centres, cart)
 
     def _inertial(self, shape: _Shape) -> _Loads:
@@ -367,7 +369,7 @@ class SprungProblem:
 
 def _product(loads: _Loads, shape: _Shape) -> Floats:
     """The work (R,) of the loads on a shape."""
-    found: Floats = loads.cart * shape.cart
+    work: Floats = loads.cart * shape.cart
     for force, centres, moment, angles in zip(loads.force, shape.centres, loads.moment, shape.angles, strict=True):
-        found = found + (force * centres + moment * angles).sum((0, 1))
-    return found
+        work = work + (force * centres + moment * angles).sum((0, 1))
+    return work

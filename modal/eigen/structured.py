@@ -45,7 +45,7 @@ class StructureShapes:
     @property
     def energies(self) -> tuple[Floats, ...]:
         """Twice the kinetic energy of each link of one copy over ω², (n, P, R); a mean over copies that move down."""
-        found = []
+        energies = []
         for number, (block, angle) in enumerate(zip(self.carried.rig.blocks, self.angles, strict=True)):
             along = self.carried.pivots[number] @ self.eta
             turn = angle * (block.sigma * block.length)[:, :, None]
@@ -54,8 +54,8 @@ class StructureShapes:
             sunk = self.carried.sinking[number]
             if sunk is not None:
                 energy += block.mass[:, :, None] * np.abs(np.einsum("pij,ir,jr->pr", sunk, self.eta, self.eta.conj()))
-            found.append(energy)
-        return tuple(found)
+            energies.append(energy)
+        return tuple(energies)
 
 
 def _details(
@@ -105,10 +105,10 @@ class FreeMotions:
     def details(self, rows: Ints) -> Details:
         """The structure alone is displaced, every angle is zero."""
         shape = self.reduced.free[:, rows]
-        moved, one = moved_of(self.reduced, shape), np.ones(len(rows))
+        moved, unit = moved_of(self.reduced, shape), np.ones(len(rows))
         momentum = _cancelled(self.reduced.momentum, shape)
         momentum = momentum + (np.nan if self.reduced.is_damped else 0.0)
-        return _details(moved, one, momentum, 0 * one, moved.energies)
+        return _details(moved, unit, momentum, 0 * unit, moved.energies)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +144,9 @@ class OnStructure:
             return Built(what, 1, n)
         if self.reduced.is_positive and not self.is_damped:
             return Built(what, 1, n, (("factors", n, 2),))
-        own = [("M", n, 1), ("K", n, 1), *([("D", n, 1)] if self.is_damped else [])]
+        sizes = [("M", n, 1), ("K", n, 1), *([("D", n, 1)] if self.is_damped else [])]
         kind = "state" if self.is_damped else "symmetric"
-        return Built(what, 1, n, (*own, (kind, self._dense.order, self._dense.number)), self.is_damped)
+        return Built(what, 1, n, (*sizes, (kind, self._dense.order, self._dense.number)), self.is_damped)
 
     @cached_property
     def squares(self) -> Floats:
@@ -176,8 +176,8 @@ class OnStructure:
         if self._is_counted:
             blocks = [reduced.carried.rig.blocks[heavy.block] for heavy in reduced.component.heavies]
             deepest = max((block.n for block in blocks), default=0)
-            own = structured_error(deepest + 2 * len(reduced.component.eta), len(blocks))
-            return np.full(len(self.squares), own + lost)
+            rounding = structured_error(deepest + 2 * len(reduced.component.eta), len(blocks))
+            return np.full(len(self.squares), rounding + lost)
         narrow = NARROW if not is_wide(reduced.size) else 1.0
         return np.full(len(self._product[0]), narrow * (32 + 12 * reduced.size) * ROUNDOFF + lost)
 
@@ -201,18 +201,18 @@ class OnStructure:
         kept, back, inertia, lost = _without(coasting, M)
         stiffness, terms = K[np.ix_(kept, kept)], self.reduced.terms[kept]
         if not self.is_damped:
-            found = dense.indefinite(inertia, stiffness, free=False, terms=terms)
-            return replace(found, shape=back @ found.shape, error=found.error * lost)
+            modes = dense.indefinite(inertia, stiffness, free=False, terms=terms)
+            return replace(modes, shape=back @ modes.shape, error=modes.error * lost)
         dampers = quadratic.Dampers(roots.strength[kept], _kept(roots.above, kept), _rows(roots.roots, kept))
-        own = None if modal is None else modal[:, kept]
-        found = quadratic.damped(inertia, stiffness, terms, dampers, own, free=False)
+        ratios = None if modal is None else modal[:, kept]
+        modes = quadratic.damped(inertia, stiffness, terms, dampers, ratios, free=False)
         left = slice(self.reduced.free.shape[1] - coasting.shape[1], None)
         assert D.shape == M.shape
         return replace(
-            found,
-            eigenvalue=found.eigenvalue[left],
-            shape=back @ found.shape[:, left],
-            error=found.error[left] * lost,
+            modes,
+            eigenvalue=modes.eigenvalue[left],
+            shape=back @ modes.shape[:, left],
+            error=modes.error[left] * lost,
         )
 
     @property
@@ -284,8 +284,8 @@ class OnStructure:
 
 def _product_modes(stiffness: SquareSum, inertia: SquareSum, free: int) -> tuple[Floats, Floats]:
     """ω and shapes by `modal.eigen.product`, which loads SciPy's linear algebra: scenes without structures do not."""
-    found: tuple[Floats, Floats] = deferred("modal.eigen.product:product_modes")(stiffness, inertia, free)
-    return found
+    modes: tuple[Floats, Floats] = deferred("modal.eigen.product:product_modes")(stiffness, inertia, free)
+    return modes
 
 
 def moved_of(reduced: ComponentMatrices, shape: Numbers) -> StructureShapes:
@@ -295,16 +295,16 @@ def moved_of(reduced: ComponentMatrices, shape: Numbers) -> StructureShapes:
     eta[component.eta] = shape[: len(component.eta)]
     angles = tuple(np.zeros((*block.mass.shape, shape.shape[1]), shape.dtype) for block in carried.rig.blocks)
     for heavy, at in zip(component.heavies, reduced.places.tolist(), strict=False):
-        own = shape[at : at + carried.rig.blocks[heavy.block].n]
+        angle = shape[at : at + carried.rig.blocks[heavy.block].n]
         for share in heavy.shares:
-            angles[heavy.block][:, share.column] += share.amplitude * own
+            angles[heavy.block][:, share.column] += share.amplitude * angle
     return StructureShapes(carried, eta, angles)
 
 
 def _cancelled(row: Floats, shape: Numbers) -> Floats:
     """A row times shapes (n, R), 0 where no more than rounding is left of its terms."""
-    found: Floats = row @ shape
-    return np.where(np.abs(found) <= 4 * len(row) * dense.EPS * (np.abs(row) @ np.abs(shape)), 0.0, found)
+    products: Floats = row @ shape
+    return np.where(np.abs(products) <= 4 * len(row) * dense.EPS * (np.abs(row) @ np.abs(shape)), 0.0, products)
 
 
 def _condition(S: Floats) -> float:
@@ -338,9 +338,9 @@ def _without(free: Floats, M: Floats) -> tuple[Ints, Floats, Floats, float]:
     kept = np.setdiff1d(np.arange(n), resting)
     momentum = A.T @ M
     follow = np.linalg.solve(momentum @ A, momentum[:, kept])
-    own = M[np.ix_(kept, kept)]
-    inertia = own - momentum[:, kept].T @ follow
-    lost = float((np.diag(own) / np.diag(inertia)).max(initial=1.0))
+    left = M[np.ix_(kept, kept)]
+    inertia = left - momentum[:, kept].T @ follow
+    lost = float((np.diag(left) / np.diag(inertia)).max(initial=1.0))
     return kept, np.eye(n)[:, kept] - A @ follow, (inertia + inertia.T) / 2, lost
 
 
@@ -390,16 +390,16 @@ class StillPendula:
 
     def details(self, rows: Ints) -> Details:
         """The angles of the pendulum, by the amplitudes of the combination."""
-        own, blocks = self.balanced, self.carried.rig.blocks
-        alone = self.source.details(self.rows[rows // own.number])
-        amplitude = own.vectors(rows % own.number) / np.sqrt(own.counts)
+        group, blocks = self.balanced, self.carried.rig.blocks
+        alone = self.source.details(self.rows[rows // group.number])
+        amplitude = group.vectors(rows % group.number) / np.sqrt(group.counts)
         angles, shares = (
             tuple(np.zeros((*b.mass.shape, len(rows)), part.dtype) for b in blocks)
             for part in (alone.angles[0], alone.shares[0])
         )
-        angles[own.block][:, own.columns] = alone.angles[0][:, 0][:, None] * amplitude.T
-        shares[own.block][:, own.columns] = alone.shares[0][:, 0][:, None] * amplitude.T**2
-        pushes = np.where(rows % own.number < own.pushes, amplitude @ own.counts, 0.0)
+        angles[group.block][:, group.columns] = alone.angles[0][:, 0][:, None] * amplitude.T
+        shares[group.block][:, group.columns] = alone.shares[0][:, 0][:, None] * amplitude.T**2
+        pushes = np.where(rows % group.number < group.pushes, amplitude @ group.counts, 0.0)
         return replace(
             alone,
             momentum=alone.momentum * pushes,

@@ -107,7 +107,7 @@ class Suspension:
 
     def take(self, supports: Ints | slice) -> Suspension:
         """Some of the supports."""
-        chains = tuple(one.take(supports) for one in self.chains)
+        chains = tuple(chain.take(supports) for chain in self.chains)
         if self.mass is None or self.stiffness is None:
             return Suspension(chains)
         return Suspension(chains, self.mass[supports], self.stiffness[supports])
@@ -117,8 +117,8 @@ class Suspension:
         below: Ints = np.zeros(x.shape, dtype=np.int64)
         felt = np.zeros(x.shape)
         for chains in self.chains:
-            found, mass = count_and_mass(chains, x)
-            below += found.sum(0)
+            counts, mass = count_and_mass(chains, x)
+            below += counts.sum(0)
             felt += mass.sum(0)
         if self.mass is None or self.stiffness is None:
             return below
@@ -131,8 +131,8 @@ class Suspension:
         if self.stiffness is not None:
             held = self.stiffness > 0
             trace = trace + np.where(held, self.total_mass / np.where(held, self.stiffness, 1.0), 0.0)
-        found: Floats = 2.0 ** (-np.ceil(np.log2(trace)) - 1)
-        return found
+        power: Floats = 2.0 ** (-np.ceil(np.log2(trace)) - 1)
+        return power
 
 
 def count_and_mass(chains: Chains, x: Floats) -> tuple[Ints, Floats]:
@@ -160,9 +160,9 @@ def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
         np.multiply(chains.mJ[some], t, out=masses)
         np.subtract(chains.m[some], masses, out=masses)
         factors = t, gains, masses, chains.r[some], pivots
-        for own, gain, added, r, D in zip(*(values[::-1] for values in factors), strict=True):
+        for stretched, gain, added, r, D in zip(*(values[::-1] for values in factors), strict=True):
             np.add(mu, r, out=D)
-            np.multiply(D, own, out=D)
+            np.multiply(D, stretched, out=D)
             np.subtract(1.0, D, out=D)
             if nudge:
                 np.subtract(D, nudge, out=D)

@@ -64,7 +64,7 @@ class Tree:
     @cached_property
     def chains(self) -> tuple[tuple[Chains, Ints], ...]:
         """The constants of the chains, with the coordinate of each."""
-        return tuple((Suspension.on_cart([own.block], NO_CART).chains[0], own.places) for own in self.hung)
+        return tuple((Suspension.on_cart([hanging.block], NO_CART).chains[0], hanging.places) for hanging in self.hung)
 
     @property
     def free(self) -> int:
@@ -86,10 +86,10 @@ class Tree:
             np.add.at(s, places, mass[:, :, 0])
         passed = np.zeros_like(s)
         for i in reversed(range(len(s))):
-            own, pivot, near = self._pivot(i, trial, s[i], passed[i])
+            stiffness, pivot, near = self._pivot(i, trial, s[i], passed[i])
             total += pivot < 0
             if self.parent[i] >= 0:
-                passed[self.parent[i]] += near * (own / pivot)
+                passed[self.parent[i]] += near * (stiffness / pivot)
         return total[:, None]
 
     def _pivot(self, i: int, x: Floats, felt: Floats, passed: Floats) -> tuple[Floats, Floats, float]:
@@ -110,10 +110,10 @@ class Tree:
         """A trial value (1,) below all modes."""
         held = np.concatenate([self.stiffness, self.spring, *((1 / c.inverse).ravel() for c, _ in self.chains)])
         heavy = np.concatenate([self.mass, *(c.m.ravel() for c, _ in self.chains)])
-        found = np.array([[held[held > 0].min() / heavy.sum()]])
-        while self.count(found)[0, 0] > 0 and found[0, 0] > 0:
-            found = found * LOWER
-        return np.asarray(found[0])
+        trial = np.array([[held[held > 0].min() / heavy.sum()]])
+        while self.count(trial)[0, 0] > 0 and trial[0, 0] > 0:
+            trial = trial * LOWER
+        return np.asarray(trial[0])
 
     def squares(self, lowest: int | None) -> Floats:
         """All ω² > 0, ascending, or the lowest of them."""
@@ -132,25 +132,25 @@ class Tree:
         near = np.concatenate([[0], np.cumsum(np.diff(squares) > CLOSE * squares[:-1])])
         members = np.flatnonzero(np.isin(near, near[rows]))
         x, place = squares[members], members - np.searchsorted(near, near[members])
-        found = [eliminated(own.block, x) for own in self.hung]
+        pivots = [eliminated(hanging.block, x) for hanging in self.hung]
         random = np.random.default_rng(0)
         every = range(int(place.max(initial=0)) + 1)
-        sizes = [np.sqrt(own.block.diagonal) for own in self.hung]
+        sizes = [np.sqrt(hanging.block.diagonal) for hanging in self.hung]
         drawn = [[size * random.uniform(0.5, 1.0, size.shape) for size in sizes] for _ in every]
-        moments = [np.stack([own[k] for own in drawn], axis=-1)[..., place] for k in range(len(sizes))]
+        moments = [np.stack([draw[k] for draw in drawn], axis=-1)[..., place] for k in range(len(sizes))]
         pushed = np.stack([np.sqrt(self.mass) * random.uniform(0.5, 1.0, len(self.mass)) for _ in every], axis=1)
         loads = pushed[:, place], [np.zeros_like(moment) for moment in moments], moments
         for _ in range(ITERATIONS):
-            shape = self._answer(found, x, loads)
+            shape = self._answer(pivots, x, loads)
             size = np.sqrt(_work(self._inertial(shape), shape))
             shape = _scaled(shape, 1 / size)
             missed = _work(loads, shape) / size
             for k in np.flatnonzero(place).tolist():
                 for before in range(k - int(place[k]), k):
-                    one, other = _column(shape, k), _column(shape, before)
-                    share = _work(self._inertial(other), one)
-                    for own, its in zip(_arrays(shape), _arrays(other), strict=True):
-                        own[..., k] -= (its * share)[..., 0]
+                    late, early = _column(shape, k), _column(shape, before)
+                    share = _work(self._inertial(early), late)
+                    for array, its in zip(_arrays(shape), _arrays(early), strict=True):
+                        array[..., k] -= (its * share)[..., 0]
                 last = _column(shape, k)
                 size = np.sqrt(_work(self._inertial(last), last))
                 for part in _arrays(shape):
@@ -159,14 +159,14 @@ class Tree:
         at = np.searchsorted(members, rows)
         return self._written(shape)[:, at], np.abs(missed / x)[at]
 
-    def _answer(self, found: list[Eliminated], x: Floats, loads: _Loads) -> _Shape:
+    def _answer(self, pivots: list[Eliminated], x: Floats, loads: _Loads) -> _Shape:
         """(K − x M)⁻¹ of these loads."""
-        parts = zip(self.hung, found, *loads[1:], strict=True)
-        felt = [gathered(own.block, one, x, *load) for own, one, *load in parts]
+        parts = zip(self.hung, pivots, *loads[1:], strict=True)
+        felt = [gathered(hanging.block, chain, x, *load) for hanging, chain, *load in parts]
         mass, force = np.zeros((len(self.mass), len(x))), loads[0].copy()
-        for own, one, (_, pulled) in zip(self.hung, found, felt, strict=True):
-            np.add.at(mass, own.places, one.mass[0])
-            np.add.at(force, own.places, pulled)
+        for hanging, chain, (_, pulled) in zip(self.hung, pivots, felt, strict=True):
+            np.add.at(mass, hanging.places, chain.mass[0])
+            np.add.at(force, hanging.places, pulled)
         eta, passed, pivot = np.zeros_like(force), np.zeros_like(force), np.zeros_like(force)
         across = -self.spring * self.near * self.far
         for i in reversed(range(len(eta))):
@@ -177,8 +177,8 @@ class Tree:
         for i in range(len(eta)):
             above = eta[self.parent[i]] if self.parent[i] >= 0 else 0.0
             eta[i] = (force[i] + across[i] * above) / pivot[i]
-        every = zip(self.hung, found, felt, strict=True)
-        moved = [descended(own.block, one, x, load, eta[own.places]) for own, one, (load, _) in every]
+        every = zip(self.hung, pivots, felt, strict=True)
+        moved = [descended(hanging.block, chain, x, load, eta[hanging.places]) for hanging, chain, (load, _) in every]
         return eta, [angles for angles, _ in moved], [centres for _, centres in moved]
 
     def _inertial(self, shape: _Shape) -> _Loads:
@@ -186,19 +186,19 @@ class Tree:
         eta, angles, centres = shape
         return (
             self.mass[:, None] * eta,
-            [own.block.mass[:, :, None] * part for own, part in zip(self.hung, centres, strict=True)],
-            [own.block.inertia[:, :, None] * part for own, part in zip(self.hung, angles, strict=True)],
+            [hanging.block.mass[:, :, None] * part for hanging, part in zip(self.hung, centres, strict=True)],
+            [hanging.block.inertia[:, :, None] * part for hanging, part in zip(self.hung, angles, strict=True)],
         )
 
     def _written(self, shape: _Shape) -> Floats:
         """One column for each shape, coordinates in the order of the component."""
         eta, angles, _ = shape
-        found = np.zeros((self.size, eta.shape[1]))
-        found[self.order] = eta
-        for own, part in zip(self.hung, angles, strict=True):
-            for p, (first, h) in enumerate(zip(own.first.tolist(), own.h.tolist(), strict=True)):
-                found[first : first + own.block.n] = h * part[:, p]
-        return found
+        shapes = np.zeros((self.size, eta.shape[1]))
+        shapes[self.order] = eta
+        for hanging, part in zip(self.hung, angles, strict=True):
+            for p, (first, h) in enumerate(zip(hanging.first.tolist(), hanging.h.tolist(), strict=True)):
+                shapes[first : first + hanging.block.n] = h * part[:, p]
+        return shapes
 
 
 _Shape = tuple[Floats, list[Floats], list[Floats]]
@@ -221,7 +221,7 @@ def _scaled(shape: _Shape, factor: Floats) -> _Shape:
 
 def _work(loads: _Loads, shape: _Shape) -> Floats:
     """The work (R,) of loads on shapes."""
-    found: Floats = (loads[0] * shape[0]).sum(0)
+    work: Floats = (loads[0] * shape[0]).sum(0)
     for force, moment, angles, centres in zip(*loads[1:], *shape[1:], strict=True):
-        found = found + (force * centres + moment * angles).sum((0, 1))
-    return found
+        work = work + (force * centres + moment * angles).sum((0, 1))
+    return work

@@ -38,8 +38,8 @@ def pulls(
 ) -> tuple[Complexes, Complexes]:
     """First and third harmonics of the torques (B, J, S), as means over the phases e^{iχ} (B, K) of the other bands."""
     first = _leading(swing)
-    own, rate = (np.where(first, values, 0.0).sum(axis=0) for values in (swing, turning[:, None]))
-    size = np.maximum(np.abs(own), NONE)[..., None]
+    leading, rate = (np.where(first, values, 0.0).sum(axis=0) for values in (swing, turning[:, None]))
+    size = np.maximum(np.abs(leading), NONE)[..., None]
     turn = phases[:, None, None]
     rest = np.where(first, 0.0, swing)
     aside, speeding = (np.sum(v[..., None] * turn, axis=0).real for v in (rest, 1j * turning[:, None] * rest))
@@ -47,7 +47,7 @@ def pulls(
     cosine = (angle[:, None, None] + within - aside) / size
     sine = np.sqrt(np.maximum(1 - cosine**2, GRAZING**2))
     often = np.where(np.abs(cosine) < 1, np.maximum(rate[..., None] + speeding / (size * sine), 0.0), 0.0)
-    ahead, scale = (cosine + 1j * sine) * own[..., None] / size, 2 / np.pi * impulse[:, None]
+    ahead, scale = (cosine + 1j * sine) * leading[..., None] / size, 2 / np.pi * impulse[:, None]
     lead, third = (np.mean(often * ahead**harmonic, axis=-1) for harmonic in (1, 3))
     other = np.mean(often * turn.conj(), axis=-1)
     return np.asarray(scale * np.where(first, lead, other)), np.asarray(scale * np.where(first, third, 0.0))
@@ -57,13 +57,13 @@ def rubbed(limit: Floats, swing: Complexes, turning: Floats, phases: Complexes) 
     """First and third harmonics of dry friction (B, J, S) with the limits M (J,), as means over the other phases."""
     speed = 1j * turning[:, None] * swing
     first = _leading(speed)
-    own = np.where(first, speed, 0.0).sum(axis=0)
-    size = np.maximum(np.abs(own), NONE)
+    leading = np.where(first, speed, 0.0).sum(axis=0)
+    size = np.maximum(np.abs(leading), NONE)
     turn = phases[:, None, None]
     aside = np.sum(np.where(first, 0.0, speed)[..., None] * turn, axis=0).real
     share = np.clip(aside / size[..., None], -1.0, 1.0)
     sine = np.sqrt(1 - share**2)
-    ahead = own / size
+    ahead = leading / size
     lead = 4 / np.pi * np.mean(sine, axis=-1) * ahead
     third = 4 / (3 * np.pi) * np.mean(3 * sine - 4 * sine**3, axis=-1) * ahead**3
     other = 4 / np.pi * np.mean(np.arcsin(share) * turn.conj(), axis=-1)
@@ -79,9 +79,9 @@ def mixed(angle: Floats, swing: Complexes, turning: Floats) -> float:
     first, size = _leading(swing), np.abs(swing).max(axis=0)
     fast = turning[:, None] * np.abs(swing)
     room = np.maximum(1 - (angle[:, None] / np.maximum(size, NONE)) ** 2, 0.0)
-    own, rest = (np.where(chosen, fast, 0.0).sum(axis=0) for chosen in (first, ~first))
+    leading, rest = (np.where(chosen, fast, 0.0).sum(axis=0) for chosen in (first, ~first))
     kicked = room > 0
-    return float(np.max(rest[kicked] / (own[kicked] * np.sqrt(room[kicked])), initial=0.0))
+    return float(np.max(rest[kicked] / (leading[kicked] * np.sqrt(room[kicked])), initial=0.0))
 
 
 def _leading(swing: Complexes) -> Booleans:

@@ -105,22 +105,22 @@ class AveragedEquations(Displayed):
 
     def energies(self, z: Complexes) -> Floats:
         """Modal energy (J) by rows of the mode table, (R, ...)."""
-        found: Floats = np.zeros((len(self.modes), *z.shape[1:]))
-        np.add.at(found, self.row, (self.omega**2 * np.abs(z.T) ** 2).T / 2)
-        return found
+        energy: Floats = np.zeros((len(self.modes), *z.shape[1:]))
+        np.add.at(energy, self.row, (self.omega**2 * np.abs(z.T) ** 2).T / 2)
+        return energy
 
     def largest(self, z: Complexes) -> float:
         """The largest angle (rad) that a link may reach, whatever the phases of different bands."""
         links = self.link_shapes
         bands = (self.band == band for band in range(len(self.centre)))
-        return float(np.sum([np.abs(links[:, own] @ z[own]) for own in bands], axis=0).max())
+        return float(np.sum([np.abs(links[:, members] @ z[members]) for members in bands], axis=0).max())
 
     def turning(self, z: Complexes) -> Floats:
         """The rates Ω_b (B, ...) at which bands with amplitudes (C, ...) rotate freely, weighted by |z|²."""
-        found = self.centre.reshape(-1, *[1] * (z.ndim - 1)) * np.ones((1, *z.shape[1:]))
+        rates = self.centre.reshape(-1, *[1] * (z.ndim - 1)) * np.ones((1, *z.shape[1:]))
         for _ in range(TURNS):
-            found = self.turned(found, z, self.flow(z, found))
-        return np.asarray(found)
+            rates = self.turned(rates, z, self.flow(z, rates))
+        return np.asarray(rates)
 
     def turned(self, turning: Floats, z: Complexes, flow: Complexes) -> Floats:
         """An improved Ω_b (B, ...) from the rates z' (C, ...) found with another one."""
@@ -128,8 +128,8 @@ class AveragedEquations(Displayed):
         unit = z / largest
         spin, sizes = self._by_band(np.imag(flow / largest * unit.conj())), self._by_band(np.abs(unit) ** 2)
         middle = self.centre.reshape(-1, *[1] * (z.ndim - 1))
-        found = turning + np.divide(spin, sizes, out=0 * spin, where=sizes > 0)
-        return np.clip(found, middle / FAR, middle * FAR)
+        improved = turning + np.divide(spin, sizes, out=0 * spin, where=sizes > 0)
+        return np.clip(improved, middle / FAR, middle * FAR)
 
     def _by_band(self, values: Floats) -> Floats:
         """Sums (B, ...) over the modes of each band of values (C, ...)."""
@@ -137,8 +137,8 @@ class AveragedEquations(Displayed):
 
     def detuning(self, turning: Floats) -> Floats:
         """(ω_r² − Ω_b²)/2Ω_b (C, ...): the rate (rad/s) at which a free amplitude rotates in its band."""
-        own = turning[self.band]
-        return np.asarray((self.omega.reshape(-1, *[1] * (turning.ndim - 1)) ** 2 - own**2) / (2 * own))
+        rotation = turning[self.band]
+        return np.asarray((self.omega.reshape(-1, *[1] * (turning.ndim - 1)) ** 2 - rotation**2) / (2 * rotation))
 
     def flow(self, z: Complexes, turning: Floats) -> Complexes:
         """The rates z' (C, ...) of amplitudes (C, ...) in bands that rotate at Ω (B, ...)."""
@@ -156,9 +156,9 @@ class AveragedEquations(Displayed):
         """Those without dry friction too, which alone stops small oscillations within a swing."""
         return self._moved(z, turning, kicked=False, sliding=False)
 
-    def only(self, own: Booleans) -> AveragedEquations:
+    def only(self, kept: Booleans) -> AveragedEquations:
         """The same as if there were no other modes than these (C,)."""
-        return replace(self, shapes=self.shapes * own, dual=self.dual * own)
+        return replace(self, shapes=self.shapes * kept, dual=self.dual * kept)
 
     def _moved(
         self,
@@ -214,10 +214,10 @@ class AveragedEquations(Displayed):
         left, parts = residual_forces(self.system, [waves])[0], self._harmonics[harmonic]
         points = parts.shape[1]
         means = (left.reshape(len(left), -1, points) @ parts.T).view(complex)
-        found = 2 / points * means.transpose(2, 0, 1)
+        harmonics = 2 / points * means.transpose(2, 0, 1)
         if self._brake:
-            found[:, 0] /= 1 + self._brake / (1j * harmonic * turning)
-        return _product(self.shapes.T, found)
+            harmonics[:, 0] /= 1 + self._brake / (1j * harmonic * turning)
+        return _product(self.shapes.T, harmonics)
 
     def _kicks(self, first: Complexes, turning: Floats, kept: Booleans) -> tuple[Complexes, Complexes]:
         """The first and third harmonics of the escapements' torques in every band (B, C, S)."""
@@ -226,8 +226,8 @@ class AveragedEquations(Displayed):
         felt = self._turns.T**2 @ kept
         corner = joints.impulse[:, None] * felt / (2 * np.pi)
         torques = pulls(joints.impulse, joints.angle, corner, self._turns.T @ first, turning, self._phases)
-        one, three = (self._turns @ torque for torque in torques)
-        return one, three
+        lead, three = (self._turns @ torque for torque in torques)
+        return lead, three
 
     @cached_property
     def _contacts(self) -> Contacts | None:

@@ -126,18 +126,22 @@ def relative_equilibria(averaged: AveragedEquations) -> tuple[RelativeEquilibriu
     unequal pendula exchanged, are starts too.  Not necessarily all: any wider than HANGING, or missed by Newton's
     method, are not found.
     """
-    found: list[RelativeEquilibrium] = []
+    equilibria: list[RelativeEquilibrium] = []
 
     def add(start: Complexes) -> None:
-        one = relative_equilibrium(averaged, start)
-        if one and one.averaged.largest(one.z) < HANGING and not any(same(one, other) for other in found):
-            found.append(one)
+        equilibrium = relative_equilibrium(averaged, start)
+        if (
+            equilibrium
+            and equilibrium.averaged.largest(equilibrium.z) < HANGING
+            and not any(same(equilibrium, other) for other in equilibria)
+        ):
+            equilibria.append(equilibrium)
 
     for start in _starts(averaged):
         add(start)
-    for start in islice((start for one in found for start in _nearly_copies(one)), COPIES):
+    for start in islice((start for equilibrium in equilibria for start in _nearly_copies(equilibrium)), COPIES):
         add(start)
-    return tuple(sorted(found, key=lambda one: (one.row, one.omega)))
+    return tuple(sorted(equilibria, key=lambda equilibrium: (equilibrium.row, equilibrium.omega)))
 
 
 @np.errstate(all="ignore")
@@ -174,28 +178,31 @@ def _starts(averaged: AveragedEquations) -> Iterator[Complexes]:
         yield motion.z[:, -1]
 
 
-def _nearly_copies(one: RelativeEquilibrium) -> Iterator[Complexes]:
+def _nearly_copies(equilibrium: RelativeEquilibrium) -> Iterator[Complexes]:
     """Its phases reversed, or spread evenly, or the parts of two unequal pendula of as many links exchanged."""
-    if not one.is_stable or one.is_family:
+    if not equilibrium.is_stable or equilibrium.is_family:
         return
-    averaged = one.averaged
+    averaged = equilibrium.averaged
     kind, links = kinds(averaged.scene), np.bincount(averaged.system.pendulum)
-    yield one.z.conj()
+    yield equilibrium.z.conj()
     if len(links) > 2:
-        yield spread_evenly(averaged, one.z)
+        yield spread_evenly(averaged, equilibrium.z)
     for p, q in combinations(range(len(links)), 2):
         if kind[p] != kind[q] and links[p] == links[q]:
             order = np.arange(len(links))
             order[[p, q]] = q, p
-            yield exchanged(averaged, one.z, order)
+            yield exchanged(averaged, equilibrium.z, order)
 
 
 def _rows(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
     """An arbitrary motion in the modes of one row, and these modes."""
     random = np.random.default_rng(SEED)
     for row in np.unique(averaged.row):
-        own = averaged.row == row
-        yield np.where(own, random.standard_normal(len(own)) + 1j * random.standard_normal(len(own)), 0.0), own
+        members = averaged.row == row
+        yield (
+            np.where(members, random.standard_normal(len(members)) + 1j * random.standard_normal(len(members)), 0.0),
+            members,
+        )
 
 
 def _patterns(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
@@ -204,13 +211,13 @@ def _patterns(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans
     pendulum = averaged.system.pendulum
     first = averaged.system.first
     for band in range(len(averaged.centre)):
-        own = averaged.band == band
-        busiest = np.abs(averaged.link_shapes[:, own]).max(axis=1)
+        members = averaged.band == band
+        busiest = np.abs(averaged.link_shapes[:, members]).max(axis=1)
         for sign in (np.ones(len(pendulum)), (-1.0) ** pendulum):
-            z = np.where(own, (sign * busiest) @ averaged.dual[first:], 0.0).astype(complex)
+            z = np.where(members, (sign * busiest) @ averaged.dual[first:], 0.0).astype(complex)
             if np.any(z):
-                beside = random.standard_normal(len(own)) + 1j * random.standard_normal(len(own))
-                yield z + ASIDE * np.abs(z).max() * beside, np.ones_like(own)
+                beside = random.standard_normal(len(members)) + 1j * random.standard_normal(len(members))
+                yield z + ASIDE * np.abs(z).max() * beside, np.ones_like(members)
 
 
 def swinging(averaged: AveragedEquations, z: Complexes) -> Ints:
@@ -220,9 +227,9 @@ def swinging(averaged: AveragedEquations, z: Complexes) -> Ints:
 
 def _sizes(averaged: AveragedEquations, z: Complexes) -> Floats:
     """The largest amplitude in every band, (B,)."""
-    found = np.zeros(len(averaged.centre))
-    np.maximum.at(found, averaged.band, np.abs(z))
-    return found
+    sizes = np.zeros(len(averaged.centre))
+    np.maximum.at(sizes, averaged.band, np.abs(z))
+    return sizes
 
 
 def _step(
@@ -269,35 +276,35 @@ def _rates(
     return values[kept].astype(complex), leaving[kept], abs(float(parts @ jacobian @ parts / (parts @ parts)))
 
 
-def same(one: RelativeEquilibrium, other: RelativeEquilibrium, within: float = SAME) -> bool:
+def same(equilibrium: RelativeEquilibrium, other: RelativeEquilibrium, within: float = SAME) -> bool:
     """Whether two are the same motion within this relative tolerance, but for phases and equal pendula exchanged.
 
     Of two members of a continuous family the energies by rows and the stability tell.
     """
-    energies = [state.averaged.energies(state.z) for state in (one, other)]
+    energies = [state.averaged.energies(state.z) for state in (equilibrium, other)]
     near = np.abs(energies[0] - energies[1]).max() <= within * energies[0].sum()
-    scale = max(np.abs(one.rates.real).max(initial=0.0), np.abs(other.rates.real).max(initial=0.0))
-    if not near or abs(one.growth - other.growth) > 10 * within * scale:
+    scale = max(np.abs(equilibrium.rates.real).max(initial=0.0), np.abs(other.rates.real).max(initial=0.0))
+    if not near or abs(equilibrium.growth - other.growth) > 10 * within * scale:
         return False
-    if one.is_family and other.is_family:
+    if equilibrium.is_family and other.is_family:
         return True
-    return bool(likeness(one, other.z[:, None])[0] >= 1 - (10 * within) ** 2 / 2)
+    return bool(likeness(equilibrium, other.z[:, None])[0] >= 1 - (10 * within) ** 2 / 2)
 
 
-def likeness(one: RelativeEquilibrium, z: Complexes, settled: float = 1 - 1e-9) -> Floats:
+def likeness(equilibrium: RelativeEquilibrium, z: Complexes, settled: float = 1 - 1e-9) -> Floats:
     """How alike motions z (C, S) are to a state but for size, phases and equal pendula exchanged, from 0 to 1, (S,).
 
     Of a continuous family the energies by rows tell.  No exchange is looked for from the likeness `settled` on.
     """
-    averaged = one.averaged
-    if one.is_family:
+    averaged = equilibrium.averaged
+    if equilibrium.is_family:
         energy = averaged.energies(z)
         whole = energy.sum(axis=0)
         share = np.divide(energy, whole, out=np.zeros_like(energy), where=whole > 0)
-        return np.asarray(np.sqrt(one.share[:, None] * share).sum(axis=0))
-    found = overlap(averaged, one.z, z)
+        return np.asarray(np.sqrt(equilibrium.share[:, None] * share).sum(axis=0))
+    alike = overlap(averaged, equilibrium.z, z)
     if len(np.unique(kinds(averaged.scene))) < averaged.system.n_pendula:
-        for k in np.flatnonzero(found < settled):
-            copy = exchanged(averaged, z[:, k], order_of(averaged, one.z, z[:, k]))
-            found[k] = max(found[k], overlap(averaged, one.z, copy[:, None])[0])
-    return found
+        for k in np.flatnonzero(alike < settled):
+            copy = exchanged(averaged, z[:, k], order_of(averaged, equilibrium.z, z[:, k]))
+            alike[k] = max(alike[k], overlap(averaged, equilibrium.z, copy[:, None])[0])
+    return alike

@@ -79,7 +79,7 @@ class Pattern(Displayed):
 
     def _summary(self) -> Summary:
         several = counted(len(self.populations), "population", "populations")
-        return Summary(f"{several} {self.name}", [("sectors", ", ".join(one.name for one in self.sectors))])
+        return Summary(f"{several} {self.name}", [("sectors", ", ".join(sector.name for sector in self.sectors))])
 
     @property
     def is_split(self) -> bool:
@@ -88,7 +88,7 @@ class Pattern(Displayed):
 
     def at(self, scene: Scene) -> Pattern:
         """The same pattern of a scene with other numbers."""
-        return next(one for one in patterns_of(scene) if one.name == self.name)
+        return next(pattern for pattern in patterns_of(scene) if pattern.name == self.name)
 
 
 def patterns_of(scene: Scene) -> tuple[Pattern, ...]:
@@ -112,33 +112,33 @@ def _pattern(name: str, scene: Scene, few: Scene, populations: tuple[Population,
     supports = np.eye(system.first + system.n_links)[:, : system.first]
     inside = [Sector(WITHIN, basis) for basis in within if basis.size]
     both = np.hstack((supports, *means))
-    lead = np.sum([sign**k * own[:, 0] for k, own in enumerate(means)], axis=0)
+    lead = np.sum([sign**k * mean[:, 0] for k, mean in enumerate(means)], axis=0)
     common = Pattern(name, scene, few, populations, system, lead, (Sector(COMMON, both), *_numbered(inside)))
     if len(populations) == 1:
         return replace(common, sectors=(Sector(OWN, both), *inside))
     G = _exchange(populations, system, means, sign)
     if G is None:
         return common
-    own, other = (Sector(word, _eigenspace(G, both, way)) for word, way in ((OWN, 1.0), (OTHER, -1.0)))
-    split = replace(common, sectors=(own, other, *inside[:1]))
+    kept, lost = (Sector(word, _eigenspace(G, both, way)) for word, way in ((OWN, 1.0), (OTHER, -1.0)))
+    split = replace(common, sectors=(kept, lost, *inside[:1]))
     return split if _is_invariant(split) else common
 
 
 def _numbered(inside: Sequence[Sector]) -> Iterator[Sector]:
     """Those within several populations, each with its number."""
-    for number, one in enumerate(inside, start=1):
-        yield Sector(f"within population {number}" if len(inside) > 1 else one.name, one.basis)
+    for number, sector in enumerate(inside, start=1):
+        yield Sector(f"within population {number}" if len(inside) > 1 else sector.name, sector.basis)
 
 
 def _means(populations: Sequence[Population], system: System) -> tuple[list[Floats], list[Floats]]:
     """Orthonormal coordinates (half, n) of every population: the means of its representatives, and differences."""
     unit = np.eye(system.first + system.n_links)[:, system.first :]
     means, differences, p = [], [], 0
-    for one in populations:
-        each = [unit[:, system.pendulum == p + k] for k in range(one.halves)]
-        means.append(np.sum(each, axis=0) / np.sqrt(one.halves))
-        differences.append((each[0] - each[1]) / np.sqrt(2) if one.halves > 1 else each[0][:, :0])
-        p += one.halves
+    for population in populations:
+        each = [unit[:, system.pendulum == p + k] for k in range(population.halves)]
+        means.append(np.sum(each, axis=0) / np.sqrt(population.halves))
+        differences.append((each[0] - each[1]) / np.sqrt(2) if population.halves > 1 else each[0][:, :0])
+        p += population.halves
     return means, differences
 
 
@@ -147,7 +147,7 @@ def _exchange(populations: Sequence[Population], system: System, means: Sequence
     first, second = populations
     structure = system.structure
     assert structure is not None
-    carriers = [structure.carriers[one.support] for one in populations]
+    carriers = [structure.carriers[population.support] for population in populations]
     alike = first.pendulum == second.pendulum and first.size == second.size
     if (
         not alike
@@ -176,11 +176,11 @@ def _is_invariant(pattern: Pattern) -> bool:
     """Whether motions of the first sector stay in it, and no sector's disturbances go over into another one."""
     equations = Variational(pattern.system)
     scale, random = equations.scale, np.random.default_rng(SEED)
-    spaces = [one.states for one in pattern.sectors[:2]]
+    spaces = [sector.states for sector in pattern.sectors[:2]]
     rest = np.concatenate((np.zeros(pattern.system.first), pattern.system.rest, np.zeros(len(scale) // 2)))
     for _ in range(TRIALS):
-        own = spaces[0] @ random.uniform(-WIDE, WIDE, spaces[0].shape[1])
-        rate, J = equations.linearized(rest + scale * own)
+        inside = spaces[0] @ random.uniform(-WIDE, WIDE, spaces[0].shape[1])
+        rate, J = equations.linearized(rest + scale * inside)
         J = J * scale / scale[:, None]
         for space, other in (spaces, spaces[::-1]):
             if np.abs(other.T @ J @ space).max() > MIXED * np.abs(J).max():
@@ -215,13 +215,13 @@ class AveragedPattern(Displayed):
     @cached_property
     def exponents(self) -> tuple[Complexes, ...]:
         """The eigenvalues (1/s) of every sector, the neutral one of the first left out, fastest growing first."""
-        found = []
+        exponents = []
         for number, block in enumerate(self.blocks):
             values = np.linalg.eigvals(block).astype(complex)
             if not number:
                 values = np.delete(values, np.abs(values).argmin())
-            found.append(values[np.argsort(-values.real)])
-        return tuple(found)
+            exponents.append(values[np.argsort(-values.real)])
+        return tuple(exponents)
 
     @property
     def growth(self) -> tuple[float, ...]:
@@ -236,24 +236,24 @@ def averaged_pattern(pattern: Pattern, near_by: AveragedPattern | None = None) -
     """
     require(pattern.few, "averaging")
     whole = [_averaged(pattern, sector) for sector in pattern.sectors]
-    own = whole[0]
+    first = whole[0]
     if not pattern.system.kicked and rest_growth(pattern) <= 0:
         raise ComputationError(f"the motion {pattern.name} dies out: its losses exceed what the drives feed")
-    for z in _starts(pattern, own, near_by):
-        state = relative_equilibrium(own, z)
-        if state is not None and own.largest(state.z) > FAINT:
-            return AveragedPattern(pattern, state, tuple(_block(state, one) for one in whole))
+    for z in _starts(pattern, first, near_by):
+        state = relative_equilibrium(first, z)
+        if state is not None and first.largest(state.z) > FAINT:
+            return AveragedPattern(pattern, state, tuple(_block(state, averaged) for averaged in whole))
     raise ComputationError(f"no steady motion {pattern.name} was found")
 
 
-def _starts(pattern: Pattern, own: AveragedEquations, near_by: AveragedPattern | None) -> Iterator[Complexes]:
+def _starts(pattern: Pattern, averaged: AveragedEquations, near_by: AveragedPattern | None) -> Iterator[Complexes]:
     """Amplitudes from which Newton's method may find it: those beside, or of slow flow from small swings."""
     if near_by is not None:
-        yield own.dual.T @ (near_by.state.averaged.shapes @ near_by.state.z)
-    z: Complexes = np.asarray(own.dual.T @ pattern.mean, dtype=complex)
-    z, least = FIRST * z / own.largest(z), 0.0
+        yield averaged.dual.T @ (near_by.state.averaged.shapes @ near_by.state.z)
+    z: Complexes = np.asarray(averaged.dual.T @ pattern.mean, dtype=complex)
+    z, least = FIRST * z / averaged.largest(z), 0.0
     for _ in range(SETTLINGS):
-        motion = settle(own, z[:, None], EFFORT, least)[0]
+        motion = settle(averaged, z[:, None], EFFORT, least)[0]
         z, least = motion.z[:, -1], MORE * float(motion.times[-1])
         yield z
 
@@ -280,16 +280,16 @@ def _averaged(pattern: Pattern, sector: Sector) -> AveragedEquations:
 
 def _block(state: RelativeEquilibrium, sector: AveragedEquations) -> Floats:
     """The derivative (2k, 2k) of the flow by the amplitudes of one sector, beside the state."""
-    own, k = state.averaged, len(sector.omega)
-    if sector is own:
-        return derivative(own.flow, state.z, state.turning)
+    averaged, k = state.averaged, len(sector.omega)
+    if sector is averaged:
+        return derivative(averaged.flow, state.z, state.turning)
     joint = replace(
-        own,
-        shapes=np.hstack((own.shapes, sector.shapes)),
-        dual=np.hstack((own.dual, sector.dual)),
-        omega=np.concatenate((own.omega, sector.omega)),
-        row=np.concatenate((own.row, sector.row)),
-        band=np.concatenate((own.band, sector.band)),
+        averaged,
+        shapes=np.hstack((averaged.shapes, sector.shapes)),
+        dual=np.hstack((averaged.dual, sector.dual)),
+        omega=np.concatenate((averaged.omega, sector.omega)),
+        row=np.concatenate((averaged.row, sector.row)),
+        band=np.concatenate((averaged.band, sector.band)),
     )
     z: Complexes = np.concatenate((state.z, np.zeros(k, dtype=complex)))
     slope = derivative(joint.flow, z, state.turning)

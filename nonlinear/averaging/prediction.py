@@ -88,14 +88,14 @@ class Prediction(Displayed):
 
     def _timing_doubts(self) -> Iterator[str]:
         yield from self.doubts
-        own = self.locking_time()
-        if own is None:
+        locking = self.locking_time()
+        if locking is None:
             yield "no mode ever holds 99 % of the energy"
             return
-        if own < SWINGS * 2 * pi / self.averaged.omega.min():
+        if locking < SWINGS * 2 * pi / self.averaged.omega.min():
             yield f"it comes within {SWINGS} swings, finer than averages resolve"
         times = [other.locking_time() for other in self.neighbours]
-        if any(time is None or abs(time - own) > TIMED * own for time in times):
+        if any(time is None or abs(time - locking) > TIMED * locking for time in times):
             yield f"neighbouring starts lock more than {100 * TIMED:.0f} % sooner or later"
         if resonant(self.averaged.centre, FORCED):
             yield "another mode follows the survivor as its third harmonic, or as another combination"
@@ -113,7 +113,7 @@ class Prediction(Displayed):
             yield f"no mode wins: the one that holds most has {100 * self.share:.3g} % of the energy", True
         if self.ending is None or self.ending.hold < MARGIN * self._error:
             yield "the final state attracts its neighbours only weakly", False
-        if min(one.reach for one in (self.motion, *self.neighbours)) < KICKED:
+        if min(flow.reach for flow in (self.motion, *self.neighbours)) < KICKED:
             yield "a clock starts or passes below the angle of its escapement, or near it, and may miss kicks", True
         if any(other.survivor != self.row or other.dies for other in self.neighbours):
             yield f"starts {100 * ASIDE:.0f} % away from this one end elsewhere", True
@@ -125,21 +125,21 @@ class Prediction(Displayed):
 
         It is (fastest/ω)², as damping shifts frequencies, plus a²/16, as a pendulum is slower at large angles.
         """
-        found, ending = self.averaged, self.ending
+        averaged, ending = self.averaged, self.ending
         assert ending is not None
-        fast, lowest = float(np.abs(ending.rates.real).max(initial=0.0)), float(found.omega.min())
-        return fast * ((fast / lowest) ** 2 + found.largest(ending.z) ** 2 / 16)
+        fast, lowest = float(np.abs(ending.rates.real).max(initial=0.0)), float(averaged.omega.min())
+        return fast * ((fast / lowest) ** 2 + averaged.largest(ending.z) ** 2 / 16)
 
     def _limits(self) -> Iterator[str]:
         """Reasons to doubt averaging itself."""
-        found = self.averaged
-        if (fast := fastest(found)) > WEAK:
+        averaged = self.averaged
+        if (fast := fastest(averaged)) > WEAK:
             yield f"dampers and drives act within {1 / fast:.3g} radians of a swing, too fast to be averaged"
-        if (angle := found.largest(self.motion.z)) > WIDE:
+        if (angle := averaged.largest(self.motion.z)) > WIDE:
             yield f"links may reach {degrees(angle):.3g} deg, beyond the range of first order"
-        if found.mixed(self.motion.z, found.turning(self.motion.z)) > MIXED:
+        if averaged.mixed(self.motion.z, averaged.turning(self.motion.z)) > MIXED:
             yield "an escapement responds to several frequencies at once, and may kick out of turn"
-        if resonant(found.centre, NEAR):
+        if resonant(averaged.centre, NEAR):
             yield "frequencies of different bands are in resonance"
 
 
@@ -153,34 +153,34 @@ def predict(scene: Scene, start: State | None = None) -> Prediction:
     require(scene, "a prediction of synchronization")
     system = system_of(scene)
     state = validate_state(start if start is not None else initial_state(scene), system)
-    found = average(scene, system)
-    z = found.amplitudes(state)
+    averaged = average(scene, system)
+    z = averaged.amplitudes(state)
     if not np.abs(z).max():
         raise ComputationError("the scene starts at rest, where nothing says which mode grows")
     starts, unstable = np.array([z, *_beside(z)]).T, None
-    motions = settle(found, starts)
-    if runs_away(found, motions[0].z):
+    motions = settle(averaged, starts)
+    if runs_away(averaged, motions[0].z):
         raise ComputationError("drives are too strong for averaged equations: their amplitudes diverge")
     if (ending := _ending(motions[0])) and ending.is_stable is False:
-        motions = settle(found, starts, least=PATIENCE * ending.relaxation)
+        motions = settle(averaged, starts, least=PATIENCE * ending.relaxation)
         if (ending := _ending(motions[0])) and ending.is_stable is False:
-            state, unstable, motions = _aside(found, state), ending, motions[1:]
+            state, unstable, motions = _aside(averaged, state), ending, motions[1:]
             ending = _ending(motions[0])
-    return Prediction(found, state, unstable, motions[0], motions[1:], ending)
+    return Prediction(averaged, state, unstable, motions[0], motions[1:], ending)
 
 
 def _ending(motion: SlowFlow) -> RelativeEquilibrium | None:
     return None if motion.dies else relative_equilibrium(motion.averaged, motion.z[:, -1])
 
 
-def _aside(found: AveragedEquations, start: State) -> State:
+def _aside(averaged: AveragedEquations, start: State) -> State:
     """The first of the neighbouring starts."""
-    z = found.amplitudes(start)
+    z = averaged.amplitudes(start)
     off = next(_beside(z)) - z
-    q, v = (found.shapes @ off).real, (found.shapes @ (1j * found.omega * off)).real
-    on = found.system.first
+    q, v = (averaged.shapes @ off).real, (averaged.shapes @ (1j * averaged.omega * off)).real
+    on = averaged.system.first
     links, turning = start.links + q[on:], start.link_rates + v[on:]
-    if found.system.structure is not None:
+    if averaged.system.structure is not None:
         return replace(
             start,
             links=links,
@@ -208,10 +208,10 @@ def resonant(omega: Floats, near: float) -> bool:
     return False
 
 
-def fastest(found: AveragedEquations) -> float:
+def fastest(averaged: AveragedEquations) -> float:
     """The largest growth or decay rate of small oscillations over their frequency."""
-    every: Complexes = np.eye(len(found.omega), dtype=complex)
-    tiny = 1e-6 / found.largest(every)
+    every: Complexes = np.eye(len(averaged.omega), dtype=complex)
+    tiny = 1e-6 / averaged.largest(every)
     small = (tiny * every).astype(complex)
-    linear = found.linear(small, found.turning(small)) / tiny
-    return float(np.abs(np.linalg.eigvals(linear).real).max() / found.omega.min())
+    linear = averaged.linear(small, averaged.turning(small)) / tiny
+    return float(np.abs(np.linalg.eigvals(linear).real).max() / averaged.omega.min())

@@ -115,13 +115,13 @@ def settle_apart(
     averaged: AveragedEquations, starts: Complexes, kept: Booleans, most: int = MOST_STEPS
 ) -> tuple[SlowFlow, ...]:
     """The same from each start with its own steps, COARSE times as long, restricted to the modes kept of it (C, S)."""
-    found: list[SlowFlow] = []
+    flows: list[SlowFlow] = []
     for part in (slice(start, start + TOGETHER) for start in range(0, starts.shape[1], TOGETHER)):
-        every = [averaged if own.all() else averaged.only(own) for own in kept[:, part].T]
+        every = [averaged if modes.all() else averaged.only(modes) for modes in kept[:, part].T]
         pairs = zip(every, starts[:, part].T, strict=True)
-        motions = [_settling(own, start[:, None], most, 0.0, COARSE) for own, start in pairs]
-        found += [motion for (motion,) in _followed(averaged, motions, kept[:, part])]
-    return tuple(found)
+        motions = [_settling(equations, start[:, None], most, 0.0, COARSE) for equations, start in pairs]
+        flows += [motion for (motion,) in _followed(averaged, motions, kept[:, part])]
+    return tuple(flows)
 
 
 @np.errstate(all="ignore")
@@ -129,7 +129,7 @@ def _followed(
     averaged: AveragedEquations, motions: Sequence[Settling], kept: Booleans | None = None
 ) -> list[tuple[SlowFlow, ...]]:
     """The results of all motions, advanced together: evaluating few pendula costs as much as many."""
-    found: dict[int, tuple[SlowFlow, ...]] = {}
+    flows: dict[int, tuple[SlowFlow, ...]] = {}
     going = dict(enumerate(map(next, motions)))
     while going:
         _advance(averaged, list(going.values()), None if kept is None else kept[:, list(going)])
@@ -137,9 +137,9 @@ def _followed(
             try:
                 going[number] = next(motions[number])
             except StopIteration as ended:
-                found[number] = ended.value
+                flows[number] = ended.value
                 del going[number]
-    return [found[number] for number in range(len(motions))]
+    return [flows[number] for number in range(len(motions))]
 
 
 def _settling(averaged: AveragedEquations, starts: Complexes, most: int, least: float, coarse: float = 1.0) -> Settling:
@@ -169,23 +169,23 @@ def _part(
     averaged: AveragedEquations, starts: Complexes, begin: float, duration: float, coarse: float
 ) -> Generator[_Stretch, None, tuple[Floats, Complexes, Floats]]:
     """Amplitudes at PER_PART + 1 times, in steps that fit both ends of every interval, and the least reach."""
-    span, pace, found = duration / PER_PART, _pace(averaged, starts), [starts]
+    span, pace, amplitudes = duration / PER_PART, _pace(averaged, starts), [starts]
     turning, reach = averaged.turning(starts), averaged.reach(starts)
-    while len(found) <= PER_PART:
+    while len(amplitudes) <= PER_PART:
         steps = max(1, ceil(span * pace / coarse))
-        yield (stretch := _Stretch(found[-1], turning, span / steps, steps, reach))
-        z, turned = _stopped(averaged, found[-1], stretch.z), stretch.turning
-        if _alike(found[-1], z):
-            found, turning, reach = [*found, z], turned, stretch.reach
+        yield (stretch := _Stretch(amplitudes[-1], turning, span / steps, steps, reach))
+        z, turned = _stopped(averaged, amplitudes[-1], stretch.z), stretch.turning
+        if _alike(amplitudes[-1], z):
+            amplitudes, turning, reach = [*amplitudes, z], turned, stretch.reach
             continue
         used, pace = pace, _pace(averaged, z) if averaged.largest(z) < FAR else 2 * pace
         if pace <= HASTE * used:
-            found, turning, reach = [*found, z], turned, stretch.reach
+            amplitudes, turning, reach = [*amplitudes, z], turned, stretch.reach
         elif span * pace > MOST_STEPS and runs_away(averaged, z):
-            found += [z] * (PER_PART + 1 - len(found))
+            amplitudes += [z] * (PER_PART + 1 - len(amplitudes))
         elif span * pace > MOST_STEPS:
             raise ComputationError(f"averaged equations need more than {MOST_STEPS} steps for {span:.3g} s")
-    return begin + np.linspace(0.0, duration, PER_PART + 1), np.moveaxis(np.array(found), 0, -1), reach
+    return begin + np.linspace(0.0, duration, PER_PART + 1), np.moveaxis(np.array(amplitudes), 0, -1), reach
 
 
 def _stopped(averaged: AveragedEquations, before: Complexes, z: Complexes) -> Complexes:
@@ -195,17 +195,17 @@ def _stopped(averaged: AveragedEquations, before: Complexes, z: Complexes) -> Co
     return np.where(np.abs(z).max(axis=0) <= STOPPED * np.abs(before).max(axis=0), 0.0, z)
 
 
-def _alike(one: Complexes, other: Complexes) -> bool:
+def _alike(before: Complexes, after: Complexes) -> bool:
     """Whether amplitudes agree within ALIKE of the largest, so that the pace can be kept."""
-    return bool(np.abs(np.abs(one) - np.abs(other)).max() <= ALIKE * np.abs(one).max())
+    return bool(np.abs(np.abs(before) - np.abs(after)).max() <= ALIKE * np.abs(before).max())
 
 
 def _advance(averaged: AveragedEquations, stretches: Sequence[_Stretch], kept: Booleans | None) -> None:
     """Advance to the first end of a stretch, by Lawson's form of the Runge–Kutta method."""
-    each = ((one.z, one.turning, one.reach) for one in stretches)
+    each = ((stretch.z, stretch.turning, stretch.reach) for stretch in stretches)
     z, turning, reach = (np.hstack(parts) for parts in zip(*each, strict=True))
-    h = np.concatenate([np.full(one.z.shape[1], one.h) for one in stretches])
-    steps = min(one.steps for one in stretches)
+    h = np.concatenate([np.full(stretch.z.shape[1], stretch.h) for stretch in stretches])
+    steps = min(stretch.steps for stretch in stretches)
     for _ in range(steps):
         a, spin = averaged.forced(z, turning, kept), 1j * averaged.detuning(turning)
         reach = np.minimum(reach, _least_reach(averaged, z, h * spin))
@@ -218,10 +218,12 @@ def _advance(averaged: AveragedEquations, stretches: Sequence[_Stretch], kept: B
             averaged.turned(turning, z, a + spin * z),
             turn * half + h / 6 * (turn**2 * a + 2 * turn * (b + c) + d),
         )
-    ends = np.cumsum([one.z.shape[1] for one in stretches])[:-1]
-    for one, *moved in zip(stretches, *(np.split(part, ends, axis=-1) for part in (z, turning, reach)), strict=True):
-        one.z, one.turning, one.reach = moved
-        one.steps -= steps
+    ends = np.cumsum([stretch.z.shape[1] for stretch in stretches])[:-1]
+    for stretch, *moved in zip(
+        stretches, *(np.split(part, ends, axis=-1) for part in (z, turning, reach)), strict=True
+    ):
+        stretch.z, stretch.turning, stretch.reach = moved
+        stretch.steps -= steps
 
 
 def _least_reach(averaged: AveragedEquations, z: Complexes, turns: Complexes) -> Floats:
@@ -234,15 +236,15 @@ def _least_reach(averaged: AveragedEquations, z: Complexes, turns: Complexes) ->
 
 def _pace(averaged: AveragedEquations, z: Complexes) -> float:
     """Steps per second from these amplitudes (C, S) on; modes that are left out set no pace."""
-    turning, own = averaged.turning(z), averaged.shapes.any(axis=0)
-    both = np.tile(own, 2)
+    turning, kept = averaged.turning(z), averaged.shapes.any(axis=0)
+    both = np.tile(kept, 2)
     slopes = (
         derivative(averaged.smooth, start, pace)[np.ix_(both, both)]
         for start, pace in zip(z.T, turning.T, strict=True)
         if start.any()
     )
     fast = max((np.linalg.norm(slope, 2) for slope in slopes), default=0.0)
-    return max(float(fast) / GAIN, float(np.abs(averaged.detuning(turning)[own]).max()) / TURN)
+    return max(float(fast) / GAIN, float(np.abs(averaged.detuning(turning)[kept]).max()) / TURN)
 
 
 def _going(averaged: AveragedEquations, z: Complexes, starts: Complexes) -> Booleans:

@@ -31,10 +31,13 @@ EQUAL = 1e-3  # difference over the widest amplitude below which two pendula do 
 @lru_cache(maxsize=16)
 def kinds(scene: Scene) -> Ints:
     """The number of the first pendulum that each is equal to but for its start, from 0, (N,)."""
-    bare = [one.replace(start=None, count=1) for one in scene.pendulum]
-    first = np.cumsum([0, *(one.count for one in scene.pendulum)])
+    bare = [pendulum.replace(start=None, count=1) for pendulum in scene.pendulum]
+    first = np.cumsum([0, *(pendulum.count for pendulum in scene.pendulum)])
     return np.concatenate(
-        [np.full(one.count, first[bare.index(own)]) for one, own in zip(scene.pendulum, bare, strict=True)]
+        [
+            np.full(pendulum.count, first[bare.index(plain)])
+            for pendulum, plain in zip(scene.pendulum, bare, strict=True)
+        ]
     )
 
 
@@ -58,22 +61,22 @@ def spread_evenly(averaged: AveragedEquations, z: Complexes) -> Complexes:
     return np.asarray(links @ averaged.dual[first:])
 
 
-def overlap(averaged: AveragedEquations, one: Complexes, z: Complexes) -> Floats:
+def overlap(averaged: AveragedEquations, reference: Complexes, z: Complexes) -> Floats:
     """How alike amplitudes z (C, S) are to `one` (C,), but for size and the phase of each band: from 0 to 1, (S,)."""
     weights = averaged.omega**2
-    own = ((weights * one.conj())[:, None] * z)[None] * averaged.member[..., None]
-    whole = np.sqrt(np.sum(weights * np.abs(one) ** 2) * (weights @ np.abs(z) ** 2))
-    alike = np.abs(own.sum(axis=1)).sum(axis=0)
+    products = ((weights * reference.conj())[:, None] * z)[None] * averaged.member[..., None]
+    whole = np.sqrt(np.sum(weights * np.abs(reference) ** 2) * (weights @ np.abs(z) ** 2))
+    alike = np.abs(products.sum(axis=1)).sum(axis=0)
     return np.asarray(np.divide(alike, whole, out=np.zeros_like(whole), where=whole > 0))
 
 
-def order_of(averaged: AveragedEquations, one: Complexes, z: Complexes) -> Ints:
+def order_of(averaged: AveragedEquations, reference: Complexes, z: Complexes) -> Ints:
     """The exchange of equal pendula (N,) that makes z (C,) as like `one` (C,) as possible."""
-    own, other = _by_pendulum(averaged, one), _by_pendulum(averaged, z)
+    links, other = _by_pendulum(averaged, reference), _by_pendulum(averaged, z)
     kind = kinds(averaged.scene)
     best, order = -np.inf, np.arange(len(kind))
-    for turn in _turns(own, other, kind):
-        gain = np.einsum("pnb,qnb->pq", own.conj(), other * turn).real
+    for turn in _turns(links, other, kind):
+        gain = np.einsum("pnb,qnb->pq", links.conj(), other * turn).real
         rows, columns = scipy.optimize.linear_sum_assignment(
             np.where(kind[:, None] == kind, gain, -1e9 * np.abs(gain).max()), True
         )
@@ -84,47 +87,47 @@ def order_of(averaged: AveragedEquations, one: Complexes, z: Complexes) -> Ints:
 
 def count_copies(averaged: AveragedEquations, z: Complexes) -> int:
     """How many different motions the exchanges of equal pendula make of z (C,): N! over those that change nothing."""
-    kind, own = kinds(averaged.scene), _by_pendulum(averaged, z)
-    alike = _alike(own, own, kind)
+    kind, links = kinds(averaged.scene), _by_pendulum(averaged, z)
+    alike = _alike(links, links, kind)
     same = np.unique(alike, axis=0).sum(axis=1).tolist()
     distinct: list[Complexes] = []
-    for turn in _turns(own, own, kind, most=len(kind)):
+    for turn in _turns(links, links, kind, most=len(kind)):
         if all(np.abs(turn - other).max() > EQUAL for other in distinct):
-            matched = _alike(own, own * turn, kind)
+            matched = _alike(links, links * turn, kind)
             if np.array_equal(np.sort(matched.sum(axis=0)), np.sort(alike.sum(axis=0))) and matched.any(axis=0).all():
                 distinct.append(turn)
     every = prod(factorial(int(count)) for count in np.unique(kind, return_counts=True)[1])
     return every // (max(len(distinct), 1) * prod(map(factorial, same)))
 
 
-def _turns(own: Complexes, other: Complexes, kind: Ints, most: int = MOST_IMAGES) -> list[Complexes]:
+def _turns(links: Complexes, other: Complexes, kind: Ints, most: int = MOST_IMAGES) -> list[Complexes]:
     """The factors e^{−iφ_b} (B,) that bring the images of the pendulum that swings widest to its phases."""
-    size = np.abs(own).max(axis=(1, 2))
+    size = np.abs(links).max(axis=(1, 2))
     widest = int(size.argmax())
     images = np.flatnonzero(kind == kind[widest])
     images = images[np.argsort(np.abs(np.abs(other).max(axis=(1, 2))[images] - size[widest]), kind="stable")][:most]
-    shifts = (np.sum(own[widest] * other[image].conj(), axis=0) for image in images)
+    shifts = (np.sum(links[widest] * other[image].conj(), axis=0) for image in images)
     return [np.where(np.abs(shift) > 0, shift / np.maximum(np.abs(shift), 1e-300), 1.0) for shift in shifts]
 
 
-def _alike(own: Complexes, other: Complexes, kind: Ints) -> Booleans:
+def _alike(links: Complexes, other: Complexes, kind: Ints) -> Booleans:
     """Which pendula of one kind do the same in two motions, (N, N)."""
-    apart = np.abs(own[:, None] - other[None]).max(axis=(2, 3))
-    return np.asarray((apart <= EQUAL * np.abs(own).max()) & (kind[:, None] == kind))
+    apart = np.abs(links[:, None] - other[None]).max(axis=(2, 3))
+    return np.asarray((apart <= EQUAL * np.abs(links).max()) & (kind[:, None] == kind))
 
 
 def _places(averaged: AveragedEquations) -> list[Ints]:
     """The links of every pendulum from top to bottom."""
-    found: dict[int, Ints] = {}
+    places: dict[int, Ints] = {}
     for group in averaged.system.groups:
-        found.update(zip(group.pendula.tolist(), group.index.T, strict=True))
-    return [found[p] for p in range(len(found))]
+        places.update(zip(group.pendula.tolist(), group.index.T, strict=True))
+    return [places[p] for p in range(len(places))]
 
 
 def _by_pendulum(averaged: AveragedEquations, z: Complexes) -> Complexes:
     """Complex angles (rad) of every link in every band, (N, n, B), 0 beyond the last link of a pendulum."""
     links, places = averaged.link_shapes @ (z[:, None] * averaged.member.T), _places(averaged)
-    found = np.zeros((len(places), max(map(len, places)), links.shape[1]), dtype=complex)
+    angles = np.zeros((len(places), max(map(len, places)), links.shape[1]), dtype=complex)
     for p, place in enumerate(places):
-        found[p, : len(place)] = links[place]
-    return found
+        angles[p, : len(place)] = links[place]
+    return angles

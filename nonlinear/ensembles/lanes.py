@@ -60,7 +60,7 @@ class Watches:
             rows=self.samples.rows if self.samples else None,
             first_turns=self.turns.times if self.turns else None,
             largest=self.largest.angle if self.largest else None,
-            crossed=self.section.found if self.section else None,
+            crossed=self.section.crossings if self.section else None,
         )
 
 

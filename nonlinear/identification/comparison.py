@@ -59,24 +59,24 @@ def compare(
     if problems:
         raise SceneError(problems)
     used = _used(recording)
-    found: list[tuple[str, Fit, float]] = []
+    fits: list[tuple[str, Fit, float]] = []
     for turn, name in enumerate(dict.fromkeys(names)):
-        own, places = with_laws(scene, name.split("+"))
+        damped, places = with_laws(scene, name.split("+"))
         wanted = [*dict.fromkeys([*_without(scene, free), *places])]
 
         def part(done: float, turn: int = turn) -> None:
             report((turn + done) / len(names))
 
-        whole = fit(own, recording, wanted, report=part, **options)  # type: ignore[arg-type]
+        whole = fit(damped, recording, wanted, report=part, **options)  # type: ignore[arg-type]
         trained = fit(whole.scene, used, wanted, **options)  # type: ignore[arg-type]
-        found.append((name, whole, _held_out(trained, recording)))
-    count = min((independent(whole) for _, whole, _ in found), default=2.0)
-    return sorted((_candidate(*own, count) for own in found), key=lambda one: one.bic)
+        fits.append((name, whole, _held_out(trained, recording)))
+    count = min((independent(whole) for _, whole, _ in fits), default=2.0)
+    return sorted((_candidate(*damped, count) for damped in fits), key=lambda candidate: candidate.bic)
 
 
 def _candidate(name: str, whole: Fit, held_out: float, count: float) -> Candidate:
     """The criteria, for a record worth so many independent values: −2 ln L of Gaussian residuals, and a penalty."""
-    there = np.sum([np.isfinite(one.values).sum(axis=0) for one in whole.recording.segments], axis=0)
+    there = np.sum([np.isfinite(segment.values).sum(axis=0) for segment in whole.recording.segments], axis=0)
     mean = float(np.mean(np.square(whole.residuals))), float(np.log(whole.problem.noise) @ there / there.sum())
     spread, unknowns = count * (log(mean[0]) + 2 * mean[1]), int(np.count_nonzero(np.diag(whole.cov)))
     return Candidate(name, whole, spread + 2 * unknowns, spread + unknowns * log(count), held_out)
@@ -95,11 +95,11 @@ def _held_out(trained: Fit, recording: Recording) -> float:
     return float(np.sqrt(np.nanmean(misses**2)))
 
 
-def independent(found: Fit) -> float:
+def independent(result: Fit) -> float:
     """How many independent values the recording is worth, by the residuals' autocorrelation."""
     total = 0.0
-    for c, rho in enumerate(found.rho):
-        count = sum(int(np.isfinite(one.values[:, c]).sum()) for one in found.recording.segments)
+    for c, rho in enumerate(result.rho):
+        count = sum(int(np.isfinite(segment.values[:, c]).sum()) for segment in result.recording.segments)
         total += count / (1 + 2 * float(rho[1:].sum()))
     return max(total, 2.0)
 
@@ -117,7 +117,9 @@ def with_laws(scene: Scene, laws: Sequence[str]) -> tuple[Scene, list[str]]:
     """The scene damped by these laws alone, and the places of their numbers."""
     names = [LAWS[law] for law in laws]
     values, places = {}, []
-    spots = [f"pendulum[{p}].links[{i}]" for p, own in enumerate(scene.pendulum) for i in range(len(own.links))]
+    spots = [
+        f"pendulum[{p}].links[{i}]" for p, pendulum in enumerate(scene.pendulum) for i in range(len(pendulum.links))
+    ]
     for spot in spots:
         for name in ("damping", "friction", "drag", "quadratic_drag"):
             values[f"{spot}.{name}"] = 0.0
@@ -139,8 +141,8 @@ def _used(recording: Recording) -> Recording:
     count = len(recording.segments)
     if count > 1:
         return recording.take(range(max(1, int(SHARE * count))))
-    (one,) = recording.segments
-    at = int(HALF * len(one.times))
+    (segment,) = recording.segments
+    at = int(HALF * len(segment.times))
     if at < 2 * FEWEST:
-        raise SceneError([f"{one.where}: is too short to hold a part of it back"])
-    return replace(recording, segments=(replace(one, times=one.times[:at], values=one.values[:at]),))
+        raise SceneError([f"{segment.where}: is too short to hold a part of it back"])
+    return replace(recording, segments=(replace(segment, times=segment.times[:at], values=segment.values[:at]),))

@@ -33,35 +33,37 @@ PERIODS = 0.8  # in a window, beyond which shorter ones may help
 BOUND = 1e-6  # of a natural unit: a number at its bound
 
 
-def diagnose(found: Fit, mistake: str = "") -> list[str]:
+def diagnose(result: Fit, mistake: str = "") -> list[str]:
     """Sentences on the record, the motion's misfit, numbers and residuals, each with a way out if there is one.
 
     A `mistake` in how the record is read is said first.  From a motion that does not fit no number is judged.
     """
-    read = [*([mistake] if mistake else []), *_turns(found), *_outliers(found)]
-    own = [*_bounds(found), *_held(found), *_whiteness(found)] if found.fits else [*_misfit(found, bool(mistake))]
-    return [*read, *own, *_scales(found), *_lines(found), *_growth(found), *_turning(found)]
+    read = [*([mistake] if mistake else []), *_turns(result), *_outliers(result)]
+    motion = (
+        [*_bounds(result), *_held(result), *_whiteness(result)] if result.fits else [*_misfit(result, bool(mistake))]
+    )
+    return [*read, *motion, *_scales(result), *_lines(result), *_growth(result), *_turning(result)]
 
 
-def _turns(found: Fit) -> Iterator[str]:
+def _turns(result: Fit) -> Iterator[str]:
     """Angles that jump by a turn."""
-    for name in found.recording.continued:
+    for name in result.recording.continued:
         yield f"{name} jumps by a turn, as angles from atan2 do: it was continued"
-    for c, sensor in enumerate(found.recording.sensors):
-        if sensor.pendulum and any(is_wrapped(one.values[:, c]) for one in found.recording.segments):
+    for c, sensor in enumerate(result.recording.sensors):
+        if sensor.pendulum and any(is_wrapped(segment.values[:, c]) for segment in result.recording.segments):
             yield f"{sensor.name} jumps by a turn, as angles from atan2 do: take recording.unwrapped()"
 
 
-def _outliers(found: Fit) -> Iterator[str]:
+def _outliers(result: Fit) -> Iterator[str]:
     """Single readings far from those beside them."""
-    for c, sensor in enumerate(found.recording.sensors):
-        if found.misfit[c] > POOR:
+    for c, sensor in enumerate(result.recording.sensors):
+        if result.misfit[c] > POOR:
             continue
-        far = sum(outliers(miss) for k, _, miss in _misses(found) if k == c)
+        far = sum(outliers(miss) for k, _, miss in _misses(result) if k == c)
         if far:
             words = f"{sensor.name}: {counted(far, 'reading is an outlier', 'readings are outliers')}, beyond "
             words += f"{FAR:g} standard deviations of the others"
-            yield words + (": loss soft_l1 gives them less weight" if found.loss == "linear" else "")
+            yield words + (": loss soft_l1 gives them less weight" if result.loss == "linear" else "")
 
 
 def outliers(miss: Floats) -> int:
@@ -75,44 +77,45 @@ def outliers(miss: Floats) -> int:
     return int(np.count_nonzero(np.abs(off) > FAR * 1.4826 * spread))
 
 
-def _held(found: Fit) -> Iterator[str]:
+def _held(result: Fit) -> Iterator[str]:
     """Standard deviations that hold for one value of a number that the record does not determine."""
-    for one in found.undetermined:
-        if one.changes:
-            value = short(found.given_at(one.held))
+    for direction in result.undetermined:
+        if direction.changes:
+            value = short(result.given_at(direction.held))
+            changed = listed([*direction.changes], len(direction.changes))
             yield (
-                f"the standard deviations of {listed([*one.changes], len(one.changes))} are those for {one.held} = "
-                f"{value} exactly: a prior, {one.held}={value}±…, adds its doubt"
+                f"the standard deviations of {changed} are those for {direction.held} = {value} exactly: a prior, "
+                f"{direction.held}={value}±…, adds its doubt"
             )
 
 
-def _scales(found: Fit) -> Iterator[str]:
+def _scales(result: Fit) -> Iterator[str]:
     """The sensor whose scale, or all angles whose common one, if it were free would make up for the most."""
-    problem, layout = found.problem, found.problem.layout
-    if problem.scaled or found.misfit.max() > LOST:
+    problem, layout = result.problem, result.problem.layout
+    if problem.scaled or result.misfit.max() > LOST:
         return
-    J, residuals = problem.ordered(problem.jacobian(found.unknowns)), problem.ordered(found.residuals)
-    free, best = np.flatnonzero(np.diag(found.cov) > 0), (SURE, "")
-    values = [own for *_, own in problem.series()]
+    J, residuals = problem.ordered(problem.jacobian(result.unknowns)), problem.ordered(result.residuals)
+    free, best = np.flatnonzero(np.diag(result.cov) > 0), (SURE, "")
+    values = [part for *_, part in problem.series()]
 
     def lasting(r: Floats) -> float:
-        return abs(float(sum(r[own][1:] @ r[own][:-1] for own in values)))
+        return abs(float(sum(r[part][1:] @ r[part][:-1] for part in values)))
 
-    sensors = [(one.name, [layout.scales.start + c]) for c, one in enumerate(found.recording.sensors)]
-    angles = [c for c, one in enumerate(found.recording.sensors) if one.pendulum]
+    sensors = [(sensor.name, [layout.scales.start + c]) for c, sensor in enumerate(result.recording.sensors)]
+    angles = [c for c, sensor in enumerate(result.recording.sensors) if sensor.pendulum]
     if len(angles) > 1:
         sensors.append(("all angles", [layout.scales.start + c for c in angles]))
     for name, columns in sensors:
-        own = np.column_stack((J[:, free], J[:, columns].sum(axis=1)))
-        size = np.linalg.norm(own, axis=0)
+        part = np.column_stack((J[:, free], J[:, columns].sum(axis=1)))
+        size = np.linalg.norm(part, axis=0)
         if not size.all():
             continue
-        back = np.linalg.pinv(own / size, rcond=1e-9) / size[:, None]
+        back = np.linalg.pinv(part / size, rcond=1e-9) / size[:, None]
         step = -(back @ residuals)
-        after = residuals + own @ step
+        after = residuals + part @ step
         again = 1 + 2 * max(0.0, float(autocorrelation([after[rows] for rows in values])[1:].sum()))
         std = float(np.linalg.norm(back[-1])) * np.sqrt(again) * root_mean_square(after)
-        white = all(len(rho) == 1 for rho in found.rho)
+        white = all(len(rho) == 1 for rho in result.rho)
         explained = white or lasting(after) < LEFT * lasting(residuals)
         if std and explained and abs(step[-1]) > TINY and abs(step[-1]) / std > best[0]:
             words = f"{name}: a scale of {1 + step[-1]:.4g} ± {std:.1g} fits better: free the scales"
@@ -121,42 +124,41 @@ def _scales(found: Fit) -> Iterator[str]:
         yield best[1]
 
 
-def _misfit(found: Fit, explained: bool) -> Iterator[str]:
+def _misfit(result: Fit, explained: bool) -> Iterator[str]:
     """That the motion does not fit, and where least; a way out where no mistake explains it."""
-    worst = int(np.argmax(found.misfit))
+    worst = int(np.argmax(result.misfit))
     words = "the motion does not fit the record, so its numbers have no standard deviations"
-    if found.misfit[worst] >= POOR:
-        words += f": {percent(found.misfit[worst])} of the readings of {found.recording.sensors[worst].name} are left"
-    if found.gap >= APART:
+    if result.misfit[worst] >= POOR:
+        words += f": {percent(result.misfit[worst])} of the readings of {result.recording.sensors[worst].name} are left"
+    if result.gap >= APART:
         words += ": the windows do not join"
-    if len(found.rms) > 2 and found.rms.max() > UNEVEN * np.median(found.rms):
-        one = found.recording.segments[int(np.argmax(found.rms))]
-        words += (
-            f", most in {one.name or one.file} (rms {found.rms.max():.2g} rad, half have {np.median(found.rms):.2g})"
-        )
+    if len(result.rms) > 2 and result.rms.max() > UNEVEN * np.median(result.rms):
+        segment = result.recording.segments[int(np.argmax(result.rms))]
+        words += f", most in {segment.name or segment.file} (rms {result.rms.max():.2g} rad, "
+        words += f"half have {np.median(result.rms):.2g})"
     yield words
-    longest = max(one.times[-1] - one.times[0] for one in found.recording.segments)
-    period = 2 * np.pi / found.problem.system.rate
-    if not explained and found.misfit.max() > LOST and longest > PERIODS * period:
+    longest = max(segment.times[-1] - segment.times[0] for segment in result.recording.segments)
+    period = 2 * np.pi / result.problem.system.rate
+    if not explained and result.misfit.max() > LOST and longest > PERIODS * period:
         yield (
             "the search may have ended in a wrong minimum: begin with other numbers, or fit in windows with "
             f"window={0.7 * period:.2g}"
         )
 
 
-def _bounds(found: Fit) -> Iterator[str]:
-    for k in found.fitted:
-        one = found.parameters[k]
-        if one.least == 0.0 and found.unknowns[k] < BOUND:
-            white = all(len(rho) == 1 for rho in found.rho)
-            yield f"{one.path} is at its bound, 0" + (": the record gives no sign of it" if white else "")
+def _bounds(result: Fit) -> Iterator[str]:
+    for k in result.fitted:
+        number = result.parameters[k]
+        if number.least == 0.0 and result.unknowns[k] < BOUND:
+            white = all(len(rho) == 1 for rho in result.rho)
+            yield f"{number.path} is at its bound, 0" + (": the record gives no sign of it" if white else "")
 
 
-def _whiteness(found: Fit) -> Iterator[str]:
-    step = np.median(np.concatenate([np.diff(one.times) for one in found.recording.segments]))
-    for sensor, rho in zip(found.recording.sensors, found.rho, strict=True):
+def _whiteness(result: Fit) -> Iterator[str]:
+    step = np.median(np.concatenate([np.diff(segment.times) for segment in result.recording.segments]))
+    for sensor, rho in zip(result.recording.sensors, result.rho, strict=True):
         if len(rho) == 1:
-            far = sum(outliers(miss) for k, _, miss in _misses(found) if found.recording.sensors[k] == sensor)
+            far = sum(outliers(miss) for k, _, miss in _misses(result) if result.recording.sensors[k] == sensor)
             yield f"{sensor.name}: the residuals are white" + (", but for the outliers" if far else "")
         else:
             yield (
@@ -166,29 +168,29 @@ def _whiteness(found: Fit) -> Iterator[str]:
             )
 
 
-def _misses(found: Fit) -> list[tuple[int, Floats, Floats]]:
+def _misses(result: Fit) -> list[tuple[int, Floats, Floats]]:
     """Sensor, times and residuals of every series."""
     series = []
-    for read, one in zip(found.readings, found.recording.segments, strict=True):
-        for c in range(len(found.recording.sensors)):
-            there = np.isfinite(one.values[:, c])
+    for read, segment in zip(result.readings, result.recording.segments, strict=True):
+        for c in range(len(result.recording.sensors)):
+            there = np.isfinite(segment.values[:, c])
             if np.count_nonzero(there) > 2 * WIDTH:
-                series.append((c, one.times[there], (one.values - read)[there, c]))
+                series.append((c, segment.times[there], (segment.values - read)[there, c]))
     return series
 
 
-def _lines(found: Fit) -> Iterator[str]:
+def _lines(result: Fit) -> Iterator[str]:
     """A frequency at which much of the residuals' power is."""
-    modes = natural_modes(found.scene)
-    for c, sensor in enumerate(found.recording.sensors):
-        if len(found.rho[c]) == 1:
+    modes = natural_modes(result.scene)
+    for c, sensor in enumerate(result.recording.sensors):
+        if len(result.rho[c]) == 1:
             continue
-        own = [(times, miss) for k, times, miss in _misses(found) if k == c]
-        step = float(np.median(np.diff(own[0][0])))
-        longest = max(times[-1] - times[0] for times, _ in own)
+        misses = [(times, miss) for k, times, miss in _misses(result) if k == c]
+        step = float(np.median(np.diff(misses[0][0])))
+        longest = max(times[-1] - times[0] for times, _ in misses)
         count = 2 ** int(np.ceil(np.log2(4 * longest / step)))
         power = np.zeros(count // 2 + 1)
-        for times, miss in own:
+        for times, miss in misses:
             even = np.interp(np.arange(times[0], times[-1], step), times, miss)
             power += np.abs(np.fft.rfft((even - even.mean()) * np.hanning(len(even)), count)) ** 2
         frequency = np.fft.rfftfreq(count, step)
@@ -205,18 +207,18 @@ def _lines(found: Fit) -> Iterator[str]:
             )
 
 
-def _growth(found: Fit) -> Iterator[str]:
+def _growth(result: Fit) -> Iterator[str]:
     """Whether residuals are larger where the swing is."""
-    for c, sensor in enumerate(found.recording.sensors):
+    for c, sensor in enumerate(result.recording.sensors):
         sizes, misses = [], []
-        for k, times, miss in _misses(found):
+        for k, times, miss in _misses(result):
             if k != c:
                 continue
-            own = next(
-                one for one in found.recording.segments if times[0] >= one.times[0] and times[-1] <= one.times[-1]
+            segment = next(
+                part for part in result.recording.segments if times[0] >= part.times[0] and times[-1] <= part.times[-1]
             )
-            values = own.values[np.isfinite(own.values[:, c]), c]
-            window = max(4, int(2 * np.pi / found.problem.system.rate / max(np.median(np.diff(times)), 1e-12)))
+            values = segment.values[np.isfinite(segment.values[:, c]), c]
+            window = max(4, int(2 * np.pi / result.problem.system.rate / max(np.median(np.diff(times)), 1e-12)))
             for at in range(0, len(miss) - window + 1, window):
                 sizes.append(np.std(values[at : at + window]))
                 misses.append(np.sqrt(np.mean(miss[at : at + window] ** 2)))
@@ -226,15 +228,15 @@ def _growth(found: Fit) -> Iterator[str]:
                 yield f"{sensor.name}: the residuals grow with the amplitude: a loss or a length of the model is wrong"
 
 
-def _turning(found: Fit) -> Iterator[str]:
+def _turning(result: Fit) -> Iterator[str]:
     """Turning points on a straight line, the mark of dry friction."""
-    has_friction = any(link.friction for link in found.scene.links())
-    for c, sensor in enumerate(found.recording.sensors):
+    has_friction = any(link.friction for link in result.scene.links())
+    for c, sensor in enumerate(result.recording.sensors):
         if not sensor.pendulum:
             continue
-        for one in found.recording.segments:
-            there = np.isfinite(one.values[:, c])
-            loss = turning_points(one.times[there], one.values[there, c], found.problem.system.rate)
+        for segment in result.recording.segments:
+            there = np.isfinite(segment.values[:, c])
+            loss = turning_points(segment.times[there], segment.values[there, c], result.problem.system.rate)
             if loss:
                 words = f"{sensor.name}: turning points fall on a straight line, {loss:.2g} rad a half swing"
                 yield words + ("" if has_friction else ": try friction")

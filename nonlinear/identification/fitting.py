@@ -100,8 +100,8 @@ def fit(
     whole, recording = recording, recording if window is None else recording.windows(window)
     problem = Problem(scene, parameters, recording, coarse_noise(recording), scaled)
 
-    def beginning(one: Recording) -> float:
-        return _beginning(replace(problem, recording=one))
+    def beginning(recorded: Recording) -> float:
+        return _beginning(replace(problem, recording=recorded))
 
     def mistake() -> str:
         return find_mistake(scene, whole, beginning)
@@ -109,32 +109,32 @@ def fit(
     require_radians(whole, problem.system.rate, beginning)
     try:
         search = Search(problem, loss, report, mistake)
-        found = search.run(joined=window is not None)
+        result = search.run(joined=window is not None)
     except ComputationError as error:
         if words := mistake():
             raise ComputationError(f"{error}; {words}") from None
         raise
-    if found.misfit.max() < SUSPECT:
-        return replace(found, verdict=tuple(diagnose(found)))
+    if result.misfit.max() < SUSPECT:
+        return replace(result, verdict=tuple(diagnose(result)))
     words = search.mistake or mistake()
-    if not words and window is None and found.misfit.max() > LOST:
+    if not words and window is None and result.misfit.max() > LOST:
         again = Search(problem, loss, report)
         if again.span < np.inf:
-            found = min(found, again.run(joined=True), key=lambda one: float(one.misfit.max()))
-    return replace(found, verdict=tuple(diagnose(found, words)))
+            result = min(result, again.run(joined=True), key=lambda fitted: float(fitted.misfit.max()))
+    return replace(result, verdict=tuple(diagnose(result, words)))
 
 
 def _beginning(problem: Problem) -> float:
     """The misfit of a fit to the first periods of some segments, infinite where none is found."""
     part = LOOK * 2 * np.pi / problem.system.rate
-    segments = [replace(one, continued=False) for one in problem.recording.segments[:SEGMENTS]]
+    segments = [replace(segment, continued=False) for segment in problem.recording.segments[:SEGMENTS]]
     recording = replace(problem.recording, segments=tuple(segments)).until(part)
-    own = replace(problem, recording=recording, noise=coarse_noise(recording), tolerance=ROUGHLY, steps=BRIEF)
-    search = Search(own, "linear")
+    start = replace(problem, recording=recording, noise=coarse_noise(recording), tolerance=ROUGHLY, steps=BRIEF)
+    search = Search(start, "linear")
     try:
         u = search.lengthen(search.begin())
         u = search.refined(u)
-        misses = [read - one.values for read, one in zip(own.readings(u), recording.segments, strict=True)]
+        misses = [read - segment.values for read, segment in zip(start.readings(u), recording.segments, strict=True)]
     except ComputationError:
         return np.inf
     sizes = [_size(recording, c) for c in range(len(recording.sensors))]
@@ -148,7 +148,7 @@ def coarse_noise(recording: Recording) -> Floats:
 
 
 def _size(recording: Recording, sensor: int) -> float:
-    values = np.concatenate([one.values[:, sensor] for one in recording.segments])
+    values = np.concatenate([segment.values[:, sensor] for segment in recording.segments])
     values = values[np.isfinite(values)]
     return float(np.std(values)) or 1e-3
 
@@ -176,24 +176,26 @@ class Search:
         problem, layout = self.problem, self.problem.layout
         u = np.zeros(layout.size)
         z = starting_numbers(problem.scene, problem.parameters, problem.recording)
-        known = [one.believed for one in problem.parameters]
-        z = np.array([own if b is None else b[0] for own, b in zip(z, known, strict=True)])
+        known = [parameter.believed for parameter in problem.parameters]
+        z = np.array([numbers if b is None else b[0] for numbers, b in zip(z, known, strict=True)])
         u[: layout.numbers] = np.clip(z, *(bound[: layout.numbers] for bound in problem.bounds))
         states = initial_states(problem)
         for s in range(layout.segments):
             u[layout.state(s)] = states[s]
         if layout.numbers:
             J = problem.jacobian(u)
-            found = find_determined(
+            determined = find_determined(
                 _projected(J, self._nuisances(problem), layout.numbers), problem.parameters, z, vague=np.inf
             )
-            self.kept[found.held] = False
+            self.kept[determined.held] = False
             u[: layout.numbers][~self.kept] = starts_of(problem.parameters)[~self.kept]
         self.begun = u[: layout.numbers].copy()
-        own = np.where(
-            self.kept, [b[0] if b else one.start for one, b in zip(problem.parameters, known, strict=True)], self.begun
+        numbers = np.where(
+            self.kept,
+            [b[0] if b else parameter.start for parameter, b in zip(problem.parameters, known, strict=True)],
+            self.begun,
         )
-        self.starts = [self.begun] if np.array_equal(own, self.begun) else [own, self.begun]
+        self.starts = [self.begun] if np.array_equal(numbers, self.begun) else [numbers, self.begun]
         self.report(0.05)
         return u
 
@@ -206,35 +208,35 @@ class Search:
         for turn, tightness in enumerate(LOOSE[1:]):
             v = self._solved(replace(short, tightness=tightness), v, ROUGH, True, 1e-3)
             self.report(0.2 + 0.1 * turn)
-        rows = np.cumsum([0, *(len(one.times) for one in short.recording.segments)])
-        begins = np.cumsum([0, *(len(one.times) for one in problem.recording.segments)])[:-1]
+        rows = np.cumsum([0, *(len(segment.times) for segment in short.recording.segments)])
+        begins = np.cumsum([0, *(len(segment.times) for segment in problem.recording.segments)])[:-1]
         states = [v[short.layout.state(int(k))] for k in np.searchsorted(rows, begins)]
         return np.concatenate((v[: layout.delays.stop], *states))
 
     @property
     def span(self) -> float:
         """The duration (s) of short windows; infinite where they would be too many, or a coordinate has no sensor."""
-        durations = [one.times[-1] - one.times[0] for one in self.problem.recording.segments]
+        durations = [segment.times[-1] - segment.times[0] for segment in self.problem.recording.segments]
         period = 2 * np.pi / self.problem.system.rate
         span = max(SHORT * period, sum(durations) / max(MOST_WINDOWS - len(durations), 1))
         return span if self.problem.is_seen and span < SHORTEST * period else np.inf
 
     def _nearest(self, part: Problem, u: Floats) -> Floats:
         """Fitted to a part of the record, from the given numbers, or if they do not fit from those of the spectrum."""
-        found, numbers = [], self.problem.layout.numbers
+        tries, numbers = [], self.problem.layout.numbers
         for z in self.starts:
             self.begun, v = z, u.copy()
             v[:numbers] = z
             try:
                 v = self._solved(part, v, ROUGH, True, 1e-3)
-                found.append((float(np.mean(np.square(part.residuals(v)))), z, v))
+                tries.append((float(np.mean(np.square(part.residuals(v)))), z, v))
             except ComputationError:
                 continue
-            if found[-1][0] < 1:
+            if tries[-1][0] < 1:
                 break
-        if not found:
+        if not tries:
             raise ComputationError("the scene's motion cannot be followed from the first samples of the record")
-        cost, self.begun, v = min(found, key=lambda one: one[0])
+        cost, self.begun, v = min(tries, key=lambda attempt: attempt[0])
         if cost > POORLY:
             self.mistake = self.look()
         return v
@@ -246,7 +248,7 @@ class Search:
     def lengthen(self, u: Floats) -> Floats:
         """Fitted to ever longer parts of all segments."""
         problem = self.problem
-        longest = max(one.times[-1] - one.times[0] for one in problem.recording.segments)
+        longest = max(segment.times[-1] - segment.times[0] for segment in problem.recording.segments)
         part = SHORTEST * 2 * np.pi / problem.system.rate
         u = self._nearest(replace(problem, recording=problem.recording.until(part), tolerance=ROUGHLY), u)
         while LONGER * part < longest:
@@ -254,7 +256,7 @@ class Search:
             short = problem.recording.until(part)
             u = self._solved(replace(problem, recording=short, tolerance=ROUGHLY), u, ROUGH, True, 1e-3)
             self.report(0.05 + 0.35 * part / longest)
-        for tightness in LOOSE if any(one.continued for one in problem.recording.segments) else ():
+        for tightness in LOOSE if any(segment.continued for segment in problem.recording.segments) else ():
             u = self._solved(replace(problem, tightness=tightness, tolerance=ROUGHLY), u, ROUGH, True, 1e-3)
         return u
 
@@ -272,9 +274,9 @@ class Search:
         J = problem.jacobian(u)
         projected = _projected(J, self._nuisances(problem), numbers)
         lost = np.flatnonzero(~self.kept).tolist()
-        found = find_determined(projected, problem.parameters, u[:numbers], held=lost)
+        determined = find_determined(projected, problem.parameters, u[:numbers], held=lost)
         fresh = self.kept.copy()
-        fresh[found.held] = False
+        fresh[determined.held] = False
         if np.any(fresh != self.kept):
             self.kept &= fresh
             u[:numbers][~self.kept] = starts_of(problem.parameters)[~self.kept]
@@ -290,8 +292,8 @@ class Search:
             u,
             cov,
             np.flatnonzero(~self.kept),
-            found.directions,
-            found.condition,
+            determined.directions,
+            determined.condition,
             residuals,
             problem.scene_at(u),
             problem.scene,
@@ -312,15 +314,17 @@ class Search:
 
     def _noise(self, problem: Problem, u: Floats) -> Floats:
         """The standard deviation of every sensor's residuals; by their median for a robust loss."""
-        found = []
+        noise = []
         readings = problem.readings(u)
         for c in range(len(problem.recording.sensors)):
-            misses = [r[:, c] - one.values[:, c] for r, one in zip(readings, problem.recording.segments, strict=True)]
-            own = np.concatenate(misses)
-            own = own[np.isfinite(own)]
-            spread = 1.4826 * float(np.median(np.abs(own))) if self.loss != "linear" else 0.0
-            found.append(max(spread or root_mean_square(own), FINEST * _size(problem.recording, c)))
-        return np.array(found)
+            misses = [
+                r[:, c] - segment.values[:, c] for r, segment in zip(readings, problem.recording.segments, strict=True)
+            ]
+            missed = np.concatenate(misses)
+            missed = missed[np.isfinite(missed)]
+            spread = 1.4826 * float(np.median(np.abs(missed))) if self.loss != "linear" else 0.0
+            noise.append(max(spread or root_mean_square(missed), FINEST * _size(problem.recording, c)))
+        return np.array(noise)
 
     def _solved(self, problem: Problem, u: Floats, most: int, rough: bool, close: float) -> Floats:
         """The unknowns after a search from u; ComputationError where it cannot begin."""
@@ -331,31 +335,31 @@ class Search:
         where = np.searchsorted(columns, steady)
 
         def whole(x: Floats) -> Floats:
-            found = held.copy()
-            found[columns] = x
-            return found
+            u = held.copy()
+            u[columns] = x
+            return u
 
         def residuals(x: Floats) -> Floats:
             self.evaluations += 1
             try:
-                found = problem.residuals(whole(x), ahead=True)
+                missed = problem.residuals(whole(x), ahead=True)
             except ComputationError:
                 return np.full(sizes, np.nan)
-            now[0] = np.concatenate((found, (x[where] - self.begun[steady]) / STEADY))
+            now[0] = np.concatenate((missed, (x[where] - self.begun[steady]) / STEADY))
             return now[0]
 
         def jacobian(x: Floats) -> Floats:
             rows = np.zeros((len(steady), len(columns)))
             rows[np.arange(len(steady)), where] = 1 / STEADY
-            found = np.vstack((problem.jacobian(whole(x))[:, columns], rows))
+            J = np.vstack((problem.jacobian(whole(x))[:, columns], rows))
             if many or self.loss != "linear":
-                return scipy.sparse.csr_array(found) if many else found
-            square, promised = float(now[0] @ now[0]), _decrement(found[:, x > low + BOUND], now[0])
+                return scipy.sparse.csr_array(J) if many else J
+            square, promised = float(now[0] @ now[0]), _decrement(J[:, x > low + BOUND], now[0])
             fell, before = last[0] - square, last[1]
             if promised < SLIGHT or fell < SLIGHT or (not rough and fell < KEPT * before):
                 raise _Reached(x)
             last[:] = square, promised
-            return found
+            return J
 
         now, last = [np.zeros(0)], [np.inf, 0.0]
         many = len(columns) > DENSE
@@ -365,7 +369,7 @@ class Search:
         if not np.all(np.isfinite(begun)):
             raise ComputationError("the scene's motion cannot be followed from the first samples of the record")
         try:
-            found: Any = scipy.optimize.least_squares(
+            solution: Any = scipy.optimize.least_squares(
                 residuals,
                 start,
                 jacobian,
@@ -381,17 +385,19 @@ class Search:
             )
         except _Reached as reached:
             return whole(reached.x)
-        return whole(found.x)
+        return whole(solution.x)
 
     def _scales(self, problem: Problem) -> Floats:
         """The size of a step of each unknown."""
-        layout, found = problem.layout, np.ones(problem.layout.size)
-        found[: layout.numbers] = [0.1 if one.log else 0.1 * max(one.start, 0.05) for one in problem.parameters]
-        found[layout.offsets], found[layout.scales] = 0.01, 0.01
-        found[layout.delays] = 0.1 * (problem.late or 1.0)
+        layout, scales = problem.layout, np.ones(problem.layout.size)
+        scales[: layout.numbers] = [
+            0.1 if parameter.log else 0.1 * max(parameter.start, 0.05) for parameter in problem.parameters
+        ]
+        scales[layout.offsets], scales[layout.scales] = 0.01, 0.01
+        scales[layout.delays] = 0.1 * (problem.late or 1.0)
         for s in range(layout.segments):
-            found[layout.state(s)] = 0.1 * problem.scale
-        return found
+            scales[layout.state(s)] = 0.1 * problem.scale
+        return scales
 
 
 class _Reached(Exception):  # noqa: N818
@@ -413,14 +419,14 @@ def _decrement(J: Floats, residuals: Floats) -> float:
 
 def _projected(J: Floats, nuisances: Booleans, numbers: int) -> Floats:
     """The columns of the numbers without what the nuisances can make up for."""
-    own, other = J[:, :numbers], J[:, nuisances]
+    columns, other = J[:, :numbers], J[:, nuisances]
     if not other.shape[1]:
-        return own
+        return columns
     size = np.linalg.norm(other, axis=0)
     Q, R, _ = scipy.linalg.qr(other[:, size > 0] / size[size > 0], mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(R))
     Q = Q[:, diagonal > 1e-10 * diagonal[0]]
-    once = own - Q @ (Q.T @ own)
+    once = columns - Q @ (Q.T @ columns)
     return np.asarray(once - Q @ (Q.T @ once))
 
 
@@ -437,14 +443,14 @@ def _covariance(problem: Problem, J: Floats, residuals: Floats, free: Booleans) 
     rho = []
     blocks = []
     for c in range(len(problem.recording.sensors)):
-        own = [residuals[rows] for _, sensor, rows in series if sensor == c]
-        rho.append(autocorrelation(own))
-        count = sum(map(len, own))
-        variance = growth * sum(float(part @ part) for part in own) / count if count else 0.0
+        parts = [residuals[rows] for _, sensor, rows in series if sensor == c]
+        rho.append(autocorrelation(parts))
+        count = sum(map(len, parts))
+        variance = growth * sum(float(part @ part) for part in parts) / count if count else 0.0
         blocks += [(rows, variance, rho[c]) for _, sensor, rows in series if sensor == c]
     last = series[-1][2].stop if series else 0
     if last < len(residuals):
         blocks.append((slice(last, len(residuals)), 1.0, np.ones(1)))
-    found = np.zeros((problem.layout.size, problem.layout.size))
-    found[np.ix_(columns, columns)] = covariance(G, blocks)
-    return found, tuple(rho)
+    cov = np.zeros((problem.layout.size, problem.layout.size))
+    cov[np.ix_(columns, columns)] = covariance(G, blocks)
+    return cov, tuple(rho)

@@ -45,12 +45,12 @@ def find_mistake(scene: Scene, recording: Recording, misfit: Callable[[Recording
 
     `misfit` is that of a fit to the beginning of a recording, infinite where there is none.
     """
-    own = misfit(recording)
-    found = [(misfit(one.recording), one) for one in possible(scene, recording)]
-    if not found:
+    present = misfit(recording)
+    mended = [(misfit(mistake.recording), mistake) for mistake in possible(scene, recording)]
+    if not mended:
         return ""
-    least, best = min(found, key=lambda pair: pair[0])
-    if not (least < ENOUGH and GAIN * least < own):
+    least, best = min(mended, key=lambda pair: pair[0])
+    if not (least < ENOUGH and GAIN * least < present):
         return ""
     return _told(best, least)
 
@@ -58,7 +58,7 @@ def find_mistake(scene: Scene, recording: Recording, misfit: Callable[[Recording
 def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
     """The mistakes that the record may have."""
     sensors = recording.sensors
-    angles = [c for c, one in enumerate(sensors) if one.pendulum][:MOST_SENSORS]
+    angles = [c for c, sensor in enumerate(sensors) if sensor.pendulum][:MOST_SENSORS]
 
     def times(factor: float, chosen: list[int]) -> Recording:
         scales = np.ones(len(sensors))
@@ -72,7 +72,7 @@ def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
         names = [sensors[c].name for c in angles]
         way = " and ".join(f"{name}_deg={name}_rad" for name in names)
         yield Mistake(times(180 / np.pi, angles), f"{listed(names, len(names))} look like radians", f"columns {way}")
-    upright = scene.cart is not None and any(not one.pendulum for one in sensors)
+    upright = scene.cart is not None and any(not sensor.pendulum for sensor in sensors)
     for c in angles if len(angles) > 1 or upright else []:
         name = sensors[c].name
         yield Mistake(times(-1.0, [c]), f"{name} counts the other way", f"columns {name}_rad=-{name}_rad")
@@ -80,10 +80,10 @@ def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
         order = [*range(len(sensors))]
         order[a], order[b] = b, a
         changed = tuple(replace(s, values=s.values[:, order]) for s in recording.segments)
-        one, two = sensors[a].name, sensors[b].name
-        way = f"columns {one}_rad={two}_rad and {two}_rad={one}_rad"
-        yield Mistake(replace(recording, segments=changed), f"{one} and {two} are exchanged", way)
-    if not recording.relative and any(one.link > 1 for one in sensors):
+        sensor, two = sensors[a].name, sensors[b].name
+        way = f"columns {sensor}_rad={two}_rad and {two}_rad={sensor}_rad"
+        yield Mistake(replace(recording, segments=changed), f"{sensor} and {two} are exchanged", way)
+    if not recording.relative and any(sensor.link > 1 for sensor in sensors):
         changed_angles = replace(recording, relative=True)
         try:
             changed_angles.absolute()
@@ -105,7 +105,7 @@ def in_degrees(recording: Recording, chosen: list[int]) -> Mistake:
 
 
 def _largest(recording: Recording, angles: list[int]) -> float:
-    return max(float(np.nanmax(np.abs(one.values[:, angles]))) for one in recording.segments)
+    return max(float(np.nanmax(np.abs(segment.values[:, angles]))) for segment in recording.segments)
 
 
 def require_radians(recording: Recording, rate: float, misfit: Callable[[Recording], float]) -> None:
@@ -120,11 +120,13 @@ def require_radians(recording: Recording, rate: float, misfit: Callable[[Recordi
 
 def _speed(recording: Recording, sensor: int) -> float:
     """How fast (rad/s) a sensor's angle turns at most, but for a twentieth of the samples and for outliers."""
-    found = [
-        np.abs(np.diff(scipy.ndimage.median_filter(one.values[:, sensor], 3, mode="nearest")) / np.diff(one.times))
-        for one in recording.segments
+    rates = [
+        np.abs(
+            np.diff(scipy.ndimage.median_filter(segment.values[:, sensor], 3, mode="nearest")) / np.diff(segment.times)
+        )
+        for segment in recording.segments
     ]
-    speeds = np.concatenate(found)
+    speeds = np.concatenate(rates)
     speeds = speeds[np.isfinite(speeds)]
     return float(np.quantile(speeds, 0.95)) if len(speeds) else 0.0
 

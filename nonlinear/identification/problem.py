@@ -70,18 +70,18 @@ class Layout:
 
 def require_fittable(scene: Scene, free: Sequence[Parameter] = ()) -> None:
     """SceneError for a scene whose motions cannot be fitted, or not by these numbers, with every reason."""
-    found = refusals(scene, "a fit of motions")
+    reasons = refusals(scene, "a fit of motions")
     if scene.n_links > MOST_LINKS:
-        found.append(f"the scene has {scene.n_links} links: motions of at most {MOST_LINKS} are fitted")
-    for one in free:
-        if one.place[0] == "pendulum" and one.place[-1] == "length" and _link(scene, one).hoist:
-            found.append(f"{one.path}: follows its hoist, whose course a fit does not change")
-    if found:
-        raise SceneError(found)
+        reasons.append(f"the scene has {scene.n_links} links: motions of at most {MOST_LINKS} are fitted")
+    for parameter in free:
+        if parameter.place[0] == "pendulum" and parameter.place[-1] == "length" and _link(scene, parameter).hoist:
+            reasons.append(f"{parameter.path}: follows its hoist, whose course a fit does not change")
+    if reasons:
+        raise SceneError(reasons)
 
 
-def _link(scene: Scene, one: Parameter) -> AnyLink:
-    return scene.pendulum[int(one.place[1])].links[int(one.place[3])]
+def _link(scene: Scene, parameter: Parameter) -> AnyLink:
+    return scene.pendulum[int(parameter.place[1])].links[int(parameter.place[3])]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,8 +141,8 @@ class Problem(Displayed):
             return ((self.system.structure.names.index(sensor.carrier), 1.0),)
         if not sensor.pendulum:
             return ((0, 1.0),)
-        own = [k for k, pendulum in enumerate(self.system.pendulum) if pendulum == sensor.pendulum - 1]
-        row = first + own[sensor.link - 1]
+        links = [k for k, pendulum in enumerate(self.system.pendulum) if pendulum == sensor.pendulum - 1]
+        row = first + links[sensor.link - 1]
         above = ((row - 1, -1.0),) if self.recording.relative and sensor.link > 1 else ()
         return ((row, 1.0), *above)
 
@@ -153,11 +153,11 @@ class Problem(Displayed):
     @cached_property
     def picks(self) -> Floats:
         """What the sensors read of the coordinates, (C, coordinates)."""
-        found = np.zeros((len(self.recording.sensors), self.coordinates))
+        picks = np.zeros((len(self.recording.sensors), self.coordinates))
         for c, sensor in enumerate(self.recording.sensors):
             for row, sign in self.parts(sensor):
-                found[c, row] = sign
-        return found
+                picks[c, row] = sign
+        return picks
 
     @property
     def is_seen(self) -> bool:
@@ -167,23 +167,23 @@ class Problem(Displayed):
     @cached_property
     def free(self) -> Booleans:
         """Which unknowns are fitted, (size,)."""
-        layout, found = self.layout, np.ones(self.layout.size, dtype=bool)
-        found[layout.scales] = self.scaled
+        layout, fitted = self.layout, np.ones(self.layout.size, dtype=bool)
+        fitted[layout.scales] = self.scaled
         if len(self.recording.sensors):
-            found[layout.delays.start] = False
+            fitted[layout.delays.start] = False
         adrift = np.abs(translations(self.system)).sum(axis=0) > 0
         for k, sensor in enumerate(self.recording.sensors):
             if not sensor.pendulum and adrift[self.parts(sensor)[0][0]]:
-                found[layout.offsets.start + k] = False
-        return found
+                fitted[layout.offsets.start + k] = False
+        return fitted
 
     @cached_property
     def bounds(self) -> tuple[Floats, Floats]:
         """Of all unknowns, (size,) each."""
         layout = self.layout
         low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
-        low[: layout.numbers] = [one.least for one in self.parameters]
-        high[: layout.numbers] = [-one.least if one.log else np.inf for one in self.parameters]
+        low[: layout.numbers] = [parameter.least for parameter in self.parameters]
+        high[: layout.numbers] = [-parameter.least if parameter.log else np.inf for parameter in self.parameters]
         low[layout.scales], low[layout.delays], high[layout.delays] = -0.9, -self.late or -1, self.late or 1
         return low, high
 
@@ -196,11 +196,11 @@ class Problem(Displayed):
         return self._readings(u, self._flow(u, 0))
 
     def _readings(self, u: Floats, flow: Readings) -> list[Floats]:
-        layout, found = self.layout, []
+        layout, readings = self.layout, []
         for s, segment in enumerate(self.recording.segments):
-            own = flow.values[: len(u[layout.offsets]), s, : len(segment.times), 0].real.T
-            found.append((1 + u[layout.scales]) * own + u[layout.offsets])
-        return found
+            values = flow.values[: len(u[layout.offsets]), s, : len(segment.times), 0].real.T
+            readings.append((1 + u[layout.scales]) * values + u[layout.offsets])
+        return readings
 
     def residuals(self, u: Floats, ahead: bool = False) -> Floats:
         """(N,) in units of the noise, of all values that are there, then those of priors.
@@ -217,7 +217,7 @@ class Problem(Displayed):
     @cached_property
     def _joined(self) -> list[int]:
         """The segments that are continued by the next."""
-        return [s for s, one in enumerate(self.recording.segments[:-1]) if one.continued]
+        return [s for s, segment in enumerate(self.recording.segments[:-1]) if segment.continued]
 
     @cached_property
     def _tightness(self) -> Floats:
@@ -233,15 +233,15 @@ class Problem(Displayed):
 
     def _gap_slopes(self, flow: Readings) -> list[Floats]:
         """The derivatives of the gaps."""
-        layout, first, found = self.layout, len(self.recording.sensors), []
+        layout, first, blocks = self.layout, len(self.recording.sensors), []
         for s in self._joined:
             block = np.zeros((layout.width, layout.size))
             slopes = flow.values[first:, s, 0].imag / EPSILON
             block[:, : layout.numbers] = slopes[:, : layout.numbers]
             block[:, layout.state(s)] = slopes[:, layout.numbers :]
             block[:, layout.state(s + 1)] -= np.eye(layout.width)
-            found.append(block / self._tightness[:, None])
-        return found
+            blocks.append(block / self._tightness[:, None])
+        return blocks
 
     def _doubts(self, u: Floats) -> Floats:
         return np.array([(u[k] - mean) / std for k, mean, std in self._beliefs])
@@ -249,7 +249,7 @@ class Problem(Displayed):
     @cached_property
     def _beliefs(self) -> list[tuple[int, float, float]]:
         """The numbers with priors: their index, and mean and standard deviation of z."""
-        return [(k, *one.believed) for k, one in enumerate(self.parameters) if one.believed]
+        return [(k, *parameter.believed) for k, parameter in enumerate(self.parameters) if parameter.believed]
 
     def jacobian(self, u: Floats) -> Floats:
         """The derivatives of the residuals, (N, size)."""
@@ -277,25 +277,25 @@ class Problem(Displayed):
 
     def series(self) -> list[tuple[int, int, slice]]:
         """Segment, sensor and rows of the residuals of each series, once these are `ordered`."""
-        found, at = [], 0
+        series, at = [], 0
         for s, segment in enumerate(self.recording.segments):
             for c, values in enumerate(segment.values.T):
                 count = int(np.count_nonzero(np.isfinite(values)))
                 if count:
-                    found.append((s, c, slice(at, at + count)))
+                    series.append((s, c, slice(at, at + count)))
                 at += count
-        return found
+        return series
 
     def ordered(self, rows: Floats) -> Floats:
         """Residuals or their derivatives with each sensor's values of a segment together, priors last."""
-        found, at = [], 0
+        sorted_rows, at = [], 0
         for segment in self.recording.segments:
             there = np.isfinite(segment.values)
             count = int(np.count_nonzero(there))
             sensor = np.broadcast_to(np.arange(there.shape[1]), there.shape)[there]
-            found.append(rows[at : at + count][np.argsort(sensor, kind="stable")])
+            sorted_rows.append(rows[at : at + count][np.argsort(sensor, kind="stable")])
             at += count
-        return np.concatenate([*found, rows[at:]])
+        return np.concatenate([*sorted_rows, rows[at:]])
 
     def _continuations(self, most: int, starts: Floats) -> list[Channel]:
         """Channels for every component of a state where the next segment begins."""
@@ -324,17 +324,17 @@ class Problem(Displayed):
         layout, segments = self.layout, self.recording.segments
         P, S, kind = max(columns, 1), len(segments), complex if columns else float
         real, steps = {}, {}
-        for k, one in enumerate(self.parameters):
-            real[one.place] = one.at(float(u[k]))
-            steps[one.place] = np.zeros((S, P), dtype=kind)
+        for k, parameter in enumerate(self.parameters):
+            real[parameter.place] = parameter.at(float(u[k]))
+            steps[parameter.place] = np.zeros((S, P), dtype=kind)
             if columns:
-                steps[one.place][:, k] = 1j * EPSILON * one.slope(float(u[k]))
+                steps[parameter.place][:, k] = 1j * EPSILON * parameter.slope(float(u[k]))
         y = np.empty((layout.width, S, P), dtype=kind)
         for s in range(S):
             y[:, s] = u[layout.state(s), None]
         if columns:
             y[:, :, layout.numbers :] += 1j * EPSILON * np.eye(layout.width)[:, None]
-        begun = np.array([own.times[0] - self.late for own in segments])
+        begun = np.array([segment.times[0] - self.late for segment in segments])
         starts = begun if Inputs(self.system).count else np.zeros(S)
         most = max(len(segment.times) for segment in segments)
         channels = []
@@ -346,7 +346,7 @@ class Problem(Displayed):
         channels += self._continuations(most, starts)
         every = np.array([channel.times for channel in channels])
         ends = np.where(np.isfinite(every), every, -np.inf).max(axis=(0, 2))
-        own = Segments(
+        integrands = Segments(
             self._numbers({place: np.full(S, value) for place, value in real.items()}),
             self._numbers({place: value + steps[place] for place, value in real.items()}),
             y,
@@ -355,30 +355,36 @@ class Problem(Displayed):
             self.scale,
             self.system.rate,
         )
-        return integrated(own, channels, self.tolerance, self.steps)
+        return integrated(integrands, channels, self.tolerance, self.steps)
 
     def _numbers(self, values: dict[Place, Any]) -> Numbers:
         """The numbers of all segments, with arrays at some places."""
-        found = numbers_of(self.scene, values, self.system)
+        numbers = numbers_of(self.scene, values, self.system)
         switching: list[Any] = [*switching_of(self.system)]
         for place, shares in self._shares.items():
             for k, share in shares:
                 switching[k] = share * values[place]
-        return replace(found, switching=tuple(switching))
+        return replace(numbers, switching=tuple(switching))
 
     @cached_property
     def _shares(self) -> dict[Place, list[tuple[int, float]]]:
         """Which numbers of switches are how many times a free one, by its place: all are proportional to theirs."""
-        found, own = {}, np.array(switching_of(self.system))
-        for one in self.parameters:
-            if is_of_switch(one.place) and len(own):
-                now = number_at(self._rubbing, one.place)
-                twice = switching_of(system_of(scene_with(self._rubbing, {one.path: 2 * now})))
-                found[one.place] = [(int(k), own[k] / now) for k in np.flatnonzero(np.array(twice) != own)]
-        return found
+        shares, numbers = {}, np.array(switching_of(self.system))
+        for parameter in self.parameters:
+            if is_of_switch(parameter.place) and len(numbers):
+                now = number_at(self._rubbing, parameter.place)
+                twice = switching_of(system_of(scene_with(self._rubbing, {parameter.path: 2 * now})))
+                shares[parameter.place] = [
+                    (int(k), numbers[k] / now) for k in np.flatnonzero(np.array(twice) != numbers)
+                ]
+        return shares
 
     @cached_property
     def _rubbing(self) -> Scene:
         """The scene with some friction or impulse wherever these are free: a joint without any has no switch."""
-        none = {one.path: one.unit for one in self.parameters if is_of_switch(one.place) and not one.value}
+        none = {
+            parameter.path: parameter.unit
+            for parameter in self.parameters
+            if is_of_switch(parameter.place) and not parameter.value
+        }
         return scene_with(self.scene, none)

@@ -105,7 +105,7 @@ class Recording(Displayed):
     @property
     def n_values(self) -> int:
         """Number of values that are there."""
-        return sum(int(np.count_nonzero(np.isfinite(one.values))) for one in self.segments)
+        return sum(int(np.count_nonzero(np.isfinite(segment.values))) for segment in self.segments)
 
     def take(self, which: Sequence[int]) -> Recording:
         """Some of its segments."""
@@ -113,53 +113,55 @@ class Recording(Displayed):
 
     def unwrapped(self) -> Recording:
         """With angles that go on where those of a sensor jump by a turn (`unwrap`)."""
-        found, names = [], dict.fromkeys(self.continued)
-        for one in self.segments:
-            values = one.values.copy()
+        segments, names = [], dict.fromkeys(self.continued)
+        for segment in self.segments:
+            values = segment.values.copy()
             for c, sensor in enumerate(self.sensors):
                 if sensor.pendulum and is_wrapped(values[:, c]):
                     values[:, c] = unwrap(values[:, c])
                     names[sensor.name] = None
-            found.append(replace(one, values=values))
-        return replace(self, segments=tuple(found), continued=tuple(names)) if names else self
+            segments.append(replace(segment, values=values))
+        return replace(self, segments=tuple(segments), continued=tuple(names)) if names else self
 
     def absolute(self) -> Recording:
         """With angles from the vertical; SceneError where relative ones of links above are not recorded."""
         if not self.relative:
             return self
-        at = {(one.pendulum, one.link): k for k, one in enumerate(self.sensors)}
+        at = {(sensor.pendulum, sensor.link): k for k, sensor in enumerate(self.sensors)}
         missing = {f"theta_{p}_{i}" for p, link in at for i in range(1, link) if (p, i) not in at}
         if missing:
             raise SceneError([f"relative angles need {listed(sorted(missing), len(missing))} too"])
         sums = np.zeros((len(self.sensors), len(self.sensors)))
         for (pendulum, link), k in at.items():
             sums[k, [at[pendulum, i] for i in range(1, link + 1)] if pendulum else [k]] = 1.0
-        found = [
-            replace(one, values=np.array([one.values[:, row > 0].sum(axis=1) for row in sums]).T)
-            for one in self.segments
+        segments = [
+            replace(segment, values=np.array([segment.values[:, row > 0].sum(axis=1) for row in sums]).T)
+            for segment in self.segments
         ]
-        return replace(self, segments=tuple(found), relative=False)
+        return replace(self, segments=tuple(segments), relative=False)
 
     def windows(self, duration: float) -> Recording:
         """The same with every segment in windows of about this duration (s), each continuing the one before."""
-        found = []
-        for one in self.segments:
-            count = max(1, round((one.times[-1] - one.times[0]) / duration))
-            count = min(count, len(one.times) // (2 * FEWEST)) or 1
-            parts = np.array_split(np.arange(len(one.times)), count)
-            for k, own in enumerate(parts):
-                name = f"{one.name} window {k + 1}".strip() if count > 1 else one.name
-                on = one.continued or k + 1 < count
-                found.append(replace(one, name=name, times=one.times[own], values=one.values[own], continued=on))
-        return replace(self, segments=tuple(found))
+        segments = []
+        for segment in self.segments:
+            count = max(1, round((segment.times[-1] - segment.times[0]) / duration))
+            count = min(count, len(segment.times) // (2 * FEWEST)) or 1
+            parts = np.array_split(np.arange(len(segment.times)), count)
+            for k, rows in enumerate(parts):
+                name = f"{segment.name} window {k + 1}".strip() if count > 1 else segment.name
+                on = segment.continued or k + 1 < count
+                segments.append(
+                    replace(segment, name=name, times=segment.times[rows], values=segment.values[rows], continued=on)
+                )
+        return replace(self, segments=tuple(segments))
 
     def until(self, duration: float) -> Recording:
         """The beginning of every segment (s)."""
         kept = []
-        for one in self.segments:
-            count = max(FEWEST, int(np.searchsorted(one.times, one.times[0] + duration, side="right")))
-            whole = count >= len(one.times) and one.continued
-            kept.append(replace(one, times=one.times[:count], values=one.values[:count], continued=whole))
+        for segment in self.segments:
+            count = max(FEWEST, int(np.searchsorted(segment.times, segment.times[0] + duration, side="right")))
+            whole = count >= len(segment.times) and segment.continued
+            kept.append(replace(segment, times=segment.times[:count], values=segment.values[:count], continued=whole))
         return replace(self, segments=tuple(kept))
 
 
@@ -173,9 +175,9 @@ def is_wrapped(values: Floats) -> bool:
 
 def unwrap(values: Floats) -> Floats:
     """Angles (K,) that go on by less than half a turn from each sample to the next that is there."""
-    found, there = values.copy(), np.isfinite(values)
-    found[there] = np.unwrap(values[there])
-    return found
+    unwrapped, there = values.copy(), np.isfinite(values)
+    unwrapped[there] = np.unwrap(values[there])
+    return unwrapped
 
 
 def read_recording(
@@ -212,7 +214,7 @@ def read_recording(
     sensors = sorted(
         {_sensor(column, carriers) for _, header, _ in tables for column in header if _is_sensor(column, carriers)}
     )
-    problems += [problem for one in sensors if scene for problem in _absent(scene, one)]
+    problems += [problem for sensor in sensors if scene for problem in _absent(scene, sensor)]
     segments: list[Segment] = []
     for name, header, rows in tables:
         try:
@@ -247,13 +249,13 @@ def carrier_columns(scene: Scene | None) -> dict[str, Sensor]:
     """
     if scene is None or not scene.is_structured:
         return {}
-    found = {}
+    columns = {}
     for name in structure_of(scene).names:
         if name != "x":
-            found[name] = Sensor(carrier=name)
+            columns[name] = Sensor(carrier=name)
             if name.endswith("_rad"):
-                found[f"{name.removesuffix('_rad')}_deg"] = Sensor(carrier=name)
-    return found
+                columns[f"{name.removesuffix('_rad')}_deg"] = Sensor(carrier=name)
+    return columns
 
 
 def _has_no_cart(scene: Scene) -> bool:
@@ -261,14 +263,14 @@ def _has_no_cart(scene: Scene) -> bool:
 
 
 def _is_sensor(column: str, carriers: Carriers) -> bool:
-    own = column.removeprefix("-")
-    return own in carriers or bool(SENSOR.fullmatch(own))
+    bare = column.removeprefix("-")
+    return bare in carriers or bool(SENSOR.fullmatch(bare))
 
 
 def _sensor(column: str, carriers: Carriers) -> Sensor:
-    own = column.removeprefix("-")
-    found = SENSOR.fullmatch(own)
-    return carriers.get(own) or (Sensor(int(found[1]), int(found[2])) if found and found[1] else Sensor())
+    bare = column.removeprefix("-")
+    matched = SENSOR.fullmatch(bare)
+    return carriers.get(bare) or (Sensor(int(matched[1]), int(matched[2])) if matched and matched[1] else Sensor())
 
 
 def _is_known(column: str, carriers: Carriers) -> bool:
@@ -281,7 +283,7 @@ def _absent(scene: Scene, sensor: Sensor) -> Iterator[str]:
         if not sensor.carrier and _has_no_cart(scene):
             yield "column cart_m: the scene has no cart"
         return
-    sizes = [one.n_links for one in scene.pendulum for _ in range(one.count)]
+    sizes = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)]
     if sensor.pendulum > len(sizes):
         yield f"column {sensor.name}: the scene has {counted(len(sizes), 'pendulum', 'pendula')}"
     elif sensor.link > sizes[sensor.pendulum - 1]:
@@ -300,9 +302,11 @@ def _table(
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
     except csv.Error as error:
         raise SceneError([f"{name}: {error}"]) from None
-    given = [word.strip() for word in header[1]]
-    columns = [meanings.get(word, word) for word in given]
-    problems = [f"column {one}: is missing{meant(one, given)}" for one in meanings if one not in given]
+    headings = [word.strip() for word in header[1]]
+    columns = [meanings.get(word, word) for word in headings]
+    problems = [
+        f"column {heading}: is missing{meant(heading, headings)}" for heading in meanings if heading not in headings
+    ]
     problems += [
         f"column {old}: {new}: must be time_s, time_ms, theta_P_L_rad, theta_P_L_deg or cart_m, or - and one of these"
         for old, new in meanings.items()
@@ -324,21 +328,23 @@ def _table(
 
 
 def _header_problems(columns: Sequence[str], where: Mapping[str, str], carriers: Carriers) -> Iterator[str]:
-    times = [one for one in columns if one in TIMES]
+    times = [heading for heading in columns if heading in TIMES]
     if not times:
         yield f"has no column {TIME}{meant(TIME, columns)}"
     if len(set(times)) > 1:
         yield f"columns {listed(times, len(times))}: are the time in two units"
-    yield from (f"column {one}: stands there twice" for one in dict.fromkeys(columns) if columns.count(one) > 1)
-    yield from (f"column {one}: is missing{meant(one, columns)}" for one in where if one not in columns)
+    yield from (
+        f"column {heading}: stands there twice" for heading in dict.fromkeys(columns) if columns.count(heading) > 1
+    )
+    yield from (f"column {heading}: is missing{meant(heading, columns)}" for heading in where if heading not in columns)
     for column in columns:
         if column not in where and not _is_known(column, carriers) and LIKE_ONE.match(column):
             yield f"column {column}: must be theta_P_L_rad, theta_P_L_deg or cart_m, with P and L from 1"
     sensors = [column for column in columns if _is_sensor(column, carriers)]
     if not sensors:
         yield "has no column of a sensor, such as theta_1_1_rad or cart_m"
-    read = {one: _sensor(one, carriers) for one in sensors}
-    twice = [one for one in sensors if len({own for own in sensors if read[own] == read[one]}) > 1]
+    read = {heading: _sensor(heading, carriers) for heading in sensors}
+    twice = [heading for heading in sensors if len({other for other in sensors if read[other] == read[heading]}) > 1]
     if twice:
         yield f"columns {listed(twice, len(twice))}: are one sensor in two units"
 
@@ -371,19 +377,20 @@ def _segments(
             factor = (radians(1.0) if column.endswith("_deg") else 1.0) * (-1 if column.startswith("-") else 1)
             table[:, sensors.index(_sensor(column, carriers))] = factor * np.array(cells, dtype=float)
     names = [row[header.index(SEGMENT)].strip() for _, row in rows] if SEGMENT in header else [""] * len(rows)
-    found: list[Segment] = []
+    segments: list[Segment] = []
     at = 0
     for segment, group in groupby(names):
         count = len([*group])
-        own = slice(at, at + count)
+        within = slice(at, at + count)
         at += count
-        found.append(Segment(name, segment, times[own], table[own]))
-        problems += _segment_problems(found[-1], sensors)
-    repeated = [one for one in dict.fromkeys(own.name for own in found) if sum(o.name == one for o in found) > 1]
-    problems += [f"{name}: segment {one}: its rows do not follow one another" for one in repeated]
+        segments.append(Segment(name, segment, times[within], table[within]))
+        problems += _segment_problems(segments[-1], sensors)
+    named = [segment.name for segment in segments]
+    repeated = [title for title in dict.fromkeys(named) if named.count(title) > 1]
+    problems += [f"{name}: segment {title}: its rows do not follow one another" for title in repeated]
     if problems:
         raise SceneError(problems)
-    return found
+    return segments
 
 
 def _is_number(column: str, carriers: Carriers) -> bool:
@@ -432,27 +439,27 @@ def _clock_problems(segment: Segment) -> Iterator[str]:
 def _empty(sensors: Sequence[Sensor], segments: Sequence[Segment]) -> Iterator[str]:
     """Sensors and segments that say nothing."""
     for k, sensor in enumerate(sensors):
-        own = np.concatenate([one.values[:, k] for one in segments])
-        own = own[np.isfinite(own)]
-        if not len(own):
+        values = np.concatenate([segment.values[:, k] for segment in segments])
+        values = values[np.isfinite(values)]
+        if not len(values):
             yield f"column {sensor.name}: has no values"
-        elif not SMALLEST_READ <= (largest := float(np.abs(own).max())) <= LARGEST_READ and largest:
+        elif not SMALLEST_READ <= (largest := float(np.abs(values).max())) <= LARGEST_READ and largest:
             yield f"column {sensor.name}: reaches {largest:.3g} {sensor.unit}: {SIZES_READ}"
-        elif len(np.unique(own)) < FEW_CHANGES:
-            yield f"column {sensor.name}: is constant, {own[0]:.6g} {sensor.unit}: nothing can be fitted to it"
-    for one in segments:
-        if int(np.count_nonzero(np.isfinite(one.values))) < FEWEST:
-            yield f"{one.where}: has no values"
+        elif len(np.unique(values)) < FEW_CHANGES:
+            yield f"column {sensor.name}: is constant, {values[0]:.6g} {sensor.unit}: nothing can be fitted to it"
+    for segment in segments:
+        if int(np.count_nonzero(np.isfinite(segment.values))) < FEWEST:
+            yield f"{segment.where}: has no values"
 
 
 def parse_where(texts: Sequence[str], example: str = "COLUMN=VALUE, such as use=identify") -> dict[str, str]:
     """The columns and values of texts such as "use=identify"; SceneError for any other."""
-    found, problems = {}, []
+    cells, problems = {}, []
     for text in texts:
         column, sign, value = text.partition("=")
         if not sign or not column.strip():
             problems.append(f"{text:.60}: must be {example}")
-        found[column.strip()] = value.strip()
+        cells[column.strip()] = value.strip()
     if problems:
         raise SceneError(problems)
-    return found
+    return cells

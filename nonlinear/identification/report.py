@@ -15,86 +15,86 @@ from nonlinear.identification.result import Fit
 DIGITS = 6
 
 
-def fit_record(found: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -> dict[str, Any]:
+def fit_record(result: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -> dict[str, Any]:
     """The report of a fit for JSON; `covariance` is that of `parameters` in their order.
 
     With `draws` every parameter has its `bootstrap_std` of so many resampled records.
     """
-    numbers = found.fitted
+    numbers = result.fitted
     record: dict[str, Any] = {
         "parameters": [
-            {"place": found.parameters[k].path, "value": float(found.values[k]), "std": finite(float(found.stds[k]))}
+            {"place": result.parameters[k].path, "value": float(result.values[k]), "std": finite(float(result.stds[k]))}
             for k in numbers
         ],
-        "fixed": [{"place": found.parameters[k].path, "value": float(found.values[k])} for k in found.held.tolist()],
-        "combinations": [{"words": c.words, "value": c.value, "std": finite(c.std)} for c in found.combinations],
-        "unidentifiable": [{"place": one.held, "words": one.words} for one in found.undetermined],
-        "sensors": [_sensor(found, c) for c in range(len(found.recording.sensors))],
+        "fixed": [{"place": result.parameters[k].path, "value": float(result.values[k])} for k in result.held.tolist()],
+        "combinations": [{"words": c.words, "value": c.value, "std": finite(c.std)} for c in result.combinations],
+        "unidentifiable": [{"place": direction.held, "words": direction.words} for direction in result.undetermined],
+        "sensors": [_sensor(result, c) for c in range(len(result.recording.sensors))],
         "segments": [
             {
-                "file": one.file,
-                "segment": one.name,
-                "rms_residual_rad": float(found.rms[s]),
-                "initial": _initial(found, s),
+                "file": segment.file,
+                "segment": segment.name,
+                "rms_residual_rad": float(result.rms[s]),
+                "initial": _initial(result, s),
             }
-            for s, one in enumerate(found.recording.segments)
+            for s, segment in enumerate(result.recording.segments)
         ],
-        "rms_residual_rad": found.rms_all,
-        "condition": found.condition,
-        "fits": found.fits,
-        "misfit": dict(zip((one.name for one in found.recording.sensors), found.misfit.tolist(), strict=True)),
-        "covariance": found.covariance[np.ix_(numbers, numbers)].tolist() if found.fits else None,
-        "verdict": list(found.verdict),
+        "rms_residual_rad": result.rms_all,
+        "condition": result.condition,
+        "fits": result.fits,
+        "misfit": dict(zip((sensor.name for sensor in result.recording.sensors), result.misfit.tolist(), strict=True)),
+        "covariance": result.covariance[np.ix_(numbers, numbers)].tolist() if result.fits else None,
+        "verdict": list(result.verdict),
     }
     if draws:
-        stds = found.bootstrap(draws)
-        for one, k in zip(record["parameters"], numbers, strict=True):
-            one["bootstrap_std"] = finite(float(stds[k]))
+        stds = result.bootstrap(draws)
+        for number, k in zip(record["parameters"], numbers, strict=True):
+            number["bootstrap_std"] = finite(float(stds[k]))
     if candidates:
         record["comparison"] = [
             {
-                "model": one.name,
-                "rms_residual_rad": one.fit.rms_all,
-                "held_out_rms_residual_rad": one.held_out_rms,
-                "aic": one.aic,
-                "bic": one.bic,
+                "model": law.name,
+                "rms_residual_rad": law.fit.rms_all,
+                "held_out_rms_residual_rad": law.held_out_rms,
+                "aic": law.aic,
+                "bic": law.bic,
             }
-            for one in candidates
+            for law in candidates
         ]
     return record
 
 
-def fit_json(found: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -> str:
+def fit_json(result: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -> str:
     """The report as JSON."""
-    return as_json(fit_record(found, candidates, draws))
+    return as_json(fit_record(result, candidates, draws))
 
 
-def _sensor(found: Fit, c: int) -> dict[str, Any]:
-    layout, sensor = found.problem.layout, found.recording.sensors[c]
-    offset, delay, scale = (own.start + c for own in (layout.offsets, layout.delays, layout.scales))
-    std = np.sqrt(np.maximum(np.diag(found.cov), 0.0))
-    if not found.fits:
+def _sensor(result: Fit, c: int) -> dict[str, Any]:
+    layout, sensor = result.problem.layout, result.recording.sensors[c]
+    offset, delay, scale = (block.start + c for block in (layout.offsets, layout.delays, layout.scales))
+    std = np.sqrt(np.maximum(np.diag(result.cov), 0.0))
+    if not result.fits:
         std = np.where(std > 0, np.nan, 0.0)
     return {
         "sensor": sensor.name,
-        f"noise_{sensor.unit}": float(found.problem.noise[c]),
-        f"offset_{sensor.unit}": float(found.unknowns[offset]),
+        f"noise_{sensor.unit}": float(result.problem.noise[c]),
+        f"offset_{sensor.unit}": float(result.unknowns[offset]),
         f"offset_std_{sensor.unit}": finite(float(std[offset])),
-        "delay_s": float(found.unknowns[delay]),
+        "delay_s": float(result.unknowns[delay]),
         "delay_std_s": finite(float(std[delay])),
-        "scale": 1 + float(found.unknowns[scale]),
+        "scale": 1 + float(result.unknowns[scale]),
         "scale_std": finite(float(std[scale])),
     }
 
 
-def _initial(found: Fit, s: int) -> dict[str, float]:
+def _initial(result: Fit, s: int) -> dict[str, float]:
     """The state at the segment's first time less the longest delay."""
-    problem = found.problem
-    state = found.unknowns[problem.layout.state(s)]
+    problem = result.problem
+    state = result.unknowns[problem.layout.state(s)]
     structure, first = problem.system.structure, problem.system.first
     half = problem.coordinates
-    names = [f"theta_{label}" for label in _labels(found)]
-    initial = {"time_s": float(found.recording.segments[s].times[0] - problem.late)}
+    names = [f"theta_{label}" for label in _labels(result)]
+    initial = {"time_s": float(result.recording.segments[s].times[0] - problem.late)}
     for k, name in enumerate(structure.names if structure and structure.names != ("x",) else ()):
         initial |= {name: float(state[k]), f"{name}_per_s": float(state[half + k])}
     if first and not (structure and structure.names != ("x",)):
@@ -107,53 +107,57 @@ def _initial(found: Fit, s: int) -> dict[str, float]:
     return initial
 
 
-def _labels(found: Fit) -> list[str]:
+def _labels(result: Fit) -> list[str]:
     seen: dict[int, int] = {}
     labels = []
-    for pendulum in found.problem.system.pendulum.tolist():
+    for pendulum in result.problem.system.pendulum.tolist():
         seen[pendulum] = seen.get(pendulum, 0) + 1
         labels.append(f"{pendulum + 1}_{seen[pendulum]}")
     return labels
 
 
-def fit_text(found: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -> str:
+def fit_text(result: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -> str:
     """The report as text; with `draws` a column has the standard deviations of a bootstrap."""
-    rows, again = [], found.bootstrap(draws) if draws else None
-    for k, one in enumerate(found.parameters):
-        unit = one.unit_name
-        held = k in set(found.held.tolist())
-        spread = "held" if held else _spread(found.stds[k])
+    rows, again = [], result.bootstrap(draws) if draws else None
+    for k, parameter in enumerate(result.parameters):
+        unit = parameter.unit_name
+        held = k in set(result.held.tolist())
+        spread = "held" if held else _spread(result.stds[k])
         more = [] if again is None else ["held" if held else _spread(again[k])]
-        rows.append([one.path, short(one.value), _number(found.values[k], found.stds[k]), spread, *more, unit])
-    sensors = [_sensor(found, c) for c in range(len(found.recording.sensors))]
+        rows.append(
+            [parameter.path, short(parameter.value), _number(result.values[k], result.stds[k]), spread, *more, unit]
+        )
+    sensors = [_sensor(result, c) for c in range(len(result.recording.sensors))]
     segments = [
-        [one.file, one.name or NOTHING, str(len(one.times)), f"{found.rms[s]:.3g}"]
-        for s, one in enumerate(found.recording.segments)
+        [segment.file, segment.name or NOTHING, str(len(segment.times)), f"{result.rms[s]:.3g}"]
+        for s, segment in enumerate(result.recording.segments)
     ]
     parts = [
         grid(rows, ["number", "given", "fitted", "std", *(["bootstrap"] if draws else []), "unit"]),
         "\n".join(
-            f"Determined: {c.words} = {_number(c.value, c.std)} ± {c.std:.2g}" for c in found.combinations if found.fits
+            f"Determined: {c.words} = {_number(c.value, c.std)} ± {c.std:.2g}"
+            for c in result.combinations
+            if result.fits
         ),
-        "\n".join(f"Not determined: {one.words}." for one in found.undetermined),
+        "\n".join(f"Not determined: {direction.words}." for direction in result.undetermined),
         grid(
             [[s["sensor"], *[_figure(s, key) for key in ("noise", "offset", "delay", "scale")]] for s in sensors],
             ["sensor", "noise", "offset", "delay (s)", "scale"],
         ),
         grid(segments, ["file", "segment", "rows", "rms residual (rad)"]),
-        f"rms residual of all: {found.rms_all:.3g} rad",
+        f"rms residual of all: {result.rms_all:.3g} rad",
         grid(
             [
-                [one.name, f"{one.fit.rms_all:.3g}", f"{one.held_out_rms:.3g}", f"{one.aic:.1f}", f"{one.bic:.1f}"]
-                for one in candidates
+                [law.name, f"{law.fit.rms_all:.3g}", f"{law.held_out_rms:.3g}", f"{law.aic:.1f}", f"{law.bic:.1f}"]
+                for law in candidates
             ],
             ["law", "rms (rad)", "rms held out (rad)", "AIC", "BIC"],
         ),
         "\n".join(
-            line[0].upper() + line[1:] + "." if not line.startswith("theta") else line + "." for line in found.verdict
+            line[0].upper() + line[1:] + "." if not line.startswith("theta") else line + "." for line in result.verdict
         ),
     ]
-    return titled(title_of(found.given), "fit to measured motions", parts, "text")
+    return titled(title_of(result.given), "fit to measured motions", parts, "text")
 
 
 def _figure(sensor: dict[str, Any], name: str) -> str:

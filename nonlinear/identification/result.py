@@ -68,12 +68,14 @@ class Fit(Displayed):
     @cached_property
     def slopes(self) -> Floats:
         """dp/dz, (p,)."""
-        return np.array([one.slope(float(z)) for one, z in zip(self.parameters, self.unknowns, strict=False)])
+        return np.array(
+            [parameter.slope(float(z)) for parameter, z in zip(self.parameters, self.unknowns, strict=False)]
+        )
 
     @cached_property
     def values(self) -> Floats:
         """The numbers (p,), in the scene's units."""
-        return np.array([one.at(float(z)) for one, z in zip(self.parameters, self.unknowns, strict=False)])
+        return np.array([parameter.at(float(z)) for parameter, z in zip(self.parameters, self.unknowns, strict=False)])
 
     @cached_property
     def misfit(self) -> Floats:
@@ -82,24 +84,29 @@ class Fit(Displayed):
         Only what goes on from sample to sample counts, √(Σ e_k e_(k+1) / Σ e_k²) times the residuals' rms: noise and
         outliers do not.  Where residuals are nearly as large as the readings, all of them count.
         """
-        found = []
+        misfits = []
         for c, rho in enumerate(self.rho):
-            read = np.concatenate([one.values[:, c] - np.nanmean(one.values[:, c]) for one in self.recording.segments])
+            read = np.concatenate(
+                [segment.values[:, c] - np.nanmean(segment.values[:, c]) for segment in self.recording.segments]
+            )
             miss = np.concatenate(
-                [own[:, c] - one.values[:, c] for own, one in zip(self.readings, self.recording.segments, strict=True)]
+                [
+                    reading[:, c] - segment.values[:, c]
+                    for reading, segment in zip(self.readings, self.recording.segments, strict=True)
+                ]
             )
             left = root_mean_square(miss) / (root_mean_square(read) or 1.0)
             count = int(np.count_nonzero(np.isfinite(miss)))
             again = float(np.abs(rho[1:3]).max()) if len(rho) > 1 else 0.0
             lasting = left * np.sqrt(again) if again > SURE / np.sqrt(count) else 0.0
-            found.append(left if left > BARE else lasting)
-        return np.array(found)
+            misfits.append(left if left > BARE else lasting)
+        return np.array(misfits)
 
     @cached_property
     def gap(self) -> float:
         """The largest gap between a window and its continuation, in standard deviations of a gap; 0 without windows."""
         first = self.recording.n_values
-        gaps = self.residuals[first : len(self.residuals) - sum(1 for one in self.parameters if one.prior)]
+        gaps = self.residuals[first : len(self.residuals) - sum(1 for parameter in self.parameters if parameter.prior)]
         return float(np.abs(gaps).max()) if len(gaps) else 0.0
 
     @property
@@ -111,10 +118,10 @@ class Fit(Displayed):
     def covariance(self) -> Floats:
         """Of the numbers (p, p), zero for those held, NaN where the motion does not fit the record."""
         count = len(self.parameters)
-        found = np.asarray(self.slopes[:, None] * self.cov[:count, :count] * self.slopes)
+        cov = np.asarray(self.slopes[:, None] * self.cov[:count, :count] * self.slopes)
         if not self.fits:
-            found[np.ix_(self.fitted, self.fitted)] = np.nan
-        return found
+            cov[np.ix_(self.fitted, self.fitted)] = np.nan
+        return cov
 
     @cached_property
     def stds(self) -> Floats:
@@ -140,7 +147,7 @@ class Fit(Displayed):
 
     def given_at(self, path: str) -> float:
         """The number that the scene gave at one of these places."""
-        return next(one.value for one in self.parameters if one.path == path)
+        return next(parameter.value for parameter in self.parameters if parameter.path == path)
 
     @cached_property
     def fitted(self) -> list[int]:
@@ -151,8 +158,8 @@ class Fit(Displayed):
     def combinations(self) -> tuple[Combination, ...]:
         """Products of numbers that are determined although the numbers are not."""
         count = len(self.parameters)
-        found = Determined(np.array(self.fitted, dtype=np.int64), self.held, self.undetermined, self.condition)
-        return find_combinations(found, self.parameters, self.unknowns[:count], self.stds)
+        determined = Determined(np.array(self.fitted, dtype=np.int64), self.held, self.undetermined, self.condition)
+        return find_combinations(determined, self.parameters, self.unknowns[:count], self.stds)
 
     def bootstrap(self, draws: int, seed: int = 1) -> Floats:
         """Standard deviations (p,) of the numbers by resampled blocks of residuals, zero for those held.
@@ -163,18 +170,18 @@ class Fit(Displayed):
         columns = np.flatnonzero(np.diag(self.cov) > 0)
         J = problem.ordered(problem.jacobian(self.unknowns))[:, columns]
         back, residuals = np.linalg.pinv(J, rcond=1e-11), problem.ordered(self.residuals)
-        rows = [own for *_, own in problem.series()]
-        blocks = max(BLOCKS, int(sum(own.stop - own.start for own in rows) ** (1 / 3)))
+        rows = [part for *_, part in problem.series()]
+        blocks = max(BLOCKS, int(sum(part.stop - part.start for part in rows) ** (1 / 3)))
         steps = []
         for _ in range(draws):
             drawn = np.zeros(len(residuals))
-            series = resampled([residuals[own] for own in rows], blocks, rng)
-            for own, values in zip(rows, series, strict=True):
-                drawn[own] = values - values.mean()
+            series = resampled([residuals[part] for part in rows], blocks, rng)
+            for part, values in zip(rows, series, strict=True):
+                drawn[part] = values - values.mean()
             steps.append(back @ drawn)
-        found = np.zeros(problem.layout.size)
-        found[columns] = np.std(steps, axis=0) if self.fits else np.nan
-        return np.asarray(found[:count] * np.abs(self.slopes))
+        stds = np.zeros(problem.layout.size)
+        stds[columns] = np.std(steps, axis=0) if self.fits else np.nan
+        return np.asarray(stds[:count] * np.abs(self.slopes))
 
     @cached_property
     def readings(self) -> list[Floats]:
@@ -194,8 +201,8 @@ class Fit(Displayed):
     def _misses(self, segments: Sequence[int]) -> Floats:
         angles = [k for k, sensor in enumerate(self.recording.sensors) if sensor.pendulum]
         chosen = angles or [*range(len(self.recording.sensors))]
-        found = [(self.readings[s] - self.recording.segments[s].values)[:, chosen].ravel() for s in segments]
-        return np.concatenate(found)
+        misses = [(self.readings[s] - self.recording.segments[s].values)[:, chosen].ravel() for s in segments]
+        return np.concatenate(misses)
 
 
 def root_mean_square(values: Floats) -> float:

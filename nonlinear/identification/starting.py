@@ -27,36 +27,36 @@ def initial_states(problem: Problem) -> Floats:
     coordinates = problem.coordinates
     picks, back = problem.picks, np.linalg.pinv(problem.picks)
     rest = np.concatenate((np.zeros(problem.system.first), problem.system.rest))
-    found = np.zeros((len(problem.recording.segments), 2 * coordinates))
+    states = np.zeros((len(problem.recording.segments), 2 * coordinates))
     glance = GLANCE / problem.system.rate
     for s, segment in enumerate(problem.recording.segments):
         values, rates = [], []
-        for own in segment.values.T:
-            there = np.isfinite(own)
-            times, read = segment.times[there] - segment.times[0] + problem.late, own[there]
+        for readings in segment.values.T:
+            there = np.isfinite(readings)
+            times, read = segment.times[there] - segment.times[0] + problem.late, readings[there]
             near = times <= max(glance + problem.late, times[min(5, len(times) - 1)]) if len(times) else there[:0]
             order = min(2, int(np.count_nonzero(near)) - 1)
             curve = np.polynomial.Polynomial.fit(times[near], read[near], order) if order >= 0 else None
             values.append(float(curve(0.0)) if curve else 0.0)
             rates.append(float(curve.deriv()(0.0)) if curve and order else 0.0)
-        found[s, :coordinates] = rest + back @ (np.array(values) - picks @ rest)
-        found[s, coordinates:] = back @ np.array(rates)
-    return found
+        states[s, :coordinates] = rest + back @ (np.array(values) - picks @ rest)
+        states[s, coordinates:] = back @ np.array(rates)
+    return states
 
 
 def spectral_lines(recording: Recording) -> Floats:
     """Angular frequencies (rad/s) of the lines in a recording, ascending."""
-    longest = max(one.times[-1] - one.times[0] for one in recording.segments)
-    step = min(float(np.median(np.diff(one.times))) for one in recording.segments)
+    longest = max(segment.times[-1] - segment.times[0] for segment in recording.segments)
+    step = min(float(np.median(np.diff(segment.times))) for segment in recording.segments)
     count = int(2 ** np.ceil(np.log2(PADDED * longest / step)))
     frequency = 2 * np.pi * np.fft.rfftfreq(count, step)
     power = np.zeros(len(frequency))
-    for one in recording.segments:
-        even = np.arange(one.times[0], one.times[-1], step)
-        for own in one.values.T:
-            there = np.isfinite(own)
+    for segment in recording.segments:
+        even = np.arange(segment.times[0], segment.times[-1], step)
+        for readings in segment.values.T:
+            there = np.isfinite(readings)
             if np.count_nonzero(there) > 3:
-                even_values = np.interp(even, one.times[there], own[there])
+                even_values = np.interp(even, segment.times[there], readings[there])
                 window = np.hanning(len(even))
                 spectrum = np.fft.rfft((even_values - even_values.mean()) * window, count)
                 power += np.abs(spectrum) ** 2
@@ -67,24 +67,24 @@ def spectral_lines(recording: Recording) -> Floats:
 
 def starting_numbers(scene: Scene, parameters: Sequence[Parameter], recording: Recording) -> Floats:
     """The z of numbers whose frequencies are those of the spectrum; the scene's own where these are near already."""
-    own, lines = starts_of(parameters), spectral_lines(recording)
-    movable = [k for k, one in enumerate(parameters) if one.log]
+    z0, lines = starts_of(parameters), spectral_lines(recording)
+    movable = [k for k, parameter in enumerate(parameters) if parameter.log]
     computed = _frequencies(scene)
     pairs = min(len(lines), len(computed))
     if not movable or not pairs:
-        return own
+        return z0
     chosen = lines[:pairs] if len(lines) <= len(computed) else lines[: len(computed)]
     if len(lines) < len(computed):
         taken = [int(np.argmin(np.abs(np.log(computed / line)))) for line in chosen]
         if len(set(taken)) < len(taken):
-            return own
+            return z0
     else:
         taken = [*range(pairs)]
     if np.all(np.abs(np.log(computed[taken] / chosen)) < FAR):
-        return own
+        return z0
 
     def missed(moved: Floats) -> Floats:
-        z = own.copy()
+        z = z0.copy()
         z[movable] = moved
         try:
             now = _frequencies(scene_with(scene, numbers_at(parameters, z)))
@@ -92,16 +92,16 @@ def starting_numbers(scene: Scene, parameters: Sequence[Parameter], recording: R
             return np.full(len(chosen) + len(movable), 1e3)
         if len(now) < len(computed):
             return np.full(len(chosen) + len(movable), 1e3)
-        return np.concatenate((np.log(now[taken] / chosen) / 0.02, (moved - own[movable]) / RESERVE))
+        return np.concatenate((np.log(now[taken] / chosen) / 0.02, (moved - z0[movable]) / RESERVE))
 
-    found = scipy.optimize.least_squares(missed, own[movable], x_scale=0.1, diff_step=1e-4, max_nfev=40)
-    moved = own.copy()
-    moved[movable] = found.x
+    fitted = scipy.optimize.least_squares(missed, z0[movable], x_scale=0.1, diff_step=1e-4, max_nfev=40)
+    moved = z0.copy()
+    moved[movable] = fitted.x
     return moved
 
 
 def _frequencies(scene: Scene) -> Floats:
     """The natural frequencies that are not zero (rad/s), ascending, each as often as it occurs."""
-    found = natural_modes(scene)
-    omega = np.repeat(found.omega, found.multiplicity)
+    modes = natural_modes(scene)
+    omega = np.repeat(modes.omega, modes.multiplicity)
     return np.asarray(np.sort(omega[omega > 0]))

@@ -39,31 +39,33 @@ class _Columns(Some):
 
     def inputs(self, state: Floats) -> list[Any]:
         """The inputs of contacts, arrays (S, 1 + k)."""
-        own = Switches(self._own.form, self._own.kicks, (), self.columns.switching)
-        return own.inputs(np.asarray(state)[..., None])
+        switches = Switches(self._own.form, self._own.kicks, (), self.columns.switching)
+        return switches.inputs(np.asarray(state)[..., None])
 
     def change(self, t: float, j: int, y: Any, f: Any, state: Floats) -> Any:
         """The y (size, 1 + k) of one member after switch j, with its state changed in place."""
-        one, told, derivatives = self.crowd.of(int(self.members)), state.tolist(), np.iscomplexobj(y)
-        u, seen = self.crowd.inputs.of_time(t), len(one.happened)
+        member, told, derivatives = self.crowd.of(int(self.members)), state.tolist(), np.iscomplexobj(y)
+        u, seen = self.crowd.inputs.of_time(t), len(member.happened)
         begun, slope = y[:, 0].real.tolist(), f[:, 0].real.tolist()
-        kicks, before = j < 2 * one.places.K, one.inputs(state.tolist())
-        after, moved = one.change(t, j, begun, slope, told, y.imag.T.tolist() if derivatives and not kicks else [], u)
+        kicks, before = j < 2 * member.places.K, member.inputs(state.tolist())
+        after, moved = member.change(
+            t, j, begun, slope, told, y.imag.T.tolist() if derivatives and not kicks else [], u
+        )
         if derivatives and kicks:
-            own = self.columns
-            numbers = one.form.numbers(own.entries, own.prescribed), own.switching
-            moved = kicked(one, numbers, j, y, slope, impulses_since(one, seen), [*u, *before], told, u).T
+            columns = self.columns
+            numbers = member.form.numbers(columns.entries, columns.prescribed), columns.switching
+            moved = kicked(member, numbers, j, y, slope, impulses_since(member, seen), [*u, *before], told, u).T
         state[:] = told
         return np.array(after)[:, None] + (1j * np.reshape(moved, y.T.shape).T if derivatives else 0.0)
 
 
-def impulses_since(one: Switches, count: int) -> dict[int, float]:
+def impulses_since(switches: Switches, count: int) -> dict[int, float]:
     """The impulses of every joint that was kicked after so many happenings."""
-    return {int(own[1]): own[2] for own in one.happened[count:] if own[1] < one.places.K}
+    return {int(kick[1]): kick[2] for kick in switches.happened[count:] if kick[1] < switches.places.K}
 
 
 def kicked(
-    one: Switches,
+    switches: Switches,
     numbers: tuple[Sequence[Any], Sequence[Any]],
     j: int,
     y: Any,
@@ -78,19 +80,19 @@ def kicked(
     `numbers` are those of the form and of the switches, with imaginary parts; `slope` is y' before, `before` are all
     inputs then, `state` is that after, u are the inputs without those of contacts.
     """
-    at, form, (own, given) = one.places, one.form, numbers
-    kick = one.module.function("kick", one.module.constants(own), "arrays")
-    rate = one.function("sticking" if form.contacts else "rates")
+    at, form, (constants, switching) = switches.places, switches.form, numbers
+    kick = switches.module.function("kick", switches.module.constants(constants), "arrays")
+    rate = switches.function("sticking" if form.contacts else "rates")
     z, g, first = y, np.array(slope), j % at.K
     for i in [first, *(k for k in impulses if k != first)]:
         side, (below, above) = np.sign(impulses[i]), at.kicks[i]
-        gamma = z[below] - (z[above] if above >= 0 else 0.0) - given[i]
+        gamma = z[below] - (z[above] if above >= 0 else 0.0) - switching[i]
         rise = g[below] - (g[above] if above >= 0 else 0.0)
-        late = -np.imag(side * gamma - given[at.K + i]) / (side * rise)
-        pushes = [side * given[2 * at.K + i] if k == i else 0.0 for k in range(at.K)]
-        v = [*[0.0] * at.size, *pushes, *state[at.K : at.told], *given[:-1], *[0.0] * at.timed]
+        late = -np.imag(side * gamma - switching[at.K + i]) / (side * rise)
+        pushes = [side * switching[2 * at.K + i] if k == i else 0.0 for k in range(at.K)]
+        v = [*[0.0] * at.size, *pushes, *state[at.K : at.told], *switching[:-1], *[0.0] * at.timed]
         z = z + 1j * g[:, None] * late
         z = np.array(np.broadcast_arrays(*kick(z, before, v), z[0])[:-1])
-        g = np.array(rate(z[:, 0].real.tolist(), [*u, *one.inputs(state)], ()))
+        g = np.array(rate(z[:, 0].real.tolist(), [*u, *switches.inputs(state)], ()))
         z = z - 1j * g[:, None] * late
     return np.asarray(z.imag)

@@ -25,16 +25,16 @@ MOST_NUMBERS, USUAL_NUMBERS = 50_000_000, 20_000_000  # numbers kept in all: as 
 
 def validate(*actions: Callable[[], Any]) -> list[Any]:
     """The results of the actions; one SceneError with the problems of all of them."""
-    found: list[Any] = []
+    results: list[Any] = []
     problems: list[str] = []
     for action in actions:
         try:
-            found.append(action())
+            results.append(action())
         except SceneError as error:
             problems += error.problems
     if problems:
         raise SceneError(problems)
-    return found
+    return results
 
 
 def validate_numbers(duration: float, tolerance: float, start_time: float) -> None:
@@ -132,7 +132,11 @@ def validate_load(load: object) -> None:
 
 def validate_events(events: object) -> None:
     """SceneError for what is no list of events."""
-    if isinstance(events, str) or not isinstance(events, Sequence) or not all(isinstance(own, Event) for own in events):
+    if (
+        isinstance(events, str)
+        or not isinstance(events, Sequence)
+        or not all(isinstance(event, Event) for event in events)
+    ):
         raise SceneError([f"events {events!r:.60}: must be a list of Events"])
 
 

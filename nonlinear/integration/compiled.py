@@ -45,21 +45,21 @@ MOST, NUMBERS = 256, 200_000  # steps in one call of the kernel, and numbers of 
 
 def _texts() -> str:
     """The sums over stages, written out: `stage`, `errors`, `terms`; and `inside`, from the terms."""
-    own = "K[{}, i]"
+    stage = "K[{}, i]"
     lines = ["def stage(number, y, h, K, z):"]
     for number, row in enumerate([*ROWS[1:], *MORE], 1):
         lines += [
             f" if number == {number}:",
             "  for i in range(y.size):",
-            f"   z[i] = y[i] + h * ({weighted(row, own)})",
+            f"   z[i] = y[i] + h * ({weighted(row, stage)})",
         ]
     lines += ["def errors(y, K, z, relative, absolute):", " fifth = third = 0.0", " for i in range(y.size):"]
     lines += ["  scale = 1.0 / (absolute[i] + relative * max(abs(y[i]), abs(z[i])))"]
-    lines += [f"  a, b = ({weighted(FIFTH, own)}) * scale, ({weighted(THIRD, own)}) * scale"]
+    lines += [f"  a, b = ({weighted(FIFTH, stage)}) * scale, ({weighted(THIRD, stage)}) * scale"]
     lines += ["  fifth, third = fifth + a * a, third + b * b", " return fifth, third"]
     lines += ["def terms(y, h, K, z, F):", " for i in range(y.size):"]
     lines += [f"  F[0, i], F[1, i], F[2, i] = begun(z[i] - y[i], h * K[0, i], h * K[{STAGES}, i])"]
-    lines += [f"  F[{number}, i] = h * ({weighted(row, own)})" for number, row in enumerate(POWERS, 3)]
+    lines += [f"  F[{number}, i] = h * ({weighted(row, stage)})" for number, row in enumerate(POWERS, 3)]
     every = ", ".join(f"F[{number}, i]" for number in range(TERMS))
     lines += ["def inside(part, y, F, rows, row):", " for i in range(y.size):"]
     lines += [f"  rows[row, i] = y[i] + gained(part, ({every}))"]
@@ -180,11 +180,11 @@ class CompiledDOP853(DOP853):  # type: ignore[misc]
         clock = np.array([self.t, self.h_abs, self.max_step, self.t_bound, 0.0])
         rows, ends, states = np.empty((len(due), self.n)), np.empty(most), np.empty((most, self.n))
         y, self.K_extended[0] = self.y.copy(), self.f
-        given = (self.rtol, self.absolute, y, self.K_extended, due, rows, ends, states)
+        arguments = (self.rtol, self.absolute, y, self.K_extended, due, rows, ends, states)
         structured = self.scene[-1] is not None
         run = _steps_on_carriers if structured else _steps
         with announced(structured=structured):
-            steps, filled, calls = run(self.scene, clock, *given)
+            steps, filled, calls = run(self.scene, clock, *arguments)
         self.nfev += calls
         if steps:
             self.t_old, self.y_old = (self.t, self.y) if steps == 1 else (float(ends[steps - 2]), states[steps - 2])

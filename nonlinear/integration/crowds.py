@@ -64,9 +64,9 @@ class Crowd:
         y, size, starts = task.begun.copy(), self.lanes.layout.size, task.starts
         motion = y if y.ndim < 3 else y[..., 0].real
         each = zip(starts.tolist(), motion[:size].T.tolist(), strict=True)
-        state = np.array([self.of(k).begin(t, own, self.inputs.of_time(t)) for k, (t, own) in enumerate(each)]).T
+        state = np.array([self.of(k).begin(t, column, self.inputs.of_time(t)) for k, (t, column) in enumerate(each)]).T
         slope, held = np.empty_like(y), self.at(slice(None)).inputs(state)
-        held = [one if np.ndim(one) > 1 else beside(one, y) for one in held]
+        held = [values if np.ndim(values) > 1 else beside(values, y) for values in held]
         fill(self.rates(task.numbers)(y, beside(starts, y), held), slope)
         along = slope if y.ndim < 3 else slope[..., 0].real
         for k, t in enumerate(starts.tolist()):
@@ -133,7 +133,7 @@ class Some:
         whole, members = self.crowd.switches, self.members
 
         def taken(values: Any) -> list[Any]:
-            return [one[members] if np.ndim(one) else one for one in values]
+            return [value[members] if np.ndim(value) else value for value in values]
 
         return Switches(whole.form, whole.kicks, taken(whole.constants), taken(whole.numbers))
 
@@ -148,20 +148,20 @@ class Some:
 
     def values(self, t: Any, y: Floats, f: Floats, state: Floats) -> tuple[Floats, Floats]:
         """The values (count, S) of all switches and their rates."""
-        own = self._own
-        found = np.empty((2, own.count, y.shape[1]))
-        u = (*self.crowd.inputs.beside(t), *own.inputs(state))
-        for rows, values in zip(found, own.values(y[: self.crowd.lanes.layout.size], f, u, state), strict=True):
+        switches = self._own
+        both = np.empty((2, switches.count, y.shape[1]))
+        u = (*self.crowd.inputs.beside(t), *switches.inputs(state))
+        for rows, values in zip(both, switches.values(y[: self.crowd.lanes.layout.size], f, u, state), strict=True):
             for row, value in zip(rows, values, strict=True):
                 row[...] = value
-        return found[0], found[1]
+        return both[0], both[1]
 
     def change(self, t: float, j: int, y: Floats, f: Floats, state: Floats) -> Any:
         """The y of one member after switch j, with its state changed in place."""
-        told, one, u = state.tolist(), self.crowd.of(int(self.members)), self.crowd.inputs.of_time(t)
+        told, switches, u = state.tolist(), self.crowd.of(int(self.members)), self.crowd.inputs.of_time(t)
         size = self.crowd.lanes.layout.size
         columns = [y[size:].tolist()] if len(y) > size else []
-        after, columns = one.change(t, j, y[:size].tolist(), f[:size].tolist(), told, columns, u)
+        after, columns = switches.change(t, j, y[:size].tolist(), f[:size].tolist(), told, columns, u)
         state[:] = told
         return [*after, *(value for column in columns for value in column)]
 
@@ -180,7 +180,7 @@ class RailWork:
             return
         inside, members, length = step.within(sliding), step.member[sliding], step.length[sliding]
         friction = self.crowd.at(members).friction
-        held = [np.broadcast_to(own, step.length.shape)[sliding] for own in step.held]
+        held = [np.broadcast_to(values, step.length.shape)[sliding] for values in step.held]
         for node, weight in zip(GAUSS, WEIGHTS, strict=True):
             part = np.full(len(sliding), (1 + node) / 2)
             y = inside.motion.at(part)

@@ -142,8 +142,8 @@ class Drive:
 
     def _far(self, record: Record) -> None:
         """Many steps in which nothing but samples is needed."""
-        own = self.equations.whole() if isinstance(self.equations, Switched) else nullcontext()
-        with np.errstate(all="ignore"), own:
+        whole = self.equations.whole() if isinstance(self.equations, Switched) else nullcontext()
+        with np.errstate(all="ignore"), whole:
             stepper = cast("Sweeper", self.stepper)
             swept = stepper.sweep(self.times[record.filled :], self.report is not silent)
         record.drift = stepper.drift
@@ -184,7 +184,7 @@ class Drive:
             kick, now, y = None, change.time, self.stepper.exact(change.time)
         if kick:
             now, y = kick.time, self.stepper.exact(kick.time)
-        stop = _first_stop(record, sorted(self._happenings(before, now), key=lambda found: found[0].time))
+        stop = _first_stop(record, sorted(self._happenings(before, now), key=lambda happening: happening[0].time))
         if stop is not None:
             now, y = stop, self.stepper.exact(stop)
         self._sample(record, now)
@@ -203,8 +203,8 @@ class Drive:
         if self.friction and change:
             if not record.stopped:
                 changed = self.friction.changed(change, y)
-                known = {one.name for one in record.happenings if one.time > now - BESIDE * (now - before)}
-                _first_stop(record, (one for one in self._jumps(now, y, changed) if one[0].name not in known))
+                known = {event.name for event in record.happenings if event.time > now - BESIDE * (now - before)}
+                _first_stop(record, (event for event in self._jumps(now, y, changed) if event[0].name not in known))
                 record.last = now, changed
                 self.stepper.restart(changed, now)
         elif self.escapements and kick:
@@ -227,8 +227,8 @@ class Drive:
         stepper.worked(before, record.reached)
         switched = None if record.stopped else stepper.switch()
         if switched is not None:
-            known = {one.name for one in record.happenings if one.time > now - BESIDE * (now - before)}
-            _first_stop(record, (one for one in self._jumps(now, y, switched) if one[0].name not in known))
+            known = {event.name for event in record.happenings if event.time > now - BESIDE * (now - before)}
+            _first_stop(record, (event for event in self._jumps(now, y, switched) if event[0].name not in known))
             record.last = now, switched
 
     def _sample(self, record: Record, now: float) -> None:
@@ -277,11 +277,11 @@ class Drive:
             return float(side * self._value(event, time))
 
         if height(start + aside) < abs(values[0]) and height(end - aside) < abs(values[1]):
-            found = scipy.optimize.minimize_scalar(
+            lowest = scipy.optimize.minimize_scalar(
                 height, bounds=ends, method="bounded", options={"xatol": SHARP * (end - start)}
             )
-            if found.fun < 0:
-                yield float(found.x), float(side * found.fun)
+            if lowest.fun < 0:
+                yield float(lowest.x), float(side * lowest.fun)
 
     def _jumps(self, time: float, before: Floats, after: Floats) -> Iterator[tuple[EventRecord, bool]]:
         """The events triggered by the jump of a kick."""
@@ -313,9 +313,9 @@ def _passes(event: Event, low: float, high: float) -> bool:
     return (low < 0 <= high and event.direction >= 0) or (low > 0 >= high and event.direction <= 0)
 
 
-def _first_stop(record: Record, found: Iterable[tuple[EventRecord, bool]]) -> float | None:
+def _first_stop(record: Record, events: Iterable[tuple[EventRecord, bool]]) -> float | None:
     """Keep the events up to the first one that stops the run; its time (s)."""
-    for happening, stop in found:
+    for happening, stop in events:
         record.happenings.append(happening)
         if stop:
             record.stopped = f"{happening.name} at {happening.time:.9g} s"

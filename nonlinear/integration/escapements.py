@@ -102,12 +102,12 @@ class Escapements:
     joints: Escaping
     layout: Layout
     side: Floats
-    found: list[Kicks] = field(default_factory=list)
+    records: list[Kicks] = field(default_factory=list)
 
     @property
     def kicks(self) -> Kicks:
         """The kicks so far."""
-        return Kicks(*map(np.concatenate, zip(*self.found, strict=True))) if self.found else NO_KICKS
+        return Kicks(*map(np.concatenate, zip(*self.records, strict=True))) if self.records else NO_KICKS
 
     def next(self, stepper: Stepper, before: float) -> Due | None:
         """The first kick within the last step, None where there is none."""
@@ -134,13 +134,13 @@ class Escapements:
         side = now[0].astype(float) - now[1]
         kick = side * joints.impulse
         self.side = np.where(side, -side, self.side)
-        found = y.copy()
-        found[layout.half : 2 * layout.half] += joints.jump(y[: layout.half], kick)
-        fed = kick * joints.gamma((y + found)[self._rates]) / 2
-        found[-1] += fed.sum()
+        after = y.copy()
+        after[layout.half : 2 * layout.half] += joints.jump(y[: layout.half], kick)
+        fed = kick * joints.gamma((y + after)[self._rates]) / 2
+        after[-1] += fed.sum()
         which = np.flatnonzero(side)
-        self.found.append(Kicks(np.full(len(which), due.time), joints.below[which], kick[which], fed[which]))
-        return found
+        self.records.append(Kicks(np.full(len(which), due.time), joints.below[which], kick[which], fed[which]))
+        return after
 
     @property
     def _rates(self) -> slice:

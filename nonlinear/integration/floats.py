@@ -363,7 +363,7 @@ def interpolated(steps: Sequence[FloatStep], times: Floats, derivative: Any) -> 
 def _terms(start: Any, length: Any, before: Floats, after: Floats, stages: list[Floats], derivative: Any) -> list[Any]:
     """The terms of the interpolant of one step or of many side by side, after three more stages."""
     for stage, shares in enumerate(MORE, STAGES + 1):
-        moved = sum(share * stages[own] for own, share in shares)
+        moved = sum(share * stages[number] for number, share in shares)
         stages.append(derivative(start + length * NODES[stage], before + length * moved))
     return terms_of(length, after - before, stages)
 
@@ -391,7 +391,7 @@ def attempt_of(size: int, beside: str = "") -> Callable[..., Any]:
         lines += [f"  allowed = a{i} + relative * max(abs(y{i}), abs(z{i}))"]
         lines += [f"  share = ({weighted(FIFTH, f'k{{}}_{i}')}) / allowed", "  fifth += share * share"]
         lines += [f"  share = ({weighted(THIRD, f'k{{}}_{i}')}) / allowed", "  third += share * share"]
-    stages, looks = (", ".join(own) for own in ([f"k{s}" for s in range(STAGES + 1)], [f"z{s}_" for s in SEEN]))
+    stages, looks = (", ".join(names) for names in ([f"k{s}" for s in range(STAGES + 1)], [f"z{s}_" for s in SEEN]))
     lines += [f"  return fifth, third, z, [{stages}], ({looks})"]
     return function_in("\n".join(lines), "attempt")
 

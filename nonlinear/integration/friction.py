@@ -86,12 +86,12 @@ class StickSlip:
     def _values(self, time: float, row: Floats) -> Floats:
         """The value of every contact, negative while its state lasts, (J,)."""
         equations, sign = self.equations, self.equations.sign
-        found = -sign * equations.sliding(row)
+        values = -sign * equations.sliding(row)
         stuck = sign == 0
         if stuck.any():
             rubbing = equations.rubbing(time, row)
-            found[stuck] = (np.abs(rubbing.tau) - rubbing.limit * (1 + self._firm))[stuck]
-        return found
+            values[stuck] = (np.abs(rubbing.tau) - rubbing.limit * (1 + self._firm))[stuck]
+        return values
 
     def _value(self, stepper: Stepper, j: int, time: float) -> float:
         return float(self._values(time, stepper.inside(np.array([time]))[0])[j])
@@ -100,14 +100,14 @@ class StickSlip:
         """The look before a positive maximum near look k, its time, and which of those `near` has it; None without."""
         for j in np.flatnonzero(near).tolist():
             value = partial(self._value, stepper, j)
-            found = scipy.optimize.minimize_scalar(
+            highest = scipy.optimize.minimize_scalar(
                 lambda time, value=value: -value(time),
                 bounds=(looks[k - 1], looks[k + 1]),
                 method="bounded",
                 options={"xatol": 1e-12 * max(1.0, abs(looks[k]))},
             )
-            if -found.fun > 0:
-                return float(looks[k - 1]), float(found.x), np.arange(len(near)) == j
+            if -highest.fun > 0:
+                return float(looks[k - 1]), float(highest.x), np.arange(len(near)) == j
         return None
 
     def _first(self, stepper: Stepper, start: float, end: float, among: Booleans) -> Transition:
@@ -129,13 +129,13 @@ class StickSlip:
         sliding, unit = equations.sliding(y), equations.system.rate * TOGETHER
         stopping = (sign != 0) & (change.which | (sliding * sign <= unit) & self._slowing(change.time, y))
         loose = (sign == 0) & change.which
-        found = self._stopped(change.time, y, stopping | ((sign == 0) & ~loose) | loose)
+        after = self._stopped(change.time, y, stopping | ((sign == 0) & ~loose) | loose)
         begun = np.where(stopping, 0.0, sign)
         for j in np.flatnonzero(loose):
-            begun[j] = -np.sign(equations.rubbing(change.time, found).tau[j])
+            begun[j] = -np.sign(equations.rubbing(change.time, after).tau[j])
         self._count(change.time, stopping | loose)
-        self._settle(change.time, found, begun, held=(stopping | loose) & (self._firm > 0))
-        return equations.project(found)[0]
+        self._settle(change.time, after, begun, held=(stopping | loose) & (self._firm > 0))
+        return equations.project(after)[0]
 
     def struck(self, time: float, y: Floats) -> None:
         """A kick made velocities jump to those of y: every contact that moves slides."""
@@ -152,10 +152,10 @@ class StickSlip:
         response, speed = equations.responding(time, y).columns[:, still], equations.sliding(y)[still]
         if not speed.any():
             return y.copy()
-        found = y.copy()
+        after = y.copy()
         G = (equations.contacts.jacobian(half) @ response)[still]
-        found[half : 2 * half] -= response @ np.linalg.solve(G, speed)
-        return found
+        after[half : 2 * half] -= response @ np.linalg.solve(G, speed)
+        return after
 
     def _count(self, time: float, which: Booleans) -> None:
         """Notice chatter: contacts whose states are too brief to resolve are held more firmly."""
@@ -169,16 +169,16 @@ class StickSlip:
         """Decide the state of every contact at rest but those `held`, and record what ends and begins."""
         equations, before = self.equations, self.equations.sign
         self._account(y)
-        found = equations.settled(time, y, sign).sign
+        settled = equations.settled(time, y, sign).sign
         if held is not None:
-            found = np.where(held, 0.0, found)
-        for j in np.flatnonzero((before == 0) & (found != 0) & ~np.isnan(self._since)).tolist():
+            settled = np.where(held, 0.0, settled)
+        for j in np.flatnonzero((before == 0) & (settled != 0) & ~np.isnan(self._since)).tolist():
             self._phases.append((j, float(self._since[j]), time))
             self._since[j] = nan
-        begun = (found == 0) & np.isnan(self._since)
+        begun = (settled == 0) & np.isnan(self._since)
         self._since[begun] = time
-        self._changed[begun | (before != found)] = time
-        equations.set_sign(found)
+        self._changed[begun | (before != settled)] = time
+        equations.set_sign(settled)
         equations.placed = np.where(begun, equations.place(y), equations.placed)
         if equations.rests:
             self.rest = time

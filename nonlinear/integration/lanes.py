@@ -193,7 +193,10 @@ class Front:
         if self.task.switches is None:
             return rates
         switches = self.task.switches.at(self.member[columns])
-        held = [one if np.ndim(one) > 1 else beside(one, self.y) for one in switches.inputs(self.state[:, columns])]
+        held = [
+            values if np.ndim(values) > 1 else beside(values, self.y)
+            for values in switches.inputs(self.state[:, columns])
+        ]
         return lambda y, times=0.0: rates(y, times, held)
 
     def _now(self, columns: Any = ALL) -> Floats:
@@ -208,8 +211,8 @@ class Front:
         self.stages[0][:, columns] = rows
         if self.task.switches and len(columns):
             switches = self.task.switches.at(self.member[columns])
-            own = self._motion(y), self._motion(rows), self.state[:, columns]
-            self.value[:, columns], self.rise[:, columns] = switches.values(self.t[columns], *own)
+            motion = self._motion(y), self._motion(rows), self.state[:, columns]
+            self.value[:, columns], self.rise[:, columns] = switches.values(self.t[columns], *motion)
 
     def _motion(self, y: Floats) -> Floats:
         return y if self.y.ndim < 3 else y[..., 0].real
@@ -224,14 +227,14 @@ class Front:
         step = Step(self.member, self.refused, self.t, self.h, y, z, stages, self.rates, self.rates_of)
         step.held = self.switches.inputs(self.state) if self.task.switches else ()
         step.room, step.breaks, timed = self.room, bool(len(self.task.breaks)), self.task.lanes.inputs.count > 0
-        begun, *others = (own.view(float) for own in (y, stages, z, work))
+        begun, *others = (array.view(float) for array in (y, stages, z, work))
         length, looks = spread(self.h, begun), []
         for stage in range(1, STAGES + 1):
             advance(stage, begun, length, *others)
             fill(self.rates(z, beside(step.times(NODES[stage]), y)) if timed else self.rates(z), stages[stage])
             if self.task.switches and stage in (*SEEN, STAGES):
-                own = self._motion(z), self._motion(stages[stage]), self.state
-                looks.append(self.switches.values(self.t + NODES[stage] * self.h, *own))
+                motion = self._motion(z), self._motion(stages[stage]), self.state
+                looks.append(self.switches.values(self.t + NODES[stage] * self.h, *motion))
         error, factor = self._error()
         self.tried = self.h * factor
         step.taken = (error < 1) & (self.h > 0)
@@ -242,7 +245,7 @@ class Front:
 
     def _error(self) -> tuple[Floats, Floats]:
         work, sums, scale = self.sums
-        y, z, stages = (self._judged(own) for own in (self.y, self.next, self.stages))
+        y, z, stages = (self._judged(rows) for rows in (self.y, self.next, self.stages))
         np.maximum(np.abs(y), np.abs(z), out=scale)
         scale *= beside(self.relative, y)
         scale += beside(self.absolute, y)
@@ -250,13 +253,13 @@ class Front:
         for shares in (FIFTH, THIRD):
             summed(shares, stages, sums, work)
             sums /= scale
-            found = squared(sums)
-            squares.append(found if found.ndim < 2 else found.max(1))
+            squared_sums = squared(sums)
+            squares.append(squared_sums if squared_sums.ndim < 2 else squared_sums.max(1))
         return steered(squares[0], squares[1], self.h, len(sums), self.refused)
 
     def _meet(self, step: Step, looks: Sequence[Any]) -> None:
         """Which steps end at a switch, and which are tried again; the former end there to rounding."""
-        V, R = (np.array(own) for own in zip((self.value, self.rise), *looks, strict=True))
+        V, R = (np.array(rows) for rows in zip((self.value, self.rise), *looks, strict=True))
         width = (np.diff(LOOKS)[:, None] * self.h)[:, None]
         # Of all lanes at once, those of which `seen` says that a value may pass.
         some = ((V[:-1] < 0) | ((V[:-1] == 0) & (R[:-1] < 0))) & (V[1:] >= 0)
@@ -267,10 +270,10 @@ class Front:
         np.copyto(self.usual, self.tried, where=step.taken & ~suspect & ~seeking)
         self.met = np.zeros(len(self.t), dtype=bool)
         for i in np.flatnonzero((suspect | seeking) & step.taken):
-            own = V[:, :, i].tolist(), R[:, :, i].tolist(), LOOKS
-            answer = meet(int(i), self.t, self.h, *own, self.which, self.low, self.high, self.tried, self.usual)
+            seen = V[:, :, i].tolist(), R[:, :, i].tolist(), LOOKS
+            answer = meet(int(i), self.t, self.h, *seen, self.which, self.low, self.high, self.tried, self.usual)
             step.taken[i], self.met[i] = answer != AGAIN, answer == MET
-        self.value, self.rise = (np.where(step.taken, own[-1], own[0]) for own in (V, R))
+        self.value, self.rise = (np.where(step.taken, rows[-1], rows[0]) for rows in (V, R))
         met = np.flatnonzero(self.met)
         if len(met):
             at = self.which[met], met
@@ -302,10 +305,10 @@ class Front:
             if not len(columns):
                 break
             for column, j in zip(columns.tolist(), which.tolist(), strict=True):
-                one = self.task.switches.at(self.member[column])
-                own, state = (self.y[:, column], self.stages[0][:, column]), self.state[:, column].copy()
+                switches = self.task.switches.at(self.member[column])
+                motion, state = (self.y[:, column], self.stages[0][:, column]), self.state[:, column].copy()
                 try:
-                    self.y[:, column] = one.change(float(self.t[column]), j, *own, state)
+                    self.y[:, column] = switches.change(float(self.t[column]), j, *motion, state)
                 except ComputationError as error:
                     outcome.reasons[int(self.member[column])] = f"stopped at {self.t[column]:.9g} s: {error}"
                     continue
@@ -353,7 +356,7 @@ class Front:
         self._prepare()
         self.stages[0] = first
         if task.switches:
-            self.value, self.rise = (own[:, stay] for own in met)
+            self.value, self.rise = (rows[:, stay] for rows in met)
         if len(came):
             self._renew(np.flatnonzero(self.member >= self.waiting - len(came)))
 

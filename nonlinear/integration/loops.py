@@ -75,10 +75,10 @@ def looping(
                             low = middle + 1
                         else:
                             high = middle
-                    s, found = t - origins[low], 0.0
+                    s, value = t - origins[low], 0.0
                     for power in range(coefficients.shape[1]):
-                        found = found * s + coefficients[low, power]
-                    u[j, k] = found
+                        value = value * s + coefficients[low, power]
+                    u[j, k] = value
 
     def look(y: Any, f: Any, u: Any, s: Any, d: Any, V: Any) -> None:
         for i in range(SIZE):
@@ -89,13 +89,13 @@ def looping(
     def load(
         k: Any, member: Any, task: Any, front: Any, y: Any, c: Any, rel: Any, ab: Any, sc: Any, loc: Any, v: Any
     ) -> None:
-        begun, given, relative, absolute, first, ends, longest, scale, local, _ = task
+        begun, constants_of, relative, absolute, first, ends, longest, scale, local, _ = task
         for i in range(D):
             y[i, k] = begun[i, member]
             ab[i, k] = absolute[i, member]
             sc[i, k] = scale[i, member % scale.shape[1]]
         for i in range(CONSTANTS):
-            c[i, k] = given[i, member % given.shape[1]]
+            c[i, k] = constants_of[i, member % constants_of.shape[1]]
         rel[k], loc[k] = relative[member], local[member]
         for i in range(len(front)):
             front[i, k] = 0.0
@@ -147,11 +147,11 @@ def looping(
             g[0, k] = sqrt(total)
 
     def switched(k: Any, member: Any, front: Any, y: Any, f: Any, u: Any, switching: Any) -> Any:
-        given, numbers, d, a, state, s, _, aim, following, low, high, _, usual, _ = switching
+        constants_of, numbers, d, a, state, s, _, aim, following, low, high, _, usual, _ = switching
         begins = front[FRESH, k] == BEGINS
         if begins:
             for i in range(len(d)):
-                d[i, k] = given[i, member % given.shape[1]]
+                d[i, k] = constants_of[i, member % constants_of.shape[1]]
             for i in range(len(a)):
                 a[i, k] = numbers[i, member % numbers.shape[1]]
             for i in range(len(a) - 1):
@@ -159,7 +159,7 @@ def looping(
             for i in range(TIMED):
                 s[len(s) - TIMED + i, k] = 1.0 if DRIVEN == CLOCK else 0.0
             aim[k], following[k], low[k], high[k], usual[k] = -1, -1, 0.0, inf, front[STEP, k]
-        own, constants, held = (
+        parameters, constants, held = (
             [a[i, k] for i in range(len(a))],
             [d[i, k] for i in range(len(d))],
             [u[i, k] for i in range(TIMED)],
@@ -167,13 +167,13 @@ def looping(
         now, slope = [y[i, k] for i in range(SIZE)], [f[i, k] for i in range(SIZE)]
         told, happened = [0.0 if begins else state[i, k] for i in range(M)], [(0.0, 0.0, 0.0, 0.0)]
         if begins:
-            begin(front[TIME, k], now, [0.0] * len(own), told, own, constants, held, happened)
+            begin(front[TIME, k], now, [0.0] * len(parameters), told, parameters, constants, held, happened)
         else:
             columns = zeros((D // SIZE - 1, SIZE))
             for n in range(len(columns)):
                 for i in range(SIZE):
                     columns[n, i] = y[(n + 1) * SIZE + i, k]
-            now = change(front[TIME, k], following[k], now, slope, told, own, constants, held, columns, happened)
+            now = change(front[TIME, k], following[k], now, slope, told, parameters, constants, held, columns, happened)
             for i in range(SIZE):
                 y[i, k] = now[i]
             for n in range(len(columns)):
@@ -183,7 +183,7 @@ def looping(
             state[i, k] = told[i]
         for i in range(TOLD):
             s[SIZE + i, k] = told[i]
-        acting = inputs(told, own)
+        acting = inputs(told, parameters)
         for i in range(HELD):
             u[TIMED + i, k] = acting[i]
         return HELD == 0 or told[KICKS] == told[KICKS]
@@ -193,11 +193,11 @@ def looping(
         if front[FRESH, k] == BEGINS:
             now, slope = [y[i, k] for i in range(SIZE)], [f[i, k] for i in range(SIZE)]
             return due(now, slope, [state[i, k] for i in range(M)], [a[i, k] for i in range(len(a))])
-        found, most = -1, 0.0
+        reached, most = -1, 0.0
         for j in range(N):
             if V[0, j, k] > most and V[0, N + j, k] > 0:
-                found, most = j, V[0, j, k]
-        return found
+                reached, most = j, V[0, j, k]
+        return reached
 
     def renew(
         members: Any,

@@ -135,7 +135,7 @@ def choose(
     more = _added(system, driven)
     plain = form == "minimal" and method != "taylor" and not refusals(scene, "compiled equations", *more)
     plain = plain and "massless_cart" not in scene.features  # only floats pass close by the rest, where M is singular
-    carried = system.structure is not None and any(one.M is not None for one in system.structure.carriers)
+    carried = system.structure is not None and any(carrier.M is not None for carrier in system.structure.carriers)
     ways = offers(scene, system, duration, tolerance, size) if plain else {}
     if carried:
         ways.pop("compiled", None)
@@ -159,9 +159,9 @@ def _automatic(
     scene: Scene, duration: float, tolerance: float, form: str, ways: Mapping[str, Offer]
 ) -> tuple[str, str]:
     """The method and the reason."""
-    found = estimate_timescales(scene)
-    if found.decay * duration > STIFF * max(found.swing * duration, 1.0):
-        fast = f"the fastest decay, about {found.decay:.3g}/s, is far faster than the fastest oscillation"
+    scales = estimate_timescales(scene)
+    if scales.decay * duration > STIFF * max(scales.swing * duration, 1.0):
+        fast = f"the fastest decay, about {scales.decay:.3g}/s, is far faster than the fastest oscillation"
         if form == "minimal":
             return "Radau", fast
         return "DOP853", f"{fast}, but the {form} form has only explicit methods: this takes many steps"

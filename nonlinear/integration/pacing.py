@@ -59,9 +59,9 @@ def extents(numbers: Numbers, layout: Layout, y: Floats, units: Units) -> Floats
     parts = [np.abs(aside).max(0), np.abs(y[half + first : 2 * half]).max(0) / units.rate]
     if numbers.system.structure is not None:
         scale = units.scale(layout)
-        parts += [np.abs(own / unit) for k in (0, half) for own, unit in zip(y[k : k + first], scale[k:], strict=False)]
+        parts += [np.abs(row / unit) for k in (0, half) for row, unit in zip(y[k : k + first], scale[k:], strict=False)]
     if cart is not None:
-        held, braked = (np.asarray(own) > 0 for own in (system.cart.stiffness, system.cart.damping))  # type: ignore[union-attr]
+        held, braked = (np.asarray(number) > 0 for number in (system.cart.stiffness, system.cart.damping))  # type: ignore[union-attr]
         parts.append(np.abs(y[0]) / units.length * held)
         parts.append(np.abs(y[half]) / units.length / units.rate * (held | braked))
     largest = np.minimum(np.max(np.broadcast_arrays(*parts), axis=0), 1.0)
@@ -73,8 +73,8 @@ def shaken(numbers: Numbers, layout: Layout, y: Floats, started: Floats, end: fl
     system, first, half = numbers.arrays, layout.first, layout.half
     push = drive_of(system, np.linspace(0.0, end, LOOKS)[:, None])
     rests = (y[first:half] == numbers.system.rest[:, None]).all(0) & ~y[half + first : 2 * half].any(0)
-    found = np.minimum(1.0, np.where(rests & (push < 1), push, np.maximum(push, started)))
-    return np.asarray(np.where(found == 0, 1.0, found))
+    sizes = np.minimum(1.0, np.where(rests & (push < 1), push, np.maximum(push, started)))
+    return np.asarray(np.where(sizes == 0, 1.0, sizes))
 
 
 def longest_first(rate: Floats, members: int) -> Floats:

@@ -85,28 +85,28 @@ class Passages(NamedTuple):
 
     def take(self, which: Any) -> Passages:
         """Some of them."""
-        return Passages(*(own[which] for own in self))
+        return Passages(*(values[which] for values in self))
 
 
 def joined(parts: list[Passages], size: int) -> Passages:
     """All of these, of y of this size."""
     none = np.zeros(0)
     empty = Passages(np.zeros(0, dtype=np.int64), none, np.zeros((0, size)), none, none)
-    return Passages(*(np.concatenate(own) for own in zip(empty, *parts, strict=True)))
+    return Passages(*(np.concatenate(values) for values in zip(empty, *parts, strict=True)))
 
 
-def counted(found: Passages, starts: Starts, begun: Floats, direction: int = 0) -> Passages:
+def counted(passages: Passages, starts: Starts, begun: Floats, direction: int = 0) -> Passages:
     """Those that count, member by member in the order of time, with those at the starts of y (size, S).
 
     Two in a row through one level the same way are one: what an engine sees of a start, or at the end of a step.
     """
     on = np.flatnonzero(starts.on)
     first = Passages(on, np.zeros(len(on)), begun[:, on].T, starts.number[on], starts.way[on])
-    found = found.take(~(starts.on[found.member] & (found.time <= 0)))
-    both = joined([first, found], len(begun))
+    passages = passages.take(~(starts.on[passages.member] & (passages.time <= 0)))
+    both = joined([first, passages], len(begun))
     order = np.lexsort((both.time, both.member))
     both = both.take(order)
-    counts = np.concatenate((starts.passes[on], np.ones(len(found.member), dtype=bool)))[order]
+    counts = np.concatenate((starts.passes[on], np.ones(len(passages.member), dtype=bool)))[order]
     again = (np.diff(both.member) == 0) & (np.diff(both.number) == 0) & (np.diff(both.way) == 0)
     counts[1:] &= ~again
     if direction:
@@ -114,18 +114,18 @@ def counted(found: Passages, starts: Starts, begun: Floats, direction: int = 0) 
     return both.take(counts)
 
 
-def leaving(found: Passages, starts: Starts) -> Booleans:
+def leaving(passages: Passages, starts: Starts) -> Booleans:
     """Which passages are what is seen of a start on a level, (C,)."""
-    on, number, way, _ = (own[found.member] for own in starts)
-    return np.asarray(on & (found.number == number) & ((found.way == way) | (found.time <= 0)))
+    on, number, way, _ = (values[passages.member] for values in starts)
+    return np.asarray(on & (passages.number == number) & ((passages.way == way) | (passages.time <= 0)))
 
 
 def reach(step: Step, row: int) -> tuple[Floats, Floats]:
     """The lowest and the highest that a component of y, by its row, can be within a step, (W,)."""
-    one, two, rates = (step.motion(own) for own in (step.before[row], step.after[row], step.stages[:, row]))
+    start, end, rates = (step.motion(values) for values in (step.before[row], step.after[row], step.stages[:, row]))
     turns = (rates.min(0) < 0) & (rates.max(0) > 0)
     beyond = np.where(turns, step.length * np.abs(rates).max(0) / 2, 0.0)
-    return np.minimum(one, two) - beyond, np.maximum(one, two) + beyond
+    return np.minimum(start, end) - beyond, np.maximum(start, end) + beyond
 
 
 def passages(step: Step, level: Level, among: Booleans | None = None) -> Passages | None:

@@ -121,9 +121,9 @@ def best_of(offers: Mapping[str, Offer], *, anew: bool = False) -> str:
 
 def forgone_by(offers: Mapping[str, Offer], taken: str) -> Forgone:
     """What a run by one way forgoes, by the code of each that would have been faster."""
-    own = inf if _same.get() else offers[taken].running
-    faster = {each.code: each.running for each in offers.values() if each.running < own and isfinite(own)}
-    return tuple((code.name, 1 - running / own) for code, running in faster.items() if code and not code.loaded)
+    least = inf if _same.get() else offers[taken].running
+    faster = {each.code: each.running for each in offers.values() if each.running < least and isfinite(least)}
+    return tuple((code.name, 1 - running / least) for code, running in faster.items() if code and not code.loaded)
 
 
 @contextmanager
@@ -184,9 +184,11 @@ def temporary() -> Path:
 def cached(module: Path, function: str) -> bool:
     """Whether the present version of a compiled function of a module is in numba's cache on disk."""
     home = os.environ.get("NUMBA_CACHE_DIR")
-    own, name = f"{module.parent.name}_*", f"{module.stem}.{function}-*.nbi"
+    folder, name = f"{module.parent.name}_*", f"{module.stem}.{function}-*.nbi"
     users = os.path.join(os.path.expanduser("~"), ".cache", "numba")
-    places: list[tuple[str | Path, str]] = [(home, own)] if home else [(module.parent, "__pycache__"), (users, own)]
+    places: list[tuple[str | Path, str]] = (
+        [(home, folder)] if home else [(module.parent, "__pycache__"), (users, folder)]
+    )
     try:
         written = module.stat().st_mtime
         return any(file.stat().st_mtime >= written for at, below in places for file in Path(at).glob(f"{below}/{name}"))

@@ -207,8 +207,8 @@ class Request:
         validate_room(self.scene, self.integrated)
         equations, pace = equations_of(self.system, choice, self.load, self.smaller), self.pace
         inputs = Inputs(self.system)
-        own = inputs.breaks(0.0 if choice.method == "taylor" else choice.tolerance)
-        pace = replace(pace, longest=min(pace.longest, inputs.shortest), breaks=tuple(sorted({*pace.breaks, *own})))
+        breaks = inputs.breaks(0.0 if choice.method == "taylor" else choice.tolerance)
+        pace = replace(pace, longest=min(pace.longest, inputs.shortest), breaks=tuple(sorted({*pace.breaks, *breaks})))
         if (self.load or self.system.prescribed) and self.system.rubs:
             pace = replace(pace, longest=min(pace.longest, LOOKED / estimate_timescales(self.scene).swing))
         return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, pace)
@@ -245,11 +245,11 @@ def _stepper(
 def _slope(equations: Equations, time: float, y: Floats) -> Floats:
     """The derivative at the start, (size,), checked to be finite: else integrators would seek a first step for ever."""
     with np.errstate(all="ignore"):
-        found = equations.derivative(time, y)
-    if not np.all(np.isfinite(found)):
+        slope = equations.derivative(time, y)
+    if not np.all(np.isfinite(slope)):
         hint = _hint(equations.system) or "; choose units in which masses and lengths are nearer to 1"
         raise ComputationError(f"the accelerations at the start are not finite in double precision{hint}")
-    return found
+    return slope
 
 
 def _hint(system: System) -> str:

@@ -134,8 +134,8 @@ class TaylorStepper:
         low, high = self.pace.stretch(self.time)
         since, until = max(low, self.start), min(high, self.end)
         if self.pieces:
-            own = at_time(self.pieces, (since + until) / 2)
-            self.integrator.pars[-len(own) :] = own
+            coefficients = at_time(self.pieces, (since + until) / 2)
+            self.integrator.pars[-len(coefficients) :] = coefficients
         return since, until
 
     def _judge(self, outcome: Any, time: float) -> None:
@@ -197,10 +197,10 @@ class Originals(dict[Any, Any]):
                     del self[next(iter(self))]
                 self[key] = made, []
             original, idle = self[key]
-            found = idle.pop() if idle else deepcopy(original)
+            integrator = idle.pop() if idle else deepcopy(original)
         if user is not None:
-            finalize(user, _leave, idle, found).atexit = False
-        return found
+            finalize(user, _leave, idle, integrator).atexit = False
+        return integrator
 
 
 def _leave(idle: list[Any], copy: Any) -> None:
@@ -217,7 +217,7 @@ def code_of(form: Form, pieces: Sequence[Polynomials], tolerance: float, kind: s
     """The series of this order for such scenes, and how far it is; the `kind` tells others than those of one motion."""
     links, longest = form.system.n_links, max(group.n for group in form.system.groups)
     compiling = 0.05 * longest**2 if links <= UNROLLED else 0.2 * longest + 0.025 * links
-    degrees = [one.coefficients.shape[1] for one in pieces]
+    degrees = [piece.coefficients.shape[1] for piece in pieces]
     return series(f"{form} {degrees} {tolerance} {kind}", compiling)
 
 
@@ -232,14 +232,14 @@ class Timed(Protocol):
 
 def pieces_of(equations: Timed) -> Sequence[Polynomials]:
     """The polynomials that are inputs; ComputationError where inputs are neither these nor the time alone."""
-    if (found := equations.inputs.pieces) is None:
+    if (pieces := equations.inputs.pieces) is None:
         raise ComputationError("Taylor series cannot follow this function of time: choose another method")
-    return found
+    return pieces
 
 
 def _text(module: Module, pieces: Sequence[Polynomials]) -> str:
     """What is compiled: the equations, and the degrees of the polynomials that are their inputs."""
-    return f"{module.python('rates')}\n{[one.coefficients.shape[1] for one in pieces]}"
+    return f"{module.python('rates')}\n{[piece.coefficients.shape[1] for piece in pieces]}"
 
 
 def integrator_of(equations: Generated, tolerance: float, user: object = None) -> Any:
@@ -254,10 +254,10 @@ def integrator_of(equations: Generated, tolerance: float, user: object = None) -
         options = {"tol": tolerance, "compact_mode": equations.system.n_links > UNROLLED}
         return _heyoka().taylor_adaptive(expressions(module, size, pieces), np.zeros(size), pars=pars, **options)
 
-    found = _COMPILED.copy_of((_text(module, pieces), tolerance), compiled, user)
+    integrator = _COMPILED.copy_of((_text(module, pieces), tolerance), compiled, user)
     made(code_of(equations.form, pieces, tolerance))
-    found.pars[:] = pars
-    return found
+    integrator.pars[:] = pars
+    return integrator
 
 
 def expressions(module: Module, size: int, pieces: Sequence[Polynomials] = ()) -> list[tuple[Any, Any]]:
@@ -270,13 +270,13 @@ def expressions(module: Module, size: int, pieces: Sequence[Polynomials] = ()) -
     functions = {"sin": heyoka.sin, "cos": heyoka.cos, "sqrt": heyoka.sqrt}
     rates = module.recorded("rates", [heyoka.par[k] for k in range(len(module.names))], functions)
     u, at = [] if pieces else [heyoka.time] * module.sizes.get("u", 0), len(module.names)
-    for one in pieces:
-        since, last = heyoka.time - heyoka.par[at], at + one.coefficients.shape[1]
-        found = heyoka.par[last]
+    for piece in pieces:
+        since, last = heyoka.time - heyoka.par[at], at + piece.coefficients.shape[1]
+        polynomial = heyoka.par[last]
         for k in range(last - 1, at, -1):
-            found = found * since + heyoka.par[k]
-        u, at = [*u, found], last + 1
-    return [(one, heyoka.expression(0.0) + its) for one, its in zip(y, rates(y, u), strict=True)]
+            polynomial = polynomial * since + heyoka.par[k]
+        u, at = [*u, polynomial], last + 1
+    return [(component, heyoka.expression(0.0) + rate) for component, rate in zip(y, rates(y, u), strict=True)]
 
 
 def _admitted(equations: Arranged) -> Generated:
@@ -319,7 +319,7 @@ def batch_integrator(
     def compiled() -> Any:
         heyoka = _heyoka()
         width, rates = heyoka.recommended_simd_size(), expressions(module, size, pieces)
-        y = [one for one, _ in rates]
+        y = [component for component, _ in rates]
         events = [heyoka.nt_event_batch(EVENTS[kind](heyoka, y[row], level), call) for kind, row, level, call in seen]
         return heyoka.taylor_adaptive_batch(
             rates,

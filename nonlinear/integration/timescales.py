@@ -42,10 +42,10 @@ def estimate_timescales(scene: Scene) -> Timescales:
         return _surveyed(_of_matrices(scene), scene)
     if scene.n_links <= MOST_SURVEYED and not scene.is_structured:
         try:
-            found = _modes_of_scales(scene).eigenvalue
+            eigenvalue = _modes_of_scales(scene).eigenvalue
         except ComputationError:
             return _guessed(scene)
-        return _surveyed(found, scene)
+        return _surveyed(eigenvalue, scene)
     return _guessed(scene)
 
 
@@ -58,8 +58,8 @@ def _surveyed(eigenvalues: Complexes, scene: Scene) -> Timescales:
 
 def _of_matrices(scene: Scene) -> Complexes:
     """The eigenvalues (1/s) of M q'' + D q' + K q = 0, good enough for steps."""
-    one = matrices(scene.linearizable.still.unforced)
-    M, K, D = one.M, one.K, one.D
+    linear = matrices(scene.linearizable.still.unforced)
+    M, K, D = linear.M, linear.K, linear.D
     size = len(M)
     A = np.block([[np.zeros((size, size)), np.eye(size)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
     return np.asarray(np.linalg.eigvals(A).astype(complex))

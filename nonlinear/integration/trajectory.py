@@ -175,8 +175,8 @@ class Trajectory(Displayed):
         >>> list(simulate(load("chain-1"), 1.0, output=5).to_dict())
         ['time_s', 'theta_1_1_rad', 'theta_dot_1_1_rad_per_s', 'x_m', 'x_dot_m_per_s', 'work_J']
         """
-        found: dict[str, Floats] = deferred("nonlinear.files:columns_of")(self)
-        return found
+        columns: dict[str, Floats] = deferred("nonlinear.files:columns_of")(self)
+        return columns
 
     def to_xarray(self) -> Any:
         """The motion as an `xarray.Dataset` over `time`, `pendulum` and `link`, with units in the attributes.
@@ -208,5 +208,5 @@ class Trajectory(Displayed):
         if run.stopped:
             facts.append(("stopped", run.stopped))
         first = self.at(slice(0, HTML_ROWS))
-        found = tabulated(title, facts, first.to_dict())
-        return replace(found, total=len(times))
+        summary = tabulated(title, facts, first.to_dict())
+        return replace(summary, total=len(times))

@@ -46,9 +46,9 @@ def aside(system: System, start: State, by: Any) -> State:
     In space every component of the unit vectors is perturbed.  `by` is a number or fits `start.links`.
     """
     shift = by * np.random.default_rng(SEED).uniform(0.5, 1.0, start.links.shape)
-    if one := synchronous(system, start):
+    if reduced := synchronous(system, start):
         number = np.arange(float(system.n_links))
-        shift[~np.isin(number, one.restrict(State(number, number)).links)] = 0.0
+        shift[~np.isin(number, reduced.restrict(State(number, number)).links)] = 0.0
     links = start.links + shift
     if links.ndim == 2:
         links /= np.linalg.norm(links, axis=1, keepdims=True)
@@ -80,7 +80,7 @@ def departure(trajectory: Trajectory) -> Departure | None:
     require_type("trajectory", trajectory, "Trajectory")
     start, times = trajectory.motion[0], trajectory.times
     asked = Request(trajectory.scene, trajectory.system, start, np.linspace(0.0, float(times[-1] - times[0]), SAMPLES))
-    if not (trajectory.run.reduced and asked.duration and any(one.ties for one in asked.smaller)):
+    if not (trajectory.run.reduced and asked.duration and any(smaller.ties for smaller in asked.smaller)):
         return None
     steps = count(1)
 
@@ -95,8 +95,8 @@ def departure(trajectory: Trajectory) -> Departure | None:
     left = Event("a twin has left", lambda state: distance(state) - GONE, stop=True)
     twin = replace(asked, start=begun, events=(left,), report=patient)
     try:
-        found = twin.run(twin.choice(TOLERANCE))
+        followed = twin.run(twin.choice(TOLERANCE))
     except SimulationError as error:
-        found = error.trajectory
-    gone = max(distance(found.motion[at]) for at in range(len(found.times)))
-    return Departure(gone / distance(begun), float(found.times[-1]))
+        followed = error.trajectory
+    gone = max(distance(followed.motion[at]) for at in range(len(followed.times)))
+    return Departure(gone / distance(begun), float(followed.times[-1]))

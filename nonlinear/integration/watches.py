@@ -69,11 +69,11 @@ class Samples:
         """Samples that fall into the step."""
         end = step.start + step.length
         due, until = self._passed(step.member, step.start), self._passed(step.member, end)
-        for own, sample, inside in _instants(step, due, until):
-            members = step.member[own]
+        for columns, sample, inside in _instants(step, due, until):
+            members = step.member[columns]
             time = self.times[members, sample] if self.times.ndim > 1 else self.times[sample]
-            part = (time - step.start[own]) / step.length[own]
-            y = np.where(beside(time == end[own], step.after), step.after[:, own], inside.at(part))
+            part = (time - step.start[columns]) / step.length[columns]
+            y = np.where(beside(time == end[columns], step.after), step.after[:, columns], inside.at(part))
             self.rows[members, sample] = np.moveaxis(y, 1, 0)
 
     def _passed(self, members: Ints, time: Floats) -> Ints:
@@ -104,9 +104,9 @@ class FirstTurns:
     def see(self, step: Step) -> None:
         """Links that go over the top in the step."""
         for level, starts, times in zip(self._levels, self._starts, self.times, strict=True):
-            if (found := passages(step, level, times[step.member] > step.start)) is not None:
-                found = found.take(~leaving(found, starts))
-                np.minimum.at(times, found.member, found.time)
+            if (passed := passages(step, level, times[step.member] > step.start)) is not None:
+                passed = passed.take(~leaving(passed, starts))
+                np.minimum.at(times, passed.member, passed.time)
 
 
 @dataclass(eq=False)
@@ -122,21 +122,21 @@ class Crossings:
     row: int
     level: float
     direction: int = 0
-    _found: list[Passages] = field(default_factory=list)
+    _crossed: list[Passages] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._level = level_of(self.layout, self.row, self.level)
 
     def see(self, step: Step) -> None:
         """Passages within the step."""
-        if (found := passages(step, self._level)) is not None:
-            self._found.append(found)
+        if (passed := passages(step, self._level)) is not None:
+            self._crossed.append(passed)
 
     @property
-    def found(self) -> tuple[Ints, Floats, Floats]:
+    def crossings(self) -> tuple[Ints, Floats, Floats]:
         """Members (C,), times (C,) and y (C, size), member by member in the order of time."""
         starts = starts_of(self._level, self.layout, self.begun, self.slope)
-        return counted(joined(self._found, len(self.begun)), starts, self.begun, self.direction)[:3]
+        return counted(joined(self._crossed, len(self.begun)), starts, self.begun, self.direction)[:3]
 
 
 @dataclass(eq=False)
@@ -154,19 +154,19 @@ class Largest:
     def see(self, step: Step) -> None:
         """Ends of steps, and turning points that may lie further out."""
         first, half = self.layout.first, self.layout.half
-        found = self.angle[step.member]
-        found = np.where(step.taken, np.maximum(found, np.abs(step.after[first:half]).max(0)), found)
+        largest = self.angle[step.member]
+        largest = np.where(step.taken, np.maximum(largest, np.abs(step.after[first:half]).max(0)), largest)
         furthest = np.array([np.maximum(-low, high) for low, high in (reach(step, row) for row in range(first, half))])
-        turning = (furthest > found) & step.taken
+        turning = (furthest > largest) & step.taken
         columns = np.flatnonzero(turning.any(0))
         if len(columns):
             inside = step.within(columns)
             for link in np.flatnonzero(turning.any(1)):
-                own = np.flatnonzero(turning[link, columns])
-                at, row = columns[own], first + int(link)
-                _, values = inside.take(own).pieces(row, step.after[row, at])
-                found[at] = np.maximum(found[at], np.abs(values).max(0))
-        np.maximum.at(self.angle, step.member, found)
+                lanes = np.flatnonzero(turning[link, columns])
+                at, row = columns[lanes], first + int(link)
+                _, values = inside.take(lanes).pieces(row, step.after[row, at])
+                largest[at] = np.maximum(largest[at], np.abs(values).max(0))
+        np.maximum.at(self.angle, step.member, largest)
 
 
 @dataclass(eq=False)
@@ -209,10 +209,10 @@ class Growth:
         far = np.abs(step.after[self.layout.first : half]).max(0)
         error = self.error[members] * grown + np.maximum(self.local[members], ROUNDING * far)
         columns = np.flatnonzero(taken)
-        own = members[columns]
-        self._v[:, own] = v[:, columns]
-        self.error[own] = error[columns]
-        late = own[(self.error[own] > UNKNOWN) & (self.horizon[own] == inf)]
+        members_in = members[columns]
+        self._v[:, members_in] = v[:, columns]
+        self.error[members_in] = error[columns]
+        late = members_in[(self.error[members_in] > UNKNOWN) & (self.horizon[members_in] == inf)]
         if len(late):
             times = np.empty(len(self.horizon))
             times[members] = step.start + step.length
@@ -242,15 +242,15 @@ class Gains:
     def see(self, step: Step) -> None:
         """Times that fall into the step, then its end."""
         end, half = step.start + step.length, len(self.begun)
-        due, until = (np.searchsorted(self.times, own, side="right") for own in (step.start, end))
-        for own, sample, inside in _instants(step, due, until):
-            part = (self.times[sample] - step.start[own]) / step.length[own]
+        due, until = (np.searchsorted(self.times, time, side="right") for time in (step.start, end))
+        for columns, sample, inside in _instants(step, due, until):
+            part = (self.times[sample] - step.start[columns]) / step.length[columns]
             length = np.sqrt(np.sum((inside.at(part)[half:] / self.scale) ** 2, axis=0))
-            self.rows[sample, step.member[own]] = self._whole.growth[step.member[own]] + np.log(length)
+            self.rows[sample, step.member[columns]] = self._whole.growth[step.member[columns]] + np.log(length)
         self._whole.see(step)
-        own = step.member[step.taken]
-        self.last[:, own] = step.after[:half, step.taken]
-        self._reached[own] = end[step.taken]
+        members = step.member[step.taken]
+        self.last[:, members] = step.after[:half, step.taken]
+        self._reached[members] = end[step.taken]
         self.report(float(self._reached.min()))
 
 

@@ -44,11 +44,11 @@ class Step:
     def times(self, part: float, columns: Any = ALL) -> Floats:
         """The times (s) of a part of the step, strictly within it where it may begin or end at a break."""
         start, length = self.start[columns], self.length[columns]
-        found = start + part * length
+        times = start + part * length
         if not self.breaks:
-            return np.asarray(found)
+            return np.asarray(times)
         clear = BESIDE * np.spacing(start + length)
-        return np.asarray(np.minimum(np.maximum(found, start + clear), start + length - clear))
+        return np.asarray(np.minimum(np.maximum(times, start + clear), start + length - clear))
 
     def motion(self, y: Floats) -> Floats:
         """The motion alone in an array with the columns of segments."""
@@ -69,7 +69,7 @@ class Step:
             stages = np.empty((STAGES + 1 + EXTRA, *before.shape), before.dtype)
             np.take(self.stages, columns, axis=2, out=stages[: STAGES + 1])
         y = np.empty_like(before)
-        begun, *others = (own.view(float) for own in (before, stages, y, np.empty_like(y)))
+        begun, *others = (array.view(float) for array in (before, stages, y, np.empty_like(y)))
         length = spread(self.length[columns], begun)
         for stage in range(STAGES + 1, len(stages)):
             advance(stage, begun, length, *others)
@@ -99,10 +99,10 @@ class Inside:
 
     def slope(self, part: Floats, row: int) -> Floats:
         """The derivative of one component with respect to the part of the step."""
-        found, slope = np.zeros(1), np.zeros(1)
+        value, slope = np.zeros(1), np.zeros(1)
         for number, term in enumerate(self.motion.terms[::-1]):
-            factor, own = (1 - part, -1.0) if number % 2 else (part, 1.0)
-            found, slope = (found + term[row]) * factor, slope * factor + own * (found + term[row])
+            factor, sign = (1 - part, -1.0) if number % 2 else (part, 1.0)
+            value, slope = (value + term[row]) * factor, slope * factor + sign * (value + term[row])
         return slope
 
     def pieces(self, row: int, after: Floats) -> tuple[Floats, Floats]:
@@ -112,7 +112,7 @@ class Inside:
         """
         grid = np.linspace(0.0, 1.0, PIECES + 1)[:, None]
         slope = self.slope(grid, row)
-        low, high = (np.broadcast_to(own, slope[1:].shape) for own in (grid[:-1], grid[1:]))
+        low, high = (np.broadcast_to(ends, slope[1:].shape) for ends in (grid[:-1], grid[1:]))
         piece, lane = np.nonzero(np.signbit(slope[:-1]) != np.signbit(slope[1:]))
         turning = low.copy()
         if len(piece):
@@ -158,13 +158,13 @@ def spread(values: Floats, y: Floats) -> Floats:
 
 def squared(rows: Floats) -> Floats:
     """The sum of the squares of each column, row by row: the same for a column whatever stands beside it."""
-    found = rows[0] * rows[0]
+    sums = rows[0] * rows[0]
     for row in rows[1:]:
-        found += row * row
-    return np.asarray(found)
+        sums += row * row
+    return np.asarray(sums)
 
 
-def fill(rates: Any, found: Floats) -> None:
+def fill(rates: Any, rows: Floats) -> None:
     """Rows, each an array or one number, into an array."""
-    for row, rate in zip(found, rates, strict=True):
+    for row, rate in zip(rows, rates, strict=True):
         row[...] = rate

@@ -51,23 +51,23 @@ def resolved(problem: Problem, points: Sequence[Point]) -> list[Point]:
     if len(points) < 2:
         return list(points)
     nodes = [Node(length, here) for length, here in zip(_lengths(points), points, strict=True)]
-    for one, other in pairwise(tuple(nodes)):
-        _search(problem, nodes, one, other)
+    for start, end in pairwise(tuple(nodes)):
+        _search(problem, nodes, start, end)
     return [node.point for node in nodes if node.kept]
 
 
 def _lengths(points: Sequence[Point]) -> Iterator[float]:
     length = 0.0
     yield length
-    for one, other in pairwise(points):
-        length += _arc(one, other)
+    for point, following in pairwise(points):
+        length += _arc(point, following)
         yield length
 
 
-def _arc(one: Point, other: Point) -> float:
+def _arc(start: Point, end: Point) -> float:
     """The length of the branch between two points, from their distance and the angle between their tangents."""
-    turn = float(np.arccos(np.clip(one.tangent @ other.tangent, -1, 1)))
-    return float(np.linalg.norm(other.u - one.u)) * (1 + turn**2 / 24)
+    turn = float(np.arccos(np.clip(start.tangent @ end.tangent, -1, 1)))
+    return float(np.linalg.norm(end.u - start.u)) * (1 + turn**2 / 24)
 
 
 def _search(problem: Problem, nodes: list[Node], first: Node, last: Node) -> None:
@@ -75,60 +75,60 @@ def _search(problem: Problem, nodes: list[Node], first: Node, last: Node) -> Non
     left = MOST
     waiting = [(first, last)]
     while waiting and left:
-        one, other = waiting.pop()
-        part = None if _stays(one.map, other.map) else _lowest(nodes, one, other)
+        start, end = waiting.pop()
+        part = None if _stays(start.map, end.map) else _lowest(nodes, start, end)
         if part is None:
             continue
         left -= 1
         try:
-            found = between(problem, one.point, other.point, part)
+            inner = between(problem, start.point, end.point, part)
         except ComputationError:
             continue
-        before, after = _arc(one.point, found), _arc(found, other.point)
-        here = found.orbit.floquet.map.is_within
-        agree = one.map.is_within == other.map.is_within
-        kept = bool(np.any(agree & (here != one.map.is_within)))
-        node = Node(one.length + (other.length - one.length) * before / (before + after), found, kept)
-        nodes.insert(nodes.index(other), node)
-        waiting += [(one, node), (node, other)]
+        before, after = _arc(start.point, inner), _arc(inner, end.point)
+        here = inner.orbit.floquet.map.is_within
+        agree = start.map.is_within == end.map.is_within
+        kept = bool(np.any(agree & (here != start.map.is_within)))
+        node = Node(start.length + (end.length - start.length) * before / (before + after), inner, kept)
+        nodes.insert(nodes.index(end), node)
+        waiting += [(start, node), (node, end)]
 
 
-def _lowest(nodes: Sequence[Node], one: Node, other: Node) -> float | None:
+def _lowest(nodes: Sequence[Node], start: Node, end: Node) -> float | None:
     """The part of the way to an orbit at which a margin, of one sign at both ends, may have the other; else None."""
-    agree = (one.map.is_within == other.map.is_within) & ~_alike(one.map, other.map)
-    sign = np.where(one.map.is_within, 1.0, -1.0)
-    chosen = _spread(nodes, one, other)
+    agree = (start.map.is_within == end.map.is_within) & ~_alike(start.map, end.map)
+    sign = np.where(start.map.is_within, 1.0, -1.0)
+    chosen = _spread(nodes, start, end)
 
     def margins(parts: Floats) -> tuple[Floats, Floats]:
         """Those of the polynomials at parts (P,) of the way, by sign, and their doubts, (P, m)."""
-        at = one.length + parts * (other.length - one.length)
+        at = start.length + parts * (end.length - start.length)
         fine, coarse = (_interpolated(chosen[:most], at) for most in (FINE, min(COARSE, max(2, len(chosen) - 1))))
-        return sign * fine, np.abs(fine - coarse) if one.map.conservative else np.zeros_like(fine)
+        return sign * fine, np.abs(fine - coarse) if start.map.conservative else np.zeros_like(fine)
 
     parts = np.linspace(0.0, 1.0, LOOKS + 1)
-    found, doubt = margins(parts)
+    lowest, doubt = margins(parts)
     for which in np.flatnonzero(agree):
-        for at in _dips(found[:, which], doubt[:, which]):
-            near, low, unsure = parts[at], found[at, which], doubt[at, which]
+        for at in _dips(lowest[:, which], doubt[:, which]):
+            near, low, unsure = parts[at], lowest[at, which], doubt[at, which]
             width = 1 / LOOKS
             for _ in range(ZOOMS):
                 closer = np.clip(near + np.linspace(-width, width, LOOKS + 1), 0.0, 1.0)
                 values, doubts = (each[:, which] for each in margins(closer))
                 here = int(values.argmin())
                 near, low, unsure, width = closer[here], values[here], doubts[here], 2 * width / LOOKS
-            if low - unsure < -one.map.doubt[which] and SHORTEST < near < 1 - SHORTEST:
+            if low - unsure < -start.map.doubt[which] and SHORTEST < near < 1 - SHORTEST:
                 return float(near)
     return None
 
 
-def _stays(one: Map, other: Map) -> bool:
+def _stays(start: Map, end: Map) -> bool:
     """Whether the orbits between are unstable for sure, or have no disturbances."""
-    return not len(one.margins) or bool(np.any((one.margins < -FIRM) & (other.margins < -FIRM)))
+    return not len(start.margins) or bool(np.any((start.margins < -FIRM) & (end.margins < -FIRM)))
 
 
-def _alike(one: Map, other: Map) -> NDArray[np.bool_]:
+def _alike(start: Map, end: Map) -> NDArray[np.bool_]:
     """Which margins are those of two pairs that are the same along the branch."""
-    same = np.maximum(np.abs(one.margins), np.abs(other.margins)) < ALIKE
+    same = np.maximum(np.abs(start.margins), np.abs(end.margins)) < ALIKE
     same[:2] = False
     return np.asarray(same)
 
@@ -143,16 +143,16 @@ def _dips(values: Floats, doubt: Floats) -> Iterator[int]:
             yield int(at) + 1
 
 
-def _spread(nodes: Sequence[Node], one: Node, other: Node) -> list[Node]:
+def _spread(nodes: Sequence[Node], start: Node, end: Node) -> list[Node]:
     """Both ends and the nodes nearest to them, at most FINE, none too near another."""
-    middle, least = (one.length + other.length) / 2, APART * (other.length - one.length)
-    found = [one, other]
+    middle, least = (start.length + end.length) / 2, APART * (end.length - start.length)
+    chosen = [start, end]
     for node in sorted(nodes, key=lambda each: abs(each.length - middle)):
-        if len(found) == FINE:
+        if len(chosen) == FINE:
             break
-        if all(abs(node.length - each.length) >= least for each in found):
-            found.append(node)
-    return found
+        if all(abs(node.length - each.length) >= least for each in chosen):
+            chosen.append(node)
+    return chosen
 
 
 def _interpolated(nodes: Sequence[Node], lengths: Floats) -> Floats:

@@ -79,8 +79,8 @@ class Branch(Displayed):
         along = {self.variation.column: self.value} if self.variation else {}
         orbits = self.orbits if self.is_forced else ()
         driven = {
-            "phase_deg": np.degrees([one.phase for one in orbits]),
-            "fed_J": np.array([one.fed for one in orbits]),
+            "phase_deg": np.degrees([orbit.phase for orbit in orbits]),
+            "fed_J": np.array([orbit.fed for orbit in orbits]),
         }
         return {
             **along,
@@ -108,7 +108,7 @@ class Branch(Displayed):
 
     def _summary(self) -> Summary:
         along = f" along {self.variation.path}" if self.variation else ""
-        facts = [("special points", ", ".join(dict.fromkeys(one.kind for one in self.special)) or "none")]
+        facts = [("special points", ", ".join(dict.fromkeys(special.kind for special in self.special)) or "none")]
         facts += [] if self.complete else [("ends", "before what was asked for")]
         title = f"Branch of {counted(len(self.points), 'periodic orbit', 'periodic orbits')} from {self.origin}{along}"
         first = replace(self, points=self.points[:HTML_ROWS])

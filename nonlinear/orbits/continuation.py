@@ -83,15 +83,15 @@ def corrected(
 
 def tangent_of(J: Floats, along: Floats) -> Floats:
     """The null vector (N,) of J that points along another vector."""
-    found = np.linalg.svd(J)[2][-1]
-    return np.asarray(found if found @ along >= 0 else -found)
+    tangent = np.linalg.svd(J)[2][-1]
+    return np.asarray(tangent if tangent @ along >= 0 else -tangent)
 
 
 def point(problem: Problem, guess: Floats, row: Floats, least: float | None = None) -> Point | None:
     """The point of a branch across `row` from a guess, None where there is none."""
-    if (found := corrected(problem, guess, row, least)) is None:
+    if (solution := corrected(problem, guess, row, least)) is None:
         return None
-    u, J = found
+    u, J = solution
     try:
         orbit = problem.orbit(u)
     except ComputationError:
@@ -109,11 +109,11 @@ def apart(here: Point, ahead: Point) -> float:
 
     The phase is that of the link with the largest angle of the first, if it has one.
     """
-    one, other = here.orbit, ahead.orbit
-    size, link = max(one.amplitude, SMALL), one.amplitudes.argmax()
-    grown = abs(other.amplitude - one.amplitude) / size / AMPLITUDE
-    turned = float(np.abs(np.angle(np.exp(1j * (other.phases[link] - one.phases[link]))))) / PHASE
-    return max(grown, min(one.amplitude / SMALL, 1.0) * turned) if isfinite(turned) else grown
+    first, second = here.orbit, ahead.orbit
+    size, link = max(first.amplitude, SMALL), first.amplitudes.argmax()
+    grown = abs(second.amplitude - first.amplitude) / size / AMPLITUDE
+    turned = float(np.abs(np.angle(np.exp(1j * (second.phases[link] - first.phases[link]))))) / PHASE
+    return max(grown, min(first.amplitude / SMALL, 1.0) * turned) if isfinite(turned) else grown
 
 
 def follow(
@@ -143,28 +143,28 @@ def follow(
         yield here
 
 
-def between(problem: Problem, one: Point, other: Point, part: float, least: float | None = None) -> Point:
+def between(problem: Problem, start_point: Point, end_point: Point, part: float, least: float | None = None) -> Point:
     """The point at a fraction of the way from one point to the next, from the cubic through both and their tangents.
 
     Directions with singular values below `least`, relative, are those of the cubic, if that is a solution.
     """
-    way = other.u - one.u
+    way = end_point.u - start_point.u
     length, x = float(np.linalg.norm(way)), part
-    start, end = length * one.tangent, length * other.tangent
-    guess = one.u + x * x * (3 - 2 * x) * way + x * (1 - x) * ((1 - x) * start - x * end)
+    start, end = length * start_point.tangent, length * end_point.tangent
+    guess = start_point.u + x * x * (3 - 2 * x) * way + x * (1 - x) * ((1 - x) * start - x * end)
     row = 6 * x * (1 - x) * way + (1 - x) * (1 - 3 * x) * start + x * (3 * x - 2) * end
     row = row / np.linalg.norm(row)
-    tries = [(guess, None), (one.u + x * way, None)]
+    tries = [(guess, None), (start_point.u + x * way, None)]
     for tried, left in tries if least is None else [(guess, least), *tries]:
-        if found := point(problem, tried, row, left):
-            return found
+        if inner := point(problem, tried, row, left):
+            return inner
     raise ComputationError("the branch of orbits was lost between two of its points")
 
 
 def located(
     problem: Problem,
-    one: Point,
-    other: Point,
+    start: Point,
+    end: Point,
     test: Callable[[Point], float],
     accuracy: float = 1e-10,
     *,
@@ -175,8 +175,8 @@ def located(
     Where branches cross, the equations do not tell how far along the other branch a point is (SINGULAR): there it is
     that of the cubic.  If Newton's method fails all the same, the nearest point found is the answer.
     """
-    low, high, f_low, f_high = 0.0, 1.0, test(one), test(other)
-    best, size = (one, abs(f_low)) if abs(f_low) < abs(f_high) else (other, abs(f_high))
+    low, high, f_low, f_high = 0.0, 1.0, test(start), test(end)
+    best, size = (start, abs(f_low)) if abs(f_low) < abs(f_high) else (end, abs(f_high))
     kept, enough, misses = 0, accuracy * max(abs(f_low), abs(f_high)), 0
     for _ in range(ROUNDS):
         part = (
@@ -185,15 +185,15 @@ def located(
         if not low < part < high or high - low < accuracy:
             break
         try:
-            found = between(problem, one, other, part, SINGULAR if crossing else None)
+            inner = between(problem, start, end, part, SINGULAR if crossing else None)
         except ComputationError:
             misses += 1
             if misses > len(ASIDE):
                 break
             continue
-        value, misses = test(found), 0
+        value, misses = test(inner), 0
         if abs(value) < size:
-            best, size = found, abs(value)
+            best, size = inner, abs(value)
         if size < enough:
             break
         if (value > 0) == (f_high > 0):

@@ -72,10 +72,10 @@ def solution(problem: Shooting, y: Floats, period: float, value: float | None = 
     flow = problem.flow_at(value)
     u = problem.unknown(spread(problem, flow, y, period), period, value)
     row = np.eye(len(u))[-1] if problem.variation else None
-    found = corrected(problem, u, row)
-    if found is None:
+    solved_for = corrected(problem, u, row)
+    if solved_for is None:
         raise ComputationError("no periodic orbit was found beside this motion")
-    return found[0]
+    return solved_for[0]
 
 
 def turning(problem: Shooting, y: Floats, period: float) -> tuple[Floats, int]:
@@ -95,12 +95,12 @@ def turning(problem: Shooting, y: Floats, period: float) -> tuple[Floats, int]:
         at = int(risen[-1]) + int(abs(angles[risen[-1] + 1, leader]) < abs(angles[risen[-1], leader]))
     else:
         at = int(np.abs(angles[:, leader]).argmax())
-    found = path.states[at].copy()
+    begun = path.states[at].copy()
     if problem.passes:
-        found[first + leader] = flow.rest[first + leader]
+        begun[first + leader] = flow.rest[first + leader]
     else:
-        found[layout.half + first + leader] = 0.0
-    return problem.placed(found), leader
+        begun[layout.half + first + leader] = 0.0
+    return problem.placed(begun), leader
 
 
 def last_swing(times: Floats, motion: Motion) -> float:
@@ -118,28 +118,28 @@ def last_swing(times: Floats, motion: Motion) -> float:
     return float(np.diff(moments)[0])
 
 
-def near(problem: Shooting, one: RelativeEquilibrium) -> tuple[Floats, float, int]:
+def near(problem: Shooting, equilibrium: RelativeEquilibrium) -> tuple[Floats, float, int]:
     """The start of an averaged configuration: y, period (s), and the link that is the widest, which turns or passes."""
-    system = one.averaged.system
-    place = one.averaged.shapes @ one.z
+    system = equilibrium.averaged.system
+    place = equilibrium.averaged.shapes @ equilibrium.z
     first = system.first
     leader = int(np.abs(place[first:]).argmax())
     turn = np.exp(-1j * np.angle(place[first + leader])) * (-1j if problem.passes else 1)
-    q, v = (place * turn).real, (1j * one.omega * place * turn).real
+    q, v = (place * turn).real, (1j * equilibrium.omega * place * turn).real
     q = problem.placed(q)
     q[first:] += system.rest
     if problem.passes:
         q[first + leader] = system.rest[leader]
     else:
         v[first + leader] = 0.0
-    return np.concatenate((q, v)), 2 * np.pi / one.omega, leader
+    return np.concatenate((q, v)), 2 * np.pi / equilibrium.omega, leader
 
 
 @checked
-def cycle_of(scene: Scene, one: RelativeEquilibrium, *, tolerance: float = TOLERANCE) -> Orbit:
+def cycle_of(scene: Scene, equilibrium: RelativeEquilibrium, *, tolerance: float = TOLERANCE) -> Orbit:
     """The limit cycle close to an averaged configuration; ComputationError where there is none."""
     problem = shooting(scene, tolerance=tolerance)
-    y, period, leader = near(problem, one)
+    y, period, leader = near(problem, equilibrium)
     return solved(replace(problem, leader=leader), y, period)
 
 
@@ -147,20 +147,20 @@ def cycle_of(scene: Scene, one: RelativeEquilibrium, *, tolerance: float = TOLER
 def limit_cycles(scene: Scene, *, tolerance: float = TOLERANCE) -> tuple[Orbit, ...]:
     """The limit cycles close to the averaged configurations of a driven scene, each once."""
     checked_number("tolerance", tolerance, FINEST, COARSEST)
-    found: list[Orbit] = []
-    for one in relative_equilibria(average(scene)):
+    cycles: list[Orbit] = []
+    for equilibrium in relative_equilibria(average(scene)):
         try:
-            orbit = cycle_of(scene, one, tolerance=tolerance)
+            orbit = cycle_of(scene, equilibrium, tolerance=tolerance)
         except ComputationError:
             continue
-        if not any(same(orbit, other) for other in found):
-            found.append(orbit)
-    return tuple(found)
+        if not any(same(orbit, other) for other in cycles):
+            cycles.append(orbit)
+    return tuple(cycles)
 
 
-def same(one: Orbit, other: Orbit) -> bool:
+def same(cycle: Orbit, other: Orbit) -> bool:
     """Whether two orbits have equal frequencies, amplitudes and largest multipliers."""
-    numbers = [[orbit.omega, orbit.amplitude, *_sizes(orbit)] for orbit in (one, other)]
+    numbers = [[orbit.omega, orbit.amplitude, *_sizes(orbit)] for orbit in (cycle, other)]
     return bool(np.allclose(numbers[0], numbers[1], rtol=SAME, atol=SAME))
 
 
@@ -200,8 +200,10 @@ def _drifts(orbit: Orbit) -> Iterator[float]:
 def _dampings(system: System) -> Floats:
     """What the carriers' own dampers, not those between points, resist: the diagonal (first, first)."""
     assert system.structure is not None
-    own = [one.damping if one.D is None else np.zeros(one.size) for one in system.structure.carriers]
-    return np.diag(np.concatenate(own))
+    dampers = [
+        carrier.damping if carrier.D is None else np.zeros(carrier.size) for carrier in system.structure.carriers
+    ]
+    return np.diag(np.concatenate(dampers))
 
 
 @checked
@@ -223,21 +225,21 @@ def follow_cycles(
     or no limit cycle is found.
     """
     require_cycles(scene, variation)
-    found: list[Branch] = []
+    branches: list[Branch] = []
     ends = (variation.values[0], variation.values[-1])
     for value in ends[: 1 if start else 2]:
         for problem, u, words in _beginnings(scene, variation, value, start, tolerance):
             orbit = problem.orbit(u)
-            if any(known(orbit, branch) for branch in found):
+            if any(known(orbit, branch) for branch in branches):
                 continue
             points, complete = walked(problem, u, orbit, longest, most)
             points = resolved(problem, points)
             special = tuple(along_cycles(problem, points))
-            found.append(Branch(words, tuple(points), special, problem, variation, complete))
-            report(len(found))
-    if not found:
+            branches.append(Branch(words, tuple(points), special, problem, variation, complete))
+            report(len(branches))
+    if not branches:
         raise ComputationError("no limit cycle was found at the ends of the range")
-    return tuple(found)
+    return tuple(branches)
 
 
 @checked
@@ -264,8 +266,8 @@ def _beginnings(
         y, leader = turning(probe, probe.first.equations.begin(start[0]), start[1])
         guesses.append((y, start[1], leader, "start"))
     else:
-        for one in relative_equilibria(average(here)):
-            guesses.append((*near(probe, one), f"mode {one.number}"))
+        for equilibrium in relative_equilibria(average(here)):
+            guesses.append((*near(probe, equilibrium), f"mode {equilibrium.number}"))
     for y, period, leader, words in guesses:
         problem = shooting(scene, leader=leader, tolerance=tolerance, variation=variation)
         try:
@@ -311,18 +313,20 @@ def known(orbit: Orbit, branch: Branch) -> bool:
     """Whether a branch begins or ends with this orbit."""
     ends = (branch.orbits[0], branch.orbits[-1])
     return any(
-        orbit.value is not None and np.isclose(one.value or 0.0, orbit.value, rtol=1e-9) and same(one, orbit)
-        for one in ends
+        orbit.value is not None and np.isclose(end.value or 0.0, orbit.value, rtol=1e-9) and same(end, orbit)
+        for end in ends
     )
 
 
 @checked
-def crossed(scene: Scene, variation: Variation, one: RelativeEquilibrium, value: float, at: float) -> Special | None:
+def crossed(
+    scene: Scene, variation: Variation, equilibrium: RelativeEquilibrium, value: float, at: float
+) -> Special | None:
     """The first special point on the orbits that begin beside a configuration at a value of a number, towards `at`.
 
     None where there is none until BEYOND times as far; ComputationError where no orbit is found at the beginning.
     """
-    y, period, leader = near(shooting(one.averaged.scene), one)
+    y, period, leader = near(shooting(equilibrium.averaged.scene), equilibrium)
     problem = shooting(scene, leader=leader, tolerance=LOOSE, variation=variation)
     u = solution(problem, y, period, value)
     distance = problem.place(at) - problem.place(value)

@@ -48,8 +48,8 @@ def entered(branch: Branch, special: Special, *, most: int | None = None, step: 
     most = most or (FORCED if problem.clock else MOST)
     points = list(islice(_inside(problem, first, step), most))
     points = resolved(problem, points)
-    found = tuple(along_cycles(problem, points))
-    return Branch(f"{special.kind} of {branch.origin}", tuple(points), found, problem, problem.variation)
+    met = tuple(along_cycles(problem, points))
+    return Branch(f"{special.kind} of {branch.origin}", tuple(points), met, problem, problem.variation)
 
 
 def _at(branch: Branch, special: Special, times: int) -> tuple[Shooting, Floats, Floats]:
@@ -65,21 +65,21 @@ def _at(branch: Branch, special: Special, times: int) -> tuple[Shooting, Floats,
         _, leader = turning(probe, orbit.y, orbit.period)
         problem = replace(probe, leader=leader, segments=times * probe.segments)
 
-    def unknowns(one: Orbit) -> Floats:
-        states = spread(problem, one.flow, problem.placed(one.y), times * one.period)
-        return problem.unknown(states, times * one.period, one.value)
+    def unknowns(orbit: Orbit) -> Floats:
+        states = spread(problem, orbit.flow, problem.placed(orbit.y), times * orbit.period)
+        return problem.unknown(states, times * orbit.period, orbit.value)
 
-    one, other = branch.orbits[special.after], branch.orbits[special.after + 1]
-    return problem, unknowns(orbit), unknowns(other) - unknowns(one)
+    start, end = branch.orbits[special.after], branch.orbits[special.after + 1]
+    return problem, unknowns(orbit), unknowns(end) - unknowns(start)
 
 
 def _firsts(problem: Shooting, u: Floats, new: Floats) -> Iterator[Point]:
     for away in AWAY:
         for sign in (1.0, -1.0):
             row = sign * new
-            found = point(problem, u + away * row, row)
-            if found and abs((found.u - u) @ new) > away / 2:
-                yield found
+            first = point(problem, u + away * row, row)
+            if first and abs((first.u - u) @ new) > away / 2:
+                yield first
 
 
 def _inside(problem: Shooting, first: Point, step: float) -> Iterator[Point]:

@@ -75,7 +75,7 @@ def finite_swing(
         orbits = {f: forced_orbit(pushed(size, f)) for f in grid.tolist()}
         widest = max(orbits, key=lambda f: orbits[f].amplitude)
         orbits |= {f: forced_orbit(pushed(size, f)) for f in _between(sorted(orbits), widest)}
-        largest = max(one.amplitude for one in orbits.values())
+        largest = max(orbit.amplitude for orbit in orbits.values())
         if abs(largest / angle - 1) < CLOSE:
             break
         size *= angle / largest

@@ -176,16 +176,18 @@ def deflated(M: Floats, right: list[Floats], left: list[Floats]) -> Floats:
 
 def carried(translations: Floats, scale: Floats) -> Floats:
     """What translations (k, first) in m do to coordinates with these units, by at most 1, (k, len(scale))."""
-    found = np.pad(translations, ((0, 0), (0, len(scale) - translations.shape[1]))) / scale
-    return np.asarray(found / np.abs(found).max(axis=1, keepdims=True)) if len(found) else found
+    shifts = np.pad(translations, ((0, 0), (0, len(scale) - translations.shape[1]))) / scale
+    return np.asarray(shifts / np.abs(shifts).max(axis=1, keepdims=True)) if len(shifts) else shifts
 
 
 def whole(M: Floats, right: list[Floats], left: list[Floats], *, conservative: bool) -> Floquet:
     """The multipliers of a monodromy matrix (d, d) with its known eigenvectors."""
     size = len(M)
-    found = Map(M, np.reshape(right, (-1, size)), np.reshape(left, (-1, size)), half=False, conservative=conservative)
-    values = np.linalg.eigvals(found.reduced).astype(complex)
-    return Floquet(size - len(found.reduced), _ordered(values), found)
+    monodromy = Map(
+        M, np.reshape(right, (-1, size)), np.reshape(left, (-1, size)), half=False, conservative=conservative
+    )
+    values = np.linalg.eigvals(monodromy.reduced).astype(complex)
+    return Floquet(size - len(monodromy.reduced), _ordered(values), monodromy)
 
 
 def of_symmetric(H: Floats, force: Floats, translates: Floats, *, halves: int = 2) -> Floquet:
@@ -195,11 +197,11 @@ def of_symmetric(H: Floats, force: Floats, translates: Floats, *, halves: int = 
     whole period of orbits that only come to rest at both ends: P Q⁻¹ P Q as well, Q being the flow over half of it.
     """
     size = len(force)
-    found = Map(H[:size, :size], translates, force[None], half=True, conservative=True)
-    c = np.linalg.eigvals(found.reduced).astype(complex)
+    monodromy = Map(H[:size, :size], translates, force[None], half=True, conservative=True)
+    c = np.linalg.eigvals(monodromy.reduced).astype(complex)
     root = np.sqrt(c * c - 1)
     sigma = np.concatenate((c + root, 1 / (c + root)))
-    return Floquet(2 + 2 * len(translates), _ordered(sigma**halves), found)
+    return Floquet(2 + 2 * len(translates), _ordered(sigma**halves), monodromy)
 
 
 def _ordered(values: Complexes) -> Complexes:

@@ -90,11 +90,11 @@ def linear_response(scene: Scene) -> LinearResponse:
         y = y + shift
         if np.abs(shift / flow.scale).max() < STILL:
             break
-    found, rates = np.zeros_like(acting), 2j * np.pi * np.fft.rfftfreq(many, drives.seconds / many)
+    response, rates = np.zeros_like(acting), 2j * np.pi * np.fft.rfftfreq(many, drives.seconds / many)
     for k in np.flatnonzero(np.abs(acting).max(axis=1) > STILL * np.abs(acting).max()):
         if k:
-            found[k] = np.linalg.lstsq(rates[k] * np.eye(size) - A, acting[k], rcond=None)[0]
-    motion = y + np.fft.irfft(found.T, many).T
+            response[k] = np.linalg.lstsq(rates[k] * np.eye(size) - A, acting[k], rcond=None)[0]
+    motion = y + np.fft.irfft(response.T, many).T
     if not np.all(np.isfinite(motion)):
         raise ComputationError("the linear model has no steady response here")
     links = slice(equations.layout.first, equations.layout.half)
@@ -141,7 +141,7 @@ def follow_forced(
     end.
     """
     require_forced(scene, variation)
-    found, failed = list[Branch](), dict[float, ComputationError]()
+    branches, failed = list[Branch](), dict[float, ComputationError]()
     ends = (variation.values[0], variation.values[-1])
     for value in ends[: 1 if start else 2]:
         try:
@@ -150,17 +150,17 @@ def follow_forced(
         except ComputationError as error:
             failed[value] = error
             continue
-        if any(known(orbit, branch) for branch in found):
+        if any(known(orbit, branch) for branch in branches):
             continue
         points, complete = walked(problem, u, orbit, longest, most, apart)
         points = resolved(problem, points)
         special = tuple(along_cycles(problem, points))
-        found.append(Branch(words, tuple(points), special, problem, variation, complete))
-        report(len(found))
-    if not found:
+        branches.append(Branch(words, tuple(points), special, problem, variation, complete))
+        report(len(branches))
+    if not branches:
         places = " and ".join(f"{value:g}" for value in failed)
         raise ComputationError(f"{variation.path} = {places}: {failed[variation.values[0]]}")
-    return tuple(found)
+    return tuple(branches)
 
 
 @checked

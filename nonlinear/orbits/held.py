@@ -108,9 +108,9 @@ def mode_along(
         raise ComputationError(f"the orbits of mode {number} do not reach {degrees(amplitude):.4g} deg")
     u = np.append(begin.points[-1].u, 0.0)
     up = np.append(np.zeros(len(u) - 1), 1.0)
-    if (found := corrected(problem, u, up)) is None:
+    if (solution := corrected(problem, u, up)) is None:
         raise ComputationError("no periodic orbit was found at the first value")
-    first = Point(found[0], tangent_of(found[1], up), problem.orbit(found[0]))
+    first = Point(solution[0], tangent_of(solution[1], up), problem.orbit(solution[0]))
     points: list[Point] = []
     complete = False
     for here in follow(problem, first, step=LONGEST / 4, longest=LONGEST):
@@ -141,28 +141,28 @@ def _specials(problem: Held, points: Sequence[Point]) -> Iterator[Special]:
     def turning(here: Point) -> float:
         return float(here.tangent[-1])
 
-    for after, (one, other) in enumerate(pairwise(points)):
-        if turning(one) * turning(other) < 0:
-            found = located(problem, one, other, turning)
-            yield Special("fold", found.orbit, after, found, problem.variation.path)
-        mirrored = problem.quarter_at(problem.value(one.u[-1])).parts == 4
+    for after, (start, end) in enumerate(pairwise(points)):
+        if turning(start) * turning(end) < 0:
+            special = located(problem, start, end, turning)
+            yield Special("fold", special.orbit, after, special, problem.variation.path)
+        mirrored = problem.quarter_at(problem.value(start.u[-1])).parts == 4
         for sign in (1, -1):
-            if test := passing(one, other, sign):
-                found = located(problem, one, other, test)
-                turned = sign == (-1 if mirrored else 1) and _energy_turns(problem, one, other)
+            if test := passing(start, end, sign):
+                special = located(problem, start, end, test)
+                turned = sign == (-1 if mirrored else 1) and _energy_turns(problem, start, end)
                 kind, of = ("fold", "energy") if turned else ("branch point", "")
                 if not mirrored and sign < 0:
                     kind = "period doubling"
-                yield Special(kind, found.orbit, after, found, of, breaks=mirrored and sign > 0)
-        for met in collisions(problem, one, other):
+                yield Special(kind, special.orbit, after, special, of, breaks=mirrored and sign > 0)
+        for met in collisions(problem, start, end):
             yield Special("collision", met.orbit, after, met)
 
 
-def _energy_turns(problem: Held, one: Point, other: Point) -> bool:
+def _energy_turns(problem: Held, start: Point, end: Point) -> bool:
     """Whether the energy along the orbits of one scene grows at one point and falls at the other."""
-    before = np.zeros(len(one.u) - 1)
+    before = np.zeros(len(start.u) - 1)
     slopes = []
-    for here in (one, other):
+    for here in (start, end):
         quarter = problem.quarter_at(problem.value(here.u[-1]))
         before = tangent_of(quarter.equations(here.u[:-1])[1], before)
         slopes.append(quarter.energy_slope(here.u[:-1], before))

@@ -119,8 +119,8 @@ def orbit_where_off(scene: Scene, number: int, share: float = 0.01) -> Orbit | N
 
     steps = follow(problem, beginning(problem, modes, row, SMALL), step=SMALL, longest=COARSE)
     inside = takewhile(lambda here: here.orbit.amplitude < FARTHEST, steps)
-    points, found = _until(problem, inside, off, MOST)
-    return points[-1].orbit if found else None
+    points, reached = _until(problem, inside, off, MOST)
+    return points[-1].orbit if reached else None
 
 
 def at_amplitude(branch: Branch, amplitude: float) -> Orbit | None:
@@ -128,8 +128,8 @@ def at_amplitude(branch: Branch, amplitude: float) -> Orbit | None:
     beyond = np.flatnonzero(branch.amplitude >= amplitude)
     if not beyond.size or beyond[0] == 0:
         return None
-    one, other = branch.points[beyond[0] - 1], branch.points[beyond[0]]
-    return located(branch.problem, one, other, lambda here: here.orbit.amplitude - amplitude).orbit
+    before, after = branch.points[beyond[0] - 1], branch.points[beyond[0]]
+    return located(branch.problem, before, after, lambda here: here.orbit.amplitude - amplitude).orbit
 
 
 @checked
@@ -168,7 +168,7 @@ def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> Poi
     phi = phi / np.abs(np.real(shape.angles)).max()
     quarter = 2 * np.pi / problem.parts / modes.omega[row] * problem.clock
     across = np.append(phi, 0.0) / np.linalg.norm(phi)
-    found = point(problem, np.append(amplitude * phi, quarter), across)
-    if found is None:
+    beside = point(problem, np.append(amplitude * phi, quarter), across)
+    if beside is None:
         raise ComputationError(f"no periodic orbit of {degrees(amplitude):.3g} deg was found beside the linear mode")
-    return found
+    return beside

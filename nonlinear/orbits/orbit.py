@@ -155,14 +155,14 @@ class Orbit(Displayed):
 
     def sampled(self, times: Floats) -> Floats:
         """The vectors y (T, d) at ascending times (s), none of them negative."""
-        found, y, now = [], self.y, 0.0
+        rows, y, now = [], self.y, 0.0
         state: list[float] | None = None
         for time in times.tolist():
             if time > now:
                 y, _, state, _ = self.flow(y, np.zeros((len(y), 0)), time - now, state, now)
                 now = time
-            found.append(y)
-        return np.array(found)
+            rows.append(y)
+        return np.array(rows)
 
 
 def quintic(h: Floats, x0: Floats, x1: Floats, v0: Floats, v1: Floats, a0: Floats, a1: Floats) -> Floats:
@@ -180,11 +180,11 @@ def largest(times: Floats, x: Floats, v: Floats, a: Floats) -> Floats:
     powers = quintic(h, *(part[kept] for values in (x, v, a) for part in (values[:-1], values[1:])))
     looks = np.linspace(0, 1, LOOKS + 1)[:, None] ** np.arange(6)
     samples = np.abs(np.tensordot(looks, powers, 1))
-    found = samples.max(axis=(0, 1))
+    angles = samples.max(axis=(0, 1))
     tall = samples.max(axis=0)
-    for step, link in zip(*np.nonzero(tall >= NEARLY * found), strict=True):
+    for step, link in zip(*np.nonzero(tall >= NEARLY * angles), strict=True):
         curve = np.polynomial.Polynomial(powers[:, step, link])
         turns = curve.deriv().roots()
         turns = turns.real[(np.abs(turns.imag) < 1e-9) & (turns.real > 0) & (turns.real < 1)]
-        found[link] = max([found[link], *np.abs(curve(turns))])
-    return np.asarray(found)
+        angles[link] = max([angles[link], *np.abs(curve(turns))])
+    return np.asarray(angles)

@@ -48,26 +48,26 @@ class PatternOrbit(Displayed):
 
     def _summary(self) -> Summary:
         growth = brief(np.array(self.growth))
-        names = ", ".join(one.name for one in self.pattern.sectors)
+        names = ", ".join(sector.name for sector in self.pattern.sectors)
         facts = [("ω (rad/s)", brief(self.orbit.omega)), (f"growth (1/s): {names}", growth)]
         return Summary(f"Periodic orbit, populations {self.pattern.name}", facts)
 
     @cached_property
     def maps(self) -> tuple[Floats, ...]:
         """The map (2k, 2k) of every sector over a period, of the first without the shift of time."""
-        states = [one.states for one in self.pattern.sectors]
-        own = states[0].T @ self.V @ states[0]
+        states = [sector.states for sector in self.pattern.sectors]
+        inside = states[0].T @ self.V @ states[0]
         along = states[0].T @ (self.orbit.path.rates[0] / self.orbit.flow.scale)
-        return deflated(own, [along], []), *(F.T @ self.V @ F for F in states[1:])
+        return deflated(inside, [along], []), *(F.T @ self.V @ F for F in states[1:])
 
     @cached_property
     def multipliers(self) -> tuple[Complexes, ...]:
         """The multipliers of every sector, the largest first, without that of the shift of time."""
-        found = []
-        for one in self.maps:
-            values = np.linalg.eigvals(one).astype(complex)
-            found.append(values[np.argsort(-np.abs(values))])
-        return tuple(found)
+        multipliers = []
+        for sector_map in self.maps:
+            values = np.linalg.eigvals(sector_map).astype(complex)
+            multipliers.append(values[np.argsort(-np.abs(values))])
+        return tuple(multipliers)
 
     @property
     def growth(self) -> tuple[float, ...]:
@@ -92,11 +92,11 @@ class PatternOrbit(Displayed):
     @cached_property
     def amplitudes(self) -> tuple[float, ...]:
         """The largest angle (rad) of the pendula of every population."""
-        found, p = [], 0
-        for one in self.pattern.populations:
-            found.append(float(self.orbit.amplitudes[self.pattern.system.pendulum == p].max()))
-            p += one.halves
-        return tuple(found)
+        amplitudes, p = [], 0
+        for population in self.pattern.populations:
+            amplitudes.append(float(self.orbit.amplitudes[self.pattern.system.pendulum == p].max()))
+            p += population.halves
+        return tuple(amplitudes)
 
 
 def pattern_orbit(
@@ -167,5 +167,5 @@ def free_amplitude(scene: Scene, pendulum: Pendulum) -> float | None:
     """The largest angle (rad) of one pendulum on a support at rest, whose drive sustains it; None for none."""
     require_type("scene", scene, "Scene")
     alone = Scene(gravity=scene.gravity, support=Fixed(), pendulum=(pendulum.replace(position=(0.0, 0.0), on=None),))
-    found = limit_cycles(alone)
-    return max((orbit.amplitude for orbit in found), default=None)
+    cycles = limit_cycles(alone)
+    return max((orbit.amplitude for orbit in cycles), default=None)

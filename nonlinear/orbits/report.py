@@ -31,20 +31,20 @@ WORDS = {"energy": "of the energy", "omega": "of the frequency", "symmetry": "th
 
 def orbits_record(branches: Sequence[Branch]) -> dict[str, Any]:
     """Branches and their special points as numbers for JSON."""
-    special = [(number, one) for number, branch in enumerate(branches) for one in branch.special]
+    special = [(number, met) for number, branch in enumerate(branches) for met in branch.special]
     return {
         "branches": [
             {"from": branch.origin, "points": [_point(branch, orbit) for orbit in branch.orbits]} for branch in branches
         ],
         "special": [
             {
-                "kind": one.kind,
-                "of": one.of or None,
+                "kind": met.kind,
+                "of": met.of or None,
                 "branch": number,
-                "after": one.after,
-                **_point(branches[number], one.orbit),
+                "after": met.after,
+                **_point(branches[number], met.orbit),
             }
-            for number, one in special
+            for number, met in special
         ],
     }
 
@@ -66,7 +66,9 @@ def _point(branch: Branch, orbit: Orbit) -> dict[str, Any]:
         "energy_J": orbit.energy,
         "omega_rad_per_s": orbit.omega,
         "stable": orbit.is_stable,
-        "floquet": [[finite(float(one.real)), finite(float(one.imag))] for one in orbit.floquet.all],
+        "floquet": [
+            [finite(float(multiplier.real)), finite(float(multiplier.imag))] for multiplier in orbit.floquet.all
+        ],
         "residual": orbit.residual,
     }
 
@@ -161,8 +163,8 @@ def _largest(orbit: Orbit) -> float:
 
 
 def _notes(branch: Branch) -> Iterator[str]:
-    for one in branch.special:
-        yield special_words(branch, one)
+    for special in branch.special:
+        yield special_words(branch, special)
     if branch.is_forced:
         yield from _forced_notes(branch)
     if not branch.complete:
@@ -191,13 +193,13 @@ def _forced_notes(branch: Branch) -> Iterator[str]:
         yield f"the branch leaves the range where it began, at {_place(branch, last)}: another fold may lie beyond."
 
 
-def special_words(branch: Branch, one: Special) -> str:
+def special_words(branch: Branch, special: Special) -> str:
     """A special point in one line."""
-    told = one.of and not (branch.is_forced and one.kind == "fold")
-    turns = f" {WORDS.get(one.of, 'of ' + one.of)}" if told else ""
-    before, after = (branch.orbits[at].is_stable for at in (one.after, one.after + 1))
+    told = special.of and not (branch.is_forced and special.kind == "fold")
+    turns = f" {WORDS.get(special.of, 'of ' + special.of)}" if told else ""
+    before, after = (branch.orbits[at].is_stable for at in (special.after, special.after + 1))
     fate = "" if before is after else ", where it becomes stable" if after else ", where it loses its stability"
-    return f"{one.kind}{turns} at {_place(branch, one.orbit)}{fate}."
+    return f"{special.kind}{turns} at {_place(branch, special.orbit)}{fate}."
 
 
 def _place(branch: Branch, orbit: Orbit) -> str:

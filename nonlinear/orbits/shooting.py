@@ -95,16 +95,16 @@ class Shooting:
     @cached_property
     def gained(self) -> Floats:
         """What y gains in a period, in natural units, (d,)."""
-        found, layout = np.zeros(self.size), self.first.equations.layout
+        gain, layout = np.zeros(self.size), self.first.equations.layout
         if self.turns:
-            found[layout.first : layout.half] = 2 * np.pi * np.array(self.turns)
-        return found / self.first.scale
+            gain[layout.first : layout.half] = 2 * np.pi * np.array(self.turns)
+        return gain / self.first.scale
 
     @cached_property
     def free(self) -> Floats:
         """Translations (m) of the cart or the carriers that nothing holds, (k, first)."""
-        found = translations(self.first.system)
-        return found[:0] if self.first.force else found
+        moves = translations(self.first.system)
+        return moves[:0] if self.first.force else moves
 
     # -------------------------------------------------------------------------------------------------- unknowns
 
@@ -188,8 +188,8 @@ class Shooting:
         flow, none = self.flow_at(self.value_at(float(u[-1]) + nudge)), np.zeros((self.size, 0))
         part = self.whole(u) / self.segments
         beside = [flow(y, none, part, start=k * part).y for k, y in enumerate(self.states(u))]
-        found = [(other - end.y) / self.first.scale / nudge for other, end in zip(beside, ends, strict=True)]
-        return np.concatenate(found) + shifted * self._stretch(u[-1])
+        slopes = [(other - end.y) / self.first.scale / nudge for other, end in zip(beside, ends, strict=True)]
+        return np.concatenate(slopes) + shifted * self._stretch(u[-1])
 
     def _shifted(self, k: int, end: Arrival, u: Floats) -> Floats:
         """What a change of the number does to the end of segment k, in natural units, by its time alone."""
@@ -207,12 +207,12 @@ class Shooting:
 
     def _conditions(self, length: int) -> tuple[Floats, Floats]:
         """Rows that fix the phase and the place of the cart, and what they give."""
-        layout, rows, given = self.first.equations.layout, [], np.zeros(length)
+        layout, rows, offsets = self.first.equations.layout, [], np.zeros(length)
         place = layout.first + self.leader
         if self.clock is None:
             rows.append(place if self.passes else layout.half + place)
-            given[place] = self.first.rest[place] / self.first.scale[place] if self.passes else 0.0
-        conditions, offset = np.eye(length)[rows], given[rows]
+            offsets[place] = self.first.rest[place] / self.first.scale[place] if self.passes else 0.0
+        conditions, offset = np.eye(length)[rows], offsets[rows]
         held = np.pad(self._carried, ((0, 0), (0, length - self.size)))
         return np.vstack((conditions, held)), np.append(offset, np.zeros(len(held)))
 
@@ -223,10 +223,10 @@ class Shooting:
 
     def placed(self, y: Floats) -> Floats:
         """The same y moved along what is free to where it starts, the sum of such displacements being 0."""
-        found = y.copy()
+        moved = y.copy()
         for along in self.free:
-            found[: len(along)] -= along * (along @ found[: len(along)] / (along @ along))
-        return found
+            moved[: len(along)] -= along * (along @ moved[: len(along)] / (along @ along))
+        return moved
 
     # -------------------------------------------------------------------------------------------------- solutions
 

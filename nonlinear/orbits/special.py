@@ -37,8 +37,8 @@ class Special(Displayed):
 
     def _summary(self) -> Summary:
         of = f" of {self.of}" if self.of else ""
-        found = self.orbit._summary()
-        return Summary(f"{self.kind.capitalize()}{of} after orbit {self.after}: {found.title}", found.facts)
+        summary = self.orbit._summary()
+        return Summary(f"{self.kind.capitalize()}{of} after orbit {self.after}: {summary.title}", summary.facts)
 
 
 def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Special]:
@@ -59,18 +59,18 @@ def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Specia
     def frequency(here: Point) -> float:
         return float(here.tangent[-1])
 
-    for after, (one, other) in enumerate(pairwise(points)):
-        found: list[Special] = []
-        turned = energy(one) * energy(other) < 0
+    for after, (start, end) in enumerate(pairwise(points)):
+        specials: list[Special] = []
+        turned = energy(start) * energy(end) < 0
         if turned:
-            found.append(_special(problem, one, other, energy, "fold", after, "energy"))
-        if frequency(one) * frequency(other) < 0:
-            found.append(_special(problem, one, other, frequency, "fold", after, "omega"))
+            specials.append(_special(problem, start, end, energy, "fold", after, "energy"))
+        if frequency(start) * frequency(end) < 0:
+            specials.append(_special(problem, start, end, frequency, "fold", after, "omega"))
         for sign, kind, at_folds in kinds:
-            if not (at_folds and turned) and (test := passing(one, other, sign)):
-                found.append(_special(problem, one, other, test, kind, after, breaks=mirrored and sign > 0))
-        found += [Special("collision", met.orbit, after, met) for met in collisions(problem, one, other)]
-        yield from sorted(found, key=lambda each: float((each.point.u - one.u) @ (other.u - one.u)))
+            if not (at_folds and turned) and (test := passing(start, end, sign)):
+                specials.append(_special(problem, start, end, test, kind, after, breaks=mirrored and sign > 0))
+        specials += [Special("collision", met.orbit, after, met) for met in collisions(problem, start, end)]
+        yield from sorted(specials, key=lambda each: float((each.point.u - start.u) @ (end.u - start.u)))
 
 
 def along_cycles(problem: Shooting, points: Sequence[Point], accuracy: float = 1e-10) -> Iterator[Special]:
@@ -85,36 +85,38 @@ def along_cycles(problem: Shooting, points: Sequence[Point], accuracy: float = 1
         return float(here.tangent[-1])
 
     of = problem.variation.path if problem.variation else "energy"
-    for after, (one, other) in enumerate(pairwise(points)):
-        found: list[Special] = []
-        turned = turning(one) * turning(other) < 0
+    for after, (start, end) in enumerate(pairwise(points)):
+        specials: list[Special] = []
+        turned = turning(start) * turning(end) < 0
         if turned:
-            found.append(_special(problem, one, other, turning, "fold", after, of, accuracy=accuracy))
+            specials.append(_special(problem, start, end, turning, "fold", after, of, accuracy=accuracy))
         for sign, kind, taken in ((1, "branch point", turned), (-1, "period doubling", False)):
-            if not taken and (test := passing(one, other, sign)):
-                found.append(_special(problem, one, other, test, kind, after, accuracy=accuracy))
+            if not taken and (test := passing(start, end, sign)):
+                specials.append(_special(problem, start, end, test, kind, after, accuracy=accuracy))
         if problem.conservative:
-            found += [Special("collision", met.orbit, after, met) for met in collisions(problem, one, other, accuracy)]
-        elif met := _circled(problem, one, other, accuracy):
-            found.append(Special("torus", met.orbit, after, met))
-        yield from sorted(found, key=lambda each: float((each.point.u - one.u) @ (other.u - one.u)))
+            specials += [
+                Special("collision", met.orbit, after, met) for met in collisions(problem, start, end, accuracy)
+            ]
+        elif met := _circled(problem, start, end, accuracy):
+            specials.append(Special("torus", met.orbit, after, met))
+        yield from sorted(specials, key=lambda each: float((each.point.u - start.u) @ (end.u - start.u)))
 
 
-def passing(one: Point, other: Point, sign: int) -> Callable[[Point], float] | None:
+def passing(start: Point, end: Point, sign: int) -> Callable[[Point], float] | None:
     """A function that passes 0 where a multiplier passes 1 or −1 between two points; None where none is seen to.
 
     It is det(R ∓ 1), or the margin of the outermost pair where two pass at once, as those of equal pendula do.
     """
     which, margin = (0, 1) if sign > 0 else (1, 0)
-    maps = [here.orbit.floquet.map for here in (one, other)]
-    if np.prod([here.orbit.floquet.meeting[which] for here in (one, other)]) < 0:
+    maps = [here.orbit.floquet.map for here in (start, end)]
+    if np.prod([here.orbit.floquet.meeting[which] for here in (start, end)]) < 0:
         return lambda here: here.orbit.floquet.meeting[which]
     if maps[0].conservative and len(maps[0].margins) and maps[0].is_within[margin] != maps[1].is_within[margin]:
         return lambda here: float(here.orbit.floquet.map.margins[margin])
     return None
 
 
-def collisions(problem: Problem, one: Point, other: Point, accuracy: float = 1e-10) -> Iterator[Point]:
+def collisions(problem: Problem, start: Point, end: Point, accuracy: float = 1e-10) -> Iterator[Point]:
     """Where two pairs of multipliers meet and leave the circle or the real axis, or return.
 
     There a factor of the discriminant passes 0; where that of equal pairs hides it, the number of pairs apart changes.
@@ -124,33 +126,33 @@ def collisions(problem: Problem, one: Point, other: Point, accuracy: float = 1e-
         return lambda here: float(here.orbit.floquet.map.margins[which])
 
     seen = 0
-    before, after = (here.orbit.floquet.map.is_within[2:] for here in (one, other))
+    before, after = (here.orbit.floquet.map.is_within[2:] for here in (start, end))
     for which in (2 + np.flatnonzero(before != after)).tolist():
-        ends = [factor(which)(here) for here in (one, other)]
+        ends = [factor(which)(here) for here in (start, end)]
         if ends[0] * ends[1] < 0:
-            met = located(problem, one, other, factor(which), accuracy)
+            met = located(problem, start, end, factor(which), accuracy)
             if abs(factor(which)(met)) < MEETS * max(map(abs, ends)):
                 seen += 1
                 yield met
-    if not seen and one.orbit.floquet.apart != other.orbit.floquet.apart:
-        yield halved(problem, one, other, lambda here: here.orbit.floquet.apart)
+    if not seen and start.orbit.floquet.apart != end.orbit.floquet.apart:
+        yield halved(problem, start, end, lambda here: here.orbit.floquet.apart)
 
 
-def _circled(problem: Shooting, one: Point, other: Point, accuracy: float) -> Point | None:
+def _circled(problem: Shooting, start: Point, end: Point, accuracy: float) -> Point | None:
     """Where a complex pair of multipliers passes the unit circle; None where a pair grew apart beyond it instead."""
-    if one.orbit.floquet.apart == other.orbit.floquet.apart:
+    if start.orbit.floquet.apart == end.orbit.floquet.apart:
         return None
-    if one.orbit.floquet.closest_pair * other.orbit.floquet.closest_pair < 0:
-        met = located(problem, one, other, lambda here: here.orbit.floquet.closest_pair, accuracy)
+    if start.orbit.floquet.closest_pair * end.orbit.floquet.closest_pair < 0:
+        met = located(problem, start, end, lambda here: here.orbit.floquet.closest_pair, accuracy)
     else:
-        met = halved(problem, one, other, lambda here: here.orbit.floquet.apart)
+        met = halved(problem, start, end, lambda here: here.orbit.floquet.apart)
     return met if abs(met.orbit.floquet.closest_pair) < ON_CIRCLE else None
 
 
 def _special(
     problem: Problem,
-    one: Point,
-    other: Point,
+    start: Point,
+    end: Point,
     test: Callable[[Point], float],
     kind: str,
     after: int,
@@ -159,22 +161,22 @@ def _special(
     breaks: bool = False,
     accuracy: float = 1e-10,
 ) -> Special:
-    found = located(problem, one, other, test, accuracy, crossing=kind == "branch point")
-    if kind == "branch point" and found.orbit.cycles and found.orbit.is_symmetric:
+    met = located(problem, start, end, test, accuracy, crossing=kind == "branch point")
+    if kind == "branch point" and met.orbit.cycles and met.orbit.is_symmetric:
         of, breaks = "symmetry", True
-    return Special(kind, found.orbit, after, found, of, breaks)
+    return Special(kind, met.orbit, after, met, of, breaks)
 
 
-def halved(problem: Problem, one: Point, other: Point, test: Callable[[Point], object]) -> Point:
+def halved(problem: Problem, start: Point, end: Point, test: Callable[[Point], object]) -> Point:
     """The point from which on a test gives another value than at the first one, by bisection."""
-    low, high, before, found = 0.0, 1.0, test(one), other
+    low, high, before, changed = 0.0, 1.0, test(start), end
     for _ in range(HALVINGS):
         try:
-            middle = between(problem, one, other, (low + high) / 2)
+            middle = between(problem, start, end, (low + high) / 2)
         except ComputationError:
             break
         if test(middle) == before:
             low = (low + high) / 2
         else:
-            high, found = (low + high) / 2, middle
-    return found
+            high, changed = (low + high) / 2, middle
+    return changed

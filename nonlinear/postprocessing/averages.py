@@ -36,9 +36,9 @@ def _wide(column: Any, values: Floats) -> Any:
     return column.reshape(-1, *[1] * (values.ndim - 1))
 
 
-def _across(start: Floats, stop: Floats, one: Floats, other: Floats) -> Floats:
+def _across(start: Floats, stop: Floats, low: Floats, high: Floats) -> Floats:
     """Integrals of linear segments."""
-    return np.asarray(_wide(stop - start, one) * (one + other) / 2)
+    return np.asarray(_wide(stop - start, low) * (low + high) / 2)
 
 
 def _placed(times: Floats, values: Floats, at: Floats) -> tuple[Ints, Floats]:
@@ -50,12 +50,12 @@ def _placed(times: Floats, values: Floats, at: Floats) -> tuple[Ints, Floats]:
 
 def _sums(pieces: Floats, begin: Ints, end: Ints) -> Floats:
     """Σ pieces[begin:end] for each pair, from sums of 1, 2, 4, … neighbours; 0 where end ≤ begin."""
-    found, at, left = np.zeros((len(begin), *pieces.shape[1:])), begin.copy(), np.maximum(end - begin, 0)
+    sums, at, left = np.zeros((len(begin), *pieces.shape[1:])), begin.copy(), np.maximum(end - begin, 0)
     size = 1
     while left.any():
         taken = np.flatnonzero(left & size)
-        found[taken] += pieces[at[taken]]
+        sums[taken] += pieces[at[taken]]
         at[taken] += size
         left[taken] -= size
         pieces, size = pieces[:-size] + pieces[size:], 2 * size
-    return found
+    return sums

@@ -84,6 +84,6 @@ def _places(pendulum: Ints) -> tuple[Ints, Ints]:
 
 def _spread(values: Floats, place: tuple[Ints, Ints], counts: tuple[int, int]) -> Floats:
     """Values (T, L, …) over pendula and links, (T, P, n, …), NaN where there is no link."""
-    found = np.full((len(values), *counts, *values.shape[2:]), np.nan)
-    found[:, place[0], place[1]] = values
-    return found
+    spread = np.full((len(values), *counts, *values.shape[2:]), np.nan)
+    spread[:, place[0], place[1]] = values
+    return spread

@@ -71,8 +71,8 @@ def largest_angle(trajectory: Trajectory) -> float:
     times, motion = trajectory.times, trajectory.motion
     if not trajectory.system.spatial:
         return float(np.abs(extremes(times, motion.links, motion.link_rates)).max())
-    if (found := extent_of(trajectory)).between:
-        return found.high
+    if (extent := extent_of(trajectory)).between:
+        return extent.high
     height, _ = extremes(times, motion.links[..., 2], motion.link_rates[..., 2])
     return float(np.arccos(np.clip(height, -1.0, 1.0)).max())
 
@@ -102,10 +102,10 @@ def _on_cubics(trajectory: Trajectory, measured: Measured) -> Floats:
     part = np.linspace(0.0, 1.0, PLACES)
 
     def cubic(values: Floats, rates: Floats) -> Floats:
-        s, h = (own.reshape(*own.shape, *[1] * (values.ndim - 1)) for own in (part[None], gaps[:, None]))
-        one, two, rise, fall = (own[:, None] for own in (values[:-1], values[1:], rates[:-1], rates[1:]))
-        found = one + s * s * (3 - 2 * s) * (two - one) + h * s * (1 - s) * (rise * (1 - s) - fall * s)
-        return found.reshape(len(gaps) * PLACES, *values.shape[1:])
+        s, h = (each.reshape(*each.shape, *[1] * (values.ndim - 1)) for each in (part[None], gaps[:, None]))
+        start, end, rise, fall = (each[:, None] for each in (values[:-1], values[1:], rates[:-1], rates[1:]))
+        places = start + s * s * (3 - 2 * s) * (end - start) + h * s * (1 - s) * (rise * (1 - s) - fall * s)
+        return places.reshape(len(gaps) * PLACES, *values.shape[1:])
 
     links, cart = cubic(motion.links, motion.link_rates), cubic(motion.cart, motion.cart_rate)
     supports = cubic(motion.supports, motion.support_rates)
@@ -118,12 +118,12 @@ def _furthest(trajectory: Trajectory, measured: Measured, equations: Equations, 
     values = side * between
     bend = np.abs(np.diff(values, 2, axis=1)).max(1)
     hopeful = values.max(1) + bend / 4  # a parabola passes its places by an eighth of it, a kink by a fourth
-    found = -np.inf
+    furthest = -np.inf
     order = np.argsort(hopeful, axis=None)[::-1][:STRETCHES]
     for row, column in zip(*np.unravel_index(order, hopeful.shape), strict=True):
-        if hopeful[row, column] > found:
-            found = max(found, _turning(trajectory, measured, equations, int(row), int(column), side))
-    return side * found
+        if hopeful[row, column] > furthest:
+            furthest = max(furthest, _turning(trajectory, measured, equations, int(row), int(column), side))
+    return side * furthest
 
 
 def _turning(
@@ -131,7 +131,7 @@ def _turning(
 ) -> float:
     """The largest of side · quantity from one sample to the next."""
     start, end = trajectory.times[row : row + 2].tolist()
-    state, found = trajectory.motion[row], -np.inf
+    state, furthest = trajectory.motion[row], -np.inf
     for _ in range(CLOSER):
         looks = np.linspace(start, end, LOOKS)
         anew = prepare(trajectory.scene, equations, WAY, state, looks, 1.0).go()
@@ -139,8 +139,8 @@ def _turning(
             raise KeyboardInterrupt
         seen = side * measured(anew.motion)[:, column]
         best = int(np.argmax(seen))
-        found, low, high = max(found, float(seen[best])), max(best - 1, 0), min(best + 1, LOOKS - 1)
-        if found - min(seen[low], seen[high]) < CLOSE:
+        furthest, low, high = max(furthest, float(seen[best])), max(best - 1, 0), min(best + 1, LOOKS - 1)
+        if furthest - min(seen[low], seen[high]) < CLOSE:
             break
         start, end, state = looks[low], looks[high], anew.motion[low]
-    return found
+    return furthest

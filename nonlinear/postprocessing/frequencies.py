@@ -141,8 +141,8 @@ def line(times: ArrayLike, values: ArrayLike, near: float | None = None) -> Line
 
 def lines(times: ArrayLike, values: ArrayLike, count: int) -> tuple[Line, ...]:
     """At most `count` lines, the strongest first, only those that stand out.  Arguments and errors as for `line`."""
-    found = _found(times, values, count + COMPANIONS, None)
-    return tuple(sorted(found, key=lambda one: -one.amplitude)[:count])
+    strongest = _found(times, values, count + COMPANIONS, None)
+    return tuple(sorted(strongest, key=lambda line: -line.amplitude)[:count])
 
 
 def attention(count: int) -> Floats:
@@ -218,8 +218,8 @@ def _spread(signal: _Signal, waves: _Waves) -> Floats:
     length = round(PART * (len(signal.f) - 1)) + 1
     whole, early, late = slice(None), slice(length), slice(-length, None)
     windows = [(whole, order) for order in OTHER_ORDERS] + [(early, ORDER), (late, ORDER)]
-    found = np.array([_refitted(signal, waves, *window) for window in windows])
-    return np.asarray(np.max(np.abs(found - waves.x), axis=0))
+    refitted = np.array([_refitted(signal, waves, *window) for window in windows])
+    return np.asarray(np.max(np.abs(refitted - waves.x), axis=0))
 
 
 def _refitted(signal: _Signal, waves: _Waves, piece: slice, order: int) -> Floats:

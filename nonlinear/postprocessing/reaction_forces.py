@@ -48,12 +48,12 @@ def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floa
         if isinstance(equations, Frictional):
             equations.release(time, y)
         rows.append(equations.derivative(time, y))
-    found = equations.read(np.array(rows))
+    accelerations = equations.read(np.array(rows))
     if system.spatial:
-        return found.cart_rate, found.link_rates
+        return accelerations.cart_rate, accelerations.link_rates
     u, _ = vectors(motion)
     across = np.stack((u[..., 1], -u[..., 0]), axis=-1)
-    pivots = found.cart_rate
+    pivots = accelerations.cart_rate
     if system.structure is not None:
-        pivots = trajectory.mechanics.pivot_accelerations(found.support_rates)
-    return pivots, found.link_rates[..., None] * across - motion.link_rates[..., None] ** 2 * u
+        pivots = trajectory.mechanics.pivot_accelerations(accelerations.support_rates)
+    return pivots, accelerations.link_rates[..., None] * across - motion.link_rates[..., None] ** 2 * u

@@ -82,10 +82,10 @@ def _friction(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     """What dry friction did."""
     if not trajectory.system.rubs:
         return
-    found = trajectory.friction
-    yield "friction", f"took {-found.work.sum():.6g} J; {counted(len(found.link), 'phase', 'phases')} of sticking"
-    if isfinite(found.rest):
-        yield "at rest", f"from {found.rest:.9g} s on"
+    friction = trajectory.friction
+    yield "friction", f"took {-friction.work.sum():.6g} J; {counted(len(friction.link), 'phase', 'phases')} of sticking"
+    if isfinite(friction.rest):
+        yield "at rest", f"from {friction.rest:.9g} s on"
 
 
 def _drift(share: float) -> str:
@@ -100,8 +100,8 @@ def _way(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         yield "start", "an unstable equilibrium: the motion is due to rounding"
     if run.reduced:
         yield "integrated", run.reduced
-    if found := departure(trajectory):
-        yield "symmetry", found.words
+    if symmetry := departure(trajectory):
+        yield "symmetry", symmetry.words
     if run.method == CLOSED:
         yield "integrator", f"none: {run.reason}"
     else:
@@ -114,7 +114,7 @@ def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     where = " from the vertical" if trajectory.system.spatial else ""
     yield "angles", f"{degrees(angles.low):.6g} to {degrees(angles.high):.6g} deg{where}{_at(angles)}"
     if support := trajectory.system.support:
-        moved = [own.displacement(trajectory.times) for _, own in support.motions]
+        moved = [motion.displacement(trajectory.times) for _, motion in support.motions]
         ways = zip(moved, support.ways, strict=True)
         told = " and ".join(f"{places.min():.6g} to {places.max():.6g} m {way}" for places, way in ways)
         yield "support", f"{told}; angles and energies are in its frame"
@@ -125,7 +125,9 @@ def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         yield from _parametric(trajectory)
     if structure := trajectory.system.structure:
         for k, name in enumerate(structure.names):
-            low, high = (float(own[k]) for own in extremes(trajectory.times, motion.supports, motion.support_rates))
+            low, high = (
+                float(extreme[k]) for extreme in extremes(trajectory.times, motion.supports, motion.support_rates)
+            )
             stem, _, unit = name.rpartition("_")
             factor, shown = UNITS.get(unit, (1.0, ""))
             low, high = factor * low, factor * high
@@ -144,7 +146,7 @@ def _parametric(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     scene = trajectory.scene
     if scene.n_links > FEW_LINKS or not scene.is_moved:
         return
-    vertical = any(isinstance(one, SineMotion) and one.direction == "vertical" for one in scene.motions)
+    vertical = any(isinstance(motion, SineMotion) and motion.direction == "vertical" for motion in scene.motions)
     if vertical and not refusals(scene, "a Floquet multiplier"):
         from modal.vibration import parametric_stability
 

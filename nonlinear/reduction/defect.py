@@ -67,7 +67,7 @@ def defect_error(motion: Superposition, duration: float) -> Estimate | None:
         return None
     each = [matrices(plane.scene) for plane in motion.planes]
     steps = max(FEWEST, ceil(duration * _fastest(motion.planes) / (2 * pi) * PER_PERIOD))
-    if steps > MOST or any(is_singular(found.M) for found in each):
+    if steps > MOST or any(is_singular(linear.M) for linear in each):
         return None
     times = np.linspace(0.0, duration, steps + 1)
     with np.errstate(all="ignore"):
@@ -77,17 +77,17 @@ def defect_error(motion: Superposition, duration: float) -> Estimate | None:
 def _estimate(motion: Superposition, each: list[Matrices], times: Floats) -> Estimate:
     system = system_of(motion.scene)
     on = system.first
-    answers = [Answer.of(found, times[1]) for found in each]
+    answers = [Answer.of(linear, times[1]) for linear in each]
     moved = [plane.deflections(times).transpose(0, 2, 1) for plane in motion.planes]
     missed = [np.array(plane.begun) - q[:2, :, 0] for plane, q in zip(motion.planes, moved, strict=True)]
     rounding = _rounding(motion, answers, times, _largest(moved, on)[-1])
     first = _added(system, moved, answers, missed)
     corrected = [q + e for q, e in zip(moved, first, strict=True)]
     second = _added(system, corrected, answers, [0.0 * gap for gap in missed])
-    both = [one + two for one, two in zip(first, second, strict=True)]
-    one, two, at = (_largest(parts, on) for parts in (first, second, both))
-    at = np.nan_to_num(np.maximum(at, two) + rounding, nan=np.inf)
-    return Estimate(times, at, bool(two[-1] <= CONTRACTS * one[-1] + rounding[-1]))
+    both = [e + more for e, more in zip(first, second, strict=True)]
+    before, after, at = (_largest(parts, on) for parts in (first, second, both))
+    at = np.nan_to_num(np.maximum(at, after) + rounding, nan=np.inf)
+    return Estimate(times, at, bool(after[-1] <= CONTRACTS * before[-1] + rounding[-1]))
 
 
 def _added(system: System, moved: list[Floats], answers: list[Answer], missed: list[Floats]) -> list[Floats]:
@@ -141,15 +141,15 @@ class Answer:
     law: Floats
 
     @staticmethod
-    def of(found: Matrices, step: float) -> Answer:
+    def of(linear: Matrices, step: float) -> Answer:
         """By series over a step halved until they converge quickly, which is then doubled as often."""
-        n = len(found.M)
-        law = np.asarray(np.linalg.solve(found.M, np.hstack((-found.K, -found.D, np.eye(n)))), dtype=np.float64)
+        n = len(linear.M)
+        law = np.asarray(np.linalg.solve(linear.M, np.hstack((-linear.K, -linear.D, np.eye(n)))), dtype=np.float64)
         A = step * np.vstack((np.eye(2 * n)[n:], law[:, : 2 * n]))
         halvings = max(0, frexp(float(np.linalg.norm(A, 1)))[1] + 3)
         B = np.vstack((np.zeros((n, n)), step / 2.0**halvings * law[:, 2 * n :]))
-        one, two, three = _series(A / 2.0**halvings)
-        E, hold, ramp = one, two @ B, three @ B
+        grown, held, ramped = _series(A / 2.0**halvings)
+        E, hold, ramp = grown, held @ B, ramped @ B
         for _ in range(halvings):
             E, hold, ramp = E @ E, E @ hold + hold, (E @ ramp + hold + ramp) / 2
         return Answer(E, hold, ramp, law)
@@ -183,8 +183,9 @@ def running(E: Floats, g: Floats) -> Floats:
 def _series(A: Floats) -> tuple[Floats, Floats, Floats]:
     """Σ A^k/k!, Σ A^k/(k+1)! and Σ A^k/(k+2)! of a matrix A with norm below 1/8."""
     term = np.eye(len(A))
-    one, two, three = term, term, term / 2
+    grown, held, ramped = term, term, term / 2
     for k in range(1, TERMS):
         term = term @ A / k
-        one, two, three = one + term, two + term / (k + 1), three + term / ((k + 1) * (k + 2))
-    return one, two, three
+        grown, held = grown + term, held + term / (k + 1)
+        ramped = ramped + term / ((k + 1) * (k + 2))
+    return grown, held, ramped

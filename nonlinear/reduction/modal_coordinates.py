@@ -75,8 +75,8 @@ class ModalMotion(Displayed):
 
     def share_outside(self, at: int) -> Floats:
         """Fraction of the energy outside the at-th mode, (T,)."""
-        own, speed = self.part(at)
-        return self._energy(self.displacement - own, self.velocity - speed) / self.total_energy
+        part, speed = self.part(at)
+        return self._energy(self.displacement - part, self.velocity - speed) / self.total_energy
 
     def _energy(self, q: Floats, v: Floats) -> Floats:
         M, K = self.matrices.M, self.matrices.K
@@ -90,15 +90,15 @@ def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = N
     motion out of the plane and for more coordinates than `modal.assembly.linearization` assembles.
     """
     q, v = deflection(modes.scene, motion)
-    found = modes.matrices
+    linear = modes.matrices
     rows = range(len(modes)) if numbers is None else numbers
     each = [(number, *along_rail(modes, number)) for number in rows]
-    D = None if modes.is_classical or not found.D.any() else found.D
-    projected = [_projected(found.M, D, modes.eigenvalue[number], phi, q, v) for number, _, phi in each]
+    D = None if modes.is_classical or not linear.D.any() else linear.D
+    projected = [_projected(linear.M, D, modes.eigenvalue[number], phi, q, v) for number, _, phi in each]
     none = np.zeros((len(q), 0))
     return ModalMotion(
         modes,
-        found,
+        linear,
         number=np.array([number for number, copies, _ in each for _ in copies], dtype=np.int64),
         copy=np.array([copy for _, copies, _ in each for copy in copies], dtype=np.int64),
         shapes=np.hstack([np.zeros((q.shape[1], 0)), *(phi for _, _, phi in each)]).astype(complex),
@@ -153,9 +153,9 @@ def _projected(M: Floats, D: Floats | None, value: complex, phi: Any, q: Floats,
     if D is None or not (value or (D @ phi).any()):
         dual = M @ np.linalg.solve(phi.T @ M @ phi, phi.T).T
         return q @ dual, v @ dual
-    one = value * M + D
-    dual = np.linalg.solve(phi.T @ (one + value * M) @ phi, phi.T).T
-    z = (1 + (value.imag != 0)) * (q @ (one @ dual) + v @ (M @ dual))
+    weight = value * M + D
+    dual = np.linalg.solve(phi.T @ (weight + value * M) @ phi, phi.T).T
+    z = (1 + (value.imag != 0)) * (q @ (weight @ dual) + v @ (M @ dual))
     return z.real, (value * z).real
 
 

@@ -45,24 +45,24 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
         return [_on_structure(system, planes[0])]
     on = system.first
     starts = [on, 0][: len(planes)]
-    found = [np.zeros(plane.shape[1:]) for plane in planes]
+    residual = [np.zeros(plane.shape[1:]) for plane in planes]
     pull = np.zeros(planes[0].shape[-1])
     felt = np.zeros((2 + system.spatial, len(pull)))
     felt[0], felt[-1] = (planes[0][2, 0] if on else 0.0), -system.gravity
     for group in system.groups:
-        own = [plane.take(first + group.index, axis=1) for plane, first in zip(planes, starts, strict=True)]
-        second, forces, braking = (_spatial if system.spatial else _planar)(group, own, felt, planes[0][1, 0] * on)
+        moved = [plane.take(first + group.index, axis=1) for plane, first in zip(planes, starts, strict=True)]
+        second, forces, braking = (_spatial if system.spatial else _planar)(group, moved, felt, planes[0][1, 0] * on)
         pull += group.block.b.ravel() @ second[0].reshape(group.block.b.size, -1)
-        for whole, first, force in zip(found, starts, forces, strict=True):
+        for whole, first, force in zip(residual, starts, forces, strict=True):
             whole[first:][group.index] = force
         if group.dragged and on:
-            found[0][0] -= braking
+            residual[0][0] -= braking
     if system.cart:
         x, speed, acceleration = planes[0][:, 0]
-        found[0][0] += system.total_mass * acceleration + pull - sum(cart_force(system, x, speed))
+        residual[0][0] += system.total_mass * acceleration + pull - sum(cart_force(system, x, speed))
     if system.modal_damping is not None:
-        found[0] -= modal_drag(system, planes[0][1])
-    return found
+        residual[0] -= modal_drag(system, planes[0][1])
+    return residual
 
 
 def _on_structure(system: System, plane: Floats) -> Floats:
@@ -78,9 +78,9 @@ def _written(system: System) -> Variational:
     return Variational(system)
 
 
-def _planar(group: Group, own: list[Floats], felt: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:
+def _planar(group: Group, moved: list[Floats], felt: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:
     """U'' (2, n, P, T), ρ (1, n, P, T), and the force of drag on the cart (T,)."""
-    q, rate, turn = own[0]
+    q, rate, turn = moved[0]
     theta = q + group.rest[..., None]
     sine, cosine = np.sin(theta), np.cos(theta)
     inward = rate**2
@@ -96,9 +96,9 @@ def _planar(group: Group, own: list[Floats], felt: Floats, cart_rate: Floats) ->
     return second, forces[None], braking
 
 
-def _spatial(group: Group, own: list[Floats], felt: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:
+def _spatial(group: Group, moved: list[Floats], felt: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:
     """U'' (3, n, P, T), ρ (2, n, P, T), and the force of drag on the cart (T,)."""
-    p, rate, turn = np.stack(own, axis=1)
+    p, rate, turn = np.stack(moved, axis=1)
     theta, sigma = np.hypot(*p), group.block.sigma[..., None]
     s, r = factors(theta)
     k = np.where(theta < TINY, 1 / 15 - theta**2 / 210, -(s + 3 * r) / np.maximum(theta, TINY) ** 2)
@@ -119,14 +119,14 @@ def _spatial(group: Group, own: list[Floats], felt: Floats, cart_rate: Floats) -
 def _inertial(group: Group, second: Any, felt: Floats) -> Any:
     """A_ii u_i'' + b_i a_i + l_i Σ_{j>i} b_j u_j'', (d, n, P, T), in one pass down and one up."""
     l, b, A = (values[..., None] for values in (group.block.length, group.block.b, group.block.diagonal))
-    found, a, below = A * second, felt[:, None], 0.0
+    forces, a, below = A * second, felt[:, None], 0.0
     for i in range(group.n):
-        found[:, i] += b[i] * a
+        forces[:, i] += b[i] * a
         a = a + l[i] * second[:, i]
     for i in reversed(range(group.n)):
-        found[:, i] += l[i] * below
+        forces[:, i] += l[i] * below
         below = below + b[i] * second[:, i]
-    return found
+    return forces
 
 
 def _along(a: Any, b: Any) -> Any:

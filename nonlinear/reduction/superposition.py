@@ -170,7 +170,7 @@ def swings(scene: Scene, start: State, *, corrected: bool) -> list[Swing]:
     modes, here = natural_modes(scene), _instant(start)
     drifting = [number for number in range(len(modes)) if _drifts(scene, modes, number)]
     try:
-        found = modal_motion(here, modes, [number for number in range(len(modes)) if number not in drifting])
+        projected = modal_motion(here, modes, [number for number in range(len(modes)) if number not in drifting])
     except np.linalg.LinAlgError:
         raise ComputationError(INCOMPLETE) from None
     kappa = [mode.kappa if corrected and np.isfinite(mode.kappa) else 0.0 for mode in modes]
@@ -183,7 +183,9 @@ def swings(scene: Scene, start: State, *, corrected: bool) -> list[Swing]:
             rate,
             scene.has_damping and not modes.is_classical,
         )
-        for number, phi, eta, rate in zip(found.number, found.shapes.T, found.coordinate[0], found.rate[0], strict=True)
+        for number, phi, eta, rate in zip(
+            projected.number, projected.shapes.T, projected.coordinate[0], projected.rate[0], strict=True
+        )
     ]
     each += [_drift(scene, modes, number, *deflection(scene, here)) for number in drifting]
     _validate(each, *deflection(scene, here))
@@ -214,7 +216,7 @@ def _drift(scene: Scene, modes: Modes, number: int, q: Floats, v: Floats) -> Swi
 
 
 def _validate(each: list[Swing], q: Floats, v: Floats) -> None:
-    linear = [replace(one, kappa=0.0) for one in each]
-    missing = np.array([q, v]) - sum(one.motion(np.zeros(1))[:2] for one in linear)
+    linear = [replace(swing, kappa=0.0) for swing in each]
+    missing = np.array([q, v]) - sum(swing.motion(np.zeros(1))[:2] for swing in linear)
     if not all(np.abs(gap).max() <= SPANNED * max(np.abs(q).max(), np.abs(v).max()) for gap in missing):
         raise ComputationError(INCOMPLETE)

@@ -74,10 +74,10 @@ class Turning:
 
 def above(values: Floats) -> Floats:
     """The sum over all links above each one, along the last axis."""
-    found = np.empty_like(values)
-    found[..., 0] = 0.0
-    np.cumsum(values[..., :-1], axis=-1, out=found[..., 1:])
-    return found
+    sums = np.empty_like(values)
+    sums[..., 0] = 0.0
+    np.cumsum(values[..., :-1], axis=-1, out=sums[..., 1:])
+    return sums
 
 
 def _rows(values: Floats) -> Floats:
@@ -143,8 +143,8 @@ class Truncated:
         half, rates = equations.layout.half, equations.derivative(time, equations.begin(self.state(y)))
         q = np.concatenate((y[:R] @ self.carriers.T, self.rest + y[:R] @ self.links.T))
         p = momenta.momenta(np.broadcast_to(q[:, None], (half, R)), self.shapes)
-        found = np.linalg.solve(self.shapes.T @ p, p.T @ rates[half : 2 * half])
-        return np.concatenate((y[R : 2 * R], found, rates[2 * half :]))
+        accelerations = np.linalg.solve(self.shapes.T @ p, p.T @ rates[half : 2 * half])
+        return np.concatenate((y[R : 2 * R], accelerations, rates[2 * half :]))
 
     def derivative(self, time: float, y: Floats) -> Floats:
         """The derivative y', (size,)."""
@@ -155,15 +155,15 @@ class Truncated:
         M = self._constant.copy()
         on_cart, on_links, power = acting(self.system, state, push)
         force = on_links @ self.links + on_cart * self.cart
-        for one in self.turnings:
-            place = one.group.index.T
-            mass, pull = one.equations(self.cart, state.links[place], state.link_rates[place], self.system.gravity)
+        for turning in self.turnings:
+            place = turning.group.index.T
+            mass, pull = turning.equations(self.cart, state.links[place], state.link_rates[place], self.system.gravity)
             M, force = M + mass, force + pull
         try:
-            found = np.linalg.solve(M, force)
+            accelerations = np.linalg.solve(M, force)
         except np.linalg.LinAlgError:
             raise ComputationError("the reduced mass matrix is singular: keep fewer modes") from None
-        return np.concatenate((y[R : 2 * R], found, [power] * self.works))
+        return np.concatenate((y[R : 2 * R], accelerations, [power] * self.works))
 
     def state(self, y: Floats) -> State:
         """The state of one vector y."""

@@ -114,7 +114,7 @@ class Survey(Displayed):
     @cached_property
     def value(self) -> Any:
         """λ of every shape (rad/s), (C,)."""
-        return self.modes.eigenvalue[[one.mode - 1 for one in self.kept]]
+        return self.modes.eigenvalue[[shape.mode - 1 for shape in self.kept]]
 
     @cached_property
     def swings(self) -> Floats:
@@ -154,11 +154,11 @@ class Survey(Displayed):
 
     def judging(self, run: Trajectory, count: int, looked: Floats) -> Ints:
         """The shapes of the second run for a run in the first `count`: these, and those that it excites."""
-        left, found = self.excitation(run, np.arange(count), looked)
-        reached = found.angles > REACHED
+        left, survey = self.excitation(run, np.arange(count), looked)
+        reached = survey.angles > REACHED
         near = self.swings[left] <= (1 + 2 * NEAR) * self.swings[:count].max()
         grows = np.flatnonzero(self.value.real > 0)
-        more = left[reached & near], left[excited(np.where(reached, found.angles, 0.0), LEFT)]
+        more = left[reached & near], left[excited(np.where(reached, survey.angles, 0.0), LEFT)]
         return np.unique(np.concatenate((np.arange(count), grows, *more)))
 
     def cheap(self, judging: Ints) -> bool:
@@ -280,11 +280,11 @@ def _within(elapsed: Floats, values: Floats, period: float) -> Floats:
 
 
 def _validate(scene: Scene, method: str) -> None:
-    found = refusals(scene, "motion in a few modes")
+    mistakes = refusals(scene, "motion in a few modes")
     if method not in SCIPY:
-        found.append(f"method {method}: must be one of {', '.join(SCIPY)}")
-    if found:
-        raise SceneError(found)
+        mistakes.append(f"method {method}: must be one of {', '.join(SCIPY)}")
+    if mistakes:
+        raise SceneError(mistakes)
 
 
 @checked

@@ -57,7 +57,7 @@ class ActingForce:
             if place.link in where:
                 row, column = where[place.link]
                 columns.setdefault((row, place.below), []).append(column)
-        return [Spot(row, np.array(own), below) for (row, below), own in columns.items()]
+        return [Spot(row, np.array(pendula), below) for (row, below), pendula in columns.items()]
 
 
 def acting_forces(scene: Scene) -> tuple[ActingForce, ...]:
@@ -68,10 +68,10 @@ def acting_forces(scene: Scene) -> tuple[ActingForce, ...]:
 
     return tuple(
         ActingForce(
-            tuple(places_of(scene, one.on)),
-            DIRECTIONS.get(one.direction),
-            prescribed_motion(one),
-            carrier_end(scene, one.on) if scene.is_structured else None,
+            tuple(places_of(scene, force.on)),
+            DIRECTIONS.get(force.direction),
+            prescribed_motion(force),
+            carrier_end(scene, force.on) if scene.is_structured else None,
         )
-        for one in scene.force
+        for force in scene.force
     )

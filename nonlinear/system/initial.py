@@ -91,10 +91,10 @@ def _of_copies(scene: Scene, pendulum: Pendulum) -> Floats:
         return np.tile(each, (pendulum.count, 1))
     rest = np.array([(0.0 if way == "down" else 180.0) for way in pendulum.ways])
     psi = 2 * pi * np.arange(pendulum.count)[:, None] / pendulum.count
-    found = np.zeros((pendulum.count, pendulum.n_links, 3))
-    found[..., 0] = rest + (each[:, 0] - rest) * np.cos(psi)
-    found[..., 1] = -(each[:, 0] - rest) * _first_frequency(scene.gravity, pendulum) * np.sin(psi)
-    return found.reshape(-1, 3)
+    starts = np.zeros((pendulum.count, pendulum.n_links, 3))
+    starts[..., 0] = rest + (each[:, 0] - rest) * np.cos(psi)
+    starts[..., 1] = -(each[:, 0] - rest) * _first_frequency(scene.gravity, pendulum) * np.sin(psi)
+    return starts.reshape(-1, 3)
 
 
 @lru_cache(maxsize=64)
@@ -127,13 +127,13 @@ def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
     >>> [round(degrees(angle), 9) for angle in state.links]
     [30.0, 45.0]
     """
-    given, total = np.array(angles_deg, dtype=float), scene.n_links
+    asked, total = np.array(angles_deg, dtype=float), scene.n_links
     sizes = {pendulum.n_links for pendulum in scene.pendulum}
     accepted = sorted({total, *(sizes if len(sizes) == 1 else ())})
-    if given.size not in accepted:
-        size = counted(given.size, "angle", "angles")
+    if asked.size not in accepted:
+        size = counted(asked.size, "angle", "angles")
         raise SceneError([f"start: has {size}: this scene needs {' or '.join(map(str, accepted))}"])
-    angles = np.deg2rad(np.tile(given, total // given.size))
+    angles = np.deg2rad(np.tile(asked, total // asked.size))
     state = State(angles, np.zeros(total))
     if scene.is_structured:
         none = np.zeros(structure_of(scene).size)

@@ -78,27 +78,27 @@ class Numbers(Displayed):
     def at(self, members: Any) -> Numbers:
         """Those of some members: a slice or indices."""
         taken = (
-            tuple(entry[members] if isinstance(entry, np.ndarray) else entry for entry in own)
-            for own in (self.entries, self.prescribed, self.switching)
+            tuple(entry[members] if isinstance(entry, np.ndarray) else entry for entry in entries)
+            for entries in (self.entries, self.prescribed, self.switching)
         )
         return Numbers(self.system, *taken)
 
     @cached_property
     def arrays(self) -> System:
         """The system with these in its arrays: (n, P, 1), or (n, P, S) where members differ."""
-        found = system_with(self.system, [_spread(entry) for entry in self._even], tail=True)
-        return with_prescribed(found, self.prescribed)
+        system = system_with(self.system, [_spread(entry) for entry in self._even], tail=True)
+        return with_prescribed(system, self.prescribed)
 
     @property
     def _even(self) -> list[Any]:
         """The entries, of each field either all arrays or none."""
-        links, found = self.system.n_links, list(self.entries)
-        count = max((len(found[k]) for k in self.varied), default=1)
+        links, entries = self.system.n_links, list(self.entries)
+        count = max((len(entries[k]) for k in self.varied), default=1)
         for at in range(BEFORE, BEFORE + len(FIELDS) * links, links):
-            own = found[at : at + links]
-            if any(isinstance(entry, np.ndarray) for entry in own):
-                found[at : at + links] = [np.broadcast_to(entry, count) for entry in own]
-        return found
+            field = entries[at : at + links]
+            if any(isinstance(entry, np.ndarray) for entry in field):
+                entries[at : at + links] = [np.broadcast_to(entry, count) for entry in field]
+        return entries
 
 
 def _spread(entry: Any) -> Any:
@@ -110,31 +110,34 @@ def numbers_of(
 ) -> Numbers:
     """The numbers of a scene, with arrays (S,) of `values` at some of its places and D_modal (S, n, n)."""
     validate_scene(scene)
-    given: Values = values or {}
+    replaced: Values = values or {}
     cart = [0.0, 0.0, 0.0]
     if scene.cart is not None:
-        cart = [given.get(("support", name), getattr(scene.cart, name)) for name in ("mass", "damping", "stiffness")]
+        cart = [replaced.get(("support", name), getattr(scene.cart, name)) for name in ("mass", "damping", "stiffness")]
     rows = [
         row
         for p, pendulum in enumerate(scene.pendulum)
         for row in [
-            _row(link, {place[4:]: own for place, own in given.items() if place[:4] == ("pendulum", p, "links", i)})
+            _row(
+                link,
+                {place[4:]: value for place, value in replaced.items() if place[:4] == ("pendulum", p, "links", i)},
+            )
             for i, link in enumerate(pendulum.links)
             for _ in range(link.count)
         ]
         * pendulum.count
     ]
     fields = [entry for field in zip(*rows, strict=True) for entry in field]
-    own = system or system_of(scene)
+    base = system or system_of(scene)
     if modal is not None:
-        own = replace(own, modal_damping=modal[0])
-    prescribed = _prescribed(own, _places_of_prescribed(scene), given, modal)
+        base = replace(base, modal_damping=modal[0])
+    prescribed = _prescribed(base, _places_of_prescribed(scene), replaced, modal)
     rest: list[Any] = []
-    if own.structure is not None:
-        rest = structured(own.structure)
-        for k, names in enumerate(_places_of_structure(scene, own.structure)):
-            rest[k] = next((given[name] for name in names if name in given), rest[k])
-    return Numbers(own, (given.get(("gravity",), scene.gravity), *cart, *fields, *rest), prescribed)
+    if base.structure is not None:
+        rest = structured(base.structure)
+        for k, names in enumerate(_places_of_structure(scene, base.structure)):
+            rest[k] = next((replaced[name] for name in names if name in replaced), rest[k])
+    return Numbers(base, (replaced.get(("gravity",), scene.gravity), *cart, *fields, *rest), prescribed)
 
 
 @checked
@@ -154,14 +157,14 @@ def _places_of_prescribed(scene: Scene) -> list[Place]:
     return [*scene.motion_places, *(("force", k) for k in range(len(scene.force)))]
 
 
-def _prescribed(system: System, places: Sequence[Place], given: Values, modal: Floats | None) -> tuple[Any, ...]:
+def _prescribed(system: System, places: Sequence[Place], replaced: Values, modal: Floats | None) -> tuple[Any, ...]:
     D = _modal_of(system)
     if modal is not None:
-        D = [own if np.any(own != own[0]) else float(own[0]) for own in modal.reshape(len(modal), -1).T]
+        D = [column if np.any(column != column[0]) else float(column[0]) for column in modal.reshape(len(modal), -1).T]
     if not system.is_analytic:
         return (*D,)
     constants = [
-        given[(*place, name)] * unit if (*place, name) in given else constant
+        replaced[(*place, name)] * unit if (*place, name) in replaced else constant
         for place, motion in zip(places, system.prescribed, strict=True)
         for (name, unit), constant in zip(motion.units.items(), motion.constants, strict=True)
     ]
@@ -186,10 +189,10 @@ def entries_of(system: System) -> list[float]:
     fields = np.zeros((len(FIELDS), system.n_links))
     for group in system.groups:
         drive, quadratic = group.excitation, group.quadratic_drag
-        own = {name: getattr(group.block, name) for name in FIELDS if hasattr(group.block, name)}
-        own |= {"strength": drive.strength, "curb": drive.curb} if drive else {}
-        own |= {} if quadratic is None else {"quadratic_drag": quadratic}
-        for name, values in own.items():
+        law = {name: getattr(group.block, name) for name in FIELDS if hasattr(group.block, name)}
+        law |= {"strength": drive.strength, "curb": drive.curb} if drive else {}
+        law |= {} if quadratic is None else {"quadratic_drag": quadratic}
+        for name, values in law.items():
             fields[FIELDS.index(name), group.index] = values
     cart = map(float, system.cart or (0.0, 0.0, 0.0))
     rest = [] if system.structure is None else structured(system.structure)
@@ -201,32 +204,35 @@ def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
     validate_scenes(scenes)
     system = system_of(scenes[0])
     each = [numbers_of(scene) for scene in scenes]
-    return Numbers(system, _joined([own.entries for own in each]), _joined([own.prescribed for own in each]))
+    return Numbers(
+        system, _joined([numbers.entries for numbers in each]), _joined([numbers.prescribed for numbers in each])
+    )
 
 
 def _joined(rows: Sequence[Sequence[Any]]) -> tuple[Any, ...]:
     """Column by column one number, or an array where they differ."""
     return tuple(
-        column[0] if all(own == column[0] for own in column) else np.array(column) for column in zip(*rows, strict=True)
+        column[0] if all(entry == column[0] for entry in column) else np.array(column)
+        for column in zip(*rows, strict=True)
     )
 
 
-def _row(link: AnyLink, given: Mapping[tuple[Any, ...], Floats]) -> list[Any]:
+def _row(link: AnyLink, replaced: Mapping[tuple[Any, ...], Floats]) -> list[Any]:
     """The entries of one link, with other values at some of its places."""
     mass, length, damping, stiffness = (
-        given.get((name,), getattr(link, name)) for name in ("mass", "length", "damping", "stiffness")
+        replaced.get((name,), getattr(link, name)) for name in ("mass", "length", "damping", "stiffness")
     )
     if isinstance(link, Body):
-        centre, inertia = (given.get((name,), getattr(link, name)) for name in ("centre", "inertia"))
+        centre, inertia = (replaced.get((name,), getattr(link, name)) for name in ("centre", "inertia"))
     else:
         centre, inertia = link.proportions(mass, length)
     strength: Any = 0.0
     curb: Any = 0.0
     if link.drive is not None and not isinstance(link.drive, Escapement):
-        strength = given.get(("drive", "strength"), link.drive.strength)
-        angle = given.get(("drive", "angle_deg"))
+        strength = replaced.get(("drive", "strength"), link.drive.strength)
+        angle = replaced.get(("drive", "angle_deg"))
         curb = strength / (radians(link.drive.angle_deg) if angle is None else np.radians(angle)) ** 2
-    drag = (given.get((name,), getattr(link, name)) for name in DRAG)
+    drag = (replaced.get((name,), getattr(link, name)) for name in DRAG)
     return [mass, length, centre, inertia, damping, stiffness, strength, curb, *drag]
 
 
@@ -242,22 +248,23 @@ def system_with(system: System, entries: Sequence[Any], tail: bool = False) -> S
 
 def with_prescribed(system: System, prescribed: Sequence[Any]) -> System:
     """The same system with other entries of D_modal, (n, n) or (n, n, S), and other constants of what is prescribed."""
-    rest, found = [*prescribed], system
+    rest, changed = [*prescribed], system
     if system.modal_damping is not None and rest:
         count = np.size(system.modal_damping)
-        own, rest = rest[:count], rest[count:]
-        D = np.array(np.broadcast_arrays(*own)) if any(isinstance(one, np.ndarray) for one in own) else _stacked(own)
-        found = replace(found, modal_damping=D.reshape(*np.shape(system.modal_damping), *D.shape[1:]))
+        entries, rest = rest[:count], rest[count:]
+        varied = any(isinstance(entry, np.ndarray) for entry in entries)
+        D = np.array(np.broadcast_arrays(*entries)) if varied else _stacked(entries)
+        changed = replace(changed, modal_damping=D.reshape(*np.shape(system.modal_damping), *D.shape[1:]))
     if not rest:
-        return found
+        return changed
     constants = iter(rest)
-    motions = [one.with_constants([next(constants) for _ in one.constants]) for one in system.prescribed]
+    motions = [motion.with_constants([next(constants) for _ in motion.constants]) for motion in system.prescribed]
     support, forces = system.support, system.forces
     if support:
         moved = zip(support.directions, motions[: len(motions) - len(forces)], strict=True)
         support = replace(support, motions=tuple(moved))
     acting = zip(forces, motions[len(motions) - len(forces) :], strict=True)
-    return replace(found, support=support, forces=tuple(replace(one, motion=motion) for one, motion in acting))
+    return replace(changed, support=support, forces=tuple(replace(force, motion=motion) for force, motion in acting))
 
 
 # ------------------------------------------------------------------------------------------------------ structures
@@ -265,33 +272,35 @@ def with_prescribed(system: System, prescribed: Sequence[Any]) -> System:
 
 def structured(structure: Structure) -> list[Any]:
     """The numbers of a structure, in order."""
-    found: list[Any] = []
+    numbers: list[Any] = []
     for carrier in structure.carriers:
-        found += [*carrier.position, carrier.mass, carrier.inertia, carrier.length, *carrier.centre]
-        found += [*carrier.stiffness, *carrier.damping]
-        found += [own for part in _modal(carrier) for own in np.ravel(part).tolist()]
+        numbers += [*carrier.position, carrier.mass, carrier.inertia, carrier.length, *carrier.centre]
+        numbers += [*carrier.stiffness, *carrier.damping]
+        numbers += [entry for part in _modal(carrier) for entry in np.ravel(part).tolist()]
     for pivot in _pivots(structure):
-        found += [] if isinstance(pivot.where, int) else pivot.where
+        numbers += [] if isinstance(pivot.where, int) else pivot.where
     for spring in structure.springs:
-        found += [spring.stiffness, spring.damping, *(own for end in spring.ends for own in _of_end(end))]
-    return found
+        numbers += [spring.stiffness, spring.damping, *(entry for end in spring.ends for entry in _of_end(end))]
+    return numbers
 
 
 def structure_with(structure: Structure, numbers: Sequence[Any]) -> Structure:
     """The same structure with other numbers: of pendula that hang from one point these stay one."""
-    given = iter(numbers)
+    entries = iter(numbers)
 
     def take(count: int) -> tuple[Any, ...]:
-        return tuple(next(given) for _ in range(count))
+        return tuple(next(entries) for _ in range(count))
 
     carriers = []
-    for one in structure.carriers:
+    for carrier in structure.carriers:
         position, (mass, inertia, length), centre = take(2), take(3), take(2)
-        stiffness, damping = take(len(one.stiffness)), take(len(one.damping))
-        arrays = [_stacked([_single(own) for own in take(part.size)]).reshape(part.shape) for part in _modal(one)]
+        stiffness, damping = take(len(carrier.stiffness)), take(len(carrier.damping))
+        arrays = [
+            _stacked([_single(entry) for entry in take(part.size)]).reshape(part.shape) for part in _modal(carrier)
+        ]
         modal = dict(zip(("M", "K", "D", "points"), arrays, strict=False))
         law = {"stiffness": stiffness, "damping": damping, "centre": centre, "position": position, **modal}
-        carriers.append(replace(one, mass=mass, inertia=inertia, length=length, **law))
+        carriers.append(replace(carrier, mass=mass, inertia=inertia, length=length, **law))
     pivots = {
         id(pivot): pivot if isinstance(pivot.where, int) else Pivot(pivot.carrier, take(2))
         for pivot in _pivots(structure)
@@ -301,12 +310,12 @@ def structure_with(structure: Structure, numbers: Sequence[Any]) -> Structure:
         stiffness, damping = take(2)
         first, second = (_end_with(end, take(len(_of_end(end)))) for end in spring.ends)
         springs.append(spring._replace(stiffness=stiffness, damping=damping, ends=(first, second)))
-    return Structure(tuple(carriers), tuple(pivots[id(own)] for own in structure.pivots), tuple(springs))
+    return Structure(tuple(carriers), tuple(pivots[id(pivot)] for pivot in structure.pivots), tuple(springs))
 
 
-def _single(own: Any) -> Any:
+def _single(entry: Any) -> Any:
     """A number that no two members have different, by itself."""
-    return float(own[0]) if isinstance(own, np.ndarray) else own
+    return float(entry[0]) if isinstance(entry, np.ndarray) else entry
 
 
 def _modal(carrier: CarrierNumbers) -> list[Floats]:
@@ -335,27 +344,27 @@ def _end_with(end: End, numbers: tuple[Any, ...]) -> End:
 
 def dampers_of(structure: Structure) -> list[int]:
     """Which of its numbers are those of dampers."""
-    found: list[int] = []
+    dampers: list[int] = []
     at = 0
     for carrier in structure.carriers:
         at += 7 + len(carrier.stiffness)
-        found += range(at, at + len(carrier.damping))
+        dampers += range(at, at + len(carrier.damping))
         at += len(carrier.damping)
         for name in ("M", "K", "D", "points"):
             part = getattr(carrier, name)
             if part is not None:
-                found += range(at, at + part.size) if name == "D" else ()
+                dampers += range(at, at + part.size) if name == "D" else ()
                 at += part.size
     at += sum(2 for pivot in _pivots(structure) if not isinstance(pivot.where, int))
     for spring in structure.springs:
-        found.append(at + 1)
+        dampers.append(at + 1)
         at += 2 + sum(len(_of_end(end)) for end in spring.ends)
-    return found
+    return dampers
 
 
 def structure_places(scene: Scene) -> list[tuple[int, Place]]:
     """Which entries are numbers of a structure that have a place in the scene, and that place."""
-    structure, links = structure_of(scene), sum(one.n_links * one.count for one in scene.pendulum)
+    structure, links = structure_of(scene), sum(pendulum.n_links * pendulum.count for pendulum in scene.pendulum)
     first = BEFORE + len(FIELDS) * links
     several = isinstance(scene.support, tuple)
     return [
@@ -367,7 +376,7 @@ def structure_places(scene: Scene) -> list[tuple[int, Place]]:
 
 def _places_of_structure(scene: Scene, structure: Structure) -> list[list[Place]]:
     """Where the scene has each number of its structure: every name that it may go by."""
-    found: list[list[Place]] = []
+    places: list[list[Place]] = []
     for k, carrier in enumerate(structure.carriers):
         heads: list[Place] = [("support", k), ("support",)] if len(structure.carriers) == 1 else [("support", k)]
         names: list[Place] = [("position", 0), ("position", 1), ("mass",), ("inertia",), ("length",)]
@@ -376,32 +385,32 @@ def _places_of_structure(scene: Scene, structure: Structure) -> list[list[Place]
             names += (
                 [(law, way) for way in PLATFORM] if carrier.kind == "platform" else [(law,)] * len(carrier.stiffness)
             )
-        found += [[(*head, *name) for head in heads] for name in names]
-        found += [[] for part in _modal(carrier) for _ in range(part.size)]
+        places += [[(*head, *name) for head in heads] for name in names]
+        places += [[] for part in _modal(carrier) for _ in range(part.size)]
     first = 0
     for p, pendulum in enumerate(scene.pendulum):
         if not isinstance(structure.pivots[first].where, int):
-            found += [[("pendulum", p, "position", k)] for k in (0, 1)]
+            places += [[("pendulum", p, "position", k)] for k in (0, 1)]
         first += pendulum.count
     for spring in structure.springs:
-        found += [[("spring", spring.entry, name)] for name in ("stiffness", "damping")]
-        found += [[] for end in spring.ends for _ in _of_end(end)]
-    return found
+        places += [[("spring", spring.entry, name)] for name in ("stiffness", "damping")]
+        places += [[] for end in spring.ends for _ in _of_end(end)]
+    return places
 
 
-def _stacked(own: Sequence[Any], tail: bool = False) -> Any:
+def _stacked(entries: Sequence[Any], tail: bool = False) -> Any:
     if tail:
-        return np.stack(own)
-    plain = all(isinstance(entry, float) for entry in own)
-    found = np.empty(len(own), dtype=float if plain else object)
-    found[:] = own
-    return found
+        return np.stack(entries)
+    plain = all(isinstance(entry, float) for entry in entries)
+    stack = np.empty(len(entries), dtype=float if plain else object)
+    stack[:] = entries
+    return stack
 
 
 def _group(group: Group, fields: Mapping[str, Any], tail: bool) -> Group:
-    own = {name: values[group.index] for name, values in fields.items()}
-    strength, curb, quadratic = (own.pop(name) for name in ("strength", "curb", "quadratic_drag"))
+    values_of = {name: values[group.index] for name, values in fields.items()}
+    strength, curb, quadratic = (values_of.pop(name) for name in ("strength", "curb", "quadratic_drag"))
     sigma = group.block.sigma[..., None] if tail else group.block.sigma
     drive = group.excitation and replace(group.excitation, strength=strength, curb=curb)
-    block = replace(group.block, sigma=sigma, **own)
+    block = replace(group.block, sigma=sigma, **values_of)
     return replace(group, block=block, excitation=drive, quadratic_drag=quadratic if np.any(quadratic) else None)

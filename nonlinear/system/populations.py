@@ -62,15 +62,19 @@ def populations_of(scene: Scene) -> tuple[Population, ...]:
     number = 0
     for pendulum in scene.pendulum:
         kind = pendulum.replace(start=None, count=1, position=(0.0, 0.0), on=None)
-        own = members.setdefault((structure.pivots[number].carrier, kind), [])
-        own += range(number, number + pendulum.count)
+        numbers = members.setdefault((structure.pivots[number].carrier, kind), [])
+        numbers += range(number, number + pendulum.count)
         number += pendulum.count
     names = scene.support_names
     return tuple(
         Population(
-            carrier, names[carrier], kind, np.array(own), _move_alike(structure, [structure.pivots[p] for p in own])
+            carrier,
+            names[carrier],
+            kind,
+            np.array(numbers),
+            _move_alike(structure, [structure.pivots[p] for p in numbers]),
         )
-        for (carrier, kind), own in members.items()
+        for (carrier, kind), numbers in members.items()
     )
 
 
@@ -84,9 +88,9 @@ def _move_alike(structure: Structure, pivots: Sequence[Pivot]) -> bool:
 def unrepresented(scene: Scene) -> Iterator[str]:
     """Why no few pendula can stand for the populations of a structured scene; nothing where they can."""
     require_type("scene", scene, "Scene")
-    for one in populations_of(scene):
-        if not one.are_alike:
-            yield f"the pendula of {one.name} hang from points that move differently"
+    for population in populations_of(scene):
+        if not population.are_alike:
+            yield f"the pendula of {population.name} hang from points that move differently"
     if any(isinstance(parse_point(end), Point) for spring in scene.spring for end in spring.between):
         yield "springs end at pendula"
     if scene.has_modal_damping:
@@ -108,9 +112,9 @@ def representatives(scene: Scene) -> Scene:
     if reasons := list(unrepresented(scene)):
         raise ComputationError(f"no few pendula stand for the others: {'; '.join(reasons)}")
     first = np.cumsum([0, *(pendulum.count for pendulum in scene.pendulum)])
-    found = []
-    for one in populations_of(scene):
-        own = scene.pendulum[int(np.searchsorted(first, one.pendula[0], "right")) - 1]
-        links = tuple(link.heavier(one.size / one.halves) for link in own.links)
-        found.append(own.replace(count=one.halves, links=links, start=None))
-    return scene.replace(pendulum=tuple(found))
+    pendula = []
+    for population in populations_of(scene):
+        drawn = scene.pendulum[int(np.searchsorted(first, population.pendula[0], "right")) - 1]
+        links = tuple(link.heavier(population.size / population.halves) for link in drawn.links)
+        pendula.append(drawn.replace(count=population.halves, links=links, start=None))
+    return scene.replace(pendulum=tuple(pendula))

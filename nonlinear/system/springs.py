@@ -67,9 +67,9 @@ def ends_may_meet(system: Grouped) -> bool:
     for spring in system.structure.springs:
         if spring.torsion or not np.any(spring.stiffness) or not any(isinstance(end, LinkEnd) for end in spring.ends):
             continue
-        one, other = (drawn_place(system, end) for end in spring.ends)
-        if one is not None and other is not None and not drawn_together(one, other):
-            length = np.min(np.hypot(np.subtract(one[0], other[0]), np.subtract(one[1], other[1])))
+        first, second = (drawn_place(system, end) for end in spring.ends)
+        if first is not None and second is not None and not drawn_together(first, second):
+            length = np.min(np.hypot(np.subtract(first[0], second[0]), np.subtract(first[1], second[1])))
             if length <= sum(_reach(system, end) for end in spring.ends):
                 return True
     return False

@@ -44,7 +44,7 @@ class State(Displayed):
         facts = [("cart (m)", brief(self.cart)), ("cart rate (m/s)", brief(self.cart_rate))]
         if len(self.supports):
             each = zip(self.supports, self.support_rates, strict=True)
-            facts = [(f"support {k}", f"{brief(own)}, rate {brief(rate)}") for k, (own, rate) in enumerate(each, 1)]
+            facts = [(f"support {k}", f"{brief(place)}, rate {brief(rate)}") for k, (place, rate) in enumerate(each, 1)]
         spatial = self.links.ndim == 2
         names = ("direction", "rate (1/s)") if spatial else ("angle (rad)", "rate (rad/s)")
         rows = (
@@ -97,12 +97,12 @@ class Motion(Displayed):
         return Motion(*(getattr(self, part.name)[rows] for part in fields(self)))
 
 
-def apart(one: Motion, other: Motion) -> Floats:
+def apart(motion: Motion, other: Motion) -> Floats:
     """The largest angle (rad) between the links of two motions at every time, (T,), modulo whole turns."""
-    if one.links.ndim == 3:
-        chord = np.linalg.norm(one.links - other.links, axis=-1)
+    if motion.links.ndim == 3:
+        chord = np.linalg.norm(motion.links - other.links, axis=-1)
         return np.asarray(2 * np.arcsin(np.minimum(chord / 2, 1.0)).max(axis=1))
-    turned = one.links - other.links
+    turned = motion.links - other.links
     return np.asarray(np.abs(turned - 2 * np.pi * np.round(turned / (2 * np.pi))).max(axis=1))
 
 
@@ -209,7 +209,7 @@ class Layout:
     def rows(self, motion: Motion) -> Floats:
         """The vectors y (T, size) of a motion."""
         head, rate = (motion.supports, motion.support_rates) if self.is_structured else _columns(motion, self.first)
-        links, rates = (np.reshape(own, (len(own), -1)) for own in (motion.links, motion.link_rates))
+        links, rates = (np.reshape(entries, (len(entries), -1)) for entries in (motion.links, motion.link_rates))
         return np.hstack([head, links, rate, rates, *[motion.work[:, None]] * self.works])
 
     def read(self, rows: Floats) -> Motion:

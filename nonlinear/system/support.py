@@ -76,4 +76,4 @@ class MovingSupport:
 
 def moving_support(motions: Sequence[SupportMotion]) -> MovingSupport:
     """The motions of a support or of the ground as functions of time."""
-    return MovingSupport(tuple((DIRECTIONS[one.direction], prescribed_motion(one)) for one in motions))
+    return MovingSupport(tuple((DIRECTIONS[motion.direction], prescribed_motion(motion)) for motion in motions))

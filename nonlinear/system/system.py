@@ -79,7 +79,7 @@ def excitation_of(pendula: Sequence[Pendulum]) -> Excitation | None:
     """The excitation of pendula with equally many links, one column each; None where there is none."""
     if not any(link.drive for pendulum in pendula for link in pendulum.links):
         return None
-    numbers = [[_numbers(link.drive) for link in own.links for _ in range(link.count)] for own in pendula]
+    numbers = [[_numbers(link.drive) for link in pendulum.links for _ in range(link.count)] for pendulum in pendula]
     return Excitation(*np.ascontiguousarray(np.array(numbers).transpose(2, 1, 0)))
 
 
@@ -94,8 +94,10 @@ def _numbers(drive: VanDerPol | Escapement | None) -> tuple[float, float, float,
 
 def _each(pendula: Sequence[Pendulum], name: str) -> Floats | None:
     """A number of every link, (n, P), of pendula with equally many links; None where all are 0."""
-    found = np.array([[getattr(link, name) for link in own.links for _ in range(link.count)] for own in pendula]).T
-    return np.ascontiguousarray(found) if found.any() else None
+    numbers = np.array(
+        [[getattr(link, name) for link in pendulum.links for _ in range(link.count)] for pendulum in pendula]
+    ).T
+    return np.ascontiguousarray(numbers) if numbers.any() else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,10 +251,10 @@ class System(Displayed):
     @cached_property
     def rest(self) -> Floats:
         """Equilibrium angle (rad) of every link, in the order of the file, (L,)."""
-        found = np.empty(self.n_links)
+        angles = np.empty(self.n_links)
         for group in self.groups:
-            found[group.index] = group.rest
-        return found
+            angles[group.index] = group.rest
+        return angles
 
     @cached_property
     def mass(self) -> Floats:
@@ -262,16 +264,16 @@ class System(Displayed):
     @cached_property
     def total_mass(self) -> float:
         """Total mass of all links and of the cart or the carriers, modal ones excepted (kg)."""
-        carried = sum(float(one.mass) for one in self.structure.carriers) if self.structure else 0.0
+        carried = sum(float(carrier.mass) for carrier in self.structure.carriers) if self.structure else 0.0
         return float(self.mass.sum()) + (self.cart.mass if self.cart else 0.0) + carried
 
     @cached_property
     def pendulum(self) -> Ints:
         """The pendulum, from 0, to which each link belongs, (L,)."""
-        found = np.empty(self.n_links, dtype=np.int64)
+        pendula = np.empty(self.n_links, dtype=np.int64)
         for group in self.groups:
-            found[group.index] = group.pendula
-        return found
+            pendula[group.index] = group.pendula
+        return pendula
 
     @cached_property
     def length(self) -> float:
@@ -355,18 +357,18 @@ class System(Displayed):
 
     def by_link(self, name: str) -> Floats:
         """An array of the blocks in the order of the file, (L,)."""
-        found = np.empty(self.n_links)
+        values = np.empty(self.n_links)
         for group in self.groups:
-            found[group.index] = getattr(group.block, name)
-        return found
+            values[group.index] = getattr(group.block, name)
+        return values
 
 
 @lru_cache(maxsize=4)
 def _modal_dampers(scene: Scene) -> Floats:
     """D_modal of a scene, computed once for all that ask for its system."""
-    found = modal_dampers(rig_of(scene))
-    found.flags.writeable = False
-    return found
+    D = modal_dampers(rig_of(scene))
+    D.flags.writeable = False
+    return D
 
 
 def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
@@ -387,18 +389,18 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     for number, block in enumerate(rig.blocks):
         pendula = np.flatnonzero(hung[:, 0] == number)
         index = first[pendula] + np.arange(block.n)[:, None]
-        own = [hanging[one] for one in pendula]
-        excitation = excitation_of(own) if scene.is_driven else None
-        friction = _each(own, "friction") if scene.has_friction else None
-        drag = _each(own, "quadratic_drag") if scene.has_drag else None
+        alike = [hanging[p] for p in pendula]
+        excitation = excitation_of(alike) if scene.is_driven else None
+        friction = _each(alike, "friction") if scene.has_friction else None
+        drag = _each(alike, "quadratic_drag") if scene.has_drag else None
         groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation, friction, drag))
     modal = _modal_dampers(scene) if scene.has_modal_damping and not rig.spatial else None
     labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
     prescribed = modal, hoisting, _support(scene), _rail(scene), acting_forces(scene)
-    found = System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, *prescribed, rig.structure)
+    system = System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, *prescribed, rig.structure)
     if rig.structure is None:
-        return found
-    return replace(found, slack=slack_of(found))
+        return system
+    return replace(system, slack=slack_of(system))
 
 
 def _support(scene: Scene) -> MovingSupport | None:

@@ -28,30 +28,30 @@ def translations(system: System) -> Floats:
         free = system.cart is not None and not system.cart.stiffness
         return np.ones((1, 1)) if free else np.zeros((0, system.first))
     structure, sets = system.structure, _sets(system, system.structure)
-    found = np.zeros((len(structure.carriers), system.first))
-    for number, own in enumerate(sets[1:]):
-        if own != HELD:
-            found[own, structure.offsets[number] + SLIDES[structure.carriers[number].kind]] = 1.0
-    return found[found.any(1)]
+    moves = np.zeros((len(structure.carriers), system.first))
+    for number, owner in enumerate(sets[1:]):
+        if owner != HELD:
+            moves[owner, structure.offsets[number] + SLIDES[structure.carriers[number].kind]] = 1.0
+    return moves[moves.any(1)]
 
 
 def _sets(system: System, structure: Structure) -> list[int]:
     """The set to which the ground and each carrier belong; those that something holds are in the ground's, HELD."""
     sets = [HELD, *range(len(structure.carriers))]
 
-    def join(one: int, other: int) -> None:
-        first, second = sorted((sets[one], sets[other]))
-        sets[:] = [first if own == second else own for own in sets]
+    def join(member: int, other: int) -> None:
+        first, second = sorted((sets[member], sets[other]))
+        sets[:] = [first if number == second else number for number in sets]
 
     for number, carrier in enumerate(structure.carriers, 1):
         slides = SLIDES.get(carrier.kind)
         if slides is None or carrier.stiffness[slides]:
             join(0, number)
     for spring, is_slack in zip(structure.springs, system.slack, strict=True):
-        one, other = (_carrier(system, structure, end) for end in spring.ends)
-        turns_damper = not is_slack and not (one and other)  # its direction depends on where the free end is
+        left, right = (_carrier(system, structure, end) for end in spring.ends)
+        turns_damper = not is_slack and not (left and right)  # its direction depends on where the free end is
         if not spring.torsion and (spring.stiffness or (spring.damping and turns_damper)):
-            join(one, other)
+            join(left, right)
     return sets
 
 
