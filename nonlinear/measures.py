@@ -67,7 +67,7 @@ def _refusing(verbs: str, why: str) -> dict[str, str]:
     return dict.fromkeys(verbs.split(), why)
 
 
-OF_SCENE = _refusing("basins ensemble", "it belongs to a scene, whatever its start: sweep and spread take it")
+OF_SCENE = _refusing("basins ensemble", "it belongs to a scene whatever its start, and sweep takes it over numbers")
 WHOLE = _refusing("basins ensemble", "it is read off a whole motion, and an ensemble keeps none: sweep takes it")
 NAMES = _refusing("spread", "it names a motion, and names have no quantiles: basins tells the share of each")
 NEXT = "mode N (default: the first oscillating mode) and the next"
@@ -204,7 +204,7 @@ MEASURES: dict[str, Measure] = {
             needs="sines that drive it, and losses",
             refused=_refusing(
                 "sweep spread ensemble",
-                "attractors are told apart among many starts: basins maps them, sweep --strobe follows them",
+                "attractors are told apart among many starts: basins maps them, find_bifurcations follows them",
             ),
         ),
         Measure(

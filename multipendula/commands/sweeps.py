@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 
 BY_STROBES = ("phase_deg", "settle", "of")
+BY_ENERGY, DRAWN = "start.energy", ("members", "seed")
+"""What is varied where starts are drawn at random, and the options of that."""
 
 
 def sweep(options: argparse.Namespace) -> None:
@@ -44,6 +46,8 @@ def sweep(options: argparse.Namespace) -> None:
         in_a_folder(path)
     if not options.strobe:
         refuse(options, BY_STROBES, "needs --strobe")
+    if not any(text.partition("=")[0].strip() == BY_ENERGY for text in options.vary):
+        refuse(options, DRAWN, f"needs --vary {BY_ENERGY}=VALUES")
     (_loci if options.loci else _strobes if options.strobe else _map)(options, kind)
 
 
@@ -59,11 +63,19 @@ def _sweep_arguments(page: Page) -> None:
     from nonlinear.measures import taken_by
 
     add_scene(page)
-    words = "support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to three of them"
+    words = (
+        "support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to three of them; "
+        "start.energy=1:20:40 (J above rest) draws --members starts at every energy"
+    )
     vary = page.asked.add_argument("--vary", metavar="PLACE=VALUES", action="append", required=True, help=words)
     offer(vary, places)
-    words = f"{', '.join(taken_by('sweep'))} (default frequencies); repeat for several"
+    words = f"{', '.join(taken_by('sweep'))} (default frequencies, lyapunov over energies); repeat for several"
     add_words(page.asked, "--measure", taken_by("sweep"), comma="", metavar="NAME[:N]", action="append", help=words)
+    words = "number of starts drawn at random at every start.energy (default 50)"
+    page.asked.add_argument("--members", metavar="N", type=whole(100_000), help=words)
+    page.asked.add_argument("--seed", metavar="N", type=whole(2**31), help="of these starts (default 0)")
+    page.rephrase(r"find_bifurcations follows them$", "--strobe follows them")
+    page.rephrase(r"^start\.energy: needs members", "start.energy: needs --members")
     words = "follow all frequencies along one --vary by their mode shapes"
     page.asked.add_argument("--loci", action="store_true", help=words)
     page.rephrase(r"(loci need an undamped scene .*)$", r"\1; without --loci, --measure frequencies takes dampers")
@@ -85,22 +97,24 @@ def _map(options: argparse.Namespace, kind: str) -> None:
     from modal.scene import kind_of, load
     from modal.scene.parameters import parse_variations
     from nonlinear.integration import validate
-    from nonlinear.sweeps import KINDS, Study, parse_measures, reasons, save, sweep_text
+    from nonlinear.sweeps import KINDS, LYAPUNOV, MEMBERS, Study, parse_measures, reasons, save, sweep_text
     from nonlinear.sweeps import sweep as swept
     from nonlinear.system import has_start
 
+    by_energy = any(text.partition("=")[0].strip() == BY_ENERGY for text in options.vary)
     _, scene, axes, measures = validate(
         lambda: kind_of(options.output, KINDS) if options.output else "",
         lambda: load(options.scene),
         lambda: parse_variations(options.vary),
-        lambda: parse_measures(options.measure or ["frequencies"]),
+        lambda: parse_measures(options.measure or [LYAPUNOV if by_energy else "frequencies"]),
     )
-    study = Study(scene, axes, measures)
+    drawn_starts = (options.members or MEMBERS, options.seed or 0) if by_energy else ()
+    study = Study(scene, axes, measures, *drawn_starts)
     if options.picture:
         from nonlinear.plotting import draw_sweep, validate_axes
 
         validate_axes(axes)
-    if any(request.computation.runs for request in measures) and not has_start(scene):
+    if not by_energy and any(request.computation.runs for request in measures) and not has_start(scene):
         tell_of_start("every point begins in the shape of its first mode that swings")
     with _journal(options, study) as kept:
         with _crew(options) as crew, bar(study.size, "point") as report:
@@ -156,7 +170,8 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
     from modal.scene import STANDARD, load, whole_file
     from modal.scene.parameters import parse_variations
 
-    asked = [name for name in ("measure", "strobe", "workers", "scheduler", "fresh") if getattr(options, name)]
+    unwanted = ("measure", "strobe", "workers", "scheduler", "fresh", "members")
+    asked = [name for name in unwanted if getattr(options, name)]
     problems = [f"--{name}: cannot be combined with --loci" for name in asked]
     if len(options.vary) != 1:
         problems.append("--loci: needs exactly one --vary")

@@ -13,6 +13,7 @@ from nonlinear.chaos.lyapunov import (
     TRANSIENT,
     Exponent,
     lyapunov_exponent,
+    regular_exponent,
     usual_duration,
     validate_duration,
 )
@@ -26,6 +27,7 @@ __all__ = [
     "Finding",
     "lyapunov_exponent",
     "measure",
+    "regular_exponent",
     "study",
     "text",
     "usual_duration",

@@ -137,8 +137,7 @@ class Exponent(Displayed):
 
     def regular(self, since: Any) -> Any:
         """The apparent λ of regular motion (1/s), `since` seconds after the transient: |v| grows to e sqrt(g/l) t."""
-        rate = sqrt(self.scene.gravity / min(link.length for link in self.scene.links()))
-        return (1 + np.log(rate * (self.transient + since))) / since
+        return _apparent(self.scene, self.transient, since)
 
     @property
     def floor(self) -> float:
@@ -210,6 +209,24 @@ class Exponent(Displayed):
         if np.isfinite(self.energy_drift):
             lines.append(f"  energy drift {self.energy_drift:.1e}")
         return "\n".join(lines)
+
+
+def _apparent(scene: Scene, transient: float, since: Any) -> Any:
+    """The λ (1/s) that regular motion shows, `since` seconds after a transient."""
+    rate = sqrt(scene.gravity / min(link.length for link in scene.links()))
+    return (1 + np.log(rate * (transient + since))) / since
+
+
+@checked
+def regular_exponent(scene: Scene, duration: float) -> float:
+    """The apparent λ (1/s) of regular motion in so many seconds after the transient: what is above it is chaotic.
+
+    >>> from modal import load
+    >>> from nonlinear.chaos import regular_exponent
+    >>> f"{regular_exponent(load('chain-2'), 100.0):.4f}"
+    '0.0715'
+    """
+    return float(_apparent(scene, TRANSIENT * duration, duration))
 
 
 @checked

@@ -23,6 +23,7 @@ from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.ensembles.runs import measured_together, run_together, times_of
 from nonlinear.ensembles.sections import PoincareSection, find_section, section_table
 from nonlinear.ensembles.strobes import StroboscopicSection, find_strobes, strobes_table
+from nonlinear.ensembles.surfaces import energy_of, starts_at
 
 __all__ = [
     "ENGINES",
@@ -40,6 +41,7 @@ __all__ = [
     "bifurcation_table",
     "compilation_table",
     "compile_engines",
+    "energy_of",
     "ensemble",
     "find_basins",
     "find_bifurcations",
@@ -51,6 +53,7 @@ __all__ = [
     "members_of",
     "run_together",
     "section_table",
+    "starts_at",
     "strobes_table",
     "times_of",
     "validate_measures",

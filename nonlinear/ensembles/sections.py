@@ -1,7 +1,6 @@
 """Poincaré sections at an energy: where many motions of a conservative scene pass one value of one coordinate.
 
-Starts lie on the section and have the energy: angles and the direction of the rates are drawn at random, and the rates
-scaled so that kinetic energy makes up what potential energy leaves.
+Starts lie on the section and have the energy (`nonlinear.ensembles.surfaces`).
 """
 
 from __future__ import annotations
@@ -13,25 +12,20 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError
 from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, deferred, finite, titled
 from modal.scene import Scene, describe, name_of, require, title_of
 from modal.scene.doors import checked, checked_index, checked_number
 from modal.types import Floats
-from nonlinear.dynamics import Lanes
-from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.found import Section
 from nonlinear.ensembles.measures import section_of
 from nonlinear.ensembles.plain import CARRIED
 from nonlinear.ensembles.running import Ensemble, ensemble
-from nonlinear.integration import estimate_timescales
+from nonlinear.ensembles.surfaces import energy_of, starts_at
 from nonlinear.reduction import usual_start
-from nonlinear.system import State, System, numbers_of, system_of
+from nonlinear.system import System, system_of
 
 ORBITS, PERIODS = 24, 200.0  # motions, and how long each goes on in sqrt(l/g), where nobody says
-TRIES = 20_000  # starts drawn for each one that has the energy
-SEED, MOST_ORBITS = 7, 100_000
-FASTEST = 1e4  # of the scene's fastest swing: a motion with faster links takes days
+MOST_ORBITS = 100_000
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,7 +102,7 @@ def find_section(
     text = at or f"{system.labels[system.first]}>0"
     section = section_of(f"section:{text}", system)
     energy = energy_of(scene, usual_start(scene)) if energy is None else checked_number("energy", energy)
-    starts = starts_at(scene, section, energy, orbits)
+    starts = starts_at(scene, energy, orbits, section=section)
     length = PERIODS * sqrt(max(link.length for link in scene.links()) / scene.gravity)
     found = ensemble(scene, duration or length, starts=starts, measures=[f"section:{text}"], report=report, **options)
     if found.interrupted:
@@ -116,42 +110,6 @@ def find_section(
     crossed = system.labels[section.row]
     others = [label for label in system.labels[system.first :] if label != crossed]
     return PoincareSection(found, energy, section, text, (others or [crossed])[0])
-
-
-def energy_of(scene: Scene, state: State) -> float:
-    """Of a state (J), above the scene's rest."""
-    numbers = numbers_of(scene)
-    layout = Lanes(numbers).layout
-    return float(Accounts(numbers, layout).energies(layout.begin(state)[:, None]).total[0])
-
-
-def starts_at(scene: Scene, section: Section, energy: float, count: int) -> list[State]:
-    """So many states on a section with this energy (J); SceneError where none is found."""
-    numbers = numbers_of(scene)
-    layout = Lanes(numbers).layout
-    rng, first, half = np.random.default_rng(SEED), layout.first, layout.half
-    found: list[State] = []
-    pace = estimate_timescales(scene).swing
-    for _ in range(20):
-        y = np.zeros((layout.size, TRIES // 20 * max(1, count // 10)))
-        y[first:half] = rng.uniform(-np.pi, np.pi, (half - first, y.shape[1]))
-        y[section.row] = section.level
-        y[half : 2 * half] = rng.standard_normal((half, y.shape[1]))
-        if section.direction:
-            y[half + section.row] = section.direction * np.abs(y[half + section.row])
-        energies = Accounts(numbers, layout).energies(y)
-        left = energy - energies.stored
-        good = np.flatnonzero(left >= 0)
-        y = y[:, good]
-        y[half : 2 * half] *= np.sqrt(left[good] / energies.moving[good])
-        if (fastest := float(np.abs(y[half + first : 2 * half]).max(initial=0.0))) > FASTEST * pace:
-            told = f"links would turn at {fastest:.3g} rad/s, over {FASTEST:g} times as fast as the scene swings"
-            raise SceneError([f"energy {energy:g} J: {told}"])
-        motion = layout.read(y.T)
-        found += [motion[k] for k in range(min(len(good), count - len(found)))]
-        if len(found) == count:
-            return found
-    raise SceneError([f"energy {energy:g} J: no motion of this energy passes the section"])
 
 
 @checked

@@ -10,20 +10,26 @@ from typing import TYPE_CHECKING
 from modal._compatibility import renamed
 from nonlinear.ensembles.executors import WorkerPool
 from nonlinear.sweeps.checkpoint import Checkpoint, open_checkpoint
+from nonlinear.sweeps.energies import CHAOTIC, ENERGY, LYAPUNOV
 from nonlinear.sweeps.files import KINDS, load, save
 from nonlinear.sweeps.measures import COMPUTATIONS, parse_measures
-from nonlinear.sweeps.running import Sweep, reasons, sweep, sweep_text
+from nonlinear.sweeps.running import MEMBERS, Sweep, chaos_by_energy, reasons, sweep, sweep_text
 from nonlinear.sweeps.spread import Spread, find_spread, motion_words, spread_table
 from nonlinear.sweeps.study import Study
 
 __all__ = [
+    "CHAOTIC",
     "COMPUTATIONS",
+    "ENERGY",
     "KINDS",
+    "LYAPUNOV",
+    "MEMBERS",
     "Checkpoint",
     "Spread",
     "Study",
     "Sweep",
     "WorkerPool",
+    "chaos_by_energy",
     "find_spread",
     "load",
     "motion_words",

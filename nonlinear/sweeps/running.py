@@ -17,14 +17,15 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.report import HTML_ROWS, Displayed, Summary, brief, deferred, grid, visible
 from modal.scene import Scene, SineMotion, left_out, name_of
-from modal.scene.doors import require_type
-from modal.scene.parameters import Place, Variable, find_places
+from modal.scene.doors import checked, require_type
+from modal.scene.parameters import Place, Variable, Variation, find_places
 from modal.types import Floats
 from modal.vibration import Boundary, tongues, vertical_sine
 from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
 from nonlinear.integration import validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint
-from nonlinear.sweeps.measures import FLOQUET
+from nonlinear.sweeps.energies import ENERGY, LYAPUNOV
+from nonlinear.sweeps.measures import FLOQUET, parse_measures
 from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_each, measure_points
 
 PATIENCE = 0.5
@@ -37,7 +38,12 @@ BRIEF, BRIEF_RUNS = 0.05, 2.0
 """Seconds per portion above which portions no longer grow; of runs, which are faster side by side."""
 TOGETHER, CHUNK_OF_RUNS = 64, 1024
 """Points of the first portion of runs, and the most of any."""
-MOST_REASONS = 5
+MEMBERS = 50
+"""Starts drawn at every energy, where nobody says how many."""
+LANES = 512
+"""Members of the first portion where starts are drawn."""
+MOST_REASONS, MOST_LINES = 5, 100
+DRAWN = "At every energy {} starts at random (seed {}): q05, median and q95 are quantiles over them."
 NUMBERED = "Modes are numbered as in the table of the original scene."
 Report = Callable[[float], object]
 Rows = Generator[list[Row], None, None]
@@ -156,13 +162,43 @@ def sweep(
     return Sweep(study, tuple(rows[index] for index in sorted(rows)), interrupted)
 
 
+@checked
+def chaos_by_energy(
+    scene: Scene,
+    energies: Sequence[float],
+    seconds: float | None = None,
+    *,
+    members: int = MEMBERS,
+    seed: int = 0,
+    workers: int | None = None,
+    report: Report = lambda done: None,
+) -> Sweep:
+    """The largest Lyapunov exponents of so many starts drawn at random at each energy (J above rest, ascending).
+
+    Each is measured over `seconds`, by default 200 sqrt(l/g) of the longest link, after half as many.  Columns are the
+    median and the quantiles of 5 and 95 %, and the share of starts whose exponent is too large for regular motion
+    (`nonlinear.chaos.regular_exponent`).  SceneError for a scene that does not keep its energy; an energy out of reach
+    has its reason in `failures`.
+
+    >>> from modal import load
+    >>> from nonlinear.sweeps import chaos_by_energy
+    >>> found = chaos_by_energy(load("chain-1"), [0.5, 1.0], 8.0, members=2, workers=1)
+    >>> found.columns, found.values("chaotic_share").tolist()
+    (('lyapunov_q05_per_s', 'lyapunov_median_per_s', 'lyapunov_q95_per_s', 'chaotic_share'), [0.0, 0.0])
+    """
+    text = LYAPUNOV if seconds is None else f"{LYAPUNOV}:{float(seconds)!r}"
+    axis = Variation(ENERGY, tuple(float(energy) for energy in energies))
+    return sweep(Study(scene, (axis,), parse_measures([text]), members, seed), workers=workers, report=report)
+
+
 def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerPool | None) -> Rows:
-    task, count = Task(study.scene, study.measures), workers or cores()
+    task, count = Task(study.scene, study.measures, study.members, study.seed), workers or cores()
     points, begun = ((index, study.point(index)) for index in left), monotonic()
     remaining = len(left)
     if crew is None and (workers is None or count == 1):
         size, seconds_left = TOGETHER if task.durations else 1, 0.0
-        brief, most = (BRIEF_RUNS, CHUNK_OF_RUNS) if task.durations else (BRIEF, CHUNK)
+        size = max(1, LANES // task.members) if task.members else size
+        brief, most = (BRIEF_RUNS, CHUNK_OF_RUNS) if task.durations or task.members else (BRIEF, CHUNK)
         while remaining and not (count > 1 and monotonic() - begun > PATIENCE and seconds_left > STARTING):
             portion, before = list(islice(points, size)), monotonic()
             yield from _here(task, portion)
@@ -229,12 +265,24 @@ def sweep_text(sweep: Sweep) -> str:
 
 def _lines(sweep: Sweep) -> Iterator[str]:
     yield f"{len(sweep.rows)} of {sweep.study.size} points, {len(sweep.failures)} failed"
-    rows = [_range(sweep, name) for name in sweep.columns]
-    yield grid(rows, ("number", "smallest", "at", "largest", "at"))
+    if sweep.study.by_energy and len(sweep.study.variations) == 1 and sweep.study.size <= MOST_LINES:
+        yield grid(list(_each(sweep)), ("energy (J)", *sweep.columns))
+    else:
+        rows = [_range(sweep, name) for name in sweep.columns]
+        yield grid(rows, ("number", "smallest", "at", "largest", "at"))
     yield from reasons(sweep)
     yield from notes(sweep)
-    if any(request.computation.numbered for request in sweep.study.measures):
+    if sweep.study.members:
+        yield DRAWN.format(sweep.study.members, sweep.study.seed)
+    elif any(request.computation.numbered for request in sweep.study.measures):
         yield NUMBERED
+
+
+def _each(sweep: Sweep) -> Iterator[list[str]]:
+    """A line for every energy."""
+    for row in sweep.rows:
+        (energy,) = sweep.study.point(row.index).values()
+        yield [f"{energy:.6g}", *(f"{row.numbers.get(name, np.nan):.4g}" for name in sweep.columns)]
 
 
 def reasons(sweep: Sweep) -> Iterator[str]:

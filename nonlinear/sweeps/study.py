@@ -16,6 +16,7 @@ from modal.errors import MultipendulaError, SceneError
 from modal.report import Displayed
 from modal.scene import Scene, describe, scene_from
 from modal.scene.parameters import Variable, Variation, validate_variations
+from nonlinear.sweeps.energies import ENERGY, measured_at, validate_energies
 from nonlinear.sweeps.measures import RequestedMeasure, find_together, parse_measures, run_all_together
 
 MOST_AXES, MOST_POINTS = 3, 1_000_000
@@ -24,11 +25,17 @@ VERSION = 1
 
 @dataclass(frozen=True, repr=False)
 class Study(Displayed):
-    """A grid over one to MOST_AXES variations, the last one varying fastest; SceneError for an invalid one."""
+    """A grid over one to MOST_AXES variations, the last one varying fastest; SceneError for an invalid one.
+
+    Where `start.energy` is among them, `members` starts are drawn at every energy, by the `seed`
+    (`nonlinear.sweeps.energies`).
+    """
 
     scene: Scene
     variations: tuple[Variation, ...]
     measures: tuple[RequestedMeasure, ...]
+    members: int = 0
+    seed: int = 0
 
     def __post_init__(self) -> None:
         problems = []
@@ -38,8 +45,15 @@ class Study(Displayed):
             problems.append(f"the sweep has {' × '.join(map(str, self.shape))} points: at most {MOST_POINTS}")
         if not self.measures:
             problems.append("a sweep needs a measure: frequencies, for example")
-        checks: list[Callable[[], object]] = [partial(validate_variations, self.scene, self.variations)]
-        doors = (request.computation.door for request in self.measures)
+        places = [variation for variation in self.variations if variation.path != ENERGY]
+        checks: list[Callable[[], object]] = [partial(validate_variations, self.scene, places)]
+        if self.by_energy:
+            checks += [partial(validate_energies, self.scene, self.measures, self.members, self.seed)]
+            if not self.members:
+                problems.append(f"{ENERGY}: needs members, the number of starts drawn at every energy")
+        elif self.members:
+            problems.append(f"members {self.members}: starts are drawn where {ENERGY} is varied")
+        doors = () if self.by_energy else (request.computation.door for request in self.measures)
         checks += [partial(door, self.scene) for door in doors if door]
         for check in checks:
             try:
@@ -48,6 +62,11 @@ class Study(Displayed):
                 problems += error.problems
         if problems:
             raise SceneError(problems)
+
+    @property
+    def by_energy(self) -> bool:
+        """Whether energy is varied."""
+        return any(variation.path == ENERGY for variation in self.variations)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -68,7 +87,8 @@ class Study(Displayed):
         """The complete definition, for a file."""
         axes = [{"path": own.path, "values": own.values, "log": own.log} for own in self.variations]
         measures = [one.text for one in self.measures]
-        return {"version": VERSION, "scene": describe(self.scene), "axes": axes, "measures": measures}
+        drawn = {"members": self.members, "seed": self.seed} if self.by_energy else {}
+        return {"version": VERSION, "scene": describe(self.scene), "axes": axes, "measures": measures, **drawn}
 
     @property
     def fingerprint(self) -> str:
@@ -82,7 +102,10 @@ def study_from(header: dict[str, Any]) -> Study:
     if header["version"] != VERSION:
         raise ValueError
     axes = tuple(Variation(axis["path"], tuple(axis["values"]), bool(axis["log"])) for axis in header["axes"])
-    return Study(scene_from(header["scene"]), axes, parse_measures(header["measures"]))
+    drawn = [header.get(key, 0) for key in ("members", "seed")]
+    if any(type(number) is not int for number in drawn):
+        raise TypeError
+    return Study(scene_from(header["scene"]), axes, parse_measures(header["measures"]), *drawn)
 
 
 @dataclass(frozen=True)
@@ -91,6 +114,8 @@ class Task:
 
     scene: Scene
     measures: tuple[RequestedMeasure, ...]
+    members: int = 0
+    seed: int = 0
 
     @property
     def durations(self) -> tuple[float, ...]:
@@ -118,8 +143,11 @@ def measure_points(task: Task, points: Points) -> list[Row]:
 
 def measure_each(task: Task, points: Points) -> Iterator[Row]:
     """The rows of some points, one by one; an error at one becomes its reason and does not affect the others."""
-    variable = Variable(task.scene, points[0][1])
+    variable = Variable(task.scene, [path for path in points[0][1] if path != ENERGY])
     scenes = [_scene(variable, values) for _, values in points]
+    if task.members:
+        yield from _of_members(task, points, scenes)
+        return
     valid = [scene for scene in scenes if isinstance(scene, Scene)]
     if any(request.computation.numbered for request in task.measures):
         find_together(valid)
@@ -130,6 +158,25 @@ def measure_each(task: Task, points: Points) -> Iterator[Row]:
         run_all_together(valid, seconds)
     for (index, _), scene in zip(points, scenes, strict=True):
         yield _row(task, index, scene)
+
+
+def _of_members(task: Task, points: Points, scenes: Sequence[Scene | Exception]) -> Iterator[Row]:
+    """The rows of points at which starts are drawn, those of one scene side by side."""
+    alike: dict[Scene, list[tuple[int, float]]] = {}
+    measured: dict[int, dict[str, float] | str] = {}
+    for (index, values), scene in zip(points, scenes, strict=True):
+        if isinstance(scene, Scene):
+            alike.setdefault(scene, []).append((index, values[ENERGY]))
+        else:
+            measured[index] = " ".join(str(scene).split())
+    for scene, energies in alike.items():
+        try:
+            measured |= measured_at(scene, energies, task.measures, task.members, task.seed)
+        except MultipendulaError as error:
+            measured |= dict.fromkeys([index for index, _ in energies], " ".join(str(error).split()))
+    for index, _ in points:
+        numbers = measured[index]
+        yield Row(index, {}, numbers) if isinstance(numbers, str) else Row(index, numbers)
 
 
 def _scene(variable: Variable, values: dict[str, float]) -> Scene | Exception:

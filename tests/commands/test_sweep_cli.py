@@ -25,7 +25,7 @@ KAPITZA = str(Path(__file__).parents[2] / "examples" / "kapitza.toml")
 
 
 def options(*places: str, **given: Any) -> Namespace:
-    usual = dict.fromkeys(("measure", "output", "picture", "scheduler", "phase_deg", "settle", "of"))
+    usual = dict.fromkeys(("measure", "output", "picture", "scheduler", "phase_deg", "settle", "of", "members", "seed"))
     usual |= {"scene": "paper-cart-2", "vary": list(places), "loci": False, "strobe": False, "workers": 1}
     return Namespace(theme="light", fresh=False, **usual | given)
 
