@@ -171,7 +171,7 @@ class Rig(Displayed):
         """Total mass of all links and what they hang from (kg); NaN with a modal support, whose own is not known."""
         hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in self.blocks)
         if self.structure:
-            hanging += sum(float(own.mass) if own.M is None else nan for own in self.structure.carriers)
+            hanging += sum(float(carrier.mass) if carrier.M is None else nan for carrier in self.structure.carriers)
         return hanging + (self.cart.mass if self.cart else 0.0)
 
     @property
@@ -207,15 +207,15 @@ class Rig(Displayed):
     @cached_property
     def names(self) -> dict[tuple[int, int], str]:
         """Every kind (block, column), block by block, named by its first pendulum, copies numbered from 1."""
-        found: dict[tuple[int, int], tuple[int, int]] = {}
+        counted: dict[tuple[int, int], tuple[int, int]] = {}
         passed = 0
         for block, column, count in self.members:
-            first, copies = found.get((block, column), (passed + 1, 0))
-            found[block, column] = first, copies + count
+            first, copies = counted.get((block, column), (passed + 1, 0))
+            counted[block, column] = first, copies + count
             passed += count
         return {
             kind: f"pendulum {first}" if copies == 1 else f"the {copies} equal to pendulum {first}"
-            for kind, (first, copies) in sorted(found.items())
+            for kind, (first, copies) in sorted(counted.items())
         }
 
     def natural(self) -> tuple[Rig, Units]:
@@ -261,7 +261,9 @@ def rig_of(scene: Scene, apart: Sequence[tuple[float, ...]] | None = None) -> Ri
     validate_scene(scene)
     equilibrium = equilibrium_of(scene)
     told = apart or [()] * len(scene.pendulum)
-    entries = [_Entry(one, one.count, apart=own) for one, own in zip(scene.pendulum, told, strict=True)]
+    entries = [
+        _Entry(pendulum, pendulum.count, apart=marks) for pendulum, marks in zip(scene.pendulum, told, strict=True)
+    ]
     if equilibrium:
         entries = list(_each_at(scene, equilibrium.rest))
     structure = structure_of(scene) if scene.is_structured else None
@@ -276,8 +278,7 @@ def rig_of(scene: Scene, apart: Sequence[tuple[float, ...]] | None = None) -> Ri
         for index, column in zip(indices, columns, strict=True):
             members[index] = (len(blocks), int(column), entries[index].copies)
         blocks.append(block)
-    own = scene.cart
-    cart = CartNumbers(own.mass, own.damping, own.stiffness) if own else None
+    cart = CartNumbers(scene.cart.mass, scene.cart.damping, scene.cart.stiffness) if scene.cart else None
     moved = equilibrium.cart if equilibrium else 0.0
     spatial = scene.space == "space"
     return Rig(
@@ -299,15 +300,15 @@ def _each_on(scene: Scene, structure: Structure) -> Iterator[_Entry]:
 
     Equal ones are told apart by how their pivots move along the rail, and turn where the first joint feels it.
     """
-    joined = tied(structure, [one.n_links for one in scene.pendulum for _ in range(one.count)])
+    joined = tied(structure, [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)])
     rows, first = phi(structure), 0
     for pendulum in scene.pendulum:
         top, last = pendulum.links[0], first + pendulum.count
         felt = rows.turning[first] * bool(top.stiffness or top.damping)
         apart = *rows.along[first].tolist(), *felt.tolist()
         alone = range(first, last) if not joined.isdisjoint(range(first, last)) else ()
-        for free, own in groupby(alone, key=lambda k: k if k in joined else -1):
-            yield _Entry(pendulum, len(list(own)), apart=(*apart, 1.0 + free))
+        for free, group in groupby(alone, key=lambda k: k if k in joined else -1):
+            yield _Entry(pendulum, len(list(group)), apart=(*apart, 1.0 + free))
         if not alone:
             yield _Entry(pendulum, pendulum.count, apart=(*apart, 0.0))
         first = last

@@ -15,9 +15,9 @@ Columns = list[tuple[Block, int]]
 def assembled(columns: Columns, cart: CartNumbers | None, gravity: float) -> tuple[Floats, Floats]:
     """(M, K) of a cart or (None) a fixed support with one pendulum for each (block, column)."""
     M, K = _zeros(columns, cart), _zeros(columns, cart)
-    for block, column, own in _placed(columns, cart):
+    for block, column, span in _placed(columns, cart):
         across, b = block.across[:, column], block.across[:, column] * block.b[:, column]
-        own_M = M[own, own]
+        own_M = M[span, span]
         np.multiply.outer(b, across * block.length[:, column], out=own_M)
         if block.sinking is not None:
             sinking = block.sinking[:, column]
@@ -25,10 +25,10 @@ def assembled(columns: Columns, cart: CartNumbers | None, gravity: float) -> tup
         for i in range(block.n):
             own_M[i, i + 1 :] = own_M[i + 1 :, i]
         np.fill_diagonal(own_M, block.diagonal[:, column])
-        _add_joints(K[own, own], block.stiffness[:, column])
-        _diagonal(K[own, own])[:] += gravity * b if block.rest is None else block.rest.held[:, column]
+        _add_joints(K[span, span], block.stiffness[:, column])
+        _diagonal(K[span, span])[:] += gravity * b if block.rest is None else block.rest.held[:, column]
         if cart:
-            M[0, own] = M[own, 0] = b
+            M[0, span] = M[span, 0] = b
             M[0, 0] += block.mass[:, column].sum()
     if cart:
         M[0, 0] += cart.mass
@@ -39,8 +39,8 @@ def assembled(columns: Columns, cart: CartNumbers | None, gravity: float) -> tup
 def dampers(columns: Columns, cart: CartNumbers | None) -> Floats:
     """D of the same coordinates."""
     D = _zeros(columns, cart)
-    for block, column, own in _placed(columns, cart):
-        _add_joints(D[own, own], block.damping[:, column])
+    for block, column, span in _placed(columns, cart):
+        _add_joints(D[span, span], block.damping[:, column])
     if cart:
         D[0, 0] = cart.damping
     if any(block.drag[:, column].any() for block, column in columns):
@@ -55,12 +55,12 @@ def drag_of(columns: Columns, cart: CartNumbers | None) -> tuple[Floats, Floats]
     Of links that neither hang nor stand straight there is a second row for each, the displacement downwards.
     """
     strength, rows = [], []
-    for block, column, own in _placed(columns, cart):
+    for block, column, span in _placed(columns, cart):
         dragged = np.flatnonzero(block.drag[:, column])
         ways = (block.across,) if block.sinking is None else (block.across, block.sinking)
         for way in ways:
             moved = np.zeros((len(dragged), len(_zeros(columns, cart))))
-            moved[:, own] = centres(block, column, way)[dragged]
+            moved[:, span] = centres(block, column, way)[dragged]
             if cart and way is block.across:
                 moved[:, 0] = 1.0
             strength.append(block.drag[dragged, column])
@@ -73,8 +73,8 @@ def centres(block: Block, column: int, way: Floats | None = None) -> Floats:
 
     A `way` is another direction: what the end of every link (n, P) moves there, per length and angle.
     """
-    own, length = (block.across if way is None else way)[:, column], block.length[:, column]
-    return np.tril(np.tile(own * length, (block.n, 1)), -1) + np.diag(own * block.centre[:, column])
+    moves, length = (block.across if way is None else way)[:, column], block.length[:, column]
+    return np.tril(np.tile(moves * length, (block.n, 1)), -1) + np.diag(moves * block.centre[:, column])
 
 
 def joints(block: Block, column: int) -> Floats:
@@ -84,12 +84,12 @@ def joints(block: Block, column: int) -> Floats:
 
 def displacements(columns: Columns, cart: CartNumbers | None, of: Callable[[Block, int], Floats] = centres) -> Floats:
     """The displacement along the rail of the centre of every link, or of its lower joint, rows (links, size)."""
-    found = np.zeros((sum(block.n for block, _ in columns), len(_zeros(columns, cart))))
+    rows = np.zeros((sum(block.n for block, _ in columns), len(_zeros(columns, cart))))
     first = int(cart is not None)
-    found[:, :first] = 1.0
-    for block, column, own in _placed(columns, cart):
-        found[own.start - first : own.stop - first, own] = of(block, column)
-    return found
+    rows[:, :first] = 1.0
+    for block, column, span in _placed(columns, cart):
+        rows[span.start - first : span.stop - first, span] = of(block, column)
+    return rows
 
 
 def _zeros(columns: Columns, cart: CartNumbers | None) -> Floats:
@@ -115,5 +115,5 @@ def _add_joints(S: Floats, strength: Floats) -> None:
 
 def _diagonal(S: Floats) -> Floats:
     """A writable view of the diagonal."""
-    found: Floats = np.einsum("ii->i", S[: min(S.shape), : min(S.shape)])
-    return found
+    diagonal: Floats = np.einsum("ii->i", S[: min(S.shape), : min(S.shape)])
+    return diagonal

@@ -51,8 +51,8 @@ def differences(scene: Scene, place: Place, unit: float, arrays_of: Callable[[Sc
             sum(weight * (b - a) for weight, (b, a) in zip(WEIGHTS, part, strict=True)) / step for part in parts
         )
     if value == 0:
-        none, one, two = at(0.0), at(unit), at(2 * unit)
-        return tuple((4 * b - c - 3 * a) / (2 * unit) for a, b, c in zip(none, one, two, strict=True))
+        none, once, twice = at(0.0), at(unit), at(2 * unit)
+        return tuple((4 * b - c - 3 * a) / (2 * unit) for a, b, c in zip(none, once, twice, strict=True))
     for step in STEPS:
         low, high = value * (1 - step), value * (1 + step)
         try:

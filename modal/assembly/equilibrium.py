@@ -91,14 +91,14 @@ def equilibrium_of(scene: Scene) -> Equilibrium | None:
     problems, rests = list(_unbalanced(scene, load)), []
     first = 0
     for p, pendulum in enumerate(scene.pendulum):
-        own = _Chain(pendulum, scene.gravity)
+        chain = _Chain(pendulum, scene.gravity)
         for copy in range(pendulum.count):
             place = f"pendulum[{p}]" + (f".copies[{copy}]" if pendulum.count > 1 else "")
             try:
-                rests.append(own.rest(*(part[first : first + own.n] for part in load[:4])))
+                rests.append(chain.rest(*(part[first : first + chain.n] for part in load[:4])))
             except SceneError as error:
                 problems += [f"{place}{words}" for words in error.problems]
-            first += own.n
+            first += chain.n
     if problems:
         raise SceneError(problems)
     held = scene.cart.stiffness if scene.cart else 0.0
@@ -118,7 +118,7 @@ def _load_of(scene: Scene) -> _Load:
         ]
     ).T
     top = np.concatenate(
-        [np.tile(np.arange(one.n_links), one.count) for one in scene.pendulum]
+        [np.tile(np.arange(pendulum.n_links), pendulum.count) for pendulum in scene.pendulum]
     )  # links above, in the same chain
     cart = on_cart = 0.0
     for force in scene.force:
@@ -138,8 +138,8 @@ def _load_of(scene: Scene) -> _Load:
                 continue
             arms = reach[link - top[link] : link + 1].copy()
             arms[-1] = centre[link] if below is None else below
-            own = along if force.direction == "horizontal" else down
-            own[link - top[link] : link + 1] += arms * (force.amplitude if own is along else -force.amplitude)
+            load = along if force.direction == "horizontal" else down
+            load[link - top[link] : link + 1] += arms * (force.amplitude if load is along else -force.amplitude)
             sizes[link - top[link] : link + 1] += arms * abs(force.amplitude)
     return _Load(along, down, torque, sizes, cart, on_cart)
 
@@ -203,13 +203,13 @@ class _Chain:
         theta, share, step = self.relaxed.copy(), 0.0, 1.0 / STEPS
         while share < 1:
             step = min(step, 1 - share)
-            found = self._newton(theta, *((share + step) * part for part in (along, down, torque)))
-            if found is None:
+            settled = self._newton(theta, *((share + step) * part for part in (along, down, torque)))
+            if settled is None:
                 step /= 2
                 if step < FINEST:
                     raise SceneError([self._ends(share)])
                 continue
-            theta, share, step = found, share + step, 1.5 * step
+            theta, share, step = settled, share + step, 1.5 * step
         if not self.stands.any() and np.linalg.eigvalsh(self._stiffness(theta, along, self.weight + down))[0] <= 0:
             raise SceneError(
                 [": its equilibrium under the constant forces is unstable: links buckle before they are reached"]

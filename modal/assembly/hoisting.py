@@ -59,10 +59,10 @@ class Hoisting:
     @cached_property
     def moving(self) -> Any:
         """Which links (L,) change their length."""
-        found = np.zeros(len(self.base), dtype=bool)
+        moving = np.zeros(len(self.base), dtype=bool)
         for index, _ in self.laws:
-            found[index] = True
-        return found
+            moving[index] = True
+        return moving
 
     @cached_property
     def breaks(self) -> tuple[float, ...]:
@@ -75,13 +75,13 @@ class Hoisting:
         SceneError where a law gives a length that is not positive, or anything but finite numbers.
         """
         shape = (*np.shape(times), len(self.base))
-        found = np.broadcast_to(self.base, shape).copy(), np.zeros(shape), np.zeros(shape)
+        lengths = np.broadcast_to(self.base, shape).copy(), np.zeros(shape), np.zeros(shape)
         for index, law in self.laws:
-            for whole, part in zip(found, law(times), strict=True):
+            for whole, part in zip(lengths, law(times), strict=True):
                 whole[..., index] = np.asarray(part, dtype=np.float64)[..., None]
-        if not (np.all(found[0] > 0) and all(np.all(np.isfinite(part)) for part in found)):
+        if not (np.all(lengths[0] > 0) and all(np.all(np.isfinite(part)) for part in lengths)):
             raise SceneError([POSITIVE])
-        return found
+        return lengths
 
 
 @dataclass(frozen=True)
@@ -120,17 +120,17 @@ class Spline:
         return tuple(np.unique(getattr(self.given, "x", ())).tolist())
 
 
-def hoisting_of(scene: Scene, given: Hoists | None = None) -> Hoisting | None:
-    """The lengths of a scene, with the laws `given` in place of its own; None where no length changes.
+def hoisting_of(scene: Scene, hoists: Hoists | None = None) -> Hoisting | None:
+    """The lengths of a scene, with the laws `hoists` in place of its own; None where no length changes.
 
     Raises SceneError for a law of a link that is no bob or does not exist, and for one that gives no three numbers.
     """
     validate_scene(scene)
-    if not (given or scene.is_hoisted):
+    if not (hoists or scene.is_hoisted):
         return None
-    if not isinstance(given or {}, Mapping):
+    if not isinstance(hoists or {}, Mapping):
         raise SceneError(["hoist: must be a mapping such as {(0, 0): spline}"])
-    told = dict(given or {})
+    told = dict(hoists or {})
     base: list[float] = []
     laws: list[tuple[Ints, Law]] = []
     for p, pendulum in enumerate(scene.pendulum):
@@ -140,25 +140,25 @@ def hoisting_of(scene: Scene, given: Hoists | None = None) -> Hoisting | None:
             base += [link.length] * link.count
         base += base[at:] * (pendulum.count - 1)
         first = at + pendulum.n_links * np.arange(pendulum.count)
-        for i, own in places:
+        for i, links in places:
             link, other = pendulum.links[i], told.pop((p, i), None)
-            index = np.add.outer(first, own).ravel()
+            index = np.add.outer(first, links).ravel()
             if other is not None:
                 laws.append((index, _validated(other, link, f"hoist of pendulum[{p}].links[{i}]")))
             elif link.hoist:
                 laws.append((index, link.hoist.law(link.length)))
     if told:
         raise SceneError([f"hoist: {place!r} is no pair of a pendulum and a link of this scene" for place in told])
-    return Hoisting(np.array(base), tuple(laws), given or None)
+    return Hoisting(np.array(base), tuple(laws), hoists or None)
 
 
-def _validated(given: Any, link: Any, place: str) -> Spline:
+def _validated(function: Any, link: Any, place: str) -> Spline:
     if not isinstance(link, Bob):
         raise SceneError([f"{place}: only the massless rope of a bob can change its length"])
-    law = Spline(given)
+    law = Spline(function)
     try:
-        one = tuple(float(part) for part in law(0.0))
-        fits = len(one) == 3
+        values = tuple(float(part) for part in law(0.0))
+        fits = len(values) == 3
     except (TypeError, ValueError):
         fits = False
     if not fits:
@@ -225,7 +225,7 @@ def instants(scene: Scene) -> Callable[[float], Instant]:
         springs, joint_dampers = carried.K, carried.D
     first, labels, quadratic = rig.leading, coordinate_labels(rig), quadratic_drags(scene)
     pattern = displacements(metre, rig.cart, joints)[:, int(rig.cart is not None) :]
-    above, own = np.where(hoisting.moving, pattern, np.tril(pattern, -1)), np.diag(~hoisting.moving * sigma * centre)
+    above, arms = np.where(hoisting.moving, pattern, np.tril(pattern, -1)), np.diag(~hoisting.moving * sigma * centre)
     index, sides = np.arange(first, first + len(mass)), carried.along if carried else np.ones((len(mass), first))
     resting: dict[bytes, Instant] = {}
 
@@ -238,7 +238,7 @@ def instants(scene: Scene) -> Callable[[float], Instant]:
         if not (speed.any() or acceleration.any()):
             key = length.tobytes()
             return resting[key] if key in resting else resting.setdefault(key, rest(time))
-        rows = np.hstack((sides, above * length + own))
+        rows = np.hstack((sides, above * length + arms))
         rate, bend = (np.hstack((0 * sides, pattern * part)) for part in (speed, acceleration))
         falling, fallen = rate.sum(1), bend.sum(1)
         drag = linear + quadratic * np.abs(falling)
@@ -278,11 +278,13 @@ def _carried(rig: Rig) -> _Carried | None:
         return None
     hanging, d = Hanging(rig), rig.leading
     light = dict.fromkeys(("mass", "inertia", "drag"), np.zeros_like)
-    blocks = [replace(one, **{name: zero(getattr(one, name)) for name, zero in light.items()}) for one in rig.blocks]
+    blocks = [
+        replace(block, **{name: zero(getattr(block, name)) for name, zero in light.items()}) for block in rig.blocks
+    ]
     M, K, D = on_structure(replace(rig, blocks=tuple(blocks), gravity=0.0))
-    for own, start in zip(rig.structure.carriers, rig.structure.offsets, strict=False):
-        for k, bend in bends(own, own.centre):
-            K[start + k, start + k] += rig.gravity * float(own.mass) * bend
+    for body, start in zip(rig.structure.carriers, rig.structure.offsets, strict=False):
+        for k, bend in bends(body, body.centre):
+            K[start + k, start + k] += rig.gravity * float(body.mass) * bend
     each = np.diff(hanging.first)
     bent = np.zeros((len(each), d))
     for row, (carrier, where) in zip(bent, rig.structure.pivots, strict=True):

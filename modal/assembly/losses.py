@@ -47,8 +47,8 @@ class Dissipator(NamedTuple):
 
     def strength(self, omega: Floats) -> Floats:
         """The coefficient d + k φ/ω (W,) of an equal damper at ω (rad/s)."""
-        found = np.full(np.shape(omega), self.damping)
-        return found + self.stiffness * loss_at(self.loss, omega) / omega if is_lossy(self.loss) else found
+        strength = np.full(np.shape(omega), self.damping)
+        return strength + self.stiffness * loss_at(self.loss, omega) / omega if is_lossy(self.loss) else strength
 
 
 def on_lines(frequencies: Floats, values: Floats, f: Floats) -> Floats:
@@ -97,11 +97,11 @@ class LossAngles(NamedTuple):
 
     def rig_of(self, scene: Scene) -> tuple[Rig, list[Ints]]:
         """The arrays of its scene with pendula of different loss angles apart, and for each block its links (n, P)."""
-        sizes = [one.n_links for one in scene.pendulum for _ in range(one.count)]
+        sizes = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)]
         starts = np.cumsum([0, *sizes])
-        firsts = np.cumsum([0, *(one.count for one in scene.pendulum)])[:-1]
-        own = [self.places[:, starts[k] : starts[k + 1]] for k in firsts]
-        rig = rig_of(scene, [tuple(part.ravel().tolist()) for part in own])
+        firsts = np.cumsum([0, *(pendulum.count for pendulum in scene.pendulum)])[:-1]
+        apart = [self.places[:, starts[k] : starts[k + 1]] for k in firsts]
+        rig = rig_of(scene, [tuple(part.ravel().tolist()) for part in apart])
         links = [np.zeros((block.n, block.size), dtype=np.int64) for block in rig.blocks]
         passed = 0
         for block, column, copies in rig.members:
@@ -126,7 +126,7 @@ def loss_angles(scene: Scene) -> LossAngles | None:
 
 def losses_of(scene: Scene) -> list[Dissipator]:
     """Every loss angle of a scene, along its row over the coordinates of `modal.assembly.matrices`."""
-    return [one for one in _every(scene, losses=True) if is_lossy(one.loss)]
+    return [dissipator for dissipator in _every(scene, losses=True) if is_lossy(dissipator.loss)]
 
 
 def dissipators_of(scene: Scene) -> list[Dissipator]:
@@ -134,10 +134,12 @@ def dissipators_of(scene: Scene) -> list[Dissipator]:
 
     Raises ComputationError where dampers that belong to modes cannot be computed.
     """
-    found = [one for one in _every(scene, losses=False) if one.damping or is_lossy(one.loss)]
+    dissipators = [
+        dissipator for dissipator in _every(scene, losses=False) if dissipator.damping or is_lossy(dissipator.loss)
+    ]
     if scene.has_modal_damping:
-        found += _factors("damping_ratio", modal_dampers(rig_of(scene)), 0)
-    return found
+        dissipators += _factors("damping_ratio", modal_dampers(rig_of(scene)), 0)
+    return dissipators
 
 
 def _every(scene: Scene, losses: bool) -> Iterator[Dissipator]:
@@ -146,27 +148,27 @@ def _every(scene: Scene, losses: bool) -> Iterator[Dissipator]:
     first, link = rig.leading, 0
     hanging = Hanging(rig) if rig.structure else None
     members = ((rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies))
-    pendula = ((k, one) for k, one in enumerate(scene.pendulum) for _ in range(one.count))
+    pendula = ((k, hung) for k, hung in enumerate(scene.pendulum) for _ in range(hung.count))
     if not losses:
         yield from _of_supports(scene, rig)
     for number, ((block, column), (entry, pendulum)) in enumerate(zip(members, pendula, strict=True)):
-        entries = [k for k, own in enumerate(pendulum.links) for _ in range(own.count)]
+        entries = [k for k, member in enumerate(pendulum.links) for _ in range(member.count)]
         held = (rig.gravity * block.b if block.rest is None else block.rest.held)[:, column].tolist()
         dragged = [] if losses else list(_dragged(rig, hanging, number, block, column, first + link))
         for i, at in enumerate(entries):
-            own, place = pendulum.links[at], f"pendulum[{entry}].links[{at}]"
+            member, place = pendulum.links[at], f"pendulum[{entry}].links[{at}]"
             row: Row = {first + link: 1.0}
             if i:
                 row[first + link - 1] = -1.0
             elif hanging:
                 row |= {k: -float(value) for k, value in enumerate(hanging.phi.turning[number]) if value}
-            yield Dissipator(f"{place}.damping", JOINT, row, damping=own.damping, number=link)
-            yield Dissipator(f"{place}.loss", JOINT, row, stiffness=own.stiffness, loss=own.loss, number=link)
+            yield Dissipator(f"{place}.damping", JOINT, row, damping=member.damping, number=link)
+            yield Dissipator(f"{place}.loss", JOINT, row, stiffness=member.stiffness, loss=member.loss, number=link)
             wire = {first + link: 1.0}
-            yield Dissipator(f"{place}.wire_loss", WIRE, wire, stiffness=held[i], loss=own.wire_loss, number=link)
-            for rows in dragged if own.drag else ():
+            yield Dissipator(f"{place}.wire_loss", WIRE, wire, stiffness=held[i], loss=member.wire_loss, number=link)
+            for rows in dragged if member.drag else ():
                 if rows[i]:
-                    yield Dissipator(f"{place}.drag", DRAG, rows[i], damping=own.drag, number=link)
+                    yield Dissipator(f"{place}.drag", DRAG, rows[i], damping=member.drag, number=link)
             link += 1
     for number, spring in enumerate(hanging.spring_rows if hanging else ()):
         own_spring, place = scene.spring[spring.entry], f"spring[{spring.entry}]"
@@ -188,8 +190,8 @@ def _dragged(
         parts = hanging.phi.along[number], hanging.phi.down[number]
         carried = [{k: float(value) for k, value in enumerate(part) if value} for part in parts]
     arms = [centres(block, column, way) for way in ways] + [np.zeros((block.n, block.n))] * (len(ways) == 1)
-    for own, pivot in zip(arms, carried, strict=True):
-        yield [pivot | {start + j: float(arm) for j, arm in enumerate(row) if arm} for row in own]
+    for arm_rows, pivot in zip(arms, carried, strict=True):
+        yield [pivot | {start + j: float(arm) for j, arm in enumerate(row) if arm} for row in arm_rows]
 
 
 def _of_supports(scene: Scene, rig: Rig) -> Iterator[Dissipator]:
@@ -198,13 +200,13 @@ def _of_supports(scene: Scene, rig: Rig) -> Iterator[Dissipator]:
     if rig.cart:
         yield Dissipator("support.damping", CART, {0: 1.0}, damping=rig.cart.damping)
     structure = rig.structure
-    for number, own in enumerate(structure.carriers if structure else ()):
+    for number, carrier in enumerate(structure.carriers if structure else ()):
         assert structure is not None
         place, start = f"support[{number}]" if several else "support", structure.offsets[number]
-        if own.D is not None:
-            yield from _factors(f"{place}.D", own.D, start)
-        for k, damping in enumerate(own.damping if own.M is None else ()):
-            suffix = f".{PLATFORM[k]}" if own.kind == "platform" else ""
+        if carrier.D is not None:
+            yield from _factors(f"{place}.D", carrier.D, start)
+        for k, damping in enumerate(carrier.damping if carrier.M is None else ()):
+            suffix = f".{PLATFORM[k]}" if carrier.kind == "platform" else ""
             yield Dissipator(f"{place}.damping{suffix}", OTHER, {start + k: 1.0}, damping=float(damping))
 
 

@@ -52,13 +52,13 @@ def frequencies(rig: Rig) -> Floats:
     """The different |λ| of the rig without dampers, ascending: 0 of a free cart, growth rates where it is unstable."""
     if rig.structure:
         return _different(_on_structure(rig)[0])
-    found = [np.zeros(int(rig.cart is not None and rig.cart.stiffness == 0))]
+    rates = [np.zeros(int(rig.cart is not None and rig.cart.stiffness == 0))]
     for block, column in rig.names:
         if rig.cart is None or rig.spatial or rig.blocks[block].count[column] > 1:
-            found.append(_eigen(*_chain(rig, (block, column)))[0])
+            rates.append(_eigen(*_chain(rig, (block, column)))[0])
     if rig.cart:
-        found.append(_eigen(*_heavy(rig))[0])
-    return _different(np.concatenate(found))
+        rates.append(_eigen(*_heavy(rig))[0])
+    return _different(np.concatenate(rates))
 
 
 def _different(rates: Floats) -> Floats:
@@ -76,8 +76,8 @@ def modal_factor(M: Floats, K: Floats, free: bool, ratio: RatioAt) -> Floats:
     rate, momentum = _eigen(M, K, free)
     swings = (rate > 0) & np.isfinite(rate)
     omega = rate[swings]
-    found: Floats = np.sqrt(2 * ratio(omega) * omega)[:, None] * momentum.T[swings]
-    return np.hstack([np.zeros((len(found), int(free))), found])
+    factor: Floats = np.sqrt(2 * ratio(omega) * omega)[:, None] * momentum.T[swings]
+    return np.hstack([np.zeros((len(factor), int(free))), factor])
 
 
 def modal_dampers(rig: Rig) -> Floats:
@@ -93,10 +93,10 @@ def modal_dampers(rig: Rig) -> Floats:
         count = len(index)
         if rig.cart is None or count > 1:
             C = modal_factor(*_chain(rig, kind), ratio)
-            own = C.T @ C
+            alone = C.T @ C
             if rig.cart:
-                D[index[:, None, :, None], index[None, :, None, :]] -= own / count
-            D[index[:, :, None], index[:, None, :]] += own
+                D[index[:, None, :, None], index[None, :, None, :]] -= alone / count
+            D[index[:, :, None], index[:, None, :]] += alone
     if rig.cart:
         C = modal_factor(*_heavy(rig), ratio)
         common, at = np.zeros((len(C), len(D))), 1
@@ -126,13 +126,13 @@ def _on_structure(rig: Rig) -> tuple[Floats, Floats]:
 
 def _places(rig: Rig, first: int) -> dict[Kind, Ints]:
     """The rows (copies, n) of every kind's angles, in the order of `Rig.names`, after those of the cart."""
-    found: dict[Kind, list[Ints]] = {kind: [] for kind in rig.names}
+    places: dict[Kind, list[Ints]] = {kind: [] for kind in rig.names}
     at = first
     for block, column, copies in rig.members:
         n = rig.blocks[block].n
-        found[block, column].append(at + np.arange(copies * n).reshape(copies, n))
+        places[block, column].append(at + np.arange(copies * n).reshape(copies, n))
         at += copies * n
-    return {kind: np.concatenate(rows) for kind, rows in found.items()}
+    return {kind: np.concatenate(rows) for kind, rows in places.items()}
 
 
 def _chain(rig: Rig, kind: Kind) -> tuple[Floats, Floats, bool]:

@@ -99,14 +99,14 @@ def varied(scene: Scene, numbers: Mapping[Place, Floats]) -> Stack | None:
     if not can_stack([scene]) or not all(place in SUPPORT or _is_of_link(place) for place in numbers):
         return None
     size = len(next(iter(numbers.values())))
-    where = [(i, j, link) for i, one in enumerate(scene.pendulum) for j, link in enumerate(one.links)]
+    where = [(i, j, link) for i, pendulum in enumerate(scene.pendulum) for j, link in enumerate(pendulum.links)]
     links = [np.empty((len(where), size)) for _ in ARRAYS]
     for row, (i, j, link) in enumerate(where):
         at = ("pendulum", i, "links", j)
         mass, length = (numbers.get((*at, name), getattr(link, name)) for name in ARRAYS[:2])
-        own = dict(zip(ARRAYS, (mass, length, *link.proportions(mass, length)), strict=True))
+        told = dict(zip(ARRAYS, (mass, length, *link.proportions(mass, length)), strict=True))
         for values, name in zip(links, ARRAYS, strict=True):
-            values[row] = own[name] if link.is_uniform else numbers.get((*at, name), own[name])
+            values[row] = told[name] if link.is_uniform else numbers.get((*at, name), told[name])
     gravity = np.broadcast_to(numbers.get(("gravity",), scene.gravity), size)
     cart = None
     if scene.cart is not None:
@@ -143,25 +143,25 @@ def _links(scenes: Sequence[Scene]) -> list[Floats]:
     """Mass, length, centre and inertia (L, S) of all links as specified."""
     rows = [[link for pendulum in scene.pendulum for link in pendulum.links] for scene in scenes]
     sizes = np.fromiter(chain.from_iterable(map(SIZE, chain.from_iterable(rows))), float).reshape(len(rows), -1, 2)
-    found = [np.empty((len(rows[0]), len(rows))) for _ in ARRAYS]
-    mass, length, centre, inertia = found
+    numbers = [np.empty((len(rows[0]), len(rows))) for _ in ARRAYS]
+    mass, length, centre, inertia = numbers
     mass[:], length[:] = sizes[..., 0].T, sizes[..., 1].T
     for k, link in enumerate(rows[0]):
         if link.is_uniform:
             centre[k], inertia[k] = link.proportions(mass[k], length[k])
         else:
             centre[k], inertia[k] = np.array([(row[k].centre, row[k].inertia) for row in rows]).T
-    return found
+    return numbers
 
 
 def _by_length(scene: Scene) -> list[list[tuple[Pendulum, int]]]:
     """The pendula with the column of their first link, grouped by their number of links."""
-    found: dict[int, list[tuple[Pendulum, int]]] = {}
+    groups: dict[int, list[tuple[Pendulum, int]]] = {}
     column = 0
     for pendulum in scene.pendulum:
-        found.setdefault(pendulum.n_links, []).append((pendulum, column))
+        groups.setdefault(pendulum.n_links, []).append((pendulum, column))
         column += len(pendulum.links)
-    return [found[n] for n in sorted(found)]
+    return [groups[n] for n in sorted(groups)]
 
 
 def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) -> Group:

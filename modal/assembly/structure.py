@@ -155,8 +155,8 @@ class Hanging:
             if down := _element(slopes(structure, carrier, where)[1], 1.0):
                 inertia.append(down._replace(size=mass))
                 lost += [down._replace(size=drag)] * bool(drag)
-        own, terms = [fsum(each) for each in parts], np.array([fsum(map(abs, each)) for each in parts])
-        held = [Element((k,), (1.0,), value) for k, value in enumerate(own) if value]
+        sums, terms = [fsum(each) for each in parts], np.array([fsum(map(abs, each)) for each in parts])
+        held = [Element((k,), (1.0,), value) for k, value in enumerate(sums) if value]
         for spring in self.spring_rows:
             if element := _element(spring.row, 1.0):
                 held += [element._replace(size=spring.stiffness)] * bool(spring.stiffness)
@@ -185,22 +185,22 @@ class Hanging:
         joints = rows[len(self.elements.stiffness) :]
         for row, (block, column, _), first in zip(joints, self.rig.members, self.starts.tolist(), strict=False):
             row[:] = self.phi.turning[first] * (self.rig.blocks[block].stiffness[0, column] > 0)
-        for own, start in zip(self.structure.carriers, self.structure.offsets, strict=False):
-            if own.K is not None:
-                span = slice(start, start + own.size)
-                rows[-d:][span, span] = own.K
+        for carrier, start in zip(self.structure.carriers, self.structure.offsets, strict=False):
+            if carrier.K is not None:
+                span = slice(start, start + carrier.size)
+                rows[-d:][span, span] = carrier.K
         return int(null_space(rows).shape[1])
 
     @property
     def _hung(self) -> dict[tuple[int, Where], tuple[float, float]]:
         """The mass (kg) and the drag (N s/m) of all pendula that hang from one point."""
-        found: dict[tuple[int, Where], list[tuple[float, float]]] = {}
+        hung: dict[tuple[int, Where], list[tuple[float, float]]] = {}
         each = [(block.mass.sum(0), block.drag.sum(0)) for block in self.rig.blocks]
         for (block, column, copies), pendulum in zip(self.rig.members, self.starts.tolist(), strict=True):
             pivot = self.structure.pivots[pendulum]
             mass, drag = (float(part[column]) * copies for part in each[block])
-            found.setdefault((pivot.carrier, pivot.where), []).append((mass, drag))
-        return {point: (fsum(m for m, _ in own), fsum(d for _, d in own)) for point, own in found.items()}
+            hung.setdefault((pivot.carrier, pivot.where), []).append((mass, drag))
+        return {point: (fsum(m for m, _ in weights), fsum(d for _, d in weights)) for point, weights in hung.items()}
 
     @cached_property
     def spring_rows(self) -> tuple[SpringRow, ...]:
@@ -273,9 +273,9 @@ class Hanging:
         number, column = self.kinds[pendulum]
         block, first = self.rig.blocks[number], int(self.first[pendulum])
         for i in range(end.link - first + 1):
-            own = end.below if i == end.link - first else block.length[i, column]
-            own = block.centre[i, column] if own is None else own
-            yield self.structure.size + first + i, float(block.sigma[i, column] * own)
+            arm = end.below if i == end.link - first else block.length[i, column]
+            arm = block.centre[i, column] if arm is None else arm
+            yield self.structure.size + first + i, float(block.sigma[i, column] * arm)
 
     def _place(self, end: End) -> tuple[float, float] | None:
         """Where an end is as drawn, links hanging straight; None for the ground at the other end."""
@@ -284,18 +284,18 @@ class Hanging:
         carrier, where = (
             self.structure.pivots[self.owner(end.link)] if isinstance(end, LinkEnd) else (end.carrier, end.where)
         )
-        own = self.structure.carriers[carrier]
-        still = (0.0,) * own.size
-        x, z = own.moving(where, still, still).place
+        body = self.structure.carriers[carrier]
+        still = (0.0,) * body.size
+        x, z = body.moving(where, still, still).place
         below = sum(arm for _, arm in self._arms(self.owner(end.link), end)) if isinstance(end, LinkEnd) else 0.0
         return float(x), float(z) + below
 
 
 def _difference(first: Row, second: Row) -> Row:
-    found = dict(first)
+    row = dict(first)
     for column, value in second.items():
-        found[column] = found.get(column, 0.0) - value
-    return found
+        row[column] = row.get(column, 0.0) - value
+    return row
 
 
 def _element(row: Row, size: float) -> Element | None:
@@ -306,12 +306,12 @@ def _element(row: Row, size: float) -> Element | None:
 
 def own_inertia(structure: Structure, carrier: int) -> Iterator[Element]:
     """The elements of the own mass and inertia of a carrier that is none by modes."""
-    own = structure.carriers[carrier]
-    if own.M is not None or not own.size:
+    body = structure.carriers[carrier]
+    if body.M is not None or not body.size:
         return
     rows = (
-        *((row, own.mass) for row in slopes(structure, carrier, own.centre)),
-        (turning(structure, carrier), own.inertia),
+        *((row, body.mass) for row in slopes(structure, carrier, body.centre)),
+        (turning(structure, carrier), body.inertia),
     )
     for row, size in rows:
         if size and (element := _element(row, float(size))):
@@ -321,10 +321,10 @@ def own_inertia(structure: Structure, carrier: int) -> Iterator[Element]:
 def modal_supports(structure: Structure) -> tuple[Floats, Floats, Floats]:
     """M, K and D (d, d) over η that modal supports bring with them."""
     M, K, D = np.zeros((3, structure.size, structure.size))
-    for own, first in zip(structure.carriers, structure.offsets, strict=False):
-        if own.M is not None and own.K is not None and own.D is not None:
-            at = slice(first, first + own.size)
-            M[at, at], K[at, at], D[at, at] = own.M, own.K, own.D
+    for carrier, first in zip(structure.carriers, structure.offsets, strict=False):
+        if carrier.M is not None and carrier.K is not None and carrier.D is not None:
+            at = slice(first, first + carrier.size)
+            M[at, at], K[at, at], D[at, at] = carrier.M, carrier.K, carrier.D
     return M, K, D
 
 
@@ -340,18 +340,18 @@ def on_structure(rig: Rig) -> tuple[Floats, Floats, Floats]:
     chains = {(block, column): _chain(rig, block, column) for block, column in rig.names}
     for p, (block, column) in enumerate(hanging.kinds.tolist()):
         along, turning = hanging.phi.along[p], hanging.phi.turning[p]
-        own, chain = slice(d + int(hanging.first[p]), d + int(hanging.first[p + 1])), chains[block, column]
-        M[own, own] += chain.A
-        K[own, own] += chain.K
-        M[:d, own] += np.multiply.outer(along, chain.b)
+        span, chain = slice(d + int(hanging.first[p]), d + int(hanging.first[p + 1])), chains[block, column]
+        M[span, span] += chain.A
+        K[span, span] += chain.K
+        M[:d, span] += np.multiply.outer(along, chain.b)
         M[:d, :d] += chain.mass * np.multiply.outer(along, along)
         for S, strength in ((K, chain.stiffness), (D, chain.damping)):
-            S[:d, own.start] -= strength * turning
+            S[:d, span.start] -= strength * turning
             S[:d, :d] += strength * np.multiply.outer(turning, turning)
-        D[own, own] += chain.D
+        D[span, span] += chain.D
         if chain.drag is not None:
             drag, rows = chain.drag
-            D[:d, own] += np.multiply.outer(along, drag @ rows)
+            D[:d, span] += np.multiply.outer(along, drag @ rows)
             D[:d, :d] += drag.sum() * np.multiply.outer(along, along)
     for S in (M, K, D):
         S[d:, :d] = S[:d, d:].T

@@ -91,11 +91,11 @@ def equal_bobs(n: int, variable: Variable = "lambda") -> Polynomial:
 
     Equations (12) to (14) of paper 001 for n = 1, 2, 3.
     """
-    c, found = 1, [1]
+    c, coefficients = 1, [1]
     for k in range(n, 0, -1):
         c = c * k * k // (n - k + 1)
-        found.append(c)
-    in_lambda = Polynomial(tuple(reversed(found)), "lambda", "g/l")
+        coefficients.append(c)
+    in_lambda = Polynomial(tuple(reversed(coefficients)), "lambda", "g/l")
     return in_lambda if variable == "lambda" else in_lambda.in_x()
 
 
@@ -158,9 +158,9 @@ def eliminated(links: Sequence[pair.Constants], clear: Clear) -> tuple[list[Any]
     d: list[Any] = [1]
     N: list[Any] = [0]
     for link in reversed(links):
-        k, r, p, one, mk, mJ = clear([link.k, link.r, link.p, link.k / link.k, link.m * link.k, link.mJ])
+        k, r, p, unit, mk, mJ = clear([link.k, link.r, link.p, link.k / link.k, link.m * link.k, link.mJ])
         rows = list(zip([*d, 0], [*N, 0], [0, *d], [0, *N], strict=True))
-        d = [k * d0 - r * xd - one * xN for d0, _, xd, xN in rows]
+        d = [k * d0 - r * xd - unit * xN for d0, _, xd, xN in rows]
         N = [k * N0 - p * xN + mk * d0 - mJ * xd for d0, N0, xd, xN in rows]
     return d, N
 
@@ -179,8 +179,8 @@ def _moving(cart: Cart, kinds: list[tuple[list[int], list[int], int]]) -> list[F
     d, N = [1], [0]
     for below, force, count in kinds:
         d, N = product(d, below), total(product(N, below), scaled(count, product(d, force)))
-    one, mass, spring = integers([Fraction(1), exact(cart.mass), exact(cart.stiffness)])
-    felt = total(scaled(mass, d), scaled(one, N))
+    unit, mass, spring = integers([Fraction(1), exact(cart.mass), exact(cart.stiffness)])
+    felt = total(scaled(mass, d), scaled(unit, N))
     if spring:
         return [Factor(_primitive(total([0, *felt], scaled(-spring, d))), 1, "cart moves")]
     moves = _primitive(felt)
@@ -223,7 +223,7 @@ def _minors(
 ) -> list[tuple[int, Fraction]]:
     """(d, N) at x = −start − 1, −start − 2, …, over a common unit; empty where B is not definite there."""
     unit = lcm(*(value.denominator for row in (*A, *K, b, mass) for value in row))
-    found = []
+    minors_at = []
     for x in range(-start - 1, -start - len(b) - 2, -1):
         B = [[k - x * a for k, a in zip(*rows, strict=True)] for rows in zip(K, A, strict=True)]
         bordered = [[*row, -moment] for row, moment in zip(B, b, strict=True)] + [[*scaled(x, b), sum(mass)]]
@@ -233,8 +233,8 @@ def _minors(
             return []
         if min(minors[:-1]) <= 0:
             return []
-        found.append((minors[-2], Fraction(minors[-1], unit)))
-    return found
+        minors_at.append((minors[-2], Fraction(minors[-1], unit)))
+    return minors_at
 
 
 def _stiffness_matrix(

@@ -54,13 +54,13 @@ def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = 
     flint()
     require(scene, "an enclosure")
     rigid = scene.cart is not None and scene.cart.stiffness == 0
-    found = [Enclosure("0", "0", 1, "rigid translation")] * rigid
+    enclosures = [Enclosure("0", "0", 1, "rigid translation")] * rigid
     problems = list(_problems(scene))
     total = sum(problem.n_modes for problem in problems)
-    for done, enclosure in enumerate((one for problem in problems for one in problem.enclosures(digits)), 1):
-        found.append(enclosure)
+    for done, enclosure in enumerate((proved for problem in problems for proved in problem.enclosures(digits)), 1):
+        enclosures.append(enclosure)
         report(done / total)
-    return sorted(found, key=lambda enclosure: Decimal(enclosure.low))
+    return sorted(enclosures, key=lambda enclosure: Decimal(enclosure.low))
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,11 +16,11 @@ def total(p: Sequence[Any], q: Sequence[Any]) -> list[Any]:
 
 def product(p: Sequence[Any], q: Sequence[Any]) -> list[Any]:
     """Coefficients of p q."""
-    found = [0 * p[0]] * (len(p) + len(q) - 1)
+    coefficients = [0 * p[0]] * (len(p) + len(q) - 1)
     for i, a in enumerate(p):
         for j, b in enumerate(q):
-            found[i + j] += a * b
-    return found
+            coefficients[i + j] += a * b
+    return coefficients
 
 
 def scaled(factor: Any, p: Sequence[Any]) -> list[Any]:
@@ -58,10 +58,10 @@ def interpolated(values: Sequence[Fraction]) -> list[Fraction]:
     c = list(values)
     for order in range(1, len(c)):
         c[order:] = [(after - before) / order for before, after in pairwise(c[order - 1 :])]
-    found = [c[-1]]
+    coefficients = [c[-1]]
     for node in reversed(range(1, len(c))):
-        found = total(product(found, [-node, -1]), [c[node - 1]])
-    return found
+        coefficients = total(product(coefficients, [-node, -1]), [c[node - 1]])
+    return coefficients
 
 
 def shifted(p: Sequence[Any], step: Any) -> list[Any]:

@@ -51,8 +51,8 @@ class Format(NamedTuple):
 
 def _function(place: str) -> Callable[..., Any]:
     module, _, name = place.partition(".")
-    found: Callable[..., Any] = getattr(import_module(f"modal.exports.{module}"), name)
-    return found
+    function: Callable[..., Any] = getattr(import_module(f"modal.exports.{module}"), name)
+    return function
 
 
 def format_named(name: str) -> Format:

@@ -212,8 +212,8 @@ def _variable(variable: Variable, reference: int) -> ET.Element:
     what = {"name": variable.name, "valueReference": str(reference), "description": one_line(variable.signal.meaning)}
     element = ET.Element("ScalarVariable", {**what, **ROLES[variable.role]})
     start = {} if variable.role == "output" else {"start": "0"}
-    given = {"unit": name} if (name := unit(variable.signal)) else {}
-    ET.SubElement(element, "Real", {**given, **start})
+    attributes = {"unit": name} if (name := unit(variable.signal)) else {}
+    ET.SubElement(element, "Real", {**attributes, **start})
     return element
 
 

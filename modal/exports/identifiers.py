@@ -32,12 +32,12 @@ def identifiers(names: Iterable[str], taken: Iterable[str] = ()) -> tuple[str, .
     >>> identifiers(["x", "x", "end"], taken=["end"])
     ('x', 'x_2', 'end_2')
     """
-    used, found = set(taken), []
+    used, words = set(taken), []
     for name in names:
         base = word = identifier(name, "signal")
         number = 2
         while word in used:
             word, number = f"{base}_{number}", number + 1
         used.add(word)
-        found.append(word)
-    return tuple(found)
+        words.append(word)
+    return tuple(words)

@@ -31,20 +31,20 @@ def write_json(model: StateSpace) -> bytes:
 def read_json(source: Source) -> StateSpace:
     """The model that was written, from the bytes of the file or its path; SceneError for any other content."""
     with reading(source, "model"):
-        found = content(source)
-        verify_sealed_text(found, OPENING)
-        data: dict[str, Any] = json.loads(found)
+        text = content(source)
+        verify_sealed_text(text, OPENING)
+        data: dict[str, Any] = json.loads(text)
         require_keys(data, "sha256", "title", "dt", "operating_point", *KINDS, *SHAPES)
         signals = {kind: [(s["name"], s["unit"], s["meaning"]) for s in data[kind]] for kind in KINDS}
         resting = [(angle["name"], angle["value"]) for angle in data["operating_point"]]
         return assembled(data, signals, resting)
 
 
-def assembled(found: Mapping[str, Any], signals: Mapping[str, Sequence[Sequence[str]]], resting: Rests) -> StateSpace:
+def assembled(arrays: Mapping[str, Any], signals: Mapping[str, Sequence[Sequence[str]]], resting: Rests) -> StateSpace:
     """The model of A, B, C, D, dt and title; ValueError where they do not fit together or are not finite."""
     named = {kind: tuple(Signal(*map(str, row)) for row in rows) for kind, rows in signals.items()}
     sizes = {name: tuple(len(named[kind]) for kind in kinds) for name, kinds in SHAPES.items()}
-    A, B, C, D = (finite_array(found[name] if prod(size) else np.zeros(size), *size) for name, size in sizes.items())
+    A, B, C, D = (finite_array(arrays[name] if prod(size) else np.zeros(size), *size) for name, size in sizes.items())
     angles = finite_array([value for _, value in resting], len(resting)) if resting else np.zeros(0)
     states, inputs, outputs = (named[kind] for kind in KINDS)
     return StateSpace(
@@ -52,8 +52,8 @@ def assembled(found: Mapping[str, Any], signals: Mapping[str, Sequence[Sequence[
         states,
         inputs,
         outputs,
-        dt=float(finite_array(found["dt"])),
-        title=str(found["title"]),
+        dt=float(finite_array(arrays["dt"])),
+        title=str(arrays["title"]),
         operating_point=tuple(zip((str(name) for name, _ in resting), angles.tolist(), strict=True)),
     )
 

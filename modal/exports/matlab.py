@@ -52,8 +52,8 @@ def write_mat(model: StateSpace) -> bytes:
 
 def write_varying(model: VaryingModel) -> bytes:
     """A version 5 file of time_s (T, 1), A (T, n, n), B (T, n, m), C and D, and the names of `write_mat`."""
-    found = {"A": model.A, "B": model.B, "C": model.C, "D": model.D}
-    return _saved(model, {"time_s": model.times[:, None], **found})
+    arrays = {"A": model.A, "B": model.B, "C": model.C, "D": model.D}
+    return _saved(model, {"time_s": model.times[:, None], **arrays})
 
 
 def _saved(model: StateSpace | VaryingModel, numbers: dict[str, Any]) -> bytes:

@@ -65,8 +65,8 @@ def _lines(model: StateSpace) -> Iterator[str]:
 
 def _declared(what: str, words: Sequence[str], signals: Sequence[Signal], value: str = "") -> Iterator[str]:
     for word, signal in zip(words, signals, strict=True):
-        given = f"(unit = {modelica_text(unit(signal))})" if unit(signal) else ""
-        yield f"  {what} {word}{given}{value} {modelica_text(signal.meaning)};"
+        modifier = f"(unit = {modelica_text(unit(signal))})" if unit(signal) else ""
+        yield f"  {what} {word}{modifier}{value} {modelica_text(signal.meaning)};"
 
 
 def _vectors(model: StateSpace, inputs: Sequence[str], starts: Sequence[str]) -> Iterator[str]:

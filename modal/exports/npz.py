@@ -32,8 +32,8 @@ def write_varying(model: VaryingModel) -> bytes:
         "operating_names": np.array([name for name, _ in model.operating_point], dtype=np.str_),
         "operating_values": np.array([value for _, value in model.operating_point], dtype=np.float64),
     }
-    found = {"A": model.A, "B": model.B, "C": model.C, "D": model.D, "title": np.str_(model.title)}
-    return archive({"time_s": model.times} | found | resting | signals)
+    arrays = {"A": model.A, "B": model.B, "C": model.C, "D": model.D, "title": np.str_(model.title)}
+    return archive({"time_s": model.times} | arrays | resting | signals)
 
 
 def read_npz(source: Source) -> StateSpace:

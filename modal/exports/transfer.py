@@ -15,21 +15,21 @@ def write_transfer(model: StateSpace) -> bytes:
     if model.scene is None or model.dt:
         raise ComputationError("transfer functions need a whole model in continuous time")
     form = to_modal_form(natural_modes(model.scene), model)
-    found = [
+    records = [
         {
-            "input": one.input.name,
-            "output": one.output.name,
-            "unit": f"{one.output.unit} per {one.input.unit}",
-            "gain": one.gain,
-            "zeros": _pairs(one.zeros),
-            "poles": _pairs(one.poles),
-            "numerator": one.numerator.tolist(),
-            "denominator": one.denominator.tolist(),
+            "input": function.input.name,
+            "output": function.output.name,
+            "unit": f"{function.output.unit} per {function.input.unit}",
+            "gain": function.gain,
+            "zeros": _pairs(function.zeros),
+            "poles": _pairs(function.poles),
+            "numerator": function.numerator.tolist(),
+            "denominator": function.denominator.tolist(),
         }
         for row in transfer_functions(form)
-        for one in row
+        for function in row
     ]
-    return as_json({"title": model.title, "transfer_functions": found}).encode()
+    return as_json({"title": model.title, "transfer_functions": records}).encode()
 
 
 def _pairs(values: Complexes) -> list[list[float]]:

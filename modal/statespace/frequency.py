@@ -53,10 +53,12 @@ class Elimination:
             self._evaluate, of, to = on_structure(scene, inputs, outputs)
             orders = [[row.order - column.order for column in of] for row in to]
         else:
-            given = [place_of_input(scene, signal, tips) for signal in inputs]
+            driven = [place_of_input(scene, signal, tips) for signal in inputs]
             read = [place_of(READ, signal.name, tips) for signal in outputs]
-            self._evaluate = full_response(scene, given, read) if whole else _from_tips(rig, given, read, angles, links)
-            orders = [[row.order - column.order for column in given] for row in read]
+            self._evaluate = (
+                full_response(scene, driven, read) if whole else _from_tips(rig, driven, read, angles, links)
+            )
+            orders = [[row.order - column.order for column in driven] for row in read]
         self._orders = np.array(orders)[..., None]
         width = sum(block.n * block.size for block in rig.blocks) * (1 + len(inputs)) + len(inputs) * len(outputs)
         width += (sum(tip + 1 for tip in tips) + rig.leading) ** 2 if whole else 0
@@ -69,15 +71,15 @@ class Elimination:
         """
         still = omega == 0
         at = np.where(still, LIMIT * self.unit, np.abs(omega))
-        found = self._displacements(at, tolerance, is_real=self.is_real)
+        response = self._displacements(at, tolerance, is_real=self.is_real)
         with np.errstate(all="ignore"):
-            found *= np.array([1, 1j, -1, -1j])[self._orders % 4] * np.float_power(at, self._orders)
-        return _limits(np.where(omega < 0, np.conj(found), found), still, at)
+            response *= np.array([1, 1j, -1, -1j])[self._orders % 4] * np.float_power(at, self._orders)
+        return _limits(np.where(omega < 0, np.conj(response), response), still, at)
 
     def at(self, s: Complexes, tolerance: float = TOLERANCE) -> Complexes:
         """G(s) (p, m, W) at s (W,) in 1/s, each entry to this relative error."""
-        found = self._displacements(-1j * s, tolerance, is_real=False)
-        return np.asarray(found * np.power(s, self._orders), dtype=np.complex128)
+        response = self._displacements(-1j * s, tolerance, is_real=False)
+        return np.asarray(response * np.power(s, self._orders), dtype=np.complex128)
 
     def roughly_at(self, s: Complexes) -> tuple[Complexes, Floats]:
         """G(s) (p, m, W) in floats, and its rounding error."""
@@ -89,54 +91,66 @@ class Elimination:
     def _displacements(self, omega: Floats | Complexes, tolerance: float, *, is_real: bool) -> Complexes:
         """Displacements and forces for displacements and forces."""
         parts = [omega[first : first + self._step] for first in range(0, len(omega), self._step)]
-        found = [evaluated(self._evaluate, own, is_real=is_real, tolerance=tolerance) for own in parts]
-        return np.concatenate(found, axis=-1) if found else np.zeros((*self._orders.shape[:2], 0), np.complex128)
+        responses = [evaluated(self._evaluate, part, is_real=is_real, tolerance=tolerance) for part in parts]
+        return (
+            np.concatenate(responses, axis=-1) if responses else np.zeros((*self._orders.shape[:2], 0), np.complex128)
+        )
 
 
 def is_whole(scene: Scene, inputs: Sequence[Signal | Dissipator]) -> bool:
     """Whether a scene is eliminated as a whole for these inputs, and not from the tips of its pendula."""
     leans = "constant_force" in scene.features
-    alone = any(one.kind not in PAIRS if isinstance(one, Dissipator) else is_point(one.name) for one in inputs)
+    alone = any(
+        signal.kind not in PAIRS if isinstance(signal, Dissipator) else is_point(signal.name) for signal in inputs
+    )
     return scene.is_structured or scene.has_modal_damping or leans or alone
 
 
-def _limits(found: Complexes, still: Any, at: Floats) -> Complexes:
+def _limits(response: Complexes, still: Any, at: Floats) -> Complexes:
     """At ω = 0 powers of the frequency that stands for it become 0 and infinity."""
     if still.any():
-        size, edge = np.abs(found), np.sqrt(at)
-        found = np.where(still & (size * edge > 1), np.inf, np.where(still & (size < edge), 0.0, found))
-    return found
+        size, edge = np.abs(response), np.sqrt(at)
+        response = np.where(still & (size * edge > 1), np.inf, np.where(still & (size < edge), 0.0, response))
+    return response
 
 
 def _from_tips(
-    rig: Rig, given: Sequence[Place], read: Sequence[Place], angles: LossAngles | None, links: Sequence[Ints]
+    rig: Rig, driven: Sequence[Place], read: Sequence[Place], angles: LossAngles | None, links: Sequence[Ints]
 ) -> Evaluate:
     """The evaluation (p, m, W) of displacements for displacements and forces; `links` are those of each block."""
     members = [(block, column) for block, column, copies in rig.members for _ in range(copies)]
     loads: list[list[Load]] = [
-        sorted({(one.what, one.link) for one in given if one.pendulum >= 0 and members[one.pendulum][0] == number})
+        sorted(
+            {
+                (place.what, place.link)
+                for place in driven
+                if place.pendulum >= 0 and members[place.pendulum][0] == number
+            }
+        )
         for number in range(len(rig.blocks))
     ]
 
     def evaluate(numbers: Arithmetic) -> Any:
-        losses: list[Any] = [angles.at(numbers.rates, own) for own in links] if angles else [None] * len(rig.blocks)
+        losses: list[Any] = (
+            [angles.at(numbers.rates, of_block) for of_block in links] if angles else [None] * len(rig.blocks)
+        )
         parts = zip(rig.blocks, loads, losses, strict=True)
-        every = [hung(block, own, rig.gravity, numbers, lost) for block, own, lost in parts]
+        every = [hung(block, of_block, rig.gravity, numbers, lost) for block, of_block, lost in parts]
         nothing = 0 * numbers.omega
-        moved = np.array([nothing + one for one in _pivots(rig, every, given, members, loads, numbers)])
-        found = []
+        moved = np.array([nothing + place for place in _pivots(rig, every, driven, members, loads, numbers)])
+        rows = []
         for row in read:
             if row.pendulum < 0:
-                found.append(moved)
+                rows.append(moved)
                 continue
             block, column = members[row.pendulum]
             values = _read(every[block], rig.blocks[block].n, column, row, numbers)
             G = values[0] * moved
-            for k, one in enumerate(given):
-                if one.pendulum == row.pendulum:
-                    G[k] = G[k] + values[1 + loads[block].index((one.what, one.link))]
-            found.append(G)
-        return np.array(found)
+            for k, place in enumerate(driven):
+                if place.pendulum == row.pendulum:
+                    G[k] = G[k] + values[1 + loads[block].index((place.what, place.link))]
+            rows.append(G)
+        return np.array(rows)
 
     return evaluate
 
@@ -144,39 +158,39 @@ def _from_tips(
 def _pivots(
     rig: Rig,
     every: Sequence[Hung],
-    given: Sequence[Place],
+    driven: Sequence[Place],
     members: Sequence[tuple[int, int]],
     loads: Sequence[Sequence[Load]],
     numbers: Arithmetic,
 ) -> list[Any]:
     """The displacement of all pivots for every input."""
-    base = any(one.what == BASE for one in given)
+    base = any(place.what == BASE for place in driven)
     direct: Any = 0
     inertial: Any = 0
     ground: Any = 1
     if rig.cart and not base:
         counts = (numbers.number(block.count[:, None]) for block in rig.blocks)
-        mass = np.sum([(count * one.mass).sum(0) for count, one in zip(counts, every, strict=True)], axis=0)
+        mass = np.sum([(count * place.mass).sum(0) for count, place in zip(counts, every, strict=True)], axis=0)
         direct, inertial, ground = cart_of(rig.cart, mass, numbers)
-    found: list[Any] = []
-    for one in given:
-        if one.pendulum < 0:
-            found.append({BASE: 1, GROUND: ground, PUSH: direct}[one.what])
+    pivots: list[Any] = []
+    for place in driven:
+        if place.pendulum < 0:
+            pivots.append({BASE: 1, GROUND: ground, PUSH: direct}[place.what])
             continue
-        block, column = members[one.pendulum]
-        load = loads[block].index((one.what, one.link))
+        block, column = members[place.pendulum]
+        load = loads[block].index((place.what, place.link))
         pushed = inertial * every[block].inertial[column, load]
-        found.append(pushed + direct * every[block].direct[column, load] if one.what == FORCE else pushed)
-    return found
+        pivots.append(pushed + direct * every[block].direct[column, load] if place.what == FORCE else pushed)
+    return pivots
 
 
-def _read(own: Hung, links: int, column: int, row: Place, numbers: Arithmetic) -> Any:
+def _read(chain: Hung, links: int, column: int, row: Place, numbers: Arithmetic) -> Any:
     """An output for a displaced pivot, then for each load, (1 + L, W)."""
     if row.what == "pivot_force":
         square = numbers.omega * numbers.omega
-        passed = own.direct[column] + square * own.inertial[column]
-        return numbers.felt(np.concatenate([(square * own.mass[column])[None], passed]))
+        passed = chain.direct[column] + square * chain.inertial[column]
+        return numbers.felt(np.concatenate([(square * chain.mass[column])[None], passed]))
     if row.what == "joint":
-        return own.joints[row.link + 1, column]
-    above = own.angles[row.link - 1, column] if row.what == "rel" and row.link else 0
-    return own.angles[row.link, column] - above
+        return chain.joints[row.link + 1, column]
+    above = chain.angles[row.link - 1, column] if row.what == "rel" and row.link else 0
+    return chain.angles[row.link, column] - above

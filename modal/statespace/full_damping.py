@@ -45,10 +45,10 @@ DIGITS, MOST = 80, 40
 SWEEPS = 40
 
 
-def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -> Callable[[Arithmetic], Any]:
+def full_response(scene: Scene, driven: Sequence[Place], read: Sequence[Place]) -> Callable[[Arithmetic], Any]:
     """The evaluation (p, m, W) of displacements for displacements and forces."""
     rig = rig_of(scene)
-    base = any(one.what == BASE for one in given)
+    base = any(place.what == BASE for place in driven)
     first = int(rig.cart is not None)
     dampers: Any = None
     if scene.has_modal_damping:
@@ -56,8 +56,8 @@ def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -
         if base and first:
             dampers = _below(dampers, 1)
     losses = losses_of(scene) if scene.has_losses else []
-    moved = [one.what == GROUND or (one.what == BASE and not first) for one in given]
-    prescribed = [one.what == BASE and first == 1 for one in given]
+    moved = [place.what == GROUND or (place.what == BASE and not first) for place in driven]
+    prescribed = [place.what == BASE and first == 1 for place in driven]
 
     def evaluate(numbers: Arithmetic) -> Any:
         links, M, K, D, joints, centres = assembled(rig, numbers)
@@ -73,17 +73,17 @@ def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -
         )
         zero = 0 * omega
         momentum = (links.mass[:, None] * centres).sum(0) if not first else M[:, 0]
-        loads = (_load(links, one, first, numbers, centres) for one in given)
+        loads = (_load(links, place, first, numbers, centres) for place in driven)
         F = np.array([[zero + value for value in load] for load in loads]) + 0 * A[0, 0]
-        for k in range(len(given)):
+        for k in range(len(driven)):
             F[k] = F[k] + square * momentum if moved[k] else F[k] - A[:, 0] if prescribed[k] else F[k]
         q = np.array(F.swapaxes(0, 1))
         held = int(base and first)
         q[held:] = solved(A[held:, held:], F.swapaxes(0, 1)[held:], numbers)
         if held:
-            q[0] = np.array([zero + int(one) for one in prescribed])
-        carried = np.array([zero + int(one) for one in moved])
-        return np.array([_output(links, row, first, q, carried, joints, centres, given, numbers) for row in read])
+            q[0] = np.array([zero + int(place) for place in prescribed])
+        carried = np.array([zero + int(place) for place in moved])
+        return np.array([_output(links, row, first, q, carried, joints, centres, driven, numbers) for row in read])
 
     return evaluate
 
@@ -94,13 +94,13 @@ def on_structure(
     """The evaluation (p, m, W) for a scene on a structure, with what its inputs and outputs are."""
     rig = rig_of(scene)
     geometry = geometry_of_rig(rig)
-    given, read = inputs_named(scene, geometry, inputs), outputs_named(geometry, outputs)
+    driven, read = inputs_named(scene, geometry, inputs), outputs_named(geometry, outputs)
     dampers: Any = None
     if scene.has_modal_damping:
-        held = any(one.moves == "cart" for one in given)
+        held = any(push.moves == "cart" for push in driven)
         dampers = _below(in_digits(fixed(scene)), 1) if held else in_digits(scene)
     losses = losses_of(scene) if scene.has_losses else []
-    return structural_response(geometry, rig, given, read, dampers, losses), given, read
+    return structural_response(geometry, rig, driven, read, dampers, losses), driven, read
 
 
 def is_small(scene: Scene) -> bool:
@@ -127,7 +127,7 @@ class Links:
             sinking, held = (np.concatenate(part) for part in zip(*rests, strict=True))
             self.sinking, self.held = numbers.number(sinking)[:, None], numbers.number(held)[:, None]
 
-    def own(self, pendulum: int) -> slice:
+    def span(self, pendulum: int) -> slice:
         """The links of a pendulum."""
         return slice(self.firsts[pendulum], self.firsts[pendulum + 1])
 
@@ -142,13 +142,13 @@ def assembled(rig: Rig, numbers: Arithmetic) -> tuple[Links, Any, Any, Any, Any,
     joints[:, :first] = centres[:, :first] = numbers.number(1.0)
     gravity = numbers.number(rig.gravity)
     for p in range(len(links.sizes)):
-        own = links.own(p)
+        span = links.span(p)
         parts = (links.mass, links.length, links.centre, links.inertia, links.across)
-        m, l, c, I, across = (part[own] for part in parts)
-        q = slice(own.start + first, own.stop + first)
+        m, l, c, I, across = (part[span] for part in parts)
+        q = slice(span.start + first, span.stop + first)
         ways = across[:, None] * across[None]
         if links.leans:
-            ways = ways + links.sinking[own][:, None] * links.sinking[own][None]
+            ways = ways + links.sinking[span][:, None] * links.sinking[span][None]
             for i in range(len(m)):
                 ways[i, i] = numbers.number(1.0)
         M[q, q] = np.array(pair.inertia_matrix(m, l, c, I)) * ways
@@ -158,11 +158,11 @@ def assembled(rig: Rig, numbers: Arithmetic) -> tuple[Links, Any, Any, Any, Any,
             M[0, 0] = M[0, 0] + m.sum(0)
         for i in range(len(m)):
             at = q.start + i
-            K[at, at] = K[at, at] + (links.held[own][i] if links.leans else gravity * b[i])
-            joints[own.start + i, q.start : at + 1] = (across * l)[: i + 1]
-            centres[own.start + i, q.start : at] = (across * l)[:i]
-            centres[own.start + i, at] = across[i] * c[i]
-            for S, strength in ((K, links.stiffness[own][i]), (D, links.damping[own][i])):
+            K[at, at] = K[at, at] + (links.held[span][i] if links.leans else gravity * b[i])
+            joints[span.start + i, q.start : at + 1] = (across * l)[: i + 1]
+            centres[span.start + i, q.start : at] = (across * l)[:i]
+            centres[span.start + i, at] = across[i] * c[i]
+            for S, strength in ((K, links.stiffness[span][i]), (D, links.damping[span][i])):
                 S[at, at] = S[at, at] + strength
                 if i:
                     S[at - 1, at - 1] = S[at - 1, at - 1] + strength
@@ -181,55 +181,55 @@ def assembled(rig: Rig, numbers: Arithmetic) -> tuple[Links, Any, Any, Any, Any,
 
 def _sinking(links: Links, first: int, centres: Any) -> Any:
     """The displacement downwards of every centre, (links, n, 1)."""
-    found = 0 * centres
+    sinking = 0 * centres
     if links.leans:
         for p in range(len(links.sizes)):
-            own = links.own(p)
-            for i in range(own.start, own.stop):
-                found[i, first + own.start : first + i] = (links.sinking * links.length)[own.start : i]
-                found[i, first + i] = links.sinking[i] * links.centre[i]
-    return found
+            span = links.span(p)
+            for i in range(span.start, span.stop):
+                sinking[i, first + span.start : first + i] = (links.sinking * links.length)[span.start : i]
+                sinking[i, first + i] = links.sinking[i] * links.centre[i]
+    return sinking
 
 
 def _pushed(links: Links, point: PointInput, first: int, centres: Any, numbers: Arithmetic) -> Any:
     """The generalized force of an input at a point, (n, 1)."""
-    found = 0 * centres[0]
+    force = 0 * centres[0]
     if not point.places:
-        found[0] = found[0] + 1
+        force[0] = force[0] + 1
     sinking = _sinking(links, first, centres) if point.direction == "vertical" else centres
     for link, above, below in point.places:
         at = first + link
         if point.direction == "torque":
-            found[at] = found[at] + 1
+            force[at] = force[at] + 1
             if below is None and above >= 0:
-                found[at - 1] = found[at - 1] - 1
+                force[at - 1] = force[at - 1] - 1
             continue
         sign, rows = (1, centres) if point.direction == "horizontal" else (-1, sinking)
         row = np.array(rows[link])
         if below is not None:
             way = links.across[link] if rows is centres else links.sinking[link] if links.leans else 0 * row[at]
             row[at] = way * numbers.number(below)
-        found = found + sign * row
-    return found
+        force = force + sign * row
+    return force
 
 
-def _load(links: Links, one: Place, first: int, numbers: Arithmetic, centres: Any) -> Any:
+def _load(links: Links, place: Place, first: int, numbers: Arithmetic, centres: Any) -> Any:
     """The generalized force of an input, (n, 1)."""
-    if one.pair is not None:
-        return row_in(one.pair, len(centres[0]), numbers)
-    if one.point is not None:
-        return _pushed(links, one.point, first, centres, numbers)
-    found = 0 * centres[0]
-    if one.what == PUSH:
-        found[0] = found[0] + 1
-    elif one.what == FORCE:
-        return centres[links.firsts[one.pendulum] + one.link]
-    elif one.what == TORQUE:
-        at = first + links.firsts[one.pendulum] + one.link
-        found[at] = found[at] + 1
-        if one.link:
-            found[at - 1] = found[at - 1] - 1
-    return found
+    if place.pair is not None:
+        return row_in(place.pair, len(centres[0]), numbers)
+    if place.point is not None:
+        return _pushed(links, place.point, first, centres, numbers)
+    force = 0 * centres[0]
+    if place.what == PUSH:
+        force[0] = force[0] + 1
+    elif place.what == FORCE:
+        return centres[links.firsts[place.pendulum] + place.link]
+    elif place.what == TORQUE:
+        at = first + links.firsts[place.pendulum] + place.link
+        force[at] = force[at] + 1
+        if place.link:
+            force[at - 1] = force[at - 1] - 1
+    return force
 
 
 def _output(
@@ -240,7 +240,7 @@ def _output(
     carried: Any,
     joints: Any,
     centres: Any,
-    given: Sequence[Place],
+    driven: Sequence[Place],
     numbers: Arithmetic,
 ) -> Any:
     """An output for every input, (m, W)."""
@@ -252,18 +252,18 @@ def _output(
     if row.what != "pivot_force":
         above = q[first + at - 1] if row.what == "rel" and row.link else 0
         return q[first + at] - above
-    own, omega = links.own(row.pendulum), numbers.omega
-    found = 0 * carried
-    for k in range(own.start, own.stop):
+    span, omega = links.span(row.pendulum), numbers.omega
+    total = 0 * carried
+    for k in range(span.start, span.stop):
         moved = (centres[k][:, None] * q).sum(0)
-        found = found + omega * omega * links.mass[k] * (moved + carried)
-        found = found - numbers.imaginary(links.drag[k]) * omega * moved if links.dragged else found
-    for k, one in enumerate(given):
-        if one.what == FORCE and one.pendulum == row.pendulum:
-            found[k] = found[k] + 1
-        if one.point is not None and one.point.direction == "horizontal":
-            found[k] = found[k] + sum(own.start <= place.link < own.stop for place in one.point.places)
-    return found
+        total = total + omega * omega * links.mass[k] * (moved + carried)
+        total = total - numbers.imaginary(links.drag[k]) * omega * moved if links.dragged else total
+    for k, push in enumerate(driven):
+        if push.what == FORCE and push.pendulum == row.pendulum:
+            total[k] = total[k] + 1
+        if push.point is not None and push.point.direction == "horizontal":
+            total[k] = total[k] + sum(span.start <= place.link < span.stop for place in push.point.places)
+    return total
 
 
 # ------------------------------------------------------------------------------------------------------- D_modal
@@ -292,9 +292,9 @@ def in_digits(scene: Scene) -> Any:
 
 def _below(D: Any, rows: int) -> Any:
     """A square matrix with as many rows and columns of zeros before it."""
-    found = np.full((len(D) + rows,) * 2, Decimal(0), dtype=object)
-    found[rows:, rows:] = D
-    return found
+    padded = np.full((len(D) + rows,) * 2, Decimal(0), dtype=object)
+    padded[rows:, rows:] = D
+    return padded
 
 
 def _modes(M: Any, K: Any) -> tuple[list[Decimal], Any]:
@@ -330,10 +330,10 @@ def _in_factors(L: Any, S: Any) -> Any:
 
 
 def _forward(L: Any, S: Any) -> Any:
-    found = np.array(S)
+    solution = np.array(S)
     for k in range(len(L)):
-        found[k] = (found[k] - (L[k, :k, None] * found[:k]).sum(0)) / L[k, k]
-    return found
+        solution[k] = (solution[k] - (L[k, :k, None] * solution[:k]).sum(0)) / L[k, k]
+    return solution
 
 
 def _jacobi(S: Any) -> tuple[list[Decimal], Any]:

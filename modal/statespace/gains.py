@@ -123,7 +123,7 @@ class Gains(Displayed):
     def _summary(self) -> Summary:
         inputs, outputs = self.inputs.signals, self.outputs.signals
         sizes = ((self.modes, "mode"), (inputs, "input"), (outputs, "output"))
-        what = ", ".join(counted(len(every), one, f"{one}s") for every, one in sizes)
+        what = ", ".join(counted(len(every), word, f"{word}s") for every, word in sizes)
         rows = (
             (str(k + 1), self._rate(k), *words, *seen)
             for k, (words, seen) in enumerate(zip(self.inputs.words, self.outputs.words, strict=True))
@@ -144,7 +144,13 @@ class Gains(Displayed):
     def _grid(self, side: Side) -> str:
         several = any(len(part) > 1 for part in side.parts)
         mode = "fixed-base mode" if self.held else "mode"
-        headings = [mode, "ω (rad/s)", *["multiplicity"] * several, side.verb, *(one.name for one in side.signals)]
+        headings = [
+            mode,
+            "ω (rad/s)",
+            *["multiplicity"] * several,
+            side.verb,
+            *(signal.name for signal in side.signals),
+        ]
         rows = []
         for number, (words, shares) in enumerate(zip(side.words, side.relative.tolist(), strict=True)):
             cells = (f"{w} {share:.2g}" if w == side.verb else w for w, share in zip(words, shares, strict=True))

@@ -78,7 +78,8 @@ def frequencies_along(scene: Scene, samples: int = 21, drive: Drive = "cart_forc
     lengths = np.array([[scene.pendulum[p].links[i].length_at(time) for p, i in places] for time in times.tolist()])
     held = _is_held(scene, drive)
     each = [
-        [np.repeat(part, copies, axis=1) for part in _followed(one, times)] for one, copies in _uncoupled(scene, held)
+        [np.repeat(part, copies, axis=1) for part in _followed(alone, times)]
+        for alone, copies in _uncoupled(scene, held)
     ]
     omega, reach = (np.hstack(parts) for parts in zip(*each, strict=True))
     order = np.argsort(omega[0], kind="stable")
@@ -93,28 +94,34 @@ def _uncoupled(scene: Scene, held: bool) -> list[tuple[Scene, int]]:
     if still.is_structured:
         return _uncoupled_on_structure(still)
     equal: Counter[Pendulum] = Counter()
-    for one in still.pendulum:
-        equal[one.replace(count=1, start=None)] += one.count
-    alone = [(still.replace(support=Fixed(), pendulum=(one,)), copies) for one, copies in equal.items()]
+    for pendulum in still.pendulum:
+        equal[pendulum.replace(count=1, start=None)] += pendulum.count
+    alone = [(still.replace(support=Fixed(), pendulum=(pendulum,)), copies) for pendulum, copies in equal.items()]
     if held or still.cart is None:
         return alone
-    together = tuple(_heavier(one, copies) for one, copies in equal.items())
-    return [(still.replace(pendulum=together), 1), *((one, copies - 1) for one, copies in alone if copies > 1)]
+    together = tuple(_heavier(pendulum, copies) for pendulum, copies in equal.items())
+    return [
+        (still.replace(pendulum=together), 1),
+        *((pendulum, copies - 1) for pendulum, copies in alone if copies > 1),
+    ]
 
 
 def _uncoupled_on_structure(still: Scene) -> list[tuple[Scene, int]]:
     """The same where copies of a pendulum move a structure together; copies that springs join stay as they are."""
     joined = {
-        point.pendulum for one in still.spring for end in one.between if isinstance(point := parse_point(end), Point)
+        point.pendulum
+        for pendulum in still.spring
+        for end in pendulum.between
+        if isinstance(point := parse_point(end), Point)
     }
     together, alone = [], []
-    for index, one in enumerate(still.pendulum):
-        if one.count == 1 or index in joined:
-            together.append(one)
+    for index, pendulum in enumerate(still.pendulum):
+        if pendulum.count == 1 or index in joined:
+            together.append(pendulum)
             continue
-        together.append(_heavier(one.replace(count=1, start=None), one.count))
-        own = one.replace(count=1, start=None, on=None, position=(0.0, 0.0))
-        alone.append((still.replace(support=Fixed(), spring=(), ground=None, pendulum=(own,)), one.count - 1))
+        together.append(_heavier(pendulum.replace(count=1, start=None), pendulum.count))
+        single = pendulum.replace(count=1, start=None, on=None, position=(0.0, 0.0))
+        alone.append((still.replace(support=Fixed(), spring=(), ground=None, pendulum=(single,)), pendulum.count - 1))
     return [(still.replace(pendulum=tuple(together)), 1), *alone]
 
 
@@ -136,10 +143,10 @@ def _followed(scene: Scene, times: Floats) -> tuple[Floats, Floats]:
 
 def _names(scene: Scene, omega: Floats, held: bool) -> tuple[str, ...]:
     """The numbers in the table of modes, which has dampers, of these frequencies without, of constant lengths."""
-    own = fixed(scene) if held else scene
-    table = natural_modes(own.conservative)
+    on_support = fixed(scene) if held else scene
+    table = natural_modes(on_support.conservative)
     nearest = np.abs(np.subtract.outer(omega, table.omega)).argmin(1)
-    return labelled(table_numbers(own, table)[nearest].tolist())
+    return labelled(table_numbers(on_support, table)[nearest].tolist())
 
 
 def _is_held(scene: Scene, drive: Drive) -> bool:
@@ -157,12 +164,12 @@ def _modes(scene: Scene) -> tuple[Floats, Floats, Ints]:
 
     Ascending; the third are the rows (C,) of the table, equal for equal frequencies.
     """
-    found = natural_modes(scene.conservative)
-    if np.any(found.eigenvalue.real > 0):
+    modes = natural_modes(scene.conservative)
+    if np.any(modes.eigenvalue.real > 0):
         raise ComputationError(UNSTABLE)
-    along = found.matrix.take(~found.matrix.across).real
-    swinging = along.take(found.omega[along.row] > 0)
-    return found.omega[swinging.row], np.asarray(swinging.shapes), swinging.row
+    along = modes.matrix.take(~modes.matrix.across).real
+    swinging = along.take(modes.omega[along.row] > 0)
+    return modes.omega[swinging.row], np.asarray(swinging.shapes), swinging.row
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,11 +222,11 @@ def travel_residuals(scene: Scene, travel: Travel, *, kind: Kind = "zv", count: 
     commands: list[tuple[str, Shaper | None]] = [("the travel as it is", None)]
     commands += [(f"shaped by a {name} for the lengths before the hoist", shaper_for(still, count, kind))]
     commands += [(f"shaped by a {name} for the mean lengths", shaper_for(mean, count, kind))]
-    found = [
+    residuals = [
         Residual(words, _left(scene, _shaped(travel, shaper), _stops(travel, shaper))) for words, shaper in commands
     ]
     constant = _left(still, travel.acceleration, _stops(travel, None))
-    return (*found, Residual("the travel as it is, without the hoist", constant))
+    return (*residuals, Residual("the travel as it is, without the hoist", constant))
 
 
 def travel_swing(scene: Scene, travel: Travel, kind: Kind | None = None) -> float:
@@ -242,15 +249,15 @@ def travel_swing(scene: Scene, travel: Travel, kind: Kind | None = None) -> floa
 def mean_lengths(scene: Scene) -> Scene:
     """The scene with constant lengths, those in time average over the hoist of each link."""
     pendula = tuple(
-        one.replace(
+        pendulum.replace(
             links=tuple(
                 link.replace(length=float(np.mean(link.hoist.law(link.length)(_through(link))[0])), hoist=None)
                 if link.hoist
                 else link
-                for link in one.links
+                for link in pendulum.links
             )
         )
-        for one in scene.pendulum
+        for pendulum in scene.pendulum
     )
     return scene.replace(pendulum=pendula)
 
@@ -272,7 +279,7 @@ def _shaped(travel: Travel, shaper: Shaper | None) -> Pulse:
 def _stops(travel: Travel, shaper: Shaper | None) -> list[float]:
     """The times at which the third derivative of a shaped travel jumps."""
     delays = [0.0] if shaper is None else shaper.times.tolist()
-    return [travel.begin + own + at for at in delays for own in (0.0, travel.duration)]
+    return [travel.begin + after + at for at in delays for after in (0.0, travel.duration)]
 
 
 def _left(scene: Scene, command: Pulse, stops: Sequence[float]) -> float:
@@ -302,11 +309,11 @@ def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_accelerat
         refuse_no_inertia(matrices_along(scene)(begin).M)
     last = max(hoisting.breaks[-1], begin + shaper.duration)
     pushed = None if held else drives_of(scene).index(drive)
-    found = [
+    left = [
         _amplitude(scene.at(last), _impelled(scene, begin + times, amplitudes, last, pushed), held=held)
         for times, amplitudes in ((shaper.times, shaper.amplitudes), (np.zeros(1), np.ones(1)))
     ]
-    return found[0] / found[1]
+    return left[0] / left[1]
 
 
 def _impelled(scene: Scene, times: Floats, amplitudes: Floats, last: float, pushed: int | None) -> Floats:
@@ -336,12 +343,12 @@ def _integrated(
 
     def slope(time: float, state: Floats) -> Floats:
         A, B = constant or _pushed(along(time), held)
-        found = A @ state
-        return np.concatenate((state[n:], found + B * command(time) if command else found))
+        pull = A @ state
+        return np.concatenate((state[n:], pull + B * command(time) if command else pull))
 
     for begin, end in pairwise(sorted(set(stops))):
         looks = np.linspace(begin, end, PUSHES + 2)[1:-1].tolist()
-        if not any(own[0] < end and begin < own[-1] for own in spans):
+        if not any(breaks[0] < end and begin < breaks[-1] for breaks in spans):
             A, B = constant or _pushed(along(looks[0]), held)
             pushes = [command(time) for time in looks] if command else [0.0] * PUSHES
             y = _advanced(A, B, pushes, y, end - begin)
@@ -350,7 +357,7 @@ def _integrated(
         swings = (end - begin) * float(np.linalg.norm(_pushed(along(begin), held)[0][:, :n], 2)) ** 0.5 / (2 * np.pi)
         if not swings <= MOST_SWINGS:
             raise ComputationError(f"the hoist takes {swings:.3g} swings: at most {MOST_SWINGS:g} are followed")
-        found = scipy.integrate.solve_ivp(
+        solution = scipy.integrate.solve_ivp(
             lambda time, state, before=before: slope(min(time, before), state),
             (begin, end),
             y,
@@ -358,9 +365,9 @@ def _integrated(
             rtol=TOLERANCE,
             atol=TOLERANCE * 1e-3 * size,
         )
-        if not found.success:
-            raise ComputationError(f"the motion along the hoist cannot be integrated: {found.message}")
-        y = np.asarray(found.y[:, -1], dtype=np.float64)
+        if not solution.success:
+            raise ComputationError(f"the motion along the hoist cannot be integrated: {solution.message}")
+        y = np.asarray(solution.y[:, -1], dtype=np.float64)
     return y
 
 
@@ -384,16 +391,16 @@ def _advanced(A: Floats, B: Floats, pushes: Sequence[float], y: Floats, duration
     return np.asarray((scipy.linalg.expm(whole) @ state)[: 2 * n], dtype=np.float64)
 
 
-def _pushed(found: Matrices, held: bool, pushed: int = 0) -> tuple[Floats, Floats]:
+def _pushed(linear: Matrices, held: bool, pushed: int = 0) -> tuple[Floats, Floats]:
     """A (n, 2n) and B (n,) of q'' = A (q, q') + B u, u the acceleration of a cart that is held, else a force.
 
     The force acts on the coordinate `pushed`, a cart's if there is one.
     """
-    n, first = len(found.M), int(held)
-    force = -found.M[:, 0] if held else np.eye(n)[pushed]
-    right = np.hstack((-found.K, -found.D, force[:, None]))[first:]
+    n, first = len(linear.M), int(held)
+    force = -linear.M[:, 0] if held else np.eye(n)[pushed]
+    right = np.hstack((-linear.K, -linear.D, force[:, None]))[first:]
     solved = np.eye(n, 2 * n + 1, 2 * n) if held else np.zeros((n, 2 * n + 1))
-    solved[first:] = np.linalg.solve(found.M[first:, first:], right)
+    solved[first:] = np.linalg.solve(linear.M[first:, first:], right)
     return solved[:, :-1], solved[:, -1]
 
 
@@ -402,15 +409,15 @@ def _amplitude(scene: Scene, y: Floats, *, held: bool) -> float:
 
     Under drag that is the rest beside a cart that moves on.
     """
-    own = matrices(scene)
-    first, n = int(held), len(own.M)
+    linear = matrices(scene)
+    first, n = int(held), len(linear.M)
     q, rate = y[first:n].copy(), y[n + first :]
     if held:
-        q += np.linalg.solve(own.K[1:, 1:], own.D[1:, 0] * y[n])
+        q += np.linalg.solve(linear.K[1:, 1:], linear.D[1:, 0] * y[n])
     omega, phi, row = _modes(fixed(scene) if held else scene)
     if not len(omega):
         return 0.0
-    dual = phi.T @ own.M[first:, first:]
+    dual = phi.T @ linear.M[first:, first:]
     each = phi[0 if held else rig_of(scene).leading :] * (dual @ q + 1j * (dual @ rate) / omega)
     return float(np.abs(np.add.reduceat(each, np.flatnonzero(np.diff(row, prepend=-1)), axis=1)).sum(1).max())
 
@@ -419,5 +426,5 @@ def residual_words(scene: Scene, count: int, kind: Kind, drive: Drive, shaper: S
     """What a hoist leaves of the promise of a shaper for the lengths before it, and of one for the mean lengths."""
     yield "the lengths change with the hoist: this shaper is that of the lengths before it"
     mean = shaper_for(mean_lengths(scene), count, kind, drive)
-    left, other = (100 * shaper_residual(scene, one, drive) for one in (shaper, mean))
+    left, other = (100 * shaper_residual(scene, tried, drive) for tried in (shaper, mean))
     yield f"along the hoist it leaves {left:.3g} % of the swing of one impulse; one for the mean lengths {other:.3g} %"

@@ -101,8 +101,8 @@ class ModalForm(Displayed):
     @cached_property
     def outputs(self) -> list[Floats]:
         """Each block's C, (p, k)."""
-        found = self.model.C @ np.hstack([block.right for block in self.blocks])
-        return [part.T for part in self._split(found.T)]
+        gains = self.model.C @ np.hstack([block.right for block in self.blocks])
+        return [part.T for part in self._split(gains.T)]
 
     def residual(self) -> float:
         """Deviation of left · right from 1 and of left · A · right from the blocks, relative to A's largest entry."""
@@ -134,23 +134,23 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     """
     if model.dt:
         raise ComputationError("modal form needs a continuous model")
-    given = {signal.name for signal in model.inputs}
-    if "cart_acceleration" in given and any(link.drag for link in modes.scene.links()):
+    names = {signal.name for signal in model.inputs}
+    if "cart_acceleration" in names and any(link.drag for link in modes.scene.links()):
         raise ComputationError("drag couples the modes with the cart's velocity: prescribe that, not its acceleration")
-    is_held = bool(given & DRIVES.keys())
-    found = held(modes) if is_held else modes
-    driven = bool(given & {*DRIVES, *SUPPORT} - {"support_displacement"})
+    is_held = bool(names & DRIVES.keys())
+    driven_modes = held(modes) if is_held else modes
+    driven = bool(names & {*DRIVES, *SUPPORT} - {"support_displacement"})
     n = len(model.A)
-    size = found.scene.n_links + found.rig.leading
+    size = driven_modes.scene.n_links + driven_modes.rig.leading
     if n - 2 * size not in ((1, 2) if driven else (0,)):
         raise ValueError(f"the model has {n} states: it does not belong to this scene, which has {size} coordinates")
     blocks = [
         *(_cart(model, n - 2 * size, size) if driven else ()),
-        *_own(found, n, size, "fixed-base " * is_held, first=int(driven)),
+        *_own(driven_modes, n, size, "fixed-base " * is_held, first=int(driven)),
     ]
     if sum(len(block.A) for block in blocks) != n:
         raise ComputationError("the modes of this scene do not span its motion in double precision")
-    return ModalForm(found, model, tuple(blocks))
+    return ModalForm(driven_modes, model, tuple(blocks))
 
 
 def plot_model(model: StateSpace, **options: Any) -> Any:
@@ -176,16 +176,16 @@ def _cart(model: StateSpace, states: int, size: int) -> Iterator[Block]:
 
 def _own(modes: Modes, n: int, size: int, kind: str, first: int) -> Iterator[Block]:
     """The modes of this kind, their coordinates being states `first` … and their rates the last `size`."""
-    found, shapes = modes.matrices, all_shapes(modes)
+    linear, shapes = modes.matrices, all_shapes(modes)
     for number, value in enumerate(modes.eigenvalue.tolist()):
         for copy, shape in enumerate(shapes[number]):
             if shape.across:
                 continue
             phi: Numbers = modes.column(shape)
             name = f"{number + 1}" if modes.multiplicity[number] == 1 else f"{number + 1}_{copy + 1}"
-            forces = found.D @ phi
-            coasts = value == 0 and not np.any(np.abs(forces) > RIGID * (np.abs(found.D) @ np.abs(phi)))
-            vectors: tuple[Numbers, Numbers, Numbers] = phi, found.M @ phi, 0 * forces if coasts else forces
+            forces = linear.D @ phi
+            coasts = value == 0 and not np.any(np.abs(forces) > RIGID * (np.abs(linear.D) @ np.abs(phi)))
+            vectors: tuple[Numbers, Numbers, Numbers] = phi, linear.M @ phi, 0 * forces if coasts else forces
             alone = np.isrealobj(phi) and (not value.imag if modes.is_classical else not vectors[2].any())
             make = _swing if alone else _pair if value.imag else _single
             made = make(name, f"coordinate of {kind}mode {name}", value, *vectors)
@@ -244,17 +244,17 @@ def _pair(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complex
 def _single(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> _Made:
     """Damped without oscillation: one state, scaled so that φᵀ(2λM + D)φ = ±1."""
     turn = np.conj(phi[np.argmax(np.abs(phi))])
-    own, Mown, Down = ((part * turn).real for part in (phi, Mphi, Dphi))
-    slope, rate = _slope(value.real, own, Mown, Down).real, value.real
-    own, Mown, Down = (part / np.sqrt(abs(slope)) for part in (own, Mown, Down))
-    one, sign = np.ones(1, dtype=np.complex128), np.sign(slope)
+    shape, Mown, Down = ((part * turn).real for part in (phi, Mphi, Dphi))
+    slope, rate = _slope(value.real, shape, Mown, Down).real, value.real
+    shape, Mown, Down = (part / np.sqrt(abs(slope)) for part in (shape, Mown, Down))
+    unit, sign = np.ones(1, dtype=np.complex128), np.sign(slope)
     return _Made(
         (Signal(f"eta_{name}", "", meaning),),
         np.array([[rate]]),
-        (own[:, None], rate * own[:, None]),
+        (shape[:, None], rate * shape[:, None]),
         (sign * (rate * Mown + Down)[None], sign * Mown[None]),
-        one,
-        one,
+        unit,
+        unit,
     )
 
 

@@ -111,12 +111,14 @@ class StateSpace(Displayed):
         sizes = f"{len(self.A)} states, {_counted(self.inputs, 'input')}, {_counted(self.outputs, 'output')}"
         title = f'State space of "{self.title}": {sizes}, {kind}' if self.title else f"State space: {sizes}, {kind}"
         sides = {"input": self.inputs, "output": self.outputs, "state": self.states}
-        rows = [(side, one.name, one.unit, one.meaning) for side, own in sides.items() for one in own]
+        rows = [
+            (side, signal.name, signal.unit, signal.meaning) for side, signals in sides.items() for signal in signals
+        ]
         return Summary(title, (), ("signal", "name", "unit", "meaning"), rows, len(rows), words=frozenset(range(4)))
 
 
-def _counted(signals: tuple[Signal, ...], one: str) -> str:
-    return counted(len(signals), one, f"{one}s")
+def _counted(signals: tuple[Signal, ...], word: str) -> str:
+    return counted(len(signals), word, f"{word}s")
 
 
 class _Motion(NamedTuple):
@@ -150,14 +152,14 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
 
 
 def assembled(
-    scene: Scene, given: Instant | None, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()
+    scene: Scene, instant: Instant | None, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()
 ) -> StateSpace:
     """The model of a scene of constant lengths as in `state_space`, with those of a moment of a hoist if `given`."""
     if 2 * scene.n_links > LARGEST_STATE:
         raise ComputationError(f"the model would have over {2 * scene.n_links} states: at most {LARGEST_STATE}")
     geometry = geometry_of(scene)
-    if given:
-        geometry = replace(geometry, rate=given.rate, bend=given.bend, drag=given.drag)
+    if instant:
+        geometry = replace(geometry, rate=instant.rate, bend=instant.bend, drag=instant.drag)
     usual = _usual(geometry)
     wanted = validate_signals(
         inputs or usual[0], inputs_of(geometry), "input", geometry, more=is_point, written=EXAMPLES
@@ -167,15 +169,15 @@ def assembled(
     drive, push = _drive(wanted), _pushes(scene, geometry, wanted)
     if drive in SUPPORT:
         require(scene, "a linear model of a moved support")
-        if geometry.carried and any(own.M is not None for own in geometry.carried.structure.carriers):
+        if geometry.carried and any(carrier.M is not None for carrier in geometry.carried.structure.carriers):
             raise SceneError([f"input {drive}: {NO_SHARE}"])
     if drive in SUPPORT and geometry.drag.any():
         raise SceneError([f"input {drive}: drag acts against still air, and the support would move through it"])
     motion = MOTIONS[drive]
-    own = _held if drive in DRIVES and scene.has_modal_damping else matrices
-    found = given.matrices if given else own(scene)
+    matrices_by = _held if drive in DRIVES and scene.has_modal_damping else matrices
+    linear = instant.matrices if instant else matrices_by(scene)
     with np.errstate(all="ignore"):
-        moved = motion(found, geometry, push.F)
+        moved = motion(linear, geometry, push.F)
         C, D, signals = _outputs(moved, geometry, push, [reading_in(geometry, name) for name in read])
     if not all(np.all(np.isfinite(part)) for part in (moved.A, moved.B, C, D)):
         raise ComputationError("the ratios in this scene are beyond double precision: its model overflows")
@@ -227,7 +229,9 @@ def fixed(scene: Scene) -> Scene:
     springs = [
         spring.replace(between=tuple(_held_end(text, position) for text in spring.between)) for spring in scene.spring
     ]
-    return held.replace(spring=tuple(one for one in springs if any("pendulum" in text for text in one.between)))
+    return held.replace(
+        spring=tuple(kept_spring for kept_spring in springs if any("pendulum" in text for text in kept_spring.between))
+    )
 
 
 def _held_end(text: str, cart: tuple[float, float]) -> str:
@@ -241,10 +245,10 @@ def _held_end(text: str, cart: tuple[float, float]) -> str:
 
 def _held(scene: Scene) -> Matrices:
     """M, K and D with the modal dampers of the pendula on a fixed support, whose modes a prescribed motion excites."""
-    found, own = matrices(scene.replace(damping_ratio=0.0)), matrices(fixed(scene))
-    D = found.D.copy()
-    D[1:, 1:] = own.D
-    return replace(found, D=D)
+    bare, hanging = matrices(scene.replace(damping_ratio=0.0)), matrices(fixed(scene))
+    D = bare.D.copy()
+    D[1:, 1:] = hanging.D
+    return replace(bare, D=D)
 
 
 def _drive(wanted: tuple[str, ...]) -> str | None:
@@ -259,18 +263,18 @@ def _drive(wanted: tuple[str, ...]) -> str | None:
 
 def _pushes(scene: Scene, geometry: Geometry, wanted: tuple[str, ...]) -> InputGroup:
     """All generalized forces side by side, in the requested order."""
-    found = [push_of(scene, geometry, name) for name in wanted if name not in DRIVES | SUPPORT]
+    pushes = [push_of(scene, geometry, name) for name in wanted if name not in DRIVES | SUPPORT]
     none = np.zeros((geometry.size, 0)), np.zeros((len(geometry.tips), 0))
     return InputGroup(
-        [signal for push in found for signal in push.signals],
-        np.hstack([none[0], *(push.F for push in found)]),
-        np.hstack([none[1], *(push.thrust for push in found)]),
+        [signal for push in pushes for signal in push.signals],
+        np.hstack([none[0], *(push.F for push in pushes)]),
+        np.hstack([none[1], *(push.thrust for push in pushes)]),
     )
 
 
-def _free(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
+def _free(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     n, m = F.shape
-    Ma = _solved(found.M, np.hstack([found.K, found.D, -F]))
+    Ma = _solved(linear.M, np.hstack([linear.K, linear.D, -F]))
     eye, none = np.eye(2 * n), np.zeros((n, m))
     acceleration = -Ma[:, : 2 * n], -Ma[:, 2 * n :]
     A, B = np.vstack([eye[n:], acceleration[0]]) + 0.0, np.vstack([none, acceleration[1]]) + 0.0
@@ -278,11 +282,11 @@ def _free(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     return _Motion(A, B, (eye[:n], none), (eye[n:], none), acceleration, states)
 
 
-def _accelerated(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
+def _accelerated(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     """The cart's acceleration is the first input."""
     n, m = F.shape
-    load = np.hstack([found.K[1:, 1:], found.D[1:], found.M[1:, :1], -F[1:]])
-    Ma = -_solved(found.M[1:, 1:], load)
+    load = np.hstack([linear.K[1:, 1:], linear.D[1:], linear.M[1:, :1], -F[1:]])
+    Ma = -_solved(linear.M[1:, 1:], load)
     eye, none = np.eye(2 * n), np.zeros((n, m + 1))
     angular, forced = np.zeros((n, 2 * n)), np.zeros((n, m + 1))
     angular[1:, 1:n], angular[1:, n:] = Ma[:, : n - 1], Ma[:, n - 1 : 2 * n - 1]
@@ -292,20 +296,20 @@ def _accelerated(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     return _Motion(A, B, (eye[:n], none), (eye[n:], none), (angular, forced), states)
 
 
-def _moved(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
+def _moved(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     """The cart's velocity is the first input."""
     n, m = F.shape
-    inertia = found.M[1:, 1:]
-    jump = _solved(inertia, found.M[1:, :1])
+    inertia = linear.M[1:, 1:]
+    jump = _solved(inertia, linear.M[1:, :1])
     K, D, pushed = np.split(
-        _solved(inertia, np.hstack([found.K[1:, 1:], found.D[1:, 1:], F[1:]])), [n - 1, 2 * n - 2], axis=1
+        _solved(inertia, np.hstack([linear.K[1:, 1:], linear.D[1:, 1:], F[1:]])), [n - 1, 2 * n - 2], axis=1
     )
     eye = np.eye(2 * n - 1)
     position = eye[:n], np.zeros((n, m + 1))
     rate = np.zeros((n, 2 * n - 1)), np.zeros((n, m + 1))
     rate[0][1:], rate[1][0, 0], rate[1][1:, :1] = eye[n:], 1.0, -jump
     momentum = -K @ position[0][1:] - D @ rate[0][1:], -D @ rate[1][1:]
-    momentum[1][:, :1] -= _solved(inertia, found.D[1:, :1])
+    momentum[1][:, :1] -= _solved(inertia, linear.D[1:, :1])
     momentum[1][:, 1:] += pushed
     A, B = np.vstack([rate[0], momentum[0]]), np.vstack([rate[1], momentum[1]])
     kept = [
@@ -315,15 +319,15 @@ def _moved(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     return _Motion(A, B, position, rate, None, _positions(geometry) + kept)
 
 
-def _inertial(found: Matrices, geometry: Geometry, F: Floats) -> list[Floats]:
+def _inertial(linear: Matrices, geometry: Geometry, F: Floats) -> list[Floats]:
     """M⁻¹ K, M⁻¹ D, J = M⁻¹ p and M⁻¹ F, with p the momentum of everything at unit velocity.
 
     J is exact where everything can move along with the ground, as on a cart.
     """
-    n = len(found.M)
+    n = len(linear.M)
     along = _translation(geometry)
     p = np.zeros((n, 1)) if along is not None else geometry.momentum[:, None]
-    parts = np.split(_solved(found.M, np.hstack([found.K, found.D, p, F])), [n, 2 * n, 2 * n + 1], axis=1)
+    parts = np.split(_solved(linear.M, np.hstack([linear.K, linear.D, p, F])), [n, 2 * n, 2 * n + 1], axis=1)
     if along is not None:
         parts[2] = along[:, None]
     return parts
@@ -333,16 +337,16 @@ def _translation(geometry: Geometry) -> Floats | None:
     """The motion (q,) in which everything translates along the rail by 1 m; None where there is none."""
     if geometry.carried is None:
         return np.eye(geometry.size)[0] if geometry.on_cart else None
-    found = np.zeros(geometry.size)
-    found[: geometry.leading] = [one.along for one in geometry.carried.coordinates]
-    carriers = all(own.kind in TRANSLATING for own in geometry.carried.structure.carriers)
-    return found if carriers and np.all(geometry.centres @ found == 1.0) else None
+    motion = np.zeros(geometry.size)
+    motion[: geometry.leading] = [coordinate.along for coordinate in geometry.carried.coordinates]
+    carriers = all(carrier.kind in TRANSLATING for carrier in geometry.carried.structure.carriers)
+    return motion if carriers and np.all(geometry.centres @ motion == 1.0) else None
 
 
-def _support_accelerated(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
+def _support_accelerated(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     """The support's acceleration is the first input; z = (s, q, s', q')."""
     n, m = F.shape
-    K, D, jump, pushed = _inertial(found, geometry, F)
+    K, D, jump, pushed = _inertial(linear, geometry, F)
     eye, none = np.eye(2 * n + 2), np.zeros((n + 1, m + 1))
     acceleration = np.zeros((n + 1, 2 * n + 2)), none.copy()
     acceleration[0][1:, 1 : n + 1], acceleration[0][1:, n + 2 :] = -K, -D
@@ -361,13 +365,15 @@ Pair = tuple[Floats, Floats]
 
 def _apart(maps: list[Pair]) -> tuple[list[Pair], tuple[Pair, ...]]:
     """The maps to q and its derivatives, and those to the support's displacement and its, the first rows."""
-    return [(one[1:], other[1:]) for one, other in maps], tuple((one[:1], other[:1]) for one, other in maps)
+    return [(of_state[1:], of_input[1:]) for of_state, of_input in maps], tuple(
+        (of_state[:1], of_input[:1]) for of_state, of_input in maps
+    )
 
 
-def _support_at_velocity(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
+def _support_at_velocity(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     """The support's velocity is the first input; z = (s, q, r)."""
     n, m = F.shape
-    K, D, jump, pushed = _inertial(found, geometry, F)
+    K, D, jump, pushed = _inertial(linear, geometry, F)
     eye, none = np.eye(2 * n + 1), np.zeros((n + 1, m + 1))
     rate = np.zeros((n + 1, 2 * n + 1)), none.copy()
     rate[0][1:], rate[1][0, 0], rate[1][1:, :1] = eye[n + 1 :], 1.0, -jump
@@ -379,22 +385,22 @@ def _support_at_velocity(found: Matrices, geometry: Geometry, F: Floats) -> _Mot
     return _Motion(A, B, q, rates, None, states, (*support, None))
 
 
-def _support_displaced(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
+def _support_displaced(linear: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     """The support's displacement is the first input; z = (η, r)."""
     n, m = F.shape
-    K, D, jump, pushed = _inertial(found, geometry, F)
+    K, D, jump, pushed = _inertial(linear, geometry, F)
     eye, none = np.eye(2 * n), np.zeros((n, m + 1))
     place, rate = (eye[:n], none.copy()), (eye[n:], none.copy())
     place[1][:, :1], rate[1][:, :1] = -jump, D @ jump
     slope = -D @ rate[0] - K @ place[0], -D @ rate[1] - K @ place[1]
     slope[1][:, 1:] += pushed
     A, B = np.vstack([rate[0], slope[0]]), np.vstack([rate[1], slope[1]])
-    given = np.zeros((1, 2 * n)), np.eye(1, m + 1)
+    displaced = np.zeros((1, 2 * n)), np.eye(1, m + 1)
     states = [
         Signal(s.name + "_free", s.unit, s.meaning + ", less what a jump of the support adds")
         for s in _positions(geometry)
     ]
-    return _Motion(A, B, place, None, None, states + _smooth(geometry), (given, None, None))
+    return _Motion(A, B, place, None, None, states + _smooth(geometry), (displaced, None, None))
 
 
 def _smooth(geometry: Geometry) -> list[Signal]:
@@ -471,9 +477,12 @@ def _outputs(
             if part is not None and maps is not None:
                 rows = rows[0] + part @ maps[0], rows[1] + part @ maps[1]
             if order == reading.order and reading.translation is not None and moved.support:
-                own = moved.support[order]
-                assert own is not None
-                rows = rows[0] + reading.translation[:, None] * own[0], rows[1] + reading.translation[:, None] * own[1]
+                ground = moved.support[order]
+                assert ground is not None
+                rows = (
+                    rows[0] + reading.translation[:, None] * ground[0],
+                    rows[1] + reading.translation[:, None] * ground[1],
+                )
         if reading.pushed and push.signals:
             rows[1][:, -len(push.signals) :] += push.thrust
         C.append(rows[0])

@@ -60,23 +60,23 @@ def place_of(kinds: dict[str, tuple[str, int]], name: str, tips: Sequence[int]) 
     if not match:
         raise KeyError(name)
     prefix, pendulum, link = match.groups()
-    own = int(pendulum) - 1 if pendulum else -1
-    return Place(*kinds[prefix], own, int(link) - 1 if link else tips[own] if pendulum else -1)
+    number = int(pendulum) - 1 if pendulum else -1
+    return Place(*kinds[prefix], number, int(link) - 1 if link else tips[number] if pendulum else -1)
 
 
 PAIRS = {JOINT: TORQUE, WIRE: TURN, DRAG: FORCE, CART: PUSH}
 """What the pair of forces of a dissipator is, by its kind."""
 
 
-def place_of_input(scene: Scene, given: Signal | Dissipator, tips: Sequence[int]) -> Place:
+def place_of_input(scene: Scene, driven: Signal | Dissipator, tips: Sequence[int]) -> Place:
     """Where an input acts, perhaps at a point or as a pair of forces.  KeyError for an unknown name."""
-    if isinstance(given, Dissipator):
-        pendulum, link = -1, given.number
+    if isinstance(driven, Dissipator):
+        pendulum, link = -1, driven.number
         while link >= 0 and pendulum + 1 < len(tips):
             pendulum += 1
             if link <= tips[pendulum]:
                 break
             link -= tips[pendulum] + 1
-        return Place(PAIRS.get(given.kind, POINT), 0, pendulum, link, pair=given)
-    name = given.name
+        return Place(PAIRS.get(driven.kind, POINT), 0, pendulum, link, pair=driven)
+    name = driven.name
     return Place(POINT, 0, point=point_input(scene, name)) if is_point(name) else place_of(GIVEN, name, tips)

@@ -62,11 +62,11 @@ def point_input(scene: Scene, name: str) -> PointInput:
     >>> [place.link for place in point_input(load("chain-2"), "force:pendulum[0].links[0]@0.5").places]
     [0, 1]
     """
-    own = OF_SCENE.fullmatch(name)
-    if own:
-        if int(own[1]) >= len(scene.force):
+    listed = OF_SCENE.fullmatch(name)
+    if listed:
+        if int(listed[1]) >= len(scene.force):
             raise SceneError([f"input {name}: the scene has {len(scene.force)} entries of force, numbered from 0"])
-        force = scene.force[int(own[1])]
+        force = scene.force[int(listed[1])]
         point = parse_point(force.on)
         carrier = point if isinstance(point, CarrierPoint) else None
         return PointInput(name, force.on, force.direction, tuple(places_of(scene, force.on)), carrier)
@@ -128,7 +128,7 @@ def pushed(geometry: Geometry, point: PointInput) -> InputGroup:
 
 def carrier_row(structure: Structure, point: CarrierPoint, direction: Acting) -> Row:
     """The generalized force of a force of 1 N, or a torque of 1 N m, on a point of a support, by coordinates."""
-    carrier = [own.name for own in structure.carriers].index(point.name)
+    carrier = [body.name for body in structure.carriers].index(point.name)
     if direction == "torque":
         return turning(structure, carrier)
     along, down = slopes(structure, carrier, point.place if point.point is None else point.point)

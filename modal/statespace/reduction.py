@@ -54,7 +54,7 @@ def fold_equals(scene: Scene) -> Folded:
     Under constant forces, which the merged would not share, pendula stay as they are; SceneError for copies there.
     """
     if "constant_force" in scene.features:
-        several = [f"pendulum[{p}].count = {one.count}" for p, one in enumerate(scene.pendulum) if one.count > 1]
+        several = [f"pendulum[{p}].count = {entry.count}" for p, entry in enumerate(scene.pendulum) if entry.count > 1]
         if several:
             raise SceneError(
                 [f"{place}: copies under constant forces are not merged: write them one by one" for place in several]
@@ -89,7 +89,7 @@ def _fold_copies(scene: Scene) -> Folded:
         passed += pendulum.count
     if max(copies) == 1:
         return Folded(scene, tuple(firsts), tuple(copies))
-    heavy = tuple(one if p in joined else _heavier(one, one.count) for p, one in enumerate(scene.pendulum))
+    heavy = tuple(entry if p in joined else _heavier(entry, entry.count) for p, entry in enumerate(scene.pendulum))
     folded = scene.replace(damping_ratio=0.0, pendulum=heavy, force=())
     return Folded(folded.replace(damping_ratio=_carried(scene, folded)), tuple(firsts), tuple(copies))
 
@@ -185,16 +185,16 @@ def _turned(blocks: Sequence[Block], rows: list[Floats], matrix: Floats) -> list
     gains = np.split(without_noise(np.vstack(rows), matrix), ends[:-1]) if rows else []
     fresh = [not _equal(*pair) for pair in pairwise(blocks)]
     cuts = [0, *(k for k, new in enumerate(fresh, 1) if new), len(blocks)]
-    found: list[Block] = []
+    turned: list[Block] = []
     for first, last in pairwise(cuts):
-        found += _independent(blocks[first:last], np.array([gain.ravel() for gain in gains[first:last]]))
-    return found
+        turned += _independent(blocks[first:last], np.array([gain.ravel() for gain in gains[first:last]]))
+    return turned
 
 
-def _equal(one: Block, other: Block) -> bool:
+def _equal(block: Block, other: Block) -> bool:
     """Whether two modes have the same frequency within rounding, as modes of different pendula may."""
-    return one.A.shape == other.A.shape and bool(
-        abs(one.eigenvalue - other.eigenvalue) <= TOLERANCE * abs(one.eigenvalue)
+    return block.A.shape == other.A.shape and bool(
+        abs(block.eigenvalue - other.eigenvalue) <= TOLERANCE * abs(block.eigenvalue)
     )
 
 

@@ -76,13 +76,13 @@ def frequency_response(
     at, model = np.atleast_1d(np.asarray(omega, dtype=np.float64)), form.model
     rows = range(len(model.outputs)) if outputs is None else outputs
     columns = range(len(model.inputs)) if inputs is None else inputs
-    read, given = [model.outputs[k] for k in rows], [model.inputs[k] for k in columns]
+    read, driven = [model.outputs[k] for k in rows], [model.inputs[k] for k in columns]
     scene, chosen = model.scene or form.modes.scene, np.ix_(rows, columns)
     s = np.asarray(1j * at, dtype=np.complex128)
-    eliminated = not is_whole(scene, given) or is_small(scene) or scene.has_losses
+    eliminated = not is_whole(scene, driven) or is_small(scene) or scene.has_losses
     response = np.repeat(model.D[chosen][..., None], len(at), axis=2).astype(np.complex128)
     if eliminated:
-        response = Elimination(scene, given, read).along(at, tolerance)
+        response = Elimination(scene, driven, read).along(at, tolerance)
     for term in terms(form):
         above, below = term._replace(N1=term.N1[chosen], N0=term.N0[chosen]).at(s)
         pole = below == 0
@@ -112,11 +112,11 @@ def response_table(
     with np.errstate(divide="ignore"):
         decibel = 20 * np.log10(size)
     spread = None if std is None else std[:, source]
-    signals, given = form.model.outputs, form.model.inputs[source]
+    signals, driven = form.model.outputs, form.model.inputs[source]
     if to == "json":
         rows: dict[str, Any] = {
-            "input": given.name,
-            "unit": {signals[k].name: f"{signals[k].unit} per {given.unit}" for k in outputs},
+            "input": driven.name,
+            "unit": {signals[k].name: f"{signals[k].unit} per {driven.unit}" for k in outputs},
             "frequency_hz": list(frequencies),
             "magnitude": {signals[k].name: list(map(finite, size[k].tolist())) for k in outputs},
             "phase_deg": {signals[k].name: list(map(finite, phase[k].tolist())) for k in outputs},
@@ -128,7 +128,7 @@ def response_table(
         {
             "frequency_hz": frequency,
             "output": signals[k].name,
-            "unit": f"{signals[k].unit} per {given.unit}",
+            "unit": f"{signals[k].unit} per {driven.unit}",
             "magnitude": size[k, at],
             **({} if spread is None else {"magnitude_std": spread[k, at]}),
             "magnitude_db": decibel[k, at],
@@ -141,7 +141,7 @@ def response_table(
         return as_csv(records)
     headings = ("f (Hz)", "output", "unit", "magnitude", *["±"] * (spread is not None), "dB", "phase (°)")
     cells = [[_shown(value) for value in record.values()] for record in records]
-    what = f"response to {given.name} ({given.unit})"
+    what = f"response to {driven.name} ({driven.unit})"
     return titled(title_of(form.modes.scene), what, [grid(cells, headings)], "text")
 
 
@@ -161,18 +161,18 @@ def impulse_table(form: ModalForm, source: int, outputs: Sequence[int], to: str)
     times = impulse_times(form)
     if to == "text":
         times = np.linspace(0.0, times[-1], ROWS)
-    h, signals, given = impulse_response(form, times)[:, source], form.model.outputs, form.model.inputs[source]
-    units = {signals[k].name: f"{signals[k].unit} per {given.unit} s" for k in outputs}
+    h, signals, driven = impulse_response(form, times)[:, source], form.model.outputs, form.model.inputs[source]
+    units = {signals[k].name: f"{signals[k].unit} per {driven.unit} s" for k in outputs}
     if to == "json":
         values = {signals[k].name: list(map(finite, h[k].tolist())) for k in outputs}
-        return as_json({"input": given.name, "unit": units, "time_s": times.tolist(), "response": values})
+        return as_json({"input": driven.name, "unit": units, "time_s": times.tolist(), "response": values})
     if to == "csv":
         names = ("time_s", "output", "unit", "response")
         every = ((t, signals[k].name, h[k, at]) for k in outputs for at, t in enumerate(times.tolist()))
         return as_csv([dict(zip(names, (t, name, units[name], value), strict=True)) for t, name, value in every])
     headings = ("t (s)", *(f"{name} ({unit})" for name, unit in units.items()))
     cells = [[f"{t:.6g}", *map(_shown, h[list(outputs), at].tolist())] for at, t in enumerate(times.tolist())]
-    what = f"impulse response to {given.name} ({given.unit})"
+    what = f"impulse response to {driven.name} ({driven.unit})"
     return titled(title_of(form.modes.scene), what, [grid(cells, headings)], "text")
 
 

@@ -118,7 +118,7 @@ def shaper(swings: Sequence[Swing], kind: Kind = "zv", step: float = 0.0, tolera
     long a step.
     """
     if kind not in get_args(Kind) or not swings:
-        words = ", ".join(f'"{one}"' for one in get_args(Kind))
+        words = ", ".join(f'"{name}"' for name in get_args(Kind))
         raise ValueError(f"kind = {kind!r} for {len(swings)} modes: must be one of {words}, for at least one mode")
     if not (0 <= step < np.inf and 0 < tolerance < 1):
         raise ValueError(f"step = {step} s, tolerance = {tolerance}: must be at least 0 s, and between 0 and 1")
@@ -137,10 +137,10 @@ def shaper_for(
     tolerance: float = TOLERANCE,
 ) -> Shaper:
     """The `shaper` for `count` of the modes found by `swings_of`, from index `first` on."""
-    found = swings_of(scene, drive)
-    if not 0 <= first < first + count <= len(found):
-        raise ComputationError(f"{count} modes from index {first}: this drive excites {len(found)} modes")
-    return shaper(found[first : first + count], kind, step, tolerance)
+    swings = swings_of(scene, drive)
+    if not 0 <= first < first + count <= len(swings):
+        raise ComputationError(f"{count} modes from index {first}: this drive excites {len(swings)} modes")
+    return shaper(swings[first : first + count], kind, step, tolerance)
 
 
 def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[Swing]:
@@ -193,7 +193,7 @@ def drives_of(scene: Scene) -> tuple[str, ...]:
     (('cart_force', 'cart_acceleration', 'cart_velocity'), ('floor1_force', 'floor2_force'))
     """
     require_type("scene", scene, "Scene")
-    names = [one.force for one in coordinates_of(structure_of(scene))] if scene.is_structured else [PUSH]
+    names = [coordinate.force for coordinate in coordinates_of(structure_of(scene))] if scene.is_structured else [PUSH]
     return (*names, *(HELD if names == [PUSH] else ()))
 
 
@@ -236,8 +236,8 @@ def _beside(modes: Modes, table: Modes) -> list[str]:
     }
     if not moving:
         return [""] * len(modes)
-    found = (moving[row] for row in counterparts(modes, table, list(moving)).tolist())
-    return [f"; the table, with the trolley free: mode {mode.number}, {mode.omega:.9g} rad/s" for mode in found]
+    similar = (moving[row] for row in counterparts(modes, table, list(moving)).tolist())
+    return [f"; the table, with the trolley free: mode {mode.number}, {mode.omega:.9g} rad/s" for mode in similar]
 
 
 def residual_vibration(shaper: Shaper, omega: ArrayLike, zeta: ArrayLike = 0.0) -> Floats:
@@ -302,14 +302,14 @@ def over_length(scene: Scene, lengths: ArrayLike, pendulum: int = 0, link: int =
     checked_index("pendulum", pendulum, 0, len(scene.pendulum) - 1)
     entry = scene.pendulum[pendulum]
     checked_index("link", link, 0, len(entry.links) - 1)
-    found = []
+    scenes = []
     for length in np.asarray(lengths, dtype=np.float64).tolist():
         changed = entry.links[link].replace(length=length)
         links = (*entry.links[:link], changed, *entry.links[link + 1 :])
         pendula = list(scene.pendulum)
         pendula[pendulum] = entry.replace(links=links)
-        found.append(scene.replace(pendulum=tuple(pendula)))
-    return found
+        scenes.append(scene.replace(pendulum=tuple(pendula)))
+    return scenes
 
 
 def _single(swing: Swing, kind: Kind, step: float, tolerance: float) -> Shaper:
@@ -379,8 +379,8 @@ def _unity_magnitude(s: complex, step: float) -> Train:
         ticks = np.array([floor(second / step) + before, floor(third / step) + after])
         if not 0 < ticks[0] < ticks[1]:
             continue
-        one, two = np.exp(s * step * ticks), np.exp(s * step * (ticks + 1))
-        shares = _real_weights(np.array([-1.0, 1.0]) * (two - one), one[0] - one[1] - 1)
+        early, late = np.exp(s * step * ticks), np.exp(s * step * (ticks + 1))
+        shares = _real_weights(np.array([-1.0, 1.0]) * (late - early), early[0] - early[1] - 1)
         if (shares >= 0).all() and (shares <= 1).all():
             a, b = shares
             times = step * np.array([0, ticks[0], ticks[0] + 1, ticks[1], ticks[1] + 1])
@@ -393,8 +393,8 @@ def _real_weights(vectors: Complexes, target: complex) -> Floats:
     return np.linalg.solve(np.array([vectors.real, vectors.imag]), [np.real(target), np.imag(target)])
 
 
-def _convolved(one: Train, other: Train, step: float) -> Train:
-    return _merged((np.add.outer(one[0], other[0]).ravel(), np.outer(one[1], other[1]).ravel()), step)
+def _convolved(first: Train, second: Train, step: float) -> Train:
+    return _merged((np.add.outer(first[0], second[0]).ravel(), np.outer(first[1], second[1]).ravel()), step)
 
 
 def _merged(train: Train, step: float) -> Train:

@@ -83,8 +83,8 @@ class Geometry:
     @property
     def momentum(self) -> Floats:
         """That of everything (q,) at unit velocity along the rail, in the directions of q."""
-        own: Floats = self.centres.T @ self.mass
-        return own + self.carried.momentum if self.carried else own
+        hanging: Floats = self.centres.T @ self.mass
+        return hanging + self.carried.momentum if self.carried else hanging
 
     @property
     def tips(self) -> list[int]:
@@ -144,20 +144,20 @@ class Carried:
     @cached_property
     def extension(self) -> Floats:
         """The rows (springs, q) of all extensions."""
-        found = np.zeros((len(self.springs), len(self.momentum)))
+        rows = np.zeros((len(self.springs), len(self.momentum)))
         for k, spring in enumerate(self.springs):
             for column, value in spring.row.items():
-                found[k, column] = value
-        return found
+                rows[k, column] = value
+        return rows
 
     @cached_property
     def pulls(self) -> Floats:
         """The force along the rail (pendula, springs) that each spring has on every pendulum where its force is 1."""
-        found = np.zeros((len(self.first_links) - 1, len(self.springs)))
+        pulls = np.zeros((len(self.first_links) - 1, len(self.springs)))
         for k, spring in enumerate(self.springs):
             for pendulum, sign in spring.on_pendula:
-                found[pendulum, k] += sign * spring.along
-        return found
+                pulls[pendulum, k] += sign * spring.along
+        return pulls
 
 
 WORDS = {
@@ -177,17 +177,17 @@ def coordinates_of(structure: Structure) -> tuple[Coordinate, ...]:
     """The coordinates of a structure in their order."""
     if structure.names == ("x",):
         return (Coordinate("x", "m", "position of the cart", "force on the cart along the rail", 1.0),)
-    found = []
-    for number, own in enumerate(structure.carriers):
-        still = (0.0,) * own.size
-        origin = own.moving(0 if own.M is not None else (0.0, 0.0), still, still).slopes
-        for k, suffix in enumerate(own.suffixes):
-            unit = "" if own.M is not None else suffix.rpartition("_")[2]
-            meaning, pushed = (f"{words} {own.name}" for words in WORDS.get(suffix) or WORDS[own.kind])
-            along = 0.0 if own.M is not None or unit == "rad" else float(origin[k][0])
+    coordinates = []
+    for number, carrier in enumerate(structure.carriers):
+        still = (0.0,) * carrier.size
+        origin = carrier.moving(0 if carrier.M is not None else (0.0, 0.0), still, still).slopes
+        for k, suffix in enumerate(carrier.suffixes):
+            unit = "" if carrier.M is not None else suffix.rpartition("_")[2]
+            meaning, pushed = (f"{words} {carrier.name}" for words in WORDS.get(suffix) or WORDS[carrier.kind])
+            along = 0.0 if carrier.M is not None or unit == "rad" else float(origin[k][0])
             name = structure.names[structure.offsets[number] + k]
-            found.append(Coordinate(name, unit, meaning, pushed, along))
-    return tuple(found)
+            coordinates.append(Coordinate(name, unit, meaning, pushed, along))
+    return tuple(coordinates)
 
 
 def geometry_of(scene: Scene) -> Geometry:
@@ -205,8 +205,8 @@ def geometry_of_rig(rig: Rig) -> Geometry:
     labels: list[str] = []
     for p, (block, column) in enumerate(hung):
         at = len(labels)
-        own = slice(at + first, at + first + block.n)
-        relative[at : at + block.n, own] = np.eye(block.n) - np.eye(block.n, k=-1)
+        span = slice(at + first, at + first + block.n)
+        relative[at : at + block.n, span] = np.eye(block.n) - np.eye(block.n, k=-1)
         sinking = np.zeros_like(block.sigma) if block.sinking is None else block.sinking
         each = (block.mass, block.drag, block.length, block.centre, block.across, sinking)
         numbers.append([part[:, column] for part in each])
@@ -234,10 +234,10 @@ def _carried(rig: Rig, size: int) -> Carried:
     hanging, structure = Hanging(rig), rig.structure
     assert structure is not None
     momentum, d = np.zeros(size), structure.size
-    for number, own in enumerate(structure.carriers):
-        if own.M is None and own.size:
-            for column, value in slopes(structure, number, own.centre)[0].items():
-                momentum[column] += own.mass * value
+    for number, carrier in enumerate(structure.carriers):
+        if carrier.M is None and carrier.size:
+            for column, value in slopes(structure, number, carrier.centre)[0].items():
+                momentum[column] += carrier.mass * value
     owner = np.repeat(np.arange(len(hanging.kinds)), np.diff(hanging.first))
     down, turning = (
         np.hstack([part[owner], np.zeros((len(owner), size - d))]) for part in (hanging.phi.down, hanging.phi.turning)
@@ -279,7 +279,7 @@ def _link_forces(geometry: Geometry) -> InputGroup:
 
 def _coordinate_forces(geometry: Geometry) -> InputGroup:
     coordinates = coordinates_in(geometry)
-    signals = [Signal(one.force, one.force_unit, one.pushed) for one in coordinates]
+    signals = [Signal(coordinate.force, coordinate.force_unit, coordinate.pushed) for coordinate in coordinates]
     return InputGroup(signals, np.eye(geometry.size)[:, : len(signals)], _nothing(geometry, len(signals)))
 
 
@@ -383,15 +383,15 @@ def _springs_by(geometry: Geometry, weights: Floats) -> tuple[Floats, Floats]:
     """Sums of the forces of springs with these weights (rows, springs): what multiplies q and q', (rows, q)."""
     carried = geometry.carried
     assert carried is not None
-    k, d = (np.array([getattr(one, name) for one in carried.springs]) for name in ("stiffness", "damping"))
+    k, d = (np.array([getattr(spring, name) for spring in carried.springs]) for name in ("stiffness", "damping"))
     return (weights * k) @ carried.extension, (weights * d) @ carried.extension
 
 
 def _spring_signals(geometry: Geometry, prefix: str, units: tuple[str, str], meaning: str) -> list[Signal]:
     springs = geometry.carried.springs if geometry.carried else ()
     return [
-        Signal(f"{prefix}_{one.label}", units[int(one.torsion)], f"{meaning} of a spring between {one.words}")
-        for one in springs
+        Signal(f"{prefix}_{spring.label}", units[int(spring.torsion)], f"{meaning} of a spring between {spring.words}")
+        for spring in springs
     ]
 
 
@@ -404,34 +404,40 @@ def _spring_forces(geometry: Geometry) -> OutputGroup:
     signals = _spring_signals(geometry, "spring_force", ("N", "N m"), "pull, with that of its damper,")
     if not signals:
         return OutputGroup(signals, np.zeros((0, geometry.size)))
-    own = np.eye(len(signals))
-    return OutputGroup(signals, *_springs_by(geometry, own), pulls=own)
+    unit = np.eye(len(signals))
+    return OutputGroup(signals, *_springs_by(geometry, unit), pulls=unit)
 
 
 def _coordinates(geometry: Geometry) -> OutputGroup:
-    found = coordinates_in(geometry)
-    signals = [Signal(one.name, one.unit or "1", one.meaning) for one in found]
-    return OutputGroup(signals, np.eye(geometry.size)[: len(found)], translation=_in_laboratory(found))
+    coordinates = coordinates_in(geometry)
+    signals = [Signal(coordinate.name, coordinate.unit or "1", coordinate.meaning) for coordinate in coordinates]
+    return OutputGroup(signals, np.eye(geometry.size)[: len(coordinates)], translation=_in_laboratory(coordinates))
 
 
 def _coordinate_rates(geometry: Geometry) -> OutputGroup:
-    found = coordinates_in(geometry)
-    signals = [Signal(one.derivative(1), f"{one.unit or '1'}/s", f"rate of the {one.meaning}") for one in found]
-    return OutputGroup(signals, rate=np.eye(geometry.size)[: len(found)], translation=_in_laboratory(found))
+    coordinates = coordinates_in(geometry)
+    signals = [
+        Signal(coordinate.derivative(1), f"{coordinate.unit or '1'}/s", f"rate of the {coordinate.meaning}")
+        for coordinate in coordinates
+    ]
+    return OutputGroup(signals, rate=np.eye(geometry.size)[: len(coordinates)], translation=_in_laboratory(coordinates))
 
 
 def _in_laboratory(coordinates: Sequence[Coordinate]) -> Floats:
     """What the ground's motion adds: to the position of one cart alone, which is that in the laboratory."""
-    return np.array([float(one.name == "x") for one in coordinates])
+    return np.array([float(coordinate.name == "x") for coordinate in coordinates])
 
 
 def _coordinate_accelerations(geometry: Geometry) -> OutputGroup:
-    found = coordinates_in(geometry)
+    coordinates = coordinates_in(geometry)
     signals = [
-        Signal(one.derivative(2), f"{one.unit or '1'}/s^2", f"second derivative of the {one.meaning}") for one in found
+        Signal(
+            coordinate.derivative(2), f"{coordinate.unit or '1'}/s^2", f"second derivative of the {coordinate.meaning}"
+        )
+        for coordinate in coordinates
     ]
-    along = np.array([one.along for one in found])
-    return OutputGroup(signals, acceleration=np.eye(geometry.size)[: len(found)], translation=along)
+    along = np.array([coordinate.along for coordinate in coordinates])
+    return OutputGroup(signals, acceleration=np.eye(geometry.size)[: len(coordinates)], translation=along)
 
 
 def _pendula(geometry: Geometry) -> range:
@@ -503,25 +509,25 @@ def _named_readings(geometry: Geometry) -> list[OutputGroup]:
 
 def own_inputs(geometry: Geometry) -> tuple[str, ...]:
     """The names of the inputs on single coordinates of a structure."""
-    return tuple(one.force for one in coordinates_in(geometry))
+    return tuple(coordinate.force for coordinate in coordinates_in(geometry))
 
 
 def inputs_of(geometry: Geometry) -> tuple[str, ...]:
     """The names of all inputs of a scene but those at points."""
-    own = own_inputs(geometry)
-    return (*INPUTS, *["coordinate_forces"] * bool(own), *own)
+    of_structure = own_inputs(geometry)
+    return (*INPUTS, *["coordinate_forces"] * bool(of_structure), *of_structure)
 
 
 def outputs_of(geometry: Geometry) -> tuple[str, ...]:
     """The names of all groups of outputs of a scene, and of those that a structure has by themselves."""
-    own = [name for name in READINGS if name in OF_STRUCTURES | OF_SPRINGS and not _lacks(name, geometry)]
-    return (*OUTPUTS, *own, *own_outputs(geometry))
+    of_structure = [name for name in READINGS if name in OF_STRUCTURES | OF_SPRINGS and not _lacks(name, geometry)]
+    return (*OUTPUTS, *of_structure, *own_outputs(geometry))
 
 
 def own_signals(geometry: Geometry) -> frozenset[str]:
     """The names of all signals that a structure has by itself, those of states among them."""
-    states = [one.derivative(1).replace("_dot", "_dot_free") for one in coordinates_in(geometry)]
-    states += [f"{one.name}_free" for one in coordinates_in(geometry)]
+    states = [coordinate.derivative(1).replace("_dot", "_dot_free") for coordinate in coordinates_in(geometry)]
+    states += [f"{coordinate.name}_free" for coordinate in coordinates_in(geometry)]
     return frozenset((*own_inputs(geometry), *own_outputs(geometry), *states))
 
 
@@ -558,7 +564,7 @@ def validate_signals(
 def _lacks(word: str, geometry: Geometry) -> str:
     """What a scene does not have that a word needs; "" where it has it."""
     if word in OF_A_CART and not geometry.on_cart:
-        names = [one.force for one in coordinates_in(geometry)]
+        names = [coordinate.force for coordinate in coordinates_in(geometry)]
         return f"there is no cart alone: name one of {', '.join(names)}" if names else "the support is fixed"
     if word in OF_STRUCTURES and not coordinates_in(geometry):
         return "the scene has no structure with coordinates of its own"

@@ -51,25 +51,25 @@ class Reading(NamedTuple):
     pulls: Floats | None = None
 
 
-def row_in(one: Dissipator, size: int, numbers: Arithmetic) -> Any:
+def row_in(dissipator: Dissipator, size: int, numbers: Arithmetic) -> Any:
     """The generalized force (size, 1) of a pair of unit forces along the row of a dissipator."""
-    return numbers.number(_dense(one, size))[:, None]
+    return numbers.number(_dense(dissipator, size))[:, None]
 
 
-def _dense(one: Dissipator, size: int) -> Floats:
+def _dense(dissipator: Dissipator, size: int) -> Floats:
     row = np.zeros(size)
-    row[list(one.row)] = list(one.row.values())
+    row[list(dissipator.row)] = list(dissipator.row.values())
     return row
 
 
 def loss_matrix(losses: Sequence[Dissipator], size: int, numbers: Arithmetic) -> Any:
     """Im K (size, size, W) = Σ k φ r rᵀ."""
-    found = numbers.number(np.zeros((size, size, 1))) + 0 * numbers.omega
-    for one in losses:
-        at, entries = list(one.row), numbers.number(list(one.row.values()))
-        strength = numbers.number(one.stiffness * loss_at(one.loss, numbers.rates))
-        found[np.ix_(at, at)] = found[np.ix_(at, at)] + (entries[:, None] * entries)[..., None] * strength
-    return found
+    matrix = numbers.number(np.zeros((size, size, 1))) + 0 * numbers.omega
+    for dissipator in losses:
+        at, entries = list(dissipator.row), numbers.number(list(dissipator.row.values()))
+        strength = numbers.number(dissipator.stiffness * loss_at(dissipator.loss, numbers.rates))
+        matrix[np.ix_(at, at)] = matrix[np.ix_(at, at)] + (entries[:, None] * entries)[..., None] * strength
+    return matrix
 
 
 def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Dissipator]) -> list[Given]:
@@ -81,16 +81,16 @@ def inputs_named(scene: Scene, geometry: Geometry, signals: Sequence[Signal | Di
             every[signal.name] = Given(group.F[:, k], group.thrust[:, k])
     for name, order in MOVES.items():
         every[name] = Given(*none, "ground" if name in SUPPORT else "cart", order)
-    found = []
-    for one in signals:
-        if isinstance(one, Dissipator):
-            found.append(Given(_dense(one, geometry.size), none[1]))
-        elif is_point(one.name):
-            own = pushed(geometry, point_input(scene, one.name))
-            found.append(Given(own.F[:, 0], own.thrust[:, 0]))
+    pushes = []
+    for wanted in signals:
+        if isinstance(wanted, Dissipator):
+            pushes.append(Given(_dense(wanted, geometry.size), none[1]))
+        elif is_point(wanted.name):
+            at_point = pushed(geometry, point_input(scene, wanted.name))
+            pushes.append(Given(at_point.F[:, 0], at_point.thrust[:, 0]))
         else:
-            found.append(every[one.name])
-    return found
+            pushes.append(every[wanted.name])
+    return pushes
 
 
 def outputs_named(geometry: Geometry, signals: Sequence[Signal]) -> list[Reading]:
@@ -115,7 +115,7 @@ def _reading(group: OutputGroup, k: int) -> Reading:
 def structural_response(
     geometry: Geometry,
     rig: Rig,
-    given: Sequence[Given],
+    driven: Sequence[Given],
     read: Sequence[Reading],
     dampers: Any = None,
     losses: Sequence[Dissipator] = (),
@@ -124,10 +124,10 @@ def structural_response(
 
     `dampers` are those of modes (n, n), in decimals; `losses` are all loss angles.
     """
-    pulling = [one for one in losses if one.kind == SPRING]
-    held, pattern = int(any(one.moves == "cart" for one in given)), _filled(rig)
-    for one in losses:
-        pattern[np.ix_(list(one.row), list(one.row))] = True
+    pulling = [loss for loss in losses if loss.kind == SPRING]
+    held, pattern = int(any(push.moves == "cart" for push in driven)), _filled(rig)
+    for loss in losses:
+        pattern[np.ix_(list(loss.row), list(loss.row))] = True
     is_damped = rig.is_damped or dampers is not None
 
     def evaluate(numbers: Arithmetic) -> Any:
@@ -142,37 +142,37 @@ def structural_response(
         zero, none = 0 * omega, 0 * A[:, :1]
         momentum = numbers.number(geometry.momentum)[:, None]
         columns = [
-            square * momentum if one.moves == "ground"
-            else -A[:, 0] if one.moves == "cart"
-            else numbers.number(one.F)[:, None]
-            for one in given
+            square * momentum if push.moves == "ground"
+            else -A[:, 0] if push.moves == "cart"
+            else numbers.number(push.F)[:, None]
+            for push in driven
         ]  # fmt: skip
         F = np.stack([column + none[:, 0] for column in columns], axis=1)
         q = np.array(F)
         filled = None if dampers is not None else pattern[held:, held:]
         q[held:] = solved(A[held:, held:], F[held:], numbers, filled)
         if held:
-            q[0] = np.array([zero + int(one.moves == "cart") for one in given])
-        carried = np.array([zero + int(one.moves == "ground") for one in given])
+            q[0] = np.array([zero + int(push.moves == "cart") for push in driven])
+        carried = np.array([zero + int(push.moves == "ground") for push in driven])
         powers = [1, numbers.imaginary(omega) if is_damped else None, -square]
-        found = []
+        outputs = []
         for row in read:
-            own = 0 * q[0]
+            output = 0 * q[0]
             for order, part in enumerate(row.rows):
                 if part is not None:
                     moved = (numbers.number(part)[:, None, None] * q).sum(0)
-                    own = own + powers[order - row.order] * moved
+                    output = output + powers[order - row.order] * moved
             translation, order = row.moved
             if translation:
-                own = own + powers[order - row.order] * numbers.number(translation) * carried
+                output = output + powers[order - row.order] * numbers.number(translation) * carried
             for spring in pulling if row.pulls is not None else ():
                 pull = row.pulls[spring.number] * spring.stiffness  # type: ignore[index]
                 longer = (row_in(spring, len(q), numbers)[:, None] * q).sum(0)
-                own = own + numbers.imaginary(numbers.number(pull * loss_at(spring.loss, numbers.rates)) * longer)
+                output = output + numbers.imaginary(numbers.number(pull * loss_at(spring.loss, numbers.rates)) * longer)
             if row.pendulum is not None:
-                own = own + numbers.number(np.array([one.thrust[row.pendulum] for one in given]))[:, None]
-            found.append(felt(own))
-        return np.array(found)
+                output = output + numbers.number(np.array([push.thrust[row.pendulum] for push in driven]))[:, None]
+            outputs.append(felt(output))
+        return np.array(outputs)
 
     return evaluate
 
@@ -189,11 +189,11 @@ def matrices_in(rig: Rig, numbers: Arithmetic) -> tuple[Any, Any, Any]:
         _add(D, spring.row, numbers.number(spring.damping), numbers)
     chains = {(block, column): _chain(rig, block, column, numbers) for block, column in rig.names}
     for p, (block, column) in enumerate(hanging.kinds.tolist()):
-        chain, own = chains[block, column], slice(d + first[p], d + first[p + 1])
+        chain, span = chains[block, column], slice(d + first[p], d + first[p + 1])
         for S, part in ((M, chain.M), (K, chain.K), (D, chain.D)):
-            S[own, own] = S[own, own] + part
+            S[span, span] = S[span, span] + part
         if d:
-            _add_pivot(hanging, numbers, p, chain, own.start, M, K, D)
+            _add_pivot(hanging, numbers, p, chain, span.start, M, K, D)
     for S in (M, K, D):
         S[d:, :d] = S[:d, d:].T
     return M[..., None], K[..., None], D[..., None]
@@ -208,19 +208,19 @@ def _add(S: Any, row: dict[int, float], size: Any, numbers: Arithmetic) -> None:
 def _add_carriers(hanging: Hanging, numbers: Arithmetic, M: Any, K: Any, D: Any) -> None:
     """Add the own inertia, springs, dampers and weights of all carriers."""
     structure, number, gravity = hanging.structure, numbers.number, numbers.number(hanging.rig.gravity)
-    for carrier, (own, start) in enumerate(zip(structure.carriers, structure.offsets, strict=False)):
-        if own.M is not None:
-            at = slice(start, start + own.size)
-            for S, part in ((M, own.M), (K, own.K), (D, own.D)):
+    for carrier, (body, start) in enumerate(zip(structure.carriers, structure.offsets, strict=False)):
+        if body.M is not None:
+            at = slice(start, start + body.size)
+            for S, part in ((M, body.M), (K, body.K), (D, body.D)):
                 S[at, at] = S[at, at] + number(np.asarray(part))
             continue
         for element in own_inertia(structure, carrier):
             _add(M, dict(zip(element.at, element.row, strict=True)), number(element.size), numbers)
-        for k in range(own.size):
-            _add(K, {start + k: 1.0}, number(float(own.stiffness[k])), numbers)
-            _add(D, {start + k: 1.0}, number(float(own.damping[k])), numbers)
-        for k, bend in bends(own, own.centre):
-            _add(K, {start + k: 1.0}, gravity * number(float(own.mass)) * number(bend), numbers)
+        for k in range(body.size):
+            _add(K, {start + k: 1.0}, number(float(body.stiffness[k])), numbers)
+            _add(D, {start + k: 1.0}, number(float(body.damping[k])), numbers)
+        for k, bend in bends(body, body.centre):
+            _add(K, {start + k: 1.0}, gravity * number(float(body.mass)) * number(bend), numbers)
 
 
 def _add_pivot(
@@ -228,18 +228,18 @@ def _add_pivot(
 ) -> None:
     """Add what a pendulum, whose angles begin at row `first`, does to the structure through its pivot."""
     structure, gravity, d = hanging.structure, numbers.number(hanging.rig.gravity), hanging.structure.size
-    pivot, own = structure.pivots[p], slice(first, first + len(chain.b))
+    pivot, span = structure.pivots[p], slice(first, first + len(chain.b))
     for k, bend in bends(structure.carriers[pivot.carrier], pivot.where):
         held = gravity * chain.mass * numbers.number(bend)
         _add(K, {structure.offsets[pivot.carrier] + k: 1.0}, held, numbers)
     along, down, turning = (numbers.number(part[p])[:, None] for part in hanging.phi)
     moved = along * along.T + down * down.T
-    M[:d, own] = M[:d, own] + along * chain.b
+    M[:d, span] = M[:d, span] + along * chain.b
     M[:d, :d] = M[:d, :d] + chain.mass * moved
     for S, strength in ((K, chain.stiffness), (D, chain.damping)):
         S[:d, first] = S[:d, first] - strength * turning[:, 0]
         S[:d, :d] = S[:d, :d] + strength * (turning * turning.T)
-    D[:d, own] = D[:d, own] + along * chain.dragged
+    D[:d, span] = D[:d, span] + along * chain.dragged
     D[:d, :d] = D[:d, :d] + chain.drag * moved
 
 
@@ -258,9 +258,9 @@ class _Chain(NamedTuple):
 
 
 def _chain(rig: Rig, block: int, column: int, numbers: Arithmetic) -> _Chain:
-    own = rig.blocks[block]
+    chains = rig.blocks[block]
     names = ("mass", "length", "centre", "inertia", "across", "stiffness", "damping", "drag")
-    m, l, c, inertia, way, k, e, drag = (numbers.number(getattr(own, name)[:, column]) for name in names)
+    m, l, c, inertia, way, k, e, drag = (numbers.number(getattr(chains, name)[:, column]) for name in names)
     n = len(m)
     M = np.array(pair.inertia_matrix(m, l, c, inertia)) * (way[:, None] * way)
     b = np.array(pair.first_moments(m, l, c)) * way
@@ -276,15 +276,15 @@ def _chain(rig: Rig, block: int, column: int, numbers: Arithmetic) -> _Chain:
     rows = zero + 0
     for i in range(n):
         rows[i, :i], rows[i, i] = (way * l)[:i], way[i] * c[i]
-    if own.drag[:, column].any():
+    if chains.drag[:, column].any():
         D = D + (rows[:, :, None] * (drag[:, None] * rows)[:, None]).sum(0)
     return _Chain(M, K, D, b, m.sum(), k[0], e[0], (drag[:, None] * rows).sum(0), drag.sum())
 
 
 def _filled(rig: Rig) -> Booleans:
     """Which entries (n, n) of M, K or D are not 0: pendula meet in springs and the structure alone."""
-    found = matrices_of(replace(rig, damping_ratio=0.0))
-    return np.asarray((found.M != 0) | (found.K != 0) | (found.D != 0))
+    linear = matrices_of(replace(rig, damping_ratio=0.0))
+    return np.asarray((linear.M != 0) | (linear.K != 0) | (linear.D != 0))
 
 
 def solved(A: Any, F: Any, numbers: Arithmetic, filled: Booleans | None = None) -> Any:

@@ -54,7 +54,9 @@ class TransferFunction(Displayed):
     gain: float
 
     def _summary(self) -> Summary:
-        zeros, poles = (counted(len(own), one, one + "s") for own, one in ((self.zeros, "zero"), (self.poles, "pole")))
+        zeros, poles = (
+            counted(len(roots), word, word + "s") for roots, word in ((self.zeros, "zero"), (self.poles, "pole"))
+        )
         title = f"Transfer function from {self.input.name} to {self.output.name}: {zeros}, {poles}"
         facts = [("gain", brief(self.gain)), ("zeros (1/s)", brief(self.zeros)), ("poles (1/s)", brief(self.poles))]
         return Summary(title, facts)
@@ -95,61 +97,61 @@ Numerators = tuple[Floats, Floats]
 
 def _terms(form: ModalForm) -> dict[tuple[float, float, float], Numerators]:
     """N1 and N0 (p, m) of all modes of one denominator c2 s² + c1 s + c0."""
-    found: dict[tuple[float, float, float], Numerators] = {}
+    numerators: dict[tuple[float, float, float], Numerators] = {}
     for term in terms(form):
-        N1, N0 = found.get(term.c, (0.0, 0.0))
-        found[term.c] = N1 + term.N1, N0 + term.N0
-    return found
+        N1, N0 = numerators.get(term.c, (0.0, 0.0))
+        numerators[term.c] = N1 + term.N1, N0 + term.N0
+    return numerators
 
 
 def _one(
     form: ModalForm, every: dict[tuple[float, float, float], Numerators], row: int, column: int
 ) -> TransferFunction:
-    own_rates = {c: max(np.sqrt(abs(c[2])), abs(c[1])) for c in every}
-    slowest = min(filter(None, own_rates.values()), default=1.0)
-    rates = {c: rate or slowest for c, rate in own_rates.items()}
-    own = {c: _clean(float(N1[row, column]), float(N0[row, column]), rates[c]) for c, (N1, N0) in every.items()}
-    sizes = {c: max(abs(n1), abs(n0) / rates[c]) for c, (n1, n0) in own.items()}
+    known_rates = {c: max(np.sqrt(abs(c[2])), abs(c[1])) for c in every}
+    slowest = min(filter(None, known_rates.values()), default=1.0)
+    rates = {c: rate or slowest for c, rate in known_rates.items()}
+    cleaned = {c: _clean(float(N1[row, column]), float(N0[row, column]), rates[c]) for c, (N1, N0) in every.items()}
+    sizes = {c: max(abs(n1), abs(n0) / rates[c]) for c, (n1, n0) in cleaned.items()}
     largest = max(sizes.values(), default=0.0)
-    kept = {c: own[c] for c in own if sizes[c] > NOTHING * largest}
+    kept = {c: cleaned[c] for c in cleaned if sizes[c] > NOTHING * largest}
     d, static = float(form.model.D[row, column]), sum(size / rates[c] for c, size in sizes.items())
     d = d if abs(d) > NOTHING * static else 0.0
-    given, read = form.model.inputs[column], form.model.outputs[row]
+    driven, read = form.model.inputs[column], form.model.outputs[row]
     if not kept:
-        return TransferFunction(given, read, _ascending([]), _ascending([]), d)
+        return TransferFunction(driven, read, _ascending([]), _ascending([]), d)
     poles = np.array([pole for c in kept for pole in np.roots(np.trim_zeros(c, "f"))], dtype=np.complex128)
-    G = Elimination((form.model.scene or form.modes.scene).lossless, [given], [read])
+    G = Elimination((form.model.scene or form.modes.scene).lossless, [driven], [read])
     moving = np.abs(poles[poles != 0])
     fast, slow = (float(end(moving)) if len(moving) else G.unit for end in (np.max, np.min))
     middle = np.sqrt(fast) * np.sqrt(slow) * np.exp(0.5j)
-    *ends, own = G.at(np.array([fast * FAR, 2 * fast * FAR, slow / FAR, 2 * slow / FAR, middle]))[0, 0]
+    *ends, gain = G.at(np.array([fast * FAR, 2 * fast * FAR, slow / FAR, 2 * slow / FAR, middle]))[0, 0]
     if not all(ends):
-        return TransferFunction(given, read, _ascending([]), _ascending([]), 0.0)
+        return TransferFunction(driven, read, _ascending([]), _ascending([]), 0.0)
     fall, rise = (round(float(np.log2(abs(far / near)))) for near, far in (ends[:2], ends[2:]))
     zeros = _exact(_zeros(kept, d, -fall), rise + int(np.sum(poles == 0)), G)
     for factor in _interleaved(middle - poles, middle - zeros):
-        own *= factor
-    return TransferFunction(given, read, _ascending(zeros), _ascending(poles), float(own.real))
+        gain *= factor
+    return TransferFunction(driven, read, _ascending(zeros), _ascending(poles), float(gain.real))
 
 
 def _interleaved(above: Complexes, below: Complexes) -> list[complex]:
     """Factors of a quotient in an order in which their product neither overflows nor underflows."""
     size = max(len(above), len(below))
     factors = (np.append(np.sort_complex(part), np.ones(size - len(part))) for part in (above, below))
-    return [complex(one / other) for one, other in zip(*factors, strict=True)]
+    return [complex(upper / lower) for upper, lower in zip(*factors, strict=True)]
 
 
 def _exact(zeros: Complexes, still: int, G: Elimination) -> Complexes:
     """The zeros made exact; as many of the smallest as `still` are 0."""
-    found = zeros[np.argsort(np.abs(zeros), kind="stable")]
-    found[: max(still, 0)] = 0
-    own = np.flatnonzero((found != 0) & (found.imag >= 0))
-    found[own] = _newton(found[own], G)
-    for k in np.flatnonzero(found.imag < 0).tolist():
-        apart = np.abs(found[own].conj() - found[k])
-        if len(own) and apart.min() <= MOVED * abs(found[k]):
-            found[k] = found[own][apart.argmin()].conj()
-    return found
+    exact = zeros[np.argsort(np.abs(zeros), kind="stable")]
+    exact[: max(still, 0)] = 0
+    upper = np.flatnonzero((exact != 0) & (exact.imag >= 0))
+    exact[upper] = _newton(exact[upper], G)
+    for k in np.flatnonzero(exact.imag < 0).tolist():
+        apart = np.abs(exact[upper].conj() - exact[k])
+        if len(upper) and apart.min() <= MOVED * abs(exact[k]):
+            exact[k] = exact[upper][apart.argmin()].conj()
+    return exact
 
 
 def _newton(start: Complexes, G: Elimination) -> Complexes:
@@ -192,5 +194,5 @@ def _zeros(kept: dict[tuple[float, float, float], tuple[float, float]], d: float
 
 
 def _ascending(values: ArrayLike) -> Complexes:
-    found = np.asarray(values, dtype=np.complex128).reshape(-1)
-    return np.asarray(found[np.lexsort((found.imag, np.abs(found).round(12)))])
+    ordered = np.asarray(values, dtype=np.complex128).reshape(-1)
+    return np.asarray(ordered[np.lexsort((ordered.imag, np.abs(ordered).round(12)))])

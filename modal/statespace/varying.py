@@ -93,7 +93,7 @@ def varying_model(
     if len(at) * (first.A.size + first.B.size) > MOST_NUMBERS:
         raise ComputationError(f"a model of {len(first.A)} states at {len(at)} times is too large: use fewer times")
     each = [first, *map(model, at[1:].tolist())]
-    A, B, C, D = (np.array([getattr(one, name) for one in each]) for name in "ABCD")
+    A, B, C, D = (np.array([getattr(sampled, name) for sampled in each]) for name in "ABCD")
     return VaryingModel(
         at, A, B, _constant(C), _constant(D), first.states, first.inputs, first.outputs, scene.title,
         first.operating_point, scene,

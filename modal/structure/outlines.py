@@ -61,45 +61,45 @@ class Scaffold:
     @cached_property
     def aside(self) -> Floats:
         """How far (m) every drawn pendulum is set apart from those on its point; those of a modal support are one."""
-        found = np.zeros(len(self.drawn))
+        shift = np.zeros(len(self.drawn))
         places: dict[Any, list[int]] = {}
         for k, pendulum in enumerate(self.drawn.tolist()):
             pivot = self.structure.pivots[pendulum]
             places.setdefault(pivot.carrier if isinstance(pivot.where, int) else pivot, []).append(k)
-        for own in places.values():
-            step = self.unit * (0.95 if len(own) <= 2 else 0.5)
-            found[own] = step * (np.arange(len(own)) - (len(own) - 1) / 2)
-        return found
+        for members in places.values():
+            step = self.unit * (0.95 if len(members) <= 2 else 0.5)
+            shift[members] = step * (np.arange(len(members)) - (len(members) - 1) / 2)
+        return shift
 
     @cached_property
     def _points(self) -> tuple[Floats, ...]:
         """Every carrier's points of which something is drawn, (K, 2) in m along and below its origin."""
-        found: list[list[tuple[float, float]]] = [[] for _ in self.structure.carriers]
+        points: list[list[tuple[float, float]]] = [[] for _ in self.structure.carriers]
         for pendulum, aside in zip(self.drawn.tolist(), self.aside.tolist(), strict=True):
             carrier, where = self.structure.pivots[pendulum]
             s, h = (0.0, 0.0) if isinstance(where, int) else where
-            found[carrier].append((float(s) + aside, float(h)))
+            points[carrier].append((float(s) + aside, float(h)))
         for spring in self.structure.springs:
             for end in spring.ends:
                 if isinstance(end, CarrierEnd) and not isinstance(end.where, int) and not spring.torsion:
-                    found[end.carrier].append((float(end.where[0]), float(end.where[1])))
-        return tuple(np.array(own).reshape(-1, 2) for own in found)
+                    points[end.carrier].append((float(end.where[0]), float(end.where[1])))
+        return tuple(np.array(drawn).reshape(-1, 2) for drawn in points)
 
     @cached_property
     def _bodies(self) -> tuple[tuple[float, float, float], ...]:
         """Left, right and height (m, along and below its origin) of every carrier's body."""
-        found = []
-        for own, points in zip(self.structure.carriers, self._points, strict=True):
-            near = points if own.turning is None else points[np.abs(points[:, 1]) < 10 * self.unit]
+        bodies = []
+        for body, points in zip(self.structure.carriers, self._points, strict=True):
+            near = points if body.turning is None else points[np.abs(points[:, 1]) < 10 * self.unit]
             level = 0.0
-            if own.kind == "tilt" and len(near) and np.ptp(near[:, 1]) < FAR_OFF * self.unit:
+            if body.kind == "tilt" and len(near) and np.ptp(near[:, 1]) < FAR_OFF * self.unit:
                 level = float(near[:, 1].mean())
-            if own.kind == "platform":
+            if body.kind == "platform":
                 near = near[np.abs(near[:, 1]) < 0.5 * self.unit]
-            least = LEAST * self.unit * (2.5 if own.kind == "platform" else 1.0)
+            least = LEAST * self.unit * (2.5 if body.kind == "platform" else 1.0)
             along = np.concatenate([near[:, 0] - MARGIN * self.unit, near[:, 0] + MARGIN * self.unit, [-least, least]])
-            found.append((float(along.min()), float(along.max()), level))
-        return tuple(found)
+            bodies.append((float(along.min()), float(along.max()), level))
+        return tuple(bodies)
 
     def body(self, carrier: int) -> tuple[float, float, float]:
         """Left, right and height (m, along and below its origin) of a carrier's body."""
@@ -110,32 +110,32 @@ class Scaffold:
         """How far (m) every carrier is set apart along the rail, (C,); 0 where no two bodies overlap."""
         carriers, high = self.structure.carriers, 3 * THICK * self.unit
         boxes = []
-        for own, (left, right, level) in zip(carriers, self._bodies, strict=True):
-            x, z = (float(part) for part in own.position)
+        for body, (left, right, level) in zip(carriers, self._bodies, strict=True):
+            x, z = (float(part) for part in body.position)
             boxes.append((x + left, x + right, z + level))
-        moving = [k for k, own in enumerate(carriers) if own.size]
+        moving = [k for k, body in enumerate(carriers) if body.size]
         upon = any(
             boxes[i][0] < boxes[j][1] and boxes[j][0] < boxes[i][1] and abs(boxes[i][2] - boxes[j][2]) < high
             for n, i in enumerate(moving)
             for j in moving[:n]
         )
-        found, end = np.zeros(len(carriers)), -np.inf
+        shifts, end = np.zeros(len(carriers)), -np.inf
         for k in moving if upon else ():
-            found[k] = max(0.0, end - boxes[k][0]) if np.isfinite(end) else 0.0
-            end = boxes[k][1] + found[k] + self.gap * self.unit
-        return found
+            shifts[k] = max(0.0, end - boxes[k][0]) if np.isfinite(end) else 0.0
+            end = boxes[k][1] + shifts[k] + self.gap * self.unit
+        return shifts
 
     def place(self, carrier: int, where: Where, eta: Floats, aside: float = 0.0) -> Floats:
         """Where a point of a carrier is drawn at η (F, d), (F, 2) to the right and up."""
-        own = self.structure.carriers[carrier]
+        body = self.structure.carriers[carrier]
         first = self.structure.offsets[carrier]
-        values = [eta[:, first + k] for k in range(own.size)]
+        values = [eta[:, first + k] for k in range(body.size)]
         shift = float(self.shifts[carrier])
         if isinstance(where, int):
             shift, at = shift + aside, where
         else:
             at = (float(where[0]) + aside, float(where[1]))  # type: ignore[assignment]
-        x, z = own.moving(at, values, [0.0] * own.size).place
+        x, z = body.moving(at, values, [0.0] * body.size).place
         return np.stack(np.broadcast_arrays(x + shift + 0 * eta.sum(1), -z + 0 * eta.sum(1)), axis=-1)
 
     def pivots(self, eta: Floats) -> Floats:
@@ -159,10 +159,10 @@ class Scaffold:
 
     def pieces(self, eta: Floats, joints: Mapping[int, Floats]) -> list[Piece]:
         """All of it at η (F, d), with the `joints` (F, n + 1, 2) of the pendula that are drawn."""
-        found = [piece for k in range(len(self.structure.carriers)) for piece in self.of_carrier(k, eta)]
+        pieces = [piece for k in range(len(self.structure.carriers)) for piece in self.of_carrier(k, eta)]
         for spring in self.structure.springs:
-            found += self._spring(spring, eta, joints)
-        return found
+            pieces += self._spring(spring, eta, joints)
+        return pieces
 
     def of_carrier(self, k: int, eta: Floats) -> list[Piece]:
         """Those of one carrier, with its own springs and what it rests on."""
@@ -178,27 +178,27 @@ class Scaffold:
         return np.array([[(float(x) + self.shifts[k] + s, -(float(z) + h)) for s, h in points]])
 
     def _carrier(self, k: int, eta: Floats) -> Iterator[Piece]:
-        own, u = self.structure.carriers[k], self.unit
+        body, u = self.structure.carriers[k], self.unit
         left, right, level = self._bodies[k]
-        if not own.size:
+        if not body.size:
             yield from self._ceiling(k)
             return
-        if own.points is not None:
+        if body.points is not None:
             yield from self._frame(k, eta)
             return
         half = THICK * u
-        if own.kind == "platform":
+        if body.kind == "platform":
             hull = [(left, -half), (right, -half), (0.82 * right, 2.2 * half), (0.82 * left, 2.2 * half)]
             yield Piece("body", self._at(k, hull, eta), closed=True)
         else:
-            high = half if own.kind != "tilt" else 0.6 * half
+            high = half if body.kind != "tilt" else 0.6 * half
             box = [(left, level - high), (right, level - high), (right, level + high), (left, level + high)]
             yield Piece("body", self._at(k, box, eta), closed=True)
         for s, h in self._points[k].tolist():
             if abs(h - level) > FAR_OFF * u:
-                foot = (0.3 * s if own.kind == "platform" else s, level)
+                foot = (0.3 * s if body.kind == "platform" else s, level)
                 yield Piece("line", self._at(k, [foot, (s, h)], eta))
-        yield from getattr(self, f"_{own.kind}")(k, own, eta)
+        yield from getattr(self, f"_{body.kind}")(k, body, eta)
 
     def _ceiling(self, k: int) -> Iterator[Piece]:
         """What stands still, hatched from above."""
@@ -230,7 +230,7 @@ class Scaffold:
             yield Piece("line", np.stack([ends[0] - margin, ends[1] + margin], axis=1))
             yield Piece("dot", np.stack([(ends[0] + ends[1]) / 2], axis=1))
 
-    def _cart(self, k: int, own: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
+    def _cart(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
         left, right, _ = self._bodies[k]
         u, low = self.unit, (THICK + WHEEL) * self.unit
         for s in (0.75 * left + 0.25 * right, 0.25 * left + 0.75 * right):
@@ -239,18 +239,18 @@ class Scaffold:
             yield Piece("body", middle + WHEEL * u * np.stack((np.cos(turn), np.sin(turn)), axis=-1), closed=True)
         rail = low + WHEEL * u
         yield Piece("ground", self._fixed(k, [(left - 0.3 * u, rail), (right + 0.3 * u, rail)]))
-        yield from self._to_wall(k, own.stiffness[0], own.damping[0], eta)
+        yield from self._to_wall(k, body.stiffness[0], body.damping[0], eta)
 
-    def _swing(self, k: int, own: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
+    def _swing(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
         left, right, _ = self._bodies[k]
-        length, u = float(own.length), self.unit
+        length, u = float(body.length), self.unit
         for s in (left + 0.06 * u, right - 0.06 * u):
             top = np.broadcast_to(self._fixed(k, [(s, -length)]), (len(eta), 1, 2))
             yield Piece("line", np.concatenate([top, self._at(k, [(s, 0.0)], eta)], axis=1))
         yield from _hatched(self._fixed(k, [(left - 0.06 * u, -length), (right + 0.06 * u, -length)]), u)
-        yield from self._to_wall(k, own.stiffness[0], 0.0, eta)
+        yield from self._to_wall(k, body.stiffness[0], 0.0, eta)
 
-    def _tilt(self, k: int, own: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
+    def _tilt(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
         left, right, level = self._bodies[k]
         u, way = self.unit, 1.0 if level < 0 or (level == 0 and not len(self._points[k])) else -1.0
         foot = min(max(0.0, left), right)
@@ -259,26 +259,26 @@ class Scaffold:
         apex, base = (0.0, 0.0), way * 0.17 * u
         yield Piece("ground", self._fixed(k, [apex, (-0.09 * u, base), (0.09 * u, base)]), closed=True)
         yield from _hatched(self._fixed(k, [(-0.16 * u, base), (0.16 * u, base)]), u, way)
-        if own.stiffness[0]:
+        if body.stiffness[0]:
             angle = eta[:, self.structure.offsets[k]]
             yield Piece("spring", _spiral(self.place(k, (0.0, 0.0), eta), angle, u))
-        yield Piece("dot", self._at(k, [(float(own.centre[0]), float(own.centre[1]))], eta))
+        yield Piece("dot", self._at(k, [(float(body.centre[0]), float(body.centre[1]))], eta))
 
-    def _heave(self, k: int, own: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
+    def _heave(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
         left, right, _ = self._bodies[k]
         u = self.unit
         for s in (left - 0.03 * u, right + 0.03 * u):
             yield Piece("guide", self._fixed(k, [(s, -0.3 * u), (s, 0.3 * u)]))
-        yield from self._to_floor(k, own.stiffness[0], eta, (left + right) / 2)
+        yield from self._to_floor(k, body.stiffness[0], eta, (left + right) / 2)
 
-    def _platform(self, k: int, own: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
+    def _platform(self, k: int, body: CarrierNumbers, eta: Floats) -> Iterator[Piece]:
         left, right, _ = self._bodies[k]
-        sway, heave, roll = own.stiffness
+        sway, heave, roll = body.stiffness
         yield from self._to_wall(k, sway, 0.0, eta)
         at = (0.6 * left, 0.6 * right) if roll else ((left + right) / 2,)
         for s in at:
             yield from self._to_floor(k, heave or roll, eta, s)
-        yield Piece("dot", self._at(k, [(float(own.centre[0]), float(own.centre[1]))], eta))
+        yield Piece("dot", self._at(k, [(float(body.centre[0]), float(body.centre[1]))], eta))
 
     def _to_wall(self, k: int, stiffness: Any, damping: Any, eta: Floats, level: float = 0.0) -> Iterator[Piece]:
         """A spring along the rail to a wall on the side where there is room."""
@@ -295,8 +295,8 @@ class Scaffold:
     def _side(self, k: int) -> float:
         """On which side of a carrier there is room for a wall: −1 left, 1 right."""
         middles = [
-            float(own.position[0]) + float(self.shifts[i]) + sum(self._bodies[i][:2]) / 2
-            for i, own in enumerate(self.structure.carriers)
+            float(body.position[0]) + float(self.shifts[i]) + sum(self._bodies[i][:2]) / 2
+            for i, body in enumerate(self.structure.carriers)
         ]
         return 1.0 if len(middles) > 1 and middles[k] == max(middles) and middles[k] > min(middles) else -1.0
 
@@ -327,29 +327,29 @@ class Scaffold:
             for end, place in zip(spring.ends, ends, strict=True):
                 if isinstance(end, LinkEnd) and place is not None:
                     yield Piece("spring", _spiral(place, np.zeros(len(eta)), self.unit))
-            found = [place for place in ends if place is not None]
-            if len(found) == 2:
-                yield Piece("guide", np.stack(found, axis=1))
+            joined = [place for place in ends if place is not None]
+            if len(joined) == 2:
+                yield Piece("guide", np.stack(joined, axis=1))
             return
         anchored = next((k for k, end in enumerate(spring.ends) if isinstance(end, GroundEnd)), None)
         if anchored is not None and ends[1 - anchored] is not None:
             yield from self._grounded(spring.ends[1 - anchored], spring.ends[anchored], eta, joints, damped=damped)
             return
-        one, other = ends
-        if one is not None and other is not None:
-            yield Piece("spring", _zigzag(*self._edges(spring.ends, one, other), self.unit, damped=damped))
+        first, second = ends
+        if first is not None and second is not None:
+            yield Piece("spring", _zigzag(*self._edges(spring.ends, first, second), self.unit, damped=damped))
 
-    def _edges(self, ends: tuple[End, End], one: Floats, other: Floats) -> tuple[Floats, Floats]:
+    def _edges(self, ends: tuple[End, End], first: Floats, second: Floats) -> tuple[Floats, Floats]:
         """The ends of a spring between origins of carriers side by side, at the edges of their bodies."""
-        found, drawn = [one, other], [self._drawn(end) for end in ends]
+        edges, drawn = [first, second], [self._drawn(end) for end in ends]
         for k, end in enumerate(ends):
             if isinstance(end, CarrierEnd) and end.where == (0.0, 0.0):
                 left, right, level = self._bodies[end.carrier]
                 ahead = drawn[1 - k] - drawn[k]
                 if abs(ahead) > right - left and not level:
-                    found[k] = found[k] + np.array([right if ahead > 0 else left, 0.0])
+                    edges[k] = edges[k] + np.array([right if ahead > 0 else left, 0.0])
                     drawn[k] += right if ahead > 0 else left
-        return found[0], found[1]
+        return edges[0], edges[1]
 
     def _drawn(self, end: End) -> float:
         """Where (m, along the rail) an end of a spring that moves is at rest, where links hang straight down."""
@@ -377,7 +377,7 @@ class Scaffold:
             level = self._bodies[carrier][2] if end.where == (0.0, 0.0) else float(end.where[1])  # type: ignore[union-attr]
             yield from self._to_wall(carrier, not damped, damped, eta, level)
         else:
-            drawn = {pendulum: own[None] for pendulum, own in self.hanging.items()}
+            drawn = {pendulum: place[None] for pendulum, place in self.hanging.items()}
             still = self._end(end, np.zeros((1, self.structure.size)), drawn, torsion=False)
             wall = (near if still is None else still)[0] + np.array([-WALL * self.unit, 0.0])
             yield Piece("ground", wall + np.array([[[0.0, -0.11], [0.0, 0.11]]]) * self.unit)
@@ -416,8 +416,8 @@ def _direction(along: Floats) -> Floats:
     size: Floats = np.sqrt((along * along).sum(axis=-1, keepdims=True))
     if along.dtype.hasobject:
         return np.asarray(along / size)
-    found: Floats = np.divide(along, size, out=np.broadcast_to([1.0, 0.0], along.shape).copy(), where=size > 0)
-    return found
+    unit: Floats = np.divide(along, size, out=np.broadcast_to([1.0, 0.0], along.shape).copy(), where=size > 0)
+    return unit
 
 
 def _zigzag(start: Floats, end: Floats, unit: float, *, damped: bool = False) -> Floats:
@@ -433,8 +433,8 @@ def _zigzag(start: Floats, end: Floats, unit: float, *, damped: bool = False) ->
             [[0.0, LEAD], LEAD + (1 - 2 * LEAD) * (np.arange(TEETH) + 0.5) / TEETH, [1 - LEAD, 1.0]]
         )
         aside = np.concatenate([[0.0, 0.0], np.where(np.arange(TEETH) % 2, -1.0, 1.0), [0.0, 0.0]])
-    found: Floats = start[:, None] + shares[:, None] * along[:, None] + TOOTH * unit * aside[:, None] * across[:, None]
-    return found
+    points: Floats = start[:, None] + shares[:, None] * along[:, None] + TOOTH * unit * aside[:, None] * across[:, None]
+    return points
 
 
 def _spiral(middle: Floats, angle: Floats, unit: float) -> Floats:

@@ -52,9 +52,9 @@ def phi(structure: Structure) -> Phi:
 
 def slopes(structure: Structure, carrier: int, where: Where) -> tuple[Row, Row]:
     """∂(x, z)/∂η of a point of a carrier at rest."""
-    own, first = structure.carriers[carrier], structure.offsets[carrier]
-    still = (0.0,) * own.size
-    rows = own.moving(where, still, still).slopes
+    body, first = structure.carriers[carrier], structure.offsets[carrier]
+    still = (0.0,) * body.size
+    rows = body.moving(where, still, still).slopes
     along, down = ({first + k: float(row[way]) + 0.0 for k, row in enumerate(rows)} for way in (0, 1))
     return along, down
 
@@ -65,29 +65,32 @@ def turning(structure: Structure, carrier: int) -> Row:
     return {} if angle is None else {angle: 1.0}
 
 
-def bends(own: CarrierNumbers, where: Where) -> Iterator[tuple[int, float]]:
+def bends(body: CarrierNumbers, where: Where) -> Iterator[tuple[int, float]]:
     """−∂²z/∂η_k² (1/m, m) of a point of a carrier at rest, by its own coordinates k; mixed derivatives are 0."""
-    still = (0.0,) * own.size
-    for k in range(own.size) if own.M is None else ():
-        rates = tuple(float(k == j) for j in range(own.size))
-        if bend := -float(own.moving(where, still, rates).bias[1]):
+    still = (0.0,) * body.size
+    for k in range(body.size) if body.M is None else ():
+        rates = tuple(float(k == j) for j in range(body.size))
+        if bend := -float(body.moving(where, still, rates).bias[1]):
             yield k, bend
 
 
 def is_damped(structure: Structure) -> bool:
     """Whether a carrier or a spring has a damper."""
-    own = any(any(map(np.any, one.damping)) or (one.D is not None and one.D.any()) for one in structure.carriers)
-    return own or any(np.any(spring.damping) for spring in structure.springs)
+    of_carriers = any(
+        any(map(np.any, carrier.damping)) or (carrier.D is not None and carrier.D.any())
+        for carrier in structure.carriers
+    )
+    return of_carriers or any(np.any(spring.damping) for spring in structure.springs)
 
 
-def drawn_together(one: tuple[Any, Any], other: tuple[Any, Any]) -> bool:
+def drawn_together(first: tuple[Any, Any], second: tuple[Any, Any]) -> bool:
     """Whether two ends of a spring, (m along, m down) or arrays of such, are one point as drawn.
 
     >>> drawn_together((0.1 + 0.2, 1.0), (0.3, 1.0))
     True
     """
-    apart = np.hypot(np.subtract(one[0], other[0]), np.subtract(one[1], other[1]))
-    largest = np.max([np.max(np.abs(part)) for part in (*one, *other)])
+    apart = np.hypot(np.subtract(first[0], second[0]), np.subtract(first[1], second[1]))
+    largest = np.max([np.max(np.abs(part)) for part in (*first, *second)])
     return bool(np.all(apart <= DRAWN_TOGETHER * largest))
 
 

@@ -21,41 +21,41 @@ def scaled(structure: Structure, mass: float, length: float, gravity: float) -> 
     def place(where: Where) -> Where:
         return where if isinstance(where, int) else (where[0] / length, where[1] / length)
 
-    def carrier(own: CarrierNumbers) -> CarrierNumbers:
-        position = own.position[0] / length, own.position[1] / length
-        if own.M is not None and own.K is not None and own.D is not None and own.points is not None:
+    def carrier(numbers: CarrierNumbers) -> CarrierNumbers:
+        position = numbers.position[0] / length, numbers.position[1] / length
+        if numbers.M is not None and numbers.K is not None and numbers.D is not None and numbers.points is not None:
             return replace(
-                own,
+                numbers,
                 position=position,
-                M=own.M / (mass * length**2),
-                K=own.K / angles[0],
-                D=own.D / angles[1],
-                points=own.points / length,
+                M=numbers.M / (mass * length**2),
+                K=numbers.K / angles[0],
+                D=numbers.D / angles[1],
+                points=numbers.points / length,
             )
-        units = [angles if suffix.endswith("rad") else metres for suffix in own.suffixes]
+        units = [angles if suffix.endswith("rad") else metres for suffix in numbers.suffixes]
         return replace(
-            own,
+            numbers,
             position=position,
-            mass=own.mass / mass,
-            inertia=own.inertia / (mass * length**2),
-            length=own.length / length,
-            centre=(own.centre[0] / length, own.centre[1] / length),
-            stiffness=tuple(k / unit[0] for k, unit in zip(own.stiffness, units, strict=True)),
-            damping=tuple(c / unit[1] for c, unit in zip(own.damping, units, strict=True)),
+            mass=numbers.mass / mass,
+            inertia=numbers.inertia / (mass * length**2),
+            length=numbers.length / length,
+            centre=(numbers.centre[0] / length, numbers.centre[1] / length),
+            stiffness=tuple(k / unit[0] for k, unit in zip(numbers.stiffness, units, strict=True)),
+            damping=tuple(c / unit[1] for c, unit in zip(numbers.damping, units, strict=True)),
         )
 
-    def end(own: End) -> End:
-        if isinstance(own, LinkEnd):
-            return LinkEnd(own.link, None if own.below is None else own.below / length)
-        if isinstance(own, CarrierEnd):
-            return CarrierEnd(own.carrier, place(own.where))
-        return GroundEnd(None if own.place is None else (own.place[0] / length, own.place[1] / length))
+    def end(side: End) -> End:
+        if isinstance(side, LinkEnd):
+            return LinkEnd(side.link, None if side.below is None else side.below / length)
+        if isinstance(side, CarrierEnd):
+            return CarrierEnd(side.carrier, place(side.where))
+        return GroundEnd(None if side.place is None else (side.place[0] / length, side.place[1] / length))
 
-    def spring(own: SpringNumbers) -> SpringNumbers:
-        unit = angles if own.torsion else metres
-        first, second = own.ends
-        ends, stiffness, damping = (end(first), end(second)), own.stiffness / unit[0], own.damping / unit[1]
-        return own._replace(ends=ends, stiffness=stiffness, damping=damping)
+    def spring(numbers: SpringNumbers) -> SpringNumbers:
+        unit = angles if numbers.torsion else metres
+        first, second = numbers.ends
+        ends, stiffness, damping = (end(first), end(second)), numbers.stiffness / unit[0], numbers.damping / unit[1]
+        return numbers._replace(ends=ends, stiffness=stiffness, damping=damping)
 
     return Structure(
         tuple(map(carrier, structure.carriers)),
@@ -67,9 +67,9 @@ def scaled(structure: Structure, mass: float, length: float, gravity: float) -> 
 def coordinate_units(structure: Structure, length: float) -> tuple[float, ...]:
     """The unit of every coordinate where that of length is `length` (m): itself in m, 1 of angles and modal ones."""
     return tuple(
-        length if own.M is None and not suffix.endswith("rad") else 1.0
-        for own in structure.carriers
-        for suffix in own.suffixes
+        length if carrier.M is None and not suffix.endswith("rad") else 1.0
+        for carrier in structure.carriers
+        for suffix in carrier.suffixes
     )
 
 

@@ -87,21 +87,21 @@ class Beside:
     damping_ratio: Floats
     pendula: tuple[int, ...]
     mu: Floats
-    own: Floats
+    tuned: Floats
     zeta: Floats
 
 
 def beside(scene: Scene, pendula: Sequence[int]) -> Beside | None:
     """The rest of a scene without these pendula of one link; None where it has no modes, or springs couple them."""
-    found = matrices(scene)
-    counts = [one.count * sum(link.count for link in one.links) for one in scene.pendulum]
-    first = len(found.M) - sum(counts)
+    linear = matrices(scene)
+    counts = [pendulum.count * sum(link.count for link in pendulum.links) for pendulum in scene.pendulum]
+    first = len(linear.M) - sum(counts)
     starts = first + np.concatenate(([0], np.cumsum(counts)))
     columns = np.array([int(starts[p]) + k for p in pendula for k in range(counts[p])])
-    rest = np.setdiff1d(np.arange(len(found.M)), columns)
+    rest = np.setdiff1d(np.arange(len(linear.M)), columns)
     if not len(rest):
         return None
-    K, D, M = found.K, found.D, found.M
+    K, D, M = linear.K, linear.D, linear.M
     if np.abs(K[np.ix_(columns, rest)]).max(initial=0.0) > 1e-9 * np.abs(np.diag(K)[columns]).max():
         return None
     A = np.diag(M)[columns]
@@ -117,24 +117,27 @@ def beside(scene: Scene, pendula: Sequence[int]) -> Beside | None:
     omega, phi = np.sqrt(squares[kept]), phi[:, kept]
     ratio = np.einsum("ir,ij,jr->r", phi, D[np.ix_(rest, rest)], phi) / (2 * omega)
     mu = np.zeros((len(pendula), len(omega)))
-    own, zeta = np.zeros(len(pendula)), np.zeros(len(pendula))
+    tuned, zeta = np.zeros(len(pendula)), np.zeros(len(pendula))
     at = 0
     for k, p in enumerate(pendula):
         each = slice(at, at + counts[p])
         mu[k] = ((rows[each] @ phi) ** 2 / A[each, None]).sum(0)
-        own[k] = np.sqrt(K[columns[at], columns[at]] / A[at])
-        zeta[k] = D[columns[at], columns[at]] / (2 * A[at] * own[k])
+        tuned[k] = np.sqrt(K[columns[at], columns[at]] / A[at])
+        zeta[k] = D[columns[at], columns[at]] / (2 * A[at] * tuned[k])
         at += counts[p]
-    return Beside(omega, ratio, tuple(pendula), mu, own, zeta)
+    return Beside(omega, ratio, tuple(pendula), mu, tuned, zeta)
 
 
 def single_links(scene: Scene, free: Sequence[FreeNumber]) -> list[int]:
     """The pendula of one hanging link that has a free number."""
-    touched = {one.place[1] for one in free if one.place[0] == "pendulum" and "links" in one.place}
+    touched = {number.place[1] for number in free if number.place[0] == "pendulum" and "links" in number.place}
     return [
         p
-        for p, one in enumerate(scene.pendulum)
-        if p in touched and len(one.links) == 1 and one.links[0].count == 1 and "up" not in (one.equilibrium or ())
+        for p, number in enumerate(scene.pendulum)
+        if p in touched
+        and len(number.links) == 1
+        and number.links[0].count == 1
+        and "up" not in (number.equilibrium or ())
     ]
 
 
@@ -142,17 +145,17 @@ def single_links(scene: Scene, free: Sequence[FreeNumber]) -> list[int]:
 def absorbers(scene: Scene, free: Sequence[FreeNumber]) -> tuple[Absorber, ...]:
     """The tuned pendula of one link, each beside the mode of the rest that is nearest to its own frequency."""
     pendula = single_links(scene, free)
-    found = beside(scene, pendula) if pendula else None
-    if found is None:
+    rest = beside(scene, pendula) if pendula else None
+    if rest is None:
         return ()
     every = []
-    for k, p in enumerate(found.pendula):
-        near = int(np.abs(np.log(found.omega / found.own[k])).argmin())
-        omega, mu = float(found.omega[near]), float(found.mu[k, near])
+    for k, p in enumerate(rest.pendula):
+        near = int(np.abs(np.log(rest.omega / rest.tuned[k])).argmin())
+        omega, mu = float(rest.omega[near]), float(rest.mu[k, near])
         if mu <= 0:
             continue
-        ratio, f = float(found.damping_ratio[near]), float(found.own[k]) / omega
-        every.append(Absorber(p, mu, omega, ratio, f, float(found.zeta[k]), len(found.omega) == 1))
+        ratio, f = float(rest.damping_ratio[near]), float(rest.tuned[k]) / omega
+        every.append(Absorber(p, mu, omega, ratio, f, float(rest.zeta[k]), len(rest.omega) == 1))
     return tuple(every)
 
 

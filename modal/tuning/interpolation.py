@@ -70,23 +70,23 @@ def interpolated(arrays_at: Callable[[Floats], Arrays], start: Floats) -> Interp
         powers = np.array([*newton])
         rows = np.array([*newton.values()])
         monomials = _monomials(powers, rows)
-        found = Interpolated(
+        polynomials = Interpolated(
             np.asarray(start), *_cleaned(*monomials, np.abs(np.array([*known.values()])).max(0)), shapes
         )
         for u in (np.linspace(0.7, 1.6, n), np.linspace(1.7, 0.6, n)):
-            true, own = at(u), np.concatenate([np.ravel(part) for part in found.arrays(start * u)])
-            if np.any(np.abs(true - own) > RIGHT * np.abs(np.array([*known.values()])).max(0) + 1e-300):
+            true, approximate = at(u), np.concatenate([np.ravel(part) for part in polynomials.arrays(start * u)])
+            if np.any(np.abs(true - approximate) > RIGHT * np.abs(np.array([*known.values()])).max(0) + 1e-300):
                 return None
     except SceneError:
         return None
-    return found
+    return polynomials
 
 
 def _coefficients(
     at: Callable[[Sequence[float]], Floats], n: int, known: dict[Powers, Floats]
 ) -> dict[Powers, Floats] | None:
     """Those of Newton's form by the powers of all numbers; None for too many points."""
-    found: dict[Powers, Floats] = {}
+    coefficients: dict[Powers, Floats] = {}
     active: set[tuple[int, ...]] = set()
     for subset in _subsets(n, active):
         for levels in product((1, 2), repeat=len(subset)):
@@ -97,19 +97,19 @@ def _coefficients(
                 index[k] = level
             u = [NODES[level] for level in index]
             value = known[tuple(index)] = at(u)
-            for other, row in found.items():
+            for other, row in coefficients.items():
                 if all(a <= b for a, b in zip(other, index, strict=True)):
                     value = value - row * float(np.prod([_newton(level, x) for level, x in zip(other, u, strict=True)]))
-            own = float(np.prod([_newton(level, x) for level, x in zip(index, u, strict=True)]))
-            found[tuple(index)] = value / own
+            basis = float(np.prod([_newton(level, x) for level, x in zip(index, u, strict=True)]))
+            coefficients[tuple(index)] = value / basis
         size = np.abs(np.array([*known.values()])).max(0)
         if any(
             np.any(np.abs(row) > NOTHING * 30 * size)
-            for index, row in found.items()
+            for index, row in coefficients.items()
             if tuple(k for k, level in enumerate(index) if level) == subset
         ):
             active.add(subset)
-    return found
+    return coefficients
 
 
 def _subsets(n: int, active: set[tuple[int, ...]]) -> Iterator[tuple[int, ...]]:
@@ -127,17 +127,17 @@ def _newton(level: int, u: float) -> float:
 
 def _monomials(powers: np.ndarray, rows: Floats) -> tuple[np.ndarray, Floats]:
     """The same polynomial by powers of the numbers."""
-    found: dict[Powers, Floats] = {}
+    monomials: dict[Powers, Floats] = {}
     for index, row in zip(powers.tolist(), rows, strict=True):
         used = [k for k, level in enumerate(index) if level]
         for lower in product(*(range(index[k] + 1) for k in used)):
             weight = float(np.prod([BASIS[index[k], power] for k, power in zip(used, lower, strict=True)]))
             if weight:
-                own = [0] * len(index)
+                degrees = [0] * len(index)
                 for k, power in zip(used, lower, strict=True):
-                    own[k] = power
-                found[tuple(own)] = found.get(tuple(own), 0.0) + weight * row
-    return np.array([*found]), np.array([*found.values()])
+                    degrees[k] = power
+                monomials[tuple(degrees)] = monomials.get(tuple(degrees), 0.0) + weight * row
+    return np.array([*monomials]), np.array([*monomials.values()])
 
 
 def _cleaned(powers: np.ndarray, rows: Floats, size: Floats) -> tuple[np.ndarray, Floats]:

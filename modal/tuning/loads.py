@@ -38,28 +38,28 @@ class Load(Displayed):
 
 def loads(objective: Objective, scene: Scene) -> tuple[Load, ...]:
     """Those of the dampers of a scene that belong to links and springs with a free number."""
-    aim = next((one.quantity for one in objective.aims if one.quantity.kind in {"peak", "rms"}), None)
+    aim = next((aim.quantity for aim in objective.aims if aim.quantity.kind in {"peak", "rms"}), None)
     if aim is None:
         return ()
-    found = []
+    felt_loads = []
     for place, output, damping, unit in _dampers(objective, scene):
         rate = output.replace("rel_", "rel_dot_", 1)
         quantity = Quantity(aim.kind, output, aim.input)
         outputs = [quantity, Quantity(aim.kind, rate, aim.input)] if unit == "rad" else [quantity]
-        own = Quantities(scene, (), outputs, objective.quantities.setting)
-        pieces = own.at(np.zeros(0))
-        if not all(len(one.values) for one in pieces):
+        felt = Quantities(scene, (), outputs, objective.quantities.setting)
+        pieces = felt.at(np.zeros(0))
+        if not all(len(aim.values) for aim in pieces):
             continue
         stroke, at = _largest(pieces[0].values, pieces[0].at)
         if unit == "rad":
             effort, effort_at = _largest(damping * pieces[1].values, pieces[1].at)
         else:
             effort, effort_at = _largest(damping * pieces[0].values * pieces[0].at, pieces[0].at)
-        per = own.form.signals[0][1].unit if aim.kind == "peak" else ""
-        found.append(
+        per = felt.form.signals[0][1].unit if aim.kind == "peak" else ""
+        felt_loads.append(
             Load(with_numbers(place), per, stroke, unit, at, effort, "N m" if unit == "rad" else "N", effort_at)
         )
-    return tuple(found)
+    return tuple(felt_loads)
 
 
 def _largest(values: np.ndarray, at: np.ndarray) -> tuple[float, float]:
@@ -69,23 +69,23 @@ def _largest(values: np.ndarray, at: np.ndarray) -> tuple[float, float]:
 
 def _dampers(objective: Objective, scene: Scene) -> list[tuple[Place, str, float, str]]:
     """Places of dampers with what they feel, their constants and the unit of their stroke."""
-    found: list[tuple[Place, str, float, str]] = []
+    dampers: list[tuple[Place, str, float, str]] = []
     geometry = geometry_of(scene)
-    before = np.concatenate(([0], np.cumsum([one.count for one in scene.pendulum])))
-    for place in dict.fromkeys(_owner(one.place) for one in objective.free):
+    before = np.concatenate(([0], np.cumsum([entry.count for entry in scene.pendulum])))
+    for place in dict.fromkeys(_owner(entry.place) for entry in objective.free):
         if place[0] == "pendulum" and len(place) == 4:
             p, i = int(place[1]), int(place[3])
             link = scene.pendulum[p].links[i]
-            number = sum(one.count for one in scene.pendulum[p].links[:i]) + 1
+            number = sum(entry.count for entry in scene.pendulum[p].links[:i]) + 1
             if link.damping:
-                found.append(((*place, "damping"), f"rel_{before[p] + 1}_{number}", link.damping, "rad"))
+                dampers.append(((*place, "damping"), f"rel_{before[p] + 1}_{number}", link.damping, "rad"))
         if place[0] == "spring" and geometry.carried:
-            own = scene.spring[int(place[1])]
+            spring = scene.spring[int(place[1])]
             label = str(int(place[1]) + 1)
             labels = [row.label for row in geometry.carried.springs]
-            if own.damping and label in labels and own.kind == "linear":
-                found.append(((*place, "damping"), f"spring_extension_{label}", own.damping, "m"))
-    return found
+            if spring.damping and label in labels and spring.kind == "linear":
+                dampers.append(((*place, "damping"), f"spring_extension_{label}", spring.damping, "m"))
+    return dampers
 
 
 def _owner(place: Place) -> Place:

@@ -60,7 +60,7 @@ class Faces:
 
     def pick(self, at: Floats) -> tuple[Floats, Floats]:
         """Values and gradients of the pieces nearest to these labels."""
-        rows = [int(np.abs(self.at - one).argmin()) for one in at.tolist()]
+        rows = [int(np.abs(self.at - label).argmin()) for label in at.tolist()]
         return self.values[rows], self.gradients[rows]
 
 
@@ -80,22 +80,22 @@ class Point:
     @property
     def is_finite(self) -> bool:
         """Whether every cost and limit has a value."""
-        return all(len(one.values) and np.all(np.isfinite(one.values)) for one in self.faces)
+        return all(len(face.values) and np.all(np.isfinite(face.values)) for face in self.faces)
 
     @property
     def is_smooth(self) -> bool:
         """Whether every cost has one piece, and nothing limits them."""
-        return self.is_finite and not self.limits and all(len(one.values) == 1 for one in self.costs)
+        return self.is_finite and not self.limits and all(len(face.values) == 1 for face in self.costs)
 
     @property
     def cost(self) -> float:
         """The sum of the costs."""
-        return sum(one.largest for one in self.costs) if self.is_finite else np.inf
+        return sum(face.largest for face in self.costs) if self.is_finite else np.inf
 
     @property
     def excess(self) -> float:
         """By how much limits are exceeded."""
-        return sum(max(one.largest, 0.0) for one in self.limits) if self.is_finite else np.inf
+        return sum(max(face.largest, 0.0) for face in self.limits) if self.is_finite else np.inf
 
     @property
     def merit(self) -> float:
@@ -134,9 +134,9 @@ def descend(
     for rounds in range(1, (FEWER if coarse else ROUNDS) + 1):
         if not here.is_finite:
             break
-        for one in known:
-            if one.certain and np.abs(one.point.z - here.z).max() < BESIDE:
-                return one
+        for minimum in known:
+            if minimum.certain and np.abs(minimum.point.z - here.z).max() < BESIDE:
+                return minimum
         step = _linear_step(here, here.faces, low, high, radius)
         gain = here.merit - step.merit
         if tried < (TRIES // 2 if coarse else TRIES) and (radius <= NEAR or gain <= SMALL):
@@ -150,7 +150,7 @@ def descend(
         if there.merit > here.merit - HALF * gain and there.is_finite:
             delta = _linear_step(here, _corrected(here, there), low, high, radius).delta
             other = evaluate(np.clip(here.z + delta, low, high), False)
-            there = min((there, other), key=lambda one: one.merit)
+            there = min((there, other), key=lambda minimum: minimum.merit)
         ratio = (here.merit - there.merit) / gain
         if ratio > POOR:
             here = evaluate(there.z, True)
@@ -167,10 +167,10 @@ def _smoothly(evaluate: Evaluate, here: Point, low: Floats, high: Floats) -> Poi
         point = evaluate(z, True)
         if not point.is_finite:
             return 1e9, np.zeros_like(z)
-        return point.cost, np.sum([one.gradients[0] for one in point.costs], axis=0)
+        return point.cost, np.sum([face.gradients[0] for face in point.costs], axis=0)
 
     inner, outer = np.maximum(low, here.z - AWAY), np.minimum(high, here.z + AWAY)
-    found = scipy.optimize.minimize(
+    solution = scipy.optimize.minimize(
         cost,
         here.z,
         jac=True,
@@ -178,30 +178,30 @@ def _smoothly(evaluate: Evaluate, here: Point, low: Floats, high: Floats) -> Poi
         bounds=list(zip(inner, outer, strict=True)),
         options={"maxiter": FEWER},
     )
-    there = evaluate(np.asarray(found.x), True)
+    there = evaluate(np.asarray(solution.x), True)
     return there if there.merit < here.merit else here
 
 
 def _corrected(here: Point, there: Point) -> tuple[Faces, ...]:
     """The pieces of a point, with their values such that those at the end of a step are right (second order)."""
     change = there.z - here.z
-    found = []
-    for one, other in zip(here.faces, there.faces, strict=True):
-        values = other.pick(one.at)[0] - one.gradients @ change
-        found.append(Faces(values, one.gradients, one.at))
-    return tuple(found)
+    corrected = []
+    for face, other in zip(here.faces, there.faces, strict=True):
+        values = other.pick(face.at)[0] - face.gradients @ change
+        corrected.append(Faces(values, face.gradients, face.at))
+    return tuple(corrected)
 
 
 def _linear_step(here: Point, faces: Sequence[Faces], low: Floats, high: Floats, radius: float) -> _Step:
     """The best step of linearized pieces within a trust region about a point, and the multipliers of all pieces."""
     n, costs = len(here.z), len(here.costs)
-    sizes = [len(one.values) for one in faces]
+    sizes = [len(face.values) for face in faces]
     A = np.zeros((sum(sizes), n + len(faces)))
-    b = np.concatenate([-one.values for one in faces])
+    b = np.concatenate([-face.values for face in faces])
     row = 0
-    for k, one in enumerate(faces):
-        own = slice(row, row + sizes[k])
-        A[own, :n], A[own, n + k] = one.gradients, -1.0
+    for k, face in enumerate(faces):
+        span = slice(row, row + sizes[k])
+        A[span, :n], A[span, n + k] = face.gradients, -1.0
         row += sizes[k]
     c = np.concatenate((np.zeros(n), np.ones(costs), np.full(len(faces) - costs, PENALTY)))
     bounds = [
@@ -209,11 +209,11 @@ def _linear_step(here: Point, faces: Sequence[Faces], low: Floats, high: Floats,
         *[(None, None)] * costs,
         *[(0.0, None)] * (len(faces) - costs),
     ]
-    found = scipy.optimize.linprog(c, A_ub=A, b_ub=b, bounds=bounds, method="highs")
-    if found.x is None:
+    solution = scipy.optimize.linprog(c, A_ub=A, b_ub=b, bounds=bounds, method="highs")
+    if solution.x is None:
         return _Step(np.zeros(n), here.merit, tuple(np.zeros(size) for size in sizes))
-    weights = np.split(-np.asarray(found.ineqlin.marginals), np.cumsum(sizes)[:-1])
-    return _Step(np.asarray(found.x[:n]), float(found.fun), tuple(weights))
+    weights = np.split(-np.asarray(solution.ineqlin.marginals), np.cumsum(sizes)[:-1])
+    return _Step(np.asarray(solution.x[:n]), float(solution.fun), tuple(weights))
 
 
 def polished(
@@ -221,9 +221,9 @@ def polished(
 ) -> Point | None:
     """Newton's method on the active pieces from a point; None where it does not settle at a point that is no worse."""
     faces = here.faces
-    weights = tuple(_of_peaks(one, own) for one, own in zip(faces, weights, strict=True))
-    active = [one.at[own > ACTIVE] for one, own in zip(faces, weights, strict=True)]
-    multipliers = np.concatenate([own[own > ACTIVE] for own in weights])
+    weights = tuple(_of_peaks(face, weight) for face, weight in zip(faces, weights, strict=True))
+    active = [face.at[weight > ACTIVE] for face, weight in zip(faces, weights, strict=True)]
+    multipliers = np.concatenate([weight[weight > ACTIVE] for weight in weights])
     costs = len(here.costs)
     if any(not len(at) for at in active[:costs]):
         return None
@@ -258,16 +258,16 @@ def polished(
         J[n : n + m, :n] = gradients
         right[n : n + m] = -(values - np.array(levels)[owners])
         for j in range(costs):
-            own = owners == j
-            J[n : n + m, n + m + j][own] = -1.0
-            J[n + m + j, n : n + m] = own
-            right[n + m + j] = 1.0 - multipliers[own].sum()
-        found = np.linalg.lstsq(J, right, rcond=1e-13)[0]
-        change = float(np.abs(found[:n]).max(initial=0.0))
+            weight = owners == j
+            J[n : n + m, n + m + j][weight] = -1.0
+            J[n + m + j, n : n + m] = weight
+            right[n + m + j] = 1.0 - multipliers[weight].sum()
+        step = np.linalg.lstsq(J, right, rcond=1e-13)[0]
+        change = float(np.abs(step[:n]).max(initial=0.0))
         if not np.isfinite(change) or change > 0.5 * min(before, 1.0):
             break
-        z[free] += found[:n]
-        multipliers = multipliers + found[n : n + m]
+        z[free] += step[:n]
+        multipliers = multipliers + step[n : n + m]
         if np.any(z < low - edge) or np.any(z > high + edge) or np.abs(z - start).max() > 0.5:
             return None
         before = max(change, 1e-12)
@@ -279,16 +279,16 @@ def polished(
     return there if there.is_finite and there.merit <= here.merit + WORSE * max(1.0, abs(here.merit)) else None
 
 
-def _of_peaks(one: Faces, weights: Floats) -> Floats:
+def _of_peaks(face: Faces, weights: Floats) -> Floats:
     """The multipliers of values beside peaks added to those of the nearest peak."""
-    beside = one.at - APART * np.round(one.at / APART) > HELPING / 2
-    found = np.where(beside, 0.0, weights)
+    beside = face.at - APART * np.round(face.at / APART) > HELPING / 2
+    multipliers = np.where(beside, 0.0, weights)
     for k in np.flatnonzero(beside & (weights > ACTIVE)).tolist():
-        found[int(np.where(beside, np.inf, np.abs(one.at - (one.at[k] - HELPING))).argmin())] += weights[k]
-    return found
+        multipliers[int(np.where(beside, np.inf, np.abs(face.at - (face.at[k] - HELPING))).argmin())] += weights[k]
+    return multipliers
 
 
 def _active(point: Point, active: list[Floats]) -> tuple[Floats, Floats]:
     """Values (A,) and gradients (A, n) of the pieces with these labels."""
-    parts = [one.pick(at) for one, at in zip(point.faces, active, strict=True)]
+    parts = [face.pick(at) for face, at in zip(point.faces, active, strict=True)]
     return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])

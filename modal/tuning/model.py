@@ -97,26 +97,26 @@ class Reduced:
 
     def arrays(self, scene: Scene) -> Arrays:
         """The model of a scene of the same form."""
-        geometry, found = geometry_of(scene), matrices(scene)
+        geometry, linear = geometry_of(scene), matrices(scene)
         n, many = geometry.size, len(self.channels)
         Y, F = np.zeros((many, 3, n)), np.zeros((many, n))
         thrust, translation = np.zeros(many), np.zeros(many)
-        for c, ((name, k), given) in enumerate(zip(self.read, self.given, strict=True)):
+        for c, ((name, k), entry) in enumerate(zip(self.read, self.given, strict=True)):
             group = READINGS[name](geometry)
             for order, part in enumerate((group.position, group.rate, group.acceleration)):
                 if part is not None:
                     Y[c, order] = part[k]
             if group.translation is not None:
                 translation[c] = group.translation[k]
-            if given is not None:
+            if entry is not None:
                 push = (
-                    pushed(geometry, point_input(scene, given[0])) if is_point(given[0]) else PUSHES[given[0]](geometry)
+                    pushed(geometry, point_input(scene, entry[0])) if is_point(entry[0]) else PUSHES[entry[0]](geometry)
                 )
-                F[c] = push.F[:, given[1]]
+                F[c] = push.F[:, entry[1]]
                 if group.pushed:
-                    thrust[c] = push.thrust[k, given[1]]
-        momentum = found.M[:, 0] if geometry.on_cart else geometry.momentum
-        return Arrays(found.M, found.K, found.D, momentum, F, Y, thrust, translation)
+                    thrust[c] = push.thrust[k, entry[1]]
+        momentum = linear.M[:, 0] if geometry.on_cart else geometry.momentum
+        return Arrays(linear.M, linear.K, linear.D, momentum, F, Y, thrust, translation)
 
 
 def reduced(scene: Scene, channels: Sequence[Channel]) -> Reduced:
@@ -125,32 +125,32 @@ def reduced(scene: Scene, channels: Sequence[Channel]) -> Reduced:
     inputs, outputs = _inputs(geometry), _outputs(geometry)
     problems: list[str] = []
     try:
-        validate_points(scene, [one.input for one in channels if is_point(one.input)])
+        validate_points(scene, [channel.input for channel in channels if is_point(channel.input)])
     except SceneError as error:
         problems += error.problems
-    for one in channels:
-        if one.output not in outputs:
-            problems.append(f"output {one.output}: {_among([*outputs], one.output)}")
-        if one.input not in {*inputs, *MOVES} and not is_point(one.input):
-            problems.append(f"input {one.input}: {_among([*inputs, *MOVES], one.input)}, or {EXAMPLES}")
-        if one.input in DRIVES and not geometry.on_cart:
-            problems.append(f"input {one.input}: there is no cart alone")
-        if one.input in SUPPORT:
-            problems += _moved_problems(scene, geometry, one.input)
+    for channel in channels:
+        if channel.output not in outputs:
+            problems.append(f"output {channel.output}: {_among([*outputs], channel.output)}")
+        if channel.input not in {*inputs, *MOVES} and not is_point(channel.input):
+            problems.append(f"input {channel.input}: {_among([*inputs, *MOVES], channel.input)}, or {EXAMPLES}")
+        if channel.input in DRIVES and not geometry.on_cart:
+            problems.append(f"input {channel.input}: there is no cart alone")
+        if channel.input in SUPPORT:
+            problems += _moved_problems(scene, geometry, channel.input)
     if problems:
         raise SceneError(list(dict.fromkeys(problems)))
-    read = tuple(outputs[one.output][0] for one in channels)
-    given = tuple(_given(inputs, one.input) for one in channels)
-    signals = tuple((outputs[one.output][1], _signal(inputs, one.input)) for one in channels)
+    read = tuple(outputs[channel.output][0] for channel in channels)
+    driven = tuple(_given(inputs, channel.input) for channel in channels)
+    signals = tuple((outputs[channel.output][1], _signal(inputs, channel.input)) for channel in channels)
     kinds = tuple(
         Kind(
-            "" if one.input not in MOVES else "ground" if one.input in SUPPORT else "cart",
-            MOVES.get(one.input, 0),
+            "" if channel.input not in MOVES else "ground" if channel.input in SUPPORT else "cart",
+            MOVES.get(channel.input, 0),
             READINGS[name](geometry).order,
         )
-        for one, (name, _) in zip(channels, read, strict=True)
+        for channel, (name, _) in zip(channels, read, strict=True)
     )
-    return Reduced(tuple(channels), kinds, signals, read, given)
+    return Reduced(tuple(channels), kinds, signals, read, driven)
 
 
 def _among(names: Sequence[str], wrong: str) -> str:
@@ -173,7 +173,7 @@ def _moved_problems(scene: Scene, geometry: Geometry, name: str) -> list[str]:
         require(scene, "a linear model of a moved support")
     except SceneError as error:
         return list(error.problems)
-    if geometry.carried and any(own.M is not None for own in geometry.carried.structure.carriers):
+    if geometry.carried and any(carrier.M is not None for carrier in geometry.carried.structure.carriers):
         return [f"input {name}: a modal support does not tell how the ground drives its coordinates: give forces"]
     return []
 
@@ -257,18 +257,18 @@ class Model:
         a, kind, s, x = self.arrays, self.kinds[channel], state.s, state.x
         rows = a.Y[channel, 1] + 2 * s[:, None] * a.Y[channel, 2]
         pushed = -(a.D @ x[..., None] + 2 * s[:, None, None] * (a.M @ x[..., None]))[..., 0]
-        found = (rows * x).sum(1)
+        slope = (rows * x).sum(1)
         if kind.moves == "ground":
             power = 2 - kind.order
             if power:
                 pushed = pushed - power * s[:, None] ** (power - 1) * a.momentum
             order = kind.translated - kind.order
-            found = found + a.translation[channel] * order * s ** (order - 1.0)
+            slope = slope + a.translation[channel] * order * s ** (order - 1.0)
         if kind.moves == "cart":
             moved = -kind.order * s ** (-kind.order - 1.0)
-            found = found + state.rows[:, 0] * moved
+            slope = slope + state.rows[:, 0] * moved
             pushed = pushed - (state.Z[:, :, 0]) * moved[:, None]
-        return self._value(channel, state), 1j * (found + (state.y * pushed).sum(1))
+        return self._value(channel, state), 1j * (slope + (state.y * pushed).sum(1))
 
     def gradient(self, channel: int, omega: Floats, slopes: Arrays) -> tuple[Complexes, Complexes]:
         """H (W,) and its derivatives (W, p) by numbers, from those of the arrays."""
@@ -278,21 +278,21 @@ class Model:
         stiff = np.einsum("wi,pij,wj->wp", y, slopes.K, x, optimize=True)
         damped = np.einsum("wi,pij,wj->wp", y, slopes.D, x, optimize=True)
         heavy = np.einsum("wi,pij,wj->wp", y, slopes.M, x, optimize=True)
-        found = -(stiff + s[:, None] * damped + (s * s)[:, None] * heavy)
-        found += np.einsum("ow,poj,wj->wp", powers, slopes.Y[:, channel], x, optimize=True)
-        found += np.einsum("wi,pi->wp", y, slopes.F[:, channel]) + slopes.thrust[:, channel]
+        gradient = -(stiff + s[:, None] * damped + (s * s)[:, None] * heavy)
+        gradient += np.einsum("ow,poj,wj->wp", powers, slopes.Y[:, channel], x, optimize=True)
+        gradient += np.einsum("wi,pi->wp", y, slopes.F[:, channel]) + slopes.thrust[:, channel]
         if kind.moves == "ground":
-            found -= (s ** (2 - kind.order))[:, None] * (y @ slopes.momentum.T)
-            found += (s ** (kind.translated - kind.order))[:, None] * slopes.translation[:, channel]
-        return self._value(channel, state), found
+            gradient -= (s ** (2 - kind.order))[:, None] * (y @ slopes.momentum.T)
+            gradient += (s ** (kind.translated - kind.order))[:, None] * slopes.translation[:, channel]
+        return self._value(channel, state), gradient
 
     def _value(self, channel: int, state: _State) -> Complexes:
         kind = self.kinds[channel]
-        found = (state.rows * state.x).sum(1) + self.arrays.thrust[channel]
+        value = (state.rows * state.x).sum(1) + self.arrays.thrust[channel]
         if kind.moves == "ground":
             order: int = kind.translated - kind.order
-            found = found + self.arrays.translation[channel] * state.s ** float(order)
-        return np.asarray(found)
+            value = value + self.arrays.translation[channel] * state.s ** float(order)
+        return np.asarray(value)
 
     def _state(self, channel: int, omega: Floats, *, adjoint: bool = True) -> _State:
         a, kind = self.arrays, self.kinds[channel]
@@ -310,12 +310,12 @@ class Model:
         right = [F[:, first:]] + [rows[:, first:]] * adjoint
         with np.errstate(all="ignore"):
             try:
-                found = np.linalg.solve(inner, np.stack(right, axis=-1))
+                solution = np.linalg.solve(inner, np.stack(right, axis=-1))
             except np.linalg.LinAlgError:
-                found = np.full((*inner.shape[:2], len(right)), np.inf + 0j)
-        x[:, first:] = found[..., 0]
+                solution = np.full((*inner.shape[:2], len(right)), np.inf + 0j)
+        x[:, first:] = solution[..., 0]
         if adjoint:
-            y[:, first:] = found[..., 1]
+            y[:, first:] = solution[..., 1]
         return _State(s, Z, rows, x, y)
 
 
@@ -335,8 +335,8 @@ def poles_of(arrays: Arrays) -> Complexes:
     M, K, D = (unit[:, None] * part * unit for part in (M, K, D))
     eye, none = np.eye(n), np.zeros((n, n))
     if np.linalg.cond(M) < 1e14:
-        found = np.linalg.eigvals(np.block([[none, eye], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]]))
+        poles = np.linalg.eigvals(np.block([[none, eye], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]]))
     else:
         left, right = np.block([[none, eye], [-K, -D]]), np.block([[eye, none], [none, M]])
-        found = scipy.linalg.eigvals(left, right)
-    return np.asarray(found[np.isfinite(found)], dtype=np.complex128)
+        poles = scipy.linalg.eigvals(left, right)
+    return np.asarray(poles[np.isfinite(poles)], dtype=np.complex128)

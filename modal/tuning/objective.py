@@ -56,15 +56,15 @@ class Objective:
         setting: Setting,
     ) -> None:
         self.aims, self.limits, self.free = tuple(aims), tuple(limits), tuple(free)
-        every = [*(one.quantity for one in aims), *(one.quantity for one in limits)]
+        every = [*(named.quantity for named in aims), *(named.quantity for named in limits)]
         self.quantities = Quantities(scene, free, every, setting)
         self.is_log = len(aims) == 1 and aims[0].quantity.kind != "damping"
         self.scale = 1.0
         self.cases: tuple[Factors, ...] = ({},)
-        self.low = np.log([one.low for one in free])
-        self.high = np.log([one.high for one in free])
-        self.start = np.log([one.start for one in free])
-        self._places = [one.place for one in free]
+        self.low = np.log([named.low for named in free])
+        self.high = np.log([named.high for named in free])
+        self.start = np.log([named.start for named in free])
+        self._places = [named.place for named in free]
 
     def numbers(self, z: Floats) -> Floats:
         """The free numbers (n,)."""
@@ -83,17 +83,19 @@ class Objective:
         values, n = self.numbers(z), len(z)
         every: list[list[Faces]] = []
         for k, factors in enumerate(self.cases):
-            found = self.quantities.at(values, factors, by=self._places if with_gradients else None)
-            own = np.array([values[j] * factors.get(place, 1.0) for j, place in enumerate(self._places)])
-            every.append([self._face(j, one, own, k, n, with_gradients=with_gradients) for j, one in enumerate(found)])
+            pieces = self.quantities.at(values, factors, by=self._places if with_gradients else None)
+            varied = np.array([values[j] * factors.get(place, 1.0) for j, place in enumerate(self._places)])
+            every.append(
+                [self._face(j, piece, varied, k, n, with_gradients=with_gradients) for j, piece in enumerate(pieces)]
+            )
         faces = [_joined(parts) for parts in zip(*every, strict=True)]
         return Point(np.asarray(z), tuple(faces[: len(self.aims)]), tuple(faces[len(self.aims) :]))
 
-    def _face(self, j: int, one: Pieces, own: Floats, case: int, n: int, *, with_gradients: bool) -> Faces:
-        values, gradients, at = one.values, one.gradients, one.at
-        slopes = gradients * own if with_gradients else np.zeros((len(values), n))
+    def _face(self, j: int, piece: Pieces, varied: Floats, case: int, n: int, *, with_gradients: bool) -> Faces:
+        values, gradients, at = piece.values, piece.gradients, piece.at
+        slopes = gradients * varied if with_gradients else np.zeros((len(values), n))
         labels = np.log(np.maximum(at, 1e-12)) + APART * case
-        labels = labels if one.helps is None else labels + HELPING * one.helps
+        labels = labels if piece.helps is None else labels + HELPING * piece.helps
         if j >= len(self.aims):
             limit = self.limits[j - len(self.aims)]
             return Faces(np.log(np.maximum(values, 1e-300) / limit.most), _relative(slopes, values), labels)
@@ -110,10 +112,10 @@ class Objective:
 
     def value_of(self, pieces: Sequence[Pieces]) -> float:
         """The objective itself, a quantity alone without its sign and weight; infinite where it has no value."""
-        found = [extreme(aim.quantity, one) for aim, one in zip(self.aims, pieces, strict=False)]
+        values = [extreme(aim.quantity, piece) for aim, piece in zip(self.aims, pieces, strict=False)]
         if len(self.aims) == 1:
-            return found[0]
-        return float(sum(aim.sign * value for aim, value in zip(self.aims, found, strict=True)))
+            return values[0]
+        return float(sum(aim.sign * value for aim, value in zip(self.aims, values, strict=True)))
 
     def value(self, z: Floats, factors: Factors | None = None) -> float:
         """The same at z."""
@@ -137,10 +139,10 @@ def _relative(slopes: Floats, values: Floats) -> Floats:
 
 
 def _joined(parts: Sequence[Faces]) -> Faces:
-    if any(not len(one.values) for one in parts):
-        return next(one for one in parts if not len(one.values))
+    if any(not len(part.values) for part in parts):
+        return next(part for part in parts if not len(part.values))
     return Faces(
-        np.concatenate([one.values for one in parts]),
-        np.concatenate([one.gradients for one in parts]),
-        np.concatenate([one.at for one in parts]),
+        np.concatenate([part.values for part in parts]),
+        np.concatenate([part.gradients for part in parts]),
+        np.concatenate([part.at for part in parts]),
     )

@@ -67,12 +67,12 @@ def find_peaks(model: Model, channel: int, band: tuple[float, float] | None) -> 
     if band is None and (words := _unbounded(size)):
         return Peaks.none(words)
     at = np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])) + 1
-    found = _refined(model, channel, omega[at - 1], omega[at], omega[at + 1]) if len(at) else np.zeros(0)
+    turning = _refined(model, channel, omega[at - 1], omega[at], omega[at + 1]) if len(at) else np.zeros(0)
     ends = [k for k, beside in ((0, 1), (-1, -2)) if size[k] >= size[beside] and size[k] > 0]
-    every = np.concatenate((found, omega[ends]))
+    every = np.concatenate((turning, omega[ends]))
     near = np.flatnonzero(size >= NEARLY * size.max())
     near = near[np.linspace(0, len(near) - 1, min(len(near), MOST_BESIDE)).astype(int)]
-    return Peaks(every, np.arange(len(every)) < len(found), omega[near])
+    return Peaks(every, np.arange(len(every)) < len(turning), omega[near])
 
 
 def _grid(poles: np.ndarray, low: float, high: float) -> Floats:

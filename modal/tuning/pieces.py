@@ -90,11 +90,11 @@ class Quantities:
         self.scene, self.free, self.quantities, self.setting = scene, tuple(free), tuple(quantities), setting
         _validate(scene, quantities, setting)
         self.channels = list(
-            dict.fromkeys(Channel(one.output, one.input) for one in quantities if one.kind in {"peak", "rms"})
+            dict.fromkeys(Channel(entry.output, entry.input) for entry in quantities if entry.kind in {"peak", "rms"})
         )
         self.form = reduced(scene, self.channels)
-        own = [one.place for one in free]
-        self.places = (*own, *(place for place in masses_of(scene) if place not in own))
+        places = [entry.place for entry in free]
+        self.places = (*places, *(place for place in masses_of(scene) if place not in places))
         self.given = np.array([number_at(scene, place) for place in self.places])
         self.numbers = Numbers(scene, self.places, self.form)
         self.cases: tuple[Mapping[Place, float], ...] = ({},)
@@ -138,7 +138,7 @@ class Quantities:
     ) -> list[Pieces]:
         """The pieces of every quantity; gradients by the numbers at places, none by default."""
         here = At(self, values, factors, tuple(by or ()))
-        return [here.pieces(one) for one in self.quantities]
+        return [here.pieces(quantity) for quantity in self.quantities]
 
 
 class At:
@@ -149,9 +149,13 @@ class At:
     ) -> None:
         self.problem, self.values, self.factors, self.by = problem, values, factors, by
         self.setting = problem.setting
-        own = {one.place: k for k, one in enumerate(problem.free)}
-        self._columns = [own[place] for place in by if place in own]
-        is_own = len(self._columns) == len(by) and bool(own) and bool(by or factors is None or factors in problem.cases)
+        column_of = {number.place: k for k, number in enumerate(problem.free)}
+        self._columns = [column_of[place] for place in by if place in column_of]
+        is_own = (
+            len(self._columns) == len(by)
+            and bool(column_of)
+            and bool(by or factors is None or factors in problem.cases)
+        )
         self._polynomial = problem.polynomial(values, factors) if is_own else None
 
     @cached_property
@@ -171,9 +175,9 @@ class At:
         """Derivatives of its arrays, by the numbers themselves times factors."""
         if self._polynomial is None:
             return self.problem.numbers.slopes(self.scene, self.by)
-        found = self._polynomial.slopes(self.values, self._columns)
+        slopes = self._polynomial.slopes(self.values, self._columns)
         factors = np.array([(self.factors or {}).get(place, 1.0) for place in self.by])
-        return Arrays(*(part / factors.reshape(-1, *[1] * (part.ndim - 1)) for part in found))
+        return Arrays(*(part / factors.reshape(-1, *[1] * (part.ndim - 1)) for part in slopes))
 
     @cached_property
     def modes(self) -> Modes:
@@ -210,18 +214,18 @@ class At:
 
     def _peak(self, quantity: Quantity) -> Pieces:
         channel, n = self._channel(quantity), len(self.by)
-        found = find_peaks(self.model, channel, self.setting.rates)
-        if found.endless:
-            return Pieces.none(f"its magnitude grows without bound {found.endless}", n)
+        peaks = find_peaks(self.model, channel, self.setting.rates)
+        if peaks.endless:
+            return Pieces.none(f"its magnitude grows without bound {peaks.endless}", n)
         if not self.by:
-            size = np.abs(self.model.response(channel, found.omega))
-            return Pieces(size, np.zeros((len(size), 0)), found.omega, found.inside)
-        omega = np.concatenate((found.omega, found.beside))
+            size = np.abs(self.model.response(channel, peaks.omega))
+            return Pieces(size, np.zeros((len(size), 0)), peaks.omega, peaks.inside)
+        omega = np.concatenate((peaks.omega, peaks.beside))
         H, slopes = self.model.gradient(channel, omega, self.slopes)
         size = np.abs(H)
         by = (np.conj(H)[:, None] * slopes).real / np.where(size > 0, size, 1.0)[:, None]
-        helps = np.arange(len(omega)) >= len(found.omega)
-        inside = np.concatenate((found.inside, np.zeros(len(found.beside), bool)))
+        helps = np.arange(len(omega)) >= len(peaks.omega)
+        inside = np.concatenate((peaks.inside, np.zeros(len(peaks.beside), bool)))
         return Pieces(size, by, omega, inside, helps=helps)
 
     def _rms(self, quantity: Quantity) -> Pieces:
@@ -291,10 +295,10 @@ class At:
         return Pieces(np.array([value]), by[None], np.zeros(1), np.ones(1, bool))
 
     def _swing(self, scene: Scene) -> float:
-        own = self.setting
-        assert own.travel is not None
-        travel = travel_of(scene, own.travel, own.over)
-        return travel_swing(scene, travel, own.kind)
+        setting = self.setting
+        assert setting.travel is not None
+        travel = travel_of(scene, setting.travel, setting.over)
+        return travel_swing(scene, travel, setting.kind)
 
 
 def _with(scene: Scene, place: Place, value: float) -> Scene:
@@ -312,19 +316,19 @@ def travel_of(scene: Scene, distance: float, over: float | None) -> Travel:
 
 def masses_of(scene: Scene) -> list[Place]:
     """The places of all masses of supports and links."""
-    found: list[Place] = []
+    places: list[Place] = []
     several = isinstance(scene.support, tuple)
     for k, support in enumerate(scene.supports):
         if getattr(support, "mass", 0.0):
-            found.append(("support", k, "mass") if several else ("support", "mass"))
+            places.append(("support", k, "mass") if several else ("support", "mass"))
     for p, pendulum in enumerate(scene.pendulum):
-        found += [("pendulum", p, "links", i, "mass") for i in range(len(pendulum.links))]
-    return found
+        places += [("pendulum", p, "links", i, "mass") for i in range(len(pendulum.links))]
+    return places
 
 
 def _validate(scene: Scene, quantities: Sequence[Quantity], setting: Setting) -> None:
     """SceneError for quantities that this scene, or what they are taken over, does not have."""
-    kinds = {one.kind for one in quantities}
+    kinds = {quantity.kind for quantity in quantities}
     if kinds - {"residual"}:
         require(scene, "tuning")
     problems = [*_travel_problems(scene, kinds, setting), *_psd_problems(quantities, setting)]
@@ -358,7 +362,7 @@ def _travel_problems(scene: Scene, kinds: set[str], setting: Setting) -> Iterato
 
 
 def _psd_problems(quantities: Sequence[Quantity], setting: Setting) -> Iterator[str]:
-    sources = sorted({one.input for one in quantities if one.kind == "rms"})
+    sources = sorted({quantity.input for quantity in quantities if quantity.kind == "rms"})
     if sources and setting.spectrum is None:
         yield "rms: needs a PSD"
     if setting.spectrum is not None and not sources:

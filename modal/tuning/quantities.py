@@ -122,7 +122,7 @@ def parse_limit(text: str, aims: Sequence[Quantity]) -> Limit:
     if words.partition(":")[0] in KINDS:
         quantity = parse_quantity(words)
     else:
-        first = next((one for one in aims if one.output), None)
+        first = next((aim for aim in aims if aim.output), None)
         if first is None:
             raise SceneError([f"{text:.60}: write of what: peak:{words}/INPUT={number} or rms:{words}={number}"])
         quantity = Quantity(first.kind, words, first.input)
@@ -169,20 +169,20 @@ def find_free(scene: Scene, texts: Iterable[str], begin: Callable[[Place], float
     Each is free for itself where a place has `[*]`.  `begin` gives where the search for a number that is 0 begins.
     """
     problems: list[str] = []
-    found: dict[Place, FreeNumber] = {}
+    numbers: dict[Place, FreeNumber] = {}
     for text in texts:
         try:
-            for one in _freed(scene, text, begin):
-                if one.place in found:
-                    problems.append(f"{one.path}: is freed twice")
-                found[one.place] = one
+            for number in _freed(scene, text, begin):
+                if number.place in numbers:
+                    problems.append(f"{number.path}: is freed twice")
+                numbers[number.place] = number
         except SceneError as error:
             problems += error.problems
-    if not (found or problems):
+    if not (numbers or problems):
         problems = ["free: name a number that may change, such as pendulum[0].links[0].length"]
     if problems:
         raise SceneError(list(dict.fromkeys(problems)))
-    return tuple(found.values())
+    return tuple(numbers.values())
 
 
 def _freed(scene: Scene, text: str, begin: Callable[[Place], float]) -> Iterator[FreeNumber]:

@@ -21,176 +21,178 @@ SHOWN = 6
 """Valleys of which the depth is told."""
 
 
-def tuned_record(found: Tuned, curves: bool = True) -> dict[str, Any]:
+def tuned_record(tuned: Tuned, curves: bool = True) -> dict[str, Any]:
     """Everything about a result for JSON."""
-    objective = found.objective
+    objective = tuned.objective
     record: dict[str, Any] = {
-        "title": found.given.title,
-        "objective": [_aim_record(found, k) for k in range(len(objective.aims))],
-        "before": finite(found.before),
-        "after": finite(found.after),
-        "robust": found.robust,
-        "limits": [_limit_record(found, k) for k in range(len(objective.limits))],
-        "numbers": [_number_record(found, k) for k in range(len(objective.free))],
-        "starts": found.starts,
+        "title": tuned.given.title,
+        "objective": [_aim_record(tuned, k) for k in range(len(objective.aims))],
+        "before": finite(tuned.before),
+        "after": finite(tuned.after),
+        "robust": tuned.robust,
+        "limits": [_limit_record(tuned, k) for k in range(len(objective.limits))],
+        "numbers": [_number_record(tuned, k) for k in range(len(objective.free))],
+        "starts": tuned.starts,
         "valleys": [
             {
-                "numbers": one.numbers.tolist(),
-                "objective": finite(one.value),
-                "limits_kept": one.kept,
-                "settled": one.certain,
+                "numbers": valley.numbers.tolist(),
+                "objective": finite(valley.value),
+                "limits_kept": valley.kept,
+                "settled": valley.certain,
             }
-            for one in found.valleys
+            for valley in tuned.valleys
         ],
-        "exact": found.certain,
-        "rules": [_rule_record(one) for one in found.rules],
+        "exact": tuned.certain,
+        "rules": [_rule_record(rule) for rule in tuned.rules],
         "worst_case": {
             "masses": SHARE,
-            "before": finite(found.worst_before),
-            "after": finite(found.worst.value),
-            "factors": {with_numbers(place): factor for place, factor in found.worst.factors.items()},
+            "before": finite(tuned.worst_before),
+            "after": finite(tuned.worst.value),
+            "factors": {with_numbers(place): factor for place, factor in tuned.worst.factors.items()},
         },
-        "dampers": [_load_record(one) for one in found.loads],
+        "dampers": [_load_record(load) for load in tuned.loads],
     }
     if curves:
         record["curves"] = [
             {
-                "response": one.name,
-                "unit": one.unit,
-                "frequency_hz": one.frequency_hz.tolist(),
-                "before": list(map(finite, one.before.tolist())),
-                "after": list(map(finite, one.after.tolist())),
+                "response": curve.name,
+                "unit": curve.unit,
+                "frequency_hz": curve.frequency_hz.tolist(),
+                "before": list(map(finite, curve.before.tolist())),
+                "after": list(map(finite, curve.after.tolist())),
             }
-            for one in found.curves()
+            for curve in tuned.curves()
         ]
     return record
 
 
-def tuned_json(found: Tuned, more: dict[str, Any] | None = None) -> str:
+def tuned_json(tuned: Tuned, more: dict[str, Any] | None = None) -> str:
     """The same as text, with what else is known of the result."""
-    return as_json({**tuned_record(found), **(more or {})})
+    return as_json({**tuned_record(tuned), **(more or {})})
 
 
-def _aim_record(found: Tuned, k: int) -> dict[str, Any]:
-    aim, own = found.objective.aims[k], found.pieces_after[k]
+def _aim_record(tuned: Tuned, k: int) -> dict[str, Any]:
+    aim, pieces = tuned.objective.aims[k], tuned.pieces_after[k]
     quantity = aim.quantity
     record: dict[str, Any] = {
         "quantity": quantity.name,
         "maximized": aim.maximized,
         "weight": quantity.weight,
-        "unit": found.unit(quantity),
-        "before": finite(extreme(quantity, found.pieces_before[k])),
-        "after": finite(extreme(quantity, own)),
+        "unit": tuned.unit(quantity),
+        "before": finite(extreme(quantity, tuned.pieces_before[k])),
+        "after": finite(extreme(quantity, pieces)),
     }
     if quantity.kind == "peak":
-        order = np.argsort(own.at, kind="stable")
+        order = np.argsort(pieces.at, kind="stable")
         record["peaks"] = [
-            {"frequency_hz": float(own.at[j]) / tau, "magnitude": float(own.values[j])} for j in order if own.inside[j]
+            {"frequency_hz": float(pieces.at[j]) / tau, "magnitude": float(pieces.values[j])}
+            for j in order
+            if pieces.inside[j]
         ]
     return record
 
 
-def _limit_record(found: Tuned, k: int) -> dict[str, Any]:
-    limit = found.objective.limits[k]
-    at = len(found.objective.aims) + k
+def _limit_record(tuned: Tuned, k: int) -> dict[str, Any]:
+    limit = tuned.objective.limits[k]
+    at = len(tuned.objective.aims) + k
     return {
         "quantity": limit.quantity.name,
         "most": limit.most,
-        "before": finite(extreme(limit.quantity, found.pieces_before[at])),
-        "after": finite(extreme(limit.quantity, found.pieces_after[at])),
+        "before": finite(extreme(limit.quantity, tuned.pieces_before[at])),
+        "after": finite(extreme(limit.quantity, tuned.pieces_after[at])),
     }
 
 
-def _number_record(found: Tuned, k: int) -> dict[str, Any]:
-    one, worth = found.objective.free[k], found.worths[k]
+def _number_record(tuned: Tuned, k: int) -> dict[str, Any]:
+    number, worth = tuned.objective.free[k], tuned.worths[k]
     return {
-        "place": one.path,
-        "unit": one.unit_name,
-        "before": one.value,
-        "after": float(np.exp(found.z[k])),
-        "bounds": [one.low, one.high] if one.bounded else None,
+        "place": number.path,
+        "unit": number.unit_name,
+        "before": number.value,
+        "after": float(np.exp(tuned.z[k])),
+        "bounds": [number.low, number.high] if number.bounded else None,
         "one_percent_larger": finite(worth.larger),
         "one_percent_smaller": finite(worth.smaller),
         "within_one_percent": [finite(worth.low), finite(worth.high)],
     }
 
 
-def _rule_record(one: Rule) -> dict[str, Any]:
-    own = one.absorber
-    f, zeta = own.den_hartog
-    exact = dict(zip(("f", "zeta"), own.exact, strict=True))
+def _rule_record(rule: Rule) -> dict[str, Any]:
+    absorber = rule.absorber
+    f, zeta = absorber.den_hartog
+    exact = dict(zip(("f", "zeta"), absorber.exact, strict=True))
     return {
-        "pendulum": own.pendulum,
-        "mass_ratio": own.mu,
-        "mode_omega_rad_per_s": own.omega,
-        "mode_damping_ratio": own.damping_ratio,
-        "alone": own.alone,
-        "found": {"f": own.f, "zeta": own.zeta},
-        "den_hartog": {"f": f, "zeta": zeta, "values": one.values, "objective": finite(one.value)},
-        "exact_without_a_damper_of_the_carrier": exact if own.alone else None,
+        "pendulum": absorber.pendulum,
+        "mass_ratio": absorber.mu,
+        "mode_omega_rad_per_s": absorber.omega,
+        "mode_damping_ratio": absorber.damping_ratio,
+        "alone": absorber.alone,
+        "found": {"f": absorber.f, "zeta": absorber.zeta},
+        "den_hartog": {"f": f, "zeta": zeta, "values": rule.values, "objective": finite(rule.value)},
+        "exact_without_a_damper_of_the_carrier": exact if absorber.alone else None,
     }
 
 
-def _load_record(one: Load) -> dict[str, Any]:
+def _load_record(load: Load) -> dict[str, Any]:
     return {
-        "damper": one.path,
-        "per": one.per,
-        "stroke": one.stroke,
-        "stroke_unit": one.unit,
-        "stroke_at_hz": one.at_hz,
-        "effort": one.effort,
-        "effort_unit": one.effort_unit,
-        "effort_at_hz": one.effort_at_hz,
+        "damper": load.path,
+        "per": load.per,
+        "stroke": load.stroke,
+        "stroke_unit": load.unit,
+        "stroke_at_hz": load.at_hz,
+        "effort": load.effort,
+        "effort_unit": load.effort_unit,
+        "effort_at_hz": load.effort_at_hz,
     }
 
 
-def tuned_text(found: Tuned, more: str = "") -> str:
+def tuned_text(tuned: Tuned, more: str = "") -> str:
     """What was found, as text."""
-    parts = [_objective_table(found), _numbers_table(found)]
-    parts += ["\n".join(_sentences(found))]
-    rules = _rules_table(found)
+    parts = [_objective_table(tuned), _numbers_table(tuned)]
+    parts += ["\n".join(_sentences(tuned))]
+    rules = _rules_table(tuned)
     parts += [rules] if rules else []
     parts += [more] if more else []
-    return titled(title_of(found.given), "tuned", parts, "text")
+    return titled(title_of(tuned.given), "tuned", parts, "text")
 
 
-def _objective_table(found: Tuned) -> str:
+def _objective_table(tuned: Tuned) -> str:
     headings = ["", "quantity", "unit", "before", "after", "peaks (Hz)"]
     rows = []
-    for k, aim in enumerate(found.objective.aims):
-        one, quantity = found.pieces_after[k], aim.quantity
+    for k, aim in enumerate(tuned.objective.aims):
+        piece, quantity = tuned.pieces_after[k], aim.quantity
         peaks = ""
         if quantity.kind == "peak":
-            largest = one.values.max()
-            equal = sorted(one.at[one.inside & (one.values >= largest * (1 - EQUAL))].tolist())
+            largest = piece.values.max()
+            equal = sorted(piece.at[piece.inside & (piece.values >= largest * (1 - EQUAL))].tolist())
             peaks = ", ".join(f"{at / tau:.5g}" for at in equal)
-        values = [f"{extreme(quantity, own[k]):.8g}" for own in (found.pieces_before, found.pieces_after)]
+        values = [f"{extreme(quantity, pieces[k]):.8g}" for pieces in (tuned.pieces_before, tuned.pieces_after)]
         way = "largest" if aim.maximized else "least"
         rows.append(
             [
                 f"{way}{f' ×{quantity.weight:g}' * (quantity.weight != 1)}",
                 quantity.name,
-                found.unit(quantity),
+                tuned.unit(quantity),
                 *values,
                 peaks,
             ]
         )
-    for k, limit in enumerate(found.objective.limits):
-        at = len(found.objective.aims) + k
-        values = [f"{extreme(limit.quantity, own[at]):.8g}" for own in (found.pieces_before, found.pieces_after)]
-        rows.append([f"at most {limit.most:g}", limit.quantity.name, found.unit(limit.quantity), *values, ""])
+    for k, limit in enumerate(tuned.objective.limits):
+        at = len(tuned.objective.aims) + k
+        values = [f"{extreme(limit.quantity, pieces[at]):.8g}" for pieces in (tuned.pieces_before, tuned.pieces_after)]
+        rows.append([f"at most {limit.most:g}", limit.quantity.name, tuned.unit(limit.quantity), *values, ""])
     if not any(row[-1] for row in rows):
         rows, headings = [row[:-1] for row in rows], headings[:-1]
     return grid(rows, headings)
 
 
-def _numbers_table(found: Tuned) -> str:
+def _numbers_table(tuned: Tuned) -> str:
     headings = ("number", "unit", "before", "after", "+1 %", "−1 %", "from", "to")
     rows = []
-    for one, worth, value in zip(found.objective.free, found.worths, np.exp(found.z).tolist(), strict=True):
+    for number, worth, value in zip(tuned.objective.free, tuned.worths, np.exp(tuned.z).tolist(), strict=True):
         changes = [f"{100 * change:+.3g} %" if np.isfinite(change) else "–" for change in (worth.larger, worth.smaller)]
         ends = [f"{worth.low:.5g}" if worth.low else "any", f"{worth.high:.5g}" if np.isfinite(worth.high) else "any"]
-        rows.append([one.path, one.unit_name, f"{one.value:.6g}", f"{value:.9g}", *changes, *ends])
+        rows.append([number.path, number.unit_name, f"{number.value:.6g}", f"{value:.9g}", *changes, *ends])
     words = (
         "+1 % and −1 %: by how much the objective is worse where a number is so much larger or smaller. "
         "From … to: where it is at most 1 % worse."
@@ -198,62 +200,72 @@ def _numbers_table(found: Tuned) -> str:
     return grid(rows, headings) + "\n\n" + words
 
 
-def _sentences(found: Tuned) -> Iterator[str]:
-    own = found.objective
-    ends, first = found.valleys, found.valleys[0].value
-    values = ", ".join(f"{one.value:.6g}" for one in ends[:SHOWN]) + ", …" * (len(ends) > SHOWN)
-    alike = [one for one in ends if abs(one.value - first) <= ALIKE * abs(first)]
-    if found.starts == 1:
+def _sentences(tuned: Tuned) -> Iterator[str]:
+    objective = tuned.objective
+    ends, first = tuned.valleys, tuned.valleys[0].value
+    values = ", ".join(f"{valley.value:.6g}" for valley in ends[:SHOWN]) + ", …" * (len(ends) > SHOWN)
+    alike = [valley for valley in ends if abs(valley.value - first) <= ALIKE * abs(first)]
+    if tuned.starts == 1:
         yield "One start had a finite value."
     elif len(ends) == 1:
-        yield f"{found.starts} starts led into one valley."
-    elif all(one.certain for one in ends):
+        yield f"{tuned.starts} starts led into one valley."
+    elif all(valley.certain for valley in ends):
         equal = f"; {len(alike)} of them are equally deep" * (len(alike) > 1)
-        yield f"{found.starts} starts led into {len(ends)} valleys: {values}{equal}."
+        yield f"{tuned.starts} starts led into {len(ends)} valleys: {values}{equal}."
     else:
-        yield f"{found.starts} starts ended at {values}; the best is kept."
-    if not found.certain:
+        yield f"{tuned.starts} starts ended at {values}; the best is kept."
+    if not tuned.certain:
         yield "Newton's method did not settle the last digits: the objective has no second derivatives there."
     at_bounds = [
-        one.path
-        for one, z, low, high in zip(own.free, found.z, own.low, own.high, strict=True)
+        number.path
+        for number, z, low, high in zip(objective.free, tuned.z, objective.low, objective.high, strict=True)
         if min(z - low, high - z) < 1e-9
     ]
     if at_bounds:
         yield f"At its bound: {', '.join(at_bounds)}."
-    worst = found.worst
+    worst = tuned.worst
     if worst.factors:
-        words = "Tuned for the worst case" if found.robust else "Worst case"
-        values = f"{worst.value:.6g}, before {found.worst_before:.6g}"
+        words = "Tuned for the worst case" if tuned.robust else "Worst case"
+        values = f"{worst.value:.6g}, before {tuned.worst_before:.6g}"
         yield f"{words} of all masses ±{percent(SHARE)}: {values} ({worst.words})."
-    for one in found.loads:
-        per, where = (f" per {one.per}", f" at {one.at_hz:.4g} Hz") if one.per else (" RMS", "")
-        what = "torque" if one.unit == "rad" else "force"
-        effort = f"{what} {one.effort:.5g} {one.effort_unit}{per}"
-        yield f"{one.path}: stroke {one.stroke:.5g} {one.unit}{per}{where}, {effort}."
+    for load in tuned.loads:
+        per, where = (f" per {load.per}", f" at {load.at_hz:.4g} Hz") if load.per else (" RMS", "")
+        what = "torque" if load.unit == "rad" else "force"
+        effort = f"{what} {load.effort:.5g} {load.effort_unit}{per}"
+        yield f"{load.path}: stroke {load.stroke:.5g} {load.unit}{per}{where}, {effort}."
 
 
-def _rules_table(found: Tuned) -> str:
-    if not found.rules:
+def _rules_table(tuned: Tuned) -> str:
+    if not tuned.rules:
         return ""
     headings = ("pendulum", "μ", "beside", "", "f", "ζ", "objective")
     rows, notes = [], []
-    for one in found.rules:
-        own = one.absorber
-        words = f"{own.omega / tau:.5g} Hz, ζ {own.damping_ratio:.4g}"
-        name = f"pendulum[{own.pendulum}]"
-        rows.append([name, f"{own.mu:.6g}", words, "found", f"{own.f:.8f}", f"{own.zeta:.8f}", f"{found.after:.8g}"])
-        f, zeta = own.den_hartog
-        value = f"{one.value:.8g}" if np.isfinite(one.value) else ""
+    for rule in tuned.rules:
+        absorber = rule.absorber
+        words = f"{absorber.omega / tau:.5g} Hz, ζ {absorber.damping_ratio:.4g}"
+        name = f"pendulum[{absorber.pendulum}]"
+        rows.append(
+            [
+                name,
+                f"{absorber.mu:.6g}",
+                words,
+                "found",
+                f"{absorber.f:.8f}",
+                f"{absorber.zeta:.8f}",
+                f"{tuned.after:.8g}",
+            ]
+        )
+        f, zeta = absorber.den_hartog
+        value = f"{rule.value:.8g}" if np.isfinite(rule.value) else ""
         rows.append(["", "", "", "Den Hartog", f"{f:.8f}", f"{zeta:.8f}", value])
-        if own.alone:
-            f, zeta = own.exact
+        if absorber.alone:
+            f, zeta = absorber.exact
             rows.append(
                 [
                     "",
                     "",
                     "",
-                    "exact if ζ were 0" if own.damping_ratio > EQUAL else "exact",
+                    "exact if ζ were 0" if absorber.damping_ratio > EQUAL else "exact",
                     f"{f:.8f}",
                     f"{zeta:.8f}",
                     "",

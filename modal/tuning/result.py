@@ -76,7 +76,7 @@ class Tuned(Displayed):
     def numbers(self) -> dict[str, float]:
         """The best numbers by their places."""
         return dict(
-            zip([one.path for one in self.objective.free], self.objective.numbers(self.z).tolist(), strict=True)
+            zip([number.path for number in self.objective.free], self.objective.numbers(self.z).tolist(), strict=True)
         )
 
     @property
@@ -102,7 +102,7 @@ class Tuned(Displayed):
     @cached_property
     def worst_before(self) -> float:
         """The same of the scene as it was, infinite where it has no value."""
-        start = np.log([one.value or one.start for one in self.objective.free])
+        start = np.log([number.value or number.start for number in self.objective.free])
         return worst_case(self._nominal, start).value if np.isfinite(self.before) else np.inf
 
     @cached_property
@@ -115,36 +115,36 @@ class Tuned(Displayed):
         """Den Hartog's values of tuned pendula where a force on what carries them is to move it least."""
         if not _is_of_den_hartog(self.objective):
             return ()
-        return tuple(self._rule(one) for one in absorbers(self.scene, self.objective.free))
+        return tuple(self._rule(absorber) for absorber in absorbers(self.scene, self.objective.free))
 
     @property
     def _nominal(self) -> Objective:
         """The objective for the masses as they are."""
-        found = Objective.__new__(Objective)
-        found.__dict__.update(self.objective.__dict__)
-        found.cases = ({},)
-        return found
+        nominal = Objective.__new__(Objective)
+        nominal.__dict__.update(self.objective.__dict__)
+        nominal.cases = ({},)
+        return nominal
 
-    def _rule(self, one: Absorber) -> Rule:
-        f, zeta = one.den_hartog
-        values = values_for(self.scene, one.pendulum, f * one.omega, zeta) or {}
-        z, own = self.z.copy(), [number.path for number in self.objective.free]
-        values = {path: value for path, value in values.items() if path in own}
+    def _rule(self, absorber: Absorber) -> Rule:
+        f, zeta = absorber.den_hartog
+        values = values_for(self.scene, absorber.pendulum, f * absorber.omega, zeta) or {}
+        z, paths = self.z.copy(), [number.path for number in self.objective.free]
+        values = {path: value for path, value in values.items() if path in paths}
         for path, value in values.items():
-            z[own.index(path)] = np.log(value)
-        return Rule(one, values, self._nominal.value(z) if len(values) == 2 else np.nan)
+            z[paths.index(path)] = np.log(value)
+        return Rule(absorber, values, self._nominal.value(z) if len(values) == 2 else np.nan)
 
     def curves(self) -> tuple[Curves, ...]:
         """Magnitudes of all peaks that are tuned, before and after, on a grid that is close near them."""
-        return tuple(self._curves(one.quantity) for one in self.objective.aims if one.quantity.kind == "peak")
+        return tuple(self._curves(aim.quantity) for aim in self.objective.aims if aim.quantity.kind == "peak")
 
     def _curves(self, quantity: Quantity) -> Curves:
         setting = replace(self.objective.quantities.setting, spectrum=None, modes=(), travel=None)
-        own = Quantities(self.scene, (), (quantity,), setting)
-        models = [own.numbers.model(scene) for scene in (self.given, self.scene)]
+        quantities = Quantities(self.scene, (), (quantity,), setting)
+        models = [quantities.numbers.model(scene) for scene in (self.given, self.scene)]
         peaks = [find_peaks(model, 0, setting.rates) for model in models]
         poles = np.abs(np.concatenate([model.poles_for(0).imag for model in models]))
-        rates = np.concatenate([one.omega[one.inside] for one in peaks] or [poles])
+        rates = np.concatenate([peak.omega[peak.inside] for peak in peaks] or [poles])
         rates = rates if len(rates) else poles[poles > 0]
         low, high = setting.rates or (rates.min() / BESIDE, rates.max() * BESIDE)
         low = max(low, 1e-3 * high)
@@ -155,7 +155,7 @@ class Tuned(Displayed):
         omega = np.unique(np.concatenate((np.geomspace(low, high, CURVE), close.ravel())))
         omega = omega[(omega >= low) & (omega <= high)]
         before, after = (np.abs(model.response(0, omega)) for model in models)
-        row, column = own.form.signals[0]
+        row, column = quantities.form.signals[0]
         return Curves(quantity.name, f"{row.unit} per {column.unit}", omega / tau, before, after)
 
     def unit(self, quantity: Quantity) -> str:
@@ -177,9 +177,9 @@ class Tuned(Displayed):
         """
         free = self.objective.free
         return {
-            "number": np.array([one.path for one in free]),
-            "unit": np.array([one.unit_name for one in free]),
-            "before": np.array([one.value for one in free]),
+            "number": np.array([number.path for number in free]),
+            "unit": np.array([number.unit_name for number in free]),
+            "before": np.array([number.value for number in free]),
             "after": self.objective.numbers(self.z),
         }
 
@@ -188,7 +188,7 @@ class Tuned(Displayed):
         return deferred("modal.plotting.tuning:tuning_figure")(self, **options)
 
     def _summary(self) -> Summary:
-        aims = "; ".join(one.words for one in self.objective.aims)
+        aims = "; ".join(aim.words for aim in self.objective.aims)
         title = f"Tuned {counted(len(self.objective.free), 'number', 'numbers')}: {aims}"
         facts = [("objective", f"{self.before:.6g} → {self.after:.6g}")]
         table = self.to_dict()
@@ -197,11 +197,11 @@ class Tuned(Displayed):
         return Summary(title, facts, ("number", "before", "after"), rows, len(rows), words=frozenset({0}))
 
 
-def unit_of(own: Quantities, quantity: Quantity) -> str:
+def unit_of(quantities: Quantities, quantity: Quantity) -> str:
     """The unit of a quantity of a scene."""
     if quantity.kind in {"peak", "rms"}:
-        names = [(channel.output, channel.input) for channel in own.channels]
-        row, column = own.form.signals[names.index((quantity.output, quantity.input))]
+        names = [(channel.output, channel.input) for channel in quantities.channels]
+        row, column = quantities.form.signals[names.index((quantity.output, quantity.input))]
         return f"{row.unit} per {column.unit}" if quantity.kind == "peak" else row.unit
     return {"residual": "rad", "settling": "s"}.get(quantity.kind, "")
 
@@ -210,10 +210,10 @@ def _is_of_den_hartog(objective: Objective) -> bool:
     """Whether one peak is tuned, of the displacement of a carrier under a force on it."""
     if len(objective.aims) != 1 or objective.aims[0].quantity.kind != "peak" or objective.aims[0].maximized:
         return False
-    own = objective.quantities
+    quantities = objective.quantities
     at = objective.aims[0].quantity
-    kind = own.form.kinds[own.channels.index((at.output, at.input))]  # type: ignore[arg-type]
-    row, column = own.form.signals[own.channels.index((at.output, at.input))]  # type: ignore[arg-type]
+    kind = quantities.form.kinds[quantities.channels.index((at.output, at.input))]  # type: ignore[arg-type]
+    row, column = quantities.form.signals[quantities.channels.index((at.output, at.input))]  # type: ignore[arg-type]
     return (
         not kind.moves and row.unit == "m" and column.unit == "N" and not row.name.startswith(("tip", "joint", "spr"))
     )

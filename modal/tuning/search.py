@@ -77,7 +77,7 @@ def tune(
     found_limits = []
     for text in limits:
         try:
-            found_limits.append(parse_limit(text, [one.quantity for one in aims]))
+            found_limits.append(parse_limit(text, [item.quantity for item in aims]))
         except SceneError as error:
             problems += error.problems
     numbers: tuple[FreeNumber, ...] = ()
@@ -85,21 +85,21 @@ def tune(
         numbers = find_free(scene, free, lambda place: _begin(scene, place))
     except SceneError as error:
         problems += error.problems
-    every = [*(one.quantity for one in aims), *(one.quantity for one in found_limits)]
-    source = next((one.input for one in every if one.kind == "rms"), SOURCE)
+    every = [*(item.quantity for item in aims), *(item.quantity for item in found_limits)]
+    source = next((item.input for item in every if item.kind == "rms"), SOURCE)
     spectrum = psd if psd is None or isinstance(psd, Spectrum) else read_spectrum(psd, source != SOURCE)
     setting = Setting(over_hz, spectrum, tuple(modes), travel, over, kind)
     if problems:
         raise SceneError(list(dict.fromkeys(problems)))
     objective = Objective(scene, numbers, aims, found_limits, setting)
-    before = objective.pieces(np.log([one.value or one.start for one in numbers]))
+    before = objective.pieces(np.log([item.value or item.start for item in numbers]))
     starts = list(_starts(objective))
     report(f"{len(starts)} starts")
     if over_hz is not None:
         _refuse_no_peak(objective, objective.start)
     if not starts:
         raise ComputationError(_endless(objective))
-    size = abs(sum(one.largest for one in objective.evaluate(starts[0], False).costs))
+    size = abs(sum(item.largest for item in objective.evaluate(starts[0], False).costs))
     objective.scale = size if not objective.is_log and size > 0 else 1.0
     valleys = _valleys(objective, starts)
     best = _descended(objective, valleys[0].point.z)
@@ -110,12 +110,12 @@ def tune(
     _refuse_undamped(objective, best.point.z)
     ends = tuple(
         Valley(
-            objective.numbers(one.point.z),
-            objective.value(one.point.z) if k else objective.value(best.point.z),
-            one.point.excess <= ALLOWED,
-            one.certain,
+            objective.numbers(item.point.z),
+            objective.value(item.point.z) if k else objective.value(best.point.z),
+            item.point.excess <= ALLOWED,
+            item.certain,
         )
-        for k, one in enumerate(valleys)
+        for k, item in enumerate(valleys)
     )
     return Tuned(
         given=scene,
@@ -142,7 +142,7 @@ def _aims(minimize: Sequence[str], maximize: Sequence[str]) -> tuple[list[Aim], 
                 problems += error.problems
     if not aims and not problems:
         problems.append("nothing is minimized or maximized: name a quantity, such as peak:x/cart_force")
-    names = [one.quantity.name for one in aims]
+    names = [aim.quantity.name for aim in aims]
     problems += [f"{name}: is named twice" for name in dict.fromkeys(names) if names.count(name) > 1]
     return aims, problems
 
@@ -150,13 +150,13 @@ def _aims(minimize: Sequence[str], maximize: Sequence[str]) -> tuple[list[Aim], 
 def _begin(scene: Scene, place: Place) -> float:
     """Where the search for a number that is 0 begins: a tenth of critical damping, or of the stiffness there."""
 
-    def arrays(one: Scene) -> tuple[Floats, ...]:
-        found = matrices(one)
-        return found.M, found.K, found.D
+    def arrays(varied: Scene) -> tuple[Floats, ...]:
+        linear = matrices(varied)
+        return linear.M, linear.K, linear.D
 
-    own = arrays(scene)
+    present = arrays(scene)
     dM, dK, dD = (np.diag(part) for part in differences(scene, place, 1.0, arrays))
-    M, K, _ = (np.diag(part) for part in own)
+    M, K, _ = (np.diag(part) for part in present)
     with np.errstate(all="ignore"):
         sizes = {
             "mass": 0.1 * np.abs(M / dM),
@@ -171,22 +171,22 @@ def _starts(objective: Objective) -> Iterator[Floats]:
     tried: list[Floats] = []
     for z in (objective.start, *_by_rule(objective)):
         at = np.clip(z, objective.low, objective.high)
-        if all(np.abs(at - one).max() > SAME for one in tried) and objective.evaluate(at, False).is_finite:
+        if all(np.abs(at - other).max() > SAME for other in tried) and objective.evaluate(at, False).is_finite:
             tried.append(at)
             yield at
     rng = np.random.default_rng(1)
     n = len(objective.free)
-    spread = np.array([WIDE if one.key in {"damping", "drag", "stiffness"} else SPREAD for one in objective.free])
+    spread = np.array([WIDE if other.key in {"damping", "drag", "stiffness"} else SPREAD for other in objective.free])
     draws = objective.start + spread * rng.standard_normal((TRIED * n, n))
-    bounded = np.array([one.bounded for one in objective.free])
+    bounded = np.array([other.bounded for other in objective.free])
     inside = objective.low + (objective.high - objective.low) * rng.random((TRIED * n, n))
     draws = np.where(bounded, inside, np.clip(draws, objective.low, objective.high))
-    merits = np.array([_merit(objective, one) for one in draws])
+    merits = np.array([_merit(objective, other) for other in draws])
     kept = 0
     for k in np.argsort(merits, kind="stable").tolist():
         if not np.isfinite(merits[k]) or kept == KEPT:
             break
-        if all(np.abs(draws[k] - one).max() > DISTINCT for one in tried):
+        if all(np.abs(draws[k] - other).max() > DISTINCT for other in tried):
             tried.append(draws[k])
             kept += 1
             yield draws[k]
@@ -203,13 +203,13 @@ def _by_rule(objective: Objective) -> Iterator[Floats]:
     """Starts in which pendula of one link are the dampers of different modes, by Den Hartog's rule."""
     scene = objective.quantities.scene
     pendula = single_links(scene, objective.free)
-    if not pendula or not any(one.quantity.kind in {"peak", "rms", "damping", "settling"} for one in objective.aims):
+    if not pendula or not any(item.quantity.kind in {"peak", "rms", "damping", "settling"} for item in objective.aims):
         return
-    found = beside(scene, pendula)
-    if found is None:
+    rest = beside(scene, pendula)
+    if rest is None:
         return
-    own = {one.path: k for k, one in enumerate(objective.free)}
-    modes = range(min(len(found.omega), len(pendula) + 1))
+    columns = {item.path: k for k, item in enumerate(objective.free)}
+    modes = range(min(len(rest.omega), len(pendula) + 1))
     ways = permutations(modes, len(pendula)) if len(pendula) <= len(modes) else [(0,) * len(pendula)]
     chosen = [way for _, way in zip(range(RULES - 1), ways, strict=False)]
     if len(pendula) > 1:
@@ -218,41 +218,41 @@ def _by_rule(objective: Objective) -> Iterator[Floats]:
         z = objective.start.copy()
         for k, (p, mode) in enumerate(zip(pendula, way, strict=True)):
             together = way.count(mode)
-            mu = float(found.mu[k, mode]) * together
+            mu = float(rest.mu[k, mode]) * together
             if mu <= 0:
                 continue
             f, zeta = den_hartog(mu)
             spread = 1 + 0.1 * (k - (together - 1) / 2) if together > 1 else 1.0
-            values = values_for(scene, p, f * float(found.omega[mode]) * spread, zeta / np.sqrt(together)) or {}
+            values = values_for(scene, p, f * float(rest.omega[mode]) * spread, zeta / np.sqrt(together)) or {}
             for path, value in values.items():
-                if path in own:
-                    z[own[path]] = np.log(value)
+                if path in columns:
+                    z[columns[path]] = np.log(value)
         yield z
 
 
 def _valleys(objective: Objective, starts: Sequence[Floats]) -> list[Minimum]:
     """The different minima that the starts lead into, the best first."""
-    found: list[Minimum] = []
+    minima: list[Minimum] = []
     for z in starts:
         try:
-            one = descend(objective.evaluate, z, objective.low, objective.high, coarse=True, known=found)
+            minimum = descend(objective.evaluate, z, objective.low, objective.high, coarse=True, known=minima)
         except (ComputationError, SceneError):
             continue
-        if not one.point.is_finite or one in found:
+        if not minimum.point.is_finite or minimum in minima:
             continue
         alike = [
             other
-            for other in found
-            if abs(other.point.merit - one.point.merit) <= ALIKE * max(1.0, abs(other.point.merit))
-            and np.abs(other.point.z - one.point.z).max() <= 10 * SAME
+            for other in minima
+            if abs(other.point.merit - minimum.point.merit) <= ALIKE * max(1.0, abs(other.point.merit))
+            and np.abs(other.point.z - minimum.point.z).max() <= 10 * SAME
         ]
         if not alike:
-            found.append(one)
-        elif one.point.merit < alike[0].point.merit:
-            found[found.index(alike[0])] = one
-    if not found:
+            minima.append(minimum)
+        elif minimum.point.merit < alike[0].point.merit:
+            minima[minima.index(alike[0])] = minimum
+    if not minima:
         raise ComputationError(_endless(objective))
-    return sorted(found, key=lambda one: one.point.merit)
+    return sorted(minima, key=lambda minimum: minimum.point.merit)
 
 
 def _descended(objective: Objective, z: Floats) -> Minimum:
@@ -268,11 +268,13 @@ def _robust(objective: Objective, best: Minimum) -> Minimum:
     for _ in range(CASES):
         here = objective.evaluate(best.point.z, False).cost
         worse = [
-            one for one in worst_cases(objective, best.point.z) if one.cost > here + EDGE and one.factors not in cases
+            case
+            for case in worst_cases(objective, best.point.z)
+            if case.cost > here + EDGE and case.factors not in cases
         ]
         if not worse:
             break
-        cases += [one.factors for one in worse]
+        cases += [case.factors for case in worse]
         objective.cases = tuple(cases)
         best = _descended(objective, best.point.z)
     return best
@@ -283,14 +285,14 @@ def _robust(objective: Objective, best: Minimum) -> Minimum:
 
 def _endless(objective: Objective) -> str:
     """Why no start has a finite value."""
-    found = objective.pieces(objective.start)
+    pieces = objective.pieces(objective.start)
     quantities: list[Quantity] = [
-        *(one.quantity for one in objective.aims),
-        *(one.quantity for one in objective.limits),
+        *(item.quantity for item in objective.aims),
+        *(item.quantity for item in objective.limits),
     ]
-    for quantity, one in zip(quantities, found, strict=True):
-        if one.endless:
-            return f"{quantity.name}: {one.endless}, whatever the free numbers are"
+    for quantity, item in zip(quantities, pieces, strict=True):
+        if item.endless:
+            return f"{quantity.name}: {item.endless}, whatever the free numbers are"
     return "no start has a finite value"
 
 
@@ -301,31 +303,31 @@ def _refuse_endless(objective: Objective, best: Minimum) -> None:
         limit = objective.limits[worst]
         least = float(np.exp(point.limits[worst].largest)) * limit.most
         raise ComputationError(f"{limit.name}: cannot be met within the bounds: {least:.6g} is what is left")
-    for k, one in enumerate(objective.free):
-        if one.bounded:
+    for k, number in enumerate(objective.free):
+        if number.bounded:
             continue
         for edge, words, way in (
-            (objective.high[k], "larger", f"{one.start:.4g}:{10 * one.start:.4g}"),
-            (objective.low[k], "smaller", f"{one.start / 10:.4g}:{one.start:.4g}"),
+            (objective.high[k], "larger", f"{number.start:.4g}:{10 * number.start:.4g}"),
+            (objective.low[k], "smaller", f"{number.start / 10:.4g}:{number.start:.4g}"),
         ):
             if abs(z[k] - edge) < EDGE:
                 raise ComputationError(
-                    f"{one.path}: the {words}, the better, without end: give it bounds, such as {one.path}={way}"
+                    f"{number.path}: the {words}, the better, without end: give it bounds, such as {number.path}={way}"
                 )
 
 
 def _refuse_undamped(objective: Objective, z: Floats) -> None:
-    for aim, one in zip(objective.aims, objective.pieces(z), strict=False):
-        if aim.quantity.kind == "damping" and len(one.values) and np.abs(one.values).min() <= UNDAMPED:
-            number = int(one.at[np.abs(one.values).argmin()]) + 1
+    for aim, piece in zip(objective.aims, objective.pieces(z), strict=False):
+        if aim.quantity.kind == "damping" and len(piece.values) and np.abs(piece.values).min() <= UNDAMPED:
+            number = int(piece.at[np.abs(piece.values).argmin()]) + 1
             raise ComputationError(f"damping: nothing damps mode {number}, whatever the free numbers are")
 
 
 def _refuse_no_peak(objective: Objective, z: Floats) -> None:
-    found = objective.pieces(z)
-    for aim, one in zip(objective.aims, found, strict=False):
-        if aim.quantity.kind == "peak" and len(one.values) and not one.inside.any():
-            at = float(one.at[one.values.argmax()]) / (2 * np.pi)
+    pieces = objective.pieces(z)
+    for aim, piece in zip(objective.aims, pieces, strict=False):
+        if aim.quantity.kind == "peak" and len(piece.values) and not piece.inside.any():
+            at = float(piece.at[piece.values.argmax()]) / (2 * np.pi)
             where = f"that at {at:.6g} Hz, the end of the band"
             if objective.quantities.setting.band is None:
                 slowest = float(np.abs(objective.quantities.numbers.model(objective.scene_at(z)).poles).max())

@@ -48,21 +48,21 @@ class Worth(Displayed):
 def worths(objective: Objective, z: Floats) -> tuple[Worth, ...]:
     """What every number is worth."""
     best = objective.value(z)
-    found = []
-    for k, one in enumerate(objective.free):
+    answers = []
+    for k, entry in enumerate(objective.free):
         loss = _loss(objective, z, k, best)
         low, high = (_edge(loss, way) for way in (-1.0, 1.0))
         number = float(np.exp(z[k]))
-        found.append(
+        answers.append(
             Worth(
-                one.path,
+                entry.path,
                 loss(np.log1p(0.01)),
                 loss(np.log1p(-0.01)),
                 number * float(np.exp(low)) if np.isfinite(low) else 0.0,
                 number * float(np.exp(high)) if np.isfinite(high) else np.inf,
             )
         )
-    return tuple(found)
+    return tuple(answers)
 
 
 def _loss(objective: Objective, z: Floats, k: int, best: float) -> Callable[[float], float]:
@@ -93,8 +93,8 @@ def _edge(loss: Callable[[float], float], way: float) -> float:
             return way * outer
     if loss(way * outer) < OFF:
         return way * outer
-    found = scipy.optimize.brentq(lambda at: loss(way * at) - OFF, inner, outer, xtol=1e-6, rtol=1e-6)
-    return way * float(found)
+    root = scipy.optimize.brentq(lambda at: loss(way * at) - OFF, inner, outer, xtol=1e-6, rtol=1e-6)
+    return way * float(root)
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class Case(Displayed):
         if not heavier or not lighter:
             return "all heavier" if heavier else "all lighter"
         few, way, other = min(
-            (heavier, "heavier", "lighter"), (lighter, "lighter", "heavier"), key=lambda one: len(one[0])
+            (heavier, "heavier", "lighter"), (lighter, "lighter", "heavier"), key=lambda pair: len(pair[0])
         )
         return f"{way}: {listed(few[:FEW], len(few))}; all others {other}"
 
@@ -121,7 +121,7 @@ class Case(Displayed):
 def worst_case(objective: Objective, z: Floats) -> Case:
     """The worst that masses ±5 %, each for itself, make of the objective."""
     nominal = Case({}, objective.value(z), _cost(objective, z, {}))
-    return max((nominal, *worst_cases(objective, z)), key=lambda one: one.cost)
+    return max((nominal, *worst_cases(objective, z)), key=lambda case: case.cost)
 
 
 def worst_cases(objective: Objective, z: Floats) -> list[Case]:
@@ -130,29 +130,29 @@ def worst_cases(objective: Objective, z: Floats) -> list[Case]:
     corners: list[Factors]
     if len(places) <= CORNERS:
         signs = product((1 - SHARE, 1 + SHARE), repeat=len(places))
-        corners = [dict(zip(places, own, strict=True)) for own in signs]
+        corners = [dict(zip(places, corner, strict=True)) for corner in signs]
     else:
         corners = list(_climbed(objective, z, places))
-    found: list[Case] = []
+    cases: list[Case] = []
     for factors in corners:
-        if factors and all(one.factors != factors for one in found):
-            found.append(Case(factors, objective.value(z, factors), _cost(objective, z, factors)))
-    return found
+        if factors and all(case.factors != factors for case in cases):
+            cases.append(Case(factors, objective.value(z, factors), _cost(objective, z, factors)))
+    return cases
 
 
 def _free_masses(objective: Objective, z: Floats) -> list[Place]:
     """The places of masses that may change without moving the equilibrium."""
     from modal.tuning.pieces import masses_of
 
-    found = []
+    places = []
     for place in masses_of(objective.quantities.scene):
         try:
             objective.scene_at(z, {place: 1 + SHARE})
             objective.scene_at(z, {place: 1 - SHARE})
         except SceneError:
             continue
-        found.append(place)
-    return found
+        places.append(place)
+    return places
 
 
 def _climbed(objective: Objective, z: Floats, places: list[Place]) -> Iterator[Factors]:
@@ -177,15 +177,15 @@ def _signs(
     objective: Objective, z: Floats, places: list[Place], factors: Factors, *, worst: bool = False
 ) -> list[Floats]:
     """The direction in which each piece of a cost grows, by the masses; of the worst piece alone where asked."""
-    found = objective.quantities.at(objective.numbers(z), factors, by=places)
+    pieces = objective.quantities.at(objective.numbers(z), factors, by=places)
     signs: list[Floats] = []
-    for aim, one in zip(objective.aims, found, strict=False):
-        if not len(one.values):
+    for aim, piece in zip(objective.aims, pieces, strict=False):
+        if not len(piece.values):
             continue
-        costs = aim.sign * one.values
+        costs = aim.sign * piece.values
         order = np.argsort(-costs, kind="stable")
         near = [k for k in order.tolist() if costs[k] >= costs[order[0]] - 0.5 * abs(costs[order[0]])]
-        signs += [np.sign(aim.sign * one.gradients[k]) for k in (near[:1] if worst else near[:6])]
+        signs += [np.sign(aim.sign * piece.gradients[k]) for k in (near[:1] if worst else near[:6])]
     unique: list[Floats] = []
     for one_sign in signs:
         if all(np.any(one_sign != other) for other in unique):

@@ -115,7 +115,7 @@ class Tongues(Displayed):
         if len(lines) != 1:
             raise SceneError(["edges: needs an amplitude or a frequency_hz"])
         fixed, value = lines[0]
-        found = []
+        edges = []
         for boundary, window in zip(self.boundaries, self.windows, strict=True):
             points = np.column_stack((boundary.amplitude, boundary.frequency_hz))
             beside = points[:, fixed] - value
@@ -127,15 +127,15 @@ class Tongues(Displayed):
                 place = window.settle((start - window.low) / window.extent, frame, np.eye(2)[1 - fixed])
                 if place is None:
                     raise ComputationError(f"no edge of a tongue was found near {start[1 - fixed]:.6g}")
-                found.append((float((window.low + window.extent * place.point)[1 - fixed]), boundary.kind))
-        return sorted(found)
+                edges.append((float((window.low + window.extent * place.point)[1 - fixed]), boundary.kind))
+        return sorted(edges)
 
     def to_dict(self) -> dict[str, Any]:
         """The boundaries, for JSON."""
         return {"boundaries": [boundary.to_dict() for boundary in self.boundaries]}
 
     def _summary(self) -> Summary:
-        rows = [[one.kind, brief(one.least[0]), brief(one.least[1])] for one in self.boundaries]
+        rows = [[boundary.kind, brief(boundary.least[0]), brief(boundary.least[1])] for boundary in self.boundaries]
         heads = ("kind", "least amplitude (m)", "at (Hz)")
         title = f"Tongues: {counted(len(rows), 'boundary', 'boundaries')}"
         return Summary(title, (), heads, rows, len(rows), words=frozenset({0}))
@@ -160,21 +160,21 @@ def tongues(scene: Scene, amplitude: ArrayLike, frequency_hz: ArrayLike) -> Tong
     >>> [round(frequency, 9) for frequency, _ in found.edges(amplitude=0.02)]
     [0.979336028, 1.015949762]
     """
-    grid = [np.asarray(one, dtype=np.float64).ravel() for one in (amplitude, frequency_hz)]
+    grid = [np.asarray(values, dtype=np.float64).ravel() for values in (amplitude, frequency_hz)]
     names = ("amplitude", "frequency_hz")
     problems = [
         f"{name}: a grid of tongues needs ascending numbers {words}"
-        for name, one, least, words in zip(names, grid, (0.0, SHORTEST), ("from 0", "above 0"), strict=True)
-        if not len(one) or not np.all(np.diff(one) > 0) or not np.isfinite(one).all() or one[0] < least
+        for name, values, least, words in zip(names, grid, (0.0, SHORTEST), ("from 0", "above 0"), strict=True)
+        if not len(values) or not np.all(np.diff(values) > 0) or not np.isfinite(values).all() or values[0] < least
     ]
     if not problems and len(grid[0]) == len(grid[1]) == 1:
         problems = ["a grid of tongues needs two or more amplitudes or frequencies"]
     if problems:
         raise SceneError(problems)
     systems = hill_systems(scene)
-    found = [pair for system in systems for curve in _curves(system) for pair in _followed(curve, *grid)]
-    found.sort(key=lambda pair: (pair[0].number, pair[0].least[1]))
-    return Tongues(grid[0], grid[1], tuple(one for one, _ in found), tuple(window for _, window in found))
+    pairs = [pair for system in systems for curve in _curves(system) for pair in _followed(curve, *grid)]
+    pairs.sort(key=lambda pair: (pair[0].number, pair[0].least[1]))
+    return Tongues(grid[0], grid[1], tuple(boundary for boundary, _ in pairs), tuple(window for _, window in pairs))
 
 
 # ------------------------------------------------------------------------------------------- what is zero on a curve
@@ -250,7 +250,7 @@ class Circle(Curve):
         """The complex multiplier nearest the circle."""
         values = self.system.multipliers(*(point[:, None] * [[1], [tau]]))[0]
         values = values[values.imag > 0]
-        nearest = min(values, key=lambda one: abs(abs(one) - 1), default=inf)
+        nearest = min(values, key=lambda value: abs(abs(value) - 1), default=inf)
         return nearest if abs(abs(nearest) - 1) < ON_CIRCLE else None
 
     def at(self, point: Point, frame: Any) -> tuple[float, Floats, Any]:
@@ -288,10 +288,10 @@ class Collision(Curve):
         X, slopes = _slopes(self.trace, point)
         near = np.sort(np.abs(np.linalg.eigvals(X) - frame))
         room = inf if len(near) < 3 else (near[1] + near[2]) / 2
-        (right, some), (left, same) = (_subspace(one, frame, room) for one in (X, X.T))
+        (right, some), (left, same) = (_subspace(matrix, frame, room) for matrix in (X, X.T))
         if some != 2 or same != 2:
             raise np.linalg.LinAlgError
-        inner = np.linalg.solve(left.T @ right, np.stack([left.T @ one @ right for one in (X, *slopes)]))
+        inner = np.linalg.solve(left.T @ right, np.stack([left.T @ matrix @ right for matrix in (X, *slopes)]))
         mean = np.trace(inner[0]) / 2
         apart = inner[0] - mean * np.eye(2)
         gradient = np.array([np.sum(apart.T * slope) for slope in inner[1:]])
@@ -461,7 +461,7 @@ class Window:
 
     def lowest(self, places: Sequence[Place]) -> tuple[Floats, bool]:
         """The point of least amplitude, and whether the curve turns there."""
-        found = [(places[0].point, False), (places[-1].point, False)]
+        turns = [(places[0].point, False), (places[-1].point, False)]
         for here, there in pairwise(places):
             if here.tangent[0] * there.tangent[0] < 0:
 
@@ -475,8 +475,8 @@ class Window:
                 share = scipy.optimize.brentq(
                     lambda at, between=between: float(between(at).tangent[0]), 0.0, 1.0, xtol=1e-13
                 )
-                found.append((between(share).point, True))
-        return min(found, key=lambda one: (one[0][0], not one[1]))
+                turns.append((between(share).point, True))
+        return min(turns, key=lambda turn: (turn[0][0], not turn[1]))
 
 
 def _cubic(points: Sequence[Floats], amplitude: float) -> float:
@@ -495,7 +495,7 @@ def _followed(curve: Curve, amplitude: Floats, hertz: Floats) -> Iterator[tuple[
     for seed in _seeds(curve, amplitude, hertz):
         frame = curve.begin(seed)
         start = None if frame is None else window.settle((seed - low) / window.extent, frame, line)
-        if start is None or not window.inside(start.point) or any(_holds(one, start) for one in passed):
+        if start is None or not window.inside(start.point) or any(_holds(followed, start) for followed in passed):
             continue
         places, closed = window.follow(start, 1.0) if line is None else ([start], True)
         if not closed:
@@ -510,7 +510,7 @@ def _followed(curve: Curve, amplitude: Floats, hertz: Floats) -> Iterator[tuple[
 
 def _holds(places: Sequence[Place], place: Place) -> bool:
     """Whether a place is on a curve: beside it with what grows on the same side, which of its neighbours is not so."""
-    points = np.array([one.point for one in places])
+    points = np.array([place_on.point for place_on in places])
     if len(points) == 1:
         return hypot(*(points[0] - place.point)) < ENOUGH
     start, step = points[:-1], np.diff(points, axis=0)

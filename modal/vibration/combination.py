@@ -28,8 +28,8 @@ def correlation(omega: Floats, damping: Floats) -> Floats:
     above = 8 * np.sqrt(r * s) * (r + q * s) * q**1.5
     below = (1 - q**2) ** 2 + 4 * r * s * q * (1 + q**2) + 4 * (r**2 + s**2) * q**2
     with np.errstate(invalid="ignore"):
-        found = above / below
-    return np.asarray(np.where((below == 0) | (q == 1) & (r == s), 1.0, found))
+        rho = above / below
+    return np.asarray(np.where((below == 0) | (q == 1) & (r == s), 1.0, rho))
 
 
 def cqc(peaks: Floats, omega: Floats, damping: Floats) -> Floats:

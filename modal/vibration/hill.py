@@ -83,13 +83,13 @@ class HillSystem:
         """The matrices (B, 2m, 2m) across the first half of the period (sign 1) or the second (−1)."""
         amplitude, omega = np.broadcast_arrays(amplitude, omega)
         size = 2 * self.size
-        found = np.empty((amplitude.size, size, size), dtype=np.result_type(amplitude, omega, np.float64))
+        matrices = np.empty((amplitude.size, size, size), dtype=np.result_type(amplitude, omega, np.float64))
         steps = self._steps(np.abs(amplitude), np.abs(omega))
         for count in np.unique(steps):
             alike, room = np.flatnonzero(steps == count), max(1, MOST_NUMBERS // (ORDER * size**2 * count))
             for part in np.split(alike, range(room, len(alike), room)):
-                found[part] = self._across(amplitude[part], omega[part], sign, int(count))
-        return found
+                matrices[part] = self._across(amplitude[part], omega[part], sign, int(count))
+        return matrices
 
     def _steps(self, amplitude: Floats, omega: Floats) -> NDArray[np.int64]:
         """Steps of half a period, few different numbers of them."""
@@ -97,14 +97,16 @@ class HillSystem:
         square = np.abs(self.square).max() / omega**2 + amplitude * (size["P"] + size["S"] / omega)
         rate = np.sqrt(square + amplitude**2 * size["Q"]) + _norm(self.D) / omega + amplitude * size["E"]
         least = np.maximum(FEWEST, rate * pi / REACH)
-        return np.array([ceil(2 ** (ceil(2 * log2(one)) / 2)) for one in least], dtype=np.int64)
+        return np.array([ceil(2 ** (ceil(2 * log2(bound)) / 2)) for bound in least], dtype=np.int64)
 
     def _across(self, amplitude: Numbers, omega: Numbers, sign: int, count: int) -> Numbers:
         """The product of the matrices of all steps, of which many are computed at once."""
         room = max(1, MOST_NUMBERS // (ORDER * 4 * self.size**2 * amplitude.size))
         portions = np.split(np.arange(count), range(room, count, room))
         steps = (self._steps_at(portion * pi / count, pi / count, amplitude, omega, sign) for portion in portions)
-        return np.asarray(reduce(lambda before, after: after @ before, (one for portion in steps for one in portion)))
+        return np.asarray(
+            reduce(lambda before, after: after @ before, (matrix for portion in steps for matrix in portion))
+        )
 
     def _steps_at(self, phase: Floats, step: float, amplitude: Numbers, omega: Numbers, sign: int) -> Numbers:
         """The matrices (K, B, 2m, 2m) across steps from these phases (K,) of the half period."""
@@ -181,7 +183,7 @@ def vertical_sine(scene: Scene) -> SineMotion:
     validate_scene(scene)
     require(scene, "a Floquet multiplier")
     at = f"{scene.motion_places[0][0]}.motion"
-    vertical = next((one for one in scene.motions if one.direction == "vertical"), None)
+    vertical = next((motion for motion in scene.motions if motion.direction == "vertical"), None)
     if not isinstance(vertical, SineMotion):
         what = "moves along the rail only" if vertical is None else f'moves vertically with kind = "{vertical.kind}"'
         raise SceneError([f'{at}: a Floquet multiplier needs a vertical motion of kind = "sine": this {what}'])
@@ -208,8 +210,8 @@ def _on_structure(scene: Scene) -> Iterator[HillSystem]:
     pushed = [
         f"{name}: the ground shakes the weights that its spring carries, which then never rests: a Floquet multiplier "
         "needs weights that balance"
-        for name, own in zip(structure.names, weights(structure, hung_masses(scene), scene.gravity), strict=True)
-        if abs(own.force) > BALANCED * own.size
+        for name, weight in zip(structure.names, weights(structure, hung_masses(scene), scene.gravity), strict=True)
+        if abs(weight.force) > BALANCED * weight.size
     ]
     if pushed:
         raise SceneError(pushed)
@@ -235,16 +237,16 @@ def _systems(scene: Scene) -> Iterator[HillSystem]:
         places.setdefault(kind, slice(at, at + n))
         counts[kind] = counts.get(kind, 0) + copies
         at += copies * n
-    for kind, own in places.items():
-        h, sprung = geometry.centres[own, own], bool(rig.blocks[kind[0]].stiffness[:, kind[1]].any())
-        square, shapes = _modes(whole.M[own, own], whole.K[own, own])
+    for kind, span in places.items():
+        h, sprung = geometry.centres[span, span], bool(rig.blocks[kind[0]].stiffness[:, kind[1]].any())
+        square, shapes = _modes(whole.M[span, span], whole.K[span, span])
 
         def pressed(strength: Floats, h: Floats = h, shapes: Floats = shapes) -> Floats:
             return np.asarray(shapes.T @ ((h.T @ strength)[:, None] * shapes))
 
-        P = pressed(geometry.mass[own]) if sprung else np.diag(square / scene.gravity)
-        E = shapes.T @ (h.T * quadratic[own]) @ h @ shapes
-        parts = (P, shapes.T @ whole.D[own, own] @ shapes, pressed(geometry.drag[own]), pressed(quadratic[own]), E)
+        P = pressed(geometry.mass[span]) if sprung else np.diag(square / scene.gravity)
+        E = shapes.T @ (h.T * quadratic[span]) @ h @ shapes
+        parts = (P, shapes.T @ whole.D[span, span] @ shapes, pressed(geometry.drag[span]), pressed(quadratic[span]), E)
         for alike in _coupled(parts):
             cut = np.ix_(alike, alike)
             yield HillSystem(counts[kind], square[alike], *(part[cut] for part in parts))

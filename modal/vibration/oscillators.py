@@ -76,11 +76,11 @@ def phi(z: Complexes, most: int) -> list[Complexes]:
     near = np.where(small, z, 0.0)
     series = [sum(near**j / factorial(j + k) for j in range(SERIES)) for k in range(1, most + 1)]
     far = np.where(small, 1.0, z)
-    found, last = [], np.exp(far)
+    values, last = [], np.exp(far)
     for k in range(1, most + 1):
         last = (last - 1 / factorial(k - 1)) / far
-        found.append(np.where(small, series[k - 1], last))
-    return found
+        values.append(np.where(small, series[k - 1], last))
+    return values
 
 
 def driven(poles: Complexes, grid: Grid) -> Complexes:
@@ -89,14 +89,14 @@ def driven(poles: Complexes, grid: Grid) -> Complexes:
     z = np.multiply.outer(poles, steps)
     forced = np.zeros_like(z, dtype=np.complex128)
     with np.errstate(over="ignore", invalid="ignore"):
-        for m, own in enumerate(phi(z, len(derivatives))):
-            forced += derivatives[m, :-1] * steps ** (m + 1) * own
-    grown, found = np.exp(z), np.zeros((len(poles), len(grid.times)), dtype=np.complex128)
-    alpha = found[:, 0]
+        for m, weight in enumerate(phi(z, len(derivatives))):
+            forced += derivatives[m, :-1] * steps ** (m + 1) * weight
+    grown, alphas = np.exp(z), np.zeros((len(poles), len(grid.times)), dtype=np.complex128)
+    alpha = alphas[:, 0]
     for at in range(len(steps)):
         alpha = grown[:, at] * alpha + forced[:, at]
-        found[:, at + 1] = alpha
-    return found
+        alphas[:, at + 1] = alpha
+    return alphas
 
 
 def response_spectrum(record: Record, frequencies: Floats, damping: float) -> Floats:
@@ -104,13 +104,13 @@ def response_spectrum(record: Record, frequencies: Floats, damping: float) -> Fl
 
     `damping` is the ratio ζ below 1 of all of them; each is followed for one period beyond the record.
     """
-    found = []
+    peaks = []
     for frequency in np.asarray(frequencies, dtype=float).tolist():
         omega = 2 * np.pi * frequency
         pole = omega * complex(-damping, np.sqrt(1 - damping**2))
         grid = fine_times(record, 1 / frequency, record.last + 1 / frequency)
-        found.append(peak(grid, -driven(np.array([pole]), grid)[0].imag / pole.imag)[0])
-    return np.array(found)
+        peaks.append(peak(grid, -driven(np.array([pole]), grid)[0].imag / pole.imag)[0])
+    return np.array(peaks)
 
 
 def peak(grid: Grid, values: Floats) -> tuple[float, float]:
@@ -122,7 +122,7 @@ def peak(grid: Grid, values: Floats) -> tuple[float, float]:
     largest = float(sizes.max())
     if not largest:
         return 0.0, float(grid.times[0])
-    found = largest, float(grid.times[sizes.argmax()])
+    highest = largest, float(grid.times[sizes.argmax()])
     near = np.flatnonzero(sizes >= NEARLY * largest)
     begun, ending = np.searchsorted(grid.first, near, side="right") - 1, np.searchsorted(grid.last, near)
     centre = np.concatenate((near, near[begun != ending]))  # a sample that two pieces share is judged in both
@@ -145,8 +145,8 @@ def peak(grid: Grid, values: Floats) -> tuple[float, float]:
     if len(height) and height.max() > largest:
         at = int(height.argmax())
         pace = float(grid.times[start[at] + 3] - grid.times[start[at] + 2])
-        found = float(height[at]), float(grid.times[start[at] + 2] + place[at, 0] * pace)
-    return found
+        highest = float(height[at]), float(grid.times[start[at] + 2] + place[at, 0] * pace)
+    return highest
 
 
 NEARLY = 0.8
@@ -159,10 +159,10 @@ THROUGH_FIVE = np.linalg.inv(np.vander(np.arange(-2.0, 3.0), increasing=True))
 
 def _polynomial(coefficients: Floats, places: Floats) -> Floats:
     """Σ c_k x^k of polynomials (N, d) at places (N, P)."""
-    found = np.zeros_like(places)
-    for own in coefficients.T[::-1]:
-        found = found * places + own[:, None]
-    return found
+    values = np.zeros_like(places)
+    for coefficient in coefficients.T[::-1]:
+        values = values * places + coefficient[:, None]
+    return values
 
 
 def _derivative(coefficients: Floats, order: int) -> Floats:

@@ -81,7 +81,9 @@ class ParametricStability(Displayed):
         return f"small motion {what}: the largest Floquet multiplier of a period is {self.largest:.6g}"
 
     def _summary(self) -> Summary:
-        rows = [[brief(one.real), brief(one.imag), brief(abs(one))] for one in self.multipliers]
+        rows = [
+            [brief(multiplier.real), brief(multiplier.imag), brief(abs(multiplier))] for multiplier in self.multipliers
+        ]
         facts = [("period", f"{self.period:.6g} s"), ("growth rate", f"{self.growth_rate:.6g} 1/s")]
         return Summary(self.words, facts, ("Re", "Im", "size"), rows, len(rows))
 
@@ -117,7 +119,7 @@ def stabilities(scenes: Sequence[Scene]) -> list[ParametricStability]:
     ['neutral', 'grows at half the frequency']
     """
     validate_scenes(scenes)
-    found: list[ParametricStability | None] = [None] * len(scenes)
+    answers: list[ParametricStability | None] = [None] * len(scenes)
     groups: dict[tuple[object, ...], list[int]] = {}
     sines = [vertical_sine(scene) for scene in scenes]
     for at, scene in enumerate(scenes):
@@ -127,16 +129,16 @@ def stabilities(scenes: Sequence[Scene]) -> list[ParametricStability]:
         systems = hill_systems(scenes[alike[0]])
         amplitude, hertz = np.array([(sines[at].amplitude, sines[at].frequency_hz) for at in alike]).T
         for at, values, certain in zip(alike, *_multipliers(systems, amplitude, tau * hertz), strict=True):
-            found[at] = ParametricStability(values, 1 / sines[at].frequency_hz, float(certain))
-    return [one for one in found if one]
+            answers[at] = ParametricStability(values, 1 / sines[at].frequency_hz, float(certain))
+    return [answer for answer in answers if answer]
 
 
 def _multipliers(systems: Sequence[HillSystem], amplitude: Floats, omega: Floats) -> tuple[Complexes, Floats]:
     """All multipliers (B, 2n), largest first, and what is certain of the largest (B,)."""
     values, certain = [], []
     for system in systems:
-        own = system.multipliers(amplitude, omega)
-        values.append(np.tile(own, (1, system.count)))
+        of_system = system.multipliers(amplitude, omega)
+        values.append(np.tile(of_system, (1, system.count)))
         room = COUPLED if system.is_reversible and system.size > 1 else CERTAIN
         certain.append(np.full(values[-1].shape, room))
     whole, rooms = np.concatenate(values, axis=1), np.concatenate(certain, axis=1)

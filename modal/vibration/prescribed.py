@@ -67,10 +67,10 @@ class Polynomials(NamedTuple):
     def beside(self, times: Floats) -> Floats:
         """The function at times of any shape (s), where it does not repeat."""
         piece = np.searchsorted(self.knots, times, side="right")
-        s, found = times - self.origins[piece], np.zeros(np.shape(times))
+        s, value = times - self.origins[piece], np.zeros(np.shape(times))
         for coefficient in self.coefficients.T[::-1]:
-            found = found * s + coefficient[piece]
-        return found
+            value = value * s + coefficient[piece]
+        return value
 
     @property
     def in_floats(self) -> Callable[[float], float]:
@@ -79,10 +79,10 @@ class Polynomials(NamedTuple):
 
         def at(time: float) -> float:
             piece = bisect_right(knots, time)
-            s, found = time - origins[piece], 0.0
+            s, value = time - origins[piece], 0.0
             for coefficient in falling[piece]:
-                found = found * s + coefficient
-            return found
+                value = value * s + coefficient
+            return value
 
         return at
 
@@ -201,9 +201,9 @@ class Sine(PrescribedMotion):
 
     def with_constants(self, constants: Sequence[Any]) -> Sine:
         """A sine with these."""
-        found = copy(self)
-        found.amplitude, found.omega, found.phase = constants
-        return found
+        changed = copy(self)
+        changed.amplitude, changed.omega, changed.phase = constants
+        return changed
 
     def derivative(self, time: Any, order: int) -> Any:
         """A ωⁿ sin(ω t + φ + n π/2)."""
@@ -330,12 +330,12 @@ class Record(PrescribedMotion):
     @cached_property
     def pieces(self) -> tuple[Floats, Floats]:
         """Times (J + 1,) between which the acceleration is a polynomial, and all its derivatives after each (K, J)."""
-        found = scipy.interpolate.PPoly.from_spline(self._splines[2])
-        wide = np.diff(found.x) > 0
-        wide &= (found.x[:-1] >= self.first) & (found.x[1:] <= self.last)
-        derivatives = found.c[::-1, wide] * np.array([factorial(k) for k in range(len(found.c))])[:, None]
+        spline = scipy.interpolate.PPoly.from_spline(self._splines[2])
+        wide = np.diff(spline.x) > 0
+        wide &= (spline.x[:-1] >= self.first) & (spline.x[1:] <= self.last)
+        derivatives = spline.c[::-1, wide] * np.array([factorial(k) for k in range(len(spline.c))])[:, None]
         derivatives[0] -= self.steady
-        return np.append(found.x[:-1][wide], self.last), derivatives
+        return np.append(spline.x[:-1][wide], self.last), derivatives
 
     def polynomials(self, order: int) -> Polynomials:
         """Those of the spline; outside the record none, at constant velocity."""
@@ -348,16 +348,16 @@ class Record(PrescribedMotion):
         begun = np.asarray(self.derivative(knots, 1))
         powers = np.array([factorial(k) for k in range(len(derivatives) + 1)])[:, None]
         inside = np.vstack((begun[:-1], derivatives)) / powers
-        found = []
-        for first, last, own in (
+        polynomials = []
+        for first, last, terms in (
             (begun[0], begun[-1], inside),
             (0.0, 0.0, inside[1:] * np.arange(1, len(inside))[:, None]),
         ):
-            ends = np.zeros((2, len(own)))
+            ends = np.zeros((2, len(terms)))
             ends[:, 0] = first, last
             origins = np.concatenate((knots[:1], knots))
-            found.append(Polynomials(knots, origins, np.concatenate((ends[:1], own.T, ends[1:]))))
-        return found[0], found[1]
+            polynomials.append(Polynomials(knots, origins, np.concatenate((ends[:1], terms.T, ends[1:]))))
+        return polynomials[0], polynomials[1]
 
     @cached_property
     def acceleration_at(self) -> Callable[[float], float]:
@@ -376,10 +376,10 @@ class Record(PrescribedMotion):
     def derivative(self, time: Any, order: int) -> Any:
         """Of the spline less its baseline; at constant velocity outside the record."""
         within = np.clip(time, self.first, self.last)
-        found = self._own(within, order)
+        value = self._own(within, order)
         if order == 0:
-            return found + self._own(within, 1) * (time - within)
-        return found if order == 1 else np.where(within == time, found, 0.0)
+            return value + self._own(within, 1) * (time - within)
+        return value if order == 1 else np.where(within == time, value, 0.0)
 
     def _own(self, within: Any, order: int) -> Any:
         passed = within - self.first
@@ -434,16 +434,18 @@ class RandomProcess(PrescribedMotion):
         place = np.asarray(times, dtype=float) % self.duration * (table.shape[1] / self.duration)
         at = (place + 0.5).astype(np.int64)
         s = (place - at) * (self.duration / table.shape[1])
-        found = np.zeros(place.shape)
+        value = np.zeros(place.shape)
         for coefficient in table[:, at % table.shape[1]]:
-            found = found * s + coefficient
-        return found
+            value = value * s + coefficient
+        return value
 
     def polynomials(self, order: int) -> Polynomials:
         """Those of the table."""
-        own = self._arrays[order - 1].T[:, ::-1]
-        places = np.multiply(np.arange(len(own) + 1), self.duration / len(own), dtype=np.float64)
-        return Polynomials((places[:-1] + places[1:]) / 2, places, np.concatenate((own, own[:1])), self.duration)
+        coefficients = self._arrays[order - 1].T[:, ::-1]
+        places = np.multiply(np.arange(len(coefficients) + 1), self.duration / len(coefficients), dtype=np.float64)
+        return Polynomials(
+            (places[:-1] + places[1:]) / 2, places, np.concatenate((coefficients, coefficients[:1])), self.duration
+        )
 
     @cached_property
     def _arrays(self) -> list[Floats]:
@@ -454,15 +456,15 @@ class RandomProcess(PrescribedMotion):
         """Taylor coefficients of velocity and acceleration, the highest first, at equal parts of the duration."""
         numbers = np.rint(self.omega * self.duration / tau).astype(np.int64)
         count = 2 * ceil(tau * numbers[-1] / SPACING / 2)
-        found = []
+        tables = []
         for order in (1, 2):
             rows = []
             for term in range(TERMS):
                 bins = np.zeros(count // 2 + 1, dtype=complex)
                 bins[numbers] = self.lines * (1j * self.omega) ** (order + term) * (count / 2 / factorial(term))
                 rows.append(np.fft.irfft(bins, count))
-            found.append([*zip(*(row.tolist() for row in reversed(rows)), strict=True)])
-        return found
+            tables.append([*zip(*(row.tolist() for row in reversed(rows)), strict=True)])
+        return tables
 
     def _tabled(self, table: list[tuple[float, ...]], time: float) -> float:
         place = time % self.duration * (len(table) / self.duration)
@@ -500,8 +502,8 @@ def band(degree: int, derivatives: int) -> float:
 
     def excess(f: float) -> float:
         weights = (f / (f - IMAGES)) ** (degree + 1)
-        own = 1 / (1 + weights.sum())
-        images = own * weights * ((f - IMAGES) / f) ** derivatives
-        return float(np.sqrt((own - 1) ** 2 + np.sum(images**2))) - WITHIN
+        main = 1 / (1 + weights.sum())
+        images = main * weights * ((f - IMAGES) / f) ** derivatives
+        return float(np.sqrt((main - 1) ** 2 + np.sum(images**2))) - WITHIN
 
     return float(scipy.optimize.brentq(excess, 1e-3, 0.49))

@@ -97,31 +97,31 @@ class RandomResponse(ModalResponse):
     @cached_property
     def white(self) -> Floats:
         """The same by Miles' equation, (R, p): NaN for modes that do not oscillate."""
-        found = np.full(self.by_mode.shape, np.nan)
-        for number in range(len(found)):
-            own = [(term, pole) for term, pole in self._terms if term.mode == number]
-            if not own or not own[0][1].imag > 0:
+        rms = np.full(self.by_mode.shape, np.nan)
+        for number in range(len(rms)):
+            terms = [(term, pole) for term, pole in self._terms if term.mode == number]
+            if not terms or not terms[0][1].imag > 0:
                 continue
-            omega, decay = abs(own[0][1]), abs(own[0][1].real)
-            N1, N0 = (sum(getattr(term, name)[:, 0] for term, _ in own) for name in ("N1", "N0"))
+            omega, decay = abs(terms[0][1]), abs(terms[0][1].real)
+            N1, N0 = (sum(getattr(term, name)[:, 0] for term, _ in terms) for name in ("N1", "N0"))
             S = float(self.input_psd(np.array([omega / tau]))[0])
             with np.errstate(all="ignore"):
                 squared = S * ((N0 / omega) ** 2 + N1**2) / (8 * decay)
-            found[number] = np.where(squared > 0, np.sqrt(squared), 0.0)
-        return found
+            rms[number] = np.where(squared > 0, np.sqrt(squared), 0.0)
+        return rms
 
     @cached_property
     def words(self) -> tuple[str, ...]:
         """Why some outputs have no finite RMS."""
         endless = np.isinf(self.by_mode)
-        found = []
+        words = []
         for k in np.flatnonzero(np.isinf(self.rms)).tolist():
             numbers = np.flatnonzero(endless[:, k]) + 1
             named = ", ".join(map(str, numbers[:NAMED].tolist()))
             named += f" and {len(numbers) - NAMED} more" if len(numbers) > NAMED else ""
             which = f"mode {named} is {DIVERGES}" if len(numbers) == 1 else f"modes {named} are {DIVERGES}"
-            found.append(f"{self.outputs[k].name}: {which if len(numbers) else DRIFTS}")
-        return tuple(found)
+            words.append(f"{self.outputs[k].name}: {which if len(numbers) else DRIFTS}")
+        return tuple(words)
 
     @cached_property
     def _both(self) -> tuple[Floats, Floats]:
@@ -137,15 +137,15 @@ class RandomResponse(ModalResponse):
             poles = [pole for _, pole in reached if not (pole.real == 0 and low <= pole.imag <= high)]
             for omega, weight in nodes(low, high, poles):
                 S = weight * self.input_psd(omega / tau) / tau
-                for mode, own in self._responses(omega):
+                for mode, response in self._responses(omega):
                     if mode is not None:
-                        each[mode] += (np.abs(own) ** 2) @ S
+                        each[mode] += (np.abs(response) ** 2) @ S
                 H = frequency_response(self.form, omega, tolerance=PRECISE)[:, 0]
                 total += np.where(np.isfinite(H), np.abs(H) ** 2, 0.0) @ S
-        found, parts = np.sqrt(total), np.sqrt(each)
+        whole, parts = np.sqrt(total), np.sqrt(each)
         parts[endless] = np.inf
-        found[endless.any(0) | self._drifting()] = np.inf
-        return found, parts
+        whole[endless.any(0) | self._drifting()] = np.inf
+        return whole, parts
 
     def _stretches(self) -> Iterator[tuple[float, float]]:
         """The intervals (rad/s) between points of the PSD in which it is not zero."""
@@ -168,14 +168,14 @@ class RandomResponse(ModalResponse):
         """What each mode adds to H, (p, W); None for the support itself."""
         s = 1j * omega
         for mode, group in groupby(self._terms, key=lambda each: each[0].mode):
-            found = np.zeros((len(self.outputs), len(s)), dtype=np.complex128)
+            response = np.zeros((len(self.outputs), len(s)), dtype=np.complex128)
             for term, pole in group:
                 twice = term.c[0] == 1.0
                 lossy = self.modes.scene.has_losses
                 other = (-term.c[1] - pole) if twice and (lossy or not pole.imag) else np.conj(pole)
                 below = (s - pole) * (s - other) if twice else s - pole
-                found += (term.N1[:, :1] * s + term.N0[:, :1]) / below
-            yield mode, found
+                response += (term.N1[:, :1] * s + term.N0[:, :1]) / below
+            yield mode, response
 
 
 def exact_terms(form: ModalForm) -> Iterator[Term]:
@@ -199,8 +199,8 @@ def exact_terms(form: ModalForm) -> Iterator[Term]:
 
 def _felt(every: list[tuple[Term, complex]], mode: int) -> Booleans:
     """The outputs in which a mode is felt, (p,)."""
-    own = [(term.N0[:, 0] != 0) | (term.N1[:, 0] != 0) for term, _ in every if term.mode == mode]
-    return np.asarray(np.any(own, axis=0))
+    felt = [(term.N0[:, 0] != 0) | (term.N1[:, 0] != 0) for term, _ in every if term.mode == mode]
+    return np.asarray(np.any(felt, axis=0))
 
 
 def poles_of(form: ModalForm) -> list[complex]:

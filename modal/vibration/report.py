@@ -23,83 +23,87 @@ MOST_SAMPLES = 20_000
 INFINITE = "∞"
 
 
-def response_frequencies(found: RandomResponse) -> Floats:
+def response_frequencies(response: RandomResponse) -> Floats:
     """Frequencies (Hz) that show every resonance of a PSD: those of the given PSD, a grid, and more at the modes."""
-    given = np.array(found.spectrum.frequency_hz)
-    low, high = max(given[0], 1e-4 * given[-1]), given[-1]
-    values = found.modes.eigenvalue
+    table = np.array(response.spectrum.frequency_hz)
+    low, high = max(table[0], 1e-4 * table[-1]), table[-1]
+    values = response.modes.eigenvalue
     near = [
         abs(v.imag) + step * max(abs(v.real), 1e-4 * abs(v.imag)) for v in values.tolist() for step in PER_RESONANCE
     ]
-    every = np.concatenate([given, np.geomspace(low, high, POINTS), np.array(near) / tau])
+    every = np.concatenate([table, np.geomspace(low, high, POINTS), np.array(near) / tau])
     return np.unique(every[(every >= low) & (every <= high)])
 
 
 @checked
-def random_report(found: RandomResponse, form: Form = "text") -> str:
+def random_report(response: RandomResponse, form: Form = "text") -> str:
     """RMS by output and by mode, and in CSV and JSON the PSDs: "text", "csv" or "json"."""
     if form == "text":
-        return _random_text(found)
-    f = response_frequencies(found)
-    psd = found.psd(f)
+        return _random_text(response)
+    f = response_frequencies(response)
+    psd = response.psd(f)
     if form == "csv":
-        return as_csv(list(_random_records(found, f, psd)))
+        return as_csv(list(_random_records(response, f, psd)))
     return as_json(
         {
-            "title": found.modes.scene.title,
-            "input": {"quantity": found.source.name.replace("_", " "), "unit": f"({found.source.unit})^2/Hz"},
+            "title": response.modes.scene.title,
+            "input": {"quantity": response.source.name.replace("_", " "), "unit": f"({response.source.unit})^2/Hz"},
             "outputs": [
                 {
                     "name": signal.name,
                     "unit": signal.unit,
-                    "rms": finite(float(found.rms[k])),
+                    "rms": finite(float(response.rms[k])),
                     "by_mode": [
                         {"mode": number, "rms": finite(rms), "miles": finite(white)}
                         for number, (rms, white) in enumerate(
-                            zip(found.by_mode[:, k].tolist(), found.white[:, k].tolist(), strict=True), 1
+                            zip(response.by_mode[:, k].tolist(), response.white[:, k].tolist(), strict=True), 1
                         )
                     ],
                     "psd": [finite(value) for value in psd[k].tolist()],
                     "psd_unit": f"({signal.unit})^2/Hz",
                 }
-                for k, signal in enumerate(found.outputs)
+                for k, signal in enumerate(response.outputs)
             ],
             "frequency_hz": f.tolist(),
-            "input_psd": found.input_psd(f).tolist(),
-            "infinite": list(found.words),
+            "input_psd": response.input_psd(f).tolist(),
+            "infinite": list(response.words),
         }
     )
 
 
-def _random_records(found: RandomResponse, f: Floats, psd: Floats) -> Iterator[dict[str, Any]]:
+def _random_records(response: RandomResponse, f: Floats, psd: Floats) -> Iterator[dict[str, Any]]:
     names = ("quantity", "output", "unit", "mode", "frequency_hz", "value")
-    rates = found.modes.omega / tau
-    for k, signal in enumerate(found.outputs):
-        yield dict(zip(names, ("rms", signal.name, signal.unit, "all", "", float(found.rms[k])), strict=True))
+    rates = response.modes.omega / tau
+    for k, signal in enumerate(response.outputs):
+        yield dict(zip(names, ("rms", signal.name, signal.unit, "all", "", float(response.rms[k])), strict=True))
         for number in range(len(rates)):
-            for what, values in (("rms", found.by_mode), ("miles", found.white)):
+            for what, values in (("rms", response.by_mode), ("miles", response.white)):
                 cells = (what, signal.name, signal.unit, number + 1, float(rates[number]), float(values[number, k]))
                 yield dict(zip(names, cells, strict=True))
-    for frequency, value in zip(f.tolist(), found.input_psd(f).tolist(), strict=True):
-        given = ("psd", found.source.name, f"({found.source.unit})^2/Hz", "all", frequency, value)
-        yield dict(zip(names, given, strict=True))
-    for k, signal in enumerate(found.outputs):
+    for frequency, value in zip(f.tolist(), response.input_psd(f).tolist(), strict=True):
+        described = ("psd", response.source.name, f"({response.source.unit})^2/Hz", "all", frequency, value)
+        yield dict(zip(names, described, strict=True))
+    for k, signal in enumerate(response.outputs):
         for frequency, value in zip(f.tolist(), psd[k].tolist(), strict=True):
             yield dict(zip(names, ("psd", signal.name, f"({signal.unit})^2/Hz", "all", frequency, value), strict=True))
 
 
-def _random_text(found: RandomResponse) -> str:
-    f, of = found.spectrum.frequency_hz, found.spectrum.of
-    names = [signal.name for signal in found.outputs]
-    units = [signal.unit for signal in found.outputs]
-    rows = [["all", "", *map(_number, found.rms.tolist())]]
+def _random_text(response: RandomResponse) -> str:
+    f, of = response.spectrum.frequency_hz, response.spectrum.of
+    names = [signal.name for signal in response.outputs]
+    units = [signal.unit for signal in response.outputs]
+    rows = [["all", "", *map(_number, response.rms.tolist())]]
     rows += [
         [f"{number}", _number(omega / tau), *map(_number, rms)]
-        for number, (omega, rms) in enumerate(zip(found.modes.omega.tolist(), found.by_mode.tolist(), strict=True), 1)
+        for number, (omega, rms) in enumerate(
+            zip(response.modes.omega.tolist(), response.by_mode.tolist(), strict=True), 1
+        )
     ]
     white = [
         [f"{number}", _number(omega / tau), *map(_number, rms)]
-        for number, (omega, rms) in enumerate(zip(found.modes.omega.tolist(), found.white.tolist(), strict=True), 1)
+        for number, (omega, rms) in enumerate(
+            zip(response.modes.omega.tolist(), response.white.tolist(), strict=True), 1
+        )
     ]
     headings = ["mode", "f (Hz)", *(f"{name} ({unit})" for name, unit in zip(names, units, strict=True))]
     parts = [
@@ -107,25 +111,31 @@ def _random_text(found: RandomResponse) -> str:
         grid(rows, headings),
         "RMS by Miles' equation, for white noise of the PSD at each mode",
         grid(white, headings),
-        *found.words,
+        *response.words,
     ]
-    source = f"the support's {of}" if found.source.name == INPUT else f"{found.source.name} ({found.source.unit})"
-    return titled(title_of(found.modes.scene), f"random vibration, from the PSD of {source}", parts, "text")
+    source = (
+        f"the support's {of}" if response.source.name == INPUT else f"{response.source.name} ({response.source.unit})"
+    )
+    return titled(title_of(response.modes.scene), f"random vibration, from the PSD of {source}", parts, "text")
 
 
 @checked
-def shock_report(found: ShockResponse, form: Form = "text") -> str:
+def shock_report(response: ShockResponse, form: Form = "text") -> str:
     """Peaks by output and by mode with their combinations, and in CSV and JSON the histories."""
     if form == "text":
-        return _shock_text(found)
-    rows = _rows(found)
+        return _shock_text(response)
+    rows = _rows(response)
     if form == "csv":
-        return as_csv(list(_shock_records(found, rows)))
+        return as_csv(list(_shock_records(response, rows)))
     return as_json(
         {
-            "title": found.modes.scene.title,
-            "record": {"first_s": found.record.first, "last_s": found.record.last, "band_hz": found.record.band_hz},
-            "notes": [found.record.words],
+            "title": response.modes.scene.title,
+            "record": {
+                "first_s": response.record.first,
+                "last_s": response.record.last,
+                "band_hz": response.record.band_hz,
+            },
+            "notes": [response.record.words],
             "modes": [
                 {
                     "mode": number,
@@ -133,92 +143,100 @@ def shock_report(found: ShockResponse, form: Form = "text") -> str:
                     "effective_mass_share": finite(share),
                     "cumulative_share": finite(total),
                 }
-                for number, omega, share, total in _masses(found)
+                for number, omega, share, total in _masses(response)
             ],
-            "modes_for_90_percent": found.enough,
+            "modes_for_90_percent": response.enough,
             "outputs": [
                 {
                     "name": signal.name,
                     "unit": signal.unit,
-                    "peak": finite(found.peaks[k, 0].item()),
-                    "time_s": finite(found.peaks[k, 1].item()),
-                    "srss": finite(found.srss[k].item()),
-                    "cqc": finite(found.cqc[k].item()),
-                    "by_mode": found.mode_peaks[:, k].tolist(),
-                    "history": found.history[k, rows].tolist(),
+                    "peak": finite(response.peaks[k, 0].item()),
+                    "time_s": finite(response.peaks[k, 1].item()),
+                    "srss": finite(response.srss[k].item()),
+                    "cqc": finite(response.cqc[k].item()),
+                    "by_mode": response.mode_peaks[:, k].tolist(),
+                    "history": response.history[k, rows].tolist(),
                 }
-                for k, signal in enumerate(found.outputs)
+                for k, signal in enumerate(response.outputs)
             ],
-            "time_s": found.times[rows].tolist(),
+            "time_s": response.times[rows].tolist(),
         }
     )
 
 
-def _rows(found: ShockResponse) -> Any:
+def _rows(response: ShockResponse) -> Any:
     """At most MOST_SAMPLES samples of a history, evenly spread."""
-    return slice(None, None, -(-len(found.times) // MOST_SAMPLES))
+    return slice(None, None, -(-len(response.times) // MOST_SAMPLES))
 
 
-def _masses(found: ShockResponse) -> list[tuple[int, float, float, float]]:
-    shares = found.mass_shares
-    columns = (found.modes.omega.tolist(), shares.tolist(), np.cumsum(shares).tolist())
+def _masses(response: ShockResponse) -> list[tuple[int, float, float, float]]:
+    shares = response.mass_shares
+    columns = (response.modes.omega.tolist(), shares.tolist(), np.cumsum(shares).tolist())
     return [(number, *values) for number, values in enumerate(zip(*columns, strict=True), 1)]
 
 
-def _shock_records(found: ShockResponse, rows: Any) -> Iterator[dict[str, Any]]:
+def _shock_records(response: ShockResponse, rows: Any) -> Iterator[dict[str, Any]]:
     names = ("quantity", "output", "unit", "mode", "time_s", "value")
 
     def record(*cells: Any) -> dict[str, Any]:
         return dict(zip(names, cells, strict=True))
 
-    for k, signal in enumerate(found.outputs):
-        size, time = found.peaks[k].tolist()
+    for k, signal in enumerate(response.outputs):
+        size, time = response.peaks[k].tolist()
         yield record("peak", signal.name, signal.unit, "all", time, size)
-        yield record("srss", signal.name, signal.unit, "all", "", float(found.srss[k]))
-        yield record("cqc", signal.name, signal.unit, "all", "", float(found.cqc[k]))
-        for number, value in enumerate(found.mode_peaks[:, k].tolist(), 1):
+        yield record("srss", signal.name, signal.unit, "all", "", float(response.srss[k]))
+        yield record("cqc", signal.name, signal.unit, "all", "", float(response.cqc[k]))
+        for number, value in enumerate(response.mode_peaks[:, k].tolist(), 1):
             yield record("peak", signal.name, signal.unit, number, "", value)
-    for number, _, share, total in _masses(found):
+    for number, _, share, total in _masses(response):
         yield record("effective_mass_share", "", "1", number, "", share)
         yield record("cumulative_share", "", "1", number, "", total)
-    for k, signal in enumerate(found.outputs):
-        for time, value in zip(found.times[rows].tolist(), found.history[k, rows].tolist(), strict=True):
+    for k, signal in enumerate(response.outputs):
+        for time, value in zip(response.times[rows].tolist(), response.history[k, rows].tolist(), strict=True):
             yield record("history", signal.name, signal.unit, "all", time, value)
 
 
-def _shock_text(found: ShockResponse) -> str:
+def _shock_text(response: ShockResponse) -> str:
     headings = ["output", "peak", "at (s)", "SRSS", "CQC", "unit"]
     cells = [
-        [signal.name, *map(_number, (*found.peaks[k].tolist(), found.srss[k], found.cqc[k])), signal.unit]
-        for k, signal in enumerate(found.outputs)
+        [signal.name, *map(_number, (*response.peaks[k].tolist(), response.srss[k], response.cqc[k])), signal.unit]
+        for k, signal in enumerate(response.outputs)
     ]
-    modes = ["mode", "f (Hz)", "mass share", "cumulative", *(signal.name for signal in found.outputs)]
+    modes = ["mode", "f (Hz)", "mass share", "cumulative", *(signal.name for signal in response.outputs)]
     rows = [
-        [f"{number}", _number(omega / tau), _number(share), _number(total), *map(_number, found.mode_peaks[number - 1])]
-        for number, omega, share, total in _masses(found)
+        [
+            f"{number}",
+            _number(omega / tau),
+            _number(share),
+            _number(total),
+            *map(_number, response.mode_peaks[number - 1]),
+        ]
+        for number, omega, share, total in _masses(response)
     ]
     parts = [
         grid(cells, headings),
         "peaks of each mode alone, with the sign of the mode",
         grid(rows, modes),
-        *_notes(found),
+        *_notes(response),
     ]
-    return titled(title_of(found.modes.scene), "response to the record", parts, "text")
+    return titled(title_of(response.modes.scene), "response to the record", parts, "text")
 
 
-def _notes(found: ShockResponse) -> Sequence[str]:
+def _notes(response: ShockResponse) -> Sequence[str]:
     notes = []
-    if found.enough:
-        notes.append(f"The lowest {found.enough} of {len(found.modes)} modes hold 90 % of the mass along the rail.")
-    elif np.all(np.isfinite(found.mass_shares)):
-        share = 100 * float(found.mass_shares.sum())
+    if response.enough:
+        notes.append(
+            f"The lowest {response.enough} of {len(response.modes)} modes hold 90 % of the mass along the rail."
+        )
+    elif np.all(np.isfinite(response.mass_shares)):
+        share = 100 * float(response.mass_shares.sum())
         notes.append(f"All modes hold {share:.3g} % of the mass along the rail; the rest does not move in them.")
     else:
         notes.append("The effective masses of these modes are unknown.")
-    if np.any(found.follows_support):
-        names = ", ".join(np.array([signal.name for signal in found.outputs])[found.follows_support])
+    if np.any(response.follows_support):
+        names = ", ".join(np.array([signal.name for signal in response.outputs])[response.follows_support])
         notes.append(f"No combination of modes for {names}: the support's own motion adds to theirs.")
-    words = found.record.words
+    words = response.record.words
     return [*notes, f"{words[:1].upper()}{words[1:]}."]
 
 

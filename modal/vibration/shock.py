@@ -65,7 +65,7 @@ class ShockResponse(ModalResponse):
             if term.mode is not None:
                 leading = term.N0[:, 0] if np.any(term.N0) else term.N1[:, 0]
                 signs[term.mode] = np.where(leading < 0, -1.0, 1.0)
-        sizes = [[peak(self.grid, values)[0] for values in own] for own in self.by_mode]
+        sizes = [[peak(self.grid, values)[0] for values in histories] for histories in self.by_mode]
         return np.asarray(signs * np.array(sizes))
 
     @cached_property
@@ -86,9 +86,9 @@ class ShockResponse(ModalResponse):
         omega, zeta = self.modes.omega, np.array([mode.damping_ratio for mode in self.modes])
         swing = omega > 0
         with np.errstate(all="ignore"):
-            found = cqc(self.mode_peaks[swing], omega[swing], np.clip(np.nan_to_num(zeta[swing]), 0.0, 1.0))
-            found = np.sqrt(found**2 + np.sum(self.mode_peaks[~swing] ** 2, axis=0))
-        return np.where(self.follows_support, np.nan, found)
+            combined = cqc(self.mode_peaks[swing], omega[swing], np.clip(np.nan_to_num(zeta[swing]), 0.0, 1.0))
+            combined = np.sqrt(combined**2 + np.sum(self.mode_peaks[~swing] ** 2, axis=0))
+        return np.where(self.follows_support, np.nan, combined)
 
     @cached_property
     def mass_shares(self) -> Floats:

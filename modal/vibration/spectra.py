@@ -26,5 +26,5 @@ def psd_at(frequencies: Floats, psd: Floats, f: Floats) -> Floats:
 
 def acceleration_psd(spectrum: Spectrum, f: Floats) -> Floats:
     """The PSD of the acceleration, in (m/s²)²/Hz, at the frequencies `f` (Hz)."""
-    found = psd_at(np.array(spectrum.frequency_hz), np.array(spectrum.psd), f)
-    return np.asarray(found * (tau * f) ** POWERS[spectrum.of])
+    psd = psd_at(np.array(spectrum.frequency_hz), np.array(spectrum.psd), f)
+    return np.asarray(psd * (tau * f) ** POWERS[spectrum.of])

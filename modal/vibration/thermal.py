@@ -54,7 +54,7 @@ class ThermalNoise(ModalResponse):
     @cached_property
     def places(self) -> tuple[str, ...]:
         """The places of the scene that dissipate, copies and repeated links together, in its order."""
-        return tuple(dict.fromkeys(one.place for one in self.dissipators))
+        return tuple(dict.fromkeys(dissipator.place for dissipator in self.dissipators))
 
     @cached_property
     def _elimination(self) -> Elimination:
@@ -66,15 +66,17 @@ class ThermalNoise(ModalResponse):
         At f = 0 that of dampers; infinite there with loss angles.  `tolerance` is the relative error of each response.
         """
         omega = tau * np.atleast_1d(np.asarray(f, dtype=float))
-        found = np.zeros((len(self.places), len(self.outputs), len(omega)))
+        budget = np.zeros((len(self.places), len(self.outputs), len(omega)))
         if not self.dissipators:
-            return found
+            return budget
         H: Complexes = self._elimination.along(omega, tolerance)
         with np.errstate(all="ignore"):
-            for j, one in enumerate(self.dissipators):
-                strength = 4 * BOLTZMANN * self.temperature * one.strength(omega)
-                found[self.places.index(one.place)] += np.where(strength > 0, strength * np.abs(H[:, j]) ** 2, 0.0)
-        return found
+            for j, dissipator in enumerate(self.dissipators):
+                strength = 4 * BOLTZMANN * self.temperature * dissipator.strength(omega)
+                budget[self.places.index(dissipator.place)] += np.where(
+                    strength > 0, strength * np.abs(H[:, j]) ** 2, 0.0
+                )
+        return budget
 
     def psd(self, f: ArrayLike) -> Floats:
         """The PSD of every output, (p, W) in its unit squared per hertz, at the frequencies f (W,) in Hz."""

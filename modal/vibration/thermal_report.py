@@ -44,7 +44,7 @@ def thermal_report(
     `at` are the frequencies (Hz) of a text, and in the other forms further ones.  Of a response to a PSD `beside` it,
     which has the same outputs, the amplitude spectral densities stand beside those of the thermal noise.
     """
-    if beside is not None and [one.name for one in beside.outputs] != [one.name for one in noise.outputs]:
+    if beside is not None and [output.name for output in beside.outputs] != [output.name for output in noise.outputs]:
         raise SceneError(["outputs: those of the thermal noise and of the response beside it must be the same"])
     if form == "text":
         return _text(noise, beside, at)
@@ -56,7 +56,7 @@ def thermal_report(
         return as_csv(_records(noise, f, parts, whole, driven))
     outputs = []
     for k, signal in enumerate(noise.outputs):
-        own: dict[str, Any] = {
+        output: dict[str, Any] = {
             "name": signal.name,
             "unit": signal.unit,
             "asd_unit": f"({signal.unit})/sqrt(Hz)",
@@ -66,17 +66,17 @@ def thermal_report(
             },
         }
         if driven is not None:
-            own["driven_asd"] = list(map(finite, driven[k].tolist()))
-        outputs.append(own)
-    found: dict[str, Any] = {
+            output["driven_asd"] = list(map(finite, driven[k].tolist()))
+        outputs.append(output)
+    record: dict[str, Any] = {
         "title": noise.scene.title,
         "temperature_k": noise.temperature,
         "frequency_hz": f.tolist(),
         "outputs": outputs,
     }
     if beside is not None:
-        found["driven"] = json.loads(random_report(beside, "json"))
-    return as_json(found)
+        record["driven"] = json.loads(random_report(beside, "json"))
+    return as_json(record)
 
 
 def _records(
