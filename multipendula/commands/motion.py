@@ -62,7 +62,7 @@ def simulate(options: argparse.Namespace) -> None:
     if options.output:
         recordings.save(trajectory, options.output)
     target = "standard output" if options.output == STANDARD else options.output
-    say(f"{summary.text(trajectory)}\n")
+    say(f"{summary.text(trajectory, ropes=not options.quiet)}\n")
     say(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}\n" if options.output else "\n"))
     if band is not None and not trajectory.run.interrupted:
         _print_band(options, *band)

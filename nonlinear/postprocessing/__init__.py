@@ -9,6 +9,7 @@ from nonlinear.postprocessing.extents import Extent, angles_of, extent_of, large
 from nonlinear.postprocessing.frequencies import LEAST_PERIODS, ORDER, Line, attention, line, lines
 from nonlinear.postprocessing.reaction_forces import reaction_forces_of
 from nonlinear.postprocessing.resampling import extremes, picked, resample
+from nonlinear.postprocessing.ropes import PushingLink, pushing_links, slack_words, words_of
 from nonlinear.postprocessing.spectra import WINDOW_NAME, power_spectrum, resolution
 from nonlinear.postprocessing.summary import run_inventory
 
@@ -18,6 +19,7 @@ __all__ = [
     "WINDOW_NAME",
     "Extent",
     "Line",
+    "PushingLink",
     "angles_of",
     "attention",
     "extent_of",
@@ -29,9 +31,12 @@ __all__ = [
     "picked",
     "places_of",
     "power_spectrum",
+    "pushing_links",
     "reaction_forces_of",
     "resample",
     "resolution",
     "run_inventory",
+    "slack_words",
     "smooth",
+    "words_of",
 ]

@@ -19,8 +19,9 @@ from modal.scene import require
 from modal.scene.doors import checked
 from modal.types import Floats
 from nonlinear.integration import Trajectory
-from nonlinear.postprocessing import Line, lines
+from nonlinear.postprocessing import Line, PushingLink, lines
 from nonlinear.reduction import ModalMotion, modal_motion
+from nonlinear.verification.measurement import pushing_in
 
 MOST_LINES = 3
 STEADY = 1e-2  # relative error of a line above which it is not steady
@@ -43,12 +44,13 @@ class ModeInMotion(Displayed):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Displayed):
-    """A motion and the results for each modal coordinate."""
+    """A motion and the results for each modal coordinate; `pushing` are the links of bobs that push."""
 
     modes: Modes
     times: Floats
     motion: ModalMotion
     rows: tuple[ModeInMotion, ...]
+    pushing: tuple[PushingLink, ...] = ()
 
     @cached_property
     def swinging(self) -> Floats:
@@ -82,7 +84,7 @@ def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, cou
         found, note = _lines(trajectory.times, eta, complex(modes.eigenvalue[number]), count)
         largest = float(np.abs(eta).max())
         rows.append(ModeInMotion(described[number], int(motion.copy[at]), largest, float(share[at]), found, note))
-    return Comparison(modes, trajectory.times, motion, tuple(rows))
+    return Comparison(modes, trajectory.times, motion, tuple(rows), pushing_in(trajectory))
 
 
 def _lines(times: Floats, eta: Floats, value: complex, count: int) -> tuple[tuple[Line, ...], str]:

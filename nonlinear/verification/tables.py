@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import ceil, degrees, floor, isfinite, isinf, log10
 from typing import Any
 
@@ -9,6 +10,7 @@ from modal.modes.friction import stop_words
 from modal.report import NOTHING, Form, as_csv, as_json, digits, finite, grid, markdown, titled
 from modal.scene import describe, left_out, title_of
 from modal.scene.doors import checked
+from nonlinear.postprocessing import PushingLink, words_of
 from nonlinear.verification.measurement import Measurement
 from nonlinear.verification.modes import FARTHEST, Check, ModeCheck
 from nonlinear.verification.motion import Comparison, ModeInMotion
@@ -93,6 +95,10 @@ def _notes(found: Check) -> list[str]:
     if any(row.backbone for row in found.rows):
         notes.append("orbit: ω(a)/ω − 1 of the mode's exact periodic orbit with the same largest angle.")
     notes.append("outside: the largest share of the energy in other modes.")
+    for row in found.rows:
+        for run in row.measurements:
+            where = f"mode {row.mode.number} at {degrees(run.amplitude):.4g}°"
+            notes += [f"{where}: {words}" for words in words_of(run.pushing, found.scene)]
     return notes
 
 
@@ -114,6 +120,11 @@ def _run_record(row: ModeCheck, run: Measurement) -> dict[str, Any]:
     }
 
 
+def _pushing(links: Sequence[PushingLink]) -> list[dict[str, Any]]:
+    """The links of bobs that push, where a rope would be slack."""
+    return [link.record() for link in links]
+
+
 def _mode_record(row: ModeCheck) -> dict[str, Any]:
     kappa, error = row.kappa
     return {
@@ -126,7 +137,7 @@ def _mode_record(row: ModeCheck) -> dict[str, Any]:
         "linear_to_1_percent_deg": finite(row.mode.linear_to_1_percent_deg),
         "measured_to_1_percent_deg": finite(row.one_percent_deg),
         "resonances": list(row.mode.resonances),
-        "runs": [_run_record(row, run) for run in row.measurements],
+        "runs": [_run_record(row, run) | {"pushing": _pushing(run.pushing)} for run in row.measurements],
     }
 
 
@@ -134,13 +145,16 @@ def _mode_record(row: ModeCheck) -> dict[str, Any]:
 def comparison_table(found: Comparison, form: Form) -> str:
     """A comparison as text, markdown, csv (one line for each line of the motion) or json, as `form` says."""
     if form == "json":
-        return as_json({"scene": describe(found.modes.scene), "coordinates": [_record(found, r) for r in found.rows]})
+        coordinates = [_record(found, row) for row in found.rows]
+        scene = describe(found.modes.scene)
+        return as_json({"scene": scene, "coordinates": coordinates, "pushing": _pushing(found.pushing)})
     if form == "csv":
         return as_csv(
             [{"mode": r.mode.number, "copy": r.copy + 1, **line} for r in found.rows for line in _lines(found, r)]
         )
     note = "lines: frequency (rad/s), amplitude, and difference from the nearest frequency of the table."
-    parts = [grid([_cells(found, row) for row in found.rows], HEADINGS, form), note]
+    words = words_of(found.pushing, found.modes.scene)
+    parts = [grid([_cells(found, row) for row in found.rows], HEADINGS, form), note, *words]
     return titled(title_of(found.modes.scene), "the motion in modal coordinates", parts, form)
 
 
