@@ -172,13 +172,35 @@ def measures() -> str:
 
 
 def options() -> str:
-    """Every option with its metavar and its meaning, then the uses that mean something else."""
-    from multipendula.flags import FLAGS, OTHERWISE
+    """Every option with its metavar, its meaning and the commands that take it, and what options were called before."""
+    from multipendula.flags import FLAGS, FORMER
 
-    rows = [f"`{f'{flag} {metavar}'.strip()}` | {_escaped(words)}" for flag, (metavar, words) in FLAGS.items()]
-    others = [f"`{command} {flag}` | {_escaped(words)}" for (command, flag), words in OTHERWISE.items()]
-    more = ["## Other meanings", "These uses still mean something else.", _table("option | meaning there", others)]
-    return "\n\n".join([_table("option | meaning", rows), *more])
+    takers = {flag: [name for name, page in parsers().items() if flag in page._option_string_actions] for flag in FLAGS}
+    rows = [
+        f"`{f'{flag} {metavar}'.strip()}` | {_escaped(words)} | {_takers(takers[flag])}"
+        for flag, (metavar, words) in FLAGS.items()
+    ]
+    changed = [
+        f"`{command} {f'{flag} {FLAGS[former.now][0]}' if former.values else flag}` | `{former.now}`"
+        for (command, flag), former in FORMER.items()
+    ]
+    return "\n\n".join(
+        [
+            _table("option | meaning | commands", rows),
+            "## Spellings of before",
+            "These get an error that names the new one.",
+            _table("before | now", changed),
+        ]
+    )
+
+
+def _takers(commands: list[str]) -> str:
+    """The commands by name, or those that do not take it where these are few."""
+    missing = [name for name in parsers() if name not in commands]
+    if not missing:
+        return "all"
+    few = len(missing) < 3
+    return "all but " * few + ", ".join(f"`{name}`" for name in (missing if few else commands))
 
 
 MARKS = {"takes": "✓", "leaves": "○", "singly": "1", "unless": "(✓)", "refuses": "✗", "beside": ""}

@@ -10,7 +10,8 @@ The names below are loaded on first use, so that shell completion and help work 
 
 from typing import TYPE_CHECKING
 
-from modal._compatibility import exported, warn_about_namesake
+from modal.lazy import exported
+from modal.namesake import warn_about_namesake
 
 if TYPE_CHECKING:
     from modal.assembly import Matrices, matrices
@@ -76,7 +77,6 @@ warn_about_namesake()
 if not TYPE_CHECKING:
     __getattr__ = exported(
         __name__,
-        {"Start": "InitialCondition", "shipped": "example_names"},
         homes=("errors", "scene", "assembly", "modes"),
         later={"tune": "tuning"},
     )

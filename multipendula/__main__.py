@@ -26,9 +26,9 @@ def main() -> int:
 
 def _has_own_modal() -> bool:
     """Whether the package `modal` is ours, told from its source: another one may fail on import."""
-    found = find_spec("modal")
-    read = getattr(found and found.loader, "get_data", None)
-    return bool(found and found.origin and read and b"natural_modes" in read(found.origin))
+    spec = find_spec("modal")
+    read = getattr(spec and spec.loader, "get_data", None)
+    return bool(spec and spec.origin and read and b"natural_modes" in read(spec.origin))
 
 
 if __name__ == "__main__":

@@ -97,6 +97,8 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
         from multipendula.completion import complete
 
         complete(parser)
+    if not (sys.argv[1:] if arguments is None else arguments):
+        return _print_overview(parser)
     try:
         options, strangers = parser.parse_known_args(arguments)
     except SystemExit as leaving:
@@ -117,6 +119,18 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
         if stopped:
             raise KeyboardInterrupt from None
         return _answer(error, options)
+    return 0
+
+
+def _print_overview(parser: Page) -> int:
+    """What there is, on one screen."""
+    if sys.stdout is None:
+        return _refuse("standard output is closed", 1)
+    try:
+        print(parser.overview())
+        sys.stdout.flush()
+    except OSError as error:
+        return _answer(error, None)
     return 0
 
 
@@ -178,6 +192,8 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     named = [(_long(action), vars(options)[action.dest]) for action in files]
     if unnamed := [option for option, name in named if name == ""]:
         raise SceneError([f"{option}: the name of the file is empty" for option in unnamed])
+    if why := options.page.refused.get(os.path.splitext(getattr(options, "output", None) or "")[1].lower()):
+        raise SceneError([f"-o {options.output}: {why}"])
     to_output = [option for option, name in named if name == STANDARD]
     if len(to_output) > 1:
         raise SceneError([f"{', '.join(to_output)}: at most one of them can be - (standard output)"])
@@ -187,13 +203,11 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     words = _Aside(sys.stdout, quiet=options.quiet) if to_output or (options.quiet and written) else sys.stdout
     notes = StringIO() if options.quiet else sys.stderr
     with fitted(_columns()), redirect_stdout(words), redirect_stderr(notes):
-        for note in getattr(options, "former", ()):
-            print(f"multipendula: {note}", file=sys.stderr)
         yield
 
 
 def _long(action: argparse.Action) -> str:
-    """The first long name of an option, the later ones being former names."""
+    """The long name of an option."""
     return next(option for option in action.option_strings if option.startswith("--"))
 
 

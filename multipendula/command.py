@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable
 from typing import NamedTuple
 
+from multipendula.flags import FORMER
 from multipendula.options import add_quiet
 from multipendula.parser import Examples, Page
 
@@ -36,4 +37,5 @@ class Command(NamedTuple):
         )
         self.arguments(page)
         add_quiet(page)
+        page.former = {flag: former for (command, flag), former in FORMER.items() if command == self.name}
         page.set_defaults(run=self.run, page=page)

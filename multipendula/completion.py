@@ -34,8 +34,8 @@ def shipped() -> list[str]:
     """Names of the shipped scenes, found without loading their package."""
     from importlib.util import find_spec
 
-    found = find_spec("modal")
-    folders = (found and found.submodule_search_locations) or ()
+    spec = find_spec("modal")
+    folders = (spec and spec.submodule_search_locations) or ()
     names = [name for folder in folders for name in os.listdir(os.path.join(folder, "scene", "shipped"))]
     return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
@@ -58,8 +58,8 @@ def words(known: Sequence[str], comma: str = ",") -> Completer:
     """One of these words, or several separated by commas, each once."""
 
     def offered(prefix: str, **_: Any) -> list[str]:
-        before, found, _last = prefix.rpartition(comma) if comma else ("", "", prefix)
-        return [f"{before}{found}{word}" for word in known if word not in before.split(",")]
+        before, separator, _last = prefix.rpartition(comma) if comma else ("", "", prefix)
+        return [f"{before}{separator}{word}" for word in known if word not in before.split(",")]
 
     return offered
 

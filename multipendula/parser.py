@@ -7,8 +7,13 @@ import re
 import sys
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import takewhile
-from typing import Any, NoReturn
+from itertools import takewhile, zip_longest
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from multipendula.flags import FLAGS
+
+if TYPE_CHECKING:
+    from multipendula.flags import Former
 
 WIDTH = 79
 """Columns of a page: a terminal of 80, less one for the cursor."""
@@ -45,12 +50,14 @@ class Page(argparse.ArgumentParser):
         self.reports: dict[str, str] = {}
         self.texts: dict[str, str] = {}
         self.formats: tuple[str, ...] = ()
+        self.refused: dict[str, str] = {}
+        self.former: Mapping[str, Former] = {}
         self.asked = self.add_argument_group("arguments")
         self.motion = self.add_argument_group("motion")
         self.computed = self.add_argument_group("computation")
         self.written = self.add_argument_group("output")
         self.more = self.add_argument_group("other")
-        self.more.add_argument("-h", "--help", action="help", help="show this help message and exit")
+        self.more.add_argument("-h", "--help", action="help", help=FLAGS["--help"][1])
 
     @property
     def name(self) -> str:
@@ -73,6 +80,18 @@ class Page(argparse.ArgumentParser):
             columns.end_section()
         title = "examples" if self.name else "first steps"
         return f"{columns.format_help()}\n{title}:\n{shown(self.examples)}\n{self._further()}"
+
+    def overview(self) -> str:
+        """What there is, on one screen: the commands by topic, without what they do, and first steps."""
+        width = max(map(len, self.topics)) + 2
+        topics = (
+            textwrap.fill(f"  {topic:<{width}}{', '.join(names)}", WIDTH, subsequent_indent=" " * (width + 2))
+            for topic, names in self.topics.items()
+        )
+        about = textwrap.fill(self.description or "", WIDTH)
+        steps = f"first steps:\n{shown(self.examples)}"
+        further = f"`{self.prog} --help` says what each command does,\n`{self.prog} table --help` how one is used."
+        return "\n\n".join([about, "\n".join(["commands:", *topics]), steps, further])
 
     def _sections(self) -> Iterator[tuple[str | None, list[argparse.Action]]]:
         """Commands by topic, then arguments by title."""
@@ -107,6 +126,8 @@ class Page(argparse.ArgumentParser):
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
         """As argparse does; the words are kept for error messages."""
         self.given = list(sys.argv[1:] if args is None else args)
+        if now := [words for words in self._former_options() if words]:
+            self.error("; ".join(dict.fromkeys(now)))
         return super().parse_known_args(self.given, namespace)
 
     def error(self, message: str) -> NoReturn:
@@ -116,6 +137,14 @@ class Page(argparse.ArgumentParser):
 
         lines = map(visible, [f"error: {message}", *self._strangers(), self.pointer])
         self.exit(2, "".join(f"{self.prog}: {line}\n" for line in lines))
+
+    def _former_options(self) -> Iterator[str]:
+        """What to say of former spellings of this command's options, which may be beginnings of new ones."""
+        words = list(takewhile(lambda word: word != "--", self.given))
+        for word, following in zip_longest(words, words[1:], fillvalue=""):
+            flag, equals, value = word.partition("=")
+            if flag in self.former:
+                yield self.former[flag].words(flag, value if equals else following)
 
     def _strangers(self) -> Iterator[str]:
         """Unknown options, each with the most similar known one; the top level ignores the words of its commands."""

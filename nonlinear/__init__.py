@@ -11,7 +11,8 @@ The names below are loaded on first use, so that a simulation does not wait for 
 
 from typing import TYPE_CHECKING
 
-from modal._compatibility import exported
+from modal.lazy import exported
+from modal.namesake import require_own_package
 
 if TYPE_CHECKING:
     from nonlinear.ensembles import Compilation, Ensemble, compile_engines, ensemble
@@ -57,21 +58,11 @@ __all__ = [
     "turning_point",
 ]
 
+require_own_package()
+
 if not TYPE_CHECKING:
     __getattr__ = exported(
         __name__,
-        {
-            "Happening": "EventRecord",
-            "Plant": "System",
-            "Push": "AppliedForces",
-            "Run": "SolverInfo",
-            "crossing": "level_crossing",
-            "plant_of": "system_of",
-            "released": "state_at_rest",
-            "resumed": "resume",
-            "start_of": "initial_state",
-            "turning": "turning_point",
-        },
         homes=("system", "integration", "simulation", "files", "ensembles"),
     )
     __dir__ = __all__.copy

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from modal._compatibility import exported
 from modal.errors import SceneError
 from modal.scene import Scene
 from modal.scene.doors import checked
@@ -199,7 +198,3 @@ def resume(
     options.setdefault("before", trajectory.kicks)
     options.setdefault("hoist", trajectory.system.hoisting and trajectory.system.hoisting.given)
     return simulate(trajectory.scene, duration, start=trajectory.final, start_time=last, **options)
-
-
-if not TYPE_CHECKING:
-    __getattr__ = exported(__name__, {"resumed": "resume"})

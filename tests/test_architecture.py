@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("modal", "nonlinear", "multipendula")
 ROOMS = re.findall(r"^\| `([\w.]+)` \|", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
-DOORS = {*PACKAGES, "modal._compatibility", "multipendula.__main__"}
+DOORS = {*PACKAGES, "modal.lazy", "modal.namesake", "multipendula.__main__"}
 """Modules of no room: they only open one."""
 HEAVY = {
     "matplotlib": {"modal.plotting", "nonlinear.plotting"},
@@ -41,7 +41,7 @@ HEAVY = {
 }
 MOST_ENTRIES = 19
 """Rooms that a package shows at a glance."""
-FIXTURES = {"__init__.py", "__main__.py", "_compatibility.py", "py.typed", "__pycache__"}
+FIXTURES = {"__init__.py", "__main__.py", "lazy.py", "namesake.py", "py.typed", "__pycache__"}
 
 
 def module_name(path: Path) -> str:
@@ -192,10 +192,10 @@ NEEDED: dict[str, set[str]] = {
     "table paper-cart-2": set(),
     "simulate paper-cart-2 --duration 0.1": set(),
     "simulate chain-spatial --duration 0.1": set(),
-    "check paper-cart-2 --mode 1 --amplitude 1": set(),
+    "check paper-cart-2 --modes 1 --amplitudes 1": set(),
     "basins chain-1 --vary gravity=9:10:2 --vary pendulum[0].links[0].length=1:2:2 --duration 0.1 --workers 1": set(),
     "sync huygens --duration 1": set(),
-    "orbits chain-2 --mode 1 --to 3": set(),
+    "orbits chain-2 --mode 1 --largest-angle 3": set(),
     "tune tower --free pendulum[0].links[0].damping --minimize settling": {
         *("modal.identification", "scipy.linalg", "scipy.optimize", "scipy.sparse")
     },

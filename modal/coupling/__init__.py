@@ -10,9 +10,6 @@ is the dynamic mass for a force on the cart: its poles are the fixed-base modes,
 cart.  Start with `analysis`.
 """
 
-from typing import TYPE_CHECKING
-
-from modal._compatibility import renamed
 from modal.coupling.analysis import Coupling, Family, explain, family_name
 from modal.coupling.damping import damped_modes, negative_damping
 from modal.coupling.report import coupling_report
@@ -31,6 +28,3 @@ __all__ = [
     "family_name",
     "negative_damping",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = renamed(__name__, "modal.coupling.analysis")

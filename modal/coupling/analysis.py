@@ -19,7 +19,6 @@ from math import inf, sqrt
 
 import numpy as np
 
-from modal._compatibility import former
 from modal.assembly import Rig, rig_of
 from modal.coupling.damping import Damped, damped_modes, negative_damping
 from modal.coupling.dynamic_mass import DynamicMass
@@ -215,8 +214,6 @@ class Coupling(Displayed):
     def pairs(self) -> tuple[EnergyExchange, ...]:
         """Pairs of modes of different pendula, those that exchange most energy first."""
         return energy_exchanges(self.own, self.dynamic, self.pole, self.rig.cart.damping) if self.rig.cart else ()
-
-    talks = former("Coupling", "talks", "pairs")
 
     @cached_property
     def damped(self) -> tuple[Damped, ...]:

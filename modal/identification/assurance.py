@@ -64,17 +64,17 @@ class Assurance(Displayed):
     @property
     def notes(self) -> list[str]:
         """What there is to say of the pairs."""
-        found = []
+        notes = []
         for pair in self.pairs:
             if pair.mac is not None and pair.mac < LEAST:
-                found.append(f"mode {pair.measured.number}: no computed shape is like it (MAC {pair.mac:.2f})")
+                notes.append(f"mode {pair.measured.number}: no computed shape is like it (MAC {pair.mac:.2f})")
             elif pair.computed.number != pair.measured.number:
-                found.append(
+                notes.append(
                     f"mode {pair.measured.number} of the file is like mode {pair.computed.number} of the table"
                 )
         if np.isfinite(self.mac).any() and len(self.measured.components) < len(self.rows):
-            found.append("fewer components than modes: shapes of different modes may look alike")
-        return found
+            notes.append("fewer components than modes: shapes of different modes may look alike")
+        return notes
 
 
 @checked
@@ -88,13 +88,15 @@ def compare_modes(modes: Modes, measured: MeasuredModes) -> Assurance:
         raise ComputationError("no mode of this scene oscillates")
     places = component_rows(modes.scene, measured.components)
     mac = np.full((len(measured.modes), len(rows)), np.nan)
-    for r, one in enumerate(measured.modes):
-        if one.shape is None:
+    for r, measured_mode in enumerate(measured.modes):
+        if measured_mode.shape is None:
             continue
-        there = np.isfinite(one.shape)
+        there = np.isfinite(measured_mode.shape)
         for s, mode in enumerate(rows):
-            own = modes.matrix.row == modes.index_of(mode)
-            mac[r, s] = _nearest(one.shape[there], modes.matrix.shapes[:, own & ~modes.matrix.across][places][there])
+            members = modes.matrix.row == modes.index_of(mode)
+            mac[r, s] = _nearest(
+                measured_mode.shape[there], modes.matrix.shapes[:, members & ~modes.matrix.across][places][there]
+            )
     return Assurance(modes, measured, rows, mac, tuple(_pairs(measured, rows, mac)))
 
 
@@ -109,14 +111,19 @@ def _nearest(shape: Floats, basis: Any) -> float:
     return float(np.linalg.norm(Q.conj().T @ shape) ** 2 / (shape @ shape)) if Q.size else 0.0
 
 
-def _square(one: Floats, other: Floats) -> float:
-    whole = float((one @ one) * (other @ other))
-    return float((one @ other) ** 2) / whole if whole else 0.0
+def _square(shape: Floats, other: Floats) -> float:
+    whole = float((shape @ shape) * (other @ other))
+    return float((shape @ other) ** 2) / whole if whole else 0.0
 
 
 def _pairs(measured: MeasuredModes, rows: tuple[Mode, ...], mac: Floats) -> list[Pair]:
     shaped = bool(np.isfinite(mac).all())
-    cost = np.array([[abs(log(one.frequency / (mode.omega / (2 * pi)))) for mode in rows] for one in measured.modes])
+    cost = np.array(
+        [
+            [abs(log(measured_mode.frequency / (mode.omega / (2 * pi)))) for mode in rows]
+            for measured_mode in measured.modes
+        ]
+    )
     left, right = scipy.optimize.linear_sum_assignment(-mac if shaped else cost)
     return [
         Pair(measured.modes[r], rows[s], None if np.isnan(mac[r, s]) else float(mac[r, s]))
@@ -125,24 +132,24 @@ def _pairs(measured: MeasuredModes, rows: tuple[Mode, ...], mac: Floats) -> list
 
 
 @checked
-def assurance_table(found: Assurance, form: Form) -> str:
+def assurance_table(assurance: Assurance, form: Form) -> str:
     """The pairs and the matrix as text or json, the matrix alone as csv, by `form`."""
-    numbers = [f"mode_{mode.number}" for mode in found.rows]
+    numbers = [f"mode_{mode.number}" for mode in assurance.rows]
     matrix = [
-        {"measured": one.number} | dict(zip(numbers, map(float, own), strict=True))
-        for one, own in zip(found.measured.modes, found.mac, strict=True)
+        {"measured": measured_mode.number} | dict(zip(numbers, map(float, values), strict=True))
+        for measured_mode, values in zip(assurance.measured.modes, assurance.mac, strict=True)
     ]
     if form == "csv":
         return as_csv(matrix)
     if form == "json":
         return as_json(
             {
-                "measured": [one.number for one in found.measured.modes],
-                "computed": [mode.number for mode in found.rows],
-                "components": found.measured.labels,
-                "mac": [[finite(float(value)) for value in own] for own in found.mac],
-                "pairs": [_pair_record(pair) for pair in found.pairs],
-                "notes": found.notes,
+                "measured": [measured_mode.number for measured_mode in assurance.measured.modes],
+                "computed": [mode.number for mode in assurance.rows],
+                "components": assurance.measured.labels,
+                "mac": [[finite(float(value)) for value in values] for values in assurance.mac],
+                "pairs": [_pair_record(pair) for pair in assurance.pairs],
+                "notes": assurance.notes,
             }
         )
     pairs = [
@@ -158,17 +165,17 @@ def assurance_table(found: Assurance, form: Form) -> str:
             NOTHING if pair.measured.damping_ratio is None else f"{pair.measured.damping_ratio:.4g}",
             f"{pair.computed.damping_ratio:.4g}",
         ]
-        for pair in found.pairs
+        for pair in assurance.pairs
     ]
     headings = ["measured", "table", "MAC", "f (Hz)", "±", "computed (Hz)", "error (%)", "error (±)", "ζ", "computed ζ"]
     cells = [
-        [str(one.number), *(NOTHING if np.isnan(value) else f"{value:.3f}" for value in own)]
-        for one, own in zip(found.measured.modes, found.mac, strict=True)
+        [str(measured_mode.number), *(NOTHING if np.isnan(value) else f"{value:.3f}" for value in values)]
+        for measured_mode, values in zip(assurance.measured.modes, assurance.mac, strict=True)
     ]
-    shaped = bool(np.isfinite(found.mac).any())
-    matrix_text = grid(cells, ["MAC", *(str(mode.number) for mode in found.rows)]) if shaped else ""
-    parts = [grid(pairs, headings), matrix_text, "\n".join(f"{note[0].upper()}{note[1:]}." for note in found.notes)]
-    return titled(title_of(found.modes.scene), "measured beside computed modes", parts, "text")
+    shaped = bool(np.isfinite(assurance.mac).any())
+    matrix_text = grid(cells, ["MAC", *(str(mode.number) for mode in assurance.rows)]) if shaped else ""
+    parts = [grid(pairs, headings), matrix_text, "\n".join(f"{note[0].upper()}{note[1:]}." for note in assurance.notes)]
+    return titled(title_of(assurance.modes.scene), "measured beside computed modes", parts, "text")
 
 
 def _pair_record(pair: Pair) -> dict[str, Any]:

@@ -26,47 +26,47 @@ def autocorrelation(series: Sequence[Floats]) -> Floats:
 
     (1,), a single one, where they are white.
     """
-    length = min((len(own) for own in series), default=0)
-    total = float(sum(own @ own for own in series))
+    length = min((len(values) for values in series), default=0)
+    total = float(sum(values @ values for values in series))
     lags, count = max(1, length // LONGEST), sum(map(len, series))
-    found = [1.0]
+    coefficients = [1.0]
     for lag in range(1, lags):
-        rho = sum(float(own[lag:] @ own[:-lag]) for own in series) / total if total else 0.0
+        rho = sum(float(values[lag:] @ values[:-lag]) for values in series) / total if total else 0.0
         if abs(rho) < SIGNIFICANT / np.sqrt(count):
             break
-        found.append(rho)
-    return np.array(found)
+        coefficients.append(rho)
+    return np.array(coefficients)
 
 
 def influence(J: Floats) -> Floats:
     """G = J (JᵀJ)⁻¹, (N, p), of a J of full rank."""
     Q, R = np.linalg.qr(J)
-    found: Floats = np.linalg.solve(R, Q.T).T
-    return found
+    G: Floats = np.linalg.solve(R, Q.T).T
+    return G
 
 
 def covariance(G: Floats, blocks: Sequence[tuple[slice, float, Floats]]) -> Floats:
     """Gᵀ Γ G, (p, p); `blocks` are the rows of each series with their variance and autocorrelation."""
-    found = np.zeros((G.shape[1], G.shape[1]))
+    total = np.zeros((G.shape[1], G.shape[1]))
     for rows, variance, rho in blocks:
-        own = G[rows]
+        part = G[rows]
         weights = rho * (1 - np.arange(len(rho)) / len(rho))
         weights[0] = 1.0
         smoothed = (
-            own if len(rho) == 1 else scipy.signal.fftconvolve(own, _two_sided(weights)[:, None], mode="same", axes=0)
+            part if len(rho) == 1 else scipy.signal.fftconvolve(part, _two_sided(weights)[:, None], mode="same", axes=0)
         )
-        found += variance * own.T @ smoothed
-    return (found + found.T) / 2
+        total += variance * part.T @ smoothed
+    return (total + total.T) / 2
 
 
 def resampled(series: Sequence[Floats], blocks: int, rng: np.random.Generator) -> list[Floats]:
     """Series like these, each put together from that many blocks of itself (Künsch, Ann. Stat. 17, 1217 (1989))."""
-    found = []
-    for own in series:
-        length = max(1, -(-len(own) // blocks))
-        begins = rng.integers(0, len(own) - length + 1, -(-len(own) // length))
-        found.append(np.concatenate([own[at : at + length] for at in begins])[: len(own)])
-    return found
+    drawn = []
+    for values in series:
+        length = max(1, -(-len(values) // blocks))
+        begins = rng.integers(0, len(values) - length + 1, -(-len(values) // length))
+        drawn.append(np.concatenate([values[at : at + length] for at in begins])[: len(values)])
+    return drawn
 
 
 def _two_sided(weights: Floats) -> Floats:

@@ -69,13 +69,13 @@ class Model:
 
     def exponents(self, times: Floats, k: int) -> tuple[Complexes, Complexes, Complexes]:
         """Exponents (K, R) of series k at times (K,) and their derivatives by Re λ (K, R) and by Re β (K, B)."""
-        found = np.outer(times, self.poles)
+        exponents = np.outer(times, self.poles)
         by_real = np.repeat(times[:, None] + 0j, len(self.poles), axis=1)
         g, by_rate = _accumulated(times, -self.poles.real[self.bent])
         by_shift = 1j * g * self.squares[k, self.bent]
-        found[:, self.bent] += by_shift * self.shifts
+        exponents[:, self.bent] += by_shift * self.shifts
         by_real[:, self.bent] -= 1j * by_rate * self.squares[k, self.bent] * self.shifts
-        return found, by_real, by_shift
+        return exponents, by_real, by_shift
 
 
 def _accumulated(times: Floats, rates: Floats) -> tuple[Floats, Floats]:
@@ -83,9 +83,9 @@ def _accumulated(times: Floats, rates: Floats) -> tuple[Floats, Floats]:
     t = times[:, None]
     x = 2 * t * rates
     small = np.abs(x) < 1e-2
-    own = np.where(small, 1.0, x)
-    g = np.where(small, 1 - x / 2 + x**2 / 6 - x**3 / 24 + x**4 / 120, -np.expm1(-own) / own)
-    closed = (np.exp(-own) * (1 + own) - 1) / own**2
+    y = np.where(small, 1.0, x)
+    g = np.where(small, 1 - x / 2 + x**2 / 6 - x**3 / 24 + x**4 / 120, -np.expm1(-y) / y)
+    closed = (np.exp(-y) * (1 + y) - 1) / y**2
     slope = np.where(small, -0.5 + x / 3 - x**2 / 8 + x**3 / 30 - x**4 / 144, closed)
     return t * g, 2 * t**2 * slope
 
@@ -112,13 +112,13 @@ class Decays:
 
     def shift(self, r: int) -> float | None:
         """The change of frequency β/2π (Hz) at the strongest start of mode r, None where it has none."""
-        own = self.model.shifts[self.model.bent == r]
-        return float(own[0].real) / (2 * np.pi) if len(own) else None
+        shifts = self.model.shifts[self.model.bent == r]
+        return float(shifts[0].real) / (2 * np.pi) if len(shifts) else None
 
 
-def shape_of(found: Decays, r: int, sensors: int) -> Complexes:
+def shape_of(decays: Decays, r: int, sensors: int) -> Complexes:
     """The direction (C,) that the amplitudes of mode r have in common in all segments."""
-    return np.asarray(np.linalg.svd(found.amplitudes[:, r].reshape(-1, sensors), full_matrices=False)[2][0])
+    return np.asarray(np.linalg.svd(decays.amplitudes[:, r].reshape(-1, sensors), full_matrices=False)[2][0])
 
 
 def fit_decays(series: Sequence[Series], poles: Complexes, faint: float = 0.0) -> Decays:
@@ -134,108 +134,110 @@ def fit_decays(series: Sequence[Series], poles: Complexes, faint: float = 0.0) -
     )
 
 
-def one_mode(series: Sequence[Series], found: Decays, faint: float = 0.0, *, resolved: bool = False) -> Decays | None:
+def one_mode(series: Sequence[Series], decays: Decays, faint: float = 0.0, *, resolved: bool = False) -> Decays | None:
     """Decays with one mode fewer: two poles of one shape are one whose frequency changes with amplitude.
 
     None where no two poles are.  They are if the one mode fits the series as well; if they never beat, and no
     `resolved` modes are asked for, also if it fits them somewhat worse.
     """
-    weights, beatless = _weights(series, found), suspects(series, found)
-    apart = np.abs(found.poles[:, None] / found.poles - 1)
-    for r, s in sorted(np.argwhere(_alike(series, found)).tolist(), key=lambda pair: float(apart[*pair])):
-        one = _fitted(series, _merged(series, found, r, s), weights)
+    weights, beatless = _weights(series, decays), suspects(series, decays)
+    apart = np.abs(decays.poles[:, None] / decays.poles - 1)
+    for r, s in sorted(np.argwhere(_alike(series, decays)).tolist(), key=lambda pair: float(apart[*pair])):
+        merged = _fitted(series, _merged(series, decays, r, s), weights)
         most = BEATLESS if (r, s) in beatless and not resolved else AS_WELL
-        if np.sqrt(np.mean((one.rms * weights) ** 2)) < most:
-            return _significant(series, one.model, faint)
+        if np.sqrt(np.mean((merged.rms * weights) ** 2)) < most:
+            return _significant(series, merged.model, faint)
     return None
 
 
-def without_combination(series: Sequence[Series], found: Decays, faint: float = 0.0) -> Decays | None:
+def without_combination(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays | None:
     """Decays without a weak pole that cubic forces make of stronger ones, λ_i + λ_j + λ̄_k; None where there is none."""
-    size = np.max(np.abs(found.amplitudes), axis=0)
+    size = np.max(np.abs(decays.amplitudes), axis=0)
     for r in np.argsort(size).tolist():
-        strong = found.poles[size[r] < WEAK * size]
+        strong = decays.poles[size[r] < WEAK * size]
         sums = strong[:, None, None] + strong[:, None] + strong.conj()
-        if np.any(np.abs(sums - found.poles[r]) < BLENDED * np.abs(sums.real)):
-            return _significant(series, _chosen(found.model, np.delete(np.arange(len(size)), r)), faint)
+        if np.any(np.abs(sums - decays.poles[r]) < BLENDED * np.abs(sums.real)):
+            return _significant(series, _chosen(decays.model, np.delete(np.arange(len(size)), r)), faint)
     return None
 
 
-def bent(series: Sequence[Series], found: Decays, faint: float = 0.0) -> Decays | None:
+def bent(series: Sequence[Series], decays: Decays, faint: float = 0.0) -> Decays | None:
     """Decays in which one more mode's frequency changes with amplitude: the one that betters the fit most.
 
     None where none betters it much, or the residuals are white, or rounding.
     """
-    if found.white or all(rms < ROUNDING * np.std(own.values) for rms, own in zip(found.rms, series, strict=True)):
+    if decays.white or all(
+        rms < ROUNDING * np.std(record.values) for rms, record in zip(decays.rms, series, strict=True)
+    ):
         return None
-    weights, trials = _weights(series, found), []
-    for r in np.setdiff1d(np.arange(len(found.poles)), found.model.bent):
-        model = replace(found.model, bent=np.append(found.model.bent, r), shifts=np.append(found.model.shifts, 0j))
-        one = _fitted(series, model, weights)
-        trials.append((float(np.sqrt(np.mean((one.rms * weights) ** 2))), one))
-    least, best = min(trials, key=lambda trial: trial[0], default=(1.0, found))
+    weights, trials = _weights(series, decays), []
+    for r in np.setdiff1d(np.arange(len(decays.poles)), decays.model.bent):
+        model = replace(decays.model, bent=np.append(decays.model.bent, r), shifts=np.append(decays.model.shifts, 0j))
+        trial_decays = _fitted(series, model, weights)
+        trials.append((float(np.sqrt(np.mean((trial_decays.rms * weights) ** 2))), trial_decays))
+    least, best = min(trials, key=lambda trial: trial[0], default=(1.0, decays))
     return _significant(series, best.model, faint) if least < BETTER else None
 
 
-def suspects(series: Sequence[Series], found: Decays) -> list[tuple[int, int]]:
+def suspects(series: Sequence[Series], decays: Decays) -> list[tuple[int, int]]:
     """Pairs of poles of one shape that never beat: their phases part by less than a turn before one has died away."""
-    longest = max(float(own.times[-1]) for own in series)
-    lasting = np.minimum(longest, DIED / np.maximum(-found.poles.real, 1e-300))
+    longest = max(float(record.times[-1]) for record in series)
+    lasting = np.minimum(longest, DIED / np.maximum(-decays.poles.real, 1e-300))
     return [
         (r, s)
-        for r, s in np.argwhere(_alike(series, found)).tolist()
-        if abs(found.poles[r].imag - found.poles[s].imag) * min(lasting[r], lasting[s]) < 2 * np.pi
+        for r, s in np.argwhere(_alike(series, decays)).tolist()
+        if abs(decays.poles[r].imag - decays.poles[s].imag) * min(lasting[r], lasting[s]) < 2 * np.pi
     ]
 
 
-def _alike(series: Sequence[Series], found: Decays) -> Booleans:
+def _alike(series: Sequence[Series], decays: Decays) -> Booleans:
     """Pairs (R, R), above the diagonal, of near poles with one shape."""
-    sensors = 1 + max(own.sensor for own in series)
-    shapes = np.stack([shape_of(found, r, sensors) for r in range(len(found.poles))], axis=1)
-    near = np.abs(found.poles[:, None] / found.poles - 1) < NEAR
+    sensors = 1 + max(record.sensor for record in series)
+    shapes = np.stack([shape_of(decays, r, sensors) for r in range(len(decays.poles))], axis=1)
+    near = np.abs(decays.poles[:, None] / decays.poles - 1) < NEAR
     return np.asarray(np.triu(near & (modal_assurance(shapes, shapes) > ALIKE_SHAPE), 1))
 
 
-def _merged(series: Sequence[Series], found: Decays, r: int, s: int) -> Model:
+def _merged(series: Sequence[Series], decays: Decays, r: int, s: int) -> Model:
     """The model with a bent mode in the place of the poles r and s: theirs is the rate where their sum has halved."""
-    k = int(np.argmax(np.abs(found.amplitudes[:, [r, s]]).sum(axis=1)))
-    times, own = series[k].times, found.poles[[r, s]]
-    waves = found.amplitudes[k, [r, s]] * np.exp(found.model.exponents(times, k)[0][:, [r, s]])
+    k = int(np.argmax(np.abs(decays.amplitudes[:, [r, s]]).sum(axis=1)))
+    times, pair = series[k].times, decays.poles[[r, s]]
+    waves = decays.amplitudes[k, [r, s]] * np.exp(decays.model.exponents(times, k)[0][:, [r, s]])
     whole = waves.sum(axis=1)
     at = int(np.argmax(np.append(np.abs(whole) < np.abs(whole[0]) / 2, True)[: len(whole)])) or len(whole) // 2
-    rate = complex(waves[at] @ own / whole[at])
-    pole = rate if abs(rate / own[0] - 1) < NEAR and rate.real < 0 else own[int(np.argmin(np.abs(own.real)))]
-    kept = np.delete(np.arange(len(found.poles)), [r, s])
-    shifts = dict(zip(found.model.bent.tolist(), found.model.shifts.tolist(), strict=True))
+    rate = complex(waves[at] @ pair / whole[at])
+    pole = rate if abs(rate / pair[0] - 1) < NEAR and rate.real < 0 else pair[int(np.argmin(np.abs(pair.real)))]
+    kept = np.delete(np.arange(len(decays.poles)), [r, s])
+    shifts = dict(zip(decays.model.bent.tolist(), decays.model.shifts.tolist(), strict=True))
     bent = [j for j, old in enumerate(kept.tolist()) if old in shifts]
     return Model(
-        np.append(found.poles[kept], pole),
+        np.append(decays.poles[kept], pole),
         np.array([*bent, len(kept)], dtype=np.int64),
         np.array([*(shifts[int(kept[j])] for j in bent), shifts.get(r, shifts.get(s, 0j))]),
-        np.hstack((found.model.squares[:, kept], _squares(series, found.amplitudes[:, [r, s]].sum(axis=1)[:, None]))),
+        np.hstack((decays.model.squares[:, kept], _squares(series, decays.amplitudes[:, [r, s]].sum(axis=1)[:, None]))),
     )
 
 
 def _significant(series: Sequence[Series], model: Model, faint: float) -> Decays:
-    weights = np.array([1 / (float(np.std(own.values)) or 1.0) for own in series])
+    weights = np.array([1 / (float(np.std(record.values)) or 1.0) for record in series])
     while True:
         if not len(model.poles):
             raise ComputationError("no oscillation stands out of the noise of these records")
-        found = _fitted(series, model, weights)
+        decays = _fitted(series, model, weights)
         for _ in range(2):
-            weights = _weights(series, found)
-            found = _fitted(series, found.model, weights)
-        strength = np.abs(found.amplitudes) / np.maximum(found.amplitude_stds, 1e-300)
+            weights = _weights(series, decays)
+            decays = _fitted(series, decays.model, weights)
+        strength = np.abs(decays.amplitudes) / np.maximum(decays.amplitude_stds, 1e-300)
         size = np.max(strength, axis=0)
-        half = len(found.poles)
-        vague = np.sqrt(np.diag(found.cov)[half:]) / np.abs(found.poles)
+        half = len(decays.poles)
+        vague = np.sqrt(np.diag(decays.cov)[half:]) / np.abs(decays.poles)
         score = np.where(vague > VAGUE, 0.0, size)
-        share = np.abs(found.amplitudes) / np.max(np.abs(found.amplitudes), axis=1, keepdims=True)
+        share = np.abs(decays.amplitudes) / np.max(np.abs(decays.amplitudes), axis=1, keepdims=True)
         score = np.where(share.max(axis=0) < faint, 0.0, score)
         worst = int(np.argmin(score))
         if score[worst] > SIGNIFICANT:
-            return found
-        model = _chosen(found.model, np.delete(np.arange(half), worst))
+            return decays
+        model = _chosen(decays.model, np.delete(np.arange(half), worst))
 
 
 def _chosen(model: Model, order: Ints) -> Model:
@@ -246,38 +248,38 @@ def _chosen(model: Model, order: Ints) -> Model:
     return Model(model.poles[order], bent, model.shifts[there], model.squares[:, order])
 
 
-def _weights(series: Sequence[Series], found: Decays) -> Floats:
+def _weights(series: Sequence[Series], decays: Decays) -> Floats:
     """One over the noise of each sensor."""
-    sensors = np.array([own.sensor for own in series])
-    counts = np.array([len(own.values) for own in series])
+    sensors = np.array([record.sensor for record in series])
+    counts = np.array([len(record.values) for record in series])
     weights = np.ones(len(series))
     for sensor in np.unique(sensors):
-        own = sensors == sensor
-        noise = np.sqrt(np.sum(counts[own] * found.rms[own] ** 2) / counts[own].sum())
-        size = max(float(np.std(series[int(k)].values)) for k in np.flatnonzero(own))
-        weights[own] = 1 / max(float(noise), 1e-12 * size, 1e-300)
+        members = sensors == sensor
+        noise = np.sqrt(np.sum(counts[members] * decays.rms[members] ** 2) / counts[members].sum())
+        size = max(float(np.std(series[int(k)].values)) for k in np.flatnonzero(members))
+        weights[members] = 1 / max(float(noise), 1e-12 * size, 1e-300)
     return weights
 
 
-def _projected(own: Series, model: Model, k: int) -> tuple[Floats, Complexes, Floats, Floats]:
+def _projected(record: Series, model: Model, k: int) -> tuple[Floats, Complexes, Floats, Floats]:
     """Residuals (K,), amplitudes (R,), projected derivatives (K, 2R + 2B), variances of amplitudes per noise."""
     R = len(model.poles)
-    exponents, by_real, by_shift = model.exponents(own.times, k)
+    exponents, by_real, by_shift = model.exponents(record.times, k)
     peaks = np.maximum(exponents.real.max(axis=0), 0.0)  # of waves that grow: they may exceed double precision
     waves = np.exp(exponents - peaks)
-    basis = np.hstack((waves.real, -waves.imag, np.ones((len(own.times), 1))))
+    basis = np.hstack((waves.real, -waves.imag, np.ones((len(record.times), 1))))
     size = np.linalg.norm(basis, axis=0)
     Q, triangle = np.linalg.qr(basis / size)
-    right = Q.T @ own.values
+    right = Q.T @ record.values
     inverse = np.linalg.pinv(triangle, rcond=1e-14)
     linear = inverse @ right / size
     amplitudes = linear[:R] + 1j * linear[R : 2 * R]
     waves, amplitudes = amplitudes * waves, amplitudes * np.exp(-peaks)
-    by_imag, by_shift = 1j * waves * own.times[:, None], waves[:, model.bent] * by_shift
+    by_imag, by_shift = 1j * waves * record.times[:, None], waves[:, model.bent] * by_shift
     slopes = np.hstack(((waves * by_real).real, by_imag.real, by_shift.real, -by_shift.imag))
     slopes = slopes - Q @ (Q.T @ slopes)
     variance = np.sum(inverse**2, axis=1) / size**2
-    return own.values - Q @ right, amplitudes, slopes, (variance[:R] + variance[R : 2 * R]) / 2 * np.exp(-2 * peaks)
+    return record.values - Q @ right, amplitudes, slopes, (variance[:R] + variance[R : 2 * R]) / 2 * np.exp(-2 * peaks)
 
 
 def _fitted(series: Sequence[Series], model: Model, weights: Floats) -> Decays:
@@ -285,20 +287,20 @@ def _fitted(series: Sequence[Series], model: Model, weights: Floats) -> Decays:
     scale = _scale(model)
 
     def model_of(x: Floats) -> Model:
-        own = x * scale
-        rates = np.asarray(own[:R] + 1j * own[R : 2 * R])
-        return Model(rates, model.bent, np.asarray(own[2 * R : 2 * R + B] + 1j * own[2 * R + B :]), model.squares)
+        y = x * scale
+        rates = np.asarray(y[:R] + 1j * y[R : 2 * R])
+        return Model(rates, model.bent, np.asarray(y[2 * R : 2 * R + B] + 1j * y[2 * R + B :]), model.squares)
 
     def residuals(x: Floats) -> Floats:
-        own = model_of(x)
-        return np.concatenate([w * _projected(one, own, k)[0] for k, (w, one) in enumerate(weighted)])
+        tried = model_of(x)
+        return np.concatenate([w * _projected(record, tried, k)[0] for k, (w, record) in enumerate(weighted)])
 
     def jacobian(x: Floats) -> Floats:
-        own = model_of(x)
-        return np.vstack([-w * _projected(one, own, k)[2] * scale for k, (w, one) in enumerate(weighted)])
+        tried = model_of(x)
+        return np.vstack([-w * _projected(record, tried, k)[2] * scale for k, (w, record) in enumerate(weighted)])
 
     weighted = list(zip(weights, series, strict=True))
-    longest = max(float(own.times[-1]) for own in series)
+    longest = max(float(record.times[-1]) for record in series)
     start = np.concatenate((poles.real, poles.imag, model.shifts.real, model.shifts.imag)) / scale
     low, high = start - 0.5, start + 0.5
     high[:R] = np.minimum(high[:R], np.maximum(start[:R] + 1e-9, 3 / longest / scale[:R]))
@@ -315,14 +317,14 @@ def _scale(model: Model) -> Floats:
 
 def _described(series: Sequence[Series], model: Model, weights: Floats) -> Decays:
     model, R = _chosen(model, np.argsort(np.abs(model.poles))), len(model.poles)
-    parts = [_projected(own, model, k) for k, own in enumerate(series)]
+    parts = [_projected(record, model, k) for k, record in enumerate(series)]
     scale = _scale(model)
     J = np.vstack([w * part[2] * scale for w, part in zip(weights, parts, strict=True)])
     G = influence(J) if np.linalg.matrix_rank(J) == len(scale) else np.linalg.pinv(J).T
     blocks, at, white = [], 0, True
     rms = [float(np.sqrt(np.mean(part[0] ** 2))) for part in parts]
-    for sensor in sorted({own.sensor for own in series}):
-        chosen = [k for k, own in enumerate(series) if own.sensor == sensor]
+    for sensor in sorted({record.sensor for record in series}):
+        chosen = [k for k, record in enumerate(series) if record.sensor == sensor]
         rho = autocorrelation([parts[k][0] for k in chosen])
         white = white and len(rho) == 1
         count = sum(len(parts[k][0]) for k in chosen)
@@ -349,9 +351,9 @@ def _described(series: Sequence[Series], model: Model, weights: Floats) -> Decay
 
 def _squares(series: Sequence[Series], amplitudes: Complexes) -> Floats:
     """Σ|a_r|² over the sensors of each segment, (series, R), over that of the strongest segment."""
-    segments = np.array([own.segment for own in series])
-    found = np.array([np.sum(np.abs(amplitudes[segments == own]) ** 2, axis=0) for own in segments])
-    return np.asarray(found / np.maximum(found.max(axis=0), 1e-300))
+    segments = np.array([number.segment for number in series])
+    squares = np.array([np.sum(np.abs(amplitudes[segments == number]) ** 2, axis=0) for number in segments])
+    return np.asarray(squares / np.maximum(squares.max(axis=0), 1e-300))
 
 
 @dataclass(frozen=True)
@@ -380,10 +382,10 @@ def log_decrement(times: Floats, values: Floats) -> Decrement:
     tops, bottoms = (scipy.signal.find_peaks(sign * middle, height=high, distance=apart)[0] for sign in (1, -1))
     peaks = np.sort(np.concatenate((tops, bottoms)))
     peaks = peaks[(peaks > 0) & (peaks < len(values) - 1)]
-    found = [_vertex(times, values, int(k), max(1, int(0.08 / rate / step))) for k in peaks]
-    if len(found) < LEAST_PEAKS:
-        raise ComputationError(f"{len(found)} turning points are too few for a decrement: at least {LEAST_PEAKS}")
-    at, heights = (np.array(part) for part in zip(*found, strict=True))
+    vertices = [_vertex(times, values, int(k), max(1, int(0.08 / rate / step))) for k in peaks]
+    if len(vertices) < LEAST_PEAKS:
+        raise ComputationError(f"{len(vertices)} turning points are too few for a decrement: at least {LEAST_PEAKS}")
+    at, heights = (np.array(part) for part in zip(*vertices, strict=True))
     signs = np.sign(np.diff(heights))
     if np.any(signs[1:] == signs[:-1]):
         raise ComputationError(
@@ -400,10 +402,10 @@ def log_decrement(times: Floats, values: Floats) -> Decrement:
 
 def _vertex(times: Floats, values: Floats, k: int, around: int) -> tuple[float, float]:
     """Time and value of the extreme of a parabola through the samples around one."""
-    own = slice(max(0, k - around), k + around + 1)
-    curve = np.polynomial.Polynomial.fit(times[own], values[own], 2)
+    near = slice(max(0, k - around), k + around + 1)
+    curve = np.polynomial.Polynomial.fit(times[near], values[near], 2)
     root = curve.deriv().roots()
-    at = float(root[0].real) if len(root) and times[own][0] <= root[0].real <= times[own][-1] else float(times[k])
+    at = float(root[0].real) if len(root) and times[near][0] <= root[0].real <= times[near][-1] else float(times[k])
     return at, float(curve(at))
 
 

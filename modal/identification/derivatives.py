@@ -36,12 +36,12 @@ def matrix_derivatives(scene: Scene, places: Sequence[Place], units: Sequence[fl
     """M, K and D (p, n, n) differentiated by the numbers at these places."""
     require_polynomial(scene)
 
-    def of(one: Scene) -> Arrays:
-        found = matrices(one)
-        return found.M, found.K, found.D
+    def of(varied: Scene) -> Arrays:
+        linear = matrices(varied)
+        return linear.M, linear.K, linear.D
 
     parts = [differences(scene, place, unit, of) for place, unit in zip(places, units, strict=True)]
-    M, K, D = (np.array(own) for own in zip(*parts, strict=True))
+    M, K, D = (np.array(rows) for rows in zip(*parts, strict=True))
     return M, K, D
 
 
@@ -61,12 +61,12 @@ class ModeDerivatives:
             return lost
         if value == 0:
             return np.zeros(len(self.dM), dtype=np.complex128)
-        found = []
+        slopes = []
         for across in (False, True):
-            own = self.shapes.shapes[:, (self.shapes.row == row) & (self.shapes.across == across)]
-            if own.shape[1]:
-                found.append(self._of_group(value, own.astype(np.complex128)))
-        whole = np.concatenate(found, axis=1)
+            phi = self.shapes.shapes[:, (self.shapes.row == row) & (self.shapes.across == across)]
+            if phi.shape[1]:
+                slopes.append(self._of_group(value, phi.astype(np.complex128)))
+        whole = np.concatenate(slopes, axis=1)
         first = whole[:, :1]
         size = np.maximum(np.abs(whole).max(axis=1, keepdims=True), 1e-12 * abs(value))
         return np.asarray(np.where(np.any(np.abs(whole - first) > SPLITS * size, axis=1), np.nan, first[:, 0]))
@@ -76,10 +76,10 @@ class ModeDerivatives:
         pencil = phi.T @ (2 * value * self.M + self.D) @ phi
         change = np.einsum("ia,pij,jb->pab", phi, self._Q_p(value), phi, optimize=True)
         slope = -np.linalg.solve(pencil, change)
-        found = np.einsum("paa->pa", slope).copy()
-        off = np.abs(slope - np.einsum("pa,ab->pab", found, np.eye(phi.shape[1]))).max(axis=(1, 2))
-        found[off > SPLITS * np.abs(slope).max(axis=(1, 2))] = np.nan
-        return np.asarray(found)
+        slopes = np.einsum("paa->pa", slope).copy()
+        off = np.abs(slope - np.einsum("pa,ab->pab", slopes, np.eye(phi.shape[1]))).max(axis=(1, 2))
+        slopes[off > SPLITS * np.abs(slope).max(axis=(1, 2))] = np.nan
+        return np.asarray(slopes)
 
     def shape(self, row: int) -> tuple[Complexes, Complexes, Complexes]:
         """φ (n,), ∂φ/∂p (n, p) and ∂λ/∂p (p,) of a mode that is alone with its frequency; φᴴφ_p = 0."""
@@ -95,8 +95,8 @@ class ModeDerivatives:
         size = np.linalg.norm(border / unit)
         whole[:n, n] = border / unit / size
         whole[n, :n] = phi.conj() / unit / np.linalg.norm(phi / unit)
-        found = np.linalg.solve(whole, np.vstack((right / unit[:, None], np.zeros((1, right.shape[1])))))
-        return phi, found[:n] / unit[:, None], found[n] / size
+        solution = np.linalg.solve(whole, np.vstack((right / unit[:, None], np.zeros((1, right.shape[1])))))
+        return phi, solution[:n] / unit[:, None], solution[n] / size
 
     def _Q_p(self, value: complex) -> Complexes:
         return np.asarray(value**2 * self.dM + value * self.dD + self.dK)

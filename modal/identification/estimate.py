@@ -101,14 +101,16 @@ def estimate_of(scene: Scene, record: Any) -> Estimate:
         raise SceneError(["has no fitted numbers, so that nothing is uncertain"])
     problems: list[str] = []
     places: list[Place] = []
-    for k, one in enumerate(parameters):
+    for k, parameter in enumerate(parameters):
         try:
-            places.append(_place(scene, k, one))
+            places.append(_place(scene, k, parameter))
         except SceneError as error:
             problems += error.problems
-    for place, one in zip(places, parameters, strict=False):
+    for place, parameter in zip(places, parameters, strict=False):
         if places.count(place) > 1 and places.index(place) < len(places):
-            problems.append(f"parameters: {one.get('place') if isinstance(one, dict) else one} stands there twice")
+            problems.append(
+                f"parameters: {parameter.get('place') if isinstance(parameter, dict) else parameter} stands there twice"
+            )
     count = len(parameters)
     matrix = _matrix(rows, count)
     if matrix is None:
@@ -118,24 +120,24 @@ def estimate_of(scene: Scene, record: Any) -> Estimate:
     if problems:
         raise SceneError(list(dict.fromkeys(problems)))
     assert matrix is not None
-    paths = tuple(str(one["place"]) for one in parameters)
+    paths = tuple(str(parameter["place"]) for parameter in parameters)
     return Estimate(scene, tuple(places), paths, (matrix + matrix.T) / 2)
 
 
-def _place(scene: Scene, k: int, one: Any) -> Place:
-    path = one.get("place") if isinstance(one, dict) else None
-    value = one.get("value") if isinstance(one, dict) else None
+def _place(scene: Scene, k: int, parameter: Any) -> Place:
+    path = parameter.get("place") if isinstance(parameter, dict) else None
+    value = parameter.get("value") if isinstance(parameter, dict) else None
     if not isinstance(path, str) or not isinstance(value, int | float) or not _is_number(value):
         raise SceneError([f'parameters[{k}]: must have a "place" and a "value" that is a finite number'])
-    found = find_places(scene, path)
-    own = number_at(scene, found[0])
-    if len(found) > 1:
+    places = find_places(scene, path)
+    present = number_at(scene, places[0])
+    if len(places) > 1:
         raise SceneError([f"parameters[{k}]: {path} means several numbers: each has its own entry"])
-    if found[0][-1] == "count":
+    if places[0][-1] == "count":
         raise SceneError([f"parameters[{k}]: {path} is a count and has no standard deviation"])
-    if abs(own - value) > SAME * max(abs(own), abs(value)):
-        raise SceneError([f"{path} = {value:.9g}: the scene has {own:.9g}: give the scene that was fitted with it"])
-    return found[0]
+    if abs(present - value) > SAME * max(abs(present), abs(value)):
+        raise SceneError([f"{path} = {value:.9g}: the scene has {present:.9g}: give the scene that was fitted with it"])
+    return places[0]
 
 
 def _is_number(value: Any) -> bool:

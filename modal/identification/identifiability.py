@@ -98,26 +98,26 @@ def _directions(
     R: Floats, kept: Ints, held: Ints, parameters: Sequence[Parameter], values: Floats
 ) -> list[Undetermined]:
     """How the kept ones make up for a change of each held one, as far as they can."""
-    found = []
+    directions = []
     answer = -np.linalg.lstsq(R[:, kept], R[:, held], rcond=None)[0] if len(kept) else np.zeros((0, len(held)))
     relative = [
-        one.slope(z) / one.at(z) if abs(one.at(z)) > FAINT * one.unit else np.inf
-        for one, z in zip(parameters, values, strict=True)
+        parameter.slope(z) / parameter.at(z) if abs(parameter.at(z)) > FAINT * parameter.unit else np.inf
+        for parameter, z in zip(parameters, values, strict=True)
     ]
-    for k, own in enumerate(held):
-        left = np.linalg.norm(R[:, own] + R[:, kept] @ answer[:, k]) if len(kept) else np.linalg.norm(R[:, own])
-        alone = np.linalg.norm(R[:, own])
+    for k, number in enumerate(held):
+        left = np.linalg.norm(R[:, number] + R[:, kept] @ answer[:, k]) if len(kept) else np.linalg.norm(R[:, number])
+        alone = np.linalg.norm(R[:, number])
         changes = {}
-        if np.isfinite(relative[own]) and left < alone / 2:
+        if np.isfinite(relative[number]) and left < alone / 2:
             raw = {
-                int(j): answer[i, k] * relative[j] / relative[own]
+                int(j): answer[i, k] * relative[j] / relative[number]
                 for i, j in enumerate(kept)
                 if np.isfinite(relative[j])
             }
             most = max([1.0, *map(abs, raw.values())])
             changes = {parameters[j].path: float(c) for j, c in raw.items() if abs(c) > SMALL * most}
-        found.append(Undetermined(parameters[own].path, changes))
-    return found
+        directions.append(Undetermined(parameters[number].path, changes))
+    return directions
 
 
 @dataclass(frozen=True)
@@ -130,20 +130,20 @@ class Combination:
 
 
 def find_combinations(
-    found: Determined, parameters: Sequence[Parameter], values: Floats, stds: Floats
+    determined: Determined, parameters: Sequence[Parameter], values: Floats, stds: Floats
 ) -> tuple[Combination, ...]:
     """The combinations of kept with held numbers; `stds` (p,) in the numbers' units, the held ones being exact."""
-    at = {one.path: k for k, one in enumerate(parameters)}
-    numbers = [one.at(float(z)) for one, z in zip(parameters, values, strict=True)]
+    at = {parameter.path: k for k, parameter in enumerate(parameters)}
+    numbers = [parameter.at(float(z)) for parameter, z in zip(parameters, values, strict=True)]
     powers: dict[str, dict[str, float]] = {}
-    for direction in found.directions:
+    for direction in determined.directions:
         for path, change in direction.changes.items():
             powers.setdefault(path, {})[direction.held] = change
     combinations = []
-    for path, own in powers.items():
+    for path, exponents in powers.items():
         k = at[path]
-        factor = float(np.prod([numbers[at[held]] ** -power for held, power in own.items()]))
-        words = path + "".join(_factor(held, power) for held, power in own.items())
+        factor = float(np.prod([numbers[at[held]] ** -power for held, power in exponents.items()]))
+        words = path + "".join(_factor(held, power) for held, power in exponents.items())
         combinations.append(Combination(words, numbers[k] * factor, float(stds[k]) * factor))
     return tuple(combinations)
 

@@ -113,25 +113,25 @@ def _parsed(scene: Scene, name: str, text: str) -> MeasuredModes:
         raise SceneError(problems)
     coordinates = coordinates_of(scene)
     components = [column for column in header if column in coordinates or COMPONENT.fullmatch(column)]
-    found = []
+    modes = []
     for line, row in rows[1:]:
         try:
-            found.append(_mode(line, dict(zip(header, row, strict=True)), components))
+            modes.append(_mode(line, dict(zip(header, row, strict=True)), components))
         except SceneError as error:
             problems += error.problems
-    numbers = [one.number for one in found]
-    problems += [f"mode {own}: stands there twice" for own in dict.fromkeys(numbers) if numbers.count(own) > 1]
+    numbers = [mode.number for mode in modes]
+    problems += [f"mode {number}: stands there twice" for number in dict.fromkeys(numbers) if numbers.count(number) > 1]
     if problems:
         raise SceneError(problems)
     unused = tuple(column for column in header if column not in (*NEEDED, *OPTIONAL, *components))
     places = tuple(_component(column, coordinates) for column in components)
-    return MeasuredModes(name, tuple(found), places, unused, coordinates)
+    return MeasuredModes(name, tuple(modes), places, unused, coordinates)
 
 
 def _component(column: str, coordinates: Sequence[str]) -> tuple[int, int]:
-    found = COMPONENT.fullmatch(column)
-    if found and found[1]:
-        return int(found[1]), int(found[2])
+    matched = COMPONENT.fullmatch(column)
+    if matched and matched[1]:
+        return int(matched[1]), int(matched[2])
     return 0, coordinates.index(column) if column in coordinates else 0
 
 
@@ -139,11 +139,15 @@ def _header_problems(scene: Scene, header: Sequence[str]) -> Iterator[str]:
     for column in NEEDED:
         if column not in header:
             yield f"has no column {column}{meant(column, header)}"
-    yield from (f"column {one}: stands there twice" for one in dict.fromkeys(header) if one and header.count(one) > 1)
+    yield from (
+        f"column {heading}: stands there twice"
+        for heading in dict.fromkeys(header)
+        if heading and header.count(heading) > 1
+    )
     for column in (RATIO_STD,):
         if column in header and RATIO not in header:
             yield f"column {column}: needs {RATIO}"
-    sizes = [one.n_links for one in scene.pendulum for _ in range(one.count)]
+    sizes = [heading.n_links for heading in scene.pendulum for _ in range(heading.count)]
     coordinates = coordinates_of(scene)
     for column in header:
         if COMPONENT.fullmatch(column):
@@ -201,8 +205,8 @@ def _mode(line: int, row: dict[str, str], components: Sequence[str]) -> Measured
         raise SceneError(problems)
     assert frequency is not None
     assert std is not None
-    own = shape if np.count_nonzero(there) > 1 else None
-    return MeasuredMode(int(whole), frequency, std, ratio, ratio_std, own, shape_std)
+    read = shape if np.count_nonzero(there) > 1 else None
+    return MeasuredMode(int(whole), frequency, std, ratio, ratio_std, read, shape_std)
 
 
 # ------------------------------------------------------------------------------------------- computed components
@@ -210,7 +214,7 @@ def _mode(line: int, row: dict[str, str], components: Sequence[str]) -> Measured
 
 def component_rows(scene: Scene, components: Sequence[tuple[int, int]]) -> Ints:
     """The place of every component in a column of modes."""
-    sizes = [one.n_links for one in scene.pendulum for _ in range(one.count)]
+    sizes = [pendulum.n_links for pendulum in scene.pendulum for _ in range(pendulum.count)]
     first = np.cumsum([len(coordinates_of(scene)), *sizes])
     return np.array([l if not p else first[p - 1] + l - 1 for p, l in components], dtype=np.int64)
 

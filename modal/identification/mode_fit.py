@@ -47,12 +47,12 @@ class Solution(Displayed):
     @cached_property
     def values(self) -> Floats:
         """The numbers (p,)."""
-        return np.array([one.at(float(z)) for one, z in zip(self.parameters, self.z, strict=True)])
+        return np.array([parameter.at(float(z)) for parameter, z in zip(self.parameters, self.z, strict=True)])
 
     @cached_property
     def covariance(self) -> Floats:
         """Of the numbers, (p, p)."""
-        slopes = np.array([one.slope(float(z)) for one, z in zip(self.parameters, self.z, strict=True)])
+        slopes = np.array([parameter.slope(float(z)) for parameter, z in zip(self.parameters, self.z, strict=True)])
         return np.asarray(slopes[:, None] * self.cov * slopes)
 
     @cached_property

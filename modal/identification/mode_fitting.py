@@ -99,12 +99,12 @@ class _Problem:
         self.shape_std = ROUGH_SHAPE
         self.rows = component_rows(scene, measured.components)
         self.places = _places(natural_modes(scene), measured)
-        self.shaped = [one for one in measured.modes if one.shape is not None]
+        self.shaped = [mode for mode in measured.modes if mode.shape is not None]
 
     @property
     def estimates_noise(self) -> bool:
         """Whether the residuals of shapes tell their noise."""
-        return any(one.shape_std is None for one in self.shaped)
+        return any(mode.shape_std is None for mode in self.shaped)
 
     def modes_at(self, z: Floats) -> tuple[Scene, Modes]:
         """The scene with these numbers, and its modes."""
@@ -114,17 +114,17 @@ class _Problem:
     def residuals(self, z: Floats) -> Floats:
         """In standard deviations, priors last; ComputationError where a measured mode is none any more."""
         _, modes = self.modes_at(z)
-        found: list[Any] = []
-        for one, place in zip(self.measured.modes, self.places, strict=True):
+        residuals: list[Any] = []
+        for measured_mode, place in zip(self.measured.modes, self.places, strict=True):
             row = _row(modes, place)
             value = modes.eigenvalue[row]
-            found.append([(abs(value) / (2 * np.pi) - one.frequency) / one.std])
-            if one.damping_ratio is not None:
-                found.append([(-value.real / abs(value) - one.damping_ratio) / _ratio_std(one)])
-            if one.shape is not None:
+            residuals.append([(abs(value) / (2 * np.pi) - measured_mode.frequency) / measured_mode.std])
+            if measured_mode.damping_ratio is not None:
+                residuals.append([(-value.real / abs(value) - measured_mode.damping_ratio) / _ratio_std(measured_mode)])
+            if measured_mode.shape is not None:
                 phi = modes.matrix.shapes[:, modes.matrix.row == row][:, 0]
-                found.append(self._shape(one, phi.astype(np.complex128), None)[0])
-        return np.concatenate([*found, self._beliefs(z)[0]])
+                residuals.append(self._shape(measured_mode, phi.astype(np.complex128), None)[0])
+        return np.concatenate([*residuals, self._beliefs(z)[0]])
 
     def jacobian(self, z: Floats) -> Floats:
         """Derivatives of the residuals by z, (N, p)."""
@@ -132,52 +132,56 @@ class _Problem:
         count = len(self.parameters)
         if not count:
             return np.zeros((len(self.residuals(z)), 0))
-        units = [one.unit for one in self.parameters]
-        derivatives = ModeDerivatives(modes, *matrix_derivatives(scene, [one.place for one in self.parameters], units))
-        slopes = np.array([one.slope(float(own)) for one, own in zip(self.parameters, z, strict=True)])
-        found: list[Floats] = []
-        for one, place in zip(self.measured.modes, self.places, strict=True):
+        units = [parameter.unit for parameter in self.parameters]
+        derivatives = ModeDerivatives(
+            modes, *matrix_derivatives(scene, [parameter.place for parameter in self.parameters], units)
+        )
+        slopes = np.array([parameter.slope(float(value)) for parameter, value in zip(self.parameters, z, strict=True)])
+        rows: list[Floats] = []
+        for measured_mode, place in zip(self.measured.modes, self.places, strict=True):
             row = _row(modes, place)
             by_number = derivatives.eigenvalue(row)
             if np.any(np.isnan(by_number)):
                 k = int(np.flatnonzero(np.isnan(by_number))[0])
                 raise ComputationError(
-                    f"mode {one.number} shares its frequency with others, and {self.parameters[k].path} splits it: "
-                    "it has no single derivative; free a number of all equal pendula, or leave the mode out"
+                    f"mode {measured_mode.number} shares its frequency with others, and {self.parameters[k].path} "
+                    "splits it: it has no single derivative; free a number of all equal pendula, or leave the mode out"
                 )
             omega, zeta = polar(complex(modes.eigenvalue[row]), by_number)
-            found.append((omega / (2 * np.pi) / one.std)[None])
-            if one.damping_ratio is not None:
-                found.append((zeta / _ratio_std(one))[None])
-            if one.shape is not None:
+            rows.append((omega / (2 * np.pi) / measured_mode.std)[None])
+            if measured_mode.damping_ratio is not None:
+                rows.append((zeta / _ratio_std(measured_mode))[None])
+            if measured_mode.shape is not None:
                 phi, by, _ = derivatives.shape(row)
-                found.append(self._shape(one, phi, by)[1])
-        whole = np.vstack(found) * slopes
+                rows.append(self._shape(measured_mode, phi, by)[1])
+        whole = np.vstack(rows) * slopes
         return np.vstack((whole, self._beliefs(z)[1]))
 
-    def _shape(self, one: MeasuredMode, phi: Any, by: Any) -> tuple[Floats, Floats]:
+    def _shape(self, measured_mode: MeasuredMode, phi: Any, by: Any) -> tuple[Floats, Floats]:
         """Residuals of a shape, and their derivatives."""
-        assert one.shape is not None
-        there = np.isfinite(one.shape)
-        v = one.shape[there]
+        assert measured_mode.shape is not None
+        there = np.isfinite(measured_mode.shape)
+        v = measured_mode.shape[there]
         v = v / np.abs(v).max()
-        own = phi[self.rows][there]
-        square = np.sum(own**2)
+        psi = phi[self.rows][there]
+        square = np.sum(psi**2)
         turn = np.exp(-0.5j * np.angle(square))
-        u = (own * turn).real
-        noise = one.shape_std or self.shape_std
+        u = (psi * turn).real
+        noise = measured_mode.shape_std or self.shape_std
         s = (u @ v) / (u @ u)
         miss = (s * u - v) / noise
         if by is None:
             return miss, np.zeros((len(v), 0))
         change = by[self.rows][there]
-        alpha = np.imag(2 * own @ change / square) / 2
-        du = ((change - 1j * own[:, None] * alpha) * turn).real
+        alpha = np.imag(2 * psi @ change / square) / 2
+        du = ((change - 1j * psi[:, None] * alpha) * turn).real
         ds = (v @ du - 2 * s * (u @ du)) / (u @ u)
         return miss, np.asarray((s * du + u[:, None] * ds) / noise)
 
     def _beliefs(self, z: Floats) -> tuple[Floats, Floats]:
-        known = [(k, one.believed) for k, one in enumerate(self.parameters) if one.believed is not None]
+        known = [
+            (k, parameter.believed) for k, parameter in enumerate(self.parameters) if parameter.believed is not None
+        ]
         rows = np.zeros((len(known), len(self.parameters)))
         miss = np.zeros(len(known))
         for at, (k, belief) in enumerate(known):
@@ -193,20 +197,22 @@ class _Problem:
 
 def _places(modes: Modes, measured: MeasuredModes) -> list[int]:
     """The position of every measured mode among the oscillating ones, each counted as often as it occurs."""
-    problems, found = [], []
+    problems, places = [], []
     before = np.concatenate(([0], np.cumsum(np.where(_swings(modes), modes.multiplicity, 0))))
-    for one in measured.modes:
-        if one.number > len(modes):
-            problems.append(f"mode {one.number}: the scene has modes 1 to {len(modes)}")
-        elif not _swings(modes)[one.number - 1]:
-            problems.append(f"mode {one.number}: does not oscillate in this scene")
-        elif one.shape is not None and modes.multiplicity[one.number - 1] > 1:
-            problems.append(f"mode {one.number}: is shared by several modes, so that its shape is not determined")
+    for measured_mode in measured.modes:
+        if measured_mode.number > len(modes):
+            problems.append(f"mode {measured_mode.number}: the scene has modes 1 to {len(modes)}")
+        elif not _swings(modes)[measured_mode.number - 1]:
+            problems.append(f"mode {measured_mode.number}: does not oscillate in this scene")
+        elif measured_mode.shape is not None and modes.multiplicity[measured_mode.number - 1] > 1:
+            problems.append(
+                f"mode {measured_mode.number}: is shared by several modes, so that its shape is not determined"
+            )
         else:
-            found.append(int(before[one.number - 1]))
+            places.append(int(before[measured_mode.number - 1]))
     if problems:
         raise SceneError([f"{measured.file}: {problem}" for problem in problems])
-    return found
+    return places
 
 
 def _swings(modes: Modes) -> Any:
@@ -222,9 +228,9 @@ def _row(modes: Modes, place: int) -> int:
     return row
 
 
-def _ratio_std(one: MeasuredMode) -> float:
+def _ratio_std(measured_mode: MeasuredMode) -> float:
     """Of a damping ratio; without a stated one that of the frequency, relative: a pole is as uncertain either way."""
-    return one.damping_ratio_std or one.std / one.frequency
+    return measured_mode.damping_ratio_std or measured_mode.std / measured_mode.frequency
 
 
 def _search(problem: _Problem, loss: str) -> tuple[Floats, float | None]:
@@ -250,16 +256,16 @@ def _lost_around(problem: _Problem, z: Floats, held: Sequence[int], vague: float
     At z itself derivatives may vanish, as at equal lengths.
     """
     factors = GENERIC * (1 + np.arange(len(z)) / len(z)) * (-1.0) ** np.arange(len(z))
-    logs = np.array([one.log for one in problem.parameters], dtype=bool)
-    found = []
-    for own in (factors, -factors):
-        moved = np.where(logs, z + own, z * np.exp(own))
+    logs = np.array([parameter.log for parameter in problem.parameters], dtype=bool)
+    lost = []
+    for shift in (factors, -factors):
+        moved = np.where(logs, z + shift, z * np.exp(shift))
         try:
             J = problem.jacobian(moved)
         except (ComputationError, SceneError):
             moved, J = z, problem.jacobian(z)
-        found.append(find_determined(J, problem.parameters, moved, vague=vague, held=held).held)
-    return min(found, key=len)
+        lost.append(find_determined(J, problem.parameters, moved, vague=vague, held=held).held)
+    return min(lost, key=len)
 
 
 def _refined(problem: _Problem, z: Floats, loss: str) -> tuple[Floats, float | None]:
@@ -274,16 +280,16 @@ def _refined(problem: _Problem, z: Floats, loss: str) -> tuple[Floats, float | N
 
 def _minima(problem: _Problem, z: Floats, loss: str) -> list[tuple[float, Floats]]:
     """Minima from other starts than that of the minimum z, each with its sum of squares, from the least on."""
-    found = []
+    minima = []
     for start in _starts(problem, z):
         try:
-            own = _solved(problem, start, loss, FEWER, ROUGHLY)
-            if _square(problem, own) < NEARLY + _square(problem, z) and np.abs(own - z).max() > SAME:
-                own = _solved(problem, own, loss)
-                found.append((_square(problem, own), own))
+            minimum = _solved(problem, start, loss, FEWER, ROUGHLY)
+            if _square(problem, minimum) < NEARLY + _square(problem, z) and np.abs(minimum - z).max() > SAME:
+                minimum = _solved(problem, minimum, loss)
+                minima.append((_square(problem, minimum), minimum))
         except (ComputationError, SceneError):
             continue
-    return sorted(found, key=lambda pair: pair[0])
+    return sorted(minima, key=lambda pair: pair[0])
 
 
 def _starts(problem: _Problem, z: Floats) -> Iterator[Floats]:
@@ -292,16 +298,16 @@ def _starts(problem: _Problem, z: Floats) -> Iterator[Floats]:
     kinds = [(problem.parameters[k].place[-1], problem.parameters[k].log) for k in range(len(z))]
     pairs = [(j, k) for j, k in combinations(kept, 2) if kinds[j] == kinds[k]]
     for j, k in pairs[:MOST_EXCHANGES]:
-        own, one, other = z.copy(), problem.parameters[j], problem.parameters[k]
-        own[j], own[k] = one.z_of(other.at(float(z[k]))), other.z_of(one.at(float(z[j])))
-        yield own
+        exchanged, first, second = z.copy(), problem.parameters[j], problem.parameters[k]
+        exchanged[j], exchanged[k] = first.z_of(second.at(float(z[k]))), second.z_of(first.at(float(z[j])))
+        yield exchanged
     rng = np.random.default_rng(len(z))
     for _ in range(TESTED if problem.freedom() > 0 else STARTS):
         factors = SPREAD * rng.standard_normal(len(kept))
-        own = z.copy()
+        drawn = z.copy()
         for k, factor in zip(kept, factors.tolist(), strict=True):
-            own[k] = z[k] + factor if problem.parameters[k].log else z[k] * np.exp(factor)
-        yield own
+            drawn[k] = z[k] + factor if problem.parameters[k].log else z[k] * np.exp(factor)
+        yield drawn
 
 
 def _square(problem: _Problem, z: Floats) -> float:
@@ -313,11 +319,11 @@ def _shape_noise(problem: _Problem, z: Floats) -> float:
     """The standard deviation of shapes' components by their residuals, one scale being fitted to each."""
     _, modes = problem.modes_at(z)
     square, count = 0.0, 0
-    for one, place in zip(problem.measured.modes, problem.places, strict=True):
-        if one.shape is None or one.shape_std is not None:
+    for measured_mode, place in zip(problem.measured.modes, problem.places, strict=True):
+        if measured_mode.shape is None or measured_mode.shape_std is not None:
             continue
         phi = modes.matrix.shapes[:, modes.matrix.row == _row(modes, place)][:, 0].astype(np.complex128)
-        miss = problem._shape(one, phi, None)[0] * problem.shape_std
+        miss = problem._shape(measured_mode, phi, None)[0] * problem.shape_std
         square, count = square + float(miss @ miss), count + len(miss) - 1
     return max(FINEST_SHAPE, float(np.sqrt(square / max(count, 1))))
 
@@ -326,12 +332,12 @@ def _solved(problem: _Problem, z: Floats, loss: str, most: int = MOST, close: fl
     columns = np.flatnonzero(problem.kept)
     if not len(columns):
         return z
-    least = np.array([one.least for one in problem.parameters])[columns]
+    least = np.array([parameter.least for parameter in problem.parameters])[columns]
 
     def whole(x: Floats) -> Floats:
-        found = z.copy()
-        found[columns] = x
-        return found
+        every = z.copy()
+        every[columns] = x
+        return every
 
     def residuals(x: Floats) -> Floats:
         try:
@@ -340,9 +346,9 @@ def _solved(problem: _Problem, z: Floats, loss: str, most: int = MOST, close: fl
             return np.full(size, 1e12)
 
     size = len(problem.residuals(z))
-    steps = [0.1 if one.log else 0.1 * max(one.start, 0.05) for one in problem.parameters]
+    steps = [0.1 if parameter.log else 0.1 * max(parameter.start, 0.05) for parameter in problem.parameters]
     jacobian: Callable[[Floats], Floats] = lambda x: problem.jacobian(whole(x))[:, columns]  # noqa: E731
-    found = scipy.optimize.least_squares(
+    solution = scipy.optimize.least_squares(
         residuals,
         np.maximum(z[columns], least + 1e-12),
         jacobian,
@@ -354,7 +360,7 @@ def _solved(problem: _Problem, z: Floats, loss: str, most: int = MOST, close: fl
         xtol=close,
         gtol=close,
     )
-    return whole(found.x)
+    return whole(solution.x)
 
 
 def _covariance(problem: _Problem, z: Floats) -> Floats:
@@ -393,7 +399,7 @@ def _reach(problem: _Problem, z: Floats, steps: Floats, k: int) -> float:
 
     ends = []
     for side in (-1.0, 1.0):
-        straight = np.maximum(z + side * normal * steps[:, k], [one.least for one in problem.parameters])
+        straight = np.maximum(z + side * normal * steps[:, k], [parameter.least for parameter in problem.parameters])
         if normal < furthest and abs(_rise(problem, straight) - level) < LINEAR * rise:
             ends.append(normal)
             continue
@@ -418,7 +424,7 @@ def _least_beside(problem: _Problem, z: Floats, steps: Floats, y: Floats, k: int
 
     Infinite where there are no modes.
     """
-    least = np.array([one.least for one in problem.parameters])
+    least = np.array([parameter.least for parameter in problem.parameters])
     others = np.delete(np.arange(len(y)), k)
     free, best = steps[:, others], np.inf
     try:
@@ -438,15 +444,15 @@ def _least_beside(problem: _Problem, z: Floats, steps: Floats, y: Floats, k: int
 def _solutions(problem: _Problem, z: Floats, cov: Floats, minima: Sequence[Floats]) -> list[Solution]:
     """Those of other minima that fit as well as z and differ from it, and from each other."""
     most = _square(problem, z) + _quantile(max(1, int(np.count_nonzero(problem.kept))))
-    found: list[Solution] = []
+    solutions: list[Solution] = []
     known = [(z, cov)]
     for other in minima:
         square = _square(problem, other)
-        if square > most or any(_same(other, one, spread) for one, spread in known):
+        if square > most or any(_same(other, earlier, spread) for earlier, spread in known):
             continue
         known.append((other, _covariance(problem, other)))
-        found.append(Solution(problem.parameters, *known[-1], square))
-    return found
+        solutions.append(Solution(problem.parameters, *known[-1], square))
+    return solutions
 
 
 def _quantile(freedom: int) -> float:
@@ -454,9 +460,9 @@ def _quantile(freedom: int) -> float:
     return float(2 * scipy.special.gammaincinv(freedom / 2, CONFIDENCE))
 
 
-def _same(one: Floats, other: Floats, cov: Floats) -> bool:
+def _same(numbers: Floats, other: Floats, cov: Floats) -> bool:
     """Whether numbers are others within a part of the standard deviations of these."""
-    return bool(np.all(np.abs(one - other) < DISTINCT * np.sqrt(np.maximum(np.diag(cov), 0.0)) + 1e-6))
+    return bool(np.all(np.abs(numbers - other) < DISTINCT * np.sqrt(np.maximum(np.diag(cov), 0.0)) + 1e-6))
 
 
 def _certified(
@@ -468,15 +474,18 @@ def _certified(
     determined = Determined(kept, np.flatnonzero(~problem.kept), (), 1.0)
     if count:
         lost = np.flatnonzero(~problem.kept).tolist()
-        found = find_determined(J, problem.parameters, z, vague=WHATEVER, held=lost)
-        own = tuple(one for one in found.directions if one.held in {problem.parameters[k].path for k in lost})
-        determined = Determined(kept, np.flatnonzero(~problem.kept), own, found.condition)
+        judged = find_determined(J, problem.parameters, z, vague=WHATEVER, held=lost)
+        directions = tuple(
+            direction for direction in judged.directions if direction.held in {problem.parameters[k].path for k in lost}
+        )
+        determined = Determined(kept, np.flatnonzero(~problem.kept), directions, judged.condition)
     scene, modes = problem.modes_at(z)
     square, freedom = float(residuals @ residuals), problem.freedom()
     beside = tuple(
-        _beside(problem, modes, one, place) for one, place in zip(problem.measured.modes, problem.places, strict=True)
+        _beside(problem, modes, measured_mode, place)
+        for measured_mode, place in zip(problem.measured.modes, problem.places, strict=True)
     )
-    found_fit = ModeFit(
+    fit = ModeFit(
         parameters=problem.parameters,
         z=z,
         cov=cov,
@@ -491,33 +500,33 @@ def _certified(
         shape_std=shape_std,
         others=tuple(_solutions(problem, z, cov, minima)),
     )
-    return ModeFit(**{**vars(found_fit), "verdict": tuple(_verdict(problem, found_fit, loss))})
+    return ModeFit(**{**vars(fit), "verdict": tuple(_verdict(problem, fit, loss))})
 
 
-def _beside(problem: _Problem, modes: Modes, one: MeasuredMode, place: int) -> FittedMode:
+def _beside(problem: _Problem, modes: Modes, measured_mode: MeasuredMode, place: int) -> FittedMode:
     row = _row(modes, place)
     value = modes.eigenvalue[row]
     mac = None
-    if one.shape is not None:
-        there = np.isfinite(one.shape)
-        own = modes.matrix.shapes[:, modes.matrix.row == row][problem.rows, 0].astype(np.complex128)
-        u, v = turned(own[there]).real, one.shape[there]
+    if measured_mode.shape is not None:
+        there = np.isfinite(measured_mode.shape)
+        phi = modes.matrix.shapes[:, modes.matrix.row == row][problem.rows, 0].astype(np.complex128)
+        u, v = turned(phi[there]).real, measured_mode.shape[there]
         mac = float((u @ v) ** 2 / ((u @ u) * (v @ v)))
-    stated = None if one.damping_ratio is None else _ratio_std(one)
-    return FittedMode(one, float(abs(value)) / (2 * np.pi), float(-value.real / abs(value)), stated, mac)
+    stated = None if measured_mode.damping_ratio is None else _ratio_std(measured_mode)
+    return FittedMode(measured_mode, float(abs(value)) / (2 * np.pi), float(-value.real / abs(value)), stated, mac)
 
 
-def _words(found: Solution, fitted: Sequence[int]) -> str:
-    numbers = [(found.parameters[k].path, found.values[k], found.stds[k]) for k in fitted]
+def _words(solution: Solution, fitted: Sequence[int]) -> str:
+    numbers = [(solution.parameters[k].path, solution.values[k], solution.stds[k]) for k in fitted]
     told = [f"{path} = {with_error(value, std)} ± {std:.2g}" for path, value, std in numbers]
     return listed(told, len(told))
 
 
-def _verdict(problem: _Problem, found: ModeFit, loss: str) -> list[str]:
+def _verdict(problem: _Problem, result: ModeFit, loss: str) -> list[str]:
     words = []
-    if found.freedom > 0:
-        chance = float(scipy.special.chdtrc(found.freedom, found.chi_square))
-        told = f"chi-square {short(found.chi_square)} with {found.freedom} degrees of freedom"
+    if result.freedom > 0:
+        chance = float(scipy.special.chdtrc(result.freedom, result.chi_square))
+        told = f"chi-square {short(result.chi_square)} with {result.freedom} degrees of freedom"
         if chance < UNLIKELY:
             words.append(
                 f"{told}: so large by chance in {percent(chance)} of cases, so the stated standard deviations are too "
@@ -530,22 +539,24 @@ def _verdict(problem: _Problem, found: ModeFit, loss: str) -> list[str]:
     else:
         words.append("as many numbers as measured values: nothing is left to test the model by")
     words += [
-        f"another solution fits as well, with chi-square {short(other.chi_square)}: {_words(other, found.fitted)}; a "
+        f"another solution fits as well, with chi-square {short(other.chi_square)}: {_words(other, result.fitted)}; a "
         "measured shape or a prior can tell which is right"
-        for other in found.others
+        for other in result.others
     ]
-    worst = max(found.modes, key=lambda one: abs(one.deviation))
+    worst = max(result.modes, key=lambda mode: abs(mode.deviation))
     if abs(worst.deviation) > 3:
         words.append(f"mode {worst.measured.number} is off by {worst.deviation:+.1f} standard deviations in frequency")
-    if any(one.damping_ratio is not None and one.damping_ratio_std is None for one in problem.measured.modes):
+    if any(mode.damping_ratio is not None and mode.damping_ratio_std is None for mode in problem.measured.modes):
         words.append(
             "damping ratios without a standard deviation are taken to have that of the frequency, relative to it"
         )
-    if found.shape_std is not None:
-        words.append(f"the noise of the shapes is estimated from their residuals: {found.shape_std:.2g} of the largest")
-    for k in found.fitted:
-        if found.parameters[k].least == 0.0 and found.z[k] < 1e-6:
-            words.append(f"{found.parameters[k].path} is at its bound, 0: the modes give no sign of it")
+    if result.shape_std is not None:
+        words.append(
+            f"the noise of the shapes is estimated from their residuals: {result.shape_std:.2g} of the largest"
+        )
+    for k in result.fitted:
+        if result.parameters[k].least == 0.0 and result.z[k] < 1e-6:
+            words.append(f"{result.parameters[k].path} is at its bound, 0: the modes give no sign of it")
     if loss != "linear":
         words.append(f"standard deviations are those of the linear loss at the optimum of {loss}")
     return words

@@ -11,91 +11,91 @@ from modal.report import NOTHING, as_json, capital, grid, short, titled
 from modal.scene import title_of
 
 
-def mode_fit_record(found: ModeFit) -> dict[str, Any]:
+def mode_fit_record(result: ModeFit) -> dict[str, Any]:
     """The report for JSON; `covariance` is that of `parameters` in their order."""
-    numbers = found.fitted
+    numbers = result.fitted
     return {
         "parameters": [
-            {"place": found.parameters[k].path, "value": float(found.values[k]), "std": float(found.stds[k])}
+            {"place": result.parameters[k].path, "value": float(result.values[k]), "std": float(result.stds[k])}
             for k in numbers
         ],
-        "fixed": [{"place": found.parameters[k].path, "value": float(found.values[k])} for k in found.held.tolist()],
-        "combinations": [{"words": c.words, "value": c.value, "std": c.std} for c in found.combinations],
-        "unidentifiable": [{"place": one.held, "words": one.words} for one in found.undetermined],
+        "fixed": [{"place": result.parameters[k].path, "value": float(result.values[k])} for k in result.held.tolist()],
+        "combinations": [{"words": c.words, "value": c.value, "std": c.std} for c in result.combinations],
+        "unidentifiable": [{"place": direction.held, "words": direction.words} for direction in result.undetermined],
         "segments": [],
         "modes": [
             {
-                "mode": one.measured.number,
-                "measured_frequency_hz": one.measured.frequency,
-                "std_hz": one.measured.std,
-                "fitted_frequency_hz": one.frequency,
-                "deviation_in_stds": one.deviation,
-                "measured_damping_ratio": one.measured.damping_ratio,
-                "damping_ratio_std": one.damping_ratio_std,
-                "fitted_damping_ratio": one.damping_ratio,
-                "mac": one.mac,
+                "mode": mode.measured.number,
+                "measured_frequency_hz": mode.measured.frequency,
+                "std_hz": mode.measured.std,
+                "fitted_frequency_hz": mode.frequency,
+                "deviation_in_stds": mode.deviation,
+                "measured_damping_ratio": mode.measured.damping_ratio,
+                "damping_ratio_std": mode.damping_ratio_std,
+                "fitted_damping_ratio": mode.damping_ratio,
+                "mac": mode.mac,
             }
-            for one in found.modes
+            for mode in result.modes
         ],
-        "chi_square": found.chi_square,
-        "degrees_of_freedom": found.freedom,
-        "shape_std": found.shape_std,
-        "condition": found.determined.condition,
-        "covariance": found.covariance[np.ix_(numbers, numbers)].tolist(),
+        "chi_square": result.chi_square,
+        "degrees_of_freedom": result.freedom,
+        "shape_std": result.shape_std,
+        "condition": result.determined.condition,
+        "covariance": result.covariance[np.ix_(numbers, numbers)].tolist(),
         "other_solutions": [
             {
                 "parameters": [
-                    {"place": found.parameters[k].path, "value": float(one.values[k]), "std": float(one.stds[k])}
+                    {"place": result.parameters[k].path, "value": float(other.values[k]), "std": float(other.stds[k])}
                     for k in numbers
                 ],
-                "chi_square": one.chi_square,
-                "covariance": one.covariance[np.ix_(numbers, numbers)].tolist(),
+                "chi_square": other.chi_square,
+                "covariance": other.covariance[np.ix_(numbers, numbers)].tolist(),
             }
-            for one in found.others
+            for other in result.others
         ],
-        "verdict": list(found.verdict),
+        "verdict": list(result.verdict),
     }
 
 
-def mode_fit_json(found: ModeFit) -> str:
+def mode_fit_json(result: ModeFit) -> str:
     """The report as JSON."""
-    return as_json(mode_fit_record(found))
+    return as_json(mode_fit_record(result))
 
 
-def mode_fit_text(found: ModeFit) -> str:
+def mode_fit_text(result: ModeFit) -> str:
     """The report as text."""
-    held = set(found.held.tolist())
+    held = set(result.held.tolist())
     rows = [
         [
-            one.path,
-            short(one.value),
-            with_error(found.values[k], found.stds[k]),
-            "held" if k in held else f"{found.stds[k]:.2g}",
-            one.unit_name,
+            parameter.path,
+            short(parameter.value),
+            with_error(result.values[k], result.stds[k]),
+            "held" if k in held else f"{result.stds[k]:.2g}",
+            parameter.unit_name,
         ]
-        for k, one in enumerate(found.parameters)
+        for k, parameter in enumerate(result.parameters)
     ]
     modes = [
         [
-            str(one.measured.number),
-            with_error(one.measured.frequency, one.measured.std),
-            f"{one.measured.std:.2g}",
-            with_error(one.frequency, one.measured.std),
-            f"{one.deviation:+.2f}",
-            NOTHING if one.measured.damping_ratio is None else short(one.measured.damping_ratio),
-            short(one.damping_ratio),
-            NOTHING if one.mac is None else f"{one.mac:.4f}",
+            str(mode.measured.number),
+            with_error(mode.measured.frequency, mode.measured.std),
+            f"{mode.measured.std:.2g}",
+            with_error(mode.frequency, mode.measured.std),
+            f"{mode.deviation:+.2f}",
+            NOTHING if mode.measured.damping_ratio is None else short(mode.measured.damping_ratio),
+            short(mode.damping_ratio),
+            NOTHING if mode.mac is None else f"{mode.mac:.4f}",
         ]
-        for one in found.modes
+        for mode in result.modes
     ]
     parts = [
         grid(rows, ["number", "given", "fitted", "std", "unit"]),
-        "\n".join(f"Determined: {c.words} = {with_error(c.value, c.std)} ± {c.std:.2g}" for c in found.combinations),
-        "\n".join(f"Not determined: {one.words}." for one in found.undetermined),
+        "\n".join(f"Determined: {c.words} = {with_error(c.value, c.std)} ± {c.std:.2g}" for c in result.combinations),
+        "\n".join(f"Not determined: {direction.words}." for direction in result.undetermined),
         grid(modes, ["mode", "f (Hz)", "±", "fitted (Hz)", "off by (±)", "ζ", "fitted ζ", "MAC"]),
-        "\n".join(capital(line) + "." for line in found.verdict),
+        "\n".join(capital(line) + "." for line in result.verdict),
     ]
-    return titled(title_of(found.given), "fit to measured modes", parts, "text")
+    return titled(title_of(result.given), "fit to measured modes", parts, "text")
 
 
 def with_error(value: float, std: float) -> str:

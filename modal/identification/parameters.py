@@ -99,28 +99,28 @@ def find_parameters(scene: Scene, paths: Iterable[str], priors: Sequence[str] = 
     words = [path for path in paths if path != NONE]
     for path in words:
         try:
-            own = find_places(scene, path)
+            named = find_places(scene, path)
         except SceneError as error:
             problems += error.problems
             continue
-        problems += [f"{with_numbers(place)}: is freed twice" for place in own if place in places]
-        places |= dict.fromkeys(own)
-    given: dict[Place, tuple[float, float]] = {}
+        problems += [f"{with_numbers(place)}: is freed twice" for place in named if place in places]
+        places |= dict.fromkeys(named)
+    beliefs: dict[Place, tuple[float, float]] = {}
     for text in priors:
         try:
-            given |= _prior(scene, text)
+            beliefs |= _prior(scene, text)
         except SceneError as error:
             problems += error.problems
-    problems += [f"{with_numbers(place)}: has a prior but is not free" for place in given if place not in places]
-    found = []
+    problems += [f"{with_numbers(place)}: has a prior but is not free" for place in beliefs if place not in places]
+    parameters = []
     for place in places:
         try:
-            found.append(_parameter(scene, place, given.get(place)))
+            parameters.append(_parameter(scene, place, beliefs.get(place)))
         except SceneError as error:
             problems += error.problems
     if problems:
         raise SceneError(problems)
-    return tuple(found)
+    return tuple(parameters)
 
 
 def _prior(scene: Scene, text: str) -> dict[Place, tuple[float, float]]:
@@ -189,7 +189,7 @@ def natural_unit(scene: Scene, place: Place) -> float:
 
 def numbers_at(parameters: Sequence[Parameter], z: Floats) -> dict[str, float]:
     """The numbers by their paths."""
-    return {one.path: one.at(float(own)) for one, own in zip(parameters, z, strict=True)}
+    return {parameter.path: parameter.at(float(value)) for parameter, value in zip(parameters, z, strict=True)}
 
 
 @checked
@@ -200,17 +200,17 @@ def scene_with(scene: Scene, values: Mapping[str, float]) -> Scene:
 
 def starts_of(parameters: Sequence[Parameter]) -> Floats:
     """The z of the scene's own numbers, (p,)."""
-    return np.array([one.start for one in parameters])
+    return np.array([parameter.start for parameter in parameters])
 
 
 def fitted_columns(parameters: Sequence[Parameter], values: Floats, stds: Floats, held: Ints) -> dict[str, Any]:
     """Numbers with their places, units, given and fitted values and standard deviations, NaN of those `held`."""
-    own = np.array(stds, dtype=float)
-    own[held] = np.nan
+    spreads = np.array(stds, dtype=float)
+    spreads[held] = np.nan
     return {
-        "number": np.array([one.path for one in parameters]),
-        "unit": np.array([one.unit_name for one in parameters]),
-        "given": np.array([one.value for one in parameters]),
+        "number": np.array([parameter.path for parameter in parameters]),
+        "unit": np.array([parameter.unit_name for parameter in parameters]),
+        "given": np.array([parameter.value for parameter in parameters]),
         "fitted": np.array(values),
-        "std": own,
+        "std": spreads,
     }

@@ -11,12 +11,12 @@ from modal.scene.doors import checked
 
 
 @checked
-def poles_table(found: Identified, form: Form, title: str = "") -> str:
+def poles_table(identified: Identified, form: Form, title: str = "") -> str:
     """The modes as text, csv or json, the `form`; `title` names the record in text."""
     if form == "csv":
-        return as_csv([_row(found, k, mode) for k, mode in enumerate(found.modes, 1)])
+        return as_csv([_row(identified, k, mode) for k, mode in enumerate(identified.modes, 1)])
     if form == "json":
-        return as_json(_record(found))
+        return as_json(_record(identified))
     rows = [
         [
             str(k),
@@ -28,19 +28,19 @@ def poles_table(found: Identified, form: Form, title: str = "") -> str:
             *(f"{value:+.3f}" for value in mode.shape.real.tolist()),
             NOTHING if mode.shape_std is None else f"{mode.shape_std:.2g}",
         ]
-        for k, mode in enumerate(found.modes, 1)
+        for k, mode in enumerate(identified.modes, 1)
     ]
-    headings = ["mode", "f (Hz)", "± (Hz)", "ζ", "± ζ", "collinearity", *found.names, "± shape"]
-    how = {"era": "eigensystem realization", "decrement": "logarithmic decrement"}[found.method]
-    order = f", order {found.order}" if found.method == "era" else ""
-    notes = "\n".join(capital(note) + "." for note in found.notes)
-    what = "free decays" if found.excitation == "free" else "responses to random excitation"
+    headings = ["mode", "f (Hz)", "± (Hz)", "ζ", "± ζ", "collinearity", *identified.names, "± shape"]
+    how = {"era": "eigensystem realization", "decrement": "logarithmic decrement"}[identified.method]
+    order = f", order {identified.order}" if identified.method == "era" else ""
+    notes = "\n".join(capital(note) + "." for note in identified.notes)
+    what = "free decays" if identified.excitation == "free" else "responses to random excitation"
     return titled(title, f"poles of {what}", [grid(rows, headings), f"By {how}{order}.", notes], "text")
 
 
-def _row(found: Identified, k: int, mode: IdentifiedMode) -> dict[str, Any]:
-    shape = dict(zip(found.names, mode.shape.real.tolist(), strict=True)) if len(found.names) > 1 else {}
-    noise = {"shape_std": mode.shape_std} if shape and found.method == "era" else {}
+def _row(identified: Identified, k: int, mode: IdentifiedMode) -> dict[str, Any]:
+    shape = dict(zip(identified.names, mode.shape.real.tolist(), strict=True)) if len(identified.names) > 1 else {}
+    noise = {"shape_std": mode.shape_std} if shape and identified.method == "era" else {}
     return {
         "mode": k,
         "frequency_hz": mode.frequency,
@@ -52,7 +52,7 @@ def _row(found: Identified, k: int, mode: IdentifiedMode) -> dict[str, Any]:
     }
 
 
-def _record(found: Identified) -> dict[str, Any]:
+def _record(identified: Identified) -> dict[str, Any]:
     modes = [
         {
             "mode": k,
@@ -66,22 +66,22 @@ def _record(found: Identified) -> dict[str, Any]:
             "collinearity": mode.collinearity,
             "frequency_shift_hz": mode.frequency_shift,
         }
-        for k, mode in enumerate(found.modes, 1)
+        for k, mode in enumerate(identified.modes, 1)
     ]
     return {
-        "components": list(found.names),
-        "method": found.method,
-        "excitation": found.excitation,
-        "order": found.order,
+        "components": list(identified.names),
+        "method": identified.method,
+        "excitation": identified.excitation,
+        "order": identified.order,
         "modes": modes,
         "stabilization": [
             {
-                "order": one.order,
-                "frequency_hz": one.frequency,
-                "damping_ratio": one.damping_ratio,
-                "stable": one.stable,
+                "order": entry.order,
+                "frequency_hz": entry.frequency,
+                "damping_ratio": entry.damping_ratio,
+                "stable": entry.stable,
             }
-            for one in found.stabilization
+            for entry in identified.stabilization
         ],
-        "notes": list(found.notes),
+        "notes": list(identified.notes),
     }

@@ -164,32 +164,32 @@ def identify(
     if excitation == "random":
         return _random(even, step, names, order, lines, notes)
     stride = _stride(lines, step, even)
-    realization = realize([own - own.mean(axis=0) for own in even], step, stride)
+    realization = realize([values - values.mean(axis=0) for values in even], step, stride)
     chosen = min(order or min(realization.rank, MOST_ORDER), len(realization.singular))
     diagram = stabilization(realization, max(MOST_ORDER // 2, min(chosen + 10, MOST_ORDER)))
     poles, _ = realization.poles(chosen)
     poles = poles[-poles.real / np.abs(poles) > -0.2]
     series = _series(segments)
     faint = 0.0 if order else FAINT
-    found = fit_decays(series, poles, faint)
-    if len(found.poles) < len(poles):
-        notes.append(f"{counted(len(poles) - len(found.poles), 'pole', 'poles')} left out: faint or not significant")
-    while one := one_mode(series, found, faint, resolved=order is not None):
-        found = one
-    while not order and (one := without_combination(series, found, faint)):
+    decays = fit_decays(series, poles, faint)
+    if len(decays.poles) < len(poles):
+        notes.append(f"{counted(len(poles) - len(decays.poles), 'pole', 'poles')} left out: faint or not significant")
+    while better := one_mode(series, decays, faint, resolved=order is not None):
+        decays = better
+    while not order and (better := without_combination(series, decays, faint)):
         notes.append("a pole left out that is a combination of stronger ones, as swings that are not small make it")
-        found = one
-    while one := bent(series, found, faint):
-        found = one
-    notes += [_bent(found, r) for r in found.model.bent.tolist()]
+        decays = better
+    while better := bent(series, decays, faint):
+        decays = better
+    notes += [_bent(decays, r) for r in decays.model.bent.tolist()]
     notes += [
         f"modes {r + 1} and {s + 1} have one shape and never beat: perhaps one mode, whose frequency and damping "
         "change with amplitude, as dry friction makes them"
-        for r, s in suspects(series, found)
+        for r, s in suspects(series, decays)
     ]
-    if not found.white:
+    if not decays.white:
         notes.append(_correlated(series, names))
-    modes = tuple(_of_decays(found, r, segments, len(names)) for r in range(len(found.poles)))
+    modes = tuple(_of_decays(decays, r, segments, len(names)) for r in range(len(decays.poles)))
     return Identified(modes, tuple(names), "era", "free", chosen, diagram, tuple(notes))
 
 
@@ -202,42 +202,42 @@ def _evened(segments: Sequence[tuple[Floats, Floats]], notes: list[str]) -> tupl
     if short_ones:
         raise SceneError([f"a segment has {short_ones[0]} samples: at least {SAMPLES} are needed"])
     step = float(np.median(np.concatenate([np.diff(times) for times, _ in segments])))
-    found, moved = [], False
+    evened, moved = [], False
     for times, values in segments:
         grid = times[0] + step * np.arange(round((times[-1] - times[0]) / step) + 1)
         is_even = len(grid) == len(times) and float(np.abs(times - grid).max()) < UNEVEN * step
         if is_even and np.all(np.isfinite(values)):
-            found.append(values)
+            evened.append(values)
             continue
         moved = True
         columns = []
-        for own in values.T:
-            there = np.isfinite(own)
+        for column in values.T:
+            there = np.isfinite(column)
             if np.count_nonzero(there) < SAMPLES:
                 raise SceneError([f"a sensor has {np.count_nonzero(there)} values in a segment: {SAMPLES} are needed"])
-            columns.append(np.interp(grid, times[there], own[there]))
-        found.append(np.array(columns).T)
+            columns.append(np.interp(grid, times[there], column[there]))
+        evened.append(np.array(columns).T)
     if moved:
         notes.append("samples are uneven or missing: interpolated for starting values")
-    return found, step
+    return evened, step
 
 
 def _series(segments: Sequence[tuple[Floats, Floats]]) -> list[Series]:
-    found = []
+    series = []
     for s, (times, values) in enumerate(segments):
-        for c, own in enumerate(values.T):
-            there = np.isfinite(own)
-            found.append(Series(c, s, times[there] - times[0], own[there]))
-    return found
+        for c, column in enumerate(values.T):
+            there = np.isfinite(column)
+            series.append(Series(c, s, times[there] - times[0], column[there]))
+    return series
 
 
 def _lines(even: Sequence[Floats], step: float) -> tuple[float, float]:
     """The slowest and fastest line in Hz."""
     count = int(2 ** np.ceil(np.log2(4 * max(map(len, even)))))
     power = np.zeros(count // 2 + 1)
-    for own in even:
-        centred = (own - own.mean(axis=0)) / np.maximum(own.std(axis=0), 1e-300)
-        power += np.sum(np.abs(np.fft.rfft(centred * np.hanning(len(own))[:, None], count, axis=0)) ** 2, axis=1)
+    for values in even:
+        centred = (values - values.mean(axis=0)) / np.maximum(values.std(axis=0), 1e-300)
+        power += np.sum(np.abs(np.fft.rfft(centred * np.hanning(len(values))[:, None], count, axis=0)) ** 2, axis=1)
     frequency = np.fft.rfftfreq(count, step)
     power[frequency < 1.5 / (max(map(len, even)) * step)] = 0.0
     strong = np.flatnonzero(power > LINE * power.max())
@@ -261,18 +261,18 @@ def _stride(lines: tuple[float, float], step: float, even: Sequence[Floats]) -> 
 
 def stabilization(realization: Realization, most: int) -> tuple[OrderPole, ...]:
     """The poles of the orders 2, 4, … up to `most`, each compared with those of the order before."""
-    found: list[OrderPole] = []
+    diagram: list[OrderPole] = []
     before: tuple[Complexes, Complexes] | None = None
     usable = int(np.count_nonzero(realization.singular > 1e-12 * realization.singular[0]))
     for order in range(2, max(2, min(most, usable)) + 1, 2):
         poles, shapes = realization.poles(order)
         stable = _stable(poles, shapes, before)
-        found += [
-            OrderPole(order, abs(pole) / (2 * pi), -pole.real / abs(pole), bool(own))
-            for pole, own in zip(poles.tolist(), stable, strict=True)
+        diagram += [
+            OrderPole(order, abs(pole) / (2 * pi), -pole.real / abs(pole), bool(is_stable))
+            for pole, is_stable in zip(poles.tolist(), stable, strict=True)
         ]
         before = poles, shapes
-    return tuple(found)
+    return tuple(diagram)
 
 
 def _stable(poles: Complexes, shapes: Complexes, before: tuple[Complexes, Complexes] | None) -> Booleans:
@@ -289,23 +289,25 @@ def _stable(poles: Complexes, shapes: Complexes, before: tuple[Complexes, Comple
 # --------------------------------------------------------------------------------------------------- free decays
 
 
-def _of_decays(found: Decays, r: int, segments: Sequence[tuple[Floats, Floats]], sensors: int) -> IdentifiedMode:
-    count, R = len(segments), len(found.poles)
-    own, shape = found.amplitudes[:, r].reshape(count, sensors), shape_of(found, r, sensors)
-    noise = found.amplitude_stds[:, r].reshape(count, sensors)
-    size = np.abs(own @ shape.conj())
+def _of_decays(decays: Decays, r: int, segments: Sequence[tuple[Floats, Floats]], sensors: int) -> IdentifiedMode:
+    count, R = len(segments), len(decays.poles)
+    amplitudes, shape = decays.amplitudes[:, r].reshape(count, sensors), shape_of(decays, r, sensors)
+    noise = decays.amplitude_stds[:, r].reshape(count, sensors)
+    size = np.abs(amplitudes @ shape.conj())
     std = np.sqrt(1 / np.sum(size[:, None] ** 2 / np.maximum(noise, 1e-300) ** 2, axis=0))
     shape, largest = _scaled(shape)
-    pole = complex(found.poles[r])
-    cov = found.cov[np.ix_([r, R + r], [r, R + r])]
+    pole = complex(decays.poles[r])
+    cov = decays.cov[np.ix_([r, R + r], [r, R + r])]
     noise_of_shape = float(np.sqrt(np.mean(std**2))) / largest if sensors > 1 else None
-    return replace(_identified(pole, cov, shape, noise_of_shape), frequency_shift=found.shift(r))
+    return replace(_identified(pole, cov, shape, noise_of_shape), frequency_shift=decays.shift(r))
 
 
 def _correlated(series: Sequence[Series], names: Sequence[str]) -> str:
     """What there is to say of correlated residuals, for which swings that are not small are the usual reason."""
     told = "the residuals are correlated: standard deviations allow for it; large swings are not linear"
-    largest = max((float(np.ptp(own.values)) / 2 for own in series if names[own.sensor].startswith("theta")), default=0)
+    largest = max(
+        (float(np.ptp(record.values)) / 2 for record in series if names[record.sensor].startswith("theta")), default=0
+    )
     if not largest:
         return told
     return (
@@ -314,9 +316,9 @@ def _correlated(series: Sequence[Series], names: Sequence[str]) -> str:
     )
 
 
-def _bent(found: Decays, r: int) -> str:
+def _bent(decays: Decays, r: int) -> str:
     """What there is to say of a mode that linear poles take for several."""
-    small, shift = abs(found.poles[r]) / (2 * pi), found.shift(r)
+    small, shift = abs(decays.poles[r]) / (2 * pi), decays.shift(r)
     assert shift is not None
     return (
         f"mode {r + 1} is one mode whose frequency changes with amplitude, from {small + shift:.6g} Hz at the largest "
@@ -327,9 +329,9 @@ def _bent(found: Decays, r: int) -> str:
 
 def _scaled(shape: Complexes) -> tuple[Complexes, float]:
     """Turned to its largest real part, with 1 as the largest component; and what it was divided by."""
-    own = turned(shape)
-    at = int(np.argmax(np.abs(own.real)))
-    return own / own[at].real, abs(float(own[at].real))
+    real_shape = turned(shape)
+    at = int(np.argmax(np.abs(real_shape.real)))
+    return real_shape / real_shape[at].real, abs(float(real_shape[at].real))
 
 
 def _identified(pole: complex, cov: Floats, shape: Complexes, shape_std: float | None) -> IdentifiedMode:
@@ -346,22 +348,27 @@ def _identified(pole: complex, cov: Floats, shape: Complexes, shape_std: float |
 
 def _by_decrement(even: Sequence[Floats], step: float, names: Sequence[str], notes: list[str]) -> Identified:
     """By the sensor with the largest swing; segments are averaged by their weights."""
-    found = []
-    for own in even:
-        swing = own - own.mean(axis=0)
+    decrements = []
+    for values in even:
+        swing = values - values.mean(axis=0)
         k = int(np.argmax(swing.std(axis=0)))
-        found.append((log_decrement(step * np.arange(len(own), dtype=np.float64), own[:, k]), own))
-    weights = np.array([[1 / max(one.real_std, 1e-300) ** 2, 1 / max(one.imag_std, 1e-300) ** 2] for one, _ in found])
-    parts = np.array([[one.pole.real, one.pole.imag] for one, _ in found])
+        decrements.append((log_decrement(step * np.arange(len(values), dtype=np.float64), values[:, k]), values))
+    weights = np.array(
+        [
+            [1 / max(decrement.real_std, 1e-300) ** 2, 1 / max(decrement.imag_std, 1e-300) ** 2]
+            for decrement, _ in decrements
+        ]
+    )
+    parts = np.array([[decrement.pole.real, decrement.pole.imag] for decrement, _ in decrements])
     mean = (weights * parts).sum(axis=0) / weights.sum(axis=0)
     shape = _single_shape(even)
-    notes.append(f"{sum(one.peaks for one, _ in found)} turning points of one mode")
+    notes.append(f"{sum(decrement.peaks for decrement, _ in decrements)} turning points of one mode")
     mode = _identified(complex(*mean), np.diag(1 / weights.sum(axis=0)), shape, None)
     return Identified((mode,), tuple(names), "decrement", "free", 2, (), tuple(notes))
 
 
 def _single_shape(even: Sequence[Floats]) -> Complexes:
-    swing = np.vstack([own - own.mean(axis=0) for own in even])
+    swing = np.vstack([values - values.mean(axis=0) for values in even])
     _, _, right = np.linalg.svd(swing, full_matrices=False)
     return _scaled(right[0].astype(np.complex128))[0]
 
@@ -383,8 +390,8 @@ def _random(
         raise ComputationError(
             f"the records are too short for random excitation: {short(4 * 4 * lags * step)} s at least, or free decays"
         )
-    correlations = [_correlation(own, lags) for own in parts]
-    sizes = np.array([len(own) for own in parts], dtype=float)
+    correlations = [_correlation(part, lags) for part in parts]
+    sizes = np.array([len(part) for part in parts], dtype=float)
 
     def realized(left_out: int | None) -> Realization:
         weights = sizes.copy()
@@ -411,28 +418,28 @@ def _random(
 def _parts(even: Sequence[Floats], lags: int) -> list[Floats]:
     total = sum(map(len, even))
     length = max(total // PARTS, 3 * lags)
-    return [own[at : at + length] for own in even for at in range(0, len(own) - length + 1, length)]
+    return [values[at : at + length] for values in even for at in range(0, len(values) - length + 1, length)]
 
 
 def _correlation(values: Floats, lags: int) -> Floats:
     """R(τ) (lags, C, C) of the sensors with each other, unbiased."""
-    own = values - values.mean(axis=0)
-    size = 2 ** int(np.ceil(np.log2(2 * len(own))))
-    spectrum = np.fft.rfft(own, size, axis=0)
+    centred = values - values.mean(axis=0)
+    size = 2 ** int(np.ceil(np.log2(2 * len(centred))))
+    spectrum = np.fft.rfft(centred, size, axis=0)
     cross = np.fft.irfft(spectrum[:, :, None] * spectrum[:, None, :].conj(), size, axis=0)[:lags]
-    return np.asarray(cross / (len(own) - np.arange(lags))[:, None, None])
+    return np.asarray(cross / (len(centred) - np.arange(lags))[:, None, None])
 
 
 def _settled_order(diagram: Sequence[OrderPole]) -> int:
     """The least order that has as many different stable poles as any."""
     counts: dict[int, int] = {}
     for order in sorted({pole.order for pole in diagram}):
-        own = sorted(
+        frequencies = sorted(
             pole.frequency
             for pole in diagram
             if pole.order == order and pole.stable and _count(diagram, 2j * pi * pole.frequency) >= OFTEN
         )
-        counts[order] = sum(k == 0 or f > (1 + APART) * own[k - 1] for k, f in enumerate(own))
+        counts[order] = sum(k == 0 or f > (1 + APART) * frequencies[k - 1] for k, f in enumerate(frequencies))
     return max(counts, key=lambda order: (counts[order], -order)) if counts else 2
 
 
@@ -457,12 +464,12 @@ def _jackknifed(
                 replicas[k, r], shaped[k, :, r] = others[at], other_shapes[:, at]
     modes = []
     for r, pole in enumerate(poles.tolist()):
-        own = replicas[:, r]
-        there = np.isfinite(own)
+        replica = replicas[:, r]
+        there = np.isfinite(replica)
         m = int(there.sum())
         if m < 0.75 * count:
             continue
-        apart = own[there] - own[there].mean()
+        apart = replica[there] - replica[there].mean()
         parts = np.stack((apart.real, apart.imag))
         cov = (m - 1) / m * parts @ parts.T
         shape, _ = _scaled(shapes[:, r])
@@ -479,11 +486,11 @@ def _jackknifed(
 def _without_doubles(modes: Sequence[IdentifiedMode]) -> list[IdentifiedMode]:
     """The modes without those that are another, better known one, within their standard deviations."""
     kept: list[IdentifiedMode] = []
-    for mode in sorted(modes, key=lambda one: one.frequency_std):
+    for mode in sorted(modes, key=lambda identified: identified.frequency_std):
         for other in kept:
             near = abs(mode.frequency - other.frequency) < 3 * (mode.frequency_std + other.frequency_std)
             if near and modal_assurance(mode.shape[:, None], other.shape[:, None])[0, 0] > ALIKE_SHAPE:
                 break
         else:
             kept.append(mode)
-    return sorted(kept, key=lambda one: one.frequency)
+    return sorted(kept, key=lambda identified: identified.frequency)

@@ -104,15 +104,15 @@ def response_slopes(model: StateSpace, estimate: Estimate, omega: Floats) -> tup
         )
     inputs, outputs = _groups(geometry, model.inputs, PUSHES), _groups(geometry, model.outputs, READINGS)
 
-    def arrays_of(one: Scene) -> Arrays:
-        return _linear(one, inputs, outputs)
+    def arrays_of(response: Scene) -> Arrays:
+        return _linear(response, inputs, outputs)
 
-    own = arrays_of(scene)
+    arrays = arrays_of(scene)
     slopes = [differences(scene, place, u, arrays_of) for place, u in zip(estimate.places, estimate.units, strict=True)]
     with np.errstate(all="ignore"):
-        found = [_at(1j * w, own, slopes, drive) for w in np.atleast_1d(omega).tolist()]
-    G = np.stack([one for one, _ in found], axis=-1)
-    return G, np.stack([change for _, change in found], axis=2)
+        responses = [_at(1j * w, arrays, slopes, drive) for w in np.atleast_1d(omega).tolist()]
+    G = np.stack([response for response, _ in responses], axis=-1)
+    return G, np.stack([change for _, change in responses], axis=2)
 
 
 def _groups(geometry: Geometry, signals: Iterable[Signal], known: Mapping[str, Any]) -> tuple[str, ...]:
@@ -121,15 +121,15 @@ def _groups(geometry: Geometry, signals: Iterable[Signal], known: Mapping[str, A
     present = {signal.name for signal in signals}
     owner: dict[str, str] = {}
     for name in names:
-        own = [signal.name for signal in known[name](geometry).signals]
-        owner |= {one: name if present.issuperset(own) else one for one in own}
+        members = [signal.name for signal in known[name](geometry).signals]
+        owner |= {signal_name: name if present.issuperset(members) else signal_name for signal_name in members}
     owner |= {signal.name: signal.name for signal in signals if is_point(signal.name)}
     return tuple(dict.fromkeys(owner[signal.name] for signal in signals if signal.name in owner))
 
 
 def _linear(scene: Scene, inputs: Sequence[str], outputs: Sequence[str]) -> Arrays:
     """M, K, D, F, T and Y₀, Y₁, Y₂ of these groups of signals."""
-    found, geometry = matrices(scene), geometry_of(scene)
+    linear, geometry = matrices(scene), geometry_of(scene)
     pushes = [push_of(scene, geometry, name) for name in inputs]
     F = np.hstack([np.zeros((geometry.size, 0)), *(push.F for push in pushes)])
     thrust = np.hstack([np.zeros((len(geometry.tips), 0)), *(push.thrust for push in pushes)])
@@ -137,16 +137,16 @@ def _linear(scene: Scene, inputs: Sequence[str], outputs: Sequence[str]) -> Arra
     for name in outputs:
         reading = reading_in(geometry, name)
         rows = len(reading.signals)
-        for own, part in zip(parts, (reading.position, reading.rate, reading.acceleration), strict=False):
-            own.append(np.zeros((rows, geometry.size)) if part is None else part)
+        for rows_of, part in zip(parts, (reading.position, reading.rate, reading.acceleration), strict=False):
+            rows_of.append(np.zeros((rows, geometry.size)) if part is None else part)
         parts[3].append(thrust if reading.pushed else np.zeros((rows, F.shape[1])))
-    Y0, Y1, Y2, T = (np.vstack(own) for own in parts)
-    return found.M, found.K, found.D, F, T, Y0, Y1, Y2
+    Y0, Y1, Y2, T = (np.vstack(rows_of) for rows_of in parts)
+    return linear.M, linear.K, linear.D, F, T, Y0, Y1, Y2
 
 
-def _at(s: complex, own: Arrays, slopes: Sequence[Arrays], drive: str | None) -> tuple[Complexes, Complexes]:
+def _at(s: complex, arrays: Arrays, slopes: Sequence[Arrays], drive: str | None) -> tuple[Complexes, Complexes]:
     """G (p, m) and its derivatives (p, m, numbers) at one s."""
-    M, K, D, F, T, Y0, Y1, Y2 = own
+    M, K, D, F, T, Y0, Y1, Y2 = arrays
     held = int(drive is not None)
     Q, Y = (s * s * M + s * D + K).astype(np.complex128), Y0 + s * Y1 + s * s * Y2
     size, m = len(Q), F.shape[1] + held
@@ -179,9 +179,9 @@ def magnitude_std(model: StateSpace, estimate: Estimate, omega: Floats) -> Float
     G, slopes = response_slopes(model, estimate, omega)
     size = np.abs(G)
     unit = np.divide(np.conj(G), size, out=np.zeros_like(G), where=size > 0)
-    found = estimate.std((unit[..., None] * slopes).real)
+    stds = estimate.std((unit[..., None] * slopes).real)
     exact = estimate.std(slopes.real) + estimate.std(slopes.imag)
-    return np.where(size > 0, found, exact)
+    return np.where(size > 0, stds, exact)
 
 
 # ------------------------------------------------------------------------------------------------------- shaper
@@ -218,19 +218,19 @@ def shaped_modes(shaper: Shaper, estimate: Estimate, drive: Drive, count: int) -
     """What the `count` slowest modes retain of a shaped command over the band of the fitted numbers."""
     modes, rows = swing_rows(estimate.scene, drive)
     omega_p, zeta_p = mode_slopes(modes, estimate, rows[:count])
-    found = []
+    shaped = []
     for mode, by_omega, by_zeta in zip(modes.rows(rows[:count]), omega_p, zeta_p, strict=True):
         omega, zeta = mode.omega, mode.damping_ratio
         spread, wider = float(estimate.std(by_omega)), float(estimate.std(by_zeta))
         if np.isnan(spread + wider):
-            found.append(ShapedMode(omega, nan, zeta, nan, nan, nan))
+            shaped.append(ShapedMode(omega, nan, zeta, nan, nan, nan))
             continue
         rms = _rms(shaper, omega, zeta, np.stack((by_omega, by_zeta)), estimate)
         grid = np.linspace(-BAND, BAND, POINTS)
         band = np.maximum(omega + spread * grid, 0.0)[:, None], np.clip(zeta + wider * grid, 0.0, 1 - 1e-9)
         worst = float(residual_vibration(shaper, *band).max())
-        found.append(ShapedMode(omega, spread, zeta, wider, rms, worst))
-    return found
+        shaped.append(ShapedMode(omega, spread, zeta, wider, rms, worst))
+    return shaped
 
 
 def _rms(shaper: Shaper, omega: float, zeta: float, slopes: Floats, estimate: Estimate) -> float:

@@ -63,14 +63,14 @@ def realize(responses: Sequence[Floats], step: float, stride: int = 1, rows: int
     Rows of the Hankel matrix are `stride` samples apart, at most `rows` blocks of them.
     """
     sensors = responses[0].shape[1]
-    shortest = min(len(own) for own in responses)
+    shortest = min(len(response) for response in responses)
     most = max(2, min(rows or MOST_ROWS // sensors, shortest // (2 * stride)))
     columns = max(1, MOST_COLUMNS // len(responses))
     first, second = [], []
-    for own in responses:
-        count = min(len(own) - most * stride, columns)
-        starts = np.linspace(0, len(own) - most * stride - 1, count).astype(np.int64)
-        blocks = own[starts[:, None] + stride * np.arange(most + 1)]
+    for response in responses:
+        count = min(len(response) - most * stride, columns)
+        starts = np.linspace(0, len(response) - most * stride - 1, count).astype(np.int64)
+        blocks = response[starts[:, None] + stride * np.arange(most + 1)]
         first.append(blocks[:, :-1].reshape(count, -1).T)
         second.append(blocks[:, 1:].reshape(count, -1).T)
     H0, H1 = np.hstack(first), np.hstack(second)
@@ -78,11 +78,11 @@ def realize(responses: Sequence[Floats], step: float, stride: int = 1, rows: int
     return Realization(U, singular, U.T @ H1 @ V.T, sensors, stride * step)
 
 
-def modal_assurance(one: Complexes, other: Complexes) -> Floats:
+def modal_assurance(shapes: Complexes, other: Complexes) -> Floats:
     """MAC (R, S) between columns of (C, R) and (C, S): |φᴴψ|²/((φᴴφ)(ψᴴψ)), 0 for a column of zeros.
 
     (Allemang & Brown, Proc. 1st IMAC, 110 (1982).)
     """
-    inner = np.abs(one.conj().T @ other) ** 2
-    sizes = np.outer(np.sum(np.abs(one) ** 2, axis=0), np.sum(np.abs(other) ** 2, axis=0))
+    inner = np.abs(shapes.conj().T @ other) ** 2
+    sizes = np.outer(np.sum(np.abs(shapes) ** 2, axis=0), np.sum(np.abs(other) ** 2, axis=0))
     return np.asarray(np.divide(inner, sizes, out=np.zeros_like(inner), where=sizes > 0))

@@ -7,13 +7,7 @@ In: a `Scene` and a `Variation`.  Out: `Loci`: each mode followed by its shape, 
 Start with `following`; `tracking` pairs the modes of neighbouring values, `crossings` finds crossings and veerings.
 """
 
-from typing import TYPE_CHECKING
-
-from modal._compatibility import renamed
 from modal.loci.crossings import CloseApproach
 from modal.loci.following import Loci, follow_loci, loci_csv, loci_text
 
 __all__ = ["CloseApproach", "Loci", "follow_loci", "loci_csv", "loci_text"]
-
-if not TYPE_CHECKING:
-    __getattr__ = renamed(__name__, "modal.loci.following")

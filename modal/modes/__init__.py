@@ -9,9 +9,6 @@ Start with `modes`.  `numbering` gives a mode the same number everywhere, `table
 results to compare with.
 """
 
-from typing import TYPE_CHECKING
-
-from modal._compatibility import renamed
 from modal.modes.closed_forms import hanging_rope, rope_error_of_bobs, rope_error_of_rods
 from modal.modes.frequencies import natural_frequencies
 from modal.modes.friction import sliding_modes, stop_of
@@ -52,6 +49,3 @@ __all__ = [
     "table",
     "table_numbers",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = renamed(__name__, "modal.modes.modes")

@@ -13,9 +13,6 @@ arguments, `titles` says what hangs in a scene
 without a title, `summary` what a scene shows of itself.
 """
 
-from typing import TYPE_CHECKING
-
-from modal._compatibility import renamed
 from modal.scene.capabilities import CAPABILITIES, left_out, one_by_one, refusals, require
 from modal.scene.features import FEATURES
 from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
@@ -119,6 +116,3 @@ __all__ = [
     "what_hangs",
     "whole_file",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = renamed(__name__, "modal.scene.model")

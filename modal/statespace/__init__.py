@@ -9,9 +9,6 @@ Start with `model` and `signals`.  `sampling` and `transfer` need SciPy and are 
 own paths.
 """
 
-from typing import TYPE_CHECKING
-
-from modal._compatibility import renamed
 from modal.statespace.gains import modal_gains, unreached, unseen
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace, state_space
@@ -54,6 +51,3 @@ __all__ = [
     "unseen",
     "usual_drive",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = renamed(__name__, "modal.statespace.model")

@@ -9,9 +9,6 @@ Start with `system`, then `derivation`; `structures` has scenes on several suppo
 `papers` holds each numbered equation as printed and as corrected.
 """
 
-from typing import TYPE_CHECKING
-
-from modal._compatibility import renamed
 from modal.symbolic.derivation import derive
 from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
 from modal.symbolic.lagrangian import derive_lagrangian, vanishes
@@ -38,6 +35,3 @@ __all__ = [
     "typeset",
     "vanishes",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = renamed(__name__, "modal.symbolic.system")

@@ -46,8 +46,8 @@ GROUPS = (
 )
 COMMANDS = tuple(command for group in GROUPS for command in group.COMMANDS)
 ABOUT = (
-    "Frequencies, mode shapes and motion of multi-pendulum systems: chains of bobs, rods and rigid bodies in the plane "
-    "or in space, on a fixed support or coupled by a common cart."
+    "Frequencies, mode shapes and motion of multi-pendulum systems: chains of bobs, rods and rigid bodies, in the "
+    "plane or in space, on a fixed support, coupled by a common cart, or hung from structures with springs."
 )
 FIRST = (
     ("scenes", "list the shipped scenes"),
@@ -56,6 +56,6 @@ FIRST = (
     ("explain paper-cart-2", "why the two exchange energy, and how slowly"),
     ("animate paper-cart-3 --duration 2 -o run.gif", "film three of them, released with level links"),
     ("play paper-cart-2 -o page.html", "a page to play with them"),
-    ("scenes crane-hook > mine.toml", "copy a scene to edit; then `multipendula table mine.toml`"),
+    ("scenes crane-hook -o mine.toml", "copy a scene to edit; then `multipendula table mine.toml`"),
 )
 """Examples for beginners."""

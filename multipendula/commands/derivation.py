@@ -7,7 +7,7 @@ import argparse
 from multipendula.command import Command
 from multipendula.commands.shared import bar, listed, noted, output
 from multipendula.completion import scenes
-from multipendula.options import add_format, add_scene, add_text, add_words, offer, whole
+from multipendula.options import add_format, add_option, add_scene, add_text, add_words, offer, whole
 from multipendula.parser import Page
 
 TARGETS = ("chain:", "cart:", "paper:000", "paper:001", "paper:002")
@@ -45,18 +45,16 @@ def _derive_arguments(page: Page) -> None:
     )
     offer(target, scenes((".toml",), TARGETS))
     symbols = ("masses", "lengths", "gravity", "cart", "supports", "springs")
-    words = f"quantities to keep as symbols, one for each link, shared by copies: {','.join(symbols)}"
-    add_words(page.asked, "--symbolic", symbols, metavar="WORDS", help=words)
+    more = f", one for each link, shared by copies: {','.join(symbols)}"
+    add_words(page.asked, "--symbolic", symbols, more)
     sections = ("lagrangian", "equations", "matrices", "polynomial", "modes")
-    add_words(page.written, "--show", sections, metavar="WORDS", help=f"only these sections: {','.join(sections)}")
+    add_words(page.written, "--show", sections, f" that are shown (default all): {','.join(sections)}")
     page.rephrase(r"choose polynomial and modes alone$", "choose --show polynomial,modes")
     page.rephrase(r"^symbolic(?= )", "--symbolic")
     page.rephrase(r"a kind of link and an equilibrium are", "--links and --equilibrium are")
-    page.asked.add_argument(
-        "--links", choices=("bob", "rod"), default="bob", help="kind of the links of chain: and cart:"
-    )
-    words = "equilibrium of the links of chain: and cart:"
-    add_words(page.asked, "--equilibrium", ("down", "up"), metavar="down,up", help=words)
+    more = " of chain: and cart: (default bob)"
+    add_option(page.asked, "--links", more, choices=("bob", "rod"), default="bob")
+    add_words(page.asked, "--equilibrium", ("down", "up"), " of chain: and cart: (default down)")
     add_format(page, ("text", "latex", "markdown"))
     add_text(page)
 
@@ -75,8 +73,8 @@ def enclose(options: argparse.Namespace) -> None:
 
 def _enclose_arguments(page: Page) -> None:
     add_scene(page)
-    words = "relative width 10^-N (default 30)"
-    page.asked.add_argument("--digits", metavar="N", type=whole(1000), default=30, help=words)
+    more = ": a relative width of 10^-N (default 30)"
+    add_option(page.asked, "--digits", more, type=whole(1000), default=30)
     add_text(page)
 
 

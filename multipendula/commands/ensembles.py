@@ -13,25 +13,33 @@ from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
 from multipendula.commands.shared import bar, draw_in, estimate_of, forewarning, in_a_folder, picture, say
 from multipendula.completion import places
 from multipendula.options import (
+    Repeated,
     add_covariance,
+    add_crew,
     add_duration,
     add_format,
+    add_members,
+    add_option,
     add_report,
     add_scene,
+    add_seed,
     add_strobes,
+    add_tolerance,
+    add_vary,
     add_words,
     number,
     offer,
-    whole,
 )
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from modal.scene import Scene
 
+TOLERANCE, MOTIONS = 1e-9, 24
+"""Of the integrator, and of a section, unless told."""
 FORMATS = ("text", "csv", "json")
 ENGINES = ("auto", "numpy", "numba", "heyoka", "simulate")
-BY_ENERGY, BY_STROBES = ("energy", "at"), ("phase_deg", "spread", "settle", "of", "seed")
+BY_ENERGY, BY_STROBES = ("energy", "crossing"), ("phase_deg", "spread", "settle", "of", "seed")
 """Options of a section at an energy, and of a stroboscopic one."""
 
 
@@ -53,16 +61,16 @@ def _basins_arguments(page: Page) -> None:
     from nonlinear.measures import taken_by
 
     add_scene(page)
-    words = "two numbers, such as pendulum[0].start.angles_deg[0]=-180:180:512 (default: angles, or angle and rate)"
-    offer(page.asked.add_argument("--vary", metavar="PLACE=VALUES", action="append", help=words), places)
+    more = ", such as pendulum[0].start.angles_deg[0]=-180:180:512; two of them (default two angles, or angle and rate)"
+    add_vary(page, more)
     page.rephrase(r"by find_bifurcations$", "by sweep --strobe")
-    words = f"{', '.join(taken_by('basins'))} (default: configuration of a scene with drives, else first_turn)"
-    add_words(page.asked, "--measure", taken_by("basins"), comma="", metavar="NAME[:N]", help=f"{words}; N seconds")
+    more = f": {', '.join(taken_by('basins'))} (default configuration of a scene with drives, else first_turn)"
+    add_words(page.asked, "--measure", taken_by("basins"), more, comma="", action=Repeated, most=1)
     page.rephrase(r"^measure (\S+): cannot be combined with a duration$", r"--measure \1: has its own --duration")
-    add_duration(page, "default 30 sqrt(l/g), for a rhythm as long as sync needs, for attractors ten slowest decays")
+    more = " (default 30 sqrt(l/g), for a rhythm as long as sync needs, for attractors ten slowest decays)"
+    add_duration(page, more)
     _add_engine(page)
-    words = "keep finished chunks in this folder, and go on there after an interruption"
-    page.written.add_argument("--folder", metavar="FOLDER", help=words)
+    add_option(page.written, "--folder")
     add_format(page, FORMATS)
     add_report(page, FORMATS)
 
@@ -78,9 +86,11 @@ def _crossings(options: argparse.Namespace, scene: Scene) -> None:
     from nonlinear.system import has_start
 
     refuse(options, BY_STROBES, "needs a scene that is driven by a sine: a force or a moved support")
-    orbits = options.orbits or 24
-    with _engine(options, scene, orbits) as more:
-        found = find_section(scene, options.duration, energy=options.energy, at=options.at, orbits=orbits, **more)
+    members = options.members or MOTIONS
+    with _engine(options, scene, members) as more:
+        found = find_section(
+            scene, options.duration, energy=options.energy, at=options.crossing, orbits=members, **more
+        )
     if options.energy is None and not has_start(scene):
         tell_of_start("its energy is that of the first mode that swings", "--energy chooses another")
     say(section_table(found, options.format), options.format)
@@ -94,9 +104,9 @@ def _strobes(options: argparse.Namespace, scene: Scene) -> None:
     refuse(options, BY_ENERGY, "needs a scene that keeps its energy; of this one the section is stroboscopic")
     if not has_start(scene):
         tell_of_start("motions begin around the shape of its first mode that swings")
-    asked = {"orbits": options.orbits, "phase_deg": options.phase_deg, "spread_deg": options.spread}
+    asked = {"orbits": options.members, "phase_deg": options.phase_deg, "spread_deg": options.spread}
     asked |= {"settle": options.settle, "seed": options.seed, "of": names_of(options)}
-    with _engine(options, scene, options.orbits or 24) as more:
+    with _engine(options, scene, options.members or MOTIONS) as more:
         more |= {name: value for name, value in asked.items() if value is not None}
         found = find_strobes(scene, options.duration, **more)
     say(strobes_table(found, options.format), options.format)
@@ -118,16 +128,15 @@ def names_of(options: argparse.Namespace) -> list[str]:
 
 def _section_arguments(page: Page) -> None:
     add_scene(page)
-    words = "energy above the scene's rest in joules (default: that of its start)"
-    page.asked.add_argument("--energy", metavar="JOULES", type=_joules, help=words)
-    words = "what is passed, upwards (>), downwards (<) or both (=): theta[1,1]>0 (default), degrees, or x=0, metres"
-    page.asked.add_argument("--at", metavar="COORDINATE", help=words)
-    page.asked.add_argument("--orbits", metavar="N", type=whole(10_000), help="number of motions (default 24)")
-    words = "largest distance of starting angles from the scene's, of a driven scene (default 10)"
-    page.asked.add_argument("--spread", metavar="DEG", type=number("degrees from 0", least=0.0), help=words)
-    page.asked.add_argument("--seed", metavar="N", type=whole(2**31), help="of the random starts of a driven scene")
+    add_option(page.asked, "--energy", " (default that of its start)", type=_joules)
+    more = ", upwards (>), downwards (<) or both (=): theta[1,1]>0 (default), degrees, or x=0, metres"
+    add_option(page.asked, "--crossing", more)
+    add_members(page, f": motions (default {MOTIONS})", 10_000)
+    distance = number("degrees from 0", least=0.0)
+    add_option(page.asked, "--spread", ", of a driven scene (default 10)", type=distance)
+    add_seed(page, ", of a driven scene")
     add_strobes(page, "none")
-    add_duration(page, "of each (default 200 sqrt(l/g), of a driven scene 200 periods after --settle)")
+    add_duration(page, " of each motion (default 200 sqrt(l/g), of a driven scene 200 periods after --settle)")
     _add_engine(page)
     add_format(page, FORMATS)
     add_report(page, FORMATS)
@@ -144,11 +153,11 @@ def spread(options: argparse.Namespace) -> None:
     with _engine(options, scene, members) as more:
         more["measures"] = options.measure or ()
         more["estimate"] = estimate_of(scene, options.covariance)
-        if more["estimate"] is None and not options.tolerance:
-            raise SceneError(["spread needs --tolerance PLACE=WIDTH or --covariance FIT.json"])
+        if more["estimate"] is None and not options.uncertain:
+            raise SceneError(["spread needs --uncertain PLACE=WIDTH or --covariance FIT.json"])
         start = start_of(scene, None, elsewhere=ELSEWHERE) if options.duration else None
         found = find_spread(
-            scene, options.tolerance or (), options.duration, members=members, seed=seed, start=start, **more
+            scene, options.uncertain or (), options.duration, members=members, seed=seed, start=start, **more
         )
     say(spread_table(found, options.format), options.format)
     draw_in(options, options.output, "nonlinear.plotting", "draw_spread", found)
@@ -158,18 +167,17 @@ def _spread_arguments(page: Page) -> None:
     from nonlinear.measures import taken_by
 
     add_scene(page)
-    words = (
-        "a number with its standard deviation, support.mass=0.5 or support.mass=2%%, or its interval, "
-        "gravity=9.8:9.83; repeat for several"
+    more = (
+        ": its standard deviation, support.mass=0.5 or support.mass=2%%, or its interval, gravity=9.8:9.83; repeat for "
+        "several"
     )
-    tolerance = page.asked.add_argument("--tolerance", metavar="PLACE=WIDTH", action="append", help=words)
-    offer(tolerance, places)
+    offer(add_option(page.asked, "--uncertain", more, action=Repeated), places)
     add_covariance(page, "draws its numbers together")
-    page.asked.add_argument("--members", metavar="N", type=whole(10_000_000), help="number drawn (default 1000)")
-    page.asked.add_argument("--seed", metavar="N", type=whole(2**31), help="of the random numbers")
-    words = f"{', '.join(taken_by('spread'))} (default: all frequencies); repeat for several"
-    add_words(page.asked, "--measure", taken_by("spread"), comma="", metavar="NAME[:N]", action="append", help=words)
-    add_duration(page, "of the motion, from the scene's own start (default: frequencies only)")
+    add_members(page, ": scenes drawn (default 1000)", 10_000_000)
+    add_seed(page)
+    more = f": {', '.join(taken_by('spread'))} (default all frequencies); repeat for several"
+    add_words(page.asked, "--measure", taken_by("spread"), more, comma="", action=Repeated)
+    add_duration(page, " from the scene's own start (default none: frequencies only)")
     _add_engine(page)
     add_format(page, FORMATS)
     add_report(page, FORMATS)
@@ -198,26 +206,19 @@ def _scene(options: argparse.Namespace) -> Scene:
 
 
 def _add_engine(page: Page) -> None:
-    page.computed.add_argument(
-        "--engine", choices=ENGINES, default="auto", help="default: the fastest, counting what is still to be compiled"
-    )
-    words = "of the integrator (default 1e-9)"
-    numbers = number("from 1e-13 to 1e-3", 1e-3, 1e-13)
-    page.computed.add_argument("--integrator-tolerance", metavar="TOL", type=numbers, default=1e-9, help=words)
-    page.computed.add_argument("--workers", metavar="N", type=whole(1000), help="processes (default: one per core)")
-    page.computed.add_argument("--scheduler", metavar="ADDRESS", help="a Dask cluster, such as tcp://192.168.0.2:8786")
+    more = " (default the fastest, counting what is still to be compiled)"
+    add_option(page.computed, "--engine", more, choices=ENGINES, default="auto")
+    add_tolerance(page, 1e-13, 1e-3)
+    add_crew(page)
 
 
 @contextmanager
 def _engine(options: argparse.Namespace, scene: Scene, members: int) -> Iterator[dict[str, Any]]:
     """The arguments of an ensemble, with a progress bar in members."""
-    more: dict[str, Any] = {
-        "engine": options.engine,
-        "tolerance": options.integrator_tolerance,
-        "workers": options.workers,
-    }
+    tolerance = options.tolerance or TOLERANCE
+    more: dict[str, Any] = {"engine": options.engine, "tolerance": tolerance, "workers": options.workers}
     with bar(members, "member") as shown:
-        report = forewarning(shown, scene, options.duration, members, options.integrator_tolerance)
+        report = forewarning(shown, scene, options.duration, members, tolerance)
         if not options.scheduler:
             yield more | {"report": report}
             return
@@ -270,12 +271,15 @@ COMMANDS = (
             "period, p points one of p periods, a strange attractor chaos."
         ),
         examples=(
-            ("section chain-2 --energy 10 --orbits 6 --duration 20 -o section.png", "a double pendulum at 10 J"),
+            ("section chain-2 --energy 10 --members 6 --duration 20 -o section.png", "a double pendulum at 10 J"),
             (
-                "section driven_pendulum.toml --settle 20 --orbits 8 --duration 120 -o strobes.png",
+                "section driven_pendulum.toml --settle 20 --members 8 --duration 120 -o strobes.png",
                 "the strange attractor of a scene of the folder examples",
             ),
-            ("section chain-2 --energy 2 --at 'theta[1,2]=0' --orbits 2 --duration 5 --format csv", "as a table"),
+            (
+                "section chain-2 --energy 2 --crossing 'theta[1,2]=0' --members 2 --duration 5 --format csv",
+                "as a table",
+            ),
         ),
     ),
     Command(
@@ -291,12 +295,12 @@ COMMANDS = (
         ),
         examples=(
             (
-                "spread paper-cart-2 --tolerance support.mass=2% --tolerance 'pendulum[*].links[*].length=0.01' "
+                "spread paper-cart-2 --uncertain support.mass=2% --uncertain 'pendulum[*].links[*].length=0.01' "
                 "-o spread.png",
                 "two tolerances, with a figure",
             ),
             (
-                "spread paper-cart-1 --tolerance gravity=9.78:9.83 --members 100 --duration 2 --format json",
+                "spread paper-cart-1 --uncertain gravity=9.78:9.83 --members 100 --duration 2 --format json",
                 "an interval, and bands of two seconds of motion",
             ),
         ),

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
 from multipendula.commands.shared import drawn, noted, picture, say
-from multipendula.options import add_format, add_report, add_scene, number, whole
+from multipendula.options import (
+    add_format,
+    add_option,
+    add_report,
+    add_scene,
+    add_shaped,
+    add_shaper,
+    add_travel,
+    add_words,
+    whole,
+)
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -33,9 +43,9 @@ def hoist(options: argparse.Namespace) -> None:
         raise SceneError([f"--{name}: needs --travel METRES" for name in alone])
     scene = load(options.scene)
     noted(scene.at(0.0), "mode shapes")
-    found = frequencies_along(scene, options.samples, options.drive)
+    along = frequencies_along(scene, options.samples, options.drive)
     left = _left(scene, options) if options.travel else ()
-    say(_written(found, left, options), options.format)
+    say(_written(along, left, options), options.format)
     if options.output:
         from modal.plotting import draw_hoist
 
@@ -50,65 +60,60 @@ def _left(scene: Scene, options: argparse.Namespace) -> tuple[Residual, ...]:
     return travel_residuals(scene, travel, kind=options.kind or "zv", count=options.count or 1)
 
 
-def _written(found: Along, left: tuple[Residual, ...], options: argparse.Namespace) -> str:
+def _written(along: Along, left: tuple[Residual, ...], options: argparse.Namespace) -> str:
     """The table in the format asked for."""
     from math import degrees
 
     from modal.report import as_csv, as_json, grid, short, titled
     from modal.scene import title_of
 
-    names = [f"length_{p + 1}_{i + 1}_m" for p, i in found.links]
-    modes = found.names
+    names = [f"length_{p + 1}_{i + 1}_m" for p, i in along.links]
+    modes = along.names
     names += [f"omega_{k}_rad_per_s" for k in modes] + [f"swing_{k}" for k in modes]
     rows = [
         [time, *lengths, *omega, *swing]
         for time, lengths, omega, swing in zip(
-            found.times.tolist(), found.lengths.tolist(), found.omega.tolist(), found.swing.tolist(), strict=True
+            along.times.tolist(), along.lengths.tolist(), along.omega.tolist(), along.swing.tolist(), strict=True
         )
     ]
-    residual = [(one.words, degrees(one.angle)) for one in left]
+    residual = [(residue.words, degrees(residue.angle)) for residue in left]
     if options.format == "json":
         told: dict[str, Any] = {
-            "title": found.scene.title,
-            "drive": found.drive,
-            "time_s": found.times.tolist(),
-            "modes": found.names,
-            "links": [{"pendulum": p + 1, "link": i + 1} for p, i in found.links],
-            "length_m": found.lengths.tolist(),
-            "omega_rad_per_s": found.omega.tolist(),
-            "swing": found.swing.tolist(),
+            "title": along.scene.title,
+            "drive": along.drive,
+            "time_s": along.times.tolist(),
+            "modes": along.names,
+            "links": [{"pendulum": p + 1, "link": i + 1} for p, i in along.links],
+            "length_m": along.lengths.tolist(),
+            "omega_rad_per_s": along.omega.tolist(),
+            "swing": along.swing.tolist(),
             "residual": [{"command": words, "angle_deg": angle} for words, angle in residual],
         }
         return as_json(told)
     if options.format == "csv":
         head = "".join(f"# residual swing {angle!r} deg: {words}\n" for words, angle in residual)
         return head + as_csv([dict(zip(["time_s", *names], row, strict=True)) for row in rows])
-    headings = ["t (s)", *(f"l[{p + 1},{i + 1}] (m)" for p, i in found.links)]
+    headings = ["t (s)", *(f"l[{p + 1},{i + 1}] (m)" for p, i in along.links)]
     headings += [f"ω_{k} (rad/s)" for k in modes] + [f"swing_{k}" for k in modes]
     table = grid([[f"{value:.6g}" for value in row] for row in rows], headings)
     words = "swing: the largest angle of each mode over that at the beginning, if E/ω is conserved (a slow hoist)"
-    words += "; both ω and swing without dampers" if found.scene.has_damping else ""
+    words += "; both ω and swing without dampers" if along.scene.has_damping else ""
     words = words if modes else NO_MODE
     lines = [f"residual swing {short(angle)}°: {what}" for what, angle in residual]
-    return titled(title_of(found.scene), "along the hoist", [table, words, "\n".join(lines)], "text")
+    return titled(title_of(along.scene), "along the hoist", [table, words, "\n".join(lines)], "text")
 
 
 def _arguments(page: Page) -> None:
     add_scene(page)
-    page.asked.add_argument(
-        "--samples", metavar="N", type=whole(10_000), default=11, help="number of times along the hoist (default 11)"
-    )
+    add_option(page.asked, "--samples", ", along the hoist (default 11)", type=whole(10_000), default=11)
     drives = ("cart_force", "cart_acceleration")
-    words = "cart_force (default): the frequencies with the cart free; cart_acceleration: with its motion prescribed"
-    page.asked.add_argument("--drive", metavar="NAME", choices=drives, default=drives[0], help=words)
-    words = "the cart travels so far, smoothly, from the begin of the hoist on: print the swing that is left"
-    page.asked.add_argument("--travel", metavar="METRES", type=number("metres above 0"), help=words)
-    words = "duration of the travel (default: that of the hoist)"
-    page.asked.add_argument("--over", metavar="SECONDS", type=number("seconds above 0"), help=words)
-    words = "shaper of the travel (default zv)"
-    page.asked.add_argument("--kind", choices=("zv", "zvd", "ei", "um"), help=words)
-    words = "for the K slowest modes (default 1)"
-    page.asked.add_argument("--count", metavar="K", type=whole(99999), help=words)
+    more = (
+        ": cart_force (default), the frequencies with the cart free; or cart_acceleration, with its motion prescribed"
+    )
+    add_words(page.asked, "--drive", drives, more, comma="", choices=drives, default=drives[0])
+    add_travel(page, ", from the begin of the hoist on; prints the swing that is left")
+    add_shaper(page, " of the travel (default zv)")
+    add_shaped(page)
     page.rephrase(r"^travel:", "--travel:")
     page.rephrase(r"^samples (\S+):", r"--samples \1:")
     add_format(page, ("text", "csv", "json"))

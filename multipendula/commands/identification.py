@@ -7,15 +7,19 @@ from dataclasses import replace
 
 from multipendula.command import Command
 from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output, picture, remark, say
-from multipendula.completion import files, places
+from multipendula.completion import files
 from multipendula.options import (
-    PICTURES,
-    Joined,
+    Repeated,
     add_file,
     add_format,
+    add_free,
+    add_option,
+    add_output,
+    add_picture,
+    add_records,
     add_report,
     add_scene,
-    add_theme,
+    add_switch,
     add_words,
     number,
     offer,
@@ -44,7 +48,7 @@ def _fit_modes(options: argparse.Namespace) -> None:
     motions = {"--where": options.where, "--scale": options.scale, "--compare": options.compare}
     motions |= {"--window": options.window, "--bootstrap": options.bootstrap, "--column": options.column}
     problems = [
-        f"{name}: is for measured motions, and {options.data[0]} has modes" for name, own in motions.items() if own
+        f"{name}: is for measured motions, and {options.data[0]} has modes" for name, asked in motions.items() if asked
     ]
     if options.angles != "absolute":
         problems.append("--angles: shapes of modes have absolute angles")
@@ -59,18 +63,18 @@ def _fit_modes(options: argparse.Namespace) -> None:
     measured = read_modes(scene, options.data[0])
     if measured.unused:
         remark(f"columns not used: {', '.join(measured.unused)}")
-    found = fit_modes(scene, measured, listed(options.free), priors=options.prior or (), loss=options.loss)
+    fitted = fit_modes(scene, measured, listed(options.free), priors=options.prior or (), loss=options.loss)
     if options.output:
-        dump(found.scene, options.output)
+        dump(fitted.scene, options.output)
     if options.report:
         with output(options.report) as write:
-            write(mode_fit_json(found))
+            write(mode_fit_json(fitted))
     if options.picture:
         from modal.plotting import draw_mode_fit
 
         with drawn(options.picture, options.theme) as stream:
-            draw_mode_fit(found, stream, kind)
-    say(mode_fit_json(found) if options.format == "json" else mode_fit_text(found), options.format)
+            draw_mode_fit(fitted, stream, kind)
+    say(mode_fit_json(fitted) if options.format == "json" else mode_fit_text(fitted), options.format)
 
 
 def _fit_motions(options: argparse.Namespace) -> None:
@@ -99,44 +103,31 @@ def _fit_motions(options: argparse.Namespace) -> None:
         candidates = (
             compare(scene, recording, free, listed(options.compare), report=report, **more) if options.compare else []
         )
-        found = candidates[0].fit if candidates else fitted(scene, recording, free, report=report, **more)
-    found = replace(found, verdict=tuple(map(options.page.in_options, found.verdict)))
+        estimate = candidates[0].fit if candidates else fitted(scene, recording, free, report=report, **more)
+    estimate = replace(estimate, verdict=tuple(map(options.page.in_options, estimate.verdict)))
     if recording.unused:
         remark(f"columns not used: {', '.join(recording.unused)}")
     if options.output:
-        dump(found.scene, options.output)
+        dump(estimate.scene, options.output)
     if options.report:
         with output(options.report) as write:
-            write(fit_json(found, candidates, draws))
+            write(fit_json(estimate, candidates, draws))
     if options.picture:
         from nonlinear.plotting import draw_fit
 
         with drawn(options.picture, options.theme) as stream:
-            draw_fit(found, stream, picture(options.picture, "--picture"))
+            draw_fit(estimate, stream, picture(options.picture, "--picture"))
     told = fit_json if options.format == "json" else fit_text
-    say(told(found, candidates, draws), options.format)
+    say(told(estimate, candidates, draws), options.format)
 
 
 def _fit_arguments(page: Page) -> None:
     add_scene(page)
-    words = (
-        "CSV files with time_s and theta_1_1_rad (or _deg), cart_m and the like, one column for each sensor; or one of "
-        "measured modes with mode, frequency_hz and std_hz"
-    )
-    offer(page.asked.add_argument("data", metavar="DATA.csv", nargs="+", help=words), files((".csv",)))
-    words = "numbers to fit, separated by commas, such as 'pendulum[0].links[*].damping', or none to judge the scene"
-    offer(page.asked.add_argument("--free", metavar="PLACES", action=Joined, required=True, help=words), places)
-    words = "what is known of a free number beforehand, PLACE=VALUE±STD; repeat for several"
-    page.asked.add_argument("--prior", metavar="PLACE=VALUE±STD", action="append", help=words)
-    words = "use only rows with this value in a column, such as use=identify; repeat for several"
-    page.asked.add_argument("--where", metavar="COLUMN=VALUE", action="append", help=words)
-    words = (
-        "what a column with another heading, unit or sign holds: t=time_ms, theta_1_1_rad=theta_1_1_deg or "
-        "theta_1_1_rad=-theta_1_1_rad; repeat for several"
-    )
-    page.asked.add_argument("--column", metavar="HEADING=COLUMN", action="append", help=words)
-    words = "absolute, from the vertical (default), or relative, from the link above"
-    page.asked.add_argument("--angles", choices=("absolute", "relative"), default="absolute", help=words)
+    add_records(page, "; or one of measured modes with mode, frequency_hz and std_hz")
+    add_free(page, ", such as 'pendulum[0].links[*].damping', or none to judge the scene")
+    add_option(page.asked, "--prior", "; repeat for several", action=Repeated)
+    more = ": t=time_ms, theta_1_1_rad=theta_1_1_deg or theta_1_1_rad=-theta_1_1_rad; repeat for several"
+    add_option(page.asked, "--column", more, action=Repeated)
     for said, option in (
         (r"(?:columns|and) (?=[\w-]+=-?[\w-]+)", "--column "),
         (r"(?<=\()angles relative(?=\))", "--angles relative"),
@@ -146,21 +137,18 @@ def _fit_arguments(page: Page) -> None:
         (r"a prior, (\S+?)=(\S+), adds", r"--prior '\1=\2' adds"),
     ):
         page.rephrase(said, option)
-    page.computed.add_argument("--scale", action="store_true", help="fit the scale of every sensor too")
-    words = "cost of a residual (default linear); the others give less weight to outliers"
-    page.computed.add_argument("--loss", choices=LOSSES, default="linear", help=words)
-    words = "fit in windows of so many seconds that join (multiple shooting), where one long segment is chaotic"
-    page.computed.add_argument("--window", metavar="SECONDS", type=number("seconds above 0"), help=words)
-    words = "check standard deviations by so many resampled records (block bootstrap)"
-    page.computed.add_argument("--bootstrap", metavar="N", type=whole(100_000), help=words)
-    words = "laws of damping to compare: viscous, coulomb, drag, or several joined by +; the best by BIC is reported"
-    add_words(page.computed, "--compare", ("viscous", "coulomb", "drag", "viscous+coulomb"), metavar="LAWS", help=words)
-    add_file(page, "--output", "-o", words="the scene with the fitted numbers, {}", kinds=("toml",))
-    add_file(page, "--report", words="the report with its covariance, {}", kinds=("json",))
-    add_file(page, "--picture", words="draw record, fitted motion and residuals in {}", kinds=PICTURES)
-    add_theme(page)
-    words = "what is printed (default text)"
-    page.written.add_argument("--format", choices=("text", "json"), default="text", help=words)
+    add_switch(page.computed, "--scale")
+    more = " (default linear); the others give less weight to outliers"
+    add_option(page.computed, "--loss", more, choices=LOSSES, default="linear")
+    more = ", so that they join (multiple shooting), where one long segment is chaotic"
+    add_option(page.computed, "--window", more, type=number("seconds above 0"))
+    add_option(page.computed, "--bootstrap", " (block bootstrap)", type=whole(100_000))
+    more = ": viscous, coulomb, drag, or several joined by +; the best by BIC is reported"
+    add_words(page.computed, "--compare", ("viscous", "coulomb", "drag", "viscous+coulomb"), more)
+    add_output(page, "the scene with the fitted numbers", ("toml",))
+    add_file(page, "--report", "with the covariance", ("json",))
+    add_picture(page, "record, fitted motion and residuals")
+    add_format(page, ("text", "json"))
 
 
 def poles(options: argparse.Namespace) -> None:
@@ -172,45 +160,40 @@ def poles(options: argparse.Namespace) -> None:
     kind = picture(options.output) if options.output else ""
     recording, *_ = validate(
         lambda: read_recording(None, options.data, where=parse_where(options.where or ()), angles=options.angles),
-        *(lambda path=path: in_a_folder(path) for path in (options.output, options.modes)),
+        *(lambda path=path: in_a_folder(path) for path in (options.output, options.identified_modes)),
     )
     absolute = recording.absolute()
-    found = identify(
-        [(one.times, one.values) for one in absolute.segments],
+    identified = identify(
+        [(segment.times, segment.values) for segment in absolute.segments],
         [sensor.name for sensor in absolute.sensors],
-        method=options.method,
+        method=options.identification,
         excitation=options.excitation,
         order=options.order,
     )
     if recording.unused:
         remark(f"columns not used: {', '.join(recording.unused)}")
-    title = ", ".join(dict.fromkeys(one.file for one in recording.segments))
-    if options.modes:
-        with output(options.modes) as write:
-            write(poles_table(found, "csv"))
+    title = ", ".join(dict.fromkeys(segment.file for segment in recording.segments))
+    if options.identified_modes:
+        with output(options.identified_modes) as write:
+            write(poles_table(identified, "csv"))
     if options.output:
         from modal.plotting import draw_poles
 
         with drawn(options.output, options.theme) as stream:
-            draw_poles(found, stream, kind, title)
-    say(poles_table(found, options.format, title), options.format)
+            draw_poles(identified, stream, kind, title)
+    say(poles_table(identified, options.format, title), options.format)
 
 
 def _poles_arguments(page: Page) -> None:
-    words = "CSV files with time_s and theta_1_1_rad (or _deg), cart_m and the like, as for fit"
-    offer(page.asked.add_argument("data", metavar="DATA.csv", nargs="+", help=words), files((".csv",)))
-    words = "use only rows with this value in a column, such as use=identify; repeat for several"
-    page.asked.add_argument("--where", metavar="COLUMN=VALUE", action="append", help=words)
-    words = "absolute, from the vertical (default), or relative, from the link above"
-    page.asked.add_argument("--angles", choices=("absolute", "relative"), default="absolute", help=words)
-    words = "what the motions are: free decays (default), or responses to random excitation"
-    page.asked.add_argument("--excitation", choices=("free", "random"), default="free", help=words)
-    words = "era: eigensystem realization (default); decrement: turning points of a single mode"
-    page.computed.add_argument("--method", choices=("era", "decrement"), default="era", help=words)
-    words = "order of the model, twice the number of modes and one for offsets (default: from the singular values)"
-    page.computed.add_argument("--order", metavar="N", type=whole(200), help=words)
+    add_records(page, ", as for fit")
+    more = ": free, nothing but how they began (default), or random, forces like noise"
+    add_option(page.asked, "--excitation", more, choices=("free", "random"), default="free")
+    more = ": era, the eigensystem realization (default), or decrement, from the turning points of a single mode"
+    add_option(page.computed, "--identification", more, choices=("era", "decrement"), default="era")
+    more = ", twice the number of modes and one for offsets (default from the singular values)"
+    add_option(page.computed, "--order", more, type=whole(200))
     add_format(page, ("text", "csv", "json"))
-    add_file(page, "--modes", words="write the modes as {}, for fit and mac", kinds=("csv",))
+    add_file(page, "--identified-modes", "", ("csv",))
     add_report(page, ("text", "csv", "json"))
 
 
@@ -226,13 +209,13 @@ def mac(options: argparse.Namespace) -> None:
     measured = read_modes(scene, options.data)
     if measured.unused:
         remark(f"columns not used: {', '.join(measured.unused)}")
-    found = compare_modes(natural_modes(scene), measured)
+    comparison = compare_modes(natural_modes(scene), measured)
     if options.output:
         from modal.plotting import draw_assurance
 
         with drawn(options.output, options.theme) as stream:
-            draw_assurance(found, stream, kind)
-    say(assurance_table(found, options.format), options.format)
+            draw_assurance(comparison, stream, kind)
+    say(assurance_table(comparison, options.format), options.format)
 
 
 def _mac_arguments(page: Page) -> None:
@@ -279,7 +262,7 @@ COMMANDS = (
                 "simulate chain-2 --start angles:2,5 --duration 20 -o run.csv",
                 "a small swing to measure",
             ),
-            ("poles run.csv -o poles.png --modes modes.csv", "its two modes, as a file for fit and mac"),
+            ("poles run.csv -o poles.png --identified-modes modes.csv", "its two modes, as a file for fit and mac"),
             ("poles run.csv --format json", "with shapes, standard deviations and the poles of all orders"),
         ),
     ),
@@ -298,7 +281,7 @@ COMMANDS = (
                 "simulate chain-2 --start angles:2,5 --duration 20 -o run.csv",
                 "a small swing to measure",
             ),
-            ("poles run.csv --modes modes.csv", "its modes"),
+            ("poles run.csv --identified-modes modes.csv", "its modes"),
             ("mac chain-2 modes.csv -o mac.png", "beside those of the scene"),
         ),
     ),

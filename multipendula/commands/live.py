@@ -8,7 +8,7 @@ from typing import Any
 from multipendula.command import Command
 from multipendula.commands.runs import recorded
 from multipendula.commands.shared import in_a_folder, remark, say
-from multipendula.options import add_file, add_run
+from multipendula.options import add_output, add_run
 from multipendula.parser import Page
 
 KINDS = ("html",)
@@ -49,7 +49,7 @@ def _shown(name: str) -> tuple[dict[str, Any], dict[str, Any] | None]:
 
 def _arguments(page: Page) -> None:
     add_run(page)
-    add_file(page, "--output", "-o", kinds=KINDS, required=True)
+    add_output(page, "the page", KINDS, required=True)
 
 
 COMMANDS = (

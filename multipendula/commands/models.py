@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from multipendula.commands.shared import about, listed, noted
-from multipendula.completion import Completer
-from multipendula.options import add_words, number, offer
+from multipendula.options import add_input, add_option, add_words, number
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -22,53 +21,28 @@ OUTPUTS = (
 """The groups of outputs of a model."""
 
 
-class FileOrSignals(argparse.Action):
-    """The file to write; --output with names of signals, its former meaning, still chooses these."""
-
-    def __call__(
-        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option_string: Any = None
-    ) -> None:
-        """Keep the file or the signals."""
-        if option_string == "-o" or not set(listed(values)) & set(OUTPUTS):
-            namespace.file = values
-            return
-        namespace.signals = values
-        note = "--output WORDS is deprecated: it is now --signals WORDS, and --output is the file to write"
-        namespace.former = [*getattr(namespace, "former", ()), note]
-
-
-def add_model_file(page: Page, words: str, completer: Completer, **more: Any) -> None:
-    """The main file of these commands, whose --output once was what --signals is."""
-    action = page.written.add_argument(
-        "--output", "-o", dest="file", action=FileOrSignals, metavar="FILE", help=words, **more
-    )
-    offer(action, completer)
-
-
 def add_signals(page: Page) -> None:
     """The groups of inputs and outputs of a model."""
-    page.rephrase(r"^input(?=[ :])", "--input")
     page.rephrase(r"^output(?=[ :])", "--signals")
     inputs = (
         *("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces", "coordinate_forces"),
         *("support_displacement", "support_velocity", "support_acceleration"),
         *("force:", "lift:", "torque:", "force[0]"),
     )
-    words = (
-        "cart_force (default on a cart), cart_acceleration or cart_velocity; coordinate_forces (default on a "
+    more = (
+        ": cart_force (default on a cart), cart_acceleration or cart_velocity; coordinate_forces (default on a "
         "structure) or one of them, as floor2_force; joint_torques (default on a fixed support), link_forces; "
         "support_displacement, support_velocity or support_acceleration; force:POINT, lift:POINT or torque:POINT, with "
         "a POINT such as pendulum[0].links[1]@0.5 or ship@0.2,0.1; force[0], the scene's first force"
     )
-    add_words(page.asked, "--input", inputs, metavar="WORDS", help=words)
-    words = (
-        "cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, joint_positions, "
+    add_input(page, inputs, more)
+    more = (
+        ": cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, joint_positions, "
         "tip_positions, tip_accelerations, pivot_forces; of a structure coordinates,angles (default), "
         "coordinate_rates, coordinate_accelerations, spring_forces, spring_extensions, or single ones, as floor2_m"
     )
-    add_words(page.asked, "--signals", OUTPUTS, metavar="WORDS", help=words)
-    words = "the model at the lengths that a hoist has at this time"
-    page.asked.add_argument("--when", metavar="SECONDS", type=number("seconds from 0", least=0.0), help=words)
+    add_words(page.asked, "--signals", OUTPUTS, more)
+    add_option(page.asked, "--when", "", type=number("seconds from 0", least=0.0))
     page.rephrase(r"Scene\.at\(seconds\)", "--when SECONDS")
 
 
@@ -95,7 +69,7 @@ def model_of(scene: Scene, options: argparse.Namespace) -> StateSpace:
     from modal.statespace import state_space
 
     inputs, outputs = listed(options.input), listed(options.signals)
-    count = getattr(options, "modes", None)
+    count = getattr(options, "dominant", None)
     if not getattr(options, "minimal", False) and count is None:
         return state_space(scene, inputs, outputs)
     from modal.modes import natural_modes

@@ -14,10 +14,12 @@ from multipendula.options import (
     PICTURES,
     add_covariance,
     add_explain,
-    add_file,
     add_format,
     add_modes,
+    add_option,
+    add_output,
     add_scene,
+    add_switch,
     add_text,
     add_theme,
     add_words,
@@ -49,7 +51,7 @@ def table(options: argparse.Namespace) -> None:
 
     if options.shapes and options.format != "json":
         raise SceneError(["--shapes: needs --format json"])
-    modes, numbers = _modes(options, options.accuracy)
+    modes, numbers = _modes(options, options.relative_error)
     stds = _stds(modes, numbers, options.covariance)
     rows, starred = list(_with_progress(modes.rows(numbers), len(numbers))), tables.GUIDE
     if options.orbits:
@@ -71,8 +73,11 @@ def _stds(modes: Modes, numbers: Sequence[int], path: str | None) -> dict[int, t
         return None
     from modal.identification import mode_stds
 
-    found = mode_stds(modes, estimate, numbers)
-    return {modes.first + row + 1: (one.omega, one.zeta) for row, one in zip(numbers, found, strict=True)}
+    deviations = mode_stds(modes, estimate, numbers)
+    return {
+        modes.first + row + 1: (deviation.omega, deviation.zeta)
+        for row, deviation in zip(numbers, deviations, strict=True)
+    }
 
 
 def _table_arguments(page: Page) -> None:
@@ -81,27 +86,26 @@ def _table_arguments(page: Page) -> None:
     add_format(page, ("text", "markdown", "latex", "csv", "html", "json"))
     add_text(page)
     add_modes(page)
-    page.computed.add_argument(
-        "--accuracy",
-        metavar="SHARE",
-        type=number("at least 1e-16 and at most 0.1", 0.1, 1e-16),
-        help="frequencies within this relative error, at less cost for long chains (default: every digit)",
+    share = number("at least 1e-16 and at most 0.1", 0.1, 1e-16)
+    more = ", met at less cost for long chains (default: every digit)"
+    add_option(page.computed, "--relative-error", more, type=share)
+    _add_amplitude(page.computed, ": adds the damping ratio there, with dry friction and quadratic drag")
+    add_switch(page.computed, "--orbits", ": the 1 %% angle is that in the full equations")
+    more = (
+        ": all, or some by their names in --format csv, or how these begin; after a + beside the usual ones, as in "
+        "+participation,cumulative"
     )
-    words = "add the damping ratio at this largest angle, with dry friction and quadratic drag"
-    degrees = number("degrees above 0 and at most 90", most=90)
-    page.computed.add_argument("--amplitude", metavar="DEG", type=degrees, help=words)
-    words = "where a mode is starred, take the 1 %% amplitude from its periodic orbits in the full equations"
-    page.computed.add_argument("--orbits", action="store_true", help=words)
-    words = (
-        "print all columns or some, by their names in --format csv, or how these begin; after a + beside the usual "
-        "ones, as in +participation,cumulative"
-    )
-    add_words(page.written, "--columns", ("all", *COLUMN_NAMES), metavar="NAMES", help=words)
+    add_words(page.written, "--columns", ("all", *COLUMN_NAMES), more)
     page.rephrase(r"^columns (?=\S*:)", "--columns ")
-    words = "add the sensitivity of every frequency to every number of the scene"
-    page.written.add_argument("--sensitivities", action="store_true", help=words)
-    page.written.add_argument("--shapes", action="store_true", help="add mode shapes and energy shares (json only)")
+    add_switch(page.written, "--sensitivities")
+    add_switch(page.written, "--shapes", " (json only)")
     add_explain(page)
+
+
+def _add_amplitude(group: argparse._ActionsContainer, more: str, usual: float | None = None) -> None:
+    """The amplitude of a mode."""
+    degrees = number("degrees above 0 and at most 90", most=90)
+    add_option(group, "--amplitude", more, type=degrees, default=usual)
 
 
 def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
@@ -113,7 +117,7 @@ def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
     from modal.modes import tables
     from nonlinear.orbits import orbit_where_off
 
-    found, missing = [], []
+    replaced, missing = [], []
     for row in rows:
         angle = row.linear_to_1_percent_deg
         if row.resonances:
@@ -122,8 +126,8 @@ def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
                 angle = degrees(orbit.amplitude) if orbit else inf
             except MultipendulaError as error:
                 missing.append(f"{tables.GUIDE} for mode {row.number} ({error})")
-        found.append(replace(row, linear_to_1_percent_deg=angle))
-    return found, "; ".join(["the 1 % amplitude is that of the mode's periodic orbits", *missing])
+        replaced.append(replace(row, linear_to_1_percent_deg=angle))
+    return replaced, "; ".join(["the 1 % amplitude is that of the mode's periodic orbits", *missing])
 
 
 def shapes(options: argparse.Namespace) -> None:
@@ -146,12 +150,10 @@ def shapes(options: argparse.Namespace) -> None:
 
 def _shapes_arguments(page: Page) -> None:
     add_scene(page)
-    add_file(page, "--output", "-o", kinds=PICTURES + FILMS, required=True)
+    add_output(page, "the figure, or a film", PICTURES + FILMS, required=True)
     add_theme(page)
-    add_modes(page)
-    degrees = number("degrees above 0 and at most 90", most=90)
-    words = "largest angle of each drawing (default 25)"
-    page.asked.add_argument("--amplitude", metavar="DEG", type=degrees, default=25.0, help=words)
+    add_modes(page, "the first 12")
+    _add_amplitude(page.asked, " in its drawing (default 25)", 25.0)
 
 
 def matrices(options: argparse.Namespace) -> None:
@@ -179,8 +181,8 @@ def _modes(options: argparse.Namespace, accuracy: float | None = None) -> tuple[
     scene = load(options.scene)
     last = chosen(options.modes, sys.maxsize).stop
     lowest = slice(0, last) if scene.n_links > LONG_CHAIN and last < sys.maxsize else None
-    found = natural_modes(scene, accuracy=accuracy, modes=lowest)
-    return found, chosen(options.modes, len(found))
+    modes = natural_modes(scene, accuracy=accuracy, modes=lowest)
+    return modes, chosen(options.modes, len(modes))
 
 
 def _with_progress(rows: Iterator[Mode], total: int) -> Iterable[Mode]:

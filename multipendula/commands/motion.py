@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from multipendula.command import Command
 from multipendula.commands.runs import (
     add_run_arguments,
-    add_tolerance,
     in_few_modes,
     run_of,
     shown_of,
@@ -26,10 +25,12 @@ from multipendula.options import (
     add_file,
     add_format,
     add_motion,
-    add_picture,
+    add_option,
+    add_output,
     add_scene,
     add_text,
     add_theme,
+    add_tolerance,
     number,
 )
 from multipendula.options import whole as whole_number
@@ -100,27 +101,26 @@ def _print_band(options: argparse.Namespace, estimate: Estimate, kind: str) -> N
     scene, duration = estimate.scene, options.duration or options.usual
     start = start_of(scene, options.start, told=True)
     with bar(BAND_MEMBERS, "member") as report:
-        found = find_spread(
+        members = find_spread(
             scene, (), duration, members=BAND_MEMBERS, estimate=estimate, start=start, report=report, check=0
         )
-    say(f"band of {found.size} members with {found.words}, from 5 to 95 %:\n{motion_words(found)}\n")
-    if found.failures:
-        say(f"{len(found.failures)} members failed: {next(iter(found.failures.values()))}\n")
+    say(f"band of {members.size} members with {members.words}, from 5 to 95 %:\n{motion_words(members)}\n")
+    if members.failures:
+        say(f"{len(members.failures)} members failed: {next(iter(members.failures.values()))}\n")
     if kind:
         from nonlinear.plotting import draw_spread
 
         with drawn(options.band, options.theme) as stream:
-            draw_spread(found, stream, kind)
+            draw_spread(members, stream, kind)
 
 
 def _simulate_arguments(page: Page) -> None:
     add_run_arguments(page, 60.0)
     add_covariance(page, "adds the band of the motion over the fitted numbers")
-    add_file(page, "--band", words="draw that band in {}", kinds=PICTURES)
+    add_file(page, "--band", "", PICTURES)
     add_theme(page)
     add_motion(page)
-    words = "restrict the motion to the R lowest modes"
-    page.computed.add_argument("--keep-modes", metavar="R", type=whole_number(100_000), help=words)
+    add_option(page.computed, "--keep-modes", "", type=whole_number(100_000))
     add_explain(page)
 
 
@@ -135,7 +135,8 @@ def plot(options: argparse.Namespace) -> None:
 
 def _plot_arguments(page: Page) -> None:
     add_run_arguments(page, 20.0)
-    add_picture(page, "--output", "-o", required=True)
+    add_output(page, "the figure", PICTURES, required=True)
+    add_theme(page)
 
 
 def animate(options: argparse.Namespace) -> None:
@@ -154,12 +155,11 @@ def animate(options: argparse.Namespace) -> None:
 
 def _animate_arguments(page: Page) -> None:
     add_run_arguments(page, 10.0)
-    add_file(page, "--output", "-o", kinds=FILMS, required=True)
-    page.written.add_argument("--fps", metavar="N", type=number("frames a second from 1 to 60", 60, 1))
+    add_output(page, "the film", FILMS, required=True)
+    add_option(page.written, "--fps", "", type=number("frames a second from 1 to 60", 60, 1))
     times = number("times real time from 0.001 to 1000", 1000, 0.001)
-    page.written.add_argument("--speed", metavar="X", type=times, default=1.0, help="default 1")
-    seconds = number("seconds above 0")
-    page.written.add_argument("--seconds", metavar="S", type=seconds, help="of film, at most (default 20)")
+    add_option(page.written, "--speed", " (default 1)", type=times, default=1.0)
+    add_option(page.written, "--seconds", " (default 20)", type=number("seconds above 0"))
     add_theme(page)
 
 
@@ -169,9 +169,9 @@ def compile_ahead(options: argparse.Namespace) -> None:
     from nonlinear.ensembles import compilation_table, compile_engines
 
     more = {"tolerance": options.tolerance} if options.tolerance else {}
-    found = compile_engines(load(options.scene), **more)
+    compiled = compile_engines(load(options.scene), **more)
     with output(options.output) as write:
-        write(compilation_table(found, options.format))
+        write(compilation_table(compiled, options.format))
 
 
 def _compile_arguments(page: Page) -> None:

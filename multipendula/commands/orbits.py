@@ -9,17 +9,19 @@ from typing import TYPE_CHECKING
 from multipendula.command import Command
 from multipendula.commands.runs import start_of, whole
 from multipendula.commands.shared import bar, drawn, film_form, noted, picture, remark, say, validated, warned
-from multipendula.completion import mode_numbers, places
 from multipendula.options import (
     FILMS,
     add_duration,
     add_file,
     add_format,
+    add_largest_angle,
+    add_mode,
+    add_option,
     add_report,
     add_scene,
     add_start,
-    number,
-    offer,
+    add_switch,
+    add_vary,
 )
 from multipendula.options import whole as whole_number
 from multipendula.parser import Page
@@ -29,49 +31,45 @@ if TYPE_CHECKING:
     from nonlinear.orbits import Branch
     from nonlinear.system import State
 
-TO, LONG = 90.0, 100
+LARGEST, LONG = 90.0, 100
 """Default largest angle (deg); periods of the slowest mode after which a run has settled."""
 
 
 def orbits(options: argparse.Namespace) -> None:
     """Follow periodic orbits: a mode to large angles, or limit cycles along a number, with their stability."""
     scene = warned(validated(options, options.output, lambda: _fitting(options)), "a periodic orbit")
-    found = _mode(scene, options) if options.mode else _cycles(scene, options)
-    newest = found
+    branches = _mode(scene, options) if options.mode else _cycles(scene, options)
+    newest = branches
     for _ in range((options.depth or 1) if options.enter else 0):
         newest = tuple(_entered(newest))
-        found = (*found, *newest)
-    say(_told(scene, found, options), options.format)
+        branches = (*branches, *newest)
+    say(_told(scene, branches, options), options.format)
     if options.output:
-        _draw(scene, found, options)
+        _draw(scene, branches, options)
     if options.film:
-        _film(scene, found, options)
+        _film(scene, branches, options)
 
 
 def _orbits_arguments(page: Page) -> None:
     add_scene(page)
-    words = "follow this row of the table of modes, without dampers and drives"
-    offer(page.asked.add_argument("--mode", metavar="R", type=whole_number(100_000), help=words), mode_numbers)
-    degrees = number("degrees above 0 and below 180", 179.999)
-    words = f"with --mode, up to this largest angle of any link (default {TO:g})"
-    page.asked.add_argument("--to", metavar="DEG", type=degrees, help=words)
-    words = (
-        "follow orbits along one number, such as support.mass=1:100:2log: the limit cycles of a scene with drives at "
-        "joints, the motions of the period of a moved support and of forces, or with --mode the orbit with the largest "
-        "angle --to"
+    add_mode(page, ", to follow without dampers and drives", most=1)
+    add_largest_angle(page.asked, f", with --mode (default {LARGEST:g})")
+    more = (
+        ", such as support.mass=1:100:2log, along which orbits are followed: the limit cycles of a scene with drives "
+        "at joints, the motions of the period of a moved support and of forces, or with --mode the orbit of one "
+        "largest angle"
     )
-    offer(page.asked.add_argument("--vary", metavar="PLACE=RANGE", help=words), places)
-    words = "also follow the branches that leave at branch points and period doublings"
-    page.asked.add_argument("--enter", action="store_true", help=words)
-    words = "with --enter, enter those of the entered branches in turn, N deep (default 1)"
-    page.asked.add_argument("--depth", metavar="N", type=whole_number(20), help=words)
-    words = "under forces or on a moved support, motions that repeat after N periods of these (default 1)"
-    page.asked.add_argument("--periods", metavar="N", type=whole_number(64), help=words)
-    add_start(page, "with --vary, begin where a run from there has settled, instead of at predicted oscillations")
-    add_duration(page, f"of that run (default: {LONG} periods of the slowest mode)")
+    add_vary(page, more, most=1)
+    add_switch(page.asked, "--enter", " at branch points and period doublings")
+    add_option(page.asked, "--depth", ", with --enter (default 1)", type=whole_number(20))
+    more = ", under forces or on a moved support (default 1)"
+    add_option(page.asked, "--periods", more, type=whole_number(64))
+    add_switch(page.asked, "--settled", ", with --vary, instead of at predicted oscillations")
+    add_start(page, ", with --settled, as in simulate")
+    add_duration(page, f", with --settled (default {LONG} periods of the slowest mode)")
     add_format(page, ("text", "csv", "json"))
     add_report(page, ("text", "csv", "json"))
-    add_file(page, "--film", words="a film of the last orbit beside the linear mode in {}", kinds=FILMS)
+    add_file(page, "--film", "the last orbit beside the linear mode", FILMS)
 
 
 def _fitting(options: argparse.Namespace) -> None:
@@ -83,19 +81,19 @@ def _fitting(options: argparse.Namespace) -> None:
 
 def _misfits(options: argparse.Namespace) -> Iterator[str]:
     if not (options.mode or options.vary):
-        yield "orbits: needs --mode R or --vary PLACE=RANGE"
-    if options.to and not options.mode:
-        yield "--to: needs --mode"
-    if options.start and (options.mode or not options.vary):
-        yield "--start: needs --vary and no --mode"
+        yield "orbits: needs --mode R or --vary PLACE=VALUES"
+    if options.largest_angle and not options.mode:
+        yield "--largest-angle: needs --mode"
+    if options.settled and (options.mode or not options.vary):
+        yield "--settled: needs --vary and no --mode"
     if options.enter and options.mode and options.vary:
         yield "--enter: cannot be combined with both --mode and --vary"
     if options.depth and not options.enter:
         yield "--depth: needs --enter"
     if options.periods and (options.mode or not options.vary):
         yield "--periods: needs --vary and no --mode"
-    if options.duration and not options.start:
-        yield "--duration: needs --start"
+    asked = [name for name in ("start", "duration") if getattr(options, name)]
+    yield from (f"--{name}: needs --settled" for name in asked if not options.settled)
 
 
 def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
@@ -105,13 +103,13 @@ def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
     from nonlinear.orbits import mode_along, nonlinear_mode
 
     noted(scene, "a periodic orbit of a mode")
-    to = options.to or TO
+    largest = options.largest_angle or LARGEST
     if options.vary:
         (variation,) = parse_variations([options.vary])
         with bar(0, "orbit") as report:
-            return (mode_along(scene, options.mode, variation, radians(to), report=report),)
-    with bar(to, "deg") as report:
-        return (nonlinear_mode(scene, options.mode, radians(to), report=report),)
+            return (mode_along(scene, options.mode, variation, radians(largest), report=report),)
+    with bar(largest, "deg") as report:
+        return (nonlinear_mode(scene, options.mode, radians(largest), report=report),)
 
 
 def _cycles(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
@@ -123,13 +121,13 @@ def _cycles(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
     if scene.is_forced:
         cycles = options.periods or 1
         require_forced(scene, variation)
-        begun = _settled(scene, variation.path, variation.values[0], options)[0] if options.start else None
+        begun = _settled(scene, variation.path, variation.values[0], options)[0] if options.settled else None
         with bar(0, "branch") as report:
             return follow_forced(scene, variation, start=begun, cycles=cycles, report=report)
     if options.periods:
         raise SceneError(['--periods: needs a [[force]], or a support of kind = "moved"'])
     require_cycles(scene, variation)
-    start = _settled(scene, variation.path, variation.values[0], options) if options.start else None
+    start = _settled(scene, variation.path, variation.values[0], options) if options.settled else None
     with bar(0, "branch") as report:
         return follow_cycles(scene, variation, start=start, report=report)
 
@@ -160,35 +158,35 @@ def _settled(scene: Scene, path: str, value: float, options: argparse.Namespace)
     return run.final, last_swing(run.times, run.motion)
 
 
-def _entered(found: tuple[Branch, ...]) -> Iterator[Branch]:
+def _entered(branches: tuple[Branch, ...]) -> Iterator[Branch]:
     from modal.errors import ComputationError
     from nonlinear.orbits import LEAVES, entered
 
-    for one in found:
-        for special in one.special:
+    for branch in branches:
+        for special in branch.special:
             if special.kind in LEAVES:
                 try:
-                    yield entered(one, special)
+                    yield entered(branch, special)
                 except ComputationError as error:
                     remark(error)
 
 
-def _told(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) -> str:
+def _told(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> str:
     from modal.report import as_json
     from nonlinear.orbits import orbits_csv, orbits_record, orbits_text, oscillating
 
     if options.format == "json":
-        return as_json(orbits_record(found))
+        return as_json(orbits_record(branches))
     if options.format == "csv":
-        return orbits_csv(found)
+        return orbits_csv(branches)
     linear = None
     if options.mode and not options.vary:
         modes, row = oscillating(scene, options.mode)
         linear = float(modes.omega[row])
-    return orbits_text(scene, found, linear)
+    return orbits_text(scene, branches, linear)
 
 
-def _draw(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) -> None:
+def _draw(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> None:
     from nonlinear.orbits import oscillating
     from nonlinear.plotting import draw_orbits
 
@@ -197,16 +195,18 @@ def _draw(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) 
         modes, row = oscillating(scene, options.mode)
         mode = modes[row]
     with drawn(options.output, options.theme) as stream:
-        draw_orbits(scene, found, stream, picture(options.output), mode)
+        draw_orbits(scene, branches, stream, picture(options.output), mode)
 
 
-def _film(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) -> None:
+def _film(scene: Scene, branches: tuple[Branch, ...], options: argparse.Namespace) -> None:
     from nonlinear.orbits import oscillating
     from nonlinear.plotting import film_orbit
 
     modes, row = oscillating(scene, options.mode) if options.mode and not options.vary else (None, 0)
     with drawn(options.film, options.theme) as stream, bar(10) as report:
-        film_orbit(found[0].orbits[-1], stream, film_form(options.film, "--film"), modes=modes, row=row, report=report)
+        film_orbit(
+            branches[0].orbits[-1], stream, film_form(options.film, "--film"), modes=modes, row=row, report=report
+        )
 
 
 COMMANDS = (
@@ -225,8 +225,11 @@ COMMANDS = (
             "and tori are located."
         ),
         examples=(
-            ("orbits chain-2 --mode 1 --to 120 -o backbone.png", "the slow mode of two rods, to 120 degrees"),
-            ("orbits paper-cart-2 --mode 3 --to 60 --format json", "every orbit with its multipliers"),
+            (
+                "orbits chain-2 --mode 1 --largest-angle 120 -o backbone.png",
+                "the slow mode of two rods, to 120 degrees",
+            ),
+            ("orbits paper-cart-2 --mode 3 --largest-angle 60 --format json", "every orbit with its multipliers"),
             (
                 "orbits metronomes --vary support.mass=0.5:5:2log -o cycles.png",
                 "two metronomes in phase and in antiphase, on beams of 0.5 to 5 kg",

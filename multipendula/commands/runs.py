@@ -14,9 +14,9 @@ from multipendula.options import (
     add_run,
     add_samples,
     add_start,
+    add_tolerance,
     add_words,
     endings,
-    number,
 )
 from multipendula.parser import Page
 
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 """Largest angle of a scene without a start."""
 START = (
-    "scene (default; without one mode:R:5, R the first that swings), mode:R:DEG, orbit:R:DEG (a periodic orbit), orbit "
-    "(the motion that repeats with the drives) or angles:A,B,... (deg, at rest)"
+    ": scene (default; without one mode:R:5, R the first that swings), mode:R:DEG, orbit:R:DEG (a periodic orbit), "
+    "orbit (the motion that repeats with the drives) or angles:A,B,... (deg, at rest)"
 )
 HOW = ("method", "form", "tolerance", "accuracy")
 
@@ -36,24 +36,16 @@ HOW = ("method", "form", "tolerance", "accuracy")
 def add_run_arguments(page: Page, duration: float) -> None:
     """A scene or a saved run, and how to simulate it, by default for `duration` (s)."""
     add_run(page)
-    add_duration(page, f"default {duration:g}")
+    add_duration(page, f" (default {duration:g})")
     page.set_defaults(usual=duration)
     add_start(page, START)
     methods = ("auto", "DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA", "taylor")
-    words = f"{', '.join(methods)} (default auto)"
-    add_words(page.computed, "--method", methods, comma="", metavar="NAME", help=words)
+    add_words(page.computed, "--method", methods, f": {', '.join(methods)} (default auto)", comma="")
     forms = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
-    words = "auto (default), minimal, maximal, hamiltonian or spatial"
-    add_words(page.computed, "--form", forms, comma="", metavar="NAME", help=words)
+    add_words(page.computed, "--form", forms, f": {', '.join(forms)} (default auto)", comma="")
     add_tolerance(page)
-    add_accuracy(page, "of every angle, instead of a tolerance")
+    add_accuracy(page, ", instead of a tolerance")
     add_samples(page)
-
-
-def add_tolerance(page: Page) -> None:
-    """The tolerance of the integrator."""
-    numbers = number("1e-15 to 0.01", 0.01, 1e-15)
-    page.computed.add_argument("--tolerance", metavar="T", type=numbers, help="default 1e-9")
 
 
 def recorded(name: str) -> bool:

@@ -73,7 +73,7 @@ COMMANDS = (
         examples=(
             ("scenes", "names and titles"),
             ("scenes crane-hook", "the file of one scene"),
-            ("scenes crane-hook > mine.toml", "a template for a scene of your own"),
+            ("scenes crane-hook -o mine.toml", "a template for a scene of your own"),
         ),
     ),
     Command(
@@ -83,8 +83,8 @@ COMMANDS = (
         arguments=_schema_arguments,
         details="Editors that support JSON Schema complete scene files and mark mistakes in them.",
         examples=(
-            ("schema > scene.schema.json", "once, in the folder of your scenes"),
-            ("scenes crane-hook > mine.toml", "then put `#:schema ./scene.schema.json` in its first line"),
+            ("schema -o scene.schema.json", "once, in the folder of your scenes"),
+            ("scenes crane-hook -o mine.toml", "then put `#:schema ./scene.schema.json` in its first line"),
         ),
     ),
     Command(
@@ -98,15 +98,15 @@ COMMANDS = (
             "source it at startup. It needs `multipendula` to be on the PATH."
         ),
         examples=(
-            ("completion bash > ~/.multipendula.bash", "then `. ~/.multipendula.bash` in ~/.bashrc"),
-            ("completion zsh > ~/.multipendula.zsh", "then `. ~/.multipendula.zsh` in ~/.zshrc, after compinit"),
+            ("completion bash -o ~/.multipendula.bash", "then `. ~/.multipendula.bash` in ~/.bashrc"),
+            ("completion zsh -o ~/.multipendula.zsh", "then `. ~/.multipendula.zsh` in ~/.zshrc, after compinit"),
             (
-                "completion fish > ~/.multipendula.fish",
+                "completion fish -o ~/.multipendula.fish",
                 "then `source ~/.multipendula.fish` in ~/.config/fish/config.fish",
             ),
             (
-                "completion powershell > ~/multipendula.ps1",
-                "then `. ~/multipendula.ps1` in the file that $PROFILE names",
+                'completion powershell -o "$HOME/multipendula.ps1"',
+                "then `. $HOME/multipendula.ps1` in the file that $PROFILE names",
             ),
         ),
     ),

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import IO, TYPE_CHECKING
 
-from multipendula.options import FILMS, PICTURES
+from multipendula.options import FILMS, PICTURES, endings
 
 if TYPE_CHECKING:
     from modal.identification import Estimate
@@ -55,13 +55,13 @@ def drawn(name: str, theme: str) -> Iterator[IO[bytes]]:
         yield stream
 
 
-def draw_in(options: argparse.Namespace, name: str | None, room: str, figure: str, found: object) -> None:
+def draw_in(options: argparse.Namespace, name: str | None, room: str, figure: str, result: object) -> None:
     """Draw what was `found` in a file, if there is one, by the function `figure` of a room of figures."""
     if name:
         from importlib import import_module
 
         with drawn(name, options.theme) as stream:
-            getattr(import_module(room), figure)(found, stream, picture(name))
+            getattr(import_module(room), figure)(result, stream, picture(name))
 
 
 def picture(name: str, option: str = "-o", kinds: Sequence[str] = PICTURES) -> str:
@@ -69,6 +69,23 @@ def picture(name: str, option: str = "-o", kinds: Sequence[str] = PICTURES) -> s
     from modal.scene import kind_of
 
     return kind_of(name, kinds, f"{option} ")
+
+
+def picture_in_place(options: argparse.Namespace) -> str:
+    """The format of the picture beside the main result, which is that of -o where its name ends in a picture's format.
+
+    Empty if there is none; SceneError for two of them, for a name that is no picture's, and where no folder is.
+    """
+    from modal.errors import SceneError
+
+    if options.output and options.output.lower().endswith(endings(PICTURES)):
+        if options.picture:
+            raise SceneError([f"-o {options.output}: is a picture beside --picture {options.picture}"])
+        options.picture, options.output = options.output, None
+    kind = picture(options.picture, "--picture") if options.picture else ""
+    for path in (options.picture, options.output):
+        in_a_folder(path)
+    return kind
 
 
 def film_form(name: str, option: str = "-o") -> str:
@@ -105,8 +122,8 @@ def validated(options: argparse.Namespace, image: str | None, fitting: Callable[
         lambda: in_a_folder(image),
         lambda: in_a_folder(options.film),
     )
-    found: Scene = scene
-    return found
+    checked: Scene = scene
+    return checked
 
 
 @contextmanager

@@ -7,20 +7,23 @@ from typing import TYPE_CHECKING
 
 from modal.exports import FORMATS
 from multipendula.command import Command
-from multipendula.commands.models import add_model_file, add_signals, model_of, scene_at, scene_of
+from multipendula.commands.models import add_signals, model_of, scene_at, scene_of
 from multipendula.commands.shared import about, drawn, estimate_of, listed, noted, output, picture, remark, say
-from multipendula.completion import files
 from multipendula.options import (
-    PICTURES,
-    TEXTS,
-    Joined,
     add_covariance,
     add_format,
+    add_frequencies,
+    add_option,
+    add_output,
+    add_outputs,
+    add_report,
+    add_sample_time,
     add_scene,
+    add_shaped,
+    add_shaper,
+    add_switch,
     add_text,
-    add_theme,
     add_words,
-    endings,
     number,
     whole,
 )
@@ -33,18 +36,15 @@ if TYPE_CHECKING:
 
 def export(options: argparse.Namespace) -> None:
     """Write a state-space model for control software, a simulator or a controller."""
-    from modal.errors import SceneError
     from modal.exports import format_named
     from modal.scene import whole_file
 
     target = format_named(options.to)
-    if options.file is None:
-        raise SceneError(["-o FILE: is required"])
     scene = scene_at(options)
     about(noted(scene.at(0.0), "a constant linear model"))
     if scene.is_hoisted:
         content = target.write_varying(_varying(scene, options))
-        with whole_file(options.file) as stream:
+        with whole_file(options.output) as stream:
             stream.write(content)
         return
     model = model_of(scene, options)
@@ -53,7 +53,7 @@ def export(options: argparse.Namespace) -> None:
 
         model = sample(model, options.discrete)
     content = target.write(model)
-    with whole_file(options.file) as stream:
+    with whole_file(options.output) as stream:
         stream.write(content)
     if note := target.note(content):
         remark(note)
@@ -64,7 +64,7 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
     from modal.errors import SceneError
     from modal.statespace.varying import varying_model
 
-    asked = [name for name in ("discrete", "minimal", "modes") if getattr(options, name)]
+    asked = [name for name in ("discrete", "minimal", "dominant") if getattr(options, name)]
     if asked:
         raise SceneError([f"--{name}: needs constant lengths, and this scene has a hoist" for name in asked])
     return varying_model(scene, None, listed(options.input), listed(options.signals))
@@ -74,21 +74,17 @@ def _export_arguments(page: Page) -> None:
     add_scene(page)
     add_signals(page)
     *most, last = FORMATS
-    words = f"{', '.join(most)} or {last}"
-    add_words(page.written, "--to", (*most, last), comma="", metavar="FORMAT", required=True, help=words)
-    words = "the file to write, or - for standard output"
+    add_words(page.written, "--to", (*most, last), f": {', '.join(most)} or {last}", comma="", required=True)
     page.rephrase(r"^format (\S+):", r"--to \1:")
     page.rephrase(r"mat and npz take it$", r"\g<0>, and every format that of one time, --when SECONDS")
     page.rephrase(r"a C header needs a sampled model", "--to c needs --discrete SECONDS")
-    add_model_file(page, words, files(()), required=True)
-    seconds = number("seconds above 0")
-    words = "discretize with this time step, inputs held (zero-order hold)"
-    page.asked.add_argument("--discrete", metavar="SECONDS", type=seconds, help=words)
+    add_output(page, "the model", (), required=True)
+    add_sample_time(page, ": the model is discretized, its inputs held between samples (zero-order hold)")
     page.rephrase(r"^step (\S+) s:", r"--discrete \1:")
     smaller = page.asked.add_mutually_exclusive_group()
-    smaller.add_argument("--minimal", action="store_true", help="without uncontrollable or unobservable states")
-    smaller.add_argument("--modes", metavar="K", type=whole(99999), help="only the K modes that contribute most")
-    page.rephrase(r"^(\d+) modes: (?=the model)", r"--modes \1: ")
+    add_switch(smaller, "--minimal")
+    add_option(smaller, "--dominant", "", type=whole(99999))
+    page.rephrase(r"^(\d+) modes: (?=the model)", r"--dominant \1: ")
 
 
 def gains(options: argparse.Namespace) -> None:
@@ -98,14 +94,14 @@ def gains(options: argparse.Namespace) -> None:
 
     scene = scene_of(options, "a constant linear model")
     gains = modal_gains(natural_modes(scene), model_of(scene, options))
-    with output(options.file) as write:
+    with output(options.output) as write:
         write(gains.text() + "\n")
 
 
 def _gains_arguments(page: Page) -> None:
     add_scene(page)
     add_signals(page)
-    add_model_file(page, "write to this file instead of standard output (-)", files(()))
+    add_text(page)
 
 
 def response(options: argparse.Namespace) -> None:
@@ -120,11 +116,11 @@ def response(options: argparse.Namespace) -> None:
     from modal.statespace import impulse_table, response_table, to_modal_form
 
     in_words = options.impulse and getattr(options, "format_asked", False)
-    if not (options.file or options.at or in_words):
+    if not (options.output or options.at or in_words):
         raise SceneError(["give a picture to write, -o FILE, or frequencies to print, --at HERTZ"])
-    told = STANDARD if in_words and options.file == STANDARD else None
+    told = STANDARD if in_words and options.output == STANDARD else None
     capability = "an impulse response" if options.impulse else "a frequency response"
-    kind, scene = picture(options.file) if options.file and not told else "", scene_of(options, capability)
+    kind, scene = picture(options.output) if options.output and not told else "", scene_of(options, capability)
     require(scene, capability)
     model = model_of(scene, options)
     inputs, outputs = ([signal.name for signal in signals] for signals in (model.inputs, model.outputs))
@@ -152,10 +148,10 @@ def response(options: argparse.Namespace) -> None:
     if in_words:
         with output(told) as write:
             write(impulse_table(form, at, chosen or list(range(len(outputs))), options.format))
-    if options.file and not told:
+    if options.output and not told:
         from modal.plotting import draw_bode, draw_impulse
 
-        with drawn(options.file, options.theme) as stream:
+        with drawn(options.output, options.theme) as stream:
             if options.impulse:
                 draw_impulse(form, stream, source=at, outputs=chosen, kind=kind)
             else:
@@ -166,24 +162,13 @@ def _response_arguments(page: Page) -> None:
     add_scene(page)
     add_covariance(page, "adds standard deviations of magnitudes, in the picture a band of two to either side")
     add_signals(page)
-    formats = ("text", "csv", "json")
-    page.reports = {f".{TEXTS[form]}": form for form in formats}
-    kinds = (*endings(PICTURES), *page.reports)
-    words = f"the figure or the numbers as a {', '.join(kinds[:-1])} or {kinds[-1]} file, or - for standard output"
-    add_model_file(page, words, files(kinds))
-    add_theme(page)
-    words = "print magnitude and phase at these frequencies in Hz, separated by commas"
-    page.asked.add_argument("--at", metavar="HERTZ", action=Joined, type=_frequencies, help=words)
-    add_format(page, formats, help="of what --at prints, and of --impulse in numbers")
-    page.asked.add_argument("--from", dest="source", metavar="NAME", help="one input (default: the first)")
-    page.asked.add_argument("--of", metavar="NAMES", action=Joined, help="outputs, one or more (default: all)")
+    add_report(page, ("text", "csv", "json"))
+    add_frequencies(page, ": magnitude and phase")
+    add_format(page, ("text", "csv", "json"), ", by --at, and by --impulse in numbers (default text)")
+    add_option(page.asked, "--from", " (default the first)", dest="source")
+    add_outputs(page, " (default all)")
     page.rephrase(r"choose at most \d+ outputs$", r"\g<0> with --of")
-    words = "the impulse response instead of the Bode plot"
-    page.asked.add_argument("--impulse", action="store_true", help=words)
-
-
-def _frequencies(text: str) -> list[float]:
-    return [number("hertz above 0")(part) for part in text.split(",")]
+    add_switch(page.asked, "--impulse", " instead of the Bode plot")
 
 
 def shaper(options: argparse.Namespace) -> None:
@@ -195,19 +180,19 @@ def shaper(options: argparse.Namespace) -> None:
     scene = noted(load(options.scene), "a shaper")
     drive = options.drive or usual_drive(scene)
     estimate = estimate_of(scene, options.covariance)
-    step, tolerance = options.discrete or 0.0, options.tolerance / 100
-    found = shaper_for(scene, options.count, options.kind, drive, step=step, tolerance=tolerance)
+    step, tolerance = options.discrete or 0.0, options.residual / 100
+    shaped_command = shaper_for(scene, options.count, options.kind, drive, step=step, tolerance=tolerance)
     remarks = list(swing_words(scene, options.count, drive))
     if estimate is not None:
         from modal.identification import shaped_modes
 
-        shaped = shaped_modes(found, estimate, drive, options.count)
+        shaped = shaped_modes(shaped_command, estimate, drive, options.count)
         remarks += [left.words(number) for number, left in enumerate(shaped, 1)]
     if scene.is_hoisted:
         from modal.statespace.hoisting import residual_words
 
-        remarks += residual_words(scene, options.count, options.kind, drive, found)
-    impulses = zip(found.times.tolist(), found.amplitudes.tolist(), strict=True)
+        remarks += residual_words(scene, options.count, options.kind, drive, shaped_command)
+    impulses = zip(shaped_command.times.tolist(), shaped_command.amplitudes.tolist(), strict=True)
     with output(options.output) as write:
         write("".join(folded(f"# {words}", mark="# ") + "\n" for words in remarks))
         write(csv_rows([("time_s", "amplitude"), *impulses]))
@@ -216,22 +201,22 @@ def shaper(options: argparse.Namespace) -> None:
 def _shaper_arguments(page: Page) -> None:
     add_scene(page)
     add_covariance(page, "adds what the shaped command leaves over the band of the fitted numbers")
-    words = "zvd and ei tolerate more error in the frequencies; um is the shortest, with impulses of both signs"
-    page.asked.add_argument("--kind", choices=("zv", "zvd", "ei", "um"), default="zv", help=words)
-    words = "impulses at multiples of this time step, the sample time of the controller"
-    page.asked.add_argument("--discrete", metavar="SECONDS", type=number("seconds above 0"), help=words)
-    page.rephrase(r"^a step of (\S+) s", r"--discrete \1")
-    words = "percent of residual swing that ei allows (default 5)"
-    percent = number("percent above 0 and at most 50", most=50.0)
-    page.asked.add_argument("--tolerance", metavar="PERCENT", type=percent, default=5.0, help=words)
-    words = "for the K slowest modes (default 1)"
-    page.asked.add_argument("--count", metavar="K", type=whole(99999), default=1, help=words)
-    drives = ("cart_acceleration", "cart_velocity", "cart_force")
-    words = (
-        "what moves the cart: cart_acceleration (default), cart_velocity or cart_force; of a structure the force on "
-        "one of its coordinates (default the first), as ship_sway_force"
+    more = (
+        " (default zv); zvd and ei tolerate more error in the frequencies, um is the shortest, with impulses of both "
+        "signs"
     )
-    add_words(page.asked, "--drive", drives, comma="", metavar="NAME", help=words)
+    add_shaper(page, more, "zv")
+    add_sample_time(page, ": impulses come at its multiples")
+    page.rephrase(r"^a step of (\S+) s", r"--discrete \1")
+    percent = number("percent above 0 and at most 50", most=50.0)
+    add_option(page.asked, "--residual", ", by ei (default 5)", type=percent, default=5.0)
+    add_shaped(page, 1)
+    drives = ("cart_acceleration", "cart_velocity", "cart_force")
+    more = (
+        ": cart_acceleration (default), cart_velocity or cart_force; of a structure the force on one of its "
+        "coordinates (default the first), as ship_sway_force"
+    )
+    add_words(page.asked, "--drive", drives, more, comma="")
     page.rephrase(r"^drive = '(\S+)':", r"--drive \1:")
     add_text(page)
 

@@ -11,19 +11,21 @@ from typing import TYPE_CHECKING
 from multipendula.command import Command
 from multipendula.commands.ensembles import names_of, refuse
 from multipendula.commands.runs import tell_of_start
-from multipendula.commands.shared import bar, drawn, in_a_folder, picture, say
-from multipendula.completion import places
+from multipendula.commands.shared import bar, drawn, picture_in_place, say
 from multipendula.options import (
     PICTURES,
     RUNS,
-    add_file,
+    Repeated,
+    add_crew,
+    add_members,
+    add_output,
     add_picture,
     add_scene,
+    add_seed,
     add_strobes,
+    add_switch,
+    add_vary,
     add_words,
-    endings,
-    offer,
-    whole,
 )
 from multipendula.parser import Page
 
@@ -38,12 +40,7 @@ BY_ENERGY, DRAWN = "start.energy", ("members", "seed")
 
 def sweep(options: argparse.Namespace) -> None:
     """Compute measures of a scene over a parameter grid, or follow its frequencies or strobes along one parameter."""
-    if options.output and options.output.lower().endswith(endings(PICTURES)):
-        refuse_both(options)
-        options.picture, options.output = options.output, None
-    kind = picture(options.picture, "--picture") if options.picture else ""
-    for path in (options.picture, options.output):
-        in_a_folder(path)
+    kind = picture_in_place(options)
     if not options.strobe:
         refuse(options, BY_STROBES, "needs --strobe")
     if not any(text.partition("=")[0].strip() == BY_ENERGY for text in options.vary):
@@ -51,44 +48,29 @@ def sweep(options: argparse.Namespace) -> None:
     (_loci if options.loci else _strobes if options.strobe else _map)(options, kind)
 
 
-def refuse_both(options: argparse.Namespace) -> None:
-    """SceneError where two pictures are asked for."""
-    from modal.errors import SceneError
-
-    if options.picture:
-        raise SceneError([f"-o {options.output}: is a picture beside --picture {options.picture}"])
-
-
 def _sweep_arguments(page: Page) -> None:
     from nonlinear.measures import taken_by
 
     add_scene(page)
-    words = (
-        "support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to three of them; "
+    more = (
+        ": support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to three of them; "
         "start.energy=1:20:40 (J above rest) draws --members starts at every energy"
     )
-    vary = page.asked.add_argument("--vary", metavar="PLACE=VALUES", action="append", required=True, help=words)
-    offer(vary, places)
-    words = f"{', '.join(taken_by('sweep'))} (default frequencies, lyapunov over energies); repeat for several"
-    add_words(page.asked, "--measure", taken_by("sweep"), comma="", metavar="NAME[:N]", action="append", help=words)
-    words = "number of starts drawn at random at every start.energy (default 50)"
-    page.asked.add_argument("--members", metavar="N", type=whole(100_000), help=words)
-    page.asked.add_argument("--seed", metavar="N", type=whole(2**31), help="of these starts (default 0)")
+    add_vary(page, more, required=True)
+    more = f": {', '.join(taken_by('sweep'))} (default frequencies, over energies lyapunov); repeat for several"
+    add_words(page.asked, "--measure", taken_by("sweep"), more, comma="", action=Repeated)
+    add_members(page, ": starts drawn at every start.energy (default 50)", 100_000)
+    add_seed(page, " (default 0)")
     page.rephrase(r"find_bifurcations follows them$", "--strobe follows them")
     page.rephrase(r"^start\.energy: needs members", "start.energy: needs --members")
-    words = "follow all frequencies along one --vary by their mode shapes"
-    page.asked.add_argument("--loci", action="store_true", help=words)
+    add_switch(page.asked, "--loci")
     page.rephrase(r"(loci need an undamped scene .*)$", r"\1; without --loci, --measure frequencies takes dampers")
-    words = "a bifurcation diagram along one --vary: the last 50 strobes, once a period of the drives (-o: .csv, .json)"
-    page.asked.add_argument("--strobe", action="store_true", help=words)
+    add_switch(page.asked, "--strobe", ", along one --vary: a bifurcation diagram of the last 50 (-o: .csv, .json)")
     add_strobes(page, "ten times the slowest decay, at least 200 periods")
-    add_file(page, "--output", "-o", words="save the numbers in {} (loci: .csv)", kinds=(*RUNS, "json", *PICTURES))
-    add_picture(page, "--picture")
-    page.computed.add_argument("--workers", metavar="N", type=whole(1000), help="processes (default: one per core)")
-    words = "a Dask cluster instead, such as tcp://192.168.0.2:8786"
-    page.computed.add_argument("--scheduler", metavar="ADDRESS", help=words)
-    words = "start over, discarding the points of an interrupted sweep"
-    page.computed.add_argument("--fresh", action="store_true", help=words)
+    add_output(page, "the numbers (of --loci .csv) or the figure", (*RUNS, "json", *PICTURES))
+    add_picture(page)
+    add_crew(page)
+    add_switch(page.computed, "--fresh")
 
 
 def _map(options: argparse.Namespace, kind: str) -> None:

@@ -9,17 +9,15 @@ from typing import TYPE_CHECKING
 from multipendula.command import Command
 from multipendula.commands.runs import start_of
 from multipendula.commands.shared import bar, drawn, film_form, forewarning, picture, remark, say, validated
-from multipendula.completion import places
 from multipendula.options import (
     FILMS,
-    Former,
     add_duration,
     add_file,
     add_format,
     add_report,
     add_scene,
     add_start,
-    offer,
+    add_vary,
 )
 from multipendula.parser import Page
 
@@ -37,13 +35,13 @@ def sync(options: argparse.Namespace) -> None:
 
 def _sync_arguments(page: Page) -> None:
     add_scene(page)
-    add_duration(page, "default: as predicted")
-    add_start(page, "as in simulate, with undamped mode shapes")
-    words = "follow every steady oscillation along one number instead, such as support.mass=1:100:30log"
-    offer(page.asked.add_argument("--vary", metavar="PLACE=VALUES", help=words), places)
-    add_format(page, ("text", "json", "csv"), help="csv with --vary only")
-    add_report(page, ("text", "json", "csv"), "--output", "-o", "--picture", action=Former)
-    add_file(page, "--film", words="a stroboscopic film in {}", kinds=FILMS)
+    add_duration(page, " (default as predicted)")
+    add_start(page, ", as in simulate, with undamped mode shapes")
+    more = ", such as support.mass=1:100:30log, along which every steady oscillation is followed instead"
+    add_vary(page, more, most=1)
+    add_format(page, ("text", "csv", "json"), " (default text); csv with --vary only")
+    add_report(page, ("text", "csv", "json"))
+    add_file(page, "--film", "a stroboscopic one", FILMS)
 
 
 def _fitting(options: argparse.Namespace) -> None:
@@ -69,34 +67,34 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
     start = start_of(scene, options.start, undamped=True)
     with bar(1.0, "run") as report:
         told = forewarning(report, scene, options.duration)
-        found = study_synchronization(scene, options.duration, start=start, report=lambda now, end: told(now / end))
-    say(_told(found, options.format), options.format)
+        study = study_synchronization(scene, options.duration, start=start, report=lambda now, end: told(now / end))
+    say(_told(study, options.format), options.format)
     if options.output:
-        _draw(found, options.output, options.theme)
+        _draw(study, options.output, options.theme)
     if options.film:
-        _film(found, options.film, options.theme)
+        _film(study, options.film, options.theme)
 
 
-def _told(found: SynchronizationStudy, form: str) -> str:
+def _told(study: SynchronizationStudy, form: str) -> str:
     from modal.report import as_json
     from nonlinear.synchronization import sync_record, sync_text
 
-    return as_json(sync_record(found)) if form == "json" else sync_text(found)
+    return as_json(sync_record(study)) if form == "json" else sync_text(study)
 
 
-def _draw(found: SynchronizationStudy, name: str, theme: str) -> None:
+def _draw(study: SynchronizationStudy, name: str, theme: str) -> None:
     from nonlinear.plotting import draw_sync
 
     with drawn(name, theme) as stream:
-        draw_sync(found.trajectory, found.phases, stream, picture(name))
+        draw_sync(study.trajectory, study.phases, stream, picture(name))
 
 
-def _film(found: SynchronizationStudy, name: str, theme: str) -> None:
+def _film(study: SynchronizationStudy, name: str, theme: str) -> None:
     from nonlinear.plotting import SECONDS, animate, strobe
 
     form = film_form(name)
     with drawn(name, theme) as stream, bar(SECONDS) as report:
-        shown = animate(found.trajectory, stream, form, **strobe(found.phases, form), report=report)
+        shown = animate(study.trajectory, stream, form, **strobe(study.phases, form), report=report)
     remark(f"{shown.frames} frames, one every {shown.motion / shown.frames:.4g} s")
 
 
@@ -109,13 +107,13 @@ def _branches(scene: Scene, options: argparse.Namespace) -> None:
         _diagram(scene, variation, options)
         return
     with bar(0, "branch") as report:
-        found = follow_branches(scene, variation, report)
-    say(branches_csv(found) if options.format == "csv" else branches_text(found), options.format)
+        branches = follow_branches(scene, variation, report)
+    say(branches_csv(branches) if options.format == "csv" else branches_text(branches), options.format)
     if options.output:
         from nonlinear.plotting import draw_branches
 
         with drawn(options.output, options.theme) as stream:
-            draw_branches(found, stream, picture(options.output))
+            draw_branches(branches, stream, picture(options.output))
 
 
 def _has_populations(scene: Scene) -> bool:
@@ -129,13 +127,13 @@ def _diagram(scene: Scene, variation: Variation, options: argparse.Namespace) ->
     from nonlinear.synchronization import diagram_csv, diagram_text, follow_populations
 
     with bar(0, "motion") as report:
-        found = follow_populations(scene, variation, report)
-    say(diagram_csv(found) if options.format == "csv" else diagram_text(found), options.format)
+        diagram = follow_populations(scene, variation, report)
+    say(diagram_csv(diagram) if options.format == "csv" else diagram_text(diagram), options.format)
     if options.output:
         from nonlinear.plotting import draw_populations
 
         with drawn(options.output, options.theme) as stream:
-            draw_populations(found, stream, picture(options.output))
+            draw_populations(diagram, stream, picture(options.output))
 
 
 COMMANDS = (

@@ -8,8 +8,24 @@ from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
 from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output, picture, say
-from multipendula.completion import files, mode_numbers, places
-from multipendula.options import PICTURES, Joined, add_file, add_scene, add_theme, add_words, number, offer, whole
+from multipendula.options import (
+    Repeated,
+    add_file,
+    add_format,
+    add_free,
+    add_largest_angle,
+    add_mode,
+    add_option,
+    add_output,
+    add_picture,
+    add_scene,
+    add_shaper,
+    add_spectrum,
+    add_switch,
+    add_travel,
+    add_words,
+    number,
+)
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -34,15 +50,15 @@ def tune(options: argparse.Namespace) -> None:
         in_a_folder(path, option)
     scene = noted(load(options.scene), "tuning" if options.travel is None else "a shaper")
     problems = []
-    if options.angle is not None:
+    if options.largest_angle is not None:
         problems += _angle_problems(options)
-    if options.picture and not any("peak:" in one for one in (*(options.minimize or ()), *(options.maximize or ()))):
+    if options.picture and not any("peak:" in aim for aim in (*(options.minimize or ()), *(options.maximize or ()))):
         problems.append("--picture: shows a peak:OUTPUT/INPUT before and after, and none is tuned")
     problems += [f"--{name}: needs --travel METRES" for name in ("over", "kind") if _alone(options, name)]
     if problems:
         raise SceneError(problems)
     with bar(0, "start"):
-        found = tuned(
+        best = tuned(
             scene,
             listed(options.free),
             minimize=options.minimize or (),
@@ -56,12 +72,12 @@ def tune(options: argparse.Namespace) -> None:
             kind=options.kind,
             robust=options.robust,
         )
-    swing = None if options.angle is None else _swing(found, options.angle)
-    record = {} if swing is None else {"finite_swing": _swing_record(swing, found)}
-    told = tuned_json(found, record) if options.report or options.format == "json" else ""
-    text = "" if options.format == "json" else tuned_text(found, "" if swing is None else _swing_words(swing, found))
+    swing = None if options.largest_angle is None else _swing(best, options.largest_angle)
+    record = {} if swing is None else {"finite_swing": _swing_record(swing, best)}
+    told = tuned_json(best, record) if options.report or options.format == "json" else ""
+    text = "" if options.format == "json" else tuned_text(best, "" if swing is None else _swing_words(swing, best))
     if options.output:
-        dump(found.scene, options.output)
+        dump(best.scene, options.output)
     if options.report:
         with output(options.report) as write:
             write(told)
@@ -69,7 +85,7 @@ def tune(options: argparse.Namespace) -> None:
         from modal.plotting import draw_tuning
 
         with drawn(options.picture, options.theme) as stream:
-            draw_tuning(found, stream, kind)
+            draw_tuning(best, stream, kind)
     say(told if options.format == "json" else text, options.format)
 
 
@@ -80,11 +96,11 @@ def _alone(options: argparse.Namespace, name: str) -> bool:
 def _angle_problems(options: argparse.Namespace) -> list[str]:
     aims = [*(options.minimize or ()), *(options.maximize or ())]
     if not aims or not aims[0].rpartition("*")[2].strip().startswith("peak:"):
-        return ["--angle: is for a peak:OUTPUT/INPUT, which forced orbits can reach"]
+        return ["--largest-angle: is for a peak:OUTPUT/INPUT, which forced orbits can reach"]
     return []
 
 
-def _swing(found: Tuned, degrees: float) -> FiniteSwing:
+def _swing(best: Tuned, degrees: float) -> FiniteSwing:
     """The highest peak of the first quantity at finite swing."""
     from math import radians, tau
 
@@ -92,8 +108,8 @@ def _swing(found: Tuned, degrees: float) -> FiniteSwing:
     from modal.statespace.points import is_point, point_input
     from nonlinear.orbits import finite_swing
 
-    quantity = found.objective.aims[0].quantity
-    scene = found.scene
+    quantity = best.objective.aims[0].quantity
+    scene = best.scene
     on: str
     direction: Acting
     if quantity.input == "cart_force":
@@ -102,26 +118,30 @@ def _swing(found: Tuned, degrees: float) -> FiniteSwing:
         point = point_input(scene, quantity.input)
         on, direction = point.on, point.direction
     else:
-        raise SceneError(["--angle: forced orbits are computed under cart_force, or a force at a point, force:POINT"])
+        raise SceneError(
+            ["--largest-angle: forced orbits are computed under cart_force, or a force at a point, force:POINT"]
+        )
     labels = ["x"] * (scene.cart is not None)
     labels += [f"theta_{p}_{i}" for p, links in enumerate(_copies(scene), 1) for i in range(1, links + 1)]
     if quantity.output not in labels:
-        raise SceneError([f"--angle: forced orbits give the outputs {', '.join(labels[:6])}, not {quantity.output}"])
-    at = found.pieces_after[0]
+        raise SceneError(
+            [f"--largest-angle: forced orbits give the outputs {', '.join(labels[:6])}, not {quantity.output}"]
+        )
+    at = best.pieces_after[0]
     peaks = at.at[at.inside] / tau
-    band = found.objective.quantities.setting.band or (peaks.min() / WITHIN, peaks.max() * WITHIN)
+    band = best.objective.quantities.setting.band or (peaks.min() / WITHIN, peaks.max() * WITHIN)
     return finite_swing(scene, on, direction, labels.index(quantity.output), radians(degrees), band)
 
 
 def _copies(scene: Any) -> list[int]:
-    return [sum(link.count for link in one.links) for one in scene.pendulum for _ in range(one.count)]
+    return [sum(link.count for link in pendulum.links) for pendulum in scene.pendulum for _ in range(pendulum.count)]
 
 
-def _swing_record(swing: FiniteSwing, found: Tuned) -> dict[str, Any]:
+def _swing_record(swing: FiniteSwing, best: Tuned) -> dict[str, Any]:
     from math import degrees
 
     return {
-        "quantity": found.objective.aims[0].quantity.name,
+        "quantity": best.objective.aims[0].quantity.name,
         "largest_angle_deg": degrees(swing.angle),
         "force": swing.size,
         "peak": swing.peak,
@@ -131,13 +151,13 @@ def _swing_record(swing: FiniteSwing, found: Tuned) -> dict[str, Any]:
     }
 
 
-def _swing_words(swing: FiniteSwing, found: Tuned) -> str:
+def _swing_words(swing: FiniteSwing, best: Tuned) -> str:
     from math import degrees
 
     from modal.tuning.objective import extreme
 
-    quantity = found.objective.aims[0].quantity
-    linear = extreme(quantity, found.pieces_after[0])
+    quantity = best.objective.aims[0].quantity
+    linear = extreme(quantity, best.pieces_after[0])
     change = 100 * (swing.peak / linear - 1)
     return (
         f"At finite swing, a force of {swing.size:.5g} with which a link turns by {degrees(swing.angle):.4g}°: "
@@ -156,50 +176,34 @@ def _band(text: str) -> tuple[float, float]:
 
 def _arguments(page: Page) -> None:
     add_scene(page)
-    words = (
-        "numbers to tune, separated by commas, each perhaps with bounds, such as "
-        "'pendulum[0].links[0].length=0.5:2,pendulum[0].links[0].damping'"
+    more = ", each perhaps with bounds, such as 'pendulum[0].links[0].length=0.5:2,pendulum[0].links[0].damping'"
+    add_free(page, more)
+    more = (
+        ": peak:OUTPUT/INPUT, such as peak:x/cart_force, the largest magnitude over frequencies; rms:OUTPUT under "
+        "--psd; residual, the angle that a --travel leaves; damping, the least ratio of the modes; settling, the time "
+        "to 2 percent; with a weight as in 2*peak:x/cart_force; repeat for several"
     )
-    offer(page.asked.add_argument("--free", metavar="PLACES", action=Joined, required=True, help=words), places)
-    words = (
-        "make this small: peak:OUTPUT/INPUT, such as peak:x/cart_force, the largest magnitude over frequencies; "
-        "rms:OUTPUT under --psd; residual, the angle that a --travel leaves; damping, the least ratio of the modes; "
-        "settling, the time to 2 percent; with a weight as in 2*peak:x/cart_force; repeat for several"
+    add_words(page.asked, "--minimize", QUANTITIES, more, comma="", action=Repeated)
+    more = ", as for --minimize; repeat for several"
+    add_words(page.asked, "--maximize", QUANTITIES, more, comma="", action=Repeated)
+    more = (
+        ", such as rel_1_1=0.2, the stroke of a damper, as a peak or an RMS as the first quantity is; or any quantity, "
+        "as settling=60; repeat for several"
     )
-    add_words(page.asked, "--minimize", QUANTITIES, comma="", metavar="QUANTITY", action="append", help=words)
-    words = "make this large: as --minimize; repeat for several"
-    add_words(page.asked, "--maximize", QUANTITIES, comma="", metavar="QUANTITY", action="append", help=words)
-    words = (
-        "let this be at most so large, such as rel_1_1=0.2, the stroke of a damper, as a peak or an RMS as the first "
-        "quantity is; or any quantity, as settling=60; repeat for several"
-    )
-    page.asked.add_argument("--max", metavar="QUANTITY=VALUE", action="append", help=words)
-    words = "peaks at these frequencies in Hz alone, such as 0.1:2 (default all)"
-    page.asked.add_argument("--over-hz", metavar="FROM:TO", type=_band, help=words)
-    words = "of rms: one-sided PSD of the support's acceleration, or of the input of rms:OUTPUT/INPUT, as in vibration"
-    offer(page.asked.add_argument("--psd", metavar="CSV", help=words), files((".csv",)))
-    words = "of damping and settling: this row of the table of modes alone; repeat for several"
-    offer(
-        page.asked.add_argument("--mode", metavar="R", type=whole(100_000), action="append", help=words), mode_numbers
-    )
-    words = "of residual: the cart travels so far, smoothly, as in hoist"
-    page.asked.add_argument("--travel", metavar="METRES", type=number("metres above 0"), help=words)
-    words = "duration of the travel (default: that of the hoist)"
-    page.asked.add_argument("--over", metavar="SECONDS", type=number("seconds above 0"), help=words)
-    words = "shaper of the travel, for the lengths before it (default: none)"
-    page.asked.add_argument("--kind", choices=("zv", "zvd", "ei", "um"), help=words)
-    words = "tune for the worst case of all masses ±5 percent, each for itself"
-    page.computed.add_argument("--robust", action="store_true", help=words)
-    words = "the peak of the tuned scene also at finite swing, by forced orbits: the largest angle of any link"
-    degrees = number("degrees above 0 and below 180", 179.999)
-    page.computed.add_argument("--angle", metavar="DEG", type=degrees, help=words)
+    add_option(page.asked, "--max", more, action=Repeated)
+    add_option(page.asked, "--over-hz", ", such as 0.1:2 (default all)", type=_band)
+    more = ", for rms: of the support's acceleration, or of the input of rms:OUTPUT/INPUT, as in vibration"
+    add_spectrum(page, more)
+    add_mode(page, ", to which damping and settling are limited; repeat for several")
+    add_travel(page, ", for residual, as in hoist")
+    add_shaper(page, " of the travel, for the lengths before it (default none)")
+    add_switch(page.computed, "--robust")
+    add_largest_angle(page.computed, ": adds the peak of the tuned scene at such a finite swing, by forced orbits")
     _rephrase(page)
-    add_file(page, "--output", "-o", words="the scene with the best numbers, {}", kinds=("toml",))
-    add_file(page, "--report", words="the report with its curves, {}", kinds=("json",))
-    add_file(page, "--picture", words="draw the peaks before and after in {}", kinds=PICTURES)
-    add_theme(page)
-    words = "what is printed (default text)"
-    page.written.add_argument("--format", choices=("text", "json"), default="text", help=words)
+    add_output(page, "the scene with the best numbers", ("toml",))
+    add_file(page, "--report", "with the curves", ("json",))
+    add_picture(page, "the peaks before and after")
+    add_format(page, ("text", "json"))
 
 
 def _rephrase(page: Page) -> None:

@@ -14,15 +14,17 @@ from multipendula.options import (
     add_accuracy,
     add_duration,
     add_format,
+    add_members,
     add_modes,
     add_motion,
+    add_option,
     add_report,
     add_samples,
     add_scene,
     add_start,
+    add_switch,
     angles,
 )
-from multipendula.options import whole as whole_number
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -48,13 +50,11 @@ def check(options: argparse.Namespace) -> None:
 
 def _check_arguments(page: Page) -> None:
     add_scene(page)
-    add_modes(page, "--mode", "1:3")
-    words = "largest angles (default 1,5,10,30)"
-    page.asked.add_argument("--amplitude", metavar="DEG,...", type=angles, help=words)
-    words = "instead project one run from --start on the modes"
-    page.asked.add_argument("--general", action="store_true", help=words)
-    add_start(page, "with --general, as in simulate")
-    add_duration(page, "with --general")
+    add_modes(page)
+    add_option(page.asked, "--amplitudes", " (default 1,5,10,30)", type=angles)
+    add_switch(page.asked, "--general")
+    add_start(page, ", with --general, as in simulate")
+    add_duration(page, f", with --general (default {USUAL:g})")
     add_format(page, REPORTS)
     add_report(page, REPORTS)
 
@@ -66,9 +66,9 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
     from nonlinear.verification import check as checked
 
     _refuse(options, "needs", ("start", "duration"))
-    numbers = chosen(options.mode, len(natural_modes(scene)), "--mode")
+    numbers = chosen(options.modes, len(natural_modes(scene)))
     with bar(len(numbers), "mode") as report:
-        found = checked(scene, list(numbers), options.amplitude or AMPLITUDES_DEG, report=report)
+        found = checked(scene, list(numbers), options.amplitudes or AMPLITUDES_DEG, report=report)
     return found, check_table, deferred("nonlinear.plotting:draw_check")
 
 
@@ -78,7 +78,7 @@ def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
     from nonlinear.simulation import simulate as run
     from nonlinear.verification import compare, comparison_table
 
-    _refuse(options, "cannot be combined with", ("mode", "amplitude"))
+    _refuse(options, "cannot be combined with", ("modes", "amplitudes"))
     require(scene, "a comparison with modes")
     duration = options.duration or USUAL
     with bar(duration) as report:
@@ -118,10 +118,9 @@ def chaos(options: argparse.Namespace) -> None:
 
 def _chaos_arguments(page: Page) -> None:
     add_scene(page, "; or paper:000, paper:001 to test their claims", names=("paper:000", "paper:001"))
-    add_duration(page, "default 200 sqrt(l/g)")
-    words = "number of starts (default 16)"
-    page.asked.add_argument("--ensemble", metavar="E", type=whole_number(10_000), help=words)
-    page.asked.add_argument("--quick", action="store_true", help="a shorter version of a paper's study")
+    add_duration(page, " (default 200 sqrt(l/g))")
+    add_members(page, ": starts (default 16)", 10_000)
+    add_switch(page.asked, "--quick", " of a paper's study")
     add_report(page)
 
 
@@ -137,7 +136,7 @@ def _exponent(options: argparse.Namespace) -> Drawn:
         raise SceneError(["--quick: works with paper:000 and paper:001 only"])
     scene = warned(load(_scene(options)), "a Lyapunov exponent")
     duration = options.duration or usual_duration(scene)
-    members, start = options.ensemble or 16, start_of(scene, None, elsewhere=ELSEWHERE)
+    members, start = options.members or 16, start_of(scene, None, elsewhere=ELSEWHERE)
     with bar((1 + TRANSIENT) * duration) as report:
         told = forewarning(report, scene, (1 + TRANSIENT) * duration, members)
         found = lyapunov_exponent(scene, duration, ensemble=members, start=start, report=told)
@@ -157,8 +156,8 @@ def _claims(options: argparse.Namespace) -> Drawn:
     from modal.errors import SceneError
     from nonlinear.chaos import measure, study, text
 
-    if options.duration or options.ensemble:
-        raise SceneError([f"{options.scene}: has its own --duration and --ensemble; --quick makes it short"])
+    if options.duration or options.members:
+        raise SceneError([f"{options.scene}: has its own --duration and --members; --quick makes it short"])
     chosen = study(options.scene.removeprefix("paper:"), quick=options.quick)
     with bar(len(chosen.cases), "scene") as report:
         finding = measure(chosen, report)
@@ -194,7 +193,7 @@ def tradeoff(options: argparse.Namespace) -> None:
 def _tradeoff_arguments(page: Page) -> None:
     add_scene(page)
     add_start(page)
-    add_duration(page, "default 10", 10.0)
+    add_duration(page, " (default 10)", 10.0)
     add_format(page, REPORTS)
     add_report(page, REPORTS)
 
@@ -225,8 +224,8 @@ def advise(options: argparse.Namespace) -> None:
 
 def _advise_arguments(page: Page) -> None:
     add_scene(page)
-    add_accuracy(page, "of every angle", required=True)
-    add_duration(page, "default 60", 60.0)
+    add_accuracy(page, required=True)
+    add_duration(page, " (default 60)", 60.0)
     add_start(page)
     add_samples(page)
     add_format(page, REPORTS)
@@ -245,8 +244,8 @@ COMMANDS = (
             "at which it is off by 1 %. With --general one run is projected on the modes instead."
         ),
         examples=(
-            ("check chain-2 --mode 1 --amplitude 10,30", "the slow mode at two amplitudes"),
-            ("check crane-hook --mode 2 --amplitude 20 -o check.png", "with a figure"),
+            ("check chain-2 --modes 1 --amplitudes 10,30", "the slow mode at two amplitudes"),
+            ("check crane-hook --modes 2 --amplitudes 20 -o check.png", "with a figure"),
             ("check chain-2 --general --start angles:10,0 --duration 30", "one run, projected on the modes"),
         ),
     ),
@@ -293,7 +292,7 @@ COMMANDS = (
             "of two papers."
         ),
         examples=(
-            ("chaos chain-2 --duration 10 --ensemble 4", "a quick estimate for a double pendulum"),
+            ("chaos chain-2 --duration 10 --members 4", "a quick estimate for a double pendulum"),
             ("chaos paper-cart-1 --duration 20 -o lyapunov.png", "16 starts, with a figure of the convergence"),
         ),
     ),

@@ -7,9 +7,21 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
-from multipendula.commands.shared import about, draw_in, listed, noted, output, picture
+from multipendula.commands.shared import about, draw_in, listed, noted, output, picture_in_place
 from multipendula.completion import files
-from multipendula.options import Joined, add_format, add_picture, add_scene, add_text, add_words, number, offer
+from multipendula.options import (
+    add_format,
+    add_frequencies,
+    add_input,
+    add_option,
+    add_picture,
+    add_scene,
+    add_spectrum,
+    add_text,
+    add_words,
+    number,
+    offer,
+)
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -54,8 +66,7 @@ def _thermal(options: argparse.Namespace) -> None:
 
     if options.psd is None and options.input != INPUT:
         raise SceneError([f"--input {options.input}: is the input of a PSD: give --psd CSV"])
-    if options.picture:
-        picture(options.picture, "--picture")
+    picture_in_place(options)
     scene = about(noted(load(options.scene), "thermal noise"))
     outputs = listed(options.signals) or ("tip_positions",)
     noise, beside = thermal_noise(scene, options.temperature, outputs), None
@@ -70,31 +81,25 @@ def _thermal(options: argparse.Namespace) -> None:
 
 def _vibration_arguments(page: Page) -> None:
     add_scene(page)
-    words = (
-        "one-sided PSD of the support's motion along the rail, a CSV file with frequency_hz, and psd in (m/s²)²/Hz or "
-        "velocity_psd or displacement_psd; of a force, with psd in N²/Hz, where --input names one"
+    more = (
+        " of the support's motion along the rail, with frequency_hz, and psd in (m/s²)²/Hz or velocity_psd or "
+        "displacement_psd; of a force, with psd in N²/Hz, where --input names one"
     )
-    offer(page.asked.add_argument("--psd", metavar="CSV", help=words), files((".csv",)))
-    words = (
-        "the input that the PSD is of: support_acceleration (default), cart_force, on a structure the force on a "
+    add_spectrum(page, more)
+    kelvin = number("kelvin above 0 and at most 1e6", most=1e6)
+    more = ", told with a budget by place; beside the PSD's where there is a --psd"
+    add_option(page.asked, "--temperature", more, type=kelvin)
+    add_frequencies(page, ": the thermal noise (default some over its band)")
+    page.rephrase(r"^outputs(?=:)", "--signals")
+    usual = "support_acceleration"
+    known = (usual, "cart_force", "force:", "lift:", "torque:", "force[0]")
+    more = (
+        ": the one that the PSD is of, support_acceleration (default), cart_force, on a structure the force on a "
         "coordinate, as floor2_force, force:POINT, lift:POINT or torque:POINT, with a POINT such as "
         "pendulum[0].links[1]@0.5, or force[0] of the scene"
     )
-    kelvin = number("kelvin above 0 and at most 1e6", most=1e6)
-    told = "thermal noise at this temperature, with a budget by place; beside the PSD's where there is a --psd"
-    page.asked.add_argument("--temperature", metavar="KELVIN", type=kelvin, help=told)
-    told = "thermal noise at these frequencies in Hz, separated by commas (default: some over its band)"
-    page.asked.add_argument("--at", metavar="HERTZ", action=Joined, type=_frequencies, help=told)
-    page.rephrase(r"^outputs(?=:)", "--signals")
-    page.rephrase(r"^input(?=[ :])", "--input")
-    usual = "support_acceleration"
-    known = (usual, "cart_force", "force:", "lift:", "torque:", "force[0]")
-    add_words(page.asked, "--input", known, comma="", metavar="WORDS", default=usual, help=words)
+    add_input(page, known, more, default=usual)
     _add_written(page)
-
-
-def _frequencies(text: str) -> list[float]:
-    return [number("hertz above 0")(part) for part in text.split(",")]
 
 
 def shock(options: argparse.Namespace) -> None:
@@ -117,8 +122,8 @@ def _shock_arguments(page: Page) -> None:
         "acceleration_m_per_s2"
     )
     offer(page.asked.add_argument("record", metavar="RECORD", help=words), files((".csv",)))
-    words = "velocity takes out a constant acceleration so that the support ends as it began (default keep)"
-    page.asked.add_argument("--baseline", choices=("keep", "velocity"), default="keep", help=words)
+    more = " (default keep): velocity takes out a constant acceleration so that the support ends as it began"
+    add_option(page.asked, "--baseline", more, choices=("keep", "velocity"), default="keep")
     _add_written(page)
 
 
@@ -126,11 +131,10 @@ def _add_written(page: Page) -> None:
     """The outputs of the model, and the files."""
     page.rephrase(r"^output (\S+):", r"--signals \1:")
     page.rephrase(r"choose (at most \d+|fewer outputs)$", r"\g<0> with --signals")
-    words = f"angles,tip_accelerations (default), {', '.join(OUTPUTS[2:])}"
-    add_words(page.asked, "--signals", OUTPUTS, metavar="WORDS", help=words)
+    add_words(page.asked, "--signals", OUTPUTS, f": angles,tip_accelerations (default), {', '.join(OUTPUTS[2:])}")
     add_format(page, ("text", "csv", "json"))
-    add_text(page)
-    add_picture(page, "--picture")
+    add_text(page, drawn=True)
+    add_picture(page)
 
 
 def _report(
@@ -139,13 +143,12 @@ def _report(
     """The response of the scene as a report and as a picture, whose name is judged before anything is computed."""
     from modal.scene import load
 
-    if options.picture:
-        picture(options.picture, "--picture")
+    picture_in_place(options)
     scene = about(noted(load(options.scene)))
-    found = respond(scene, **({"outputs": listed(options.signals)} if options.signals else {}))
-    draw_in(options, options.picture, "modal.plotting.vibration", figure, found)
+    response = respond(scene, **({"outputs": listed(options.signals)} if options.signals else {}))
+    draw_in(options, options.picture, "modal.plotting.vibration", figure, response)
     with output(options.output) as write:
-        write(written(found, options.format))
+        write(written(response, options.format))
 
 
 COMMANDS = (

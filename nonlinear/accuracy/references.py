@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from modal._compatibility import former
 from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.scene import Scene, refusals, validate_scene
@@ -51,8 +50,6 @@ class Reference(Displayed):
     difference: Floats
     growth: Floats
     duration: float
-
-    rung = former("Reference", "rung", "candidate")
 
     @property
     def horizon(self) -> float:

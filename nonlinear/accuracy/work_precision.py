@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 
-from modal._compatibility import former, former_argument
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed
 from modal.scene import Scene, require, validate_scene
@@ -66,8 +65,6 @@ class Row(Displayed):
     shift: float
     drift: float
 
-    rung = former("Row", "rung", "candidate")
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WorkPrecision(Displayed):
@@ -98,7 +95,6 @@ class WorkPrecision(Displayed):
         return tuple(front)
 
 
-@former_argument("rungs", "candidates")
 def measure_work_precision(
     scene: Scene,
     duration: float,

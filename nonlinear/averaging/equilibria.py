@@ -18,7 +18,6 @@ from itertools import combinations, islice
 
 import numpy as np
 
-from modal._compatibility import former
 from modal.modes import table_numbers
 from modal.report import Displayed
 from modal.types import Booleans, Complexes, Floats, Ints
@@ -83,8 +82,6 @@ class RelativeEquilibrium(Displayed):
     def is_stable(self) -> bool | None:
         """Whether all neighbouring motions converge; None if some neither converge nor diverge."""
         return None if abs(self.growth) <= FLAT * self.recovery else self.growth < 0
-
-    lasts = former("RelativeEquilibrium", "lasts", "is_stable")
 
     @cached_property
     def is_family(self) -> bool:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from modal._compatibility import former
 from modal.report import HTML_ROWS, Displayed, Summary, counted, deferred, tabulated
 from modal.scene import Scene, name_of
 from modal.types import Floats
@@ -80,8 +79,6 @@ class Trajectory(Displayed):
     friction: Friction = NO_FRICTION
     driven: bool = False
     equations: Equations | None = field(default=None, repr=False)
-
-    plant = former("Trajectory", "plant", "system")
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "equations": None}

@@ -5,9 +5,6 @@ interrupted sweep can resume.  Start with `measures` and `study`; `running` runs
 `spread` draws numbers that are not known exactly, and says what frequencies, motion and measures become.
 """
 
-from typing import TYPE_CHECKING
-
-from modal._compatibility import renamed
 from nonlinear.ensembles.executors import WorkerPool
 from nonlinear.sweeps.checkpoint import Checkpoint, open_checkpoint
 from nonlinear.sweeps.energies import CHAOTIC, ENERGY, LYAPUNOV
@@ -41,6 +38,3 @@ __all__ = [
     "sweep",
     "sweep_text",
 ]
-
-if not TYPE_CHECKING:
-    __getattr__ = renamed(__name__, "nonlinear.sweeps.running")

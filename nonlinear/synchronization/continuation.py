@@ -21,7 +21,6 @@ from math import exp, log
 
 import numpy as np
 
-from modal._compatibility import former
 from modal.errors import SceneError
 from modal.report import Displayed
 from modal.scene import Scene, require
@@ -76,8 +75,6 @@ class Branch(Displayed):
     def is_stable(self) -> tuple[bool, ...]:
         """Whether all perturbations decay, at every value."""
         return tuple(state.is_stable is True for state in self.states)
-
-    lasts = former("Branch", "lasts", "is_stable")
 
     @cached_property
     def angle(self) -> Floats:

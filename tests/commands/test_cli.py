@@ -236,7 +236,7 @@ def test_a_terminal_that_knows_only_ascii() -> None:
 
 
 def test_usage_errors_are_2() -> None:
-    for words in ([], ["table"], ["table", "chain-1", "--format", "yaml"], ["dance"]):
+    for words in (["--no"], ["table"], ["table", "chain-1", "--format", "yaml"], ["dance"]):
         assert run(*words).returncode == 2
 
 
@@ -419,7 +419,7 @@ def test_overflow_ends_in_a_message(
 @pytest.mark.parametrize("form", ["control", "mat", "m", "json", "npz", "csv", "c", "fmu", "modelica"])
 def test_export(capsys: pytest.CaptureFixture[str], tmp_path: Path, form: str) -> None:
     path = tmp_path / f"crane.{form}"
-    words = ("--input", "cart_acceleration", "--output", "angles,tip_positions", "--discrete", "0.01")
+    words = ("--input", "cart_acceleration", "--signals", "angles,tip_positions", "--discrete", "0.01")
     assert printed(capsys, "export", "crane-hook", "--to", form, *words, "-o", str(path)) == ""
     assert path.stat().st_size > 500
 
@@ -430,7 +430,7 @@ def test_export(capsys: pytest.CaptureFixture[str], tmp_path: Path, form: str) -
         (("--to", "c"), "needs --discrete"),
         (("--to", "doc"), "--to doc: must be one of"),
         (("--to", "json", "--input", "wind"), "--input wind: must be one of"),
-        (("--to", "json", "--output", "angles,angles"), "--signals angles: named twice"),
+        (("--to", "json", "--signals", "angles,angles"), "--signals angles: named twice"),
     ],
 )
 def test_refused_exports(
@@ -442,7 +442,7 @@ def test_refused_exports(
 
 def test_smaller_exports(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     sizes = []
-    for words in ((), ("--minimal",), ("--modes", "1")):
+    for words in ((), ("--minimal",), ("--dominant", "1")):
         path = tmp_path / "model.json"
         printed(capsys, "export", "paper-cart-3", "--to", "json", *words, "-o", str(path))
         sizes.append(len(strict(path.read_text(encoding="utf-8"))["states"]))
@@ -463,7 +463,7 @@ def test_responses_are_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path,
 
 
 def test_refused_responses(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert ".png, .svg or .pdf" in refused(capsys, 2, "response", "crane-hook", "-o", str(tmp_path / "a.gif"))
+    assert ".pdf, .txt, .csv or .json" in refused(capsys, 2, "response", "crane-hook", "-o", str(tmp_path / "a.gif"))
     wrong = refused(capsys, 2, "response", "crane-hook", "--from", "wind", "-o", str(tmp_path / "a.png"))
     assert "--from wind: must be one of cart_force" in wrong
     assert list(tmp_path.iterdir()) == []
@@ -494,7 +494,7 @@ def test_single_outputs_are_drawn(capsys: pytest.CaptureFixture[str], tmp_path: 
 
 def test_a_model_without_a_swing_can_be_truncated(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "cart.json"
-    words = ("--input", "cart_acceleration", "--output", "cart_position", "--modes", "1")
+    words = ("--input", "cart_acceleration", "--signals", "cart_position", "--dominant", "1")
     printed(capsys, "export", "crane-hook", "--to", "json", *words, "-o", str(path))
     assert len(strict(path.read_text(encoding="utf-8"))["states"]) == 2
 
@@ -503,7 +503,7 @@ def test_a_model_without_a_swing_can_be_truncated(capsys: pytest.CaptureFixture[
 def test_an_unseen_position_leaves_the_minimal_model(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "speed.json"
     for drive, states in (("cart_force", 5), ("cart_acceleration", 1)):
-        words = ("--minimal", "--input", drive, "--output", "cart_velocity")
+        words = ("--minimal", "--input", drive, "--signals", "cart_velocity")
         printed(capsys, "export", "crane-two-loads", "--to", "json", *words, "-o", str(path))
         assert len(strict(path.read_text(encoding="utf-8"))["states"]) == states
 
@@ -534,7 +534,7 @@ LINE = "support.mass=90:110:3"
         (("advise", "chain-1", "--start", "mode:1:5", "--accuracy", "1e-2", "--duration", "1", "-o", "-"), b"PK"),
         (("plot", "chain-1", "--duration", "1", "-o", "-"), b"\x89PNG"),
         (("animate", "chain-1", "--duration", "0.2", "--fps", "10", "-o", "-"), b"GIF8"),
-        (("check", "chain-1", "--amplitude", "5", "-o", "-"), b"\x89PNG"),
+        (("check", "chain-1", "--amplitudes", "5", "-o", "-"), b"\x89PNG"),
         (("sweep", "paper-cart-2", "--vary", LINE, "--output", "-"), b"PK"),
         (("sweep", "paper-cart-2", "--vary", LINE, "--picture", "-"), b"\x89PNG"),
         (("sweep", "paper-cart-2", "--vary", LINE, "--loci", "--output", "-"), b"support.mass_kg,"),
@@ -577,9 +577,9 @@ def test_a_terminal_gets_no_bytes(capsys: pytest.CaptureFixture[str], monkeypatc
 
 def test_more_modes_than_there_are_cannot_be_kept(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     words = ("export", "chain-3", "--to", "json", "-o", str(tmp_path / "m.json"))
-    assert "--modes 99: the model has 3" in refused(capsys, 2, *words, "--modes", "99")
+    assert "--dominant 99: the model has 3" in refused(capsys, 2, *words, "--dominant", "99")
     assert list(tmp_path.iterdir()) == []
-    printed(capsys, *words, "--modes", "3")
+    printed(capsys, *words, "--dominant", "3")
 
 
 @pytest.mark.parametrize(
@@ -604,7 +604,7 @@ def test_errors_name_the_options_that_the_packages_do_not_know(
 
 def test_table_to_an_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
     asked = ("table", "rope", "--format", "json", "--modes", "1:3")
-    exact, found = (json.loads(printed(capsys, *asked, *more)) for more in ((), ("--accuracy", "1e-8")))
+    exact, found = (json.loads(printed(capsys, *asked, *more)) for more in ((), ("--relative-error", "1e-8")))
     for one, other in zip(exact["modes"], found["modes"], strict=True):
         assert other["omega_rad_per_s"] == pytest.approx(one["omega_rad_per_s"], rel=1e-8)
         assert 0 < other["relative_error_bound"] <= 1e-8

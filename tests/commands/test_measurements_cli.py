@@ -65,7 +65,9 @@ def test_a_record_becomes_modes_modes_become_numbers_and_these_a_table(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said(capsys, "simulate", "arms.toml", "--duration", "20", "-o", "run.csv")
-    found = json.loads(said(capsys, "poles", "run.csv", "--modes", "modes.csv", "-o", "p.png", "--format", "json"))
+    found = json.loads(
+        said(capsys, "poles", "run.csv", "--identified-modes", "modes.csv", "-o", "p.png", "--format", "json")
+    )
     table = json.loads(said(capsys, "table", "arms.toml", "--format", "json"))["modes"]
     for mode, own in zip(found["modes"], table, strict=True):
         assert mode["frequency_hz"] == pytest.approx(own["frequency_hz"], rel=1e-4)
@@ -140,7 +142,7 @@ def test_motions_have_a_band(folder: Path, capsys: pytest.CaptureFixture[str]) -
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("spread", "crane.toml"), "spread needs --tolerance PLACE=WIDTH or --covariance FIT.json"),
+        (("spread", "crane.toml"), "spread needs --uncertain PLACE=WIDTH or --covariance FIT.json"),
         (("table", "crane.toml", "--covariance", "crane.toml"), "is not JSON"),
         (("table", "arms.toml", "--covariance", "fit.json"), "is not a number of this scene"),
         (("simulate", "crane.toml", "--band", "b.png"), "--band: needs --covariance FIT.json"),

@@ -89,7 +89,7 @@ def test_a_scene_in_space_without_a_start_begins_along_the_rail(
         (["simulate", "chain-2", "--start", "mode:1:inf"], "--start mode:1:inf: the largest angle must be"),
         (["plot", "run.npz", "--method", "RK45", "-o", "a.png"], "--method: "),
         (["check", "chain-2", "--duration", "3"], "--duration: needs --general"),
-        (["check", "chain-2", "--general", "--mode", "1"], "--mode: "),
+        (["check", "chain-2", "--general", "--modes", "1"], "--modes: "),
         (["chaos", "chain-2", "--quick"], "--quick: "),
         (["chaos", "paper:000", "--duration", "3"], "paper:000: has its own --duration"),
         (["tradeoff", "cart-upright", "--start", "scene"], "no pendulum has a start"),
@@ -149,18 +149,18 @@ def test_every_mistake_is_named_at_once(capsys: pytest.CaptureFixture[str]) -> N
 @pytest.mark.slow
 def test_check_and_chaos_print_tables_and_draw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     told = {
-        "check chain-2 --mode 1 --amplitude 5": "the table of modes against the full motion",
+        "check chain-2 --modes 1 --amplitudes 5": "the table of modes against the full motion",
         "check chain-2 --general --duration 60": "the motion in modal coordinates",
     }
     for words, title in told.items():
         assert run(*words.split(), "-o", str(tmp_path / "a.png")) == 0
         assert title in capsys.readouterr().out
-    assert run("chaos", "paper-cart-1", "--duration", "8", "--ensemble", "4", "-o", str(tmp_path / "b.png")) == 0
+    assert run("chaos", "paper-cart-1", "--duration", "8", "--members", "4", "-o", str(tmp_path / "b.png")) == 0
     assert "4 starts over" in capsys.readouterr().out
     assert all((tmp_path / name).stat().st_size > 10_000 for name in ("a.png", "b.png"))
     path = tmp_path / "still.toml"
     path.write_text('gravity = 9.81\n[[pendulum]]\nlinks = [{ kind = "bob", mass = 1.0, length = 1.0, count = 2 }]\n')
-    assert run("chaos", str(path), "--duration", "8", "--ensemble", "4") == 0
+    assert run("chaos", str(path), "--duration", "8", "--members", "4") == 0
     note = capsys.readouterr().err
     assert "start = { angles_deg = [...] }" in note
     assert "--start" not in note
@@ -184,7 +184,7 @@ def interrupting(total: float, unit: str = "s") -> Iterator[Callable[[float], ob
         ("simulate paper-cart-3 --duration 10 -o run.npz", ["run.npz"], "interrupted at 5."),
         ("plot paper-cart-3 --duration 10 -o run.png", [], ""),
         ("animate chain-2 --duration 2 -o run.gif", [], ""),
-        ("check chain-3 --amplitude 1 -o check.png", [], "mode 3 was skipped: interrupted"),
+        ("check chain-3 --amplitudes 1 -o check.png", [], "mode 3 was skipped: interrupted"),
         ("check chain-2 --general --duration 60", [], ""),
         ("tradeoff chain-2 --duration 1 -o t.png", [], "was left out: interrupted"),
         ("chaos chain-2 --duration 30 -o chaos.png", [], "starts over"),

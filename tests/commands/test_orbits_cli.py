@@ -24,7 +24,7 @@ def told(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 
 @pytest.mark.slow
 def test_json_has_the_promised_keys_and_the_librarys_numbers(capsys: pytest.CaptureFixture[str]) -> None:
-    record = json.loads(told(capsys, "chain-2", "--mode", "2", "--to", "70", "--format", "json"))
+    record = json.loads(told(capsys, "chain-2", "--mode", "2", "--largest-angle", "70", "--format", "json"))
     branch = nonlinear_mode(load("chain-2"), 2, radians(70))
     assert list(record) == ["branches", "special"]
     (own,) = record["branches"]
@@ -53,8 +53,8 @@ def test_csv_has_a_line_for_every_orbit_along_a_number(capsys: pytest.CaptureFix
 
 @pytest.mark.slow
 def test_a_run_may_be_the_beginning(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ("--vary", "support.mass=0.5:0.6:2", "--start", "mode:4:40", "--duration", "60", "--format", "json")
-    record = json.loads(told(capsys, "metronomes", *words))
+    words = ("--vary", "support.mass=0.5:0.6:2", "--settled", "--start", "mode:4:40", "--duration", "60")
+    record = json.loads(told(capsys, "metronomes", *words, "--format", "json"))
     (branch,) = record["branches"]
     assert branch["from"] == "start"
     assert all(point["stable"] for point in branch["points"])
@@ -64,7 +64,7 @@ def test_a_run_may_be_the_beginning(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_mode_of_one_amplitude_along_gravity_keeps_its_shape_and_scales_its_frequency(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    words = ("--mode", "2", "--to", "40", "--vary", "gravity=5:20:2", "--format", "json")
+    words = ("--mode", "2", "--largest-angle", "40", "--vary", "gravity=5:20:2", "--format", "json")
     record = json.loads(told(capsys, "chain-2", *words))
     points = record["branches"][0]["points"]
     assert points[-1]["parameter"] == pytest.approx(20.0)
@@ -76,7 +76,7 @@ def test_a_mode_of_one_amplitude_along_gravity_keeps_its_shape_and_scales_its_fr
 
 @pytest.mark.slow
 def test_the_text_names_special_points_and_entered_branches(capsys: pytest.CaptureFixture[str]) -> None:
-    text = told(capsys, "chain-2", "--mode", "2", "--to", "66", "--enter")
+    text = told(capsys, "chain-2", "--mode", "2", "--largest-angle", "66", "--enter")
     assert "branch point at 61.946°" in text
     assert "branch 2, from branch point of mode 2" in text
     linear = natural_modes(load("chain-2"))[1].omega
@@ -86,7 +86,7 @@ def test_the_text_names_special_points_and_entered_branches(capsys: pytest.Captu
 @pytest.mark.slow
 def test_figure_and_film_are_written_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     figure, film = tmp_path / "a.png", tmp_path / "a.gif"
-    told(capsys, "chain-1", "--mode", "1", "--to", "60", "-o", str(figure), "--film", str(film))
+    told(capsys, "chain-1", "--mode", "1", "--largest-angle", "60", "-o", str(figure), "--film", str(film))
     with Image.open(figure) as shown, Image.open(film) as moving:
         assert shown.width > 500
         assert getattr(moving, "n_frames", 1) > 50
@@ -97,10 +97,10 @@ def test_figure_and_film_are_written_whole(tmp_path: Path, capsys: pytest.Captur
     [
         ["chain-2"],
         ["chain-2", "--mode", "1", "--vary", "gravity=1:2:2", "--enter"],
-        ["chain-2", "--mode", "1", "--vary", "gravity=1:2:2", "--start", "mode:1:5"],
+        ["chain-2", "--mode", "1", "--vary", "gravity=1:2:2", "--settled"],
         ["chain-2", "--mode", "3"],
         ["chain-spatial", "--mode", "1"],
-        ["chain-spatial", "--vary", "gravity=5:10:2", "--start", "mode:1:5"],
+        ["chain-spatial", "--vary", "gravity=5:10:2", "--settled", "--start", "mode:1:5"],
         ["chain-2", "--mode", "1", "--start", "mode:1:5"],
         ["huygens", "--vary", "support.mass=3"],
         ["huygens", "--vary", "support.mas=1:3:2"],
@@ -116,11 +116,11 @@ def test_bad_input_is_refused(words: list[str], capsys: pytest.CaptureFixture[st
 
 
 def test_what_the_orbits_of_a_mode_leave_out_is_said(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["orbits", "metronomes", "--mode", "4", "--to", "2"]) == 0
+    assert main(["orbits", "metronomes", "--mode", "4", "--largest-angle", "2"]) == 0
     said = capsys.readouterr().err
     assert "Dampers are left out" in said
     assert "Drives are left out" in said
-    assert main(["orbits", "chain-2", "--mode", "1", "--to", "2"]) == 0
+    assert main(["orbits", "chain-2", "--mode", "1", "--largest-angle", "2"]) == 0
     assert not capsys.readouterr().err
 
 
@@ -150,7 +150,7 @@ def test_a_run_that_settles_on_twice_the_period_begins_a_branch(
     scene = tmp_path / "vertical.toml"
     text = Path(SHAKEN).read_text().replace('"sine"', '"sine", direction = "vertical"').replace("0.47", "1.0")
     scene.write_text(text)
-    begun = ("--start", "angles:30", "--duration", "150", "--periods", "2", "--format", "json")
+    begun = ("--settled", "--start", "angles:30", "--duration", "150", "--periods", "2", "--format", "json")
     record = json.loads(told(capsys, str(scene), "--vary", "support.motion.amplitude=0.05:0.051:2", *begun))
     first = record["branches"][0]["points"][0]
     assert (first["cycles"], first["stable"], first["phase_deg"]) == (2, True, None)
@@ -172,6 +172,7 @@ def test_branches_that_leave_a_motion_under_drives_are_entered_and_told(capsys: 
         ((SHAKEN, *GENTLE, "--depth", "2"), "--depth: needs --enter"),
         ((SHAKEN, "--mode", "1", "--periods", "2"), "--periods: needs --vary"),
         (("chain-2", "--vary", "gravity=9:10:2", "--periods", "2"), "--periods: needs a [[force]]"),
+        (("metronomes", "--vary", "support.mass=1:2:2", "--start", "mode:4:5"), "--start: needs --settled"),
     ],
 )
 def test_options_of_drives_need_drives(words: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -46,6 +46,14 @@ def test_vibration_in_every_format(capsys: pytest.CaptureFixture[str], tmp_path:
     assert rms == pytest.approx(found.rms.tolist())
 
 
+def test_the_main_result_may_be_the_picture(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    words, picture = ("vibration", "suspension", "--temperature", "290", "--at", "1"), tmp_path / "p.svg"
+    assert said(capsys, *words, "-o", str(picture)) == said(capsys, *words)
+    assert picture.read_text(encoding="utf-8").startswith("<?xml")
+    assert "beside --picture" in said(capsys, *words, "-o", str(picture), "--picture", "a.png", code=2)
+    assert "writes text or a figure" in said(capsys, *words, "-o", "a.gif", code=2)
+
+
 @pytest.mark.slow
 def test_shock_in_every_format(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     found = shock_response(load(SUSPENSION), RecordMotion(**read_record(QUAKE)))

@@ -384,7 +384,7 @@ def test_nothing_is_wrong_with_pictures(name: str) -> None:
 def test_the_commands_write_what_they_show(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path, picture, table = str(EXAMPLES / "driven_pendulum.toml"), tmp_path / "one.png", tmp_path / "one.csv"
     strobed = ["--phase-deg", "90", "--settle", "5", "--workers", "1"]
-    words = ["section", path, "--orbits", "2", "--spread", "3", "--seed", "4", "--duration", "8", *strobed]
+    words = ["section", path, "--members", "2", "--spread", "3", "--seed", "4", "--duration", "8", *strobed]
     assert main([*words, "-o", str(picture)]) == 0
     assert "looked at once a period of 1 s, at 90°, 3 times from 5.25 s on" in capsys.readouterr().out.replace(
         "\n", " "
@@ -403,7 +403,7 @@ def test_the_commands_write_what_they_show(capsys: pytest.CaptureFixture[str], t
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("section driven --energy 3 --at theta[1,1]=0", "--energy: needs a scene that keeps its energy"),
+        ("section driven --energy 3 --crossing theta[1,1]=0", "--energy: needs a scene that keeps its energy"),
         ("section chain-2 --phase-deg 3 --spread 2 --of theta_1_1", "--spread: needs a scene that is driven"),
         ("section driven --of theta_3", "--of theta_3: must be one of theta_1_1"),
         ("sweep driven --vary gravity=9:10:2 --settle 3", "--settle: needs --strobe"),

@@ -67,7 +67,7 @@ def sh(*lines: str) -> tuple[str, ...]:
         (("Words.", "", *sh("multipendula tabel chain-1")), "made-up:3: "),
         (sh("multipendula table chain-1 --modes 7"), "leaves with 2"),
         (sh("multipendula table chain-1 || true"), "leaves with 0"),
-        (sh("multipendula gains crane-hook --output cart_position"), "has a former name"),
+        (sh("multipendula gains crane-hook --output cart_position"), "leaves with 2"),
         (sh("multipendula scenes nosuch | multipendula table -"), "no such shipped scene"),
         (("```text", "$ multipendula matrices chain-1", "M = 2", "```"), "this was printed instead"),
         (("```console", "multipendula scenes", "```"), "begins with a command"),

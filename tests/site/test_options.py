@@ -1,34 +1,123 @@
-"""Every option of every command means what the table of options says, or stands among the exceptions."""
+"""Every option has one meaning in all commands: that of the table, with which help pages begin what they say of it."""
 
 from __future__ import annotations
+
+import argparse
+from collections import defaultdict
 
 import pytest
 from generated import combinations, options, parsers
 
 from modal.scene import CAPABILITIES, FEATURES
-from multipendula.flags import FLAGS, OTHERWISE
+from multipendula.cli import main
+from multipendula.flags import FLAGS, FORMER
+
+Use = tuple[str, argparse.Action]
+"""A command and its option."""
 
 
-def flags(command: str) -> dict[str, str]:
-    """The longest name of every option of a command, with its metavar."""
-    actions = [action for action in parsers()[command]._actions if action.option_strings]
-    named = (
-        (next((flag for flag in FLAGS if flag in one.option_strings), one.option_strings[-1]), one) for one in actions
+def uses(pages: dict[str, argparse.ArgumentParser]) -> dict[str, list[Use]]:
+    """The commands that take each option, which goes by its long name."""
+    found: dict[str, list[Use]] = defaultdict(list)
+    for command, page in pages.items():
+        for action in page._actions:
+            for flag in (word for word in action.option_strings if word.startswith("--")):
+                found[flag].append((command, action))
+    return found
+
+
+def kind_of(action: argparse.Action) -> tuple[object, ...]:
+    """What a value of an option is: how it is written, how many, what becomes of it, and what it is read as."""
+    convert = action.type
+    return (
+        action.metavar,
+        action.nargs,
+        type(action).__name__,
+        getattr(convert, "of", getattr(convert, "__name__", convert)),
+        bool(action.choices) and action.metavar is None,
     )
-    return {flag: str(one.metavar or "") for flag, one in named}
 
 
-@pytest.mark.parametrize("command", parsers())
-def test_every_option_is_in_the_table(command: str) -> None:
-    for flag, metavar in flags(command).items():
-        assert flag in FLAGS, f"{command} {flag}: stands in no table"
-        assert (command, flag) in OTHERWISE or metavar == FLAGS[flag][0]
+def several_meanings(used: dict[str, list[Use]]) -> dict[str, set[str]]:
+    """The options that mean several things, with the commands of each meaning but the most frequent one.
+
+    Commands mean the same if its value is the same kind of thing, if their help begins with the meaning in the table,
+    and if, of a choice of words, one of them takes all that the others take.
+    """
+    odd: dict[str, set[str]] = {}
+    for flag, known in used.items():
+        groups: dict[object, set[str]] = defaultdict(set)
+        widest = max((set(action.choices or ()) for _, action in known), key=len)
+        for command, action in known:
+            metavar, meaning = FLAGS.get(flag, (None, "-"))
+            told = (action.help or "").startswith(meaning) and (action.metavar or "") == metavar
+            groups[(kind_of(action), told, set(action.choices or ()) <= widest)].add(command)
+        usual = max(groups, key=lambda group: (group[1], len(groups[group])))  # type: ignore[index]
+        others = set().union(*(names for group, names in groups.items() if group != usual or not group[1]))  # type: ignore[index]
+        if others:
+            odd[flag] = others
+    return odd
 
 
-def test_the_table_has_no_option_and_no_exception_that_is_gone() -> None:
-    used = {(command, flag) for command in parsers() for flag in flags(command)}
-    assert FLAGS.keys() == {flag for _, flag in used}
-    assert OTHERWISE.keys() <= used
+def test_no_option_has_several_meanings() -> None:
+    assert several_meanings(uses(parsers())) == {}
+
+
+def page_with(**how: object) -> argparse.ArgumentParser:
+    page = argparse.ArgumentParser(add_help=False)
+    page.add_argument(how.pop("flag", "--modes"), **how)  # type: ignore[arg-type]
+    return page
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        {"metavar": "1:10", "help": "write the modes to this file"},
+        {"metavar": "FILE", "help": "rows of the table of modes"},
+        {"metavar": "1:10", "help": "rows of the table of modes", "type": int},
+        {"metavar": "1:10", "help": "rows of the table of modes", "action": "append"},
+        {"metavar": "1:10", "help": "rows of the table of modes", "nargs": "+"},
+        {"flag": "--new", "help": "-"},
+    ],
+)
+def test_another_meaning_is_found(how: dict[str, object]) -> None:
+    usual = {name: page_with(metavar="1:10", help="rows of the table of modes") for name in ("table", "shapes")}
+    assert several_meanings(uses(usual)) == {}
+    flag = str(how.get("flag", "--modes"))
+    assert several_meanings(uses(usual | {"odd": page_with(**how)})) == {flag: {"odd"}}
+
+
+def test_other_choices_are_another_meaning() -> None:
+    pages = {
+        str(at): page_with(flag="--kind", choices=words, help="kind of input shaper")
+        for at, words in enumerate((("zv", "zvd"), ("zv",), ("bob", "zv")))
+    }
+    assert several_meanings(uses(pages)) == {"--kind": {"2"}}
+
+
+def test_the_table_has_every_option_and_none_that_is_gone() -> None:
+    assert FLAGS.keys() == uses(parsers()).keys()
+
+
+@pytest.mark.parametrize(("command", "flag"), FORMER)
+def test_a_former_spelling_is_told_with_the_new_one(
+    command: str, flag: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Beside its name, and with an equals sign; where the option is still there, for the values that are not."""
+    former, known = FORMER[command, flag], parsers()[command]._option_string_actions
+    assert former.now in known
+    assert bool(former.values) == (flag in known)
+    value = {"--tolerance": "support.mass=2%", "--output": "angles"}.get(flag, "1") if former.values else "1"
+    for words in ([flag, value], [f"{flag}={value}"]):
+        with pytest.raises(SystemExit) as left:
+            main([command, "crane-hook", *words])
+        assert left.value.code == 2
+        assert f"error: {flag}{f' {value}' if former.values else ''}: is now {former.now}" in capsys.readouterr().err
+
+
+def test_values_of_today_are_taken_where_an_option_stays() -> None:
+    assert not FORMER["spread", "--tolerance"].words("--tolerance", "1e-10")
+    assert not FORMER["gains", "--output"].words("--output", "angles.txt")
 
 
 def test_the_pages_hold_every_entry() -> None:

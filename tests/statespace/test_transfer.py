@@ -69,7 +69,7 @@ def test_what_an_input_does_not_reach_has_no_poles() -> None:
     assert len(found.zeros) == 2
 
 
-@pytest.mark.parametrize("more", [["--discrete", "0.1"], ["--modes", "1"]])
+@pytest.mark.parametrize("more", [["--discrete", "0.1"], ["--dominant", "1"]])
 def test_other_models_have_no_modes_to_take_poles_from(more: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export", "crane-hook", "--to", "tf", "-o", "-", *more]) in {1, 2}
     assert "transfer functions need a whole model in continuous time" in capsys.readouterr().err

@@ -20,6 +20,7 @@ from __future__ import annotations
 import ast
 import io
 import json
+import os
 import re
 import shlex
 import subprocess
@@ -124,7 +125,7 @@ class Page:
         """The commands of a block; None for `refused` where they may be."""
         self.printed, self.errors = "", ""
         for line in text.replace("\\\n", " ").splitlines():
-            words = list(tokens(line))
+            words = [os.path.expanduser(os.path.expandvars(word)) for word in tokens(line)]
             wrong = words[-2:] == ["||", "true"]
             for piece in divided(words[: -2 if wrong else None], "&&"):
                 self.pipe(piece, wrong or refused)
@@ -138,7 +139,7 @@ class Page:
         for command in divided(words, "|"):
             given = self.command(command, given, refused)
         if target:
-            Path(target).expanduser().write_text(given, encoding="utf-8")
+            Path(target).write_text(given, encoding="utf-8")
         else:
             self.printed = (self.printed or "") + given
 
@@ -160,8 +161,6 @@ class Page:
         """What this project's command prints; its standard error is kept beside."""
         code, out, err = outcome(words, given)
         self.errors += err
-        if "is deprecated" in err:
-            raise WrongPageError(f"`multipendula {' '.join(words)}` has a former name: {err}")
         if refused is not None and bool(code) != refused:
             raise WrongPageError(f"`multipendula {' '.join(words)}` leaves with {code}: {err}")
         return out

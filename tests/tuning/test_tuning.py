@@ -333,7 +333,9 @@ def test_the_command_writes_all_or_nothing(
     monkeypatch.chdir(tmp_path)
     dump(carrier(0.05, 0.02), "tower.toml")
     words = f"tune tower.toml --free {LENGTH},{DAMPING} --minimize {PEAK}".split()
-    assert cli.main([*words, "-o", "best.toml", "--report", "r.json", "--picture", "p.svg", "--angle", "5"]) == 0
+    assert (
+        cli.main([*words, "-o", "best.toml", "--report", "r.json", "--picture", "p.svg", "--largest-angle", "5"]) == 0
+    )
     report = json.loads(Path("r.json").read_text())
     best = load("best.toml")
     assert best.pendulum[0].links[0].length == pytest.approx(tuned(0.05, 0.02).numbers[LENGTH])

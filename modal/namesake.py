@@ -1,0 +1,35 @@
+"""Warnings about another distribution that is called `modal`, whose package overwrites this one."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+
+NAMESAKE = (
+    "the distribution 'modal' (the Modal cloud client) is installed beside 'multipendula' in {place}; both own the "
+    "import name 'modal' and overwrite each other's files: give each its own virtual environment"
+)
+OVERWRITTEN = (
+    "the package 'modal' in {place} is not multipendula's, or not whole: the Modal cloud client, whose distribution is "
+    "called 'modal' too, was installed over it or removed with files of it; give each its own virtual environment, or "
+    "mend this one: pip uninstall modal multipendula, then install multipendula again"
+)
+
+
+def warn_about_namesake(search: Iterable[str] | None = None) -> None:
+    """Warn if the Modal cloud client is installed on the import path, which overwrites this package."""
+    for place in sys.path if search is None else search:
+        if place and any(Path(place).glob("modal-*.dist-info")):
+            warnings.warn(NAMESAKE.format(place=place), UserWarning, stacklevel=3)
+            return
+
+
+def require_own_package() -> None:
+    """ImportError with the way out unless the source of the package `modal` that is imported is multipendula's."""
+    package = sys.modules["modal"]
+    spec = package.__spec__
+    read = getattr(spec and spec.loader, "get_data", None)
+    if not (spec and spec.origin and read and b"natural_modes" in read(spec.origin)):
+        raise ImportError(OVERWRITTEN.format(place=next(iter(package.__path__), "")))
