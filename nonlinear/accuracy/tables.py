@@ -153,7 +153,7 @@ def _advice_notes(advice: Advice) -> list[str]:
     if run.interrupted:
         verdict = f"{run.stopped}: no accuracy is guaranteed."
     elif advice.met:
-        verdict = f"{last.way}: no angle is off by more than {last.error:.1e} rad until {times[-1]:.9g} s."
+        verdict = f"{last.way}: no angle is off by more than {last.error:.2g} rad until {times[-1]:.9g} s."
     else:
         verdict = f"{advice.limit}."
     return [
