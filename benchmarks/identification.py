@@ -22,7 +22,7 @@ from modal.scene import Scene, scene_from
 from modal.scene.parameters import number_at
 from modal.types import Floats
 from nonlinear.identification import Fit, Recording, Segment, Sensor, fit
-from nonlinear.identification.problem import Problem
+from nonlinear.identification.problem import FitProblem
 
 SEED = 2210
 BITS = 12
@@ -57,7 +57,7 @@ def record(scene: Scene, rng: np.random.Generator) -> Recording:
     times = np.arange(0, rng.uniform(3, 5), 0.01)
     count = int(rng.integers(1, 3))
     blank = tuple(Segment("synthetic", str(s), times, np.zeros((len(times), links))) for s in range(count))
-    problem = Problem(scene, (), Recording(sensors, blank), np.ones(links), tolerance=1e-10)
+    problem = FitProblem(scene, (), Recording(sensors, blank), np.ones(links), tolerance=1e-10)
     layout, half = problem.layout, problem.coordinates
     u = np.zeros(layout.size)
     for s in range(count):

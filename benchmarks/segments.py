@@ -25,7 +25,7 @@ from modal.scene import Scene, scene_from
 from modal.types import Floats
 from nonlinear.dynamics import Generated
 from nonlinear.identification import Recording, Segment, Sensor
-from nonlinear.identification.problem import Problem
+from nonlinear.identification.problem import FitProblem
 from nonlinear.system import system_of
 
 TOLERANCE, ROUNDS, DIFFERENCE, SEED = 1e-9, 5, 1e-6, 1
@@ -37,13 +37,13 @@ LINKS = [
 FREE = ("length", "damping")
 
 
-def problem_of(links: list[dict[str, Any]], free: tuple[str, ...], segments: int) -> tuple[Problem, Floats]:
+def problem_of(links: list[dict[str, Any]], free: tuple[str, ...], segments: int) -> tuple[FitProblem, Floats]:
     """A problem of so many segments, and unknowns."""
     scene = scene_from({"gravity": 9.81, "pendulum": [{"links": links}]})
     blank = [Segment("synthetic", str(s), TIMES, np.zeros((len(TIMES), 2))) for s in range(segments)]
     recording = Recording((Sensor(1, 1), Sensor(1, 2)), tuple(blank))
     parameters = find_parameters(scene, [f"pendulum[0].links[*].{name}" for name in free])
-    problem = Problem(scene, parameters, recording, np.ones(2), tolerance=TOLERANCE)
+    problem = FitProblem(scene, parameters, recording, np.ones(2), tolerance=TOLERANCE)
     u, rng = np.zeros(problem.layout.size), np.random.default_rng(SEED)
     u[: problem.layout.numbers] = [one.start for one in parameters]
     for s in range(segments):
@@ -51,7 +51,7 @@ def problem_of(links: list[dict[str, Any]], free: tuple[str, ...], segments: int
     return problem, u
 
 
-def by_differences(problem: Problem, u: Floats) -> list[Floats]:
+def by_differences(problem: FitProblem, u: Floats) -> list[Floats]:
     """The derivatives of every segment by the numbers and by its own state, (1 + k, C, K)."""
     found, numbers = [], problem.layout.numbers
     for s in range(len(problem.recording.segments)):
@@ -65,7 +65,7 @@ def by_differences(problem: Problem, u: Floats) -> list[Floats]:
     return found
 
 
-def _motion(problem: Problem, own: Floats) -> Floats:
+def _motion(problem: FitProblem, own: Floats) -> Floats:
     scene: Scene = problem.scene_at(own)
     rate = Generated(system_of(scene), counts_work=False).rate
     times = TIMES + problem.late
@@ -110,7 +110,7 @@ def main() -> None:
         print(f"  with dry friction {rubbed:.3f} s, {rubbed / spent:.1f} times those without")
 
 
-def _fresh(problem: Problem, u: Floats) -> Floats:
+def _fresh(problem: FitProblem, u: Floats) -> Floats:
     """The Jacobian, computed anew."""
     problem.__dict__.pop("_last", None)
     return problem.jacobian(u)

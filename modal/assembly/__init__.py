@@ -15,8 +15,8 @@ from modal.assembly.derivatives import Arrays, differences
 from modal.assembly.equilibrium import Equilibrium, Rest, equilibrium_of
 from modal.assembly.hoisting import (
     Hoisting,
+    HoistInstant,
     Hoists,
-    Instant,
     hoisting_of,
     instants,
     matrices_along,
@@ -40,7 +40,7 @@ from modal.assembly.losses import (
 )
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.single import Single, single
-from modal.assembly.stacks import Group, Stack, can_stack, keep_form, stacked, varied
+from modal.assembly.stacks import Stack, StackedGroup, can_stack, keep_form, stacked, varied
 from modal.assembly.structure import (
     Element,
     Elements,
@@ -67,11 +67,10 @@ __all__ = [
     "Element",
     "Elements",
     "Equilibrium",
-    "Group",
     "Hanging",
+    "HoistInstant",
     "Hoisting",
     "Hoists",
-    "Instant",
     "LossAngles",
     "Matrices",
     "RatioAt",
@@ -80,6 +79,7 @@ __all__ = [
     "Single",
     "SpringRow",
     "Stack",
+    "StackedGroup",
     "Units",
     "assembled",
     "can_stack",

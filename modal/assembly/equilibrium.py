@@ -91,7 +91,7 @@ def equilibrium_of(scene: Scene) -> Equilibrium | None:
     problems, rests = list(_unbalanced(scene, load)), []
     first = 0
     for p, pendulum in enumerate(scene.pendulum):
-        chain = _Chain(pendulum, scene.gravity)
+        chain = _LoadedChain(pendulum, scene.gravity)
         for copy in range(pendulum.count):
             place = f"pendulum[{p}]" + (f".copies[{copy}]" if pendulum.count > 1 else "")
             try:
@@ -154,7 +154,7 @@ def _unbalanced(scene: Scene, load: _Load) -> Iterator[str]:
         )
 
 
-class _Chain:
+class _LoadedChain:
     """One copy of a pendulum: g b of its links, springs at its joints, and the angles at which these are relaxed."""
 
     def __init__(self, pendulum: Pendulum, gravity: float) -> None:

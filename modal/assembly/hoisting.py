@@ -168,7 +168,7 @@ def _validated(function: Any, link: Any, place: str) -> Spline:
 
 
 @dataclass(frozen=True, eq=False)
-class Instant:
+class HoistInstant:
     """The linear equations of L links at one time: M, K and D, and what else a changing length brings.
 
     `rate` and `bend` (L, q) are the first and second derivatives in time of the displacements along the rail, per
@@ -197,7 +197,7 @@ def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
     return lambda time: along(time).matrices
 
 
-def instants(scene: Scene) -> Callable[[float], Instant]:
+def instants(scene: Scene) -> Callable[[float], HoistInstant]:
     """The linear equations of a scene with a hoist as a function of time (s).
 
     SceneError for a scene without one, and under constant forces, whose equilibrium would change with the lengths.
@@ -227,13 +227,13 @@ def instants(scene: Scene) -> Callable[[float], Instant]:
     pattern = displacements(metre, rig.cart, joints)[:, int(rig.cart is not None) :]
     above, arms = np.where(hoisting.moving, pattern, np.tril(pattern, -1)), np.diag(~hoisting.moving * sigma * centre)
     index, sides = np.arange(first, first + len(mass)), carried.along if carried else np.ones((len(mass), first))
-    resting: dict[bytes, Instant] = {}
+    resting: dict[bytes, HoistInstant] = {}
 
-    def rest(time: float) -> Instant:
+    def rest(time: float) -> HoistInstant:
         none = np.zeros((len(mass), first + len(mass)))
-        return Instant(matrices_of(rig_of(scene.at(time))), none, none, linear)
+        return HoistInstant(matrices_of(rig_of(scene.at(time))), none, none, linear)
 
-    def at(time: float) -> Instant:
+    def at(time: float) -> HoistInstant:
         length, speed, acceleration = hoisting.at(time)
         if not (speed.any() or acceleration.any()):
             key = length.tobytes()
@@ -256,7 +256,7 @@ def instants(scene: Scene) -> Callable[[float], Instant]:
             M[:first, :first] += (sunk * mass) @ carried.down
             K[range(first), range(first)] += pull @ carried.bends
             D[:first, :first] += (sunk * (linear + 2 * quadratic * np.abs(falling))) @ carried.down
-        return Instant(Matrices(M, K, D, labels), rate, bend, drag)
+        return HoistInstant(Matrices(M, K, D, labels), rate, bend, drag)
 
     return at
 

@@ -24,7 +24,7 @@ KIND, SIZE = attrgetter("__class__", "count", "damping", "stiffness", "drag"), a
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class StackedGroup:
     """P pendula of n links in each of S scenes: arrays (n, P, 1, S), top link first; `count` (P,) copies of each."""
 
     mass: Floats
@@ -39,7 +39,7 @@ class Group:
         return self.mass, self.length, self.centre, self.inertia
 
     @property
-    def heavier(self) -> Group:
+    def heavier(self) -> StackedGroup:
         """Each pendulum with the mass of all its copies."""
         times = self.count[:, None, None]
         return replace(self, mass=self.mass * times, inertia=self.inertia * times) if times.max() > 1 else self
@@ -52,7 +52,7 @@ class Stack:
     `mass` and `stiffness` (S,) are those of the carts, None where the supports are fixed.
     """
 
-    groups: tuple[Group, ...]
+    groups: tuple[StackedGroup, ...]
     mass: Floats | None
     stiffness: Floats | None
     rate: Floats
@@ -164,7 +164,7 @@ def _by_length(scene: Scene) -> list[list[tuple[Pendulum, int]]]:
     return [groups[n] for n in sorted(groups)]
 
 
-def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) -> Group:
+def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) -> StackedGroup:
     columns = [
         np.repeat(np.arange(len(pendulum.links)), [link.count for link in pendulum.links]) + column
         for pendulum, column in chosen
@@ -175,4 +175,4 @@ def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) ->
         mass, length, centre, inertia = (values[rows, None, None] for values in scaled)
     else:
         mass, length, centre, inertia = (values[at][:, :, None] for values in scaled)
-    return Group(mass, length, centre, inertia, np.array([pendulum.count for pendulum, _ in chosen]))
+    return StackedGroup(mass, length, centre, inertia, np.array([pendulum.count for pendulum, _ in chosen]))

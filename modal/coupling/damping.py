@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from modal.assembly import Rig, centres, ratio_at
 from modal.coupling.fixed_base import without_damping
-from modal.eigen import Part, Spectrum, find_spectrum
+from modal.eigen import ModalSpectrum, SpectrumPart, find_spectrum
 from modal.errors import ComputationError
 from modal.report import Displayed
 from modal.scene import Pendulum, Scene, VanDerPol, validate_scene
@@ -79,7 +79,7 @@ class Damped(Displayed):
 class _Mode(NamedTuple):
     """One mode or several equal ones, in natural units: rates and feed of each vector (d,)."""
 
-    part: Part
+    part: SpectrumPart
     omega: float
     still: bool
     cart: Floats
@@ -147,7 +147,7 @@ class _Shapes(NamedTuple):
     angles: tuple[Floats, ...]
 
 
-def _modes(rig: Rig, found: Spectrum, driven: tuple[Floats, ...]) -> list[_Mode]:
+def _modes(rig: Rig, found: ModalSpectrum, driven: tuple[Floats, ...]) -> list[_Mode]:
     """Every oscillating mode, ascending."""
     swinging = [number for number, value in enumerate(found.eigenvalue) if value]
     parts = [(number, part) for number in swinging for part in found.groups[number]]
@@ -161,7 +161,7 @@ def _modes(rig: Rig, found: Spectrum, driven: tuple[Floats, ...]) -> list[_Mode]
     return [mode for _, mode in sorted(modes, key=lambda entry: entry[0])]
 
 
-def _shapes(rig: Rig, found: Spectrum, source: int, parts: list[Part]) -> Iterator[_Shapes]:
+def _shapes(rig: Rig, found: ModalSpectrum, source: int, parts: list[SpectrumPart]) -> Iterator[_Shapes]:
     """The rows of each of the parts of one source, computed a bounded amount of memory at a time."""
     size = max(1, CHUNK // sum(block.mass.size for block in rig.blocks))
     for start in range(0, len(parts), size):
@@ -176,7 +176,9 @@ def _shapes(rig: Rig, found: Spectrum, source: int, parts: list[Part]) -> Iterat
             yield _Shapes(details.cart[here].real, details.modal_mass[here], angles)
 
 
-def _mode(rig: Rig, part: Part, omega: float, ratio: float, shapes: _Shapes, driven: tuple[Floats, ...]) -> _Mode:
+def _mode(
+    rig: Rig, part: SpectrumPart, omega: float, ratio: float, shapes: _Shapes, driven: tuple[Floats, ...]
+) -> _Mode:
     """φᵀDφ/2E by its sources, φᵀeφ/2E and φᵀFφ/2E, in the vectors that make D diagonal; drag and ζω come last."""
     turns, damping, drive, top = _relative(rig, part, shapes, driven)
     scale = 1 / np.sqrt(2 * shapes.modal_mass)
@@ -194,7 +196,7 @@ def _mode(rig: Rig, part: Part, omega: float, ratio: float, shapes: _Shapes, dri
     return _Mode(part, omega, still, cart, joints, drives, fed, drag, modal)
 
 
-def _dragged(rig: Rig, part: Part, shapes: _Shapes, scale: Floats) -> Floats:
+def _dragged(rig: Rig, part: SpectrumPart, shapes: _Shapes, scale: Floats) -> Floats:
     """φᵀDφ/2E of the drag alone, (d, d)."""
     found = np.zeros((len(scale), len(scale)))
     for number, block in enumerate(rig.blocks):
@@ -208,7 +210,7 @@ def _dragged(rig: Rig, part: Part, shapes: _Shapes, scale: Floats) -> Floats:
 
 
 def _relative(
-    rig: Rig, part: Part, shapes: _Shapes, driven: tuple[Floats, ...]
+    rig: Rig, part: SpectrumPart, shapes: _Shapes, driven: tuple[Floats, ...]
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Relative angles (J, d) at all moving joints, their dampers and drives (J,), and 1 for top joints, folded."""
     if part.kind:

@@ -1,6 +1,6 @@
 """Eigenvalues and mode shapes of a rig, by the cheapest route that keeps every digit.
 
-In: a `Rig`.  Out: a `Spectrum`, the eigenvalues in ascending order, each with the source that describes its shape.
+In: a `Rig`.  Out: a `ModalSpectrum`, the eigenvalues in ascending order, each with the source that describes its shape.
 
     K φ = ω² M φ,    with dampers  (λ² M + λ D + K) φ = 0
 
@@ -12,7 +12,7 @@ between links take the factors of K and M (`product`). Start with `spectrum`, wh
 `elimination` is the recursion at any complex frequency, with loads, in the floats or decimals of `arithmetic`.
 """
 
-from modal.eigen.amplitude import Swing, distortion, one_percent_amplitude
+from modal.eigen.amplitude import ModeSwing, distortion, one_percent_amplitude
 from modal.eigen.arithmetic import REPLICAS, Arithmetic, Digits, Rounded, evaluated
 from modal.eigen.bisection import smallest_where
 from modal.eigen.chains import EVERYTHING, Limits, squares_of
@@ -26,7 +26,7 @@ from modal.eigen.recursion import at_infinity
 from modal.eigen.secular import Poles, solve
 from modal.eigen.short import short_squares
 from modal.eigen.sources import Details, Rigid, largest_angle, structured_error
-from modal.eigen.spectrum import CLOSE, Part, Spectrum, find_spectrum, notes
+from modal.eigen.spectrum import CLOSE, ModalSpectrum, SpectrumPart, find_spectrum, notes
 from modal.eigen.sturm import Suspension, chains_of
 
 __all__ = [
@@ -45,13 +45,13 @@ __all__ = [
     "Hung",
     "Limits",
     "Load",
-    "Part",
+    "ModalSpectrum",
+    "ModeSwing",
     "Poles",
     "Rigid",
     "Rounded",
-    "Spectrum",
+    "SpectrumPart",
     "Suspension",
-    "Swing",
     "at_infinity",
     "cart_of",
     "chains_of",

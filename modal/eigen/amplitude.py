@@ -72,7 +72,7 @@ def one_percent_amplitude(kappa: float) -> float:
     return degrees(sqrt(0.01 / abs(kappa))) if kappa else inf
 
 
-class Swing(NamedTuple):
+class ModeSwing(NamedTuple):
     """R shapes with a largest angle of 1: ω² and φᵀMφ (R,), the cart (R,) and the angles (n, P, R) of each block."""
 
     x: Floats
@@ -81,7 +81,9 @@ class Swing(NamedTuple):
     angles: tuple[Floats, ...]
 
 
-def distortion(blocks: tuple[Block, ...], swing: Swing, answers: Sequence[tuple[int, Swing]], kappa: float) -> Floats:
+def distortion(
+    blocks: tuple[Block, ...], swing: ModeSwing, answers: Sequence[tuple[int, ModeSwing]], kappa: float
+) -> Floats:
     """The relative error of one shape's angle of 1 %, then the changes of it by the responses of others, (1 + R,).
 
     `answers` are R shapes with the harmonic k in which each is driven; the error is by all of them and by the next
@@ -106,7 +108,7 @@ def distortion(blocks: tuple[Block, ...], swing: Swing, answers: Sequence[tuple[
     return np.where(lost, inf, angles - 1)
 
 
-def _own(blocks: tuple[Block, ...], swing: Swing, kappa: float) -> float:
+def _own(blocks: tuple[Block, ...], swing: ModeSwing, kappa: float) -> float:
     """The angle of 1 % over its first guess, without other modes.
 
     With a share p of the potential in Γ the averaged Lagrangian is stationary at r² = ω(a)²/ω² where
@@ -120,7 +122,9 @@ def _own(blocks: tuple[Block, ...], swing: Swing, kappa: float) -> float:
     return sqrt(max(square, 0.0) * abs(kappa) / 0.01)
 
 
-def _mixed(blocks: tuple[Block, ...], swing: Swing, other: Swing, harmonic: int) -> tuple[Floats, Floats, Floats]:
+def _mixed(
+    blocks: tuple[Block, ...], swing: ModeSwing, other: ModeSwing, harmonic: int
+) -> tuple[Floats, Floats, Floats]:
     """(Γ, G₁, G₂) from the average at RATIOS, exact for a polynomial of fourth degree."""
     far, fast = RATIOS * np.cos(harmonic * QUARTER), -RATIOS * harmonic * np.sin(harmonic * QUARTER)
     cos, sin, omega = np.cos(QUARTER), -np.sin(QUARTER), np.sqrt(swing.x)
@@ -144,7 +148,7 @@ def _lanes(values: Floats, factors: Floats) -> Floats:
     return lanes
 
 
-def _largest(swing: Swing, answers: Sequence[tuple[int, Swing]], sizes: Floats) -> Floats:
+def _largest(swing: ModeSwing, answers: Sequence[tuple[int, ModeSwing]], sizes: Floats) -> Floats:
     """The largest angle over the period (C,), for a = 1 and C sets of sizes (C, R) of the responses."""
     time = np.linspace(0.0, pi / 2, INSTANTS)
     waves = np.array([np.cos(harmonic * time) for harmonic, _ in answers]).reshape(-1, INSTANTS)

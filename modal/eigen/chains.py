@@ -59,7 +59,7 @@ EVERYTHING = Limits()
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class ChainShapes:
     """Shapes φ of R modes: the cart's displacement (R,), turns a = l θ and energies (n, P, R) of each block.
 
     Energies are twice the kinetic energy of each link over ω², `modal_mass` (R,) their sum φᵀMφ with the cart's;
@@ -208,7 +208,7 @@ def fixed_squares(block: Block, limits: Limits = EVERYTHING) -> Squares:
     return squares_of(Suspension.fixed(block), np.arange(block.n)[: limits.lowest], block.n, limits.accuracy)
 
 
-def fixed_shapes(chains: Block, x: Floats) -> Motion:
+def fixed_shapes(chains: Block, x: Floats) -> ChainShapes:
     """Shape r of chain r at x[r], for R chains (columns, repeated as needed) or one: a block with arrays (n, 1, R)."""
     square = x[None] if chains.size == 1 else x[:, None]
     below, above = from_below(chains, square), from_above(chains, square, None)
@@ -218,7 +218,7 @@ def fixed_shapes(chains: Block, x: Floats) -> Motion:
     y, a = _joined(below, _climb(above, twist), above.turn, twist, np.zeros(square.shape))
     energies = kinetic(chains, y, a)
     modal_mass = energies.sum(0).ravel()
-    return Motion(
+    return ChainShapes(
         cart=np.zeros(len(x)),
         turns=(a.reshape(chains.n, 1, -1),),
         energies=(energies.reshape(chains.n, 1, -1),),
@@ -291,7 +291,7 @@ class CartProblem:
         """Bounds on the relative errors of ω (R,) beyond rounding."""
         return self.oscillating.error / 2
 
-    def shapes(self, rows: Ints) -> Motion:
+    def shapes(self, rows: Ints) -> ChainShapes:
         """Shapes of these modes, all chains and the cart together."""
         x = self.squares[rows]
         below, above = self._both_ways(x)
@@ -307,7 +307,7 @@ class CartProblem:
         modal_mass = self.cart.mass * cart**2 + sum(energy.sum((0, 1)) for energy in energies)
         missed = sum(np.where(twist, gap, 0.0).sum((0, 1)) for twist, gap in zip(twists, gaps, strict=True))
         turns = tuple(a for _, a in shapes)
-        return Motion(cart, turns, energies, modal_mass, self.cart.stiffness * cart / x, missed / modal_mass)
+        return ChainShapes(cart, turns, energies, modal_mass, self.cart.stiffness * cart / x, missed / modal_mass)
 
     def _both_ways(self, x: Floats) -> tuple[list[Swept], list[Swept]]:
         """Elimination from the free ends, and from the cart with all the other chains on it."""

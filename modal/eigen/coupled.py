@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from modal.assembly import Block, CartNumbers
-from modal.eigen.chains import CartProblem, Motion, bare_mass, fixed_shapes
+from modal.eigen.chains import CartProblem, ChainShapes, bare_mass, fixed_shapes
 from modal.eigen.counts import Built, counted
 from modal.eigen.degenerate import DegenerateModes
 from modal.eigen.recursion import at_infinity, joints, kinetic
@@ -83,7 +83,7 @@ class CoupledPendula:
         """ω² of every mode that moves the cart, ascending."""
         return self.poles.square[self.roots.anchor] + self.roots.offset
 
-    def shapes(self, rows: Ints) -> Motion:
+    def shapes(self, rows: Ints) -> ChainShapes:
         """Shapes of these modes."""
         x = self.squares[rows]
         amplitudes = [
@@ -103,7 +103,7 @@ class CoupledPendula:
         modal_mass = self.cart.mass * cart**2 + sum(part.sum((0, 1)) for part in energies)
         held = self.cart.stiffness / x * cart
         push = (self.cart.mass + sum(part.sum(0) for part in felt)) * cart - held
-        return Motion(cart, turns, energies, modal_mass, held, np.abs(push * cart) / modal_mass)
+        return ChainShapes(cart, turns, energies, modal_mass, held, np.abs(push * cart) / modal_mass)
 
     def _sums(self, rows: Ints, power: int) -> list[Floats]:
         """α + Σ μ_r (λ_r/(λ_r − x))^power of every pendulum, for each block (P, R)."""

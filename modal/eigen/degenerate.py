@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from modal.assembly import Block
-from modal.eigen.chains import Motion, fixed_shapes
+from modal.eigen.chains import ChainShapes, fixed_shapes
 from modal.eigen.counts import Built
 from modal.types import Floats, Ints
 
@@ -99,7 +99,7 @@ class Still:
         """ω² of every row."""
         return np.repeat(self.clusters.square[self.clusters.shared], self.folds)
 
-    def shapes(self, rows: Ints) -> Motion:
+    def shapes(self, rows: Ints) -> ChainShapes:
         """Shapes of these rows."""
         turns, energies = ([np.zeros((*b.mass.shape, len(rows))) for b in self.blocks] for _ in range(2))
         residual = np.zeros(len(rows))
@@ -112,7 +112,7 @@ class Still:
                 turns[member.block][:, member.column, at] = amplitude * member.turn
                 energies[member.block][:, member.column, at] = amplitude**2 * member.energy
                 residual[at] = max(residual[at], member.residual)
-        return Motion(
+        return ChainShapes(
             cart=np.zeros(len(rows)),
             turns=tuple(turns),
             energies=tuple(energies),

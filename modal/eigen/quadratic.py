@@ -53,7 +53,7 @@ class Dampers(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class _Problem:
+class _QuadraticProblem:
     """M, K, the absolute terms of which K is the sum, all (size, size), the dampers, and C of D_modal = CᵀC."""
 
     M: Floats
@@ -144,7 +144,9 @@ def damped(M: Floats, K: Floats, terms: Floats, dampers: Dampers, modal: Floats 
     inertia, stiffness, lost = without_cart(M, K) if coasts else (M, K, 1.0)
     first = int(coasts)
     extra = np.zeros((0, len(M))) if modal is None else modal
-    problem = _Problem(inertia, stiffness, sizes[first:, first:], dampers.hung if coasts else dampers, extra[:, first:])
+    problem = _QuadraticProblem(
+        inertia, stiffness, sizes[first:, first:], dampers.hung if coasts else dampers, extra[:, first:]
+    )
     solution, number = _solved_everywhere(problem)
     solution = solution.take(slice(int(free and not coasts), None))
     value, error = solution.value, lost * solution.error
@@ -155,7 +157,7 @@ def damped(M: Floats, K: Floats, terms: Floats, dampers: Dampers, modal: Floats 
     return Eigen(value[chosen], with_cart(M, shape, free=coasts), error[chosen], 2 * len(inertia), number)
 
 
-def _solved_everywhere(problem: _Problem) -> tuple[_Solution, int]:
+def _solved_everywhere(problem: _QuadraticProblem) -> tuple[_Solution, int]:
     """The solutions for all rates, joined, and their number."""
     solved = {rate: _solved(problem, rate) for rate in problem.rates}
     while True:
@@ -182,7 +184,7 @@ class _Scaled(NamedTuple):
         return float(np.linalg.norm(self.inverse, 2))
 
 
-def _scaled(problem: _Problem, rate: float) -> _Scaled:
+def _scaled(problem: _QuadraticProblem, rate: float) -> _Scaled:
     turned, seen = problem.turned(rate)
     M, K, sizes = (turned.T @ part @ turned for part in (rate * (rate * problem.M), problem.K, problem.sizes))
     friction = np.sqrt(rate * problem.dampers.strength)[:, None] * seen
@@ -196,7 +198,7 @@ def _scaled(problem: _Problem, rate: float) -> _Scaled:
     return _Scaled(rate, turned * scale, M, K, friction, np.linalg.inv(M + friction.T @ friction + K))
 
 
-def _solved(problem: _Problem, rate: float) -> _Solution:
+def _solved(problem: _QuadraticProblem, rate: float) -> _Solution:
     """All eigenvalues and shapes; the bound is the first-order one.
 
     It is the condition number times a backward error of a few roundings of the matrix's norm and of P⁻¹'s sensitivity.

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from modal.assembly import Block, CartNumbers
 from modal.eigen.amplitude import coefficient, quartic
-from modal.eigen.chains import EVERYTHING, Limits, Motion, Squares, fixed_shapes, fixed_squares
+from modal.eigen.chains import EVERYTHING, ChainShapes, Limits, Squares, fixed_shapes, fixed_squares
 from modal.eigen.counts import Built, counted
 from modal.eigen.recursion import at_infinity
 from modal.eigen.seeds import seed_matrices
@@ -78,7 +78,7 @@ class Source(Protocol):
         """Properties of these rows."""
 
 
-class Problem(Protocol):
+class SquaresProblem(Protocol):
     """A problem solved by `Together`: squares and shapes, and its error relative to that of one recursion."""
 
     @property
@@ -101,7 +101,7 @@ class Problem(Protocol):
     def built(self) -> Built:
         """The sizes of the problems solved."""
 
-    def shapes(self, rows: Ints) -> Motion:
+    def shapes(self, rows: Ints) -> ChainShapes:
         """Shapes of these rows."""
 
 
@@ -201,7 +201,7 @@ class Together:
 
     blocks: tuple[Block, ...]
     counts: tuple[Ints, ...]
-    problem: Problem
+    problem: SquaresProblem
     accelerance: Callable[[], float]
 
     @property
@@ -237,7 +237,7 @@ class Together:
 
 
 def _details(
-    motion: Motion,
+    motion: ChainShapes,
     x: Floats,
     angles: tuple[Floats, ...],
     gamma: Floats,

@@ -44,7 +44,7 @@ MERGED = (
 
 
 @dataclass(frozen=True)
-class Part:
+class SpectrumPart:
     """`along` + `across` modes of equal frequency, from row `row` of source `source` on.
 
     `kind` is the (block, column) whose copies share that row and move while all else is at rest; None where one
@@ -75,11 +75,11 @@ class Batch:
     block: int = -1
     columns: Ints | None = None
 
-    def parts(self, index: int) -> Iterator[Part]:
+    def parts(self, index: int) -> Iterator[SpectrumPart]:
         """The rows one by one, for source number `index`."""
         kinds = repeat(None) if self.columns is None else ((self.block, column) for column in self.columns.tolist())
         numbers = zip(self.rows.tolist(), self.along.tolist(), self.across.tolist(), kinds, strict=False)
-        return (Part(index, *number, self.still) for number in numbers)
+        return (SpectrumPart(index, *number, self.still) for number in numbers)
 
 
 def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
@@ -247,7 +247,7 @@ def notes(rig: Rig, sources: Iterable[Source]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Spectrum:
+class ModalSpectrum:
     """Distinct eigenvalues (R,) by |λ|, and relative error bounds (R,), in `batches` of sources.
 
     Eigenvalue r is that of the rows `order[cuts[r]:cuts[r + 1]]` of all batches, one after another.
@@ -265,7 +265,7 @@ class Spectrum:
         return tuple(batch.source for batch in self.batches)
 
     @cached_property
-    def groups(self) -> tuple[tuple[Part, ...], ...]:
+    def groups(self) -> tuple[tuple[SpectrumPart, ...], ...]:
         """The parts of each eigenvalue."""
         parts = [part for index, batch in enumerate(self.batches) for part in batch.parts(index)]
         order = self.order.tolist()
@@ -285,11 +285,11 @@ class Spectrum:
                 numbers.setdefault(part.kind, []).append(number)
         return numbers
 
-    def take(self, rows: slice) -> Spectrum:
+    def take(self, rows: slice) -> ModalSpectrum:
         """A slice of the eigenvalues."""
         first, last, _ = rows.indices(len(self.eigenvalue))
         cuts = self.cuts[first : max(first, last) + 1]
-        return Spectrum(self.eigenvalue[rows], self.error[rows], self.batches, self.order, cuts)
+        return ModalSpectrum(self.eigenvalue[rows], self.error[rows], self.batches, self.order, cuts)
 
     def details(self, source: int, rows: Sequence[int]) -> Details:
         """Properties of rows of a source."""
@@ -297,7 +297,7 @@ class Spectrum:
             return self.sources[source].details(np.array(rows))
 
 
-def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> Spectrum:
+def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> ModalSpectrum:
     """The spectrum of a rig in natural units, or the requested part of it.
 
     Raises ComputationError where double precision or memory does not suffice.
@@ -318,7 +318,7 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> Spectrum:
     cuts = np.concatenate([[0], steps, [len(order)]])
     cuts = cuts if limits.lowest is None else cuts[: limits.lowest + 1]
     first = order[cuts[:-1]]
-    return Spectrum(values[first], errors[first], tuple(parts), order, cuts)
+    return ModalSpectrum(values[first], errors[first], tuple(parts), order, cuts)
 
 
 def _undamped(batch: Batch) -> Booleans:

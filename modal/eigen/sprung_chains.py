@@ -33,7 +33,7 @@ import numpy as np
 
 from modal.assembly import Block, CartNumbers
 from modal.eigen.bisection import above_all, smallest_where
-from modal.eigen.chains import Motion
+from modal.eigen.chains import ChainShapes
 from modal.eigen.counts import Built, counted
 from modal.eigen.sturm import Suspension
 from modal.types import Booleans, Floats, Ints
@@ -52,7 +52,7 @@ SMALLEST = 2.0**-900
 """Lower bound of |x| with inverted links."""
 
 
-class Eliminated(NamedTuple):
+class EliminatedChain(NamedTuple):
     """The results of eliminating one link, arrays (P, R), or all of them, (n, P, R).
 
     `pivot` is D and `moment` H; `first_moment` h and `stiffness` F are those below the link, `mass` is μ' above it.
@@ -65,7 +65,7 @@ class Eliminated(NamedTuple):
     mass: Floats
 
 
-def eliminate(block: Block, x: Floats) -> Iterator[Eliminated]:
+def eliminate(block: Block, x: Floats) -> Iterator[EliminatedChain]:
     """Every link at x (R,), from the last to the first."""
     mu, h, F, delta = (np.zeros((block.size, x.shape[-1])) for _ in range(4))
     turned = _turned(block)
@@ -79,15 +79,15 @@ def eliminate(block: Block, x: Floats) -> Iterator[Eliminated]:
         D = B + s
         D = np.where(D == 0, -NUDGE * (np.abs(G) + s), D)
         above = (N + s * (mu + m)) / D
-        yield Eliminated(D, H, h, F, above)
+        yield EliminatedChain(D, H, h, F, above)
         passed = s / D
         mu, h, F, delta = above, turned[i][:, None] * passed * H, passed * B, passed * N
 
 
-def eliminated(block: Block, x: Floats) -> Eliminated:
+def eliminated(block: Block, x: Floats) -> EliminatedChain:
     """All links, top first."""
     links = list(eliminate(block, x))[::-1]
-    return Eliminated(*(np.array(values) for values in zip(*links, strict=True)))
+    return EliminatedChain(*(np.array(values) for values in zip(*links, strict=True)))
 
 
 def count_and_mass(block: Block, x: Floats) -> tuple[Ints, Floats]:
@@ -145,7 +145,7 @@ class _Shape(NamedTuple):
             mine[..., column] -= (its * share)[..., 0]
 
 
-def gathered(block: Block, pivots: Eliminated, x: Floats, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
+def gathered(block: Block, pivots: EliminatedChain, x: Floats, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
     """The load on each link (n, P, R) once everything below is eliminated, and the force on the pivot (P, R)."""
     felt, pivot = np.empty_like(moment), np.zeros(moment.shape[1:])
     passed, turned = pivot, _turned(block)
@@ -157,7 +157,7 @@ def gathered(block: Block, pivots: Eliminated, x: Floats, force: Floats, moment:
     return felt, pivot
 
 
-def descended(block: Block, pivots: Eliminated, x: Floats, felt: Floats, pivot: Floats) -> tuple[Floats, Floats]:
+def descended(block: Block, pivots: EliminatedChain, x: Floats, felt: Floats, pivot: Floats) -> tuple[Floats, Floats]:
     """Angles and displacements of the centres (n, P, R) under the load on each link, pivots displaced (R,) or (P, R).
 
     The lower joint moves by y + l θ = (y (D + x l H) + l (s φ + …)) / D, in which D + x l H needs no μ.
@@ -272,14 +272,14 @@ class SprungProblem:
         energy: Floats = (block.b[:, :, None] * angles**2 + spring).sum((0, 1))
         return energy
 
-    def shapes(self, rows: Ints) -> Motion:
+    def shapes(self, rows: Ints) -> ChainShapes:
         """Shapes of these modes, all chains and the cart together."""
         x = self.squares[rows]
         shape, missed = self._solved(rows)
         loads = self._inertial(shape)
         parts = zip(loads.force, shape.centres, loads.moment, shape.angles, strict=True)
         modal_mass = _product(loads, shape)
-        return Motion(
+        return ChainShapes(
             cart=shape.cart,
             turns=tuple(a * block.length[:, :, None] for block, a in zip(self.blocks, shape.angles, strict=True)),
             energies=tuple(force * centres + moment * angles for force, centres, moment, angles in parts),
@@ -342,7 +342,7 @@ class SprungProblem:
         cart = np.full(len(places), np.sqrt(self.cart.mass + self._hanging) if self.cart else 0.0)
         return _Loads(tuple(map(np.zeros_like, moment)), moment, cart)
 
-    def _answer(self, chains: list[Eliminated], x: Floats, loads: _Loads) -> _Shape:
+    def _answer(self, chains: list[EliminatedChain], x: Floats, loads: _Loads) -> _Shape:
         """(K − x M)⁻¹ of these loads."""
         parts = zip(self.blocks, chains, loads.force, loads.moment, strict=True)
         felt, pivots = zip(*(gathered(block, chain, x, *load) for block, chain, *load in parts), strict=True)

@@ -19,7 +19,7 @@ import numpy as np
 
 from modal.assembly import Block, CartNumbers
 from modal.eigen.bisection import located
-from modal.eigen.sprung_chains import Eliminated, descended, eliminated, gathered
+from modal.eigen.sprung_chains import EliminatedChain, descended, eliminated, gathered
 from modal.eigen.sturm import Chains, Suspension, count_and_mass
 from modal.types import Floats, Ints
 
@@ -159,7 +159,7 @@ class Tree:
         at = np.searchsorted(members, rows)
         return self._written(shape)[:, at], np.abs(missed / x)[at]
 
-    def _answer(self, pivots: list[Eliminated], x: Floats, loads: _Loads) -> _Shape:
+    def _answer(self, pivots: list[EliminatedChain], x: Floats, loads: _Loads) -> _Shape:
         """(K − x M)⁻¹ of these loads."""
         parts = zip(self.hung, pivots, *loads[1:], strict=True)
         felt = [gathered(hanging.block, chain, x, *load) for hanging, chain, *load in parts]

@@ -29,7 +29,7 @@ class _UndecidedError(ArithmeticError):
 
 
 @dataclass(frozen=True, eq=False)
-class Hung:
+class HungInBalls:
     """Chains on one support, each representing a number of equal ones that move alike; floats are taken exactly."""
 
     gravity: float

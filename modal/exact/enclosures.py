@@ -16,7 +16,7 @@ from math import floor, log
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.exact.balls import Ball, Hung, Links, flint
+from modal.exact.balls import Ball, HungInBalls, Links, flint
 from modal.exact.characteristic import exact
 from modal.modes import natural_modes
 from modal.scene import Cart, Fixed, Pendulum, Scene, require
@@ -64,10 +64,10 @@ def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = 
 
 
 @dataclass(frozen=True, eq=False)
-class _Problem:
+class _EnclosedProblem:
     """Modes of chains on one support, `multiplicity` of each by symmetry."""
 
-    hung: Hung
+    hung: HungInBalls
     multiplicity: int
     label: str
 
@@ -130,7 +130,7 @@ class _Problem:
         return low, high
 
 
-def _problems(scene: Scene) -> Iterator[_Problem]:
+def _problems(scene: Scene) -> Iterator[_EnclosedProblem]:
     """The modes that move the cart, and those of every different pendulum with the support at rest."""
     counts: dict[Links, int] = {}
     names: dict[Links, int] = {}
@@ -143,12 +143,12 @@ def _problems(scene: Scene) -> Iterator[_Problem]:
     support = scene.cart or Fixed()
     on_cart = scene.cart is not None
     if on_cart:
-        yield _Problem(Hung(scene.gravity, support, counts), 1, "cart moves")
+        yield _EnclosedProblem(HungInBalls(scene.gravity, support, counts), 1, "cart moves")
     for chain, count in counts.items():
         multiplicity = count * (1 + (scene.space == "space")) - on_cart
         label = f"{'cart still' if on_cart else 'fixed support'}: pendulum {names[chain]}"
         if multiplicity:
-            yield _Problem(Hung(scene.gravity, Fixed(), {chain: 1}), multiplicity, label)
+            yield _EnclosedProblem(HungInBalls(scene.gravity, Fixed(), {chain: 1}), multiplicity, label)
 
 
 def _has_residual_mass(chain: Links) -> bool:

@@ -136,7 +136,7 @@ def _zipped(content: dict[str, bytes]) -> bytes:
 # ------------------------------------------------------------------------------ description
 
 
-class Variable(NamedTuple):
+class FmuVariable(NamedTuple):
     """A signal in its role, under its name in the FMU."""
 
     name: str
@@ -144,13 +144,13 @@ class Variable(NamedTuple):
     signal: Signal
 
 
-def variables(model: StateSpace) -> list[Variable]:
+def variables(model: StateSpace) -> list[FmuVariable]:
     """Inputs, then states as `state.NAME`, then outputs: the index of each is its value reference."""
     outside = [("input", s) for s in model.inputs], [("output", s) for s in model.outputs]
     words = identifiers((s.name for _, s in (*outside[0], *outside[1])), taken=["state"])
-    named = [Variable(word, *pair) for word, pair in zip(words, (*outside[0], *outside[1]), strict=True)]
+    named = [FmuVariable(word, *pair) for word, pair in zip(words, (*outside[0], *outside[1]), strict=True)]
     inner = identifiers(s.name for s in model.states)
-    states = [Variable(f"state.{word}", "state", s) for word, s in zip(inner, model.states, strict=True)]
+    states = [FmuVariable(f"state.{word}", "state", s) for word, s in zip(inner, model.states, strict=True)]
     return [*named[: len(outside[0])], *states, *named[len(outside[0]) :]]
 
 
@@ -197,7 +197,7 @@ def _interface(root: ET.Element, model: StateSpace, source: str) -> None:
     ET.SubElement(ET.SubElement(interface, "SourceFiles"), "File", name=source)
 
 
-def _units(root: ET.Element, named: list[Variable]) -> None:
+def _units(root: ET.Element, named: list[FmuVariable]) -> None:
     used = dict.fromkeys(name for variable in named if (name := unit(variable.signal)))
     if not used:
         return
@@ -208,7 +208,7 @@ def _units(root: ET.Element, named: list[Variable]) -> None:
             ET.SubElement(definition, "BaseUnit", {base: str(power) for base, power in UNITS[name].items()})
 
 
-def _variable(variable: Variable, reference: int) -> ET.Element:
+def _variable(variable: FmuVariable, reference: int) -> ET.Element:
     what = {"name": variable.name, "valueReference": str(reference), "description": one_line(variable.signal.meaning)}
     element = ET.Element("ScalarVariable", {**what, **ROLES[variable.role]})
     start = {} if variable.role == "output" else {"start": "0"}

@@ -28,7 +28,7 @@ LEAST = 0.5  # MAC of a pair below which shapes are called different
 
 
 @dataclass(frozen=True, repr=False)
-class Pair(Displayed):
+class ModePair(Displayed):
     """A measured mode and the computed one nearest to it; `mac` is None without shapes."""
 
     measured: MeasuredMode
@@ -59,7 +59,7 @@ class Assurance(Displayed):
     measured: MeasuredModes
     rows: tuple[Mode, ...]
     mac: Floats
-    pairs: tuple[Pair, ...]
+    pairs: tuple[ModePair, ...]
 
     @property
     def notes(self) -> list[str]:
@@ -116,7 +116,7 @@ def _square(shape: Floats, other: Floats) -> float:
     return float((shape @ other) ** 2) / whole if whole else 0.0
 
 
-def _pairs(measured: MeasuredModes, rows: tuple[Mode, ...], mac: Floats) -> list[Pair]:
+def _pairs(measured: MeasuredModes, rows: tuple[Mode, ...], mac: Floats) -> list[ModePair]:
     shaped = bool(np.isfinite(mac).all())
     cost = np.array(
         [
@@ -126,7 +126,7 @@ def _pairs(measured: MeasuredModes, rows: tuple[Mode, ...], mac: Floats) -> list
     )
     left, right = scipy.optimize.linear_sum_assignment(-mac if shaped else cost)
     return [
-        Pair(measured.modes[r], rows[s], None if np.isnan(mac[r, s]) else float(mac[r, s]))
+        ModePair(measured.modes[r], rows[s], None if np.isnan(mac[r, s]) else float(mac[r, s]))
         for r, s in zip(left.tolist(), right.tolist(), strict=True)
     ]
 
@@ -178,7 +178,7 @@ def assurance_table(assurance: Assurance, form: Form) -> str:
     return titled(title_of(assurance.modes.scene), "measured beside computed modes", parts, "text")
 
 
-def _pair_record(pair: Pair) -> dict[str, Any]:
+def _pair_record(pair: ModePair) -> dict[str, Any]:
     return {
         "measured": pair.measured.number,
         "computed": pair.computed.number,

@@ -56,7 +56,7 @@ class Series:
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class DecayModel:
     """Poles λ (R,), and the changes β (B,) of the rates of those modes that have one, `bent` (B,); all in 1/s.
 
     `squares` (series, R) are the squares of amplitudes, 1 in the strongest segment, with which β acts in each series.
@@ -98,7 +98,7 @@ class Decays:
     the root mean square of the residuals of each series.
     """
 
-    model: Model
+    model: DecayModel
     cov: Floats
     amplitudes: Complexes
     amplitude_stds: Floats
@@ -130,7 +130,7 @@ def fit_decays(series: Sequence[Series], poles: Complexes, faint: float = 0.0) -
     """
     none = np.zeros(0, dtype=np.int64)
     return _significant(
-        series, Model(poles, none, np.zeros(0, dtype=np.complex128), np.ones((len(series), len(poles)))), faint
+        series, DecayModel(poles, none, np.zeros(0, dtype=np.complex128), np.ones((len(series), len(poles)))), faint
     )
 
 
@@ -198,7 +198,7 @@ def _alike(series: Sequence[Series], decays: Decays) -> Booleans:
     return np.asarray(np.triu(near & (modal_assurance(shapes, shapes) > ALIKE_SHAPE), 1))
 
 
-def _merged(series: Sequence[Series], decays: Decays, r: int, s: int) -> Model:
+def _merged(series: Sequence[Series], decays: Decays, r: int, s: int) -> DecayModel:
     """The model with a bent mode in the place of the poles r and s: theirs is the rate where their sum has halved."""
     k = int(np.argmax(np.abs(decays.amplitudes[:, [r, s]]).sum(axis=1)))
     times, pair = series[k].times, decays.poles[[r, s]]
@@ -210,7 +210,7 @@ def _merged(series: Sequence[Series], decays: Decays, r: int, s: int) -> Model:
     kept = np.delete(np.arange(len(decays.poles)), [r, s])
     shifts = dict(zip(decays.model.bent.tolist(), decays.model.shifts.tolist(), strict=True))
     bent = [j for j, old in enumerate(kept.tolist()) if old in shifts]
-    return Model(
+    return DecayModel(
         np.append(decays.poles[kept], pole),
         np.array([*bent, len(kept)], dtype=np.int64),
         np.array([*(shifts[int(kept[j])] for j in bent), shifts.get(r, shifts.get(s, 0j))]),
@@ -218,7 +218,7 @@ def _merged(series: Sequence[Series], decays: Decays, r: int, s: int) -> Model:
     )
 
 
-def _significant(series: Sequence[Series], model: Model, faint: float) -> Decays:
+def _significant(series: Sequence[Series], model: DecayModel, faint: float) -> Decays:
     weights = np.array([1 / (float(np.std(record.values)) or 1.0) for record in series])
     while True:
         if not len(model.poles):
@@ -240,12 +240,12 @@ def _significant(series: Sequence[Series], model: Model, faint: float) -> Decays
         model = _chosen(decays.model, np.delete(np.arange(half), worst))
 
 
-def _chosen(model: Model, order: Ints) -> Model:
+def _chosen(model: DecayModel, order: Ints) -> DecayModel:
     """The model of these modes, in this order."""
     at = {int(old): new for new, old in enumerate(order)}
     there = [k for k, r in enumerate(model.bent.tolist()) if r in at]
     bent = np.array([at[int(model.bent[k])] for k in there], dtype=np.int64)
-    return Model(model.poles[order], bent, model.shifts[there], model.squares[:, order])
+    return DecayModel(model.poles[order], bent, model.shifts[there], model.squares[:, order])
 
 
 def _weights(series: Sequence[Series], decays: Decays) -> Floats:
@@ -261,7 +261,7 @@ def _weights(series: Sequence[Series], decays: Decays) -> Floats:
     return weights
 
 
-def _projected(record: Series, model: Model, k: int) -> tuple[Floats, Complexes, Floats, Floats]:
+def _projected(record: Series, model: DecayModel, k: int) -> tuple[Floats, Complexes, Floats, Floats]:
     """Residuals (K,), amplitudes (R,), projected derivatives (K, 2R + 2B), variances of amplitudes per noise."""
     R = len(model.poles)
     exponents, by_real, by_shift = model.exponents(record.times, k)
@@ -282,14 +282,14 @@ def _projected(record: Series, model: Model, k: int) -> tuple[Floats, Complexes,
     return record.values - Q @ right, amplitudes, slopes, (variance[:R] + variance[R : 2 * R]) / 2 * np.exp(-2 * peaks)
 
 
-def _fitted(series: Sequence[Series], model: Model, weights: Floats) -> Decays:
+def _fitted(series: Sequence[Series], model: DecayModel, weights: Floats) -> Decays:
     poles, R, B = model.poles, len(model.poles), len(model.bent)
     scale = _scale(model)
 
-    def model_of(x: Floats) -> Model:
+    def model_of(x: Floats) -> DecayModel:
         y = x * scale
         rates = np.asarray(y[:R] + 1j * y[R : 2 * R])
-        return Model(rates, model.bent, np.asarray(y[2 * R : 2 * R + B] + 1j * y[2 * R + B :]), model.squares)
+        return DecayModel(rates, model.bent, np.asarray(y[2 * R : 2 * R + B] + 1j * y[2 * R + B :]), model.squares)
 
     def residuals(x: Floats) -> Floats:
         tried = model_of(x)
@@ -310,12 +310,12 @@ def _fitted(series: Sequence[Series], model: Model, weights: Floats) -> Decays:
     return _described(series, model_of(solution.x), weights)
 
 
-def _scale(model: Model) -> Floats:
+def _scale(model: DecayModel) -> Floats:
     size = np.abs(model.poles)
     return np.concatenate((size, size, size[model.bent], size[model.bent]))
 
 
-def _described(series: Sequence[Series], model: Model, weights: Floats) -> Decays:
+def _described(series: Sequence[Series], model: DecayModel, weights: Floats) -> Decays:
     model, R = _chosen(model, np.argsort(np.abs(model.poles))), len(model.poles)
     parts = [_projected(record, model, k) for k, record in enumerate(series)]
     scale = _scale(model)
@@ -345,7 +345,7 @@ def _described(series: Sequence[Series], model: Model, weights: Floats) -> Decay
     strength = np.sum(np.abs(amplitudes) ** 2, axis=0)
     beside = np.minimum(1.0, strength.sum() / np.maximum(strength[model.bent], 1e-300) - 1)
     cov[R + model.bent, R + model.bent] += ((NEXT + OTHERS * beside) * np.abs(model.shifts)) ** 2
-    model = Model(model.poles, model.bent, model.shifts, _squares(series, amplitudes))
+    model = DecayModel(model.poles, model.bent, model.shifts, _squares(series, amplitudes))
     return Decays(model, cov, amplitudes, np.array(stds), np.array(rms), white)
 
 

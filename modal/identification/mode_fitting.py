@@ -82,7 +82,7 @@ def fit_modes(
     if loss not in LOSSES:
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
     parameters = find_parameters(scene, free, priors)
-    problem = _Problem(scene, parameters, measured)
+    problem = _ModeFitProblem(scene, parameters, measured)
     z, shape_std = _search(problem, loss)
     minima = _minima(problem, z, loss) if problem.kept.any() else []
     if minima and minima[0][0] < _square(problem, z) - BETTER:
@@ -90,7 +90,7 @@ def fit_modes(
     return _certified(problem, z, shape_std, loss, [other for _, other in minima])
 
 
-class _Problem:
+class _ModeFitProblem:
     """Residuals and their derivatives, by z of the numbers."""
 
     def __init__(self, scene: Scene, parameters: tuple[Parameter, ...], measured: MeasuredModes) -> None:
@@ -233,7 +233,7 @@ def _ratio_std(measured_mode: MeasuredMode) -> float:
     return measured_mode.damping_ratio_std or measured_mode.std / measured_mode.frequency
 
 
-def _search(problem: _Problem, loss: str) -> tuple[Floats, float | None]:
+def _search(problem: _ModeFitProblem, loss: str) -> tuple[Floats, float | None]:
     z = starts_of(problem.parameters)
     if len(z):
         problem.jacobian(z)
@@ -250,7 +250,7 @@ def _search(problem: _Problem, loss: str) -> tuple[Floats, float | None]:
     return z, problem.shape_std if problem.estimates_noise else None
 
 
-def _lost_around(problem: _Problem, z: Floats, held: Sequence[int], vague: float) -> Ints:
+def _lost_around(problem: _ModeFitProblem, z: Floats, held: Sequence[int], vague: float) -> Ints:
     """The numbers that are held since the modes do not determine them, a few percent to either side.
 
     At z itself derivatives may vanish, as at equal lengths.
@@ -268,7 +268,7 @@ def _lost_around(problem: _Problem, z: Floats, held: Sequence[int], vague: float
     return min(lost, key=len)
 
 
-def _refined(problem: _Problem, z: Floats, loss: str) -> tuple[Floats, float | None]:
+def _refined(problem: _ModeFitProblem, z: Floats, loss: str) -> tuple[Floats, float | None]:
     """The minimum from this z on, and the noise of shapes where it is estimated."""
     for _ in range(ROUNDS):
         z = _solved(problem, z, loss)
@@ -278,7 +278,7 @@ def _refined(problem: _Problem, z: Floats, loss: str) -> tuple[Floats, float | N
     return z, problem.shape_std
 
 
-def _minima(problem: _Problem, z: Floats, loss: str) -> list[tuple[float, Floats]]:
+def _minima(problem: _ModeFitProblem, z: Floats, loss: str) -> list[tuple[float, Floats]]:
     """Minima from other starts than that of the minimum z, each with its sum of squares, from the least on."""
     minima = []
     for start in _starts(problem, z):
@@ -292,7 +292,7 @@ def _minima(problem: _Problem, z: Floats, loss: str) -> list[tuple[float, Floats
     return sorted(minima, key=lambda pair: pair[0])
 
 
-def _starts(problem: _Problem, z: Floats) -> Iterator[Floats]:
+def _starts(problem: _ModeFitProblem, z: Floats) -> Iterator[Floats]:
     """The minimum with two numbers of one kind exchanged, and random ones around it."""
     kept = np.flatnonzero(problem.kept).tolist()
     kinds = [(problem.parameters[k].place[-1], problem.parameters[k].log) for k in range(len(z))]
@@ -310,12 +310,12 @@ def _starts(problem: _Problem, z: Floats) -> Iterator[Floats]:
         yield drawn
 
 
-def _square(problem: _Problem, z: Floats) -> float:
+def _square(problem: _ModeFitProblem, z: Floats) -> float:
     residuals = problem.residuals(z)
     return float(residuals @ residuals)
 
 
-def _shape_noise(problem: _Problem, z: Floats) -> float:
+def _shape_noise(problem: _ModeFitProblem, z: Floats) -> float:
     """The standard deviation of shapes' components by their residuals, one scale being fitted to each."""
     _, modes = problem.modes_at(z)
     square, count = 0.0, 0
@@ -328,7 +328,7 @@ def _shape_noise(problem: _Problem, z: Floats) -> float:
     return max(FINEST_SHAPE, float(np.sqrt(square / max(count, 1))))
 
 
-def _solved(problem: _Problem, z: Floats, loss: str, most: int = MOST, close: float = CLOSE) -> Floats:
+def _solved(problem: _ModeFitProblem, z: Floats, loss: str, most: int = MOST, close: float = CLOSE) -> Floats:
     columns = np.flatnonzero(problem.kept)
     if not len(columns):
         return z
@@ -363,7 +363,7 @@ def _solved(problem: _Problem, z: Floats, loss: str, most: int = MOST, close: fl
     return whole(solution.x)
 
 
-def _covariance(problem: _Problem, z: Floats) -> Floats:
+def _covariance(problem: _ModeFitProblem, z: Floats) -> Floats:
     """Of z, (p, p), zero for numbers that are held, at a minimum.
 
     Along each singular vector of the Jacobian the standard deviation is a half of the 95 % interval (1.96 to either
@@ -383,7 +383,7 @@ def _covariance(problem: _Problem, z: Floats) -> Floats:
     return np.asarray(scaled @ scaled.T)
 
 
-def _rise(problem: _Problem, z: Floats) -> float:
+def _rise(problem: _ModeFitProblem, z: Floats) -> float:
     """The sum of squares, infinite where there are no modes."""
     try:
         return _square(problem, z)
@@ -391,7 +391,7 @@ def _rise(problem: _Problem, z: Floats) -> float:
         return np.inf
 
 
-def _reach(problem: _Problem, z: Floats, steps: Floats, k: int) -> float:
+def _reach(problem: _ModeFitProblem, z: Floats, steps: Floats, k: int) -> float:
     """By how much the standard deviation along the step (p,) number k differs from its length, that of a linear fit."""
     rise = _quantile(1)
     normal, level = np.sqrt(rise), _square(problem, z) + rise
@@ -419,7 +419,7 @@ def _reach(problem: _Problem, z: Floats, steps: Floats, k: int) -> float:
     return float(max(ends) / normal)
 
 
-def _least_beside(problem: _Problem, z: Floats, steps: Floats, y: Floats, k: int) -> float:
+def _least_beside(problem: _ModeFitProblem, z: Floats, steps: Floats, y: Floats, k: int) -> float:
     """The sum of squares at z + steps y, the least over all y but y_k, which it moves: Gauss-Newton's method.
 
     Infinite where there are no modes.
@@ -441,7 +441,7 @@ def _least_beside(problem: _Problem, z: Floats, steps: Floats, y: Floats, k: int
     return best
 
 
-def _solutions(problem: _Problem, z: Floats, cov: Floats, minima: Sequence[Floats]) -> list[Solution]:
+def _solutions(problem: _ModeFitProblem, z: Floats, cov: Floats, minima: Sequence[Floats]) -> list[Solution]:
     """Those of other minima that fit as well as z and differ from it, and from each other."""
     most = _square(problem, z) + _quantile(max(1, int(np.count_nonzero(problem.kept))))
     solutions: list[Solution] = []
@@ -466,7 +466,7 @@ def _same(numbers: Floats, other: Floats, cov: Floats) -> bool:
 
 
 def _certified(
-    problem: _Problem, z: Floats, shape_std: float | None, loss: str, minima: Sequence[Floats] = ()
+    problem: _ModeFitProblem, z: Floats, shape_std: float | None, loss: str, minima: Sequence[Floats] = ()
 ) -> ModeFit:
     count, kept = len(problem.parameters), np.flatnonzero(problem.kept)
     residuals, J = problem.residuals(z), problem.jacobian(z)
@@ -503,7 +503,7 @@ def _certified(
     return ModeFit(**{**vars(fit), "verdict": tuple(_verdict(problem, fit, loss))})
 
 
-def _beside(problem: _Problem, modes: Modes, measured_mode: MeasuredMode, place: int) -> FittedMode:
+def _beside(problem: _ModeFitProblem, modes: Modes, measured_mode: MeasuredMode, place: int) -> FittedMode:
     row = _row(modes, place)
     value = modes.eigenvalue[row]
     mac = None
@@ -522,7 +522,7 @@ def _words(solution: Solution, fitted: Sequence[int]) -> str:
     return listed(told, len(told))
 
 
-def _verdict(problem: _Problem, result: ModeFit, loss: str) -> list[str]:
+def _verdict(problem: _ModeFitProblem, result: ModeFit, loss: str) -> list[str]:
     words = []
     if result.freedom > 0:
         chance = float(scipy.special.chdtrc(result.freedom, result.chi_square))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Rig, Units, rig_of, single
-from modal.eigen import EVERYTHING, LIGHT, Limits, Spectrum, find_spectrum, short_squares, structured_error
+from modal.eigen import EVERYTHING, LIGHT, Limits, ModalSpectrum, find_spectrum, short_squares, structured_error
 from modal.modes.mode import UNCERTAIN, hertz, oscillating, swing_period
 from modal.scene import Scene
 from modal.types import Booleans, Floats, Ints
@@ -86,13 +86,13 @@ class Eigenvalues:
         return self.short.units if self.short else self._scaled[1]
 
     @cached_property
-    def _whole(self) -> Spectrum:
+    def _whole(self) -> ModalSpectrum:
         limits = self.limits._replace(squares=self.short.squares) if self.short else self.limits
         with np.errstate(all="ignore"):
             return find_spectrum(self.natural, limits)
 
     @cached_property
-    def spectrum(self) -> Spectrum:
+    def spectrum(self) -> ModalSpectrum:
         """The eigenvalues in natural units, each with the source of its shape."""
         return self._whole.take(slice(self.first, self.first + len(self._range))) if self.selected else self._whole
 

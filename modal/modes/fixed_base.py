@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from modal.assembly import Rig
-from modal.eigen import Limits, Part, Spectrum, degenerate_modes, find_spectrum
+from modal.eigen import Limits, ModalSpectrum, SpectrumPart, degenerate_modes, find_spectrum
 from modal.modes.mode import UNCERTAIN
 from modal.modes.modes import Modes
 from modal.types import Floats, Ints
@@ -67,7 +67,7 @@ def _held(modes: Modes, rows: Ints) -> Floats:
     gathered = degenerate_modes((omega**2,))
     ends = np.cumsum(np.add.reduceat([_along(parts) for parts in held.groups], gathered.first))
     owner: list[int] = []
-    groups: list[tuple[Part, ...]] = []
+    groups: list[tuple[SpectrumPart, ...]] = []
     for at, row in enumerate(rows.tolist()):
         passed = [behind[row] - along[row], behind[row]]
         for cluster in range(*np.searchsorted(ends, passed, side="right").tolist()):
@@ -79,17 +79,17 @@ def _held(modes: Modes, rows: Ints) -> Floats:
     return found
 
 
-def _before(spectrum: Spectrum) -> int:
+def _before(spectrum: ModalSpectrum) -> int:
     """How many shapes along the rail have lower frequencies than those that were selected."""
     parts = [part for index, batch in enumerate(spectrum.batches) for part in batch.parts(index)]
     return _along(parts[k] for k in spectrum.order[: spectrum.cuts[0]].tolist())
 
 
-def _along(parts: Iterable[Part]) -> int:
+def _along(parts: Iterable[SpectrumPart]) -> int:
     return sum(part.along for part in parts)
 
 
-def _masses(spectrum: Spectrum, groups: Sequence[Sequence[Part]]) -> Floats:
+def _masses(spectrum: ModalSpectrum, groups: Sequence[Sequence[SpectrumPart]]) -> Floats:
     """The effective mass of each group of parts along the rail."""
     every = [(number, part) for number, parts in enumerate(groups) for part in parts if part.along]
     found = np.zeros(len(groups))

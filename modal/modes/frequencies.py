@@ -8,7 +8,7 @@ from math import prod
 
 import numpy as np
 
-from modal.assembly import Group, Stack, can_stack, keep_form, stacked, varied
+from modal.assembly import Stack, StackedGroup, can_stack, keep_form, stacked, varied
 from modal.eigen import CLOSE, Suspension, chains_of, squares_of
 from modal.errors import ComputationError, SceneError
 from modal.modes.eigenvalues import Short
@@ -188,7 +188,7 @@ def _squares(stack: Stack, accuracy: float) -> Iterator[Floats]:
     yield np.where(_meet(own) if several else False, np.nan, squares)
 
 
-def _own_squares(group: Group, accuracy: float) -> Floats:
+def _own_squares(group: StackedGroup, accuracy: float) -> Floats:
     """ω² (n, P, S) on fixed supports."""
     n, pendula, _, supports = group.mass.shape
     chains = chains_of(*(values.reshape(n, 1, 1, -1) for values in group.numbers))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.eigen import Details, Part
+from modal.eigen import Details, SpectrumPart
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.mode import UNCERTAIN
 from modal.modes.shapes import Shape, expand
@@ -64,7 +64,7 @@ def all_shapes(modes: Eigenvalues) -> list[list[Shape]]:
     groups, rows = modes.spectrum.groups, _rows(modes)
     details = {source: modes.spectrum.details(source, list(own)) for source, own in rows.items()}
 
-    def shape(part: Part, copy: int, uncertain: bool) -> Shape:
+    def shape(part: SpectrumPart, copy: int, uncertain: bool) -> Shape:
         row = _row(details[part.source], rows[part.source][part.row_of(copy)])
         return expand(modes.rig, modes.units, part, copy, row, "mass", uncertain=uncertain)
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.assembly import Block, Rig
-from modal.eigen import Details, Part, Swing, distortion, largest_angle, one_percent_amplitude
+from modal.eigen import Details, ModeSwing, SpectrumPart, distortion, largest_angle, one_percent_amplitude
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.labels import (
     CART_MOVES,
@@ -37,7 +37,7 @@ LIGHTLY = 0.1
 class _Piece(NamedTuple):
     """A part of a row and its place in the details of its source."""
 
-    part: Part
+    part: SpectrumPart
     details: Details
     at: int
 
@@ -190,7 +190,7 @@ def _on_structure(modes: Eigenvalues, number: int, head: _Piece, ratio: float) -
     return family(where=where, folds=folds, motion=motion, ratio=ratio)
 
 
-def _whose(modes: Eigenvalues, number: int, part: Part) -> str:
+def _whose(modes: Eigenvalues, number: int, part: SpectrumPart) -> str:
     """The pendula that move while the others are at rest, where there are different ones."""
     kinds = {other.kind for other in modes.spectrum.groups[number]}
     if modes.rig.n_kinds == 1 or part.kind is None or len(kinds) > 1:
@@ -242,11 +242,11 @@ def _answers(
     return list(dict.fromkeys(named))
 
 
-def _swing(modes: Eigenvalues, number: int, piece: _Piece) -> Swing:
+def _swing(modes: Eigenvalues, number: int, piece: _Piece) -> ModeSwing:
     details, at = piece.details, [piece.at]
     angles = tuple(angle[:, :, at].real for angle in details.angles)
     largest = largest_angle(angles)
-    return Swing(
+    return ModeSwing(
         x=np.abs(modes.spectrum.eigenvalue[[number]]) ** 2,
         modal_mass=details.modal_mass[at] / largest**2,
         cart=details.cart[at].real / largest,
@@ -254,7 +254,7 @@ def _swing(modes: Eigenvalues, number: int, piece: _Piece) -> Swing:
     )
 
 
-def _blocks(modes: Eigenvalues, part: Part) -> tuple[Block, ...]:
+def _blocks(modes: Eigenvalues, part: SpectrumPart) -> tuple[Block, ...]:
     """What moves in the shapes of a part, in natural units: one chain, or all as heavy as their copies."""
     blocks = modes.natural.blocks
     if part.kind:

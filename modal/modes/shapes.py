@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Rig, Units
-from modal.eigen import Details, Part
+from modal.eigen import Details, SpectrumPart
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief, counted
 from modal.structure import coordinate_units
@@ -102,7 +102,14 @@ def validate_normalisation(name: str) -> Normalisation:
 
 
 def expand(
-    rig: Rig, units: Units, part: Part, copy: int, details: Details, normalise: Normalisation, *, uncertain: bool
+    rig: Rig,
+    units: Units,
+    part: SpectrumPart,
+    copy: int,
+    details: Details,
+    normalise: Normalisation,
+    *,
+    uncertain: bool,
 ) -> Shape:
     """The copy-th vector of a part, with `details` of its one row."""
     vector = _of_copies(rig, part, part.kind, copy, details) if part.kind else _of_all(rig, details)
@@ -118,7 +125,7 @@ def _lengths(rig: Rig, units: Units) -> Floats:
     return np.array(coordinate_units(rig.structure, units.length) if rig.structure else ())
 
 
-def is_balanced(rig: Rig, part: Part) -> bool:
+def is_balanced(rig: Rig, part: SpectrumPart) -> bool:
     """Whether a part is of equal pendula that together hold still what they hang from."""
     if part.kind is None:
         return part.still
@@ -135,7 +142,7 @@ def _of_all(rig: Rig, details: Details) -> _Vector:
     return _Vector(details.cart[0], angles, shares.real, details.modal_mass[0], details.momentum[0], supports)
 
 
-def _of_copies(rig: Rig, part: Part, kind: tuple[int, int], copy: int, details: Details) -> _Vector:
+def _of_copies(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int, details: Details) -> _Vector:
     weights = _weights(rig, part, kind, copy)
     one, share = details.angles[0][:, 0, 0], details.shares[0][:, 0, 0]
     angles, shares, used = [], [], 0
@@ -153,7 +160,7 @@ def _of_copies(rig: Rig, part: Part, kind: tuple[int, int], copy: int, details: 
     return _Vector(0.0, np.concatenate(angles), np.concatenate(shares), details.modal_mass[0], momentum, still)
 
 
-def _weights(rig: Rig, part: Part, kind: tuple[int, int], copy: int) -> Floats:
+def _weights(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int) -> Floats:
     """The amplitude of each copy of a kind, of Euclidean length 1: one of them alone, or in antiphase on a cart."""
     weights = np.zeros(sum(count for block, column, count in rig.members if (block, column) == kind))
     if copy >= part.along or not is_balanced(rig, part):

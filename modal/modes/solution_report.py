@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from modal.assembly import Rig
-from modal.eigen import Rigid, Spectrum, counted
+from modal.eigen import ModalSpectrum, Rigid, counted
 from modal.modes.modes import Modes
 
 PACKAGES = (
@@ -113,7 +113,7 @@ def report_solution(modes: Modes) -> SolutionReport:
     )
 
 
-def _parts(spectrum: Spectrum) -> tuple[Part, ...]:
+def _parts(spectrum: ModalSpectrum) -> tuple[Part, ...]:
     """One part for each source, equal ones merged."""
     taken = Counter[int]()
     for part in (part for parts in spectrum.groups for part in parts):
@@ -129,7 +129,7 @@ def _parts(spectrum: Spectrum) -> tuple[Part, ...]:
     )
 
 
-def _matrices(spectrum: Spectrum) -> tuple[Matrix, ...]:
+def _matrices(spectrum: ModalSpectrum) -> tuple[Matrix, ...]:
     """The matrices, the largest first, equal ones merged."""
     found = Counter[tuple[str, int]]()
     for name, order, number in (matrix for source in spectrum.sources for matrix in source.built.matrices):

@@ -21,7 +21,7 @@ from modal.assembly import Dissipator, LossAngles, Rig, loss_angles, rig_of
 from modal.eigen import FORCE, REPLICAS, Arithmetic, Hung, Load, Rounded, cart_of, evaluated, hung
 from modal.scene import Scene
 from modal.statespace.full_damping import full_response, on_structure
-from modal.statespace.places import BASE, GROUND, PAIRS, PUSH, READ, Place, place_of, place_of_input
+from modal.statespace.places import BASE, GROUND, PAIRS, PUSH, READ, SignalPlace, place_of, place_of_input
 from modal.statespace.points import is_point
 from modal.statespace.signals import Signal
 from modal.types import Complexes, Floats, Ints
@@ -35,7 +35,7 @@ LIMIT = 2.0**-200
 Evaluate = Callable[[Arithmetic], Any]
 
 
-class Elimination:
+class ExactResponse:
     """G between these signals of a scene of constant lengths, evaluated by elimination wherever it is asked for.
 
     A dissipator among the inputs is the pair of unit forces along its row.  KeyError for signals that are not those of
@@ -115,7 +115,11 @@ def _limits(response: Complexes, still: Any, at: Floats) -> Complexes:
 
 
 def _from_tips(
-    rig: Rig, driven: Sequence[Place], read: Sequence[Place], angles: LossAngles | None, links: Sequence[Ints]
+    rig: Rig,
+    driven: Sequence[SignalPlace],
+    read: Sequence[SignalPlace],
+    angles: LossAngles | None,
+    links: Sequence[Ints],
 ) -> Evaluate:
     """The evaluation (p, m, W) of displacements for displacements and forces; `links` are those of each block."""
     members = [(block, column) for block, column, copies in rig.members for _ in range(copies)]
@@ -158,7 +162,7 @@ def _from_tips(
 def _pivots(
     rig: Rig,
     every: Sequence[Hung],
-    driven: Sequence[Place],
+    driven: Sequence[SignalPlace],
     members: Sequence[tuple[int, int]],
     loads: Sequence[Sequence[Load]],
     numbers: Arithmetic,
@@ -184,7 +188,7 @@ def _pivots(
     return pivots
 
 
-def _read(chain: Hung, links: int, column: int, row: Place, numbers: Arithmetic) -> Any:
+def _read(chain: Hung, links: int, column: int, row: SignalPlace, numbers: Arithmetic) -> Any:
     """An output for a displaced pivot, then for each load, (1 + L, W)."""
     if row.what == "pivot_force":
         square = numbers.omega * numbers.omega

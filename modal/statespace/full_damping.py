@@ -25,7 +25,7 @@ from modal.assembly import Dissipator, Rig, losses_of, ratio_at, rig_of
 from modal.eigen import FORCE, TORQUE, Arithmetic, Digits
 from modal.scene import Scene
 from modal.statespace.model import fixed
-from modal.statespace.places import BASE, GROUND, PUSH, Place
+from modal.statespace.places import BASE, GROUND, PUSH, SignalPlace
 from modal.statespace.points import PointInput
 from modal.statespace.signals import Signal, geometry_of_rig
 from modal.statespace.structural import (
@@ -45,7 +45,9 @@ DIGITS, MOST = 80, 40
 SWEEPS = 40
 
 
-def full_response(scene: Scene, driven: Sequence[Place], read: Sequence[Place]) -> Callable[[Arithmetic], Any]:
+def full_response(
+    scene: Scene, driven: Sequence[SignalPlace], read: Sequence[SignalPlace]
+) -> Callable[[Arithmetic], Any]:
     """The evaluation (p, m, W) of displacements for displacements and forces."""
     rig = rig_of(scene)
     base = any(place.what == BASE for place in driven)
@@ -213,7 +215,7 @@ def _pushed(links: Links, point: PointInput, first: int, centres: Any, numbers: 
     return force
 
 
-def _load(links: Links, place: Place, first: int, numbers: Arithmetic, centres: Any) -> Any:
+def _load(links: Links, place: SignalPlace, first: int, numbers: Arithmetic, centres: Any) -> Any:
     """The generalized force of an input, (n, 1)."""
     if place.pair is not None:
         return row_in(place.pair, len(centres[0]), numbers)
@@ -234,13 +236,13 @@ def _load(links: Links, place: Place, first: int, numbers: Arithmetic, centres: 
 
 def _output(
     links: Links,
-    row: Place,
+    row: SignalPlace,
     first: int,
     q: Any,
     carried: Any,
     joints: Any,
     centres: Any,
-    driven: Sequence[Place],
+    driven: Sequence[SignalPlace],
     numbers: Arithmetic,
 ) -> Any:
     """An output for every input, (m, W)."""

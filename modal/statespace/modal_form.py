@@ -39,7 +39,7 @@ RIGID = 2.0**-40
 """Of the sum of the absolute terms: what rounding leaves of the forces of dampers in a free motion."""
 
 
-class Block(NamedTuple):
+class ModalBlock(NamedTuple):
     """One mode: its states are left z, and z = right w for states w; A (k, k), right (n, k), left (k, n), k = 1 or 2.
 
     `mode` is its index in `ModalForm.modes`, None for a cart with prescribed motion, `copy` that of its shape;
@@ -69,7 +69,7 @@ class ModalForm(Displayed):
 
     modes: Modes
     model: StateSpace
-    blocks: tuple[Block, ...]
+    blocks: tuple[ModalBlock, ...]
 
     @property
     def is_held(self) -> bool:
@@ -165,16 +165,16 @@ def held(modes: Modes) -> Modes:
     return natural_modes(fixed(modes.scene)) if modes.rig.leading else modes
 
 
-def _cart(model: StateSpace, states: int, size: int) -> Iterator[Block]:
+def _cart(model: StateSpace, states: int, size: int) -> Iterator[ModalBlock]:
     """The prescribed cart: its position and, where its acceleration is given, its velocity."""
     places, eye = [0, size + 1][:states], np.eye(len(model.A))
     names = tuple(model.states[place] for place in places)
     A = model.A[np.ix_(places, places)]
     unit = np.eye(states, dtype=np.complex128)
-    yield Block(None, 0, 0.0, names, A, eye[:, places], eye[places], unit[0], unit[-1])
+    yield ModalBlock(None, 0, 0.0, names, A, eye[:, places], eye[places], unit[0], unit[-1])
 
 
-def _own(modes: Modes, n: int, size: int, kind: str, first: int) -> Iterator[Block]:
+def _own(modes: Modes, n: int, size: int, kind: str, first: int) -> Iterator[ModalBlock]:
     """The modes of this kind, their coordinates being states `first` … and their rates the last `size`."""
     linear, shapes = modes.matrices, all_shapes(modes)
     for number, value in enumerate(modes.eigenvalue.tolist()):
@@ -192,7 +192,7 @@ def _own(modes: Modes, n: int, size: int, kind: str, first: int) -> Iterator[Blo
             right, left = np.zeros((n, len(made.A))), np.zeros((len(made.A), n))
             right[first : first + size], right[n - size :] = made.right
             left[:, first : first + size], left[:, n - size :] = made.left
-            yield Block(number, copy, value, made.states, made.A, right, left, made.seen, made.pushed)
+            yield ModalBlock(number, copy, value, made.states, made.A, right, left, made.seen, made.pushed)
 
 
 class _Made(NamedTuple):

@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.assembly import Instant, Matrices, matrices
+from modal.assembly import HoistInstant, Matrices, matrices
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, counted, deferred
@@ -152,7 +152,7 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
 
 
 def assembled(
-    scene: Scene, instant: Instant | None, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()
+    scene: Scene, instant: HoistInstant | None, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()
 ) -> StateSpace:
     """The model of a scene of constant lengths as in `state_space`, with those of a moment of a hoist if `given`."""
     if 2 * scene.n_links > LARGEST_STATE:

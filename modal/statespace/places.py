@@ -15,7 +15,7 @@ from modal.statespace.signals import Signal
 GROUND, BASE, PUSH, POINT = "ground", "base", "push", "point"
 
 
-class Place(NamedTuple):
+class SignalPlace(NamedTuple):
     """What a signal is, how often it is differentiated, and the pendulum and link, from 0, it belongs to.
 
     An input at a `point` belongs to the links of that; `pair` is the pair of forces of what dissipates.
@@ -54,21 +54,21 @@ READ = {
 NAME = re.compile(r"(\w+?)(?:_(\d+))?(?:_(\d+))?")
 
 
-def place_of(kinds: dict[str, tuple[str, int]], name: str, tips: Sequence[int]) -> Place:
+def place_of(kinds: dict[str, tuple[str, int]], name: str, tips: Sequence[int]) -> SignalPlace:
     """Where a signal of this name is; `tips` are the last links of all pendula.  KeyError for an unknown name."""
     match = NAME.fullmatch(name)
     if not match:
         raise KeyError(name)
     prefix, pendulum, link = match.groups()
     number = int(pendulum) - 1 if pendulum else -1
-    return Place(*kinds[prefix], number, int(link) - 1 if link else tips[number] if pendulum else -1)
+    return SignalPlace(*kinds[prefix], number, int(link) - 1 if link else tips[number] if pendulum else -1)
 
 
 PAIRS = {JOINT: TORQUE, WIRE: TURN, DRAG: FORCE, CART: PUSH}
 """What the pair of forces of a dissipator is, by its kind."""
 
 
-def place_of_input(scene: Scene, driven: Signal | Dissipator, tips: Sequence[int]) -> Place:
+def place_of_input(scene: Scene, driven: Signal | Dissipator, tips: Sequence[int]) -> SignalPlace:
     """Where an input acts, perhaps at a point or as a pair of forces.  KeyError for an unknown name."""
     if isinstance(driven, Dissipator):
         pendulum, link = -1, driven.number
@@ -77,6 +77,6 @@ def place_of_input(scene: Scene, driven: Signal | Dissipator, tips: Sequence[int
             if link <= tips[pendulum]:
                 break
             link -= tips[pendulum] + 1
-        return Place(PAIRS.get(driven.kind, POINT), 0, pendulum, link, pair=driven)
+        return SignalPlace(PAIRS.get(driven.kind, POINT), 0, pendulum, link, pair=driven)
     name = driven.name
-    return Place(POINT, 0, point=point_input(scene, name)) if is_point(name) else place_of(GIVEN, name, tips)
+    return SignalPlace(POINT, 0, point=point_input(scene, name)) if is_point(name) else place_of(GIVEN, name, tips)

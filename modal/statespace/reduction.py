@@ -27,7 +27,7 @@ from modal.scene import Pendulum, Scene
 from modal.scene.doors import checked
 from modal.scene.points import Point, parse_point
 from modal.statespace.gains import NOISE, without_noise
-from modal.statespace.modal_form import Block, ModalForm, block_diagonal, to_modal_form
+from modal.statespace.modal_form import ModalBlock, ModalForm, block_diagonal, to_modal_form
 from modal.statespace.model import StateSpace, state_space
 from modal.statespace.points import is_point
 from modal.statespace.signals import OF_A_CART, SUPPORT, Signal, geometry_of, own_signals
@@ -125,13 +125,13 @@ def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...]
     return model if whole else assembled(form, blocks, model.D)
 
 
-def essential(form: ModalForm) -> list[Block]:
+def essential(form: ModalForm) -> list[ModalBlock]:
     """The blocks that an input reaches and an output sees; equal modes are rotated to minimize their number."""
     reached = _turned(form.blocks, [block.left for block in form.blocks], form.model.B)
     return _turned(reached, [block.right.T for block in reached], form.model.C.T)
 
 
-def assembled(form: ModalForm, blocks: Sequence[Block], D: Floats) -> StateSpace:
+def assembled(form: ModalForm, blocks: Sequence[ModalBlock], D: Floats) -> StateSpace:
     """The model of these blocks alone, in modal coordinates, with the same inputs and outputs."""
     left = np.vstack([np.zeros((0, len(form.model.A))), *(block.left for block in blocks)])
     right = np.hstack([np.zeros((len(form.model.A), 0)), *(block.right for block in blocks)])
@@ -140,7 +140,7 @@ def assembled(form: ModalForm, blocks: Sequence[Block], D: Floats) -> StateSpace
     return replace(form.model, scene=None, A=A, B=left @ form.model.B, C=form.model.C @ right, D=D, states=states)
 
 
-def _rate_alone(form: ModalForm, block: Block) -> Block:
+def _rate_alone(form: ModalForm, block: ModalBlock) -> ModalBlock:
     """The speed alone, for a translation whose position no output sees."""
     translation = np.array_equal(block.A, [[0.0, 1.0], [0.0, 0.0]])
     if not translation or without_noise(block.right.T, form.model.C.T)[0].any():
@@ -179,26 +179,26 @@ def _read_off_the_first(fold: Folded, model: StateSpace) -> StateSpace:
     )
 
 
-def _turned(blocks: Sequence[Block], rows: list[Floats], matrix: Floats) -> list[Block]:
+def _turned(blocks: Sequence[ModalBlock], rows: list[Floats], matrix: Floats) -> list[ModalBlock]:
     """The blocks for which rows · matrix is not 0, modes of one frequency rotated to minimize their number."""
     ends = np.cumsum([len(row) for row in rows])
     gains = np.split(without_noise(np.vstack(rows), matrix), ends[:-1]) if rows else []
     fresh = [not _equal(*pair) for pair in pairwise(blocks)]
     cuts = [0, *(k for k, new in enumerate(fresh, 1) if new), len(blocks)]
-    turned: list[Block] = []
+    turned: list[ModalBlock] = []
     for first, last in pairwise(cuts):
         turned += _independent(blocks[first:last], np.array([gain.ravel() for gain in gains[first:last]]))
     return turned
 
 
-def _equal(block: Block, other: Block) -> bool:
+def _equal(block: ModalBlock, other: ModalBlock) -> bool:
     """Whether two modes have the same frequency within rounding, as modes of different pendula may."""
     return block.A.shape == other.A.shape and bool(
         abs(block.eigenvalue - other.eigenvalue) <= TOLERANCE * abs(block.eigenvalue)
     )
 
 
-def _independent(blocks: Sequence[Block], gains: Floats) -> Sequence[Block]:
+def _independent(blocks: Sequence[ModalBlock], gains: Floats) -> Sequence[ModalBlock]:
     """As many combinations of blocks of one A as their gains (d, …) have independent rows."""
     if len(blocks) == 1 or not gains.any():
         return blocks if gains.any() else ()
@@ -236,25 +236,25 @@ def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribu
     return assembled(form, [block for k, block in enumerate(blocks) if k not in dropped], D)
 
 
-def _settles(block: Block) -> bool:
+def _settles(block: ModalBlock) -> bool:
     return block.mode is not None and not block.is_rigid and block.eigenvalue.real <= 0
 
 
-def _contributions(form: ModalForm, blocks: list[Block]) -> Floats:
+def _contributions(form: ModalForm, blocks: list[ModalBlock]) -> Floats:
     """(K,): the largest share of each block in any channel of Σ |C r| |ℓᵀB|/|λ|ᵏ, k its number of states."""
     total = sum((_size(form, block) for block in blocks), start=np.zeros_like(form.model.D))
     whole = np.where(total > 0, total, 1.0)
     return np.array([(_size(form, block) / whole).max(initial=0.0) for block in blocks])
 
 
-def _size(form: ModalForm, block: Block) -> Floats:
+def _size(form: ModalForm, block: ModalBlock) -> Floats:
     """|C r| |ℓᵀB|/|λ|ᵏ in every channel, (p, m)."""
     seen, pushed = abs(form.model.C @ block.right @ block.seen), abs(block.pushed @ block.left @ form.model.B)
     size: Floats = np.outer(seen, pushed) / abs(block.eigenvalue) ** len(block.A)
     return size
 
 
-def _static_gain(form: ModalForm, block: Block) -> Floats:
+def _static_gain(form: ModalForm, block: ModalBlock) -> Floats:
     """−C A⁻¹ B of one block."""
     gain: Floats = -(form.model.C @ block.right) @ np.linalg.solve(block.A, block.left @ form.model.B)
     return gain

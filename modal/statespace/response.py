@@ -23,9 +23,9 @@ from numpy.typing import ArrayLike
 
 from modal.report import as_csv, as_json, finite, grid, titled
 from modal.scene import require, title_of
-from modal.statespace.frequency import TOLERANCE, Elimination, is_whole
+from modal.statespace.frequency import TOLERANCE, ExactResponse, is_whole
 from modal.statespace.full_damping import is_small
-from modal.statespace.modal_form import Block, ModalForm
+from modal.statespace.modal_form import ModalBlock, ModalForm
 from modal.types import Complexes, Floats
 
 POINTS, LONGEST, ROWS = 2000, 20_000, 41
@@ -33,7 +33,7 @@ POINTS, LONGEST, ROWS = 2000, 20_000, 41
 
 
 class Term(NamedTuple):
-    """The contribution of one mode to G: (N1 s + N0)/(c2 s² + c1 s + c0), N1 and N0 (p, m); `mode` as in `Block`."""
+    """The contribution of one mode to G: (N1 s + N0)/(c2 s² + c1 s + c0), N1, N0 (p, m); `mode` as in `ModalBlock`."""
 
     mode: int | None
     N1: Floats
@@ -82,7 +82,7 @@ def frequency_response(
     eliminated = not is_whole(scene, driven) or is_small(scene) or scene.has_losses
     response = np.repeat(model.D[chosen][..., None], len(at), axis=2).astype(np.complex128)
     if eliminated:
-        response = Elimination(scene, driven, read).along(at, tolerance)
+        response = ExactResponse(scene, driven, read).along(at, tolerance)
     for term in terms(form):
         above, below = term._replace(N1=term.N1[chosen], N0=term.N0[chosen]).at(s)
         pole = below == 0
@@ -190,7 +190,7 @@ def impulse_response(form: ModalForm, times: ArrayLike) -> Floats:
     return response
 
 
-def _evolution(block: Block, t: Floats) -> tuple[Floats, Floats, float]:
+def _evolution(block: ModalBlock, t: Floats) -> tuple[Floats, Floats, float]:
     """e^{at} cos νt and e^{at} sin(νt)/ν (T,), with a: e^{At} = the first + (A − a) times the second."""
     A = block.A
     a = float(np.trace(A)) / len(A)

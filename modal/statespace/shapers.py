@@ -71,7 +71,7 @@ ASSUMED = {
 }
 
 
-class Swing(NamedTuple):
+class DampedSwing(NamedTuple):
     """Natural frequency ω (rad/s) and damping ratio ζ of a mode to be left at rest."""
 
     omega: float
@@ -110,7 +110,7 @@ class Shaper(Displayed):
         return Shaper(*_convolved((self.times, self.amplitudes), (other.times, other.amplitudes), self.step), self.step)
 
 
-def shaper(swings: Sequence[Swing], kind: Kind = "zv", step: float = 0.0, tolerance: float = TOLERANCE) -> Shaper:
+def shaper(swings: Sequence[DampedSwing], kind: Kind = "zv", step: float = 0.0, tolerance: float = TOLERANCE) -> Shaper:
     """The shaper of one mode, for several the convolution of one each, on the grid of a `step` (s) if that is not 0.
 
     `tolerance` is what an EI shaper may leave about ω.  Raises ValueError for another kind, for no modes, for a
@@ -143,7 +143,7 @@ def shaper_for(
     return shaper(swings[first : first + count], kind, step, tolerance)
 
 
-def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[Swing]:
+def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[DampedSwing]:
     """The modes that a drive excites, in ascending order: fixed-base modes under a prescribed motion.
 
     Under "cart_force" they are the free modes that move the cart, under the force on a coordinate of a structure those
@@ -152,7 +152,7 @@ def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[Swing]:
     """
     validate_scene(scene)
     modes, rows = swing_rows(scene, drive)
-    return [Swing(mode.omega, mode.damping_ratio) for mode in modes.rows(rows)]
+    return [DampedSwing(mode.omega, mode.damping_ratio) for mode in modes.rows(rows)]
 
 
 def swing_rows(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
@@ -248,7 +248,7 @@ def residual_vibration(shaper: Shaper, omega: ArrayLike, zeta: ArrayLike = 0.0) 
     return np.asarray(np.abs(left) * np.exp(-z * w * shaper.duration), dtype=np.float64)
 
 
-def insensitivity(shaper: Shaper, swing: Swing, tolerance: float = TOLERANCE) -> tuple[float, float]:
+def insensitivity(shaper: Shaper, swing: DampedSwing, tolerance: float = TOLERANCE) -> tuple[float, float]:
     """The range of ω (rad/s) about that of `swing` in which the residual vibration stays below `tolerance`.
 
     Raises ComputationError if it exceeds it at `swing` itself.
@@ -312,7 +312,7 @@ def over_length(scene: Scene, lengths: ArrayLike, pendulum: int = 0, link: int =
     return scenes
 
 
-def _single(swing: Swing, kind: Kind, step: float, tolerance: float) -> Shaper:
+def _single(swing: DampedSwing, kind: Kind, step: float, tolerance: float) -> Shaper:
     omega, zeta = swing
     if not (omega > 0 and 0 <= zeta < 1):
         raise ComputationError(
@@ -340,7 +340,7 @@ def _weighted(weights: Sequence[float], half: Train, step: float) -> Shaper:
     return Shaper(times, amplitudes / amplitudes.sum(), step)
 
 
-def _tolerant(swing: Swing, half: Train, step: float, tolerance: float) -> Shaper:
+def _tolerant(swing: DampedSwing, half: Train, step: float, tolerance: float) -> Shaper:
     """Weights (1 + v, 2(1 − v), 1 + v) with the v that makes the hump of V between its two zeros `tolerance`."""
     v, omega = tolerance, swing.omega * np.linspace(0.5, 1.5, HUMP)
     for _ in range(HUMP_STEPS):

@@ -63,7 +63,7 @@ class Geometry:
     on_cart: bool
     rate: Floats | None = None
     bend: Floats | None = None
-    carried: Carried | None = None
+    carried: StructureRows | None = None
 
     @property
     def leading(self) -> int:
@@ -92,7 +92,7 @@ class Geometry:
         return [int(np.flatnonzero(self.pendulum == p)[-1]) for p in np.unique(self.pendulum)]
 
 
-class Coordinate(NamedTuple):
+class StructureCoordinate(NamedTuple):
     """A coordinate of a structure: its `name` (`lower_m`), its unit, what it is, and what a force on it pushes.
 
     `along` is how far the origin of its carrier moves along the rail with it.
@@ -125,7 +125,7 @@ class Coordinate(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Carried:
+class StructureRows:
     """A structure over q: its d `coordinates`, and `momentum` (q,), that of its own masses at unit velocity along.
 
     `down` and `turning` (links, q) are the displacement downwards of every link's pivot and the angle of its carrier;
@@ -134,7 +134,7 @@ class Carried:
     """
 
     structure: Structure
-    coordinates: tuple[Coordinate, ...]
+    coordinates: tuple[StructureCoordinate, ...]
     momentum: Floats
     down: Floats
     turning: Floats
@@ -173,10 +173,10 @@ WORDS = {
 """What coordinates are, and forces on them, by the kind of their carrier or their own ending."""
 
 
-def coordinates_of(structure: Structure) -> tuple[Coordinate, ...]:
+def coordinates_of(structure: Structure) -> tuple[StructureCoordinate, ...]:
     """The coordinates of a structure in their order."""
     if structure.names == ("x",):
-        return (Coordinate("x", "m", "position of the cart", "force on the cart along the rail", 1.0),)
+        return (StructureCoordinate("x", "m", "position of the cart", "force on the cart along the rail", 1.0),)
     coordinates = []
     for number, carrier in enumerate(structure.carriers):
         still = (0.0,) * carrier.size
@@ -186,7 +186,7 @@ def coordinates_of(structure: Structure) -> tuple[Coordinate, ...]:
             meaning, pushed = (f"{words} {carrier.name}" for words in WORDS.get(suffix) or WORDS[carrier.kind])
             along = 0.0 if carrier.M is not None or unit == "rad" else float(origin[k][0])
             name = structure.names[structure.offsets[number] + k]
-            coordinates.append(Coordinate(name, unit, meaning, pushed, along))
+            coordinates.append(StructureCoordinate(name, unit, meaning, pushed, along))
     return tuple(coordinates)
 
 
@@ -229,7 +229,7 @@ def geometry_of_rig(rig: Rig) -> Geometry:
     )  # fmt: skip
 
 
-def _carried(rig: Rig, size: int) -> Carried:
+def _carried(rig: Rig, size: int) -> StructureRows:
     """What the structure of a rig adds."""
     hanging, structure = Hanging(rig), rig.structure
     assert structure is not None
@@ -244,7 +244,7 @@ def _carried(rig: Rig, size: int) -> Carried:
     )
     first = hanging.first.tolist()
     springs = tuple(hanging.spring_rows)
-    return Carried(structure, coordinates_of(structure), momentum, down, turning, springs, first)
+    return StructureRows(structure, coordinates_of(structure), momentum, down, turning, springs, first)
 
 
 # ------------------------------------------------------------------------------------------------------- inputs
@@ -283,7 +283,7 @@ def _coordinate_forces(geometry: Geometry) -> InputGroup:
     return InputGroup(signals, np.eye(geometry.size)[:, : len(signals)], _nothing(geometry, len(signals)))
 
 
-def coordinates_in(geometry: Geometry) -> tuple[Coordinate, ...]:
+def coordinates_in(geometry: Geometry) -> tuple[StructureCoordinate, ...]:
     """Those of the structure, none of other scenes."""
     return geometry.carried.coordinates if geometry.carried else ()
 
@@ -423,7 +423,7 @@ def _coordinate_rates(geometry: Geometry) -> OutputGroup:
     return OutputGroup(signals, rate=np.eye(geometry.size)[: len(coordinates)], translation=_in_laboratory(coordinates))
 
 
-def _in_laboratory(coordinates: Sequence[Coordinate]) -> Floats:
+def _in_laboratory(coordinates: Sequence[StructureCoordinate]) -> Floats:
     """What the ground's motion adds: to the position of one cart alone, which is that in the laboratory."""
     return np.array([float(coordinate.name == "x") for coordinate in coordinates])
 

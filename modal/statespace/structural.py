@@ -224,7 +224,7 @@ def _add_carriers(hanging: Hanging, numbers: Arithmetic, M: Any, K: Any, D: Any)
 
 
 def _add_pivot(
-    hanging: Hanging, numbers: Arithmetic, p: int, chain: _Chain, first: int, M: Any, K: Any, D: Any
+    hanging: Hanging, numbers: Arithmetic, p: int, chain: _ChainMatrices, first: int, M: Any, K: Any, D: Any
 ) -> None:
     """Add what a pendulum, whose angles begin at row `first`, does to the structure through its pivot."""
     structure, gravity, d = hanging.structure, numbers.number(hanging.rig.gravity), hanging.structure.size
@@ -243,7 +243,7 @@ def _add_pivot(
     D[:d, :d] = D[:d, :d] + chain.drag * moved
 
 
-class _Chain(NamedTuple):
+class _ChainMatrices(NamedTuple):
     """A chain on a support at rest: matrices (n, n), b and the sum of rows of dragged centres (n,), single numbers."""
 
     M: Any
@@ -257,7 +257,7 @@ class _Chain(NamedTuple):
     drag: Any
 
 
-def _chain(rig: Rig, block: int, column: int, numbers: Arithmetic) -> _Chain:
+def _chain(rig: Rig, block: int, column: int, numbers: Arithmetic) -> _ChainMatrices:
     chains = rig.blocks[block]
     names = ("mass", "length", "centre", "inertia", "across", "stiffness", "damping", "drag")
     m, l, c, inertia, way, k, e, drag = (numbers.number(getattr(chains, name)[:, column]) for name in names)
@@ -278,7 +278,7 @@ def _chain(rig: Rig, block: int, column: int, numbers: Arithmetic) -> _Chain:
         rows[i, :i], rows[i, i] = (way * l)[:i], way[i] * c[i]
     if chains.drag[:, column].any():
         D = D + (rows[:, :, None] * (drag[:, None] * rows)[:, None]).sum(0)
-    return _Chain(M, K, D, b, m.sum(), k[0], e[0], (drag[:, None] * rows).sum(0), drag.sum())
+    return _ChainMatrices(M, K, D, b, m.sum(), k[0], e[0], (drag[:, None] * rows).sum(0), drag.sum())
 
 
 def _filled(rig: Rig) -> Booleans:

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary, brief, counted
-from modal.statespace.frequency import Elimination
+from modal.statespace.frequency import ExactResponse
 from modal.statespace.modal_form import ModalForm, block_diagonal
 from modal.statespace.response import terms
 from modal.statespace.signals import Signal
@@ -120,7 +120,7 @@ def _one(
     if not kept:
         return TransferFunction(driven, read, _ascending([]), _ascending([]), d)
     poles = np.array([pole for c in kept for pole in np.roots(np.trim_zeros(c, "f"))], dtype=np.complex128)
-    G = Elimination((form.model.scene or form.modes.scene).lossless, [driven], [read])
+    G = ExactResponse((form.model.scene or form.modes.scene).lossless, [driven], [read])
     moving = np.abs(poles[poles != 0])
     fast, slow = (float(end(moving)) if len(moving) else G.unit for end in (np.max, np.min))
     middle = np.sqrt(fast) * np.sqrt(slow) * np.exp(0.5j)
@@ -141,7 +141,7 @@ def _interleaved(above: Complexes, below: Complexes) -> list[complex]:
     return [complex(upper / lower) for upper, lower in zip(*factors, strict=True)]
 
 
-def _exact(zeros: Complexes, still: int, G: Elimination) -> Complexes:
+def _exact(zeros: Complexes, still: int, G: ExactResponse) -> Complexes:
     """The zeros made exact; as many of the smallest as `still` are 0."""
     exact = zeros[np.argsort(np.abs(zeros), kind="stable")]
     exact[: max(still, 0)] = 0
@@ -154,7 +154,7 @@ def _exact(zeros: Complexes, still: int, G: Elimination) -> Complexes:
     return exact
 
 
-def _newton(start: Complexes, G: Elimination) -> Complexes:
+def _newton(start: Complexes, G: ExactResponse) -> Complexes:
     """The zeros of G near these (Z,); those themselves from which Newton's method leads away, as from double ones."""
     z, real = start, start.imag == 0
     for step in range(STEPS if len(start) else 0):

@@ -16,16 +16,16 @@ from modal.tuning.quantities import FreeNumber, Limit, Quantity, parse_limit, pa
 from modal.tuning.report import tuned_json, tuned_record, tuned_text
 from modal.tuning.result import Curves, Rule, Tuned, Valley
 from modal.tuning.search import tune
-from modal.tuning.worth import Case, Worth
+from modal.tuning.worth import MassCase, Worth
 
 __all__ = [
     "Absorber",
     "Aim",
-    "Case",
     "Curves",
     "FreeNumber",
     "Limit",
     "Load",
+    "MassCase",
     "Quantity",
     "Rule",
     "Tuned",

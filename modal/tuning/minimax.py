@@ -65,7 +65,7 @@ class Faces:
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class Evaluation:
     """Costs and limits at z (n,)."""
 
     z: Floats
@@ -103,7 +103,7 @@ class Point:
         return self.cost + PENALTY * self.excess if self.is_finite else np.inf
 
 
-Evaluate = Callable[[Floats, bool], Point]
+Evaluate = Callable[[Floats, bool], Evaluation]
 """A point at z, with gradients where the second argument says so."""
 
 
@@ -111,7 +111,7 @@ Evaluate = Callable[[Floats, bool], Point]
 class Minimum:
     """Where a descent ended: `active` (A,) labels of active pieces of each cost, `certain` after Newton's method."""
 
-    point: Point
+    point: Evaluation
     rounds: int
     certain: bool
 
@@ -160,7 +160,7 @@ def descend(
     return Minimum(here, rounds, False)
 
 
-def _smoothly(evaluate: Evaluate, here: Point, low: Floats, high: Floats) -> Point:
+def _smoothly(evaluate: Evaluate, here: Evaluation, low: Floats, high: Floats) -> Evaluation:
     """Where a quasi-Newton method leads from a point whose costs have one piece each."""
 
     def cost(z: Floats) -> tuple[float, Floats]:
@@ -182,7 +182,7 @@ def _smoothly(evaluate: Evaluate, here: Point, low: Floats, high: Floats) -> Poi
     return there if there.merit < here.merit else here
 
 
-def _corrected(here: Point, there: Point) -> tuple[Faces, ...]:
+def _corrected(here: Evaluation, there: Evaluation) -> tuple[Faces, ...]:
     """The pieces of a point, with their values such that those at the end of a step are right (second order)."""
     change = there.z - here.z
     corrected = []
@@ -192,7 +192,7 @@ def _corrected(here: Point, there: Point) -> tuple[Faces, ...]:
     return tuple(corrected)
 
 
-def _linear_step(here: Point, faces: Sequence[Faces], low: Floats, high: Floats, radius: float) -> _Step:
+def _linear_step(here: Evaluation, faces: Sequence[Faces], low: Floats, high: Floats, radius: float) -> _Step:
     """The best step of linearized pieces within a trust region about a point, and the multipliers of all pieces."""
     n, costs = len(here.z), len(here.costs)
     sizes = [len(face.values) for face in faces]
@@ -217,8 +217,8 @@ def _linear_step(here: Point, faces: Sequence[Faces], low: Floats, high: Floats,
 
 
 def polished(
-    evaluate: Evaluate, here: Point, weights: tuple[Floats, ...], low: Floats, high: Floats, enough: float = 0.0
-) -> Point | None:
+    evaluate: Evaluate, here: Evaluation, weights: tuple[Floats, ...], low: Floats, high: Floats, enough: float = 0.0
+) -> Evaluation | None:
     """Newton's method on the active pieces from a point; None where it does not settle at a point that is no worse."""
     faces = here.faces
     weights = tuple(_of_peaks(face, weight) for face, weight in zip(faces, weights, strict=True))
@@ -288,7 +288,7 @@ def _of_peaks(face: Faces, weights: Floats) -> Floats:
     return multipliers
 
 
-def _active(point: Point, active: list[Floats]) -> tuple[Floats, Floats]:
+def _active(point: Evaluation, active: list[Floats]) -> tuple[Floats, Floats]:
     """Values (A,) and gradients (A, n) of the pieces with these labels."""
     parts = [face.pick(at) for face, at in zip(point.faces, active, strict=True)]
     return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])

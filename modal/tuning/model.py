@@ -68,7 +68,7 @@ class Arrays(NamedTuple):
     translation: Any
 
 
-class Kind(NamedTuple):
+class ChannelKind(NamedTuple):
     """What does not depend on the numbers: what the input moves and how often differentiated; the output's order."""
 
     moves: str
@@ -83,14 +83,14 @@ Source = tuple[str, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Reduced:
+class ChannelModel:
     """A scene by its channels, as a function of numbers; `signals` are outputs and inputs with their units.
 
     `read` and `given` say where the rows of outputs and the forces of inputs come from.
     """
 
     channels: tuple[Channel, ...]
-    kinds: tuple[Kind, ...]
+    kinds: tuple[ChannelKind, ...]
     signals: tuple[tuple[Signal, Signal], ...]
     read: tuple[Source, ...]
     given: tuple[Source | None, ...]
@@ -119,7 +119,7 @@ class Reduced:
         return Arrays(linear.M, linear.K, linear.D, momentum, F, Y, thrust, translation)
 
 
-def reduced(scene: Scene, channels: Sequence[Channel]) -> Reduced:
+def reduced(scene: Scene, channels: Sequence[Channel]) -> ChannelModel:
     """The channels of a scene; SceneError names every signal that it does not have, and what its model refuses."""
     geometry = geometry_of(scene)
     inputs, outputs = _inputs(geometry), _outputs(geometry)
@@ -143,14 +143,14 @@ def reduced(scene: Scene, channels: Sequence[Channel]) -> Reduced:
     driven = tuple(_given(inputs, channel.input) for channel in channels)
     signals = tuple((outputs[channel.output][1], _signal(inputs, channel.input)) for channel in channels)
     kinds = tuple(
-        Kind(
+        ChannelKind(
             "" if channel.input not in MOVES else "ground" if channel.input in SUPPORT else "cart",
             MOVES.get(channel.input, 0),
             READINGS[name](geometry).order,
         )
         for channel, (name, _) in zip(channels, read, strict=True)
     )
-    return Reduced(tuple(channels), kinds, signals, read, driven)
+    return ChannelModel(tuple(channels), kinds, signals, read, driven)
 
 
 def _among(names: Sequence[str], wrong: str) -> str:
@@ -199,10 +199,10 @@ def _outputs(geometry: Geometry) -> dict[str, tuple[Source, Signal]]:
 # ------------------------------------------------------------------------------------------------ functions of numbers
 
 
-class Numbers:
+class TunedNumbers:
     """The arrays of a scene at values of its free numbers and at factors of others, with their derivatives."""
 
-    def __init__(self, scene: Scene, places: Sequence[Place], form: Reduced) -> None:
+    def __init__(self, scene: Scene, places: Sequence[Place], form: ChannelModel) -> None:
         self.scene, self.places, self.form = scene, tuple(places), form
         self.paths = [with_numbers(place) for place in places]
         self._variable = Variable(scene, self.paths)
@@ -227,7 +227,7 @@ class Numbers:
 class Model:
     """Responses of the channels of a model; `differentiate` gives its derivatives by numbers at places."""
 
-    kinds: tuple[Kind, ...]
+    kinds: tuple[ChannelKind, ...]
     arrays: Arrays
     differentiate: Callable[[Sequence[Place]], Arrays]
 

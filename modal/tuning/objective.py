@@ -10,7 +10,7 @@ import numpy as np
 from modal.report import Displayed, Summary
 from modal.scene import Scene
 from modal.scene.parameters import Place
-from modal.tuning.minimax import APART, HELPING, Faces, Point
+from modal.tuning.minimax import APART, HELPING, Evaluation, Faces
 from modal.tuning.pieces import Pieces, Quantities, Setting
 from modal.tuning.quantities import FreeNumber, Limit, Quantity
 from modal.types import Floats
@@ -78,7 +78,7 @@ class Objective:
         """Those of every quantity without derivatives, those of limits last."""
         return self.quantities.at(self.numbers(z), factors)
 
-    def evaluate(self, z: Floats, with_gradients: bool) -> Point:
+    def evaluate(self, z: Floats, with_gradients: bool) -> Evaluation:
         """Costs and limits, the worst of all cases."""
         values, n = self.numbers(z), len(z)
         every: list[list[Faces]] = []
@@ -89,7 +89,7 @@ class Objective:
                 [self._face(j, piece, varied, k, n, with_gradients=with_gradients) for j, piece in enumerate(pieces)]
             )
         faces = [_joined(parts) for parts in zip(*every, strict=True)]
-        return Point(np.asarray(z), tuple(faces[: len(self.aims)]), tuple(faces[len(self.aims) :]))
+        return Evaluation(np.asarray(z), tuple(faces[: len(self.aims)]), tuple(faces[len(self.aims) :]))
 
     def _face(self, j: int, piece: Pieces, varied: Floats, case: int, n: int, *, with_gradients: bool) -> Faces:
         values, gradients, at = piece.values, piece.gradients, piece.at

@@ -27,7 +27,7 @@ from modal.scene.records import Spectrum
 from modal.statespace.hoisting import Travel, travel_swing
 from modal.statespace.shapers import Kind
 from modal.tuning.interpolation import Interpolated, interpolated
-from modal.tuning.model import MOST_COORDINATES, Arrays, Channel, Model, Numbers, reduced
+from modal.tuning.model import MOST_COORDINATES, Arrays, Channel, Model, TunedNumbers, reduced
 from modal.tuning.peaks import UNDAMPED, find_peaks
 from modal.tuning.quantities import FreeNumber, Quantity
 from modal.types import Booleans, Floats
@@ -96,7 +96,7 @@ class Quantities:
         places = [entry.place for entry in free]
         self.places = (*places, *(place for place in masses_of(scene) if place not in places))
         self.given = np.array([number_at(scene, place) for place in self.places])
-        self.numbers = Numbers(scene, self.places, self.form)
+        self.numbers = TunedNumbers(scene, self.places, self.form)
         self.cases: tuple[Mapping[Place, float], ...] = ({},)
         """Factors of masses for which the arrays are interpolated even without derivatives."""
 

@@ -17,7 +17,7 @@ from modal.tuning.objective import Objective
 from modal.tuning.peaks import find_peaks
 from modal.tuning.pieces import Pieces, Quantities
 from modal.tuning.quantities import Quantity
-from modal.tuning.worth import Case, Worth, worst_case, worths
+from modal.tuning.worth import MassCase, Worth, worst_case, worths
 from modal.types import Floats
 
 CURVE = 400
@@ -95,7 +95,7 @@ class Tuned(Displayed):
         return worths(self._nominal, self.z)
 
     @cached_property
-    def worst(self) -> Case:
+    def worst(self) -> MassCase:
         """The worst that masses ±5 % make of the objective."""
         return worst_case(self._nominal, self.z)
 

@@ -98,7 +98,7 @@ def _edge(loss: Callable[[float], float], way: float) -> float:
 
 
 @dataclass(frozen=True)
-class Case(Displayed):
+class MassCase(Displayed):
     """Masses times `factors` by their places, with the objective's `value` and its `cost` there."""
 
     factors: Factors
@@ -118,13 +118,13 @@ class Case(Displayed):
         return f"{way}: {listed(few[:FEW], len(few))}; all others {other}"
 
 
-def worst_case(objective: Objective, z: Floats) -> Case:
+def worst_case(objective: Objective, z: Floats) -> MassCase:
     """The worst that masses ±5 %, each for itself, make of the objective."""
-    nominal = Case({}, objective.value(z), _cost(objective, z, {}))
+    nominal = MassCase({}, objective.value(z), _cost(objective, z, {}))
     return max((nominal, *worst_cases(objective, z)), key=lambda case: case.cost)
 
 
-def worst_cases(objective: Objective, z: Floats) -> list[Case]:
+def worst_cases(objective: Objective, z: Floats) -> list[MassCase]:
     """Corners of the box of masses ±5 % in which one piece of the objective or another is worst."""
     places = _free_masses(objective, z)
     corners: list[Factors]
@@ -133,10 +133,10 @@ def worst_cases(objective: Objective, z: Floats) -> list[Case]:
         corners = [dict(zip(places, corner, strict=True)) for corner in signs]
     else:
         corners = list(_climbed(objective, z, places))
-    cases: list[Case] = []
+    cases: list[MassCase] = []
     for factors in corners:
         if factors and all(case.factors != factors for case in cases):
-            cases.append(Case(factors, objective.value(z, factors), _cost(objective, z, factors)))
+            cases.append(MassCase(factors, objective.value(z, factors), _cost(objective, z, factors)))
     return cases
 
 

@@ -367,7 +367,7 @@ def _between(curve: Singular, amplitude: Floats, hertz: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class Place:
+class CurvePlace:
     """A point of a curve in sides of the window, the unit gradient there, and the frame of the next step."""
 
     point: Floats
@@ -392,7 +392,7 @@ class Window:
         """Whether a point is in the window."""
         return bool(np.all(point >= -ENOUGH) and np.all(point <= 1 + ENOUGH))
 
-    def settle(self, point: Floats, frame: Any, along: Floats | None = None) -> Place | None:
+    def settle(self, point: Floats, frame: Any, along: Floats | None = None) -> CurvePlace | None:
         """The point of the curve nearest to one, or in a direction; None where Newton's method finds none."""
         for _ in range(NEWTON if along is None else 4 * NEWTON):
             try:
@@ -409,10 +409,10 @@ class Window:
                 return None
             point = point - step * way
             if abs(step) < (SETTLED if along is None else ENOUGH):
-                return Place(point, slope / size, frame)
+                return CurvePlace(point, slope / size, frame)
         return None
 
-    def follow(self, start: Place, sense: float) -> tuple[list[Place], bool]:
+    def follow(self, start: CurvePlace, sense: float) -> tuple[list[CurvePlace], bool]:
         """Places from a start to the window's edge, and whether the curve closes before it."""
         places, step = [start], LONGEST / 4
         while len(places) < MOST_POINTS and step > SHORTEST:
@@ -432,7 +432,7 @@ class Window:
                 step = min(LONGEST, 1.5 * step)
         return places, False
 
-    def tip(self, places: list[Place]) -> list[Place]:
+    def tip(self, places: list[CurvePlace]) -> list[CurvePlace]:
         """Places up to one where two collisions meet at amplitude 0, by the polynomial of those before: it is flat."""
         last, before = places[-1], [place for place in places if place.point[0] > NEAR_TIP]
         flat = isinstance(self.curve, Collision) and not self.low[0] and last.point[0] < NEAR_TIP
@@ -445,9 +445,9 @@ class Window:
             if place is None:
                 return before
             some = [*some[1:], place.point]
-        return [*before, Place(np.array([0.0, _cubic(some, 0.0)]), last.normal, last.frame)]
+        return [*before, CurvePlace(np.array([0.0, _cubic(some, 0.0)]), last.normal, last.frame)]
 
-    def leave(self, here: Place, beyond: Floats) -> list[Place]:
+    def leave(self, here: CurvePlace, beyond: Floats) -> list[CurvePlace]:
         """The place on the window's edge between one inside and a point outside."""
         step = beyond - here.point
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -459,13 +459,13 @@ class Window:
         place = self.settle(start, here.frame, np.eye(2)[1 - k])
         return [place] if place and self.inside(place.point) else []
 
-    def lowest(self, places: Sequence[Place]) -> tuple[Floats, bool]:
+    def lowest(self, places: Sequence[CurvePlace]) -> tuple[Floats, bool]:
         """The point of least amplitude, and whether the curve turns there."""
         turns = [(places[0].point, False), (places[-1].point, False)]
         for here, there in pairwise(places):
             if here.tangent[0] * there.tangent[0] < 0:
 
-                def between(share: float, here: Place = here, there: Place = there) -> Place:
+                def between(share: float, here: CurvePlace = here, there: CurvePlace = there) -> CurvePlace:
                     place = self.settle(here.point + share * (there.point - here.point), here.frame)
                     place = place and self.settle(place.point, place.frame)  # the slope at the point itself
                     if place is None:
@@ -491,7 +491,7 @@ def _followed(curve: Curve, amplitude: Floats, hertz: Floats) -> Iterator[tuple[
     extent = np.array([np.ptp(amplitude), np.ptp(hertz)])
     line = np.eye(2)[int(np.argmax(extent > 0))] if np.any(extent == 0) else None
     window = Window(curve, low, np.where(extent > 0, extent, 1.0))
-    passed: list[list[Place]] = []
+    passed: list[list[CurvePlace]] = []
     for seed in _seeds(curve, amplitude, hertz):
         frame = curve.begin(seed)
         start = None if frame is None else window.settle((seed - low) / window.extent, frame, line)
@@ -508,7 +508,7 @@ def _followed(curve: Curve, amplitude: Floats, hertz: Floats) -> Iterator[tuple[
         yield Boundary(curve.number, points[:, 0], points[:, 1], (float(lowest[0]), float(lowest[1])), turns), window
 
 
-def _holds(places: Sequence[Place], place: Place) -> bool:
+def _holds(places: Sequence[CurvePlace], place: CurvePlace) -> bool:
     """Whether a place is on a curve: beside it with what grows on the same side, which of its neighbours is not so."""
     points = np.array([place_on.point for place_on in places])
     if len(points) == 1:

@@ -248,7 +248,7 @@ class Constant(PrescribedMotion):
         return 0.0
 
 
-class Sweep(PrescribedMotion):
+class SweptSine(PrescribedMotion):
     """A sin(ψ) with ψ'' constant within the duration, zero outside."""
 
     force = 0
@@ -480,7 +480,7 @@ class RandomProcess(PrescribedMotion):
 
 KINDS: dict[type, Callable[[Any], PrescribedMotion]] = {
     **dict.fromkeys((SineMotion, SineForce), Sine),
-    **dict.fromkeys((SweepMotion, SweepForce), Sweep),
+    **dict.fromkeys((SweepMotion, SweepForce), SweptSine),
     **dict.fromkeys((RecordMotion, RecordForce), Record),
     **dict.fromkeys((RandomMotion, RandomForce), RandomProcess),
     ConstantForce: Constant,

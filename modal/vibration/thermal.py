@@ -26,7 +26,7 @@ from modal.modes import natural_modes
 from modal.scene import Scene, require
 from modal.scene.doors import checked
 from modal.statespace import state_space, to_modal_form
-from modal.statespace.frequency import Elimination
+from modal.statespace.frequency import ExactResponse
 from modal.statespace.full_damping import MOST, is_small
 from modal.types import Complexes, Floats
 from modal.vibration.random import PRECISE, nodes, poles_of
@@ -57,8 +57,8 @@ class ThermalNoise(ModalResponse):
         return tuple(dict.fromkeys(dissipator.place for dissipator in self.dissipators))
 
     @cached_property
-    def _elimination(self) -> Elimination:
-        return Elimination(self.scene, self.dissipators, self.outputs)
+    def _elimination(self) -> ExactResponse:
+        return ExactResponse(self.scene, self.dissipators, self.outputs)
 
     def budget(self, f: ArrayLike, tolerance: float = TOLERANCE) -> Floats:
         """The PSD of every output from each of the `places`, (places, p, W) in its unit squared per hertz.

@@ -29,10 +29,10 @@ from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics
 from nonlinear.integration import validate, validate_numbers, validate_whole
 from nonlinear.integration.crowds import switching
-from nonlinear.integration.lanes import Task, integrate
+from nonlinear.integration.lanes import LaneTask, integrate
 from nonlinear.integration.pacing import longest_first, units_of
 from nonlinear.integration.switches import numbers_of as switching_numbers
-from nonlinear.integration.watches import Gains, tangent_direction
+from nonlinear.integration.watches import GrowthSamples, tangent_direction
 from nonlinear.system import State, initial_state, numbers_of, system_of, validate_state
 
 TRANSIENT = 0.5
@@ -320,8 +320,8 @@ def _grown(
     both = np.concatenate((y, units * tangent_direction(len(y))))
     absolute = tolerance * np.concatenate((units, units))
     first = longest_first(units_of(numbers).rate, members)
-    task = Task(Lanes(numbers, tangent=True), numbers, both, end, np.full(members, tolerance), absolute, first)
-    gains = Gains(tangent.scale, times[1:], y, report)
+    task = LaneTask(Lanes(numbers, tangent=True), numbers, both, end, np.full(members, tolerance), absolute, first)
+    gains = GrowthSamples(tangent.scale, times[1:], y, report)
     try:
         if reasons := integrate(switching(task), [gains]).reasons:
             raise ComputationError(f"a start {next(iter(reasons.values()))}")

@@ -20,7 +20,7 @@ from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.ensembles.lanes import Watches, stretched, task_of, watches_of
 from nonlinear.integration.crowds import Crowd, RailWork
 from nonlinear.integration.kernels import module_of, source
-from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, Task, Watch
+from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, LaneTask, Watch
 from nonlinear.integration.loops import BESIDE_LINKS, INFINITE, JAMMED, SHORT, WIDTH
 from nonlinear.integration.method import LOOKS, STAGES
 from nonlinear.integration.switches import Switches
@@ -69,7 +69,7 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
 
 
 def integrate(
-    task: Task, scale: Floats, local: Floats, watches: Watches | None, *, grows: bool, beside: Sequence[Watch] = ()
+    task: LaneTask, scale: Floats, local: Floats, watches: Watches | None, *, grows: bool, beside: Sequence[Watch] = ()
 ) -> Ran:
     """All members of a task to the end."""
     if not available():
@@ -160,7 +160,7 @@ def _given(values: Sequence[Any], count: int) -> Floats:
 
 
 def _see(
-    task: Task,
+    task: LaneTask,
     watches: Sequence[Watch],
     rates: Callable[[Numbers], Rates],
     which: Ints,

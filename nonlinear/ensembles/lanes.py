@@ -12,8 +12,16 @@ from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.integration import pacing
 from nonlinear.integration.crowds import RailWork, switching
-from nonlinear.integration.lanes import Task, Watch, integrate
-from nonlinear.integration.watches import Crossings, FirstTurns, Gains, Growth, Largest, Samples, tangent_direction
+from nonlinear.integration.lanes import LaneTask, Watch, integrate
+from nonlinear.integration.watches import (
+    Crossings,
+    FirstTurns,
+    Growth,
+    GrowthSamples,
+    Largest,
+    Samples,
+    tangent_direction,
+)
 from nonlinear.integration.within import fill
 from nonlinear.system import Layout, Numbers
 
@@ -27,7 +35,7 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     return found
 
 
-def task_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[Task, Floats, Floats]:
+def task_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[LaneTask, Floats, Floats]:
     """What to integrate, natural units of y, and the error (in these) allowed in a step."""
     units, layout = pacing.units_of(numbers), lanes.layout
     scale, slope = units.scale(layout), slope_of(lanes, numbers, y)
@@ -36,7 +44,7 @@ def task_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[
         size = pacing.shaken(numbers, layout, y, size, wanted.duration)
     relative, absolute, first = pacing.tolerances(y, slope, scale, size, units.rate, wanted.tolerance)
     absolute = np.ascontiguousarray(np.broadcast_to(absolute, y.shape))
-    return Task(lanes, numbers, y, wanted.duration, relative, absolute, first), scale, relative * size
+    return LaneTask(lanes, numbers, y, wanted.duration, relative, absolute, first), scale, relative * size
 
 
 @dataclass(eq=False)
@@ -103,14 +111,14 @@ def stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
     It begins in a direction drawn at random, the same for all.
     """
     task, scale = stretched(numbers, y, wanted)
-    watch = Gains(scale, np.array([TRANSIENT, 1 + TRANSIENT]) * wanted.duration, y, lambda elapsed: None)
+    watch = GrowthSamples(scale, np.array([TRANSIENT, 1 + TRANSIENT]) * wanted.duration, y, lambda elapsed: None)
     outcome = integrate(switching(task), [watch])
     growth = watch.rows[1] - watch.rows[0]
     growth[[*outcome.reasons]] = np.nan
     return np.asarray(growth)
 
 
-def stretched(numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[Task, Floats]:
+def stretched(numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[LaneTask, Floats]:
     """The task of y and a tangent vector, the transient included, and natural units of this."""
     lanes = Lanes(numbers, tangent=True)
     layout = replace(lanes.layout, works=False)
@@ -121,7 +129,7 @@ def stretched(numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[Task, Floats
     members = y.shape[1]
     first = pacing.longest_first(pacing.units_of(numbers).rate, members)
     relative = np.full(members, wanted.tolerance)
-    return Task(lanes, numbers, both, (1 + TRANSIENT) * wanted.duration, relative, absolute, first), scale
+    return LaneTask(lanes, numbers, both, (1 + TRANSIENT) * wanted.duration, relative, absolute, first), scale
 
 
 def shortest_scale(numbers: Numbers, layout: Layout) -> Floats:
@@ -129,4 +137,4 @@ def shortest_scale(numbers: Numbers, layout: Layout) -> Floats:
     system = numbers.arrays
     length = np.min([group.block.length.min((0, 1)) for group in system.groups], axis=0)
     rate = np.sqrt(np.atleast_1d(system.gravity) / length)
-    return pacing.Units(length, rate, 0 * rate).scale(layout)
+    return pacing.MemberUnits(length, rate, 0 * rate).scale(layout)

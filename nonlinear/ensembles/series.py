@@ -22,7 +22,7 @@ from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.found import Found, Wanted, merged
 from nonlinear.ensembles.lanes import slope_of, stretched, task_of
 from nonlinear.integration import taylor
-from nonlinear.integration.lanes import Task
+from nonlinear.integration.lanes import LaneTask
 from nonlinear.integration.passages import Level, Passages, counted, level_of, starts_of
 from nonlinear.integration.readiness import Code, made
 from nonlinear.integration.watches import ROUNDING, UNKNOWN
@@ -125,7 +125,7 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     return merged([(own, _run(numbers.at(own), np.ascontiguousarray(y[:, own]), wanted)) for own in groups])
 
 
-def _fineness(task: Task, local: Floats, y: Floats) -> Floats:
+def _fineness(task: LaneTask, local: Floats, y: Floats) -> Floats:
     """What to take the tolerance of a series times, (S,): it is relative to the largest number in y (size, S)."""
     size, far = local / task.relative, np.abs(y).max(0)
     return np.asarray(np.minimum(np.maximum(size, FINEST) / SPARED, 1.0) * np.minimum(FAR / np.maximum(far, FAR), 1.0))
@@ -188,7 +188,7 @@ def _swing(numbers: Numbers) -> float:
     return float(np.sqrt(4 * np.max(np.atleast_1d(system.gravity) / shortest)))
 
 
-def _integrator(task: Task, tolerance: float, events: Events | None, wanted: Wanted) -> Any:
+def _integrator(task: LaneTask, tolerance: float, events: Events | None, wanted: Wanted) -> Any:
     """For so many members as fit into a register, with what is to be seen on the way."""
     layout = task.lanes.layout
     seen: list[tuple[str, int, float, Any]] = []
@@ -209,7 +209,9 @@ def _integrator(task: Task, tolerance: float, events: Events | None, wanted: Wan
     return integrator
 
 
-def _propagated(integrator: Any, task: Task, own: slice, grid: Floats, events: Events | None, found: Found) -> Floats:
+def _propagated(
+    integrator: Any, task: LaneTask, own: slice, grid: Floats, events: Events | None, found: Found
+) -> Floats:
     """The y (K, size, members) of some members at the times of a grid, whose first is the start."""
     members = np.arange(own.start, own.stop)
     width = integrator.state.shape[1]

@@ -4,7 +4,7 @@ In: a scene and a `Recording`, read from CSV files.  Out: a `Fit`: the scene wit
 what the record does not determine, residuals.  Start with `fitting`; `flow` has the motions and their derivatives.
 """
 
-from nonlinear.identification.comparison import LAWS, Candidate, compare
+from nonlinear.identification.comparison import LAWS, ComparedLaw, compare
 from nonlinear.identification.diagnosis import diagnose, turning_points
 from nonlinear.identification.fitting import LOSSES, fit
 from nonlinear.identification.records import ANGLES, Recording, Segment, Sensor, parse_where, read_recording
@@ -15,7 +15,7 @@ __all__ = [
     "ANGLES",
     "LAWS",
     "LOSSES",
-    "Candidate",
+    "ComparedLaw",
     "Fit",
     "Recording",
     "Segment",

@@ -27,7 +27,7 @@ WEAK = 1e-3  # of the natural unit, where a law begins
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Candidate(Displayed):
+class ComparedLaw(Displayed):
     """A fit with one law, or several joined by +; `held_out_rms` (rad) of the part that was not fitted.
 
     Information criteria count as many values as the residuals' autocorrelation leaves independent.
@@ -49,7 +49,7 @@ def compare(
     *,
     report: Callable[[float], object] = lambda part: None,
     **options: object,
-) -> list[Candidate]:
+) -> list[ComparedLaw]:
     """The candidates, the best by BIC first; `options` are those of `fit`.  SceneError for an unknown law."""
     problems = [
         f"compare {name}: must be laws such as {', '.join(LAWS)} or viscous+coulomb{meant(name, LAWS)}"
@@ -74,12 +74,12 @@ def compare(
     return sorted((_candidate(*damped, count) for damped in fits), key=lambda candidate: candidate.bic)
 
 
-def _candidate(name: str, whole: Fit, held_out: float, count: float) -> Candidate:
+def _candidate(name: str, whole: Fit, held_out: float, count: float) -> ComparedLaw:
     """The criteria, for a record worth so many independent values: −2 ln L of Gaussian residuals, and a penalty."""
     there = np.sum([np.isfinite(segment.values).sum(axis=0) for segment in whole.recording.segments], axis=0)
     mean = float(np.mean(np.square(whole.residuals))), float(np.log(whole.problem.noise) @ there / there.sum())
     spread, unknowns = count * (log(mean[0]) + 2 * mean[1]), int(np.count_nonzero(np.diag(whole.cov)))
-    return Candidate(name, whole, spread + 2 * unknowns, spread + unknowns * log(count), held_out)
+    return ComparedLaw(name, whole, spread + 2 * unknowns, spread + unknowns * log(count), held_out)
 
 
 def _held_out(trained: Fit, recording: Recording) -> float:

@@ -27,7 +27,7 @@ from modal.scene.doors import checked
 from modal.types import Booleans, Floats
 from nonlinear.identification.diagnosis import diagnose
 from nonlinear.identification.mistakes import find_mistake, require_radians, require_seconds
-from nonlinear.identification.problem import Problem, require_fittable
+from nonlinear.identification.problem import FitProblem, require_fittable
 from nonlinear.identification.records import Recording
 from nonlinear.identification.result import Fit, root_mean_square
 from nonlinear.identification.starting import initial_states, starting_numbers
@@ -98,7 +98,7 @@ def fit(
     require_fittable(scene, parameters)
     require_seconds(scene, recording)
     whole, recording = recording, recording if window is None else recording.windows(window)
-    problem = Problem(scene, parameters, recording, coarse_noise(recording), scaled)
+    problem = FitProblem(scene, parameters, recording, coarse_noise(recording), scaled)
 
     def beginning(recorded: Recording) -> float:
         return _beginning(replace(problem, recording=recorded))
@@ -124,7 +124,7 @@ def fit(
     return replace(result, verdict=tuple(diagnose(result, words)))
 
 
-def _beginning(problem: Problem) -> float:
+def _beginning(problem: FitProblem) -> float:
     """The misfit of a fit to the first periods of some segments, infinite where none is found."""
     part = LOOK * 2 * np.pi / problem.system.rate
     segments = [replace(segment, continued=False) for segment in problem.recording.segments[:SEGMENTS]]
@@ -157,7 +157,7 @@ class Search:
     """The search for the least squares."""
 
     def __init__(
-        self, problem: Problem, loss: str, report: Report = lambda part: None, look: Callable[[], str] = lambda: ""
+        self, problem: FitProblem, loss: str, report: Report = lambda part: None, look: Callable[[], str] = lambda: ""
     ) -> None:
         self.problem, self.loss, self.report = problem, loss, report
         self.look, self.mistake = look, ""
@@ -221,7 +221,7 @@ class Search:
         span = max(SHORT * period, sum(durations) / max(MOST_WINDOWS - len(durations), 1))
         return span if self.problem.is_seen and span < SHORTEST * period else np.inf
 
-    def _nearest(self, part: Problem, u: Floats) -> Floats:
+    def _nearest(self, part: FitProblem, u: Floats) -> Floats:
         """Fitted to a part of the record, from the given numbers, or if they do not fit from those of the spectrum."""
         tries, numbers = [], self.problem.layout.numbers
         for z in self.starts:
@@ -302,17 +302,17 @@ class Search:
             self.loss,
         )
 
-    def _free(self, problem: Problem) -> Booleans:
+    def _free(self, problem: FitProblem) -> Booleans:
         free = problem.free.copy()
         free[: len(self.kept)] &= self.kept
         return free
 
-    def _nuisances(self, problem: Problem) -> Booleans:
+    def _nuisances(self, problem: FitProblem) -> Booleans:
         free = problem.free.copy()
         free[: problem.layout.numbers] = False
         return free
 
-    def _noise(self, problem: Problem, u: Floats) -> Floats:
+    def _noise(self, problem: FitProblem, u: Floats) -> Floats:
         """The standard deviation of every sensor's residuals; by their median for a robust loss."""
         noise = []
         readings = problem.readings(u)
@@ -326,7 +326,7 @@ class Search:
             noise.append(max(spread or root_mean_square(missed), FINEST * _size(problem.recording, c)))
         return np.array(noise)
 
-    def _solved(self, problem: Problem, u: Floats, most: int, rough: bool, close: float) -> Floats:
+    def _solved(self, problem: FitProblem, u: Floats, most: int, rough: bool, close: float) -> Floats:
         """The unknowns after a search from u; ComputationError where it cannot begin."""
         free, held = self._free(problem), u.copy()
         low, high = (bound[free] for bound in problem.bounds)
@@ -387,7 +387,7 @@ class Search:
             return whole(reached.x)
         return whole(solution.x)
 
-    def _scales(self, problem: Problem) -> Floats:
+    def _scales(self, problem: FitProblem) -> Floats:
         """The size of a step of each unknown."""
         layout, scales = problem.layout, np.ones(problem.layout.size)
         scales[: layout.numbers] = [
@@ -430,7 +430,7 @@ def _projected(J: Floats, nuisances: Booleans, numbers: int) -> Floats:
     return np.asarray(once - Q @ (Q.T @ once))
 
 
-def _covariance(problem: Problem, J: Floats, residuals: Floats, free: Booleans) -> tuple[Floats, tuple[Floats, ...]]:
+def _covariance(problem: FitProblem, J: Floats, residuals: Floats, free: Booleans) -> tuple[Floats, tuple[Floats, ...]]:
     """Of all unknowns (size, size), with the autocorrelation of every sensor's residuals."""
     columns = np.flatnonzero(free)
     J, residuals = problem.ordered(J)[:, columns], problem.ordered(residuals)

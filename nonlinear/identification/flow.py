@@ -16,7 +16,7 @@ from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics import Lanes
 from nonlinear.integration.analytic import Analytic
-from nonlinear.integration.lanes import Task, integrate
+from nonlinear.integration.lanes import LaneTask, integrate
 from nonlinear.integration.method import within_shares
 from nonlinear.integration.within import Step
 from nonlinear.system import Numbers
@@ -27,7 +27,7 @@ FIRST = 0.1  # of sqrt(l/g), the first step
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class SensorChannel:
     """What a sensor reads: the sum of signed components of y, at times (S, K) (s).
 
     Times beyond the segment's end are infinite.
@@ -48,7 +48,7 @@ class Readings:
     NaN stands where a segment has no sample.  ComputationError after so many steps.
     """
 
-    channels: Sequence[Channel]
+    channels: Sequence[SensorChannel]
     half: int
     ends: Floats
     most: int
@@ -130,14 +130,16 @@ class Segments:
     rate: float
 
 
-def integrated(segments: Segments, channels: Sequence[Channel], tolerance: float, most: int = MOST_STEPS) -> Readings:
+def integrated(
+    segments: Segments, channels: Sequence[SensorChannel], tolerance: float, most: int = MOST_STEPS
+) -> Readings:
     """What channels read of all segments until their ends; ComputationError where one cannot be followed."""
     lanes, y = Lanes(segments.real, counts_work=False, target="columns"), segments.y
     size, count = y.shape[:2]
     absolute = np.repeat(tolerance * segments.scale[:, None], count, axis=1)
     first = np.full(count, FIRST / segments.rate)
     relative = np.full(count, tolerance)
-    task = Task(lanes, segments.numbers, y, segments.ends, relative, absolute, first, start=segments.starts)
+    task = LaneTask(lanes, segments.numbers, y, segments.ends, relative, absolute, first, start=segments.starts)
     watch = Readings(channels, size // 2, segments.ends, most)
     watch.begin(segments.starts, y)
     if segments.real.switching:

@@ -21,7 +21,7 @@ from modal.scene import AnyLink, Scene, refusals
 from modal.scene.parameters import Place, is_of_switch, number_at
 from modal.types import Booleans, Floats
 from nonlinear.dynamics.inputs import Inputs
-from nonlinear.identification.flow import MOST_STEPS, Channel, Readings, Segments, integrated
+from nonlinear.identification.flow import MOST_STEPS, Readings, Segments, SensorChannel, integrated
 from nonlinear.identification.records import Recording, Sensor
 from nonlinear.integration.switches import numbers_of as switching_of
 from nonlinear.system import Numbers, System, numbers_of, system_of, translations
@@ -34,7 +34,7 @@ MOST_LINKS = 32
 
 
 @dataclass(frozen=True)
-class Layout:
+class Unknowns:
     """Where the unknowns are: p numbers, C offsets, scales and delays, S states of `width`."""
 
     numbers: int
@@ -85,7 +85,7 @@ def _link(scene: Scene, parameter: Parameter) -> AnyLink:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Problem(Displayed):
+class FitProblem(Displayed):
     """A recording, and a scene of which these numbers are free; `scaled` frees the sensors' scales.
 
     `noise` (C,) is the standard deviation of every sensor, `tightness` times that the one of a gap between a motion and
@@ -107,9 +107,9 @@ class Problem(Displayed):
         return system_of(self._rubbing)
 
     @cached_property
-    def layout(self) -> Layout:
+    def layout(self) -> Unknowns:
         """The arrangement of unknowns."""
-        return Layout(
+        return Unknowns(
             len(self.parameters), len(self.recording.sensors), len(self.recording.segments), 2 * self.coordinates
         )
 
@@ -297,7 +297,7 @@ class Problem(Displayed):
             at += count
         return np.concatenate([*sorted_rows, rows[at:]])
 
-    def _continuations(self, most: int, starts: Floats) -> list[Channel]:
+    def _continuations(self, most: int, starts: Floats) -> list[SensorChannel]:
         """Channels for every component of a state where the next segment begins."""
         if not self._joined:
             return []
@@ -306,7 +306,7 @@ class Problem(Displayed):
         for s in self._joined:
             times[s, 0] = segments[s + 1].times[0] - segments[s].times[0] + starts[s]
         half = self.coordinates
-        return [Channel(((row, 1.0),), times) for row in range(2 * half)]
+        return [SensorChannel(((row, 1.0),), times) for row in range(2 * half)]
 
     @cached_property
     def _last(self) -> dict[bytes, Readings]:
@@ -342,7 +342,7 @@ class Problem(Displayed):
             times = np.full((S, most), np.inf)
             for s, segment in enumerate(segments):
                 times[s, : len(segment.times)] = segment.times - begun[s] - u[layout.delays][c] + starts[s]
-            channels.append(Channel(self.parts(sensor), times))
+            channels.append(SensorChannel(self.parts(sensor), times))
         channels += self._continuations(most, starts)
         every = np.array([channel.times for channel in channels])
         ends = np.where(np.isfinite(every), every, -np.inf).max(axis=(0, 2))

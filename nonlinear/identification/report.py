@@ -9,13 +9,13 @@ import numpy as np
 
 from modal.report import NOTHING, as_json, finite, grid, short, titled
 from modal.scene import title_of
-from nonlinear.identification.comparison import Candidate
+from nonlinear.identification.comparison import ComparedLaw
 from nonlinear.identification.result import Fit
 
 DIGITS = 6
 
 
-def fit_record(result: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -> dict[str, Any]:
+def fit_record(result: Fit, candidates: Sequence[ComparedLaw] = (), draws: int = 0) -> dict[str, Any]:
     """The report of a fit for JSON; `covariance` is that of `parameters` in their order.
 
     With `draws` every parameter has its `bootstrap_std` of so many resampled records.
@@ -64,7 +64,7 @@ def fit_record(result: Fit, candidates: Sequence[Candidate] = (), draws: int = 0
     return record
 
 
-def fit_json(result: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -> str:
+def fit_json(result: Fit, candidates: Sequence[ComparedLaw] = (), draws: int = 0) -> str:
     """The report as JSON."""
     return as_json(fit_record(result, candidates, draws))
 
@@ -116,7 +116,7 @@ def _labels(result: Fit) -> list[str]:
     return labels
 
 
-def fit_text(result: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -> str:
+def fit_text(result: Fit, candidates: Sequence[ComparedLaw] = (), draws: int = 0) -> str:
     """The report as text; with `draws` a column has the standard deviations of a bootstrap."""
     rows, again = [], result.bootstrap(draws) if draws else None
     for k, parameter in enumerate(result.parameters):

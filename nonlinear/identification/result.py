@@ -21,7 +21,7 @@ from modal.identification import (
 from modal.report import Displayed, Summary, brief, counted, deferred, tabulated
 from modal.scene import Scene, name_of
 from modal.types import Floats, Ints
-from nonlinear.identification.problem import Problem
+from nonlinear.identification.problem import FitProblem
 from nonlinear.identification.records import Recording
 
 BLOCKS = 10  # of residuals in a series, at least
@@ -41,7 +41,7 @@ class Fit(Displayed):
     its numbers have no standard deviations: they are NaN.
     """
 
-    problem: Problem
+    problem: FitProblem
     unknowns: Floats
     cov: Floats
     held: Ints

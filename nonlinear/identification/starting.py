@@ -12,7 +12,7 @@ from modal.identification import Parameter, numbers_at, scene_with, starts_of
 from modal.modes import natural_modes
 from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.identification.problem import Problem
+from nonlinear.identification.problem import FitProblem
 from nonlinear.identification.records import Recording
 
 GLANCE = 0.4  # of sqrt(l/g): the samples that a state is read from
@@ -22,7 +22,7 @@ FAR = 0.08  # relative error of a frequency beyond which the numbers are first f
 RESERVE = 0.5  # standard deviation of ln p in that fit
 
 
-def initial_states(problem: Problem) -> Floats:
+def initial_states(problem: FitProblem) -> Floats:
     """The states (S, width) at the beginning of every segment, by a parabola through each sensor's first samples."""
     coordinates = problem.coordinates
     picks, back = problem.picks, np.linalg.pinv(problem.picks)

@@ -28,11 +28,11 @@ class Analytic(Crowd):
 
     def at(self, members: Any) -> Some:
         """Those of some members."""
-        return _Columns(self, members, self.columns.at(members))
+        return _MemberColumns(self, members, self.columns.at(members))
 
 
 @dataclass(frozen=True, eq=False)
-class _Columns(Some):
+class _MemberColumns(Some):
     """The switches of some members, of which a change is one of all their columns."""
 
     columns: Numbers

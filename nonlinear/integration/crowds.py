@@ -14,7 +14,7 @@ from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Lanes, Rates
 from nonlinear.dynamics.switching import switched, switching_of
 from nonlinear.dynamics.text import Module
-from nonlinear.integration.lanes import Task
+from nonlinear.integration.lanes import LaneTask
 from nonlinear.integration.switches import NODES as GAUSS
 from nonlinear.integration.switches import WEIGHTS, Switches, kicks_of
 from nonlinear.integration.within import Step, beside, fill
@@ -59,7 +59,7 @@ class Crowd:
             self.members[member] = self.switches.member(member)
         return self.members[member]
 
-    def begin(self, task: Task) -> Task:
+    def begin(self, task: LaneTask) -> LaneTask:
         """The same task with the state of its members, after the kicks that are due at once."""
         y, size, starts = task.begun.copy(), self.lanes.layout.size, task.starts
         motion = y if y.ndim < 3 else y[..., 0].real
@@ -114,7 +114,7 @@ class Crowd:
         return np.asarray(sum(self.switches.work(y, state), np.zeros(y.shape[1])))
 
 
-def switching(task: Task) -> Task:
+def switching(task: LaneTask) -> LaneTask:
     """The same task with the switches of its members, where they have any: its flow then is a `Crowd`."""
     if not task.numbers.switching:
         return task

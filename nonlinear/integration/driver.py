@@ -37,7 +37,7 @@ def silent(time: float) -> None:
 
 
 @dataclass
-class Record:
+class RunRecord:
     """The results of a run so far: y at the sampled times, events, and statistics."""
 
     times: Floats
@@ -86,9 +86,9 @@ class Drive:
     escapements: Escapements | None = None
     friction: StickSlip | None = None
 
-    def run(self) -> Record:
+    def run(self) -> RunRecord:
         """Advance to the last sampled time, or as far as possible."""
-        record = Record(self.times, np.empty((len(self.times), len(self.stepper.y))))
+        record = RunRecord(self.times, np.empty((len(self.times), len(self.stepper.y))))
         record.keep(self.stepper.y[None])
         advance = self._far if self._sweeps else self._on
         try:
@@ -126,21 +126,21 @@ class Drive:
     def _sweeps(self) -> bool:
         return isinstance(self.stepper, Sweeper) and not (self.events or self.escapements or self.friction)
 
-    def _rest(self, record: Record) -> None:
+    def _rest(self, record: RunRecord) -> None:
         """Everything is at rest for good: the samples that are left are all the same."""
         row = self.equations.project(self.stepper.y)[0]
         record.keep(np.tile(row, (len(self.times) - record.filled, 1)))
         record.last = float(self.times[-1]), row
         self.report(self.times[-1] - self.times[0])
 
-    def _rubbed(self, record: Record) -> Friction:
+    def _rubbed(self, record: RunRecord) -> Friction:
         """What friction did as far as the run came."""
         time, row = record.last or (float(self.times[0]), self.stepper.y)
         if isinstance(self.equations, Switched):
             return self.equations.record(time, np.asarray(row).tolist())
         return self.friction.record(time, np.asarray(row)) if self.friction else NO_FRICTION
 
-    def _far(self, record: Record) -> None:
+    def _far(self, record: RunRecord) -> None:
         """Many steps in which nothing but samples is needed."""
         whole = self.equations.whole() if isinstance(self.equations, Switched) else nullcontext()
         with np.errstate(all="ignore"), whole:
@@ -149,7 +149,7 @@ class Drive:
         record.drift = stepper.drift
         self._keep(record, *swept)
 
-    def _keep(self, record: Record, rows: Floats, ends: Sequence[Any], steps: int) -> None:
+    def _keep(self, record: RunRecord, rows: Floats, ends: Sequence[Any], steps: int) -> None:
         first = record.filled
         if self.report is silent:
             record.keep(rows)
@@ -165,14 +165,14 @@ class Drive:
         if switched:
             self.report(record.reached - self.times[0])
 
-    def _on(self, record: Record) -> None:
+    def _on(self, record: RunRecord) -> None:
         """One step and everything that happens within it."""
         before = self.stepper.time
         with np.errstate(all="ignore"):
             self.stepper.step()
         self._within(record, before)
 
-    def _within(self, record: Record, before: float) -> None:
+    def _within(self, record: RunRecord, before: float) -> None:
         """Everything that happens within the last step."""
         record.steps += 1
         now, y = self.stepper.time, self.stepper.y
@@ -197,7 +197,7 @@ class Drive:
             self._change(record, before, (kick, change), y)
         self.report(now - self.times[0])
 
-    def _change(self, record: Record, before: float, due: tuple[Due | None, Transition | None], y: Floats) -> None:
+    def _change(self, record: RunRecord, before: float, due: tuple[Due | None, Transition | None], y: Floats) -> None:
         """Go on from y, after a kick or a change of friction that is due."""
         (kick, change), now = due, record.reached
         if self.friction and change:
@@ -221,7 +221,7 @@ class Drive:
             if drift:
                 self.stepper.restart(mended)
 
-    def _switch(self, record: Record, before: float, y: Floats) -> None:
+    def _switch(self, record: RunRecord, before: float, y: Floats) -> None:
         """What happens at y where the last step ended at a switch of its own."""
         stepper, now = cast("FloatStepper", self.stepper), self.stepper.time
         stepper.worked(before, record.reached)
@@ -231,7 +231,7 @@ class Drive:
             _first_stop(record, (event for event in self._jumps(now, y, switched) if event[0].name not in known))
             record.last = now, switched
 
-    def _sample(self, record: Record, now: float) -> None:
+    def _sample(self, record: RunRecord, now: float) -> None:
         """The sampled times up to now; where the step ends on one, the step's own result is used."""
         count = int(np.searchsorted(self.times, now, side="right")) - record.filled
         if count > 0:
@@ -313,7 +313,7 @@ def _passes(event: Event, low: float, high: float) -> bool:
     return (low < 0 <= high and event.direction >= 0) or (low > 0 >= high and event.direction <= 0)
 
 
-def _first_stop(record: Record, events: Iterable[tuple[EventRecord, bool]]) -> float | None:
+def _first_stop(record: RunRecord, events: Iterable[tuple[EventRecord, bool]]) -> float | None:
     """Keep the events up to the first one that stops the run; its time (s)."""
     for happening, stop in events:
         record.happenings.append(happening)

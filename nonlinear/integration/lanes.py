@@ -63,7 +63,7 @@ class Watch(Protocol):
 
 
 class LaneSwitches(Protocol):
-    """What `Task.switches.at(members)` gives: steps end where a value passes from below to above 0, which changes y."""
+    """What `LaneTask.switches.at(members)` gives: steps end where a value passes 0 upwards, which changes y."""
 
     count: int
 
@@ -81,7 +81,7 @@ class LaneSwitches(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class LaneTask:
     """Segments to integrate: y (size, S) or (size, S, 1 + k) of each, from `start` to `end` (s), one or each its own.
 
     `relative` (S,) and `absolute` (size, S) are tolerances, `first` (S,) steps to try (s).  Steps are no longer than
@@ -152,7 +152,7 @@ class Front:
 
     LANES = ("member", "t", "h", "refused", "usual", "low", "high", "which", "met")
 
-    def __init__(self, task: Task, width: int) -> None:
+    def __init__(self, task: LaneTask, width: int) -> None:
         self.task, self.waiting = task, min(width, task.begun.shape[1])
         W = self.waiting
         self.member = np.arange(W)
@@ -361,7 +361,7 @@ class Front:
             self._renew(np.flatnonzero(self.member >= self.waiting - len(came)))
 
 
-def integrate(task: Task, watches: Sequence[Watch] = (), width: int | None = None) -> Outcome:
+def integrate(task: LaneTask, watches: Sequence[Watch] = (), width: int | None = None) -> Outcome:
     """All members to the end, as many at once as `width` says."""
     size = task.begun.shape[1]
     steps, events = np.zeros((2, size), dtype=np.int64)

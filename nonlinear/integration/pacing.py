@@ -20,7 +20,7 @@ MOVED, RESTING = 4, 1e-300  # how many times what moves counts, as in `sharpened
 
 
 @dataclass(frozen=True, eq=False)
-class Units:
+class MemberUnits:
     """Natural units of members: `length` (m) of the longest link, `rate` sqrt(g/l) (rad/s), `energy` g Σ b (J).
 
     Each is (S,), or (1,) where members do not differ in it.  `turning` are the coordinates of carriers that are angles.
@@ -40,7 +40,7 @@ class Units:
         return np.concatenate((half, half * rate, energy[None][: int(layout.works)]))
 
 
-def units_of(numbers: Numbers) -> Units:
+def units_of(numbers: Numbers) -> MemberUnits:
     """Of members with these numbers."""
     system = numbers.arrays
     length = np.max([group.block.length.max((0, 1)) for group in system.groups], axis=0)
@@ -48,10 +48,10 @@ def units_of(numbers: Numbers) -> Units:
     gravity = np.atleast_1d(system.gravity)
     structure = numbers.system.structure
     turning = () if structure is None else structure.turning
-    return Units(np.asarray(length), np.sqrt(gravity / length), np.asarray(gravity * weight), turning)
+    return MemberUnits(np.asarray(length), np.sqrt(gravity / length), np.asarray(gravity * weight), turning)
 
 
-def extents(numbers: Numbers, layout: Layout, y: Floats, units: Units) -> Floats:
+def extents(numbers: Numbers, layout: Layout, y: Floats, units: MemberUnits) -> Floats:
     """How far each start y (size, S) is from rest, (S,), as in `nonlinear.integration.arguments.extent`."""
     system, cart, first, half = numbers.arrays, numbers.arrays.cart, layout.first, layout.half
     rest = numbers.system.rest[:, None]

@@ -23,7 +23,7 @@ from nonlinear.dynamics import (
 )
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration.arguments import extent, shaken
-from nonlinear.integration.driver import Drive, Record, silent
+from nonlinear.integration.driver import Drive, RunRecord, silent
 from nonlinear.integration.escapements import escapements
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.friction import StickSlip
@@ -86,7 +86,7 @@ class Prepared:
             raise SimulationError(f"{record.stopped}{hint}", trajectory)
         return trajectory
 
-    def _trajectory(self, record: Record) -> Trajectory:
+    def _trajectory(self, record: RunRecord) -> Trajectory:
         equations, choice = self.equations, self.choice
         run = SolverInfo(
             form=choice.form,

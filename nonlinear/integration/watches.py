@@ -220,7 +220,7 @@ class Growth:
 
 
 @dataclass(eq=False)
-class Gains:
+class GrowthSamples:
     """What ln |v| has gained until each of the `times` (K,) in s, `rows` (K, S), NaN where none came; `last` is y.
 
     Tangent vectors are brought back to length 1 after every step.  `report` hears how far (s) the slowest has come.

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.orbits.continuation import Point, Problem, between
+from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem, between
 from nonlinear.orbits.floquet import Map
 
 FINE, COARSE = 6, 4  # orbits through which the two polynomials pass
@@ -37,7 +37,7 @@ class Node:
     """An orbit at a length along the branch; `kept` where it belongs to it."""
 
     length: float
-    point: Point
+    point: OrbitPoint
     kept: bool = True
 
     @property
@@ -46,7 +46,7 @@ class Node:
         return self.point.orbit.floquet.map
 
 
-def resolved(problem: Problem, points: Sequence[Point]) -> list[Point]:
+def resolved(problem: OrbitProblem, points: Sequence[OrbitPoint]) -> list[OrbitPoint]:
     """The points of a branch and those between them whose orbits differ in stability from both neighbours."""
     if len(points) < 2:
         return list(points)
@@ -56,7 +56,7 @@ def resolved(problem: Problem, points: Sequence[Point]) -> list[Point]:
     return [node.point for node in nodes if node.kept]
 
 
-def _lengths(points: Sequence[Point]) -> Iterator[float]:
+def _lengths(points: Sequence[OrbitPoint]) -> Iterator[float]:
     length = 0.0
     yield length
     for point, following in pairwise(points):
@@ -64,13 +64,13 @@ def _lengths(points: Sequence[Point]) -> Iterator[float]:
         yield length
 
 
-def _arc(start: Point, end: Point) -> float:
+def _arc(start: OrbitPoint, end: OrbitPoint) -> float:
     """The length of the branch between two points, from their distance and the angle between their tangents."""
     turn = float(np.arccos(np.clip(start.tangent @ end.tangent, -1, 1)))
     return float(np.linalg.norm(end.u - start.u)) * (1 + turn**2 / 24)
 
 
-def _search(problem: Problem, nodes: list[Node], first: Node, last: Node) -> None:
+def _search(problem: OrbitProblem, nodes: list[Node], first: Node, last: Node) -> None:
     """Add to the nodes, in order, those between two of them that the search computes."""
     left = MOST
     waiting = [(first, last)]

@@ -15,7 +15,7 @@ from modal.modes import natural_modes
 from modal.report import HTML_ROWS, Displayed, Summary, counted, deferred, tabulated
 from modal.scene.parameters import Variation
 from modal.types import Floats
-from nonlinear.orbits.continuation import Point, Problem
+from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import Special
 
@@ -31,9 +31,9 @@ class Branch(Displayed):
     """
 
     origin: str
-    points: tuple[Point, ...]
+    points: tuple[OrbitPoint, ...]
     special: tuple[Special, ...]
-    problem: Problem
+    problem: OrbitProblem
     variation: Variation | None = None
     complete: bool = True
     linear: float | None = None

@@ -32,7 +32,7 @@ SMALL = radians(0.1)  # angle (rad) below which differences are measured by it
 ASIDE = (0.3, 0.7, 0.5, 0.1, 0.9)  # of a bracket, tried where a point in it was not found
 
 
-class Problem(Protocol):
+class OrbitProblem(Protocol):
     """Equations whose solutions are periodic orbits."""
 
     def equations(self, u: Floats) -> tuple[Floats, Floats]:
@@ -45,7 +45,7 @@ class Problem(Protocol):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Point(Displayed):
+class OrbitPoint(Displayed):
     """A solution u with the tangent of its branch (N,), and its orbit."""
 
     u: Floats
@@ -54,7 +54,7 @@ class Point(Displayed):
 
 
 def corrected(
-    problem: Problem, guess: Floats, row: Floats | None = None, least: float | None = None
+    problem: OrbitProblem, guess: Floats, row: Floats | None = None, least: float | None = None
 ) -> tuple[Floats, Floats] | None:
     """The solution near a guess, in the plane through it across `row` where there is one, and ∂r/∂u (k, N) there.
 
@@ -87,7 +87,7 @@ def tangent_of(J: Floats, along: Floats) -> Floats:
     return np.asarray(tangent if tangent @ along >= 0 else -tangent)
 
 
-def point(problem: Problem, guess: Floats, row: Floats, least: float | None = None) -> Point | None:
+def point(problem: OrbitProblem, guess: Floats, row: Floats, least: float | None = None) -> OrbitPoint | None:
     """The point of a branch across `row` from a guess, None where there is none."""
     if (solution := corrected(problem, guess, row, least)) is None:
         return None
@@ -96,15 +96,15 @@ def point(problem: Problem, guess: Floats, row: Floats, least: float | None = No
         orbit = problem.orbit(u)
     except ComputationError:
         return None
-    return Point(u, tangent_of(J, row), orbit) if orbit.residual < CLOSED else None
+    return OrbitPoint(u, tangent_of(J, row), orbit) if orbit.residual < CLOSED else None
 
 
-def level(here: Point, ahead: Point) -> float:
+def level(here: OrbitPoint, ahead: OrbitPoint) -> float:
     """No limit to how far neighbours are apart."""
     return 0.0
 
 
-def apart(here: Point, ahead: Point) -> float:
+def apart(here: OrbitPoint, ahead: OrbitPoint) -> float:
     """How far neighbouring forced motions are apart in amplitude and in phase, over AMPLITUDE and PHASE.
 
     The phase is that of the link with the largest angle of the first, if it has one.
@@ -117,14 +117,14 @@ def apart(here: Point, ahead: Point) -> float:
 
 
 def follow(
-    problem: Problem,
-    first: Point,
+    problem: OrbitProblem,
+    first: OrbitPoint,
     *,
     step: float = 0.02,
     longest: float = 0.08,
     least: float = LEAST,
-    apart: Callable[[Point, Point], float] = level,
-) -> Iterator[Point]:
+    apart: Callable[[OrbitPoint, OrbitPoint], float] = level,
+) -> Iterator[OrbitPoint]:
     """The points of a branch, from the first one on, as long as there are any; `apart` is at most 1 for neighbours."""
     here = first
     yield here
@@ -143,7 +143,9 @@ def follow(
         yield here
 
 
-def between(problem: Problem, start_point: Point, end_point: Point, part: float, least: float | None = None) -> Point:
+def between(
+    problem: OrbitProblem, start_point: OrbitPoint, end_point: OrbitPoint, part: float, least: float | None = None
+) -> OrbitPoint:
     """The point at a fraction of the way from one point to the next, from the cubic through both and their tangents.
 
     Directions with singular values below `least`, relative, are those of the cubic, if that is a solution.
@@ -162,14 +164,14 @@ def between(problem: Problem, start_point: Point, end_point: Point, part: float,
 
 
 def located(
-    problem: Problem,
-    start: Point,
-    end: Point,
-    test: Callable[[Point], float],
+    problem: OrbitProblem,
+    start: OrbitPoint,
+    end: OrbitPoint,
+    test: Callable[[OrbitPoint], float],
     accuracy: float = 1e-10,
     *,
     crossing: bool = False,
-) -> Point:
+) -> OrbitPoint:
     """The point between two where a test function is 0; it has different signs at them (Illinois' rule).
 
     Where branches cross, the equations do not tell how far along the other branch a point is (SINGULAR): there it is

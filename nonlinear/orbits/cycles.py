@@ -17,7 +17,7 @@ from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibri
 from nonlinear.dynamics.variational import Force
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import Point, corrected, follow, level, located, tangent_of
+from nonlinear.orbits.continuation import OrbitPoint, corrected, follow, level, located, tangent_of
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import COARSEST, FINEST, MOST_SEGMENTS, SEGMENTS, Clock, Shooting, shooting, spread
 from nonlinear.orbits.special import Special, along_cycles
@@ -285,13 +285,13 @@ def walked(
     orbit: Orbit,
     longest: float,
     most: int,
-    apart: Callable[[Point, Point], float] = level,
-) -> tuple[list[Point], bool]:
+    apart: Callable[[OrbitPoint, OrbitPoint], float] = level,
+) -> tuple[list[OrbitPoint], bool]:
     """The points from one end of the range until the branch leaves it, and whether it does."""
     inward = np.zeros(len(u))
     inward[-1] = 1.0 if u[-1] < 0.5 else -1.0
-    points: list[Point] = []
-    first = Point(u, tangent_of(problem.equations(u)[1], inward), orbit)
+    points: list[OrbitPoint] = []
+    first = OrbitPoint(u, tangent_of(problem.equations(u)[1], inward), orbit)
     for here in follow(problem, first, step=longest / 5, longest=longest, apart=apart):
         points.append(here)
         if len(points) > 1 and not 0 < here.u[-1] < 1:
@@ -303,7 +303,7 @@ def walked(
     return points, False
 
 
-def at_edge(problem: Shooting, before: Point, here: Point) -> Point:
+def at_edge(problem: Shooting, before: OrbitPoint, here: OrbitPoint) -> OrbitPoint:
     """The point at the end of the range that the second of two neighbours has passed."""
     edge = float(here.u[-1] > 0.5)
     return located(problem, before, here, lambda each: float(each.u[-1]) - edge)
@@ -331,7 +331,7 @@ def crossed(
     u = solution(problem, y, period, value)
     distance = problem.place(at) - problem.place(value)
     towards = np.append(np.zeros(len(u) - 1), np.sign(distance))
-    before = Point(u, tangent_of(problem.equations(u)[1], towards), problem.orbit(u))
+    before = OrbitPoint(u, tangent_of(problem.equations(u)[1], towards), problem.orbit(u))
     steps = follow(problem, before, step=abs(distance) / 2, longest=max(2 * abs(distance), 0.05))
     for here in islice(steps, 1, STEPS):
         if special := next(along_cycles(problem, [before, here], ROUGH), None):

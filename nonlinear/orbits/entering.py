@@ -16,7 +16,7 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch
-from nonlinear.orbits.continuation import Point, apart, follow, level, point
+from nonlinear.orbits.continuation import OrbitPoint, apart, follow, level, point
 from nonlinear.orbits.cycles import at_edge, turning
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import Shooting, shooting, spread
@@ -73,7 +73,7 @@ def _at(branch: Branch, special: Special, times: int) -> tuple[Shooting, Floats,
     return problem, unknowns(orbit), unknowns(end) - unknowns(start)
 
 
-def _firsts(problem: Shooting, u: Floats, new: Floats) -> Iterator[Point]:
+def _firsts(problem: Shooting, u: Floats, new: Floats) -> Iterator[OrbitPoint]:
     for away in AWAY:
         for sign in (1.0, -1.0):
             row = sign * new
@@ -82,7 +82,7 @@ def _firsts(problem: Shooting, u: Floats, new: Floats) -> Iterator[Point]:
                 yield first
 
 
-def _inside(problem: Shooting, first: Point, step: float) -> Iterator[Point]:
+def _inside(problem: Shooting, first: OrbitPoint, step: float) -> Iterator[OrbitPoint]:
     """The points of the branch as long as its number is within the range, to its edge, and once around a closed one."""
     before, left = first, False
     for here in follow(problem, first, longest=step, apart=apart if problem.clock else level):

@@ -21,7 +21,7 @@ from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import Point, corrected, follow, located, tangent_of
+from nonlinear.orbits.continuation import OrbitPoint, corrected, follow, located, tangent_of
 from nonlinear.orbits.modes import TOLERANCE, nonlinear_mode, oscillating
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import Special, collisions, passing
@@ -110,8 +110,8 @@ def mode_along(
     up = np.append(np.zeros(len(u) - 1), 1.0)
     if (solution := corrected(problem, u, up)) is None:
         raise ComputationError("no periodic orbit was found at the first value")
-    first = Point(solution[0], tangent_of(solution[1], up), problem.orbit(solution[0]))
-    points: list[Point] = []
+    first = OrbitPoint(solution[0], tangent_of(solution[1], up), problem.orbit(solution[0]))
+    points: list[OrbitPoint] = []
     complete = False
     for here in follow(problem, first, step=LONGEST / 4, longest=LONGEST):
         points.append(here)
@@ -130,15 +130,15 @@ def mode_along(
     )
 
 
-def _at_edge(problem: Held, before: Point, here: Point) -> Point:
+def _at_edge(problem: Held, before: OrbitPoint, here: OrbitPoint) -> OrbitPoint:
     edge = float(here.u[-1] > 0.5)
     return located(problem, before, here, lambda each: float(each.u[-1]) - edge)
 
 
-def _specials(problem: Held, points: Sequence[Point]) -> Iterator[Special]:
+def _specials(problem: Held, points: Sequence[OrbitPoint]) -> Iterator[Special]:
     """Folds of the number; and of the orbits of one scene, folds of their energy, branch points and collisions."""
 
-    def turning(here: Point) -> float:
+    def turning(here: OrbitPoint) -> float:
         return float(here.tangent[-1])
 
     for after, (start, end) in enumerate(pairwise(points)):
@@ -158,7 +158,7 @@ def _specials(problem: Held, points: Sequence[Point]) -> Iterator[Special]:
             yield Special("collision", met.orbit, after, met)
 
 
-def _energy_turns(problem: Held, start: Point, end: Point) -> bool:
+def _energy_turns(problem: Held, start: OrbitPoint, end: OrbitPoint) -> bool:
     """Whether the energy along the orbits of one scene grows at one point and falls at the other."""
     before = np.zeros(len(start.u) - 1)
     slopes = []

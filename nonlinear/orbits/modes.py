@@ -14,7 +14,7 @@ from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_number
 from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
-from nonlinear.orbits.continuation import Point, follow, located, point
+from nonlinear.orbits.continuation import OrbitPoint, follow, located, point
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import COARSEST, FINEST
 from nonlinear.orbits.special import along_backbone
@@ -74,13 +74,13 @@ def _beyond(orbit: Orbit, to: float, energy: float | None) -> float:
 
 def _until(
     problem: Quarter,
-    steps: Iterable[Point],
-    reached: Callable[[Point], float],
+    steps: Iterable[OrbitPoint],
+    reached: Callable[[OrbitPoint], float],
     most: int,
     report: Report = lambda reached: None,
-) -> tuple[list[Point], bool]:
+) -> tuple[list[OrbitPoint], bool]:
     """The points up to the one where a test function reaches 0, and whether it does."""
-    points: list[Point] = []
+    points: list[OrbitPoint] = []
     for here in steps:
         points.append(here)
         report(degrees(here.orbit.amplitude))
@@ -114,7 +114,7 @@ def orbit_where_off(scene: Scene, number: int, share: float = 0.01) -> Orbit | N
     modes, row = oscillating(scene, number)
     problem, linear = quarter_of(modes.scene, TOLERANCE), float(modes.omega[row])
 
-    def off(here: Point) -> float:
+    def off(here: OrbitPoint) -> float:
         return abs(here.orbit.omega / linear - 1) - share
 
     steps = follow(problem, beginning(problem, modes, row, SMALL), step=SMALL, longest=COARSE)
@@ -161,7 +161,7 @@ def _is_carriers_alone(modes: Modes, row: int) -> bool:
     return bool(len(shape.supports)) and np.abs(shape.angles).max() < STILL * np.abs(shape.supports).max()
 
 
-def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> Point:
+def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> OrbitPoint:
     """The orbit of this amplitude (rad) beside the linear mode of this index, with the tangent towards larger ones."""
     shape = modes.shape(row)
     phi = np.real(modes.column(shape)) / problem.flow.scale[: problem.half]

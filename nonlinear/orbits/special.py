@@ -10,7 +10,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary
-from nonlinear.orbits.continuation import Point, Problem, between, located
+from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem, between, located
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import Shooting
 from nonlinear.orbits.symmetric import Quarter
@@ -31,7 +31,7 @@ class Special(Displayed):
     kind: str
     orbit: Orbit
     after: int
-    point: Point = field(repr=False)
+    point: OrbitPoint = field(repr=False)
     of: str = ""
     breaks: bool = False
 
@@ -41,7 +41,7 @@ class Special(Displayed):
         return Summary(f"{self.kind.capitalize()}{of} after orbit {self.after}: {summary.title}", summary.facts)
 
 
-def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Special]:
+def along_backbone(problem: Quarter, points: Sequence[OrbitPoint]) -> Iterator[Special]:
     """The special points of a branch of symmetric orbits, in order.
 
     Energy or frequency turn at folds.  At c = −1 away from them orbits branch off that are still the same to the left
@@ -53,10 +53,10 @@ def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Specia
     if not mirrored:
         kinds = ((1, "branch point", True), (-1, "period doubling", False))
 
-    def energy(here: Point) -> float:
+    def energy(here: OrbitPoint) -> float:
         return problem.energy_slope(here.u, here.tangent)
 
-    def frequency(here: Point) -> float:
+    def frequency(here: OrbitPoint) -> float:
         return float(here.tangent[-1])
 
     for after, (start, end) in enumerate(pairwise(points)):
@@ -73,13 +73,13 @@ def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Specia
         yield from sorted(specials, key=lambda each: float((each.point.u - start.u) @ (end.u - start.u)))
 
 
-def along_cycles(problem: Shooting, points: Sequence[Point], accuracy: float = 1e-10) -> Iterator[Special]:
+def along_cycles(problem: Shooting, points: Sequence[OrbitPoint], accuracy: float = 1e-10) -> Iterator[Special]:
     """The special points of a branch of orbits without symmetry, in order.
 
     Folds are where the varied number turns, in a conservative scene the energy; `accuracy` is that of `located`.
     """
 
-    def turning(here: Point) -> float:
+    def turning(here: OrbitPoint) -> float:
         if problem.variation is None:
             return problem.energy_slope(here.u, here.tangent)
         return float(here.tangent[-1])
@@ -102,7 +102,7 @@ def along_cycles(problem: Shooting, points: Sequence[Point], accuracy: float = 1
         yield from sorted(specials, key=lambda each: float((each.point.u - start.u) @ (end.u - start.u)))
 
 
-def passing(start: Point, end: Point, sign: int) -> Callable[[Point], float] | None:
+def passing(start: OrbitPoint, end: OrbitPoint, sign: int) -> Callable[[OrbitPoint], float] | None:
     """A function that passes 0 where a multiplier passes 1 or −1 between two points; None where none is seen to.
 
     It is det(R ∓ 1), or the margin of the outermost pair where two pass at once, as those of equal pendula do.
@@ -116,13 +116,15 @@ def passing(start: Point, end: Point, sign: int) -> Callable[[Point], float] | N
     return None
 
 
-def collisions(problem: Problem, start: Point, end: Point, accuracy: float = 1e-10) -> Iterator[Point]:
+def collisions(
+    problem: OrbitProblem, start: OrbitPoint, end: OrbitPoint, accuracy: float = 1e-10
+) -> Iterator[OrbitPoint]:
     """Where two pairs of multipliers meet and leave the circle or the real axis, or return.
 
     There a factor of the discriminant passes 0; where that of equal pairs hides it, the number of pairs apart changes.
     """
 
-    def factor(which: int) -> Callable[[Point], float]:
+    def factor(which: int) -> Callable[[OrbitPoint], float]:
         return lambda here: float(here.orbit.floquet.map.margins[which])
 
     seen = 0
@@ -138,7 +140,7 @@ def collisions(problem: Problem, start: Point, end: Point, accuracy: float = 1e-
         yield halved(problem, start, end, lambda here: here.orbit.floquet.apart)
 
 
-def _circled(problem: Shooting, start: Point, end: Point, accuracy: float) -> Point | None:
+def _circled(problem: Shooting, start: OrbitPoint, end: OrbitPoint, accuracy: float) -> OrbitPoint | None:
     """Where a complex pair of multipliers passes the unit circle; None where a pair grew apart beyond it instead."""
     if start.orbit.floquet.apart == end.orbit.floquet.apart:
         return None
@@ -150,10 +152,10 @@ def _circled(problem: Shooting, start: Point, end: Point, accuracy: float) -> Po
 
 
 def _special(
-    problem: Problem,
-    start: Point,
-    end: Point,
-    test: Callable[[Point], float],
+    problem: OrbitProblem,
+    start: OrbitPoint,
+    end: OrbitPoint,
+    test: Callable[[OrbitPoint], float],
     kind: str,
     after: int,
     of: str = "",
@@ -167,7 +169,9 @@ def _special(
     return Special(kind, met.orbit, after, met, of, breaks)
 
 
-def halved(problem: Problem, start: Point, end: Point, test: Callable[[Point], object]) -> Point:
+def halved(
+    problem: OrbitProblem, start: OrbitPoint, end: OrbitPoint, test: Callable[[OrbitPoint], object]
+) -> OrbitPoint:
     """The point from which on a test gives another value than at the first one, by bisection."""
     low, high, before, changed = 0.0, 1.0, test(start), end
     for _ in range(HALVINGS):

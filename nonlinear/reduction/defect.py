@@ -22,7 +22,7 @@ from modal.assembly import Matrices, matrices
 from modal.eigen import is_singular
 from modal.types import Floats
 from nonlinear.reduction.residual import residual_forces
-from nonlinear.reduction.superposition import Flat, Superposition, Swing
+from nonlinear.reduction.superposition import Flat, ModalSwing, Superposition
 from nonlinear.system import System, system_of
 
 PER_PERIOD = 16  # samples per period of the fastest significant oscillation
@@ -36,7 +36,7 @@ EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class ErrorEstimate:
     """The error of a motion at `times` (T,) in s: `at` (T,) is the largest error of any link so far (rad).
 
     `trustworthy` tells whether the second term of its series is small compared with the first; where it is not, the
@@ -58,7 +58,7 @@ class Estimate:
         return float(self.at[-1])
 
 
-def defect_error(motion: Superposition, duration: float) -> Estimate | None:
+def defect_error(motion: Superposition, duration: float) -> ErrorEstimate | None:
     """The error of a superposition with respect to the true motion within `duration` (s).
 
     None where it cannot be estimated cheaply: for many coordinates, many oscillations or a singular mass matrix.
@@ -74,10 +74,10 @@ def defect_error(motion: Superposition, duration: float) -> Estimate | None:
         return _estimate(motion, each, times)
 
 
-def _estimate(motion: Superposition, each: list[Matrices], times: Floats) -> Estimate:
+def _estimate(motion: Superposition, each: list[Matrices], times: Floats) -> ErrorEstimate:
     system = system_of(motion.scene)
     on = system.first
-    answers = [Answer.of(linear, times[1]) for linear in each]
+    answers = [StepResponse.of(linear, times[1]) for linear in each]
     moved = [plane.deflections(times).transpose(0, 2, 1) for plane in motion.planes]
     missed = [np.array(plane.begun) - q[:2, :, 0] for plane, q in zip(motion.planes, moved, strict=True)]
     rounding = _rounding(motion, answers, times, _largest(moved, on)[-1])
@@ -87,16 +87,16 @@ def _estimate(motion: Superposition, each: list[Matrices], times: Floats) -> Est
     both = [e + more for e, more in zip(first, second, strict=True)]
     before, after, at = (_largest(parts, on) for parts in (first, second, both))
     at = np.nan_to_num(np.maximum(at, after) + rounding, nan=np.inf)
-    return Estimate(times, at, bool(after[-1] <= CONTRACTS * before[-1] + rounding[-1]))
+    return ErrorEstimate(times, at, bool(after[-1] <= CONTRACTS * before[-1] + rounding[-1]))
 
 
-def _added(system: System, moved: list[Floats], answers: list[Answer], missed: list[Floats]) -> list[Floats]:
+def _added(system: System, moved: list[Floats], answers: list[StepResponse], missed: list[Floats]) -> list[Floats]:
     """The correction of the motion by the linear equations under −ρ: its q, q' and q'' (3, n, T) in each plane."""
     forces = residual_forces(system, moved)
     return [answer.to(-force, gap) for answer, force, gap in zip(answers, forces, missed, strict=True)]
 
 
-def _rounding(motion: Superposition, answers: list[Answer], times: Floats, size: float) -> Floats:
+def _rounding(motion: Superposition, answers: list[StepResponse], times: Floats, size: float) -> Floats:
     """The effect of rounding on the largest angle of a motion of this size (rad), (T,).
 
     It grows with the phase; angles about an inverted equilibrium are rounded near π, an error that grows at the fastest
@@ -123,13 +123,13 @@ def _fastest(planes: Sequence[Flat]) -> float:
     )
 
 
-def _weight(swing: Swing) -> float:
+def _weight(swing: ModalSwing) -> float:
     """The acceleration (rad/s²) of an oscillation."""
     return abs(swing.value) * max(abs(swing.value * swing.eta), abs(swing.rate))
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class StepResponse:
     """The step of M q'' + D q' + K q = f for (q, q'): y_k = E y_{k−1} + hold f_{k−1} + ramp (f_k − f_{k−1}).
 
     `law` (n, 3 n) gives q'' from q, q' and f.
@@ -141,7 +141,7 @@ class Answer:
     law: Floats
 
     @staticmethod
-    def of(linear: Matrices, step: float) -> Answer:
+    def of(linear: Matrices, step: float) -> StepResponse:
         """By series over a step halved until they converge quickly, which is then doubled as often."""
         n = len(linear.M)
         law = np.asarray(np.linalg.solve(linear.M, np.hstack((-linear.K, -linear.D, np.eye(n)))), dtype=np.float64)
@@ -152,7 +152,7 @@ class Answer:
         E, hold, ramp = grown, held @ B, ramped @ B
         for _ in range(halvings):
             E, hold, ramp = E @ E, E @ hold + hold, (E @ ramp + hold + ramp) / 2
-        return Answer(E, hold, ramp, law)
+        return StepResponse(E, hold, ramp, law)
 
     def to(self, force: Floats, begun: Floats) -> Floats:
         """The q, q' and q'' (3, n, T) under a force known at every step (n, T), from q and q' (2, n).

@@ -30,7 +30,7 @@ PER_PERIOD = 16  # samples per period of that
 
 
 @dataclass(frozen=True, eq=False)
-class Excitation:
+class ExcitedShapes:
     """How far the shapes outside a motion move: `peaks` (B, S), the largest |η| of each within the first `ends` (B,) s.
 
     `shapes` (L, S) are the angles of every link in each shape (rad).
@@ -52,7 +52,9 @@ class Excitation:
         return np.asarray(most[within] * np.maximum(1.0, elapsed / self.ends[-1]))
 
 
-def excite(system: System, times: Floats, motion: Motion, shapes: Floats, omega: Floats, begun: Floats) -> Excitation:
+def excite(
+    system: System, times: Floats, motion: Motion, shapes: Floats, omega: Floats, begun: Floats
+) -> ExcitedShapes:
     """The response of shapes (n, S) of natural frequencies `omega` (S,) in rad/s to a plane motion at even times (T,).
 
     `begun` (2, S) are their η and η' at the start.  They oscillate: no ω is zero.
@@ -83,7 +85,7 @@ def excite(system: System, times: Floats, motion: Motion, shapes: Floats, omega:
             np.maximum(largest, np.abs(z.imag) / omega, out=largest)
         peaks.append(largest.copy())
         ends.append(times[rows][-1] - times[0])
-    return Excitation(np.array(ends), np.array(peaks), shapes[on:])
+    return ExcitedShapes(np.array(ends), np.array(peaks), shapes[on:])
 
 
 def excited(angles: Floats, share: float) -> Ints:

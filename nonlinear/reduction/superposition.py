@@ -41,7 +41,7 @@ INCOMPLETE = "the modes do not span this start: some of them share an eigenvalue
 
 
 @dataclass(frozen=True, eq=False)
-class Swing:
+class ModalSwing:
     """One mode in a motion: its shape φ (n,), λ (rad/s), κ (1/rad²; 0 for linear motion), η and η' at the start."""
 
     shape: Complexes
@@ -88,7 +88,7 @@ class Swing:
         return z, z * speed, z * (speed**2 + 2j * omega * s * bend * fade)
 
 
-def together(swings: Sequence[Swing], times: Floats) -> Floats:
+def together(swings: Sequence[ModalSwing], times: Floats) -> Floats:
     """The contribution of these modes to q, q' and q'', (3, T, n)."""
     z = np.moveaxis(np.array([swing.coordinate(times) for swing in swings]), 0, 2)
     phi = np.array([swing.shape for swing in swings])
@@ -100,7 +100,7 @@ class Flat:
     """The motion of a scene in one vertical plane: its modes, and q and q' (n,) at the start."""
 
     scene: Scene
-    swings: tuple[Swing, ...]
+    swings: tuple[ModalSwing, ...]
     begun: tuple[Floats, Floats]
 
     def deflections(self, times: Floats) -> Floats:
@@ -165,7 +165,7 @@ def _flat(scene: Scene, start: State, corrected: bool) -> Flat:
     return Flat(scene, tuple(swings(scene, start, corrected=corrected)), (q, v))
 
 
-def swings(scene: Scene, start: State, *, corrected: bool) -> list[Swing]:
+def swings(scene: Scene, start: State, *, corrected: bool) -> list[ModalSwing]:
     """The modes of a plane scene that this start excites."""
     modes, here = natural_modes(scene), _instant(start)
     drifting = [number for number in range(len(modes)) if _drifts(scene, modes, number)]
@@ -175,7 +175,7 @@ def swings(scene: Scene, start: State, *, corrected: bool) -> list[Swing]:
         raise ComputationError(INCOMPLETE) from None
     kappa = [mode.kappa if corrected and np.isfinite(mode.kappa) else 0.0 for mode in modes]
     each = [
-        Swing(
+        ModalSwing(
             phi,
             complex(modes.eigenvalue[number]),
             kappa[number],
@@ -207,15 +207,15 @@ def _drifts(scene: Scene, modes: Modes, number: int) -> bool:
     return not (scene.cart is not None and scene.cart.damping)
 
 
-def _drift(scene: Scene, modes: Modes, number: int, q: Floats, v: Floats) -> Swing:
+def _drift(scene: Scene, modes: Modes, number: int, q: Floats, v: Floats) -> ModalSwing:
     """A translation in a scene whose other modes may be damped: it is still orthogonal to them in M."""
     phi = along_rail(modes, number)[1][:, 0].real
     weight = modes.matrices.M @ phi
     eta, rate = (float(part[0] @ weight / (phi @ weight)) for part in (q, v))
-    return Swing(phi, 0j, 0.0, eta, rate, damped=False)
+    return ModalSwing(phi, 0j, 0.0, eta, rate, damped=False)
 
 
-def _validate(each: list[Swing], q: Floats, v: Floats) -> None:
+def _validate(each: list[ModalSwing], q: Floats, v: Floats) -> None:
     linear = [replace(swing, kappa=0.0) for swing in each]
     missing = np.array([q, v]) - sum(swing.motion(np.zeros(1))[:2] for swing in linear)
     if not all(np.abs(gap).max() <= SPANNED * max(np.abs(q).max(), np.abs(v).max()) for gap in missing):

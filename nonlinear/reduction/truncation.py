@@ -48,7 +48,7 @@ from nonlinear.integration import (
     validate_numbers,
     validate_whole,
 )
-from nonlinear.reduction.excitation import PER_PERIOD, THIRD, Excitation, excite, excited
+from nonlinear.reduction.excitation import PER_PERIOD, THIRD, ExcitedShapes, excite, excited
 from nonlinear.reduction.truncated import Truncated
 from nonlinear.system import State, System, initial_state, system_of, validate_state
 
@@ -144,7 +144,7 @@ class Survey(Displayed):
         count = int(np.argmax(self.outside <= NEGLIGIBLE))
         return min(self.kept[max(count, 1) - 1].mode + MARGIN, len(self.modes))
 
-    def excitation(self, run: Trajectory, chosen: Ints, looked: Floats) -> tuple[Ints, Excitation]:
+    def excitation(self, run: Trajectory, chosen: Ints, looked: Floats) -> tuple[Ints, ExcitedShapes]:
         """The other shapes, and how far a run in the chosen ones moves each, seen at `looked` (s), evenly spaced."""
         left = np.delete(np.arange(len(self.kept)), chosen)
         left = left[self.value.real[left] <= 0]

@@ -26,7 +26,7 @@ from nonlinear.identification import (
     read_recording,
     turning_points,
 )
-from nonlinear.identification.problem import Problem
+from nonlinear.identification.problem import FitProblem
 from nonlinear.identification.starting import spectral_lines
 
 DATA = Path(__file__).parents[2] / "notebooks" / "data"
@@ -46,7 +46,7 @@ def made(scene: Scene, seed: int, *, noise: float = 1e-3, segments: int = 2, sec
     links, times = scene.n_links, np.arange(0, seconds, 0.01)
     sensors = tuple(Sensor(1, k + 1) for k in range(links))
     blank = tuple(Segment("made", str(s), times + 10 * s, np.zeros((len(times), links))) for s in range(segments))
-    problem = Problem(scene, (), Recording(sensors, blank), np.ones(links), tolerance=1e-10)
+    problem = FitProblem(scene, (), Recording(sensors, blank), np.ones(links), tolerance=1e-10)
     u, half = np.zeros(problem.layout.size), problem.coordinates
     for s in range(segments):
         state = np.zeros(problem.layout.width)

@@ -14,7 +14,7 @@ from modal.identification import find_parameters, numbers_at, scene_with
 from modal.scene import load, scene_from
 from modal.types import Floats
 from nonlinear import State, simulate
-from nonlinear.identification.problem import Problem
+from nonlinear.identification.problem import FitProblem
 from nonlinear.identification.records import Recording, Segment, Sensor
 
 TIMES = np.linspace(0.0, 1.4, 29)
@@ -99,19 +99,19 @@ FREE = {
 }
 
 
-def problem_of(scene: Scene, free: list[str], tolerance: float = 1e-11) -> Problem:
+def problem_of(scene: Scene, free: list[str], tolerance: float = 1e-11) -> FitProblem:
     pendula = [own for own in scene.pendulum for _ in range(own.count)]
     sensors = tuple(Sensor(p + 1, i + 1) for p, own in enumerate(pendula) for i in range(own.n_links))
     if scene.support.kind == "cart":
         sensors = (Sensor(), *sensors)
     blank = Segment("", "", TIMES, np.zeros((len(TIMES), len(sensors))))
     parameters = find_parameters(scene, free)
-    found = Problem(scene, parameters, Recording(sensors, (blank,)), np.ones(len(sensors)), tolerance=tolerance)
+    found = FitProblem(scene, parameters, Recording(sensors, (blank,)), np.ones(len(sensors)), tolerance=tolerance)
     later = replace(blank, times=TIMES + found.late)  # so that its motion begins at 0 s
     return replace(found, recording=Recording(sensors, (later,)))
 
 
-def unknowns_of(problem: Problem) -> Floats:
+def unknowns_of(problem: FitProblem) -> Floats:
     rng = np.random.default_rng(3)
     u = np.zeros(problem.layout.size)
     u[: problem.layout.numbers] = [one.start for one in problem.parameters]
@@ -171,7 +171,7 @@ def test_half_swings_lose_what_coulomb_says() -> None:
     scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**TWO[0], "damping": 0.0, "friction": 1e-5}]}]})
     times = np.linspace(0, 20, 4001)
     blank = Segment("", "", times, np.zeros((len(times), 1)))
-    problem = Problem(scene, (), Recording((Sensor(1, 1),), (blank,)), np.ones(1), tolerance=1e-12)
+    problem = FitProblem(scene, (), Recording((Sensor(1, 1),), (blank,)), np.ones(1), tolerance=1e-12)
     u = np.zeros(problem.layout.size)
     zone = 1e-5 / (9.81 * 0.5)
     u[problem.layout.state(0)] = [9.3 * zone, 0.0]

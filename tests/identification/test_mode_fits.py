@@ -12,7 +12,7 @@ from modal import load
 from modal.errors import ComputationError, SceneError
 from modal.identification import MeasuredMode, MeasuredModes, estimate_of, fit_modes, has_modes, read_modes
 from modal.identification.measured import component_rows, turned
-from modal.identification.mode_fitting import _Problem
+from modal.identification.mode_fitting import _ModeFitProblem
 from modal.identification.mode_report import mode_fit_record, mode_fit_text
 from modal.identification.parameters import find_parameters, starts_of
 from modal.modes import natural_modes
@@ -110,7 +110,7 @@ def test_the_interval_of_equal_lengths_is_that_of_chi_square() -> None:
 
 
 def test_derivatives_are_those_of_the_residuals() -> None:
-    problem = _Problem(given(), find_parameters(given(), list(TRUE)), measured(vary(given(), TRUE)))
+    problem = _ModeFitProblem(given(), find_parameters(given(), list(TRUE)), measured(vary(given(), TRUE)))
     z = starts_of(problem.parameters) + np.array([0.01, -0.02, 0.03, 1e-4])
     h = 1e-5
     steps = [[problem.residuals(z + n * h * unit) for unit in np.eye(4)] for n in (-2, -1, 1, 2)]

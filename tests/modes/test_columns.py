@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import modal
-from modal.eigen import Spectrum
+from modal.eigen import ModalSpectrum
 from modal.modes import Modes, natural_modes
 from modal.scene import Bob, Cart, Pendulum, Rod, Scene
 
@@ -166,7 +166,7 @@ def test_a_data_frame_is_the_table() -> None:
 def test_frequencies_need_no_shape(monkeypatch: pytest.MonkeyPatch) -> None:
     """A hundred thousand pendula, and a rope of a thousand links, without the details of a single one."""
 
-    def never(self: Spectrum, *given: object) -> object:
+    def never(self: ModalSpectrum, *given: object) -> object:
         raise AssertionError("a shape was computed")
 
     crowd = Scene(
@@ -180,7 +180,7 @@ def test_frequencies_need_no_shape(monkeypatch: pytest.MonkeyPatch) -> None:
     for scene in (crowd, modal.load("rope")):
         modes = natural_modes(scene)
         with monkeypatch.context() as patch:
-            patch.setattr(Spectrum, "details", never)
+            patch.setattr(ModalSpectrum, "details", never)
             for name in WITHOUT_SHAPES:
                 assert len(getattr(modes, name)) == len(modes)
             with pytest.raises(AssertionError, match="a shape"):
@@ -189,13 +189,13 @@ def test_frequencies_need_no_shape(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_rows_are_computed_once_for_all_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     modes, asked = modes_of("paper-cart-3"), []
-    details = Spectrum.details
+    details = ModalSpectrum.details
 
-    def counted(self: Spectrum, *given: Any) -> Any:
+    def counted(self: ModalSpectrum, *given: Any) -> Any:
         asked.append(given)
         return details(self, *given)
 
-    monkeypatch.setattr(Spectrum, "details", counted)
+    monkeypatch.setattr(ModalSpectrum, "details", counted)
     first = modes.family
     once = len(asked)
     assert once > 0

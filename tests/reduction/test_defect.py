@@ -13,7 +13,7 @@ from modal import Bob, Cart, Pendulum, Rod, Scene, load, matrices, natural_modes
 from nonlinear.accuracy.references import apart
 from nonlinear.dynamics import Mechanics
 from nonlinear.reduction import defect_error, residual_forces, rest_angles, start_in_mode, superpose
-from nonlinear.reduction.defect import SAFETY, Answer, running
+from nonlinear.reduction.defect import SAFETY, StepResponse, running
 from nonlinear.reduction.two_planes import join, split
 from nonlinear.simulation import simulate
 from nonlinear.system import Motion, State, of_plane, system_of, unit_vectors
@@ -167,7 +167,7 @@ def test_a_step_is_that_of_a_first_order_hold(seed: int) -> None:
     B, identity = np.vstack((np.zeros((n, n)), inverse)), np.eye(2 * n)
     E, hold, *_ = cont2discrete((A, B, identity, np.zeros((2 * n, n))), step, "zoh")
     _, mixed, _, ramp, _ = cont2discrete((A, B, identity, np.zeros((2 * n, n))), step, "foh")
-    ours = Answer.of(found, step)
+    ours = StepResponse.of(found, step)
     assert np.allclose(ours.E, E, rtol=1e-10, atol=1e-12)
     assert np.allclose(ours.hold, hold, rtol=1e-10, atol=1e-12)
     assert np.allclose(ours.ramp, ramp, rtol=1e-10, atol=1e-12)

@@ -23,7 +23,7 @@ from modal.statespace import (
     to_modal_form,
 )
 from modal.statespace.model import StateSpace
-from modal.statespace.shapers import Shaper, Swing, insensitivity, shaper
+from modal.statespace.shapers import DampedSwing, Shaper, insensitivity, shaper
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -44,7 +44,7 @@ def left_over(scene: Scene, made: Shaper, drive: str = "cart_acceleration") -> f
 @pytest.mark.parametrize("kind", ["zv", "zvd", "um"])
 @pytest.mark.parametrize("zeta", [0.0, 0.05, 0.4])
 def test_nothing_is_left_of_the_mode_itself(kind: str, zeta: float, step: float) -> None:
-    made = shaper([Swing(3.0, zeta)], kind, step)
+    made = shaper([DampedSwing(3.0, zeta)], kind, step)
     assert made.amplitudes.sum() == pytest.approx(1.0, rel=1e-15)
     if step:
         assert made.times == pytest.approx(step * np.rint(made.times / step), rel=1e-15)
@@ -55,17 +55,17 @@ def test_nothing_is_left_of_the_mode_itself(kind: str, zeta: float, step: float)
 
 
 def test_amplitudes_by_hand() -> None:
-    assert shaper([Swing(2.0)]).amplitudes.tolist() == [0.5, 0.5]
-    assert shaper([Swing(2.0)]).times == pytest.approx([0.0, np.pi / 2])
-    assert shaper([Swing(2.0)], "zvd").amplitudes.tolist() == [0.25, 0.5, 0.25]
+    assert shaper([DampedSwing(2.0)]).amplitudes.tolist() == [0.5, 0.5]
+    assert shaper([DampedSwing(2.0)]).times == pytest.approx([0.0, np.pi / 2])
+    assert shaper([DampedSwing(2.0)], "zvd").amplitudes.tolist() == [0.25, 0.5, 0.25]
     K = np.exp(-0.1 * np.pi / np.sqrt(0.99))
-    made = shaper([Swing(2.0, 0.1)])
+    made = shaper([DampedSwing(2.0, 0.1)])
     assert made.amplitudes == pytest.approx([1 / (1 + K), K / (1 + K)])
     assert made.duration == pytest.approx(np.pi / (2 * np.sqrt(0.99)))
 
 
 def test_a_unity_magnitude_shaper_by_hand() -> None:
-    made = shaper([Swing(2.0)], "um")
+    made = shaper([DampedSwing(2.0)], "um")
     assert made.amplitudes.tolist() == [1.0, -1.0, 1.0]
     assert made.times == pytest.approx([0.0, np.pi / 6, np.pi / 3], rel=1e-14)
 
@@ -73,7 +73,7 @@ def test_a_unity_magnitude_shaper_by_hand() -> None:
 @pytest.mark.parametrize("tolerance", [0.02, 0.05, 0.1])
 def test_an_undamped_extra_insensitive_shaper_by_hand(tolerance: float) -> None:
     """Singhose, Seering & Singer's amplitudes; zeros of |(1 − V)/2 + (1 + V)/2 cos πr| at cos πr = −(1 − V)/(1 + V)."""
-    made = shaper([Swing(2.0)], "ei", tolerance=tolerance)
+    made = shaper([DampedSwing(2.0)], "ei", tolerance=tolerance)
     assert made.amplitudes == pytest.approx([(1 + tolerance) / 4, (1 - tolerance) / 2, (1 + tolerance) / 4], rel=1e-12)
     assert residual_vibration(made, 2.0) == pytest.approx(tolerance, rel=1e-12)
     zero = np.arccos(-(1 - tolerance) / (1 + tolerance)) / np.pi
@@ -82,9 +82,9 @@ def test_an_undamped_extra_insensitive_shaper_by_hand(tolerance: float) -> None:
 
 @pytest.mark.parametrize(("zeta", "step"), [(0.0, 0.01), (0.1, 0.0), (0.1, 0.05), (0.2, 0.3)])
 def test_an_extra_insensitive_shaper_keeps_to_its_tolerance_over_a_wider_range(zeta: float, step: float) -> None:
-    made, other = (shaper([Swing(3.0, zeta)], kind, step) for kind in ("ei", "zvd"))
-    low, high = insensitivity(made, Swing(3.0, zeta), 0.05 * (1 + 1e-6))
-    narrow = insensitivity(other, Swing(3.0, zeta))
+    made, other = (shaper([DampedSwing(3.0, zeta)], kind, step) for kind in ("ei", "zvd"))
+    low, high = insensitivity(made, DampedSwing(3.0, zeta), 0.05 * (1 + 1e-6))
+    narrow = insensitivity(other, DampedSwing(3.0, zeta))
     assert low < narrow[0] < narrow[1] < high
     left = residual_vibration(made, np.linspace(low, high, 5001), zeta)
     assert 0.05 * (1 - 1e-4) < left[1000:-1000].max() < 0.05 * (1 + 1e-5)
@@ -92,7 +92,7 @@ def test_an_extra_insensitive_shaper_keeps_to_its_tolerance_over_a_wider_range(z
 
 def test_damped_extra_insensitive_amplitudes_are_the_published_fit() -> None:
     """Singhose's polynomials for V = 5 % and ζ = 0.1, to the 1 % of a fit."""
-    made = shaper([Swing(3.0, 0.1)], "ei")
+    made = shaper([DampedSwing(3.0, 0.1)], "ei")
     assert made.amplitudes[[0, 2]] == pytest.approx([0.35488, 0.19212], rel=0.015)
 
 
@@ -140,18 +140,18 @@ def sample_free(scene: Scene) -> StateSpace:
 )
 def test_a_step_too_long_is_refused(changes: dict[str, object], words: str) -> None:
     with pytest.raises(ComputationError, match=words):
-        shaper([Swing(3.0)], **changes)
+        shaper([DampedSwing(3.0)], **changes)
 
 
 @pytest.mark.parametrize("changes", [{"step": -1.0}, {"step": np.nan}, {"tolerance": 0.0}, {"kind": "zvdd"}])
 def test_what_no_shaper_has_is_refused(changes: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="must be"):
-        shaper([Swing(3.0)], **changes)
+        shaper([DampedSwing(3.0)], **changes)
 
 
 def test_the_formula_of_what_is_left_is_a_simulation() -> None:
     """A damped oscillator struck by the shaper's impulses, its energy's amplitude after the last."""
-    omega, zeta, made = 2.3, 0.07, shaper([Swing(2.0, 0.1), Swing(5.0, 0.02)])
+    omega, zeta, made = 2.3, 0.07, shaper([DampedSwing(2.0, 0.1), DampedSwing(5.0, 0.02)])
     damped = omega * np.sqrt(1 - zeta**2)
     A = np.array([[-zeta * omega, damped], [-damped, -zeta * omega]])
     values, v = np.linalg.eig(A)
@@ -167,12 +167,12 @@ def test_the_formula_of_what_is_left_is_a_simulation() -> None:
 @pytest.mark.parametrize(("kind", "width"), [("zv", 0.064), ("zvd", 0.287)])
 def test_insensitivity_at_five_percent(kind: str, width: float) -> None:
     """Singhose's 0.06 and 0.286 for undamped modes; |cos πr/2| and its square say 4/π asin V and 4/π asin √V."""
-    low, high = insensitivity(shaper([Swing(2.0)], kind), Swing(2.0))
+    low, high = insensitivity(shaper([DampedSwing(2.0)], kind), DampedSwing(2.0))
     exact = 4 / np.pi * np.arcsin(0.05 if kind == "zv" else np.sqrt(0.05))
     assert (high - low) / 2.0 == pytest.approx(exact, rel=1e-12)
     assert (high - low) / 2.0 == pytest.approx(width, abs=5e-4)
     with pytest.raises(ComputationError, match="residual vibration exceeds"):
-        insensitivity(shaper([Swing(2.0)], kind), Swing(3.0))
+        insensitivity(shaper([DampedSwing(2.0)], kind), DampedSwing(3.0))
 
 
 def test_a_prescribed_motion_meets_the_fixed_frequencies_and_a_force_the_free_ones() -> None:
@@ -254,7 +254,7 @@ def test_damped_pendula_come_to_rest() -> None:
     swing = swings_of(scene)[0]
     assert 0.03 < swing.zeta < 0.3
     assert left_over(scene, shaper_for(scene)) < 2e-3
-    assert left_over(scene, shaper([Swing(swing.omega)])) > 2e-2
+    assert left_over(scene, shaper([DampedSwing(swing.omega)])) > 2e-2
 
 
 def test_robustness_over_cable_length() -> None:
@@ -280,7 +280,7 @@ def test_commands_are_delayed_and_added() -> None:
 
 def test_what_does_not_swing_is_refused() -> None:
     with pytest.raises(ComputationError, match="does not oscillate"):
-        shaper([Swing(2.0, 1.0)])
+        shaper([DampedSwing(2.0, 1.0)])
     with pytest.raises(ValueError, match="at least one mode"):
         shaper([])
     with pytest.raises(ComputationError, match="excites 2 modes"):

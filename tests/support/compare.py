@@ -8,7 +8,7 @@ import mpmath as mp
 import numpy as np
 from oracle import Dense, dense
 
-from modal.eigen import Spectrum
+from modal.eigen import ModalSpectrum
 from modal.modes import Modes
 
 
@@ -17,7 +17,7 @@ def flat_omega(modes: Modes) -> list[float]:
     return [omega for omega, fold in zip(modes.omega, modes.multiplicity, strict=True) for _ in range(fold) if omega]
 
 
-def with_spectrum(modes: Modes, spectrum: Spectrum) -> Modes:
+def with_spectrum(modes: Modes, spectrum: ModalSpectrum) -> Modes:
     """The modes of the same scene with another spectrum."""
     found = Modes(modes.scene)
     vars(found)["spectrum"] = spectrum

@@ -15,11 +15,11 @@ from modal import Bob, Body, Cart, ComputationError, Pendulum, Rod, Scene, Scene
 from modal.scene import scene_from
 from modal.scene.parameters import with_numbers
 from modal.scene.records import Spectrum
-from modal.statespace.frequency import Elimination
+from modal.statespace.frequency import ExactResponse
 from modal.statespace.hoisting import Travel, travel_swing
 from modal.tuning import Tuned, den_hartog, exact_optimum, tune, tuned_record, tuned_text
 from modal.tuning.interpolation import interpolated
-from modal.tuning.model import Channel, Numbers, reduced
+from modal.tuning.model import Channel, TunedNumbers, reduced
 from modal.tuning.peaks import find_peaks
 from modal.vibration import random_response
 from multipendula import cli
@@ -137,7 +137,7 @@ def test_two_dampers_of_a_tower_level_three_peaks() -> None:
     assert equal.sum() == 3
     form = reduced(found.scene, [Channel("s4_m", "s4_force")])
     row, column = form.signals[0]
-    sizes = np.abs(Elimination(found.scene, [column], [row]).along(at.at[equal]))[0, 0]
+    sizes = np.abs(ExactResponse(found.scene, [column], [row]).along(at.at[equal]))[0, 0]
     assert sizes == pytest.approx(np.full(3, found.after), rel=1e-10)
     highest = found.objective.evaluate(found.z, True).costs[0]
     gradients = highest.gradients[highest.values > highest.values.max() - 1e-9]
@@ -170,13 +170,13 @@ def test_responses_and_their_derivatives_are_those_of_elimination(channel: Chann
     scene = carrier(ratio=0.02).replace(pendulum=[Pendulum(links=links)])
     places = [("pendulum", 0, "links", 0, "length"), ("pendulum", 0, "links", 1, "mass"), ("support", "damping")]
     form = reduced(scene, [channel])
-    numbers = Numbers(scene, places, form)
+    numbers = TunedNumbers(scene, places, form)
     values = np.array([2.4, 0.3, scene.support.damping])
     omega = np.array([0.7, 1.9, 4.0])
     row, column = form.signals[0]
 
     def true(own: np.ndarray) -> np.ndarray:
-        return Elimination(numbers.scene_at(own), [column], [row]).along(omega)[0, 0]
+        return ExactResponse(numbers.scene_at(own), [column], [row]).along(omega)[0, 0]
 
     model = numbers.model(scene)
     H, by = model.gradient(0, omega, model.differentiate(places))
@@ -195,7 +195,7 @@ def test_responses_and_their_derivatives_are_those_of_elimination(channel: Chann
 
 def test_peaks_are_where_the_slope_vanishes() -> None:
     scene = carrier(ratio=0.01)
-    model = Numbers(scene, [], reduced(scene, [Channel("x", "cart_force")])).model(scene)
+    model = TunedNumbers(scene, [], reduced(scene, [Channel("x", "cart_force")])).model(scene)
     found = find_peaks(model, 0, None)
     H, slope = model.slope(0, found.omega[found.inside])
     assert found.inside.sum() == 2
