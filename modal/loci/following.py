@@ -198,6 +198,6 @@ def loci_text(found: Loci) -> str:
 
 def loci_csv(found: Loci) -> str:
     """One row per value: the parameter, then ω of every locus."""
-    head = [found.variation.column, *(f"locus_{name}_rad_per_s" for name in found.names)]
+    head = [found.variation.column, *(f"omega_{name}_rad_per_s" for name in found.names)]
     rows = zip(found.values.tolist(), found.omega.tolist(), strict=True)
     return csv_rows([head, *((value, *omega) for value, omega in rows)])

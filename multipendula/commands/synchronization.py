@@ -145,7 +145,8 @@ COMMANDS = (
         details=(
             "For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady "
             "oscillations, and which of them this start ends in and when; a simulation of the full equations then "
-            "measures the same. With --vary every steady oscillation is followed along one number of the scene instead."
+            "measures the same. With --vary every steady oscillation is followed along one number of the scene instead "
+            "(orbits --vary follows limit cycles of the full equations, sweep --loci the frequencies of small motion)."
             " Of equal pendula on the supports of a structure the verdict comes first: which population is locked, and "
             "to which; then the growth rates of the motions in which every population is one pendulum, and with --vary "
             "the values at which these begin or cease to last."

@@ -23,7 +23,7 @@ from modal.scene import Bob, Scene
 from modal.scene.doors import checked
 from modal.types import Floats, Ints
 from nonlinear.dynamics import vectors
-from nonlinear.integration import CLOSED, Trajectory
+from nonlinear.integration import Trajectory
 from nonlinear.postprocessing.reaction_forces import accelerated, reaction_forces_of, side_by_side
 from nonlinear.postprocessing.resampling import resample
 
@@ -82,8 +82,6 @@ def pushing_links(trajectory: Trajectory) -> tuple[PushingLink, ...]:
     if not ropes.size:
         return ()
     times, motion = trajectory.times, trajectory.motion
-    if trajectory.run.method == CLOSED:
-        raise ComputationError("the motion is that of modes, not of the equations of motion")
     if len(times) < 2:
         raise ComputationError("a single sample tells no interval")
     together = side_by_side(trajectory)

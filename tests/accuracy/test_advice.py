@@ -278,7 +278,7 @@ def test_two_runs_that_may_be_one_are_no_evidence() -> None:
 def test_the_table_in_every_form(capsys: pytest.CaptureFixture[str]) -> None:
     advice = advise(PAPER, 5.0, 1e-3, start=start_in_mode(PAPER, natural_modes(PAPER), 1, 0, 0.3))
     text, markdown, comma, whole = (advice_table(advice, form) for form in ("text", "markdown", "csv", "json"))
-    assert f"no angle is off by more than {advice.errors[-1]:.1e} rad until 5 s." in text
+    assert f"no angle is off by more than {advice.errors[-1]:.2g} rad until 5 s." in text
     assert "".join(markdown.splitlines()[2].split()) == "|way|tolerance|time(ms)|derivatives|error(rad)|"
     rows = list(csv.DictReader(io.StringIO(comma)))
     assert len(rows) == len(advice.attempts)

@@ -305,12 +305,14 @@ def test_what_is_printed_is_what_was_found() -> None:
         assert f"{change.value:.7g}" in text
     rows = list(csv.DictReader(StringIO(branches_csv(found))))
     assert len(rows) == sum(len(one.values) for one in found.branches)
+    head = ["support.mass_kg", "omega_rad_per_s", "stable", "largest_angle_deg", "growth_per_s", "branch", "pendula"]
+    assert list(rows[0]) == head
     for number, one in enumerate(found.branches, start=1):
         own = [row for row in rows if row["branch"] == str(number)]
         assert [float(row["support.mass_kg"]) for row in own] == one.values.tolist()
-        assert [row["lasts"] == "1" for row in own] == list(one.is_stable)
-        assert all(float(row["growth_per_s"]) < 0 for row in own if row["lasts"] == "1")
-        assert all(float(row["growth_per_s"]) > -1e-4 for row in own if row["lasts"] == "0")
+        assert [row["stable"] == "1" for row in own] == list(one.is_stable)
+        assert all(float(row["growth_per_s"]) < 0 for row in own if row["stable"] == "1")
+        assert all(float(row["growth_per_s"]) > -1e-4 for row in own if row["stable"] == "0")
 
 
 @pytest.mark.slow
