@@ -82,18 +82,20 @@ def held(seed: int) -> tuple[Scene, State, float, float]:
         mass, length = 10 ** rng.uniform(-1, 1), 10 ** rng.uniform(-0.5, 0.5)
         if topheavy and above < inf:
             mass = above * 10 ** rng.uniform(1, 3)
-        given: dict[str, Any] = {"mass": mass, "length": length}
+        numbers_of_link: dict[str, Any] = {"mass": mass, "length": length}
         scale = mass * length**2
-        given["damping"] = scale * rng.uniform(0.0, 0.3) * (damped and rng.random() < 0.5)
-        given["stiffness"] = scale * rng.uniform(0.0, 5.0) * (sprung and rng.random() < 0.5)
+        numbers_of_link["damping"] = scale * rng.uniform(0.0, 0.3) * (damped and rng.random() < 0.5)
+        numbers_of_link["stiffness"] = scale * rng.uniform(0.0, 5.0) * (sprung and rng.random() < 0.5)
         if stiff and rng.random() < 0.5:
-            given["stiffness"] = scale * 10 ** rng.uniform(1, 3)
+            numbers_of_link["stiffness"] = scale * 10 ** rng.uniform(1, 3)
         if driven and rng.random() < 0.5:
-            given["drive"] = VanDerPol(strength=scale * 10 ** rng.uniform(-2, 0.5), angle_deg=rng.uniform(2.0, 30.0))
+            numbers_of_link["drive"] = VanDerPol(
+                strength=scale * 10 ** rng.uniform(-2, 0.5), angle_deg=rng.uniform(2.0, 30.0)
+            )
         return (
-            Body(**given, centre=0.6 * length, inertia=0.1 * scale)
+            Body(**numbers_of_link, centre=0.6 * length, inertia=0.1 * scale)
             if rng.random() < 0.2
-            else rng.choice((Bob, Rod))(**given)
+            else rng.choice((Bob, Rod))(**numbers_of_link)
         )
 
     def chain() -> Pendulum:
@@ -207,11 +209,11 @@ def _enough(question: Question, finest: object, accuracy: float) -> Iterator[tup
             begun = perf_counter()
             estimate_timescales(question.scene)
             try:
-                found = candidate.prepare(replace(question, patience=fastest))()
+                trajectory = candidate.prepare(replace(question, patience=fastest))()
             except ComputationError:
                 break
             spent = perf_counter() - begun
-            if float(apart(found.motion, finest).max()) <= accuracy:
+            if float(apart(trajectory.motion, finest).max()) <= accuracy:
                 fastest = min(fastest, spent)
                 yield candidate, spent
                 break

@@ -56,14 +56,14 @@ def inputs_of_time() -> dict[str, Scene]:
         "sweep": of(Moved(motion=SweepMotion(amplitude=0.02, from_hz=0.5, to_hz=5.0, duration=10.0))),
         "1,498 sines": of(Moved(motion=RandomMotion(psd=(0.1, 0.1), frequency_hz=(0.05, 25.0), seed=3, duration=60.0))),
     }
-    for name, own in samples.items():
-        record = RecordMotion(time_s=tuple(times.tolist()), displacement_m=tuple(own.tolist()))
+    for name, values in samples.items():
+        record = RecordMotion(time_s=tuple(times.tolist()), displacement_m=tuple(values.tolist()))
         scenes[f"record, {name}"] = of(Moved(motion=record))
     for profile in ("smooth", "trapezoidal"):
         scenes[f"hoist, {profile}"] = roped(Hoist(to=0.7, duration=10.0, profile=profile), 1.3)
-    for name, own in lengths.items():
-        hoist = Hoist(time_s=tuple(times.tolist()), length_m=tuple(own.tolist()))
-        scenes[f"hoist, {name} file"] = roped(hoist, float(own[0]))
+    for name, values in lengths.items():
+        hoist = Hoist(time_s=tuple(times.tolist()), length_m=tuple(values.tolist()))
+        scenes[f"hoist, {name} file"] = roped(hoist, float(values[0]))
     return scenes
 
 
@@ -78,13 +78,15 @@ def table_of_inputs(calls: int, share: float) -> None:
     print("\ninputs of time         µs a call  ns side by side   s a run   steps   breaks")
     times = np.random.default_rng(5).uniform(0.0, 10.0, 1000)
     for name, scene in inputs_of_time().items():
-        own = Inputs(system_of(scene))
-        at, some = own.of_time, times[: min(calls, 1000)].tolist()
-        one = best(lambda at=at, some=some: [at(time) for time in some], 1) / len(some)
-        beside = best(lambda own=own: own.beside(times), 5) / len(times)
+        inputs = Inputs(system_of(scene))
+        at, some = inputs.of_time, times[: min(calls, 1000)].tolist()
+        seconds_each = best(lambda at=at, some=some: [at(time) for time in some], 1) / len(some)
+        beside = best(lambda inputs=inputs: inputs.beside(times), 5) / len(times)
         seconds = best(lambda scene=scene: simulate(scene, 10.0 * share, method="DOP853"), 1)
         steps = simulate(scene, 10.0 * share, method="DOP853").run.steps
-        row = f"{1e6 * one:9.2f}  {1e9 * beside:15.1f}  {seconds:8.4f}  {steps:6}  {len(own.breaks(1e-9)):7}"
+        row = (
+            f"{1e6 * seconds_each:9.2f}  {1e9 * beside:15.1f}  {seconds:8.4f}  {steps:6}  {len(inputs.breaks(1e-9)):7}"
+        )
         print(f"{name:22} {row}")
 
 
@@ -115,13 +117,13 @@ def features() -> dict[str, tuple[Scene, bool]]:
 
 def best(call: Callable[[], object], times: int) -> float:
     """Seconds of one call, the best of several batches."""
-    found = []
+    spent = []
     for _ in range(7):
         begun = time.process_time()
         for _ in range(times):
             call()
-        found.append((time.process_time() - begun) / times)
-    return min(found)
+        spent.append((time.process_time() - begun) / times)
+    return min(spent)
 
 
 def derivative(scene: Scene, loaded: bool) -> Callable[[], object]:
@@ -167,14 +169,21 @@ def main() -> None:
     table_of_inputs(calls, share)
     print("\na run of                     s     steps  µs a derivative")
     for name, (scene, duration) in RUNS.items():
-        own, length = load(scene), share * duration
-        found = simulate(own, length, method="DOP853")
-        seconds = best(lambda own=own, length=length: simulate(own, length, method="DOP853"), 1)
-        print(f"{name:22}  {seconds:7.4f}  {found.run.steps:6}  {1e6 * seconds / found.run.calls:7.2f}")
+        scene_of_run, length = load(scene), share * duration
+        trajectory = simulate(scene_of_run, length, method="DOP853")
+        seconds = best(
+            lambda scene_of_run=scene_of_run, length=length: simulate(scene_of_run, length, method="DOP853"), 1
+        )
+        print(f"{name:22}  {seconds:7.4f}  {trajectory.run.steps:6}  {1e6 * seconds / trajectory.run.calls:7.2f}")
         if name == "kapitza":
             hand, angle = best(lambda length=length: by_hand(length), 1), by_hand(length)
-            ends = best(lambda own=own, length=length: simulate(own, length, method="DOP853", output=2), 1)
-            apart = abs(angle - float(found.motion.links[-1, 0]))
+            ends = best(
+                lambda scene_of_run=scene_of_run, length=length: simulate(
+                    scene_of_run, length, method="DOP853", output=2
+                ),
+                1,
+            )
+            apart = abs(angle - float(trajectory.motion.links[-1, 0]))
             print(f"  without samples       {ends:7.4f}")
             print(f"  ten lines by hand     {hand:7.4f}  {ends / hand:6.2f} of it; apart {apart:.1e} rad")
 

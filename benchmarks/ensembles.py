@@ -70,8 +70,10 @@ def ours(scene: Scene, engine: str, tolerance: float = TOLERANCE, **more: object
     """The ends (S, L) of members, with all their certificates."""
 
     def run(starts: np.ndarray) -> np.ndarray:
-        found = ensemble(scene, DURATION, starts=starts, engine=engine, tolerance=tolerance, workers=1, check=0, **more)
-        return np.asarray(found.final.links)
+        members = ensemble(
+            scene, DURATION, starts=starts, engine=engine, tolerance=tolerance, workers=1, check=0, **more
+        )
+        return np.asarray(members.final.links)
 
     return run
 
@@ -92,8 +94,8 @@ def by_recursion(scene: Scene, engine: str) -> Route:
 def one_by_one(scene: Scene) -> Route:
     def run(starts: np.ndarray) -> np.ndarray:
         runs = (
-            simulate(scene, DURATION, start=State(own, 0 * own), tolerance=TOLERANCE, output=2, method="DOP853")
-            for own in starts
+            simulate(scene, DURATION, start=State(angles, 0 * angles), tolerance=TOLERANCE, output=2, method="DOP853")
+            for angles in starts
         )
         return np.array([run.final.links for run in runs])
 
@@ -196,12 +198,12 @@ def turns(size: int, duration: float) -> str:
     from nonlinear.ensembles import find_basins
 
     begun = time.perf_counter()
-    found = find_basins(load("chain-2"), duration, vary=places)
+    basins = find_basins(load("chain-2"), duration, vary=places)
     seconds = time.perf_counter() - begun
     return (
-        f"A map of first turns, {size} × {size} starts to {duration:g} s by {found.ensemble.engine} "
-        f"on {os.cpu_count()} cores: {seconds:.0f} s, {found.ensemble.size / seconds:,.0f} members a second; "
-        f"{np.count_nonzero(found.ensemble.beyond):,} of them end beyond their horizon."
+        f"A map of first turns, {size} × {size} starts to {duration:g} s by {basins.ensemble.engine} "
+        f"on {os.cpu_count()} cores: {seconds:.0f} s, {basins.ensemble.size / seconds:,.0f} members a second; "
+        f"{np.count_nonzero(basins.ensemble.beyond):,} of them end beyond their horizon."
     )
 
 

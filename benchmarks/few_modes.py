@@ -96,25 +96,25 @@ def _tuned(chain: Callable[[float], Scene], mode: int, ratio: float) -> Scene:
 def judged(case: Case) -> Judged:
     """A case with its true error."""
     start = case.start
-    found = simulate_truncated(case.scene, case.duration, case.mode + 1, start=start, output=SAMPLES)
+    reduced = simulate_truncated(case.scene, case.duration, case.mode + 1, start=start, output=SAMPLES)
     sure, other = (
         simulate(case.scene, case.duration, start=start, output=SAMPLES, tolerance=t).motion.links
         for t in (1e-12, 1e-11)
     )
-    true = np.maximum.accumulate(np.abs(found.trajectory.motion.links - sure).max(axis=1))
+    true = np.maximum.accumulate(np.abs(reduced.trajectory.motion.links - sure).max(axis=1))
     doubt = np.maximum.accumulate(np.abs(other - sure).max(axis=1))
     known = (doubt < SURE * true) & (true > 0)
-    least = float((found.errors[known] / true[known]).min(initial=np.inf))
-    return Judged(found.error, float(true[-1]), least, bool(known[-1]))
+    least = float((reduced.errors[known] / true[known]).min(initial=np.inf))
+    return Judged(reduced.error, float(true[-1]), least, bool(known[-1]))
 
 
 def report(cases: Iterable[Judged]) -> str:
     """The figures in plain words."""
-    found = list(cases)
-    ratios = np.array([one.stated / one.true for one in found if one.certain])
-    below = sum(one.least < 1 for one in found)
+    every = list(cases)
+    ratios = np.array([verdict.stated / verdict.true for verdict in every if verdict.certain])
+    below = sum(verdict.least < 1 for verdict in every)
     return (
-        f"| chains; judged to their end | {len(found)}; {len(ratios)} |\n|---|---|\n"
+        f"| chains; judged to their end | {len(every)}; {len(ratios)} |\n|---|---|\n"
         f"| stated below the true error, at the end or before | {below} |\n"
         f"| stated over true: least, median, 90 % | "
         f"{ratios.min():.2f}, {np.median(ratios):.2f}, {np.quantile(ratios, 0.9):.2f} |\n"
@@ -127,15 +127,15 @@ def main() -> None:
     parser.add_argument("--chains", type=int, default=40)
     parser.add_argument("--first", type=int, default=710_000)
     options = parser.parse_args()
-    found = []
+    verdicts = []
     for seed in range(options.first, options.first + options.chains):
         case = held(seed)
-        found.append(judged(case))
+        verdicts.append(judged(case))
         what = f"{case.scene.n_links} links, mode {case.mode + 1} at {case.degrees:.1f} deg, {case.duration:.0f} s"
-        errors = f"stated {found[-1].stated:.2e}, true {found[-1].true:.2e}, least ratio {found[-1].least:.2f}"
-        doubt = "" if found[-1].certain else " (uncertain)"
+        errors = f"stated {verdicts[-1].stated:.2e}, true {verdicts[-1].true:.2e}, least ratio {verdicts[-1].least:.2f}"
+        doubt = "" if verdicts[-1].certain else " (uncertain)"
         print(f"{seed} {what}, nearest {case.ratio:.3f}: {errors}{doubt}", flush=True)
-    print(report(found))
+    print(report(verdicts))
 
 
 if __name__ == "__main__":

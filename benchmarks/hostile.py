@@ -122,10 +122,10 @@ def main() -> int:
     rows, wrong = [], 0
     for name, do, cases in parts(asked):
         became, faults = Counter[str](), 0
-        for outcome, found in tqdm(judged(do, cases, asked.workers), total=len(cases), desc=name, disable=None):
+        for outcome, told_faults in tqdm(judged(do, cases, asked.workers), total=len(cases), desc=name, disable=None):
             became[outcome] += 1
-            faults += bool(found)
-            for fault in found:
+            faults += bool(told_faults)
+            for fault in told_faults:
                 print(ascii(fault), flush=True)
         told = ", ".join(f"{outcome}: {count}" for outcome, count in sorted(became.items()))
         rows.append((name, len(cases), told, faults))

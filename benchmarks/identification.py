@@ -68,11 +68,11 @@ def record(scene: Scene, rng: np.random.Generator) -> Recording:
     u[layout.offsets] = rng.normal(0, 0.01, links)
     u[layout.delays] = np.concatenate(([0.0], rng.uniform(-0.3, 0.9, links - 1) * problem.late))
     noise = 10 ** rng.uniform(-4, -2)
-    own = []
-    for one, values in zip(blank, problem.readings(u), strict=True):
+    segments = []
+    for segment, values in zip(blank, problem.readings(u), strict=True):
         noisy = values + rng.normal(0, noise, values.shape)
-        own.append(replace(one, values=np.round(noisy / STEP) * STEP))
-    return Recording(sensors, tuple(own))
+        segments.append(replace(segment, values=np.round(noisy / STEP) * STEP))
+    return Recording(sensors, tuple(segments))
 
 
 def free_of(scene: Scene) -> list[str]:
@@ -85,26 +85,30 @@ def free_of(scene: Scene) -> list[str]:
     return free
 
 
-def pulls_of(scene: Scene, found: Fit) -> Floats:
+def pulls_of(scene: Scene, fitted: Fit) -> Floats:
     """Errors of the fitted numbers over their standard deviations.
 
     A held number stays at its wrong value, and the others make up for it as the fit's sentences say.
     """
-    true = {one.path: number_at(scene, one.place) for one in found.parameters}
-    off = {one.held: found.given_at(one.held) / true[one.held] for one in found.undetermined}
+    true = {parameter.path: number_at(scene, parameter.place) for parameter in fitted.parameters}
+    off = {parameter.held: fitted.given_at(parameter.held) / true[parameter.held] for parameter in fitted.undetermined}
     pulls = []
-    for k in found.fitted:
-        path = found.parameters[k].path
-        powers = [np.clip(one.changes.get(path, 0.0), -LARGEST, LARGEST) for one in found.undetermined]
-        made_up = np.prod([off[one.held] ** power for one, power in zip(found.undetermined, powers, strict=True)])
-        pulls.append((found.values[k] - true[path] * made_up) / found.stds[k])
+    for k in fitted.fitted:
+        path = fitted.parameters[k].path
+        powers = [np.clip(parameter.changes.get(path, 0.0), -LARGEST, LARGEST) for parameter in fitted.undetermined]
+        made_up = np.prod(
+            [off[parameter.held] ** power for parameter, power in zip(fitted.undetermined, powers, strict=True)]
+        )
+        pulls.append((fitted.values[k] - true[path] * made_up) / fitted.stds[k])
     return np.array(pulls)
 
 
 def wrong(scene: Scene, rng: np.random.Generator) -> Scene:
     """The scene with other numbers at the places that are freed."""
     parameters = find_parameters(scene, free_of(scene))
-    z = np.array([one.start + rng.normal(0, WRONG) * (1 if one.log else one.start) for one in parameters])
+    z = np.array(
+        [parameter.start + rng.normal(0, WRONG) * (1 if parameter.log else parameter.start) for parameter in parameters]
+    )
     return scene_with(scene, numbers_at(parameters, z))
 
 
@@ -114,9 +118,9 @@ def judged(number: int) -> tuple[Floats, bool, float]:
     scene = random_scene(rng)
     recording = record(scene, rng)
     begun = time.process_time()
-    found = fit(wrong(scene, rng), recording, free_of(scene))
-    named = any("mass" in one.words for one in found.undetermined)
-    return pulls_of(scene, found), named, time.process_time() - begun
+    fitted = fit(wrong(scene, rng), recording, free_of(scene))
+    named = any("mass" in direction.words for direction in fitted.undetermined)
+    return pulls_of(scene, fitted), named, time.process_time() - begun
 
 
 def main() -> None:
@@ -129,19 +133,19 @@ def main() -> None:
     pulls, numbers, named, seconds, failed = [], [], 0, 0.0, []
     for number in tqdm(range(options.first, options.first + options.scenes)):
         try:
-            own, was_named, took = judged(number)
+            errors, was_named, took = judged(number)
         except MultipendulaError as error:
             failed.append(f"{number}: {error}")
             continue
-        pulls.append(own)
+        pulls.append(errors)
         numbers.append(number)
         named += was_named
         seconds += took
         if options.verbose:
-            print(number, was_named, f"{took:.1f} s", np.round(own, 2).tolist(), file=sys.stderr, flush=True)
+            print(number, was_named, f"{took:.1f} s", np.round(errors, 2).tolist(), file=sys.stderr, flush=True)
     every = np.concatenate(pulls)
     held = np.mean(np.abs(every) < INTERVAL)
-    worst = [number for number, own in zip(numbers, pulls, strict=True) if np.abs(own).max() > 5]
+    worst = [number for number, errors in zip(numbers, pulls, strict=True) if np.abs(errors).max() > 5]
     print(f"{options.scenes} scenes, {len(every)} fitted numbers: {100 * held:.1f} % of 95 % intervals hold the truth")
     print(f"the common scale of masses was named in {named} of {len(pulls)}; {seconds / len(pulls):.1f} s each")
     print(f"beyond 5 standard deviations: scenes {worst}; failed: {failed}")

@@ -150,8 +150,8 @@ def timed(each: dict[str, Callable[[], np.ndarray]]) -> dict[str, tuple[float, f
         rounds.append(taken)
     return {
         name: (
-            statistics.median(one[name] for one in rounds),
-            statistics.median(one[name] / one[RIVAL] for one in rounds),
+            statistics.median(taken[name] for taken in rounds),
+            statistics.median(taken[name] / taken[RIVAL] for taken in rounds),
         )
         for name in each
     }
@@ -160,20 +160,20 @@ def timed(each: dict[str, Callable[[], np.ndarray]]) -> dict[str, tuple[float, f
 def peak(solve: Callable[[], np.ndarray]) -> tuple[np.ndarray, float]:
     tracemalloc.start()
     omega = solve()
-    found = tracemalloc.get_traced_memory()[1] / 1e6
+    megabytes = tracemalloc.get_traced_memory()[1] / 1e6
     tracemalloc.stop()
-    return omega, found
+    return omega, megabytes
 
 
 def solved(scene: Scene) -> dict[str, Solved]:
     """By all solvers; oscillatory modes alone."""
-    found = {}
+    solutions = {}
     each = solvers(scene)
     for name, (seconds, ratio) in timed(each).items():
         omega, megabytes = peak(each[name])
         omega = omega[omega != 0]
-        found[name] = Solved(seconds, ratio, megabytes, omega, worst_error(scene, omega))
-    return found
+        solutions[name] = Solved(seconds, ratio, megabytes, omega, worst_error(scene, omega))
+    return solutions
 
 
 def rows_of(scenes: dict[float, Scene]) -> list[Row]:
@@ -184,7 +184,7 @@ def rows_of(scenes: dict[float, Scene]) -> list[Row]:
         importlib.import_module("modal.eigen.compiled")
         for setting, scene in scenes.items():
             plain[setting][COMPILED] = solved(scene)["all digits"]
-    return [Row(setting, own) for setting, own in plain.items()]
+    return [Row(setting, solutions) for setting, solutions in plain.items()]
 
 
 def chain(n: int) -> Scene:
@@ -210,9 +210,9 @@ def small() -> list[tuple[str, ...]]:
             "natural_frequencies": lambda scene=scene: natural_frequencies(scene),
             "natural_modes": lambda scene=scene: natural_modes(scene).omega,
         }
-        found = timed(each)
-        times = (f"{1e6 * found[name][0]:.0f} µs" for name in each)
-        rows.append((str(n), *times, *(f"{found[name][1]:.1f}" for name in list(each)[1:])))
+        spent = timed(each)
+        times = (f"{1e6 * spent[name][0]:.0f} µs" for name in each)
+        rows.append((str(n), *times, *(f"{spent[name][1]:.1f}" for name in list(each)[1:])))
     return rows
 
 
@@ -220,10 +220,10 @@ def few() -> tuple[str, ...]:
     """The first three modes of a thousand rods, and all of them."""
     Saved.seconds = -inf
     scene = chain(1000)
-    found = timed(
+    times = timed(
         {RIVAL: lambda: natural_modes(scene).omega, "few": lambda: natural_modes(scene, modes=slice(3)).omega}
     )
-    return f"{1e3 * found['few'][0]:.1f} ms", f"{1e3 * found[RIVAL][0]:.0f} ms"
+    return f"{1e3 * times['few'][0]:.1f} ms", f"{1e3 * times[RIVAL][0]:.0f} ms"
 
 
 def stack_of(arrays: Sequence[tuple[np.ndarray, ...]], cart: float) -> np.ndarray:
@@ -248,7 +248,7 @@ def many(n: int, compiled: bool) -> tuple[str, ...]:
     if compiled:
         importlib.import_module("modal.eigen.compiled")
     numbers = np.random.default_rng(1).uniform(0.5, 2.0, (SCENES, n, 2))
-    scenes = [on_cart([Pendulum(links=[Rod(mass=float(m), length=float(l)) for m, l in own])]) for own in numbers]
+    scenes = [on_cart([Pendulum(links=[Rod(mass=float(m), length=float(l)) for m, l in pairs])]) for pairs in numbers]
     places = {
         f"pendulum[0].links[{k}].{name}": np.ascontiguousarray(numbers[:, k, column])
         for k in range(n)
@@ -265,7 +265,7 @@ def many(n: int, compiled: bool) -> tuple[str, ...]:
     )
     by_loop = timed(
         {
-            RIVAL: lambda: np.array([by_eigh(own, 100.0, 9.81) for own in arrays]),
+            RIVAL: lambda: np.array([by_eigh(pairs, 100.0, 9.81) for pairs in arrays]),
             "list": lambda: natural_frequencies(scenes),
         }
     )
@@ -363,16 +363,16 @@ def comparison(name: str, rows: Sequence[Row]) -> str:
 
 
 def _line(row: Row, names: Sequence[str]) -> tuple[str, ...]:
-    found = [row.solved[name] for name in names]
-    lost = int(np.sum(~(found[0].omega > 0)))
-    errors = [f"{one.error:.0e}" for one in found]
-    errors[0] += f" ({lost} of {len(found[0].omega)} with ω² ≤ 0)" if lost else ""
+    solutions = [row.solved[name] for name in names]
+    lost = int(np.sum(~(solutions[0].omega > 0)))
+    errors = [f"{solution.error:.0e}" for solution in solutions]
+    errors[0] += f" ({lost} of {len(solutions[0].omega)} with ω² ≤ 0)" if lost else ""
     return (
         f"{row.setting:g}",
-        *(f"{one.seconds * 1e3:.3g} ms" for one in found),
-        *(f"{one.ratio:.2g}" for one in found[1:]),
-        f"{found[1].megabytes:.2f}",
-        f"{found[0].megabytes:.2f}",
+        *(f"{solution.seconds * 1e3:.3g} ms" for solution in solutions),
+        *(f"{solution.ratio:.2g}" for solution in solutions[1:]),
+        f"{solutions[1].megabytes:.2f}",
+        f"{solutions[0].megabytes:.2f}",
         *errors,
     )
 

@@ -43,9 +43,9 @@ def branch(number: int, orbits: int) -> Branch:
     return nonlinear_mode(SCENE, number, 2.5, most=orbits, longest=STEP)
 
 
-def by_scipy(found: Branch) -> float:
+def by_scipy(followed: Branch) -> float:
     """Seconds of one flow over a quarter of a period with its derivative."""
-    orbit = found.orbits[-1]
+    orbit = followed.orbits[-1]
     equations, size = orbit.flow.equations, len(orbit.y)
 
     def rate(_: float, both: Floats) -> Floats:
@@ -90,7 +90,12 @@ def resonance(name: str) -> tuple[float, int, int, int]:
     begun = process_time()
     branches = follow_forced(scene, parse_variations([words])[0])
     spent, Flow.__call__ = process_time() - begun, plain  # type: ignore[method-assign]
-    return spent, sum(len(own.orbits) for own in branches), flows[0], sum(len(own.special) for own in branches)
+    return (
+        spent,
+        sum(len(followed.orbits) for followed in branches),
+        flows[0],
+        sum(len(followed.special) for followed in branches),
+    )
 
 
 def main() -> None:
@@ -102,18 +107,18 @@ def main() -> None:
     print(f"{'mode':>4} {'orbits':>7} {'s':>7} {'orbits/s':>9} {'to (deg)':>9} {'closes to':>10}")
     for number in (4,) if quick else (2, 4, 5):
         begun = process_time()
-        found = branch(number, many)
-        spent, count = process_time() - begun, len(found.orbits)
-        worst = max(orbit.residual for orbit in found.orbits)
-        widest = degrees(found.amplitude[-1])
+        followed = branch(number, many)
+        spent, count = process_time() - begun, len(followed.orbits)
+        worst = max(orbit.residual for orbit in followed.orbits)
+        widest = degrees(followed.amplitude[-1])
         print(f"{number:4} {count:7} {spent:7.2f} {count / spent:9.0f} {widest:9.1f} {worst:10.0e}")
-    found = branch(4, many)
+    followed = branch(4, many)
     begun = process_time()
-    orbit = found.orbits[-1]
+    orbit = followed.orbits[-1]
     orbit.flow(orbit.y, np.eye(len(orbit.y)), orbit.period / 4)
-    own = process_time() - begun
-    rival = by_scipy(found)
-    print(f"a quarter period with its derivative: {own:.3f} s; by SciPy {rival / own:.1f} times")
+    ours = process_time() - begun
+    rival = by_scipy(followed)
+    print(f"a quarter period with its derivative: {ours:.3f} s; by SciPy {rival / ours:.1f} times")
     for name in [*RESONANCES][: 1 if quick else None]:
         spent, orbits, flows, folds = resonance(name)
         told = f"{orbits} orbits, {flows / orbits:.1f} flows of a period each, {folds} folds"

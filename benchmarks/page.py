@@ -50,7 +50,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help="five pendula, one second")
     quick = parser.parse_args().quick
-    if chromium.found() is None:
+    if chromium.executable() is None:
         print("no Chromium is installed here")
         return
     print("pendula  links  frames/s  frame, median (ms)  99 % below (ms)  without the display's limit (frames/s)")

@@ -46,7 +46,7 @@ def chain(links: int) -> Scene:
 # Each maker takes a scene and a vector y and returns a call that gives the accelerations; `turn` makes them absolute.
 
 
-def own(body: type) -> Callable[[Scene, np.ndarray], Accelerations]:
+def bound(body: type) -> Callable[[Scene, np.ndarray], Accelerations]:
     def made(scene: Scene, y: np.ndarray) -> Accelerations:
         system = system_of(scene)
         equations = Minimal(system, tuple(body(group) for group in system.groups))
@@ -150,9 +150,9 @@ def pinocchio(scene: Scene, y: np.ndarray) -> Accelerations:
 
 
 ENGINES: dict[str, tuple[Callable[[Scene, np.ndarray], Accelerations], str | None]] = {
-    "Recursion": (own(Recursion), None),
-    "Dense": (own(Dense), None),
-    "Banded": (own(Banded), None),
+    "Recursion": (bound(Recursion), None),
+    "Dense": (bound(Dense), None),
+    "Banded": (bound(Banded), None),
     "Compiled": (by_numba, "numba"),
     "textbook": (textbook, None),
     "MuJoCo": (mujoco, "mujoco"),
@@ -186,17 +186,17 @@ def times(scene: Scene) -> dict[str, float | str]:
     """Microseconds of every engine, or why there are none."""
     half = scene.n_links + isinstance(scene.support, Cart)
     y = np.random.default_rng(1).uniform(-1, 1, 2 * half)
-    expected = own(Recursion)(scene, y)()
-    found: dict[str, float | str] = {}
+    expected = bound(Recursion)(scene, y)()
+    costs: dict[str, float | str] = {}
     for name, (make, package) in ENGINES.items():
         if package and not find_spec(package):
-            found[name] = "not installed"
+            costs[name] = "not installed"
         elif too_large(name, scene):
-            found[name] = "too large"
+            costs[name] = "too large"
         else:
             call = make(scene, y)
-            found[name] = microseconds(call) if agrees(call, expected) else "differs"
-    return found
+            costs[name] = microseconds(call) if agrees(call, expected) else "differs"
+    return costs
 
 
 def agrees(call: Accelerations, expected: np.ndarray) -> bool:
@@ -208,12 +208,12 @@ def agrees(call: Accelerations, expected: np.ndarray) -> bool:
 def table(rows: Sequence[tuple[str, dict[str, float | str]]]) -> str:
     from tabulate import tabulate
 
-    lines = [(label, *(_cell(value, found) for value in found.values())) for label, found in rows]
+    lines = [(label, *(_cell(value, costs) for value in costs.values())) for label, costs in rows]
     return tabulate(lines, ("scene", *ENGINES), tablefmt="github", disable_numparse=True, stralign="right")
 
 
-def _cell(value: float | str, found: dict[str, float | str]) -> str:
-    best = min(other for other in found.values() if isinstance(other, float))
+def _cell(value: float | str, costs: dict[str, float | str]) -> str:
+    best = min(other for other in costs.values() if isinstance(other, float))
     return value if isinstance(value, str) else f"{value:.3g} ({value / best:.2g})"
 
 

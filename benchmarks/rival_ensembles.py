@@ -80,7 +80,7 @@ def batches(name: str, tolerance: float) -> Any:
     rates: list[Any] = [0.0] * size
     {"bobs": _bobs, "cart": _cart}[name](y, rates, hy)
     width = hy.recommended_simd_size()
-    equations = [(one, hy.expression(0.0) + its) for one, its in zip(y, rates, strict=True)]
+    equations = [(component, hy.expression(0.0) + its) for component, its in zip(y, rates, strict=True)]
     integrator = hy.taylor_adaptive_batch(
         equations, np.zeros((size, width)), tol=0.99 * tolerance, compact_mode=False, fast_math=True
     )

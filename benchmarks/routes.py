@@ -56,12 +56,12 @@ def compiled_stepper() -> Any:
 
 def stepper_of(equations: Equations, start: State, duration: float, tolerance: float) -> Stepper:
     """DOP853 as in a run: in floats for generated equations, compiled, or SciPy's."""
-    given = (0.0, equations.begin(start), duration, tolerance, tolerance * equations.scale)
+    begun = (0.0, equations.begin(start), duration, tolerance, tolerance * equations.scale)
     if isinstance(equations, Generated):
-        return FloatStepper(equations, *given)
+        return FloatStepper(equations, *begun)
     if isinstance(equations, Compiled):
-        return compiled_stepper()(equations, *given)
-    return SciPyStepper("DOP853", equations.derivative, *given)
+        return compiled_stepper()(equations, *begun)
+    return SciPyStepper("DOP853", equations.derivative, *begun)
 
 
 def by_steps(equations: Equations, start: State, problem: Problem, tolerance: float) -> np.ndarray:
@@ -125,8 +125,8 @@ def forget() -> None:
 
 def textbook(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
     """The full matrix of the cart and all pendula, assembled and solved at every call; no dampers, no springs."""
-    on, found = int(system_of(scene).cart is not None), matrices(scene)
-    M, weight, half = found.M, np.diag(found.K)[on:], len(found.M)
+    on, linear = int(system_of(scene).cart is not None), matrices(scene)
+    M, weight, half = linear.M, np.diag(linear.K)[on:], len(linear.M)
     A, b = M[on:, on:], M[0, on:]
 
     def derivative(time: float, y: np.ndarray) -> np.ndarray:
@@ -156,8 +156,8 @@ def numba_alone(problem: Problem, step: float) -> Task:
     """The textbook under the classical Runge–Kutta method, all of it compiled by numba."""
     from rival_numba import integrated
 
-    on, found = int(system_of(problem.scene).cart is not None), matrices(problem.scene)
-    M, weight = np.array(found.M, dtype=float), np.diag(found.K)[on:].copy()
+    on, linear = int(system_of(problem.scene).cart is not None), matrices(problem.scene)
+    M, weight = np.array(linear.M, dtype=float), np.diag(linear.K)[on:].copy()
     y = np.concatenate((np.zeros(on), problem.angles, np.zeros(on + len(problem.angles))))
     integrated(M, weight, on, y.copy(), step, 1)
     return lambda: integrated(M, weight, on, y.copy(), step, round(problem.duration / step))[on : len(M)]
@@ -167,16 +167,16 @@ def numba_dop853(problem: Problem, tolerance: float) -> Task:
     """DOP853 of the equations of double pendula on a cart, or of a chain of bobs, written by hand for numba."""
     import rival_numba as rival
 
-    system, found = system_of(problem.scene), matrices(problem.scene)
+    system, linear = system_of(problem.scene), matrices(problem.scene)
     on, g, samples = int(system.cart is not None), system.gravity, np.linspace(0.0, problem.duration, SAMPLES + 1)[1:]
     y = np.concatenate((np.zeros(on), problem.angles, np.zeros(on + len(problem.angles))))
     rows = np.empty((SAMPLES, len(y)))
     if on:
-        M = np.array(found.M, dtype=float)
+        M = np.array(linear.M, dtype=float)
         run, p = rival.stepping(rival.doubles), (g, M[0, 0], M[1, 1], M[1, 2], M[2, 2], M[0, 1], M[0, 2])
     else:
-        given = [np.ascontiguousarray(system.by_link(name)) for name in ("mass", "length")]
-        run, p = rival.stepping(rival.bobs), (g, *given, *np.empty((5, system.n_links)))
+        numbers = [np.ascontiguousarray(system.by_link(name)) for name in ("mass", "length")]
+        run, p = rival.stepping(rival.bobs), (g, *numbers, *np.empty((5, system.n_links)))
 
     def task(end: float = problem.duration) -> np.ndarray:
         run(y.copy(), p, end, tolerance, tolerance, samples, rows)
@@ -203,17 +203,17 @@ def heyoka_alone(problem: Problem, tolerance: float) -> Task:
 
 def relative(system: System, angles: np.ndarray) -> np.ndarray:
     """Joint angles of absolute ones, in the order of the file."""
-    found = np.empty_like(angles)
+    joints = np.empty_like(angles)
     for group in system.groups:
-        found[group.index] = np.diff(angles[group.index], axis=0, prepend=0.0)
-    return found
+        joints[group.index] = np.diff(angles[group.index], axis=0, prepend=0.0)
+    return joints
 
 
 def absolute(system: System, joints: np.ndarray) -> np.ndarray:
-    found = np.empty_like(joints)
+    angles = np.empty_like(joints)
     for group in system.groups:
-        found[group.index] = np.cumsum(joints[group.index], axis=0)
-    return found
+        angles[group.index] = np.cumsum(joints[group.index], axis=0)
+    return angles
 
 
 def links_of(system: System) -> list[tuple[bool, float, float, float, float]]:

@@ -45,7 +45,7 @@ def problem_of(links: list[dict[str, Any]], free: tuple[str, ...], segments: int
     parameters = find_parameters(scene, [f"pendulum[0].links[*].{name}" for name in free])
     problem = FitProblem(scene, parameters, recording, np.ones(2), tolerance=TOLERANCE)
     u, rng = np.zeros(problem.layout.size), np.random.default_rng(SEED)
-    u[: problem.layout.numbers] = [one.start for one in parameters]
+    u[: problem.layout.numbers] = [parameter.start for parameter in parameters]
     for s in range(segments):
         u[problem.layout.state(s)] = np.concatenate((rng.normal(0, 0.4, 2), np.zeros(2)))
     return problem, u
@@ -53,23 +53,23 @@ def problem_of(links: list[dict[str, Any]], free: tuple[str, ...], segments: int
 
 def by_differences(problem: FitProblem, u: Floats) -> list[Floats]:
     """The derivatives of every segment by the numbers and by its own state, (1 + k, C, K)."""
-    found, numbers = [], problem.layout.numbers
+    slopes, numbers = [], problem.layout.numbers
     for s in range(len(problem.recording.segments)):
-        own = np.concatenate((u[:numbers], u[problem.layout.state(s)]))
-        motions = [_motion(problem, own)]
-        for k in range(len(own)):
-            beside = own.copy()
+        unknowns = np.concatenate((u[:numbers], u[problem.layout.state(s)]))
+        motions = [_motion(problem, unknowns)]
+        for k in range(len(unknowns)):
+            beside = unknowns.copy()
             beside[k] += DIFFERENCE
             motions.append((_motion(problem, beside) - motions[0]) / DIFFERENCE)
-        found.append(np.array(motions))
-    return found
+        slopes.append(np.array(motions))
+    return slopes
 
 
-def _motion(problem: FitProblem, own: Floats) -> Floats:
-    scene: Scene = problem.scene_at(own)
+def _motion(problem: FitProblem, unknowns: Floats) -> Floats:
+    scene: Scene = problem.scene_at(unknowns)
     rate = Generated(system_of(scene), counts_work=False).rate
     times = TIMES + problem.late
-    begun = own[problem.layout.numbers :]
+    begun = unknowns[problem.layout.numbers :]
     run = solve_ivp(
         lambda t, y: rate(y.tolist()), (0, times[-1]), begun, "DOP853", times, rtol=TOLERANCE, atol=TOLERANCE
     )
@@ -99,8 +99,8 @@ def main() -> None:
         other = process_time() - begun
         values = told.reshape(segments, len(TIMES), 2, -1)[..., : problem.layout.numbers]
         apart = max(
-            float(np.abs(values[s].transpose(2, 1, 0) - own[1 : 1 + problem.layout.numbers]).max())
-            for s, own in enumerate(rival)
+            float(np.abs(values[s].transpose(2, 1, 0) - slopes[1 : 1 + problem.layout.numbers]).max())
+            for s, slopes in enumerate(rival)
         )
         spent = seconds(lambda problem=problem, u=u: _fresh(problem, u))
         dry, v = problem_of(rubbing, ("friction", "damping"), segments)

@@ -155,13 +155,13 @@ def costs(quick: bool) -> list[tuple[str, ...]]:
 # ------------------------------------------------------------------------------------------------------------- page
 
 
-def comparison(found: Panel) -> str:
+def comparison(panel: Panel) -> str:
     """Every row of one problem, with the time over that of the default at the same error."""
-    default, lines = found.routes[DEFAULT], []
-    for name, rows in found.routes.items():
+    default, lines = panel.routes[DEFAULT], []
+    for name, rows in panel.routes.items():
         for row in rows:
-            ratio = row.seconds / time_at(default, max(row.error, found.floor), found.floor)
-            error = f"{row.error:.0e}" if row.error > found.floor else f"below {found.floor:.0e}"
+            ratio = row.seconds / time_at(default, max(row.error, panel.floor), panel.floor)
+            error = f"{row.error:.0e}" if row.error > panel.floor else f"below {panel.floor:.0e}"
             lines.append((name, f"{row.setting:g}", _time(row.seconds), error, _number(ratio)))
     return markdown(("route", "tolerance or step (s)", "time", "error (rad)", "ratio"), lines)
 
@@ -170,15 +170,15 @@ def overview(panels: Sequence[Panel]) -> str:
     """Milliseconds of every route at the error PEER."""
     lines = []
     for name in ROUTES:
-        times = [time_at(one.routes.get(name, ()), PEER, one.floor) for one in panels]
+        times = [time_at(panel.routes.get(name, ()), PEER, panel.floor) for panel in panels]
         lines.append((name, *(_time(seconds) for seconds in times)))
-    return markdown((f"error {PEER:g} rad", *(one.problem.name for one in panels)), lines)
+    return markdown((f"error {PEER:g} rad", *(panel.problem.name for panel in panels)), lines)
 
 
 def preparing(panels: Sequence[Panel]) -> str:
     """Seconds of compiling a series, the longest of its settings."""
-    found = [(one.problem.name, one.routes.get("ours, Taylor")) for one in panels]
-    told = [f"{name} {max(row.prepared for row in rows):.1f} s" for name, rows in found if rows]
+    series = [(panel.problem.name, panel.routes.get("ours, Taylor")) for panel in panels]
+    told = [f"{name} {max(row.prepared for row in rows):.1f} s" for name, rows in series if rows]
     return f"Compiling a Taylor series takes (once a process): {', '.join(told)}." if told else "No Taylor series here."
 
 
@@ -198,16 +198,16 @@ def _number(ratio: float) -> str:
 def versions() -> str:
     packages = ("numba", "heyoka", "mujoco", "pin")
     others = [f"{name} {version(name)}" for name in packages if find_spec({"pin": "pinocchio"}.get(name, name))]
-    own = f"Python {platform.python_version()}", f"NumPy {np.__version__}", f"SciPy {scipy.__version__}"
-    return ", ".join((*own, *others))
+    ours = f"Python {platform.python_version()}", f"NumPy {np.__version__}", f"SciPy {scipy.__version__}"
+    return ", ".join((*ours, *others))
 
 
 def page(panels: Sequence[Panel], each: Sequence[Sequence[str]], choices: Sequence[Sequence[str]]) -> str:
     threads = os.environ.get("OPENBLAS_NUM_THREADS", "not set")
     scenes = "\n\n".join(
-        f"### {one.problem.name}, {one.problem.duration:g} s\n\n"
-        f"Two reference routes differ by {one.floor:.0e} rad; no error below that is claimed.\n\n{comparison(one)}"
-        for one in panels
+        f"### {panel.problem.name}, {panel.problem.duration:g} s\n\n"
+        f"Two reference routes differ by {panel.floor:.0e} rad; no error below that is claimed.\n\n{comparison(panel)}"
+        for panel in panels
     )
     return f"""# Benchmarks of the simulator
 

@@ -23,8 +23,8 @@ def figure(panels: Sequence[Panel], path: Path) -> None:
 def _figure(panels: Sequence[Panel]) -> Figure:
     made = sheet(12, 7.4)
     axes = made.subplots(2, 3)
-    for axis, one in zip(axes.flat, panels, strict=False):
-        _curves(axis, one)
+    for axis, panel in zip(axes.flat, panels, strict=False):
+        _curves(axis, panel)
     for axis in axes.flat[len(panels) :]:
         axis.set_axis_off()
     handles = {line.get_label(): line for axis in axes.flat for line in axis.get_lines()}
@@ -34,13 +34,13 @@ def _figure(panels: Sequence[Panel]) -> Figure:
     return made
 
 
-def _curves(axis: Axes, one: Panel) -> None:
-    for name, rows in one.routes.items():
+def _curves(axis: Axes, panel: Panel) -> None:
+    for name, rows in panel.routes.items():
         route = ROUTES[name]
-        points = [(max(row.error, one.floor), row.seconds) for row in rows]
+        points = [(max(row.error, panel.floor), row.seconds) for row in rows]
         face, style = (route.hue(), "-") if route.ours else (paper(), "--")
         axis.loglog(*zip(*points, strict=True), style, marker=route.mark, color=route.hue(), mfc=face, label=name)
     low, high = axis.get_xlim()
-    axis.axvspan(low / 10, one.floor, color=rest(), alpha=0.4, lw=0)
-    axis.set_xlim(min(low, one.floor / 3), min(high, 10))
-    axis.set(xlabel="largest error of an angle at the end (rad)", ylabel="time (s)", title=one.problem.name)
+    axis.axvspan(low / 10, panel.floor, color=rest(), alpha=0.4, lw=0)
+    axis.set_xlim(min(low, panel.floor / 3), min(high, 10))
+    axis.set(xlabel="largest error of an angle at the end (rad)", ylabel="time (s)", title=panel.problem.name)

@@ -30,7 +30,7 @@ def main() -> None:
     scene = Scene(gravity=9.81, support=Cart(mass=1.0, stiffness=1.0, friction=FRICTION), pendulum=[light])
     times = np.linspace(0.0, 2 * pi / RATE * periods, SAMPLES * periods + 1)
     begun = perf_counter()
-    found = simulate(
+    run = simulate(
         scene,
         times[-1],
         start=State(np.zeros(1), np.zeros(1)),
@@ -39,13 +39,13 @@ def main() -> None:
         tolerance=1e-8,
     )
     spent = perf_counter() - begun
-    cart = found.motion.cart[:-1].reshape(periods, SAMPLES)
-    lengths = (found.friction.end - found.friction.begin)[2 * SETTLED : -2]
-    changes = 2 * len(found.friction.link)
-    print(f"{changes} changes of state in {spent:.0f} s, {1e3 * spent / changes:.2f} ms each, {found.run.steps} steps")
+    cart = run.motion.cart[:-1].reshape(periods, SAMPLES)
+    lengths = (run.friction.end - run.friction.begin)[2 * SETTLED : -2]
+    changes = 2 * len(run.friction.link)
+    print(f"{changes} changes of state in {spent:.0f} s, {1e3 * spent / changes:.2f} ms each, {run.run.steps} steps")
     apart = float(np.abs(cart[-1] - cart[SETTLED]).max())
     print(f"last period against period {SETTLED}: {apart:.1e} m of {np.ptp(cart[-1]):.3g} m")
-    print(f"energy: drift {found.energy_drift():.1e}; phases: {lengths.mean():.9f} s, spread {np.ptp(lengths):.1e} s")
+    print(f"energy: drift {run.energy_drift():.1e}; phases: {lengths.mean():.9f} s, spread {np.ptp(lengths):.1e} s")
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ S, X = sp.symbols("s x")
 class Derived(NamedTuple):
     """Expressions, and a function from numbers in place of symbols to ω²."""
 
-    found: Sequence[Any]
+    expressions: Sequence[Any]
     squares: Callable[..., np.ndarray]
 
 
@@ -94,10 +94,10 @@ def their_pencil(n: int) -> Derived:
     return Derived((M, A), lambda M, A: -(np.linalg.eigvals(np.linalg.solve(M, A)) ** 2))
 
 
-def their_determinant(_: int, found: Sequence[Any]) -> Derived:
+def their_determinant(_: int, matrices: Sequence[Any]) -> Derived:
     from sympy.polys.matrices import DomainMatrix
 
-    M, A = found
+    M, A = matrices
     pencil = DomainMatrix.from_Matrix(S * M - A)
     return _in_s(pencil.domain.to_sympy(pencil.det()))
 
@@ -109,8 +109,8 @@ def their_state_matrix(n: int, simplify: bool = False) -> Derived:
     return Derived((A,), lambda A: -(np.linalg.eigvals(A) ** 2))
 
 
-def their_polynomial(_: int, found: Sequence[Any]) -> Derived:
-    return _in_s(found[0].charpoly(S).as_expr())
+def their_polynomial(_: int, matrices: Sequence[Any]) -> Derived:
+    return _in_s(matrices[0].charpoly(S).as_expr())
 
 
 def _in_s(p: Any) -> Derived:
@@ -138,27 +138,27 @@ def work(name: str, n: int) -> None:
     seconds = time.perf_counter() - start
     report("matrices", derived, seconds)
     start = time.perf_counter() - seconds
-    derived = route.polynomial(n, derived.found)
+    derived = route.polynomial(n, derived.expressions)
     report("polynomial", derived, time.perf_counter() - start)
 
 
 def report(stage: str, derived: Derived, seconds: float) -> None:
     for figure, value in (
         ("seconds", lambda: seconds),
-        ("operations", lambda: operations(derived.found)),
-        ("squares", lambda: moving(derived.squares(*map(with_numbers, derived.found)))),
+        ("operations", lambda: operations(derived.expressions)),
+        ("squares", lambda: moving(derived.squares(*map(with_numbers, derived.expressions)))),
     ):
         print(json.dumps([stage, figure, value()]), flush=True)
 
 
-def operations(found: Sequence[Any]) -> int:
-    named, rest = sp.cse(found)
+def operations(expressions: Sequence[Any]) -> int:
+    named, rest = sp.cse(expressions)
     return int(sum(sp.count_ops(expression) for _, expression in named) + sum(map(sp.count_ops, rest)))
 
 
-def with_numbers(found: Any) -> Any:
+def with_numbers(expression: Any) -> Any:
     """Exact numbers for m_c or m0, the links' masses and lengths, and g, under either naming."""
-    plain = found.subs({symbol: _number(symbol.name) for symbol in found.free_symbols - {S, X}})
+    plain = expression.subs({symbol: _number(symbol.name) for symbol in expression.free_symbols - {S, X}})
     return np.array(plain, dtype=float) if isinstance(plain, sp.MatrixBase) else plain
 
 

@@ -40,7 +40,7 @@ PATIENCE = 5.0  # s that a browser has to end
 TOUCHED = 3  # the descriptors on which the browser reads, and one further on which it writes
 
 
-def found() -> str | None:
+def executable() -> str | None:
     """The path of a browser; None where none is installed."""
     return next(filter(None, map(shutil.which, NAMES)), None)
 
@@ -58,12 +58,12 @@ class Chromium:
         theirs = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in (theirs_in, theirs_out)]
         arranged = [(os.POSIX_SPAWN_DUP2, end, TOUCHED + place) for place, end in enumerate(theirs)]
         quiet = (os.POSIX_SPAWN_OPEN, 2, os.devnull, os.O_WRONLY, 0)
-        command = [found() or NAMES[0], *FLAGS, f"--user-data-dir={self._folder.name}", "about:blank"]
+        command = [executable() or NAMES[0], *FLAGS, f"--user-data-dir={self._folder.name}", "about:blank"]
         self._process = os.posix_spawnp(command[0], command, os.environ, file_actions=[*arranged, quiet])
         for end in (theirs_in, theirs_out, *theirs):
             os.close(end)
         self._left, self._count, self._session, self._loaded = b"", 0, "", False
-        target = next(one for one in self.call("Target.getTargets")["targetInfos"] if one["type"] == "page")
+        target = next(info for info in self.call("Target.getTargets")["targetInfos"] if info["type"] == "page")
         self._session = self.call("Target.attachToTarget", targetId=target["targetId"], flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log"):
             self.call(f"{domain}.enable")
@@ -108,9 +108,9 @@ class Chromium:
             if not piece:
                 raise RuntimeError("the browser has ended")
             self._left += piece
-        one, _, self._left = self._left.partition(b"\0")
-        found: dict[str, Any] = json.loads(one)
-        return found
+        line, _, self._left = self._left.partition(b"\0")
+        message: dict[str, Any] = json.loads(line)
+        return message
 
     def _note(self, event: dict[str, Any]) -> None:
         parameters = event.get("params", {})

@@ -65,9 +65,11 @@ def sketch(scene: Scene) -> str:
 def _structure_sketch(scene: Scene) -> str:
     """The same of a structure, as figures draw it, with all its pendula."""
     system, modes = system_of(scene), natural_modes(scene.conservative)
-    scaffold, sizes = scaffold_of(system), [one.n_links for one in scene.pendulum for _ in range(one.count)]
+    scaffold, sizes = scaffold_of(system), [each.n_links for each in scene.pendulum for _ in range(each.count)]
     shapes = [modes.shape(k) for k in range(len(modes.omega))]
-    parts_moved = [(np.abs(one.angles).max(), np.abs(one.supports / scaffold.unit).max(initial=0.0)) for one in shapes]
+    parts_moved = [
+        (np.abs(moved.angles).max(), np.abs(moved.supports / scaffold.unit).max(initial=0.0)) for moved in shapes
+    ]
     # the slowest in which pendula swing as far as the structure goes
     chosen = next((k for k, (swung, carried) in enumerate(parts_moved) if swung >= carried), 0)
     shape, lean = shapes[chosen], np.radians(LEAN) / max(parts_moved[chosen])
@@ -78,8 +80,8 @@ def _structure_sketch(scene: Scene) -> str:
     steps = system.by_link("length")[:, None] * np.stack([np.sin(angles), -np.cos(angles)], axis=1)
     ends = np.cumsum(sizes)
     chains = [
-        top + np.vstack([[0.0, 0.0], np.cumsum(own, axis=0)])
-        for top, own in zip(scaffold.pivots(eta)[0], np.split(steps, ends[:-1]), strict=True)
+        top + np.vstack([[0.0, 0.0], np.cumsum(links, axis=0)])
+        for top, links in zip(scaffold.pivots(eta)[0], np.split(steps, ends[:-1]), strict=True)
     ]
     pieces = scaffold.pieces(eta, {k: chain[None] for k, chain in enumerate(chains)})
     every = [piece.points[0] for piece in pieces] + chains
@@ -96,7 +98,7 @@ def _structure_sketch(scene: Scene) -> str:
         parts.append(f'<path class="{"body" if piece.role == "body" else "rail"}" d="M{line}"/>')
     for k, chain in enumerate(chains):
         points = placed(chain)
-        places = [one.split(",") for one in points[1:]]
+        places = [point.split(",") for point in points[1:]]
         joints = "".join(f'<circle cx="{x}" cy="{y}" r="{3.5 if len(chains) < MOST else 2}"/>' for x, y in places)
         parts.append(f'<g class="c{k % 3}"><polyline points="{" ".join(points)}"/>{joints}</g>')
     return f'<svg viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" aria-hidden="true">{"".join(parts)}</svg>'
@@ -104,9 +106,15 @@ def _structure_sketch(scene: Scene) -> str:
 
 def _shapes(scene: Scene) -> list[np.ndarray]:
     """The joints of each pendulum from the top (m): along the rail, down."""
-    pendula = [one for one in scene.pendulum for _ in range(one.count)]
-    lengths = [np.repeat([link.length for link in one.links], [link.count for link in one.links]) for one in pendula]
-    inverted = [np.array(one.equilibrium or ["down"] * len(l)) == "up" for one, l in zip(pendula, lengths, strict=True)]
+    pendula = [each for each in scene.pendulum for _ in range(each.count)]
+    lengths = [
+        np.repeat([link.length for link in pendulum.links], [link.count for link in pendulum.links])
+        for pendulum in pendula
+    ]
+    inverted = [
+        np.array(pendulum.equilibrium or ["down"] * len(l)) == "up"
+        for pendulum, l in zip(pendula, lengths, strict=True)
+    ]
     lean = np.zeros(scene.n_links)
     if scene.n_links <= MOST_LINKS:
         modes = natural_modes(scene)

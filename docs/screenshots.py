@@ -1,7 +1,7 @@
 """Screenshots by Chromium: live pages and pages of the manual at three widths, light and dark, and the landing picture.
 
     python docs/screenshots.py FOLDER [--manual BUILT]    live pages, or pages of the built manual, to be looked at
-    python docs/screenshots.py                            docs/pictures/play.png and its dark twin, made anew
+    python docs/screenshots.py                            docs/pictures/play.png, play-phone.png, dark twins: made anew
 
 Time passes frame by frame (`chromium`), so that the same page gives the same picture.
 """
@@ -19,8 +19,8 @@ from playing import build
 WIDTHS = {360: 780, 768: 1024, 1280: 900}
 """Heights of the windows by their widths."""
 THEMES = {"light": "", "dark": "-dark"}
-LANDING = "paper-cart-3"
-SCENES = (LANDING, "clocks-double", "crane-two-loads", "cart-upright", "chain-unequal")
+LANDING, TAPPED = "paper-cart-3", "huygens"
+SCENES = (LANDING, "huygens", "clocks-double", "crane-two-loads", "cart-upright", "chain-unequal", "tower")
 PAGES = ("index", "tutorial/index", "tutorial/lessons/01_first_table", "play", "explanation/comparison")
 """Of the manual."""
 FRAMES = 280
@@ -58,13 +58,24 @@ def read(browser: Chromium, folder: Path, manual: Path) -> None:
 
 
 def landing(browser: Chromium, pages: Path) -> None:
-    """The picture on the first page of the manual."""
+    """The picture on the first page of the manual, and that of a phone on which a mode was tapped."""
     for theme, end in THEMES.items():
         browser.size(1280, 850, dark=theme == "dark", scale=1.15)
         swinging(browser, pages / f"{LANDING}.html")
-        path = HERE / "pictures" / f"play{end}.png"
-        path.write_bytes(browser.picture())
-        reduce(path)
+        saved(browser, f"play{end}")
+        browser.size(390, 844, dark=theme == "dark", scale=1.5)
+        browser.open(pages / f"{TAPPED}.html")
+        browser.run("document.getElementById('modes-title').scrollIntoView()")
+        browser.run("document.querySelectorAll('#rows tr')[2].click()")
+        browser.frames(FRAMES)
+        saved(browser, f"play-phone{end}")
+
+
+def saved(browser: Chromium, name: str) -> None:
+    """What is seen, as a picture of the manual."""
+    path = HERE / "pictures" / f"{name}.png"
+    path.write_bytes(browser.picture())
+    reduce(path)
 
 
 def main() -> None:

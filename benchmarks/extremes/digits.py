@@ -83,11 +83,11 @@ def states(scene: Scene, start: State, times, digits: int = 40, tolerance: float
         head, rate = ([start.cart], [start.cart_rate]) if isinstance(scene.support, Cart) else ([], [])
         y = [mpf(float(value)) for value in (*head, *start.links, *rate, *start.link_rates)]
         derivative, size = textbook(scene), len(y) // 2
-        found, now, step = [], mpf(0), None
+        rows, now, step = [], mpf(0), None
         for time in times:
             y, now, step = _until(derivative, y, now, mpf(float(time)), step, mpf(tolerance))
-            found.append(y)
-        return [row[:size] for row in found], [row[size:] for row in found]
+            rows.append(y)
+        return [row[:size] for row in rows], [row[size:] for row in rows]
 
 
 def _until(f: Derivative, y: Vector, now: mpf, end: mpf, step: mpf | None, tolerance: mpf):  # type: ignore[no-untyped-def]

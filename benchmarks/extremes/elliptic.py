@@ -19,8 +19,8 @@ def angles(amplitude: float, square: object, times: Sequence[float]) -> np.ndarr
     with mp.workdps(DIGITS):
         k = mp.sin(mpf(amplitude) / 2)
         omega = mp.sqrt(mpf(square))
-        found = [2 * mp.asin(k * _cd(omega * mpf(float(time)), k * k)) for time in times]
-    return np.array(found, dtype=float)
+        theta = [2 * mp.asin(k * _cd(omega * mpf(float(time)), k * k)) for time in times]
+    return np.array(theta, dtype=float)
 
 
 def _cd(u: mpf, m: mpf) -> mpf:

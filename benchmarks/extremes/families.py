@@ -31,8 +31,8 @@ class Case(NamedTuple):
 
 
 def at_rest(angles: object) -> State:
-    found = np.array(angles, dtype=float)
-    return State(found, np.zeros(found.size))
+    links = np.array(angles, dtype=float)
+    return State(links, np.zeros(links.size))
 
 
 def hung(*links: object, cart: Cart | None = None, gravity: float = G, count: int = 1) -> Scene:
@@ -67,14 +67,16 @@ def links(quick: bool) -> Iterator[Case]:
         if quick and n > 100:
             return
         scene, angles = hung(bob(count=n) if n > 1 else bob()), np.full(n, np.deg2rad(10))
-        found = case("links of a chain", n, scene, angles, duration)
-        yield found if n <= 3 else found._replace(reference=partial(_tight, found))
+        chain = case("links of a chain", n, scene, angles, duration)
+        yield chain if n <= 3 else chain._replace(reference=partial(_tight, chain))
 
 
-def _tight(one: Case) -> np.ndarray:
+def _tight(tried: Case) -> np.ndarray:
     """The reference by the recursion at the finest tolerance; the compared runs use dense or banded bodies."""
-    found = simulate(one.scene, one.times[-1], start=one.start, output=one.times, tolerance=1e-14, method="DOP853")
-    return found.motion.links[1:]
+    trajectory = simulate(
+        tried.scene, tried.times[-1], start=tried.start, output=tried.times, tolerance=1e-14, method="DOP853"
+    )
+    return trajectory.motion.links[1:]
 
 
 def pendula(quick: bool) -> Iterator[Case]:
@@ -85,8 +87,8 @@ def pendula(quick: bool) -> Iterator[Case]:
 
 
 def decades(low: int, high: int, every: int, quick: bool) -> list[float]:
-    found = [10.0**power for power in range(low, high + 1, every)]
-    return found[:: max(1, len(found) // 2)] if quick else found
+    powers = [10.0**power for power in range(low, high + 1, every)]
+    return powers[:: max(1, len(powers) // 2)] if quick else powers
 
 
 def masses(quick: bool) -> Iterator[Case]:
@@ -135,16 +137,16 @@ def detunings(quick: bool) -> Iterator[Case]:
 def dampers(quick: bool) -> Iterator[Case]:
     """A heavily damped pendulum: with digits as reference, then by the remaining creep, accurate to g/(l c²)."""
     for c in (1.0, 10.0, 1e6, 1e9, 1e12)[:: 2 if quick else 1]:
-        found = case("damper", c, hung(bob(damping=c)), (1.0,), 2.0 if c < 100 else c / G)
-        yield found if c < 100 else found._replace(reference=partial(_crept, found))
+        damped = case("damper", c, hung(bob(damping=c)), (1.0,), 2.0 if c < 100 else c / G)
+        yield damped if c < 100 else damped._replace(reference=partial(_crept, damped))
     stiff = hung(bob(), bob(damping=1e12))
     yield single("damper that stiffens a joint", 1e12, stiff, (1.0, 1.0), 3.0, square=3 * G / 5)
     yield single("damper of the cart", 1e12, hung(bob(), cart=Cart(mass=1.0, damping=1e12)), (1.0,), 3.0)
 
 
-def _crept(one: Case) -> np.ndarray:
-    c = next(one.scene.links()).damping
-    return np.array([[elliptic.creeping(1.0, G / c, time)] for time in one.times])
+def _crept(damped: Case) -> np.ndarray:
+    c = next(damped.scene.links()).damping
+    return np.array([[elliptic.creeping(1.0, G / c, time)] for time in damped.times])
 
 
 def springs(quick: bool) -> Iterator[Case]:
@@ -156,17 +158,19 @@ def hours(quick: bool) -> Iterator[Case]:
     """Ten hours: a simple pendulum, and two on a cart at ±5°."""
     duration, fine = (360.0, 1e-12) if quick else (36_000.0, 1e-15)
     for degrees in (5.0, 90.0):
-        found = single("ten hours", degrees, hung(bob()), (np.deg2rad(degrees),), duration)
-        yield found._replace(options={"method": "taylor", "tolerance": fine})
+        swing = single("ten hours", degrees, hung(bob()), (np.deg2rad(degrees),), duration)
+        yield swing._replace(options={"method": "taylor", "tolerance": fine})
     rods = hung(Rod(mass=1.0, length=1.0, count=2), cart=Cart(mass=100.0), count=2)
     paper = case("ten hours, paper cart", 5.0, rods, np.deg2rad([5.0, 5.0, 0.0, 0.0]), duration)
     yield paper._replace(options={"method": "taylor", "tolerance": fine}, reference=partial(_coarser, paper))
 
 
-def _coarser(one: Case) -> np.ndarray:
+def _coarser(swing: Case) -> np.ndarray:
     """The reference by series of another order."""
-    found = simulate(one.scene, one.times[-1], start=one.start, output=one.times, method="taylor", tolerance=1e-13)
-    return found.motion.links[1:]
+    trajectory = simulate(
+        swing.scene, swing.times[-1], start=swing.start, output=swing.times, method="taylor", tolerance=1e-13
+    )
+    return trajectory.motion.links[1:]
 
 
 FAMILIES = (

@@ -64,8 +64,8 @@ def pencil(scene: Scene) -> Pencil:
 def squares(scene: Scene, digits: int = SPREAD_DIGITS) -> list[mp.mpf]:
     """Every finite ω² without the zero of a free cart, ascending; negative for unstable modes."""
     with mp.workdps(digits):
-        found = pencil(scene)
-        M, K = _without_cart(found.M, found.K) if found.free else (found.M, found.K)
+        whole = pencil(scene)
+        M, K = _without_cart(whole.M, whole.K) if whole.free else (whole.M, whole.K)
         if scene.stands:
             return sorted(mp.eigsy(_in_factors(M, K), eigvals_only=True))
         inverse = mp.eigsy(_in_factors(K, M), eigvals_only=True)
@@ -76,17 +76,17 @@ def squares(scene: Scene, digits: int = SPREAD_DIGITS) -> list[mp.mpf]:
 def eigenvalues(scene: Scene, digits: int = STATE_DIGITS) -> list[mp.mpc]:
     """λ of M q'' + D q' + K q = 0, one of each conjugate pair, by |λ|; without the zero of a free cart's position."""
     with mp.workdps(digits):
-        found = pencil(scene)
-        n, held = found.M.rows, found.M.rows - found.free
-        force = mp.inverse(found.M) * _beside(found.K, found.D)
+        whole = pencil(scene)
+        n, held = whole.M.rows, whole.M.rows - whole.free
+        force = mp.inverse(whole.M) * _beside(whole.K, whole.D)
         state = mp.zeros(held + n)
         for i in range(held):
-            state[i, held + found.free + i] = 1
+            state[i, held + whole.free + i] = 1
         for i in range(n):
             for j in range(held + n):
-                state[held + i, j] = -force[i, j + found.free]
+                state[held + i, j] = -force[i, j + whole.free]
         values = mp.eig(state, left=False, right=False)
-        coasts = found.free and not any(found.D[0, j] for j in range(n))
+        coasts = whole.free and not any(whole.D[0, j] for j in range(n))
         still = min(values, key=abs) if coasts else None
         return sorted((_settled(v) for v in values if v is not still and _settled(v).imag >= 0), key=abs)
 
@@ -104,10 +104,10 @@ def _hang(
     pivot = dict(base)
     for i, (link, way) in enumerate(zip(links, ways, strict=True)):
         m, l, c, turn = *(mp.mpf(v) for v in (link.mass, link.length)), *_centre_and_inertia(link)
-        own, joint = {at + i: mp.mpf(1)}, {at + i: mp.mpf(1)} | ({at + i - 1: mp.mpf(-1)} if i else {})
-        inertia += [(m, {**pivot, at + i: way * c}), (turn, own)]
+        turning, joint = {at + i: mp.mpf(1)}, {at + i: mp.mpf(1)} | ({at + i - 1: mp.mpf(-1)} if i else {})
+        inertia += [(m, {**pivot, at + i: way * c}), (turn, turning)]
         springs += [(g * m * arm, {angle: mp.mpf(1)}) for angle, arm in pivot.items() if angle >= at]
-        springs += [(g * m * c * way, own), (mp.mpf(link.stiffness), joint)]
+        springs += [(g * m * c * way, turning), (mp.mpf(link.stiffness), joint)]
         dampers.append((mp.mpf(link.damping), joint))
         pivot[at + i] = way * l
 
@@ -184,8 +184,8 @@ class Counter:
             x = (mp.mpf(omega) * (1 + mp.mpf(tilt))) ** 2
             negative, pivot = 0, mp.mpf(0)
             for elements, count in self.chains:
-                found, left = _eliminated(elements, x)
-                negative, pivot = negative + count * found, pivot + count * left
+                below, left = _eliminated(elements, x)
+                negative, pivot = negative + count * below, pivot + count * left
             if not isinstance(self.support, Cart):
                 return negative
             cart = mp.mpf(self.support.stiffness) - x * mp.mpf(self.support.mass) + pivot
@@ -203,13 +203,13 @@ class Counter:
 
 def _elements(links: tuple[Bob | Rod | Body, ...], g: mp.mpf) -> list[tuple[mp.mpf, ...]]:
     """p, q, r of the kinetic energy ½p y² + q y z + ½r z² and tension k of each link, last link first."""
-    found, hanging = [], mp.mpf(0)
-    for link in reversed([one for one in links for _ in range(one.count)]):
+    elements, hanging = [], mp.mpf(0)
+    for link in reversed([entry for entry in links for _ in range(entry.count)]):
         m, l, (c, turn) = mp.mpf(link.mass), mp.mpf(link.length), _centre_and_inertia(link)
         s, j = c / l, turn / l**2
-        found.append((m * (1 - s) ** 2 + j, m * s * (1 - s) - j, m * s**2 + j, g * (m * s + hanging) / l))
+        elements.append((m * (1 - s) ** 2 + j, m * s * (1 - s) - j, m * s**2 + j, g * (m * s + hanging) / l))
         hanging += m
-    return found
+    return elements
 
 
 def _eliminated(elements: list[tuple[mp.mpf, ...]], x: mp.mpf) -> tuple[int, mp.mpf]:
@@ -233,12 +233,12 @@ def relative_errors(omega: NDArray[np.float64], exact: Sequence[mp.mpf]) -> NDAr
         return np.array([_apart(value, mp.sign(x) * mp.sqrt(abs(x))) for value, x in zip(omega, exact, strict=True)])
 
 
-def unlike(found: NDArray[np.complex128], exact: Sequence[mp.mpc]) -> NDArray[np.float64]:
+def unlike(values: NDArray[np.complex128], exact: Sequence[mp.mpc]) -> NDArray[np.float64]:
     """Relative distances of eigenvalues from exact ones, each exact one matched at most once; ∞ for unmatched ones."""
     with mp.workdps(COUNT_DIGITS):
-        distance = np.array([[_apart(value, x) for x in exact] for value in found]).reshape(len(found), len(exact))
+        distance = np.array([[_apart(value, x) for x in exact] for value in values]).reshape(len(values), len(exact))
     rows, columns = linear_sum_assignment(np.log(distance + FLOOR))
-    errors = np.full(len(found), np.inf)
+    errors = np.full(len(values), np.inf)
     errors[rows] = distance[rows, columns]
     return errors
 

@@ -54,14 +54,14 @@ def judge_of(scene: Scene, *, splitting: bool) -> Judge:
         return _counting(scene)
     if scene.has_damping:
         exact = eigenvalues(scene)
-        return lambda found: unlike(found, exact)
+        return lambda values: unlike(values, exact)
     truth = squares(scene)
     if not splitting:
-        return lambda found: relative_errors(_signed(found), truth)
+        return lambda values: relative_errors(_signed(values), truth)
     with mp.workdps(60):
         roots = [mp.sqrt(x) for x in truth]
         gaps = [(b - a) ** 2 for a, b in pairwise(roots)]
-    return lambda found: relative_errors(np.diff(_signed(found)), gaps)
+    return lambda values: relative_errors(np.diff(_signed(values)), gaps)
 
 
 def _signed(values: Values) -> NDArray[np.float64]:
@@ -72,10 +72,10 @@ def _signed(values: Values) -> NDArray[np.float64]:
 def _counting(scene: Scene) -> Judge:
     counter = Counter(scene)
 
-    def judged(found: Values) -> NDArray[np.float64]:
-        chosen = np.unique(np.linspace(0, len(found) - 1, SAMPLED).astype(int))
-        errors = np.zeros(len(found))
-        errors[chosen] = [counter.error(float(abs(found[k])), int(k)) for k in chosen]
+    def judged(values: Values) -> NDArray[np.float64]:
+        chosen = np.unique(np.linspace(0, len(values) - 1, SAMPLED).astype(int))
+        errors = np.zeros(len(values))
+        errors[chosen] = [counter.error(float(abs(values[k])), int(k)) for k in chosen]
         return errors
 
     return judged
@@ -96,16 +96,16 @@ def ours(scene: Scene, judge: Judge) -> tuple[float, float, str]:
         return np.nan, np.nan, f"refuses: {error}"
     value, error = (np.repeat(part, modes.multiplicity) for part in (modes.eigenvalue, modes.error))
     value, error = value[value != 0], error[value != 0]
-    found = judge(value)
-    if len(found) == len(value) - 1:
+    errors = judge(value)
+    if len(errors) == len(value) - 1:
         error = between(np.abs(value), error)
         return (
-            worst(found),
+            worst(errors),
             float(error.max()),
             _said(modes) + "; a splitting below the bounds: a note" * bool(error.max() >= 1),
         )
     claims = error < UNCERTAIN
-    return worst(found[claims]), float(error[claims].max(initial=0.0)), _said(modes)
+    return worst(errors[claims]), float(error[claims].max(initial=0.0)), _said(modes)
 
 
 def between(omega: NDArray[np.float64], error: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -123,17 +123,17 @@ def _said(modes: Modes) -> str:
 
 def symmetric(scene: Scene) -> tuple[Values, str]:
     """λ by `eigh(K, M)`."""
-    found = matrices(scene)
-    return _oscillating(scene, eigh(found.K, found.M, eigvals_only=True).astype(complex))
+    linear = matrices(scene)
+    return _oscillating(scene, eigh(linear.K, linear.M, eigvals_only=True).astype(complex))
 
 
 def general(scene: Scene) -> tuple[Values, str]:
     """λ by `eig`: of the pencil, or with dampers of the state matrix."""
-    found = matrices(scene)
+    linear = matrices(scene)
     if not scene.has_damping:
-        return _oscillating(scene, eig(found.K, found.M, right=False))
-    n = len(found.M)
-    inverse = np.linalg.solve(found.M, np.hstack([found.K, found.D]))
+        return _oscillating(scene, eig(linear.K, linear.M, right=False))
+    n = len(linear.M)
+    inverse = np.linalg.solve(linear.M, np.hstack([linear.K, linear.D]))
     values = eig(np.block([[np.zeros((n, n)), np.eye(n)], [-inverse]]), right=False)
     values = values[np.argsort(np.abs(values))][_free(scene) :]
     growing = int(np.sum(values.real > 0))
@@ -174,9 +174,9 @@ def case(family: Family, parameter: float) -> Case:
     tried = {"eigh": symmetric, "eig": general} if scene.n_links <= LARGEST_RIVAL else {}
     if scene.has_damping:
         tried.pop("eigh")
-    found = {name: rival(solve, scene, judge) for name, solve in tried.items()}
-    words = "; ".join([said, *(f"{name}: {text}" for name, (_, text) in found.items() if text)])
-    errors = [found[name][0] if name in found else np.nan for name in ("eigh", "eig")]
+    rivals = {name: rival(solve, scene, judge) for name, solve in tried.items()}
+    words = "; ".join([said, *(f"{name}: {text}" for name, (_, text) in rivals.items() if text)])
+    errors = [rivals[name][0] if name in rivals else np.nan for name in ("eigh", "eig")]
     return Case(family.name, parameter, error, bound, *errors, words)
 
 
@@ -186,22 +186,22 @@ def cases(*, quick: bool) -> list[Case]:
     return [_told(case(family, parameter)) for family, parameter in chosen]
 
 
-def _told(found: Case) -> Case:
-    numbers = "  ".join(f"{name} {getattr(found, name):8.1e}" for name in ("ours", "bound", "eigh", "eig"))
-    print(f"{found.family:22} {found.parameter:8.0e}  {numbers}  {found.outcome}", flush=True)
-    return found
+def _told(case_told: Case) -> Case:
+    numbers = "  ".join(f"{name} {getattr(case_told, name):8.1e}" for name in ("ours", "bound", "eigh", "eig"))
+    print(f"{case_told.family:22} {case_told.parameter:8.0e}  {numbers}  {case_told.outcome}", flush=True)
+    return case_told
 
 
-def write(found: Sequence[Case]) -> None:
+def write(judged_cases: Sequence[Case]) -> None:
     from modes_figure import figure
 
     with (DOCS / "benchmarks" / "extremes-modes.csv").open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(("family", "parameter", "error", "stated_bound", "error_eigh", "error_eig", "outcome"))
         table.writerows(
-            (f, f"{p:g}", *("" if np.isnan(e) else f"{e:.1e}" for e in rest), o) for f, p, *rest, o in found
+            (f, f"{p:g}", *("" if np.isnan(e) else f"{e:.1e}" for e in rest), o) for f, p, *rest, o in judged_cases
         )
-    figure(found, DOCS / "pictures" / "extremes-modes.png")
+    figure(judged_cases, DOCS / "pictures" / "extremes-modes.png")
 
 
 def main() -> None:
@@ -209,9 +209,9 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help=f"scenes of at most {QUICK_LINKS} links")
     parser.add_argument("--write", action="store_true", help="write the cases and the figure into docs/")
     options = parser.parse_args()
-    found = cases(quick=options.quick)
+    judged_cases = cases(quick=options.quick)
     if options.write:
-        write(found)
+        write(judged_cases)
 
 
 if __name__ == "__main__":

@@ -20,15 +20,15 @@ SOLVERS = {
 FLOOR, CEILING = 2e-17, 6.0
 
 
-def figure(found: Sequence[Any], path: Path) -> None:
-    in_both_themes(lambda: _figure(found), path)
+def figure(cases: Sequence[Any], path: Path) -> None:
+    in_both_themes(lambda: _figure(cases), path)
 
 
-def _figure(found: Sequence[Any]) -> Figure:
+def _figure(cases: Sequence[Any]) -> Figure:
     made = sheet(13, 6.6)
     axes = made.subplots(2, 4, sharey=True)
     for axis, name in zip(axes.flat, SHOWN, strict=True):
-        _panel(axis, name, [case for case in found if case.family == name])
+        _panel(axis, name, [case for case in cases if case.family == name])
     for axis in axes[:, 0]:
         axis.set_ylabel("worst relative error (–)")
     handles = {

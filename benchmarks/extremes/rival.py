@@ -32,8 +32,16 @@ class _LateError(Exception):
 def equations(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
     """(q', q'') of (q, q'), q = (x, θ) on a cart, else θ."""
     cart = scene.support if isinstance(scene.support, Cart) else None
-    links = [row for one in scene.pendulum for _ in range(one.count) for row in one.links for _ in range(row.count)]
-    top = np.array([i == 0 for one in scene.pendulum for _ in range(one.count) for i in range(one.n_links)])
+    links = [
+        row
+        for pendulum in scene.pendulum
+        for _ in range(pendulum.count)
+        for row in pendulum.links
+        for _ in range(row.count)
+    ]
+    top = np.array(
+        [i == 0 for pendulum in scene.pendulum for _ in range(pendulum.count) for i in range(pendulum.n_links)]
+    )
     first, size = int(cart is not None), len(links) + int(cart is not None)
     A, b = _blocks(scene, len(links))
     c, k = (np.array([getattr(row, name) for row in links]) for name in ("damping", "stiffness"))
@@ -83,12 +91,12 @@ def run(scene: Scene, start: State, times: np.ndarray, patience: float, **settin
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
-            found = solve_ivp(derivative, (0.0, times[-1]), y, t_eval=times, **settings)
+            solution = solve_ivp(derivative, (0.0, times[-1]), y, t_eval=times, **settings)
     except _LateError:
         return Found(None, f"not done in {patience:g} s", patience)
     except (np.linalg.LinAlgError, ValueError) as error:
         return Found(None, f"{type(error).__name__}: {error}", time.perf_counter() - begun)
     seconds, size = time.perf_counter() - begun, len(y) // 2
-    if not found.success:
-        return Found(None, found.message, seconds)
-    return Found(found.y[len(head) : size].T, "", seconds)
+    if not solution.success:
+        return Found(None, solution.message, seconds)
+    return Found(solution.y[len(head) : size].T, "", seconds)

@@ -51,17 +51,17 @@ class Line(NamedTuple):
     rival_outcome: str
 
 
-def measured(one: families.Case, patience: float) -> Line:
-    right = one.reference()
-    found, words, seconds = ours(one)
-    rivals = [rival.run(one.scene, one.start, one.times, patience, **kind) for kind in ({}, FINE)]
+def measured(tried: families.Case, patience: float) -> Line:
+    right = tried.reference()
+    trajectory, words, seconds = ours(tried)
+    rivals = [rival.run(tried.scene, tried.start, tried.times, patience, **kind) for kind in ({}, FINE)]
     (coarse, first), (fine, second) = ((_error(run.angles, right), run.seconds) for run in rivals)
     return Line(
-        one.family,
-        one.parameter,
-        _way(found),
-        _error(found.motion.links[1:], right) if found else float("nan"),
-        found.energy_drift() if found else float("nan"),
+        tried.family,
+        tried.parameter,
+        _way(trajectory),
+        _error(trajectory.motion.links[1:], right) if trajectory else float("nan"),
+        trajectory.energy_drift() if trajectory else float("nan"),
         seconds,
         coarse,
         first,
@@ -72,13 +72,15 @@ def measured(one: families.Case, patience: float) -> Line:
     )
 
 
-def _way(found: Trajectory | None) -> str:
-    if found is None:
+def _way(trajectory: Trajectory | None) -> str:
+    if trajectory is None:
         return "none"
-    return f"{found.run.form}/{found.run.method}" + (", compiled" if "compiled" in found.run.reason else "")
+    return f"{trajectory.run.form}/{trajectory.run.method}" + (
+        ", compiled" if "compiled" in trajectory.run.reason else ""
+    )
 
 
-def ours(one: families.Case) -> tuple[Trajectory | None, str, float]:
+def ours(tried: families.Case) -> tuple[Trajectory | None, str, float]:
     """The trajectory, the program's message, and seconds; a traceback of any other kind is a defect and is named."""
     begun = time.perf_counter()
 
@@ -89,16 +91,21 @@ def ours(one: families.Case) -> tuple[Trajectory | None, str, float]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            found = simulate(
-                one.scene, float(one.times[-1]), start=one.start, output=one.times, report=report, **one.options
+            trajectory = simulate(
+                tried.scene,
+                float(tried.times[-1]),
+                start=tried.start,
+                output=tried.times,
+                report=report,
+                **tried.options,
             )
             said = []
         except SimulationError as error:
-            found, said = error.trajectory, [f"SimulationError: {error}"]
+            trajectory, said = error.trajectory, [f"SimulationError: {error}"]
         except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
-            found, said = None, [f"TRACEBACK {type(error).__name__}: {error}"]
+            trajectory, said = None, [f"TRACEBACK {type(error).__name__}: {error}"]
     said += [f"{warning.category.__name__}: {warning.message}" for warning in caught]
-    return found, "; ".join(dict.fromkeys(said)) or "ran", time.perf_counter() - begun
+    return trajectory, "; ".join(dict.fromkeys(said)) or "ran", time.perf_counter() - begun
 
 
 def _error(angles: np.ndarray | None, right: np.ndarray) -> float:
@@ -134,8 +141,8 @@ def main() -> None:
     patience = QUICK_PATIENCE if options.quick else PATIENCE
     lines = []
     print(HEAD)
-    for one in families.cases(options.quick):
-        lines.append(measured(one, patience))
+    for tried in families.cases(options.quick):
+        lines.append(measured(tried, patience))
         print(told(lines[-1]), flush=True)
     print(units.report())
     if options.write:

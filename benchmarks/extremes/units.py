@@ -51,18 +51,18 @@ def scene(a: float = 1.0, b: float = 1.0, c: float = 1.0) -> Scene:
 def compared(name: str, form: str, method: str) -> Compared:
     a, b, c = FACTORS[name]
     start = State(np.array([1.0, 0.5, -0.8]), np.zeros(3))
-    one, other = (
+    plain, scaled = (
         simulate(each, duration, start=start, form=form, method=method, output=50)
         for each, duration in ((scene(), DURATION), (scene(a, b, c), DURATION * sqrt(b / c)))
     )
-    apart = np.abs(one.motion.links - other.motion.links).max()
-    return Compared(name, f"{form}/{method}", (one.run.steps, other.run.steps), bool(apart == 0), float(apart))
+    apart = np.abs(plain.motion.links - scaled.motion.links).max()
+    return Compared(name, f"{form}/{method}", (plain.run.steps, scaled.run.steps), bool(apart == 0), float(apart))
 
 
 def report() -> str:
-    found = [compared(name, *way) for name in FACTORS for way in WAYS]
+    pairs = [compared(name, *way) for name in FACTORS for way in WAYS]
     return "\n".join(
-        f"{one.factors:22} {one.way:20} steps {one.steps[0]:4} {one.steps[1]:4}  "
-        + ("identical to the last bit" if one.identical else f"apart by {one.apart:.1e} rad")
-        for one in found
+        f"{pair.factors:22} {pair.way:20} steps {pair.steps[0]:4} {pair.steps[1]:4}  "
+        + ("identical to the last bit" if pair.identical else f"apart by {pair.apart:.1e} rad")
+        for pair in pairs
     )

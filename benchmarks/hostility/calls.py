@@ -61,14 +61,14 @@ class GivenUpError(BaseException):
 @cache
 def doors() -> list[tuple[str, Callable[..., Any]]]:
     """Every public function whose first argument is one of the things that are known here."""
-    found: dict[Callable[..., Any], str] = {}
+    functions: dict[Callable[..., Any], str] = {}
     for room in map(import_module, ROOMS):
         for name in getattr(room, "__all__", ["load", "save", "simulate", "resume", "advise"]):
-            own = getattr(room, name, None)
-            if inspect.isfunction(own) and len(inspect.signature(own).parameters):
-                found.setdefault(own, f"{room.__name__}.{name}")
+            function = getattr(room, name, None)
+            if inspect.isfunction(function) and len(inspect.signature(function).parameters):
+                functions.setdefault(function, f"{room.__name__}.{name}")
     known = things()
-    return [(name, own) for own, name in found.items() if _annotations(own)[0] in known]
+    return [(name, function) for function, name in functions.items() if _annotations(function)[0] in known]
 
 
 @cache
@@ -81,7 +81,7 @@ def things() -> dict[str, Any]:
 
 
 def _annotations(function: Callable[..., Any]) -> list[str]:
-    return [str(one.annotation) for one in inspect.signature(function).parameters.values()]
+    return [str(parameter.annotation) for parameter in inspect.signature(function).parameters.values()]
 
 
 def case(number: int) -> tuple[str, list[str]]:
@@ -89,14 +89,16 @@ def case(number: int) -> tuple[str, list[str]]:
     rng = random.Random(f"call {number}")
     name, function = rng.choice(doors())
     parameters = [
-        one
-        for one in inspect.signature(function).parameters.values()
-        if one.kind not in (one.VAR_POSITIONAL, one.VAR_KEYWORD) and "report" not in one.name
+        parameter
+        for parameter in inspect.signature(function).parameters.values()
+        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD) and "report" not in parameter.name
     ]
-    given = {one.name: _sense(str(one.annotation)) for one in parameters if one.default is one.empty}
-    one, value = rng.choice(parameters), rng.choice(NONSENSE)
-    what = f"{name}({one.name}={repr(value) if value != 10**400 else '10**400'})"
-    became, fault = _called(function, {**given, one.name: value}, simple=one.annotation in {*things(), *SENSE})
+    arguments = {other.name: _sense(str(other.annotation)) for other in parameters if other.default is other.empty}
+    chosen, value = rng.choice(parameters), rng.choice(NONSENSE)
+    what = f"{name}({chosen.name}={repr(value) if value != 10**400 else '10**400'})"
+    became, fault = _called(
+        function, {**arguments, chosen.name: value}, simple=chosen.annotation in {*things(), *SENSE}
+    )
     return became, [f"{what}: {fault}"] if fault else []
 
 
@@ -104,15 +106,15 @@ def _sense(annotation: str) -> Any:
     return next((value for kind, value in {**things(), **SENSE}.items() if annotation.startswith(kind)), [])
 
 
-def _called(function: Callable[..., Any], given: dict[str, Any], simple: bool) -> tuple[str, str]:
+def _called(function: Callable[..., Any], arguments: dict[str, Any], simple: bool) -> tuple[str, str]:
     """`simple` says that the annotation is a type by itself, so that anything else has to be a SceneError."""
     before = signal.signal(signal.SIGALRM, _ring)
     signal.setitimer(signal.ITIMER_REAL, PATIENCE)
     try:
         with warnings.catch_warnings(action="error"):
-            found = function(**given)
-            if inspect.isgenerator(found):
-                next(found, None)
+            answer = function(**arguments)
+            if inspect.isgenerator(answer):
+                next(answer, None)
     except MultipendulaError as error:
         return "refused", "a refusal of many lines" if str(error).count("\n") > 5 else ""
     except GivenUpError:

@@ -40,14 +40,14 @@ def kinds() -> dict[str, Kind]:
     run, model = simulate(scene, DURATION, output=SAMPLES), state_space(scene)
     study = Study(scene, parse_variations(["support.mass=1:5:6"]), parse_measures(["frequencies"]))
     swept = sweep(study, workers=1)
-    found = {}
+    good = {}
     for kind in (".npz", ".csv"):
-        found[f"run{kind}"] = _saved(recordings.save, recordings.load, run, kind)
-        found[f"sweep{kind}"] = _saved(sweep_files.save, sweep_files.load, swept, kind)
-    found["model.json"] = Kind(write_json(model), lambda content: write_json(read_json(content)))
-    found["model.npz"] = Kind(write_npz(model), lambda content: write_json(read_npz(content)))
-    found["sweep.journal"] = Kind(_journal_of(swept), lambda content: _resumed(study, content))
-    return found
+        good[f"run{kind}"] = _saved(recordings.save, recordings.load, run, kind)
+        good[f"sweep{kind}"] = _saved(sweep_files.save, sweep_files.load, swept, kind)
+    good["model.json"] = Kind(write_json(model), lambda content: write_json(read_json(content)))
+    good["model.npz"] = Kind(write_npz(model), lambda content: write_json(read_npz(content)))
+    good["sweep.journal"] = Kind(_journal_of(swept), lambda content: _resumed(study, content))
+    return good
 
 
 def case(name: str, number: int) -> tuple[str, str]:
@@ -56,12 +56,12 @@ def case(name: str, number: int) -> tuple[str, str]:
     content = changed(kind.content, random.Random(f"{name}:{number}"))
     try:
         with warnings.catch_warnings(action="error"):
-            found = kind.read(content)
+            content_read = kind.read(content)
     except MultipendulaError as error:
         return REFUSED, "" if "\n" not in str(error) else f"a refusal of many lines: {error}"
     except BaseException as error:
         return "failed", f"{name} {number}: {type(error).__name__}: {str(error)[:120]}"
-    return SAME, "" if found == kind.read(kind.content) else f"{name} {number}: read with other numbers"
+    return SAME, "" if content_read == kind.read(kind.content) else f"{name} {number}: read with other numbers"
 
 
 def changed(content: bytes, rng: random.Random) -> bytes:
@@ -69,10 +69,10 @@ def changed(content: bytes, rng: random.Random) -> bytes:
     at = rng.randrange(len(content))
     sort = rng.random()
     if sort < 0.5:
-        found = bytearray(content)
+        flipped = bytearray(content)
         for place in [at, *(rng.randrange(len(content)) for _ in range(rng.choice([0, 0, 2])))]:
-            found[place] ^= 1 << rng.randrange(8)
-        return bytes(found)
+            flipped[place] ^= 1 << rng.randrange(8)
+        return bytes(flipped)
     lines = content.splitlines(keepends=True)
     which = rng.randrange(len(lines))
     digits = [place for place, byte in enumerate(content) if 48 <= byte <= 57]

@@ -108,21 +108,21 @@ def _wrong_end(code: int | None, sign: signal.Signals) -> Iterator[str]:
 def _left(session: int) -> list[int]:
     """Processes of a session that still exist some seconds after its first one has ended; Linux only."""
     until = time.monotonic() + GRACE
-    while (found := _of_session(session)) and time.monotonic() < until:
+    while (processes := _of_session(session)) and time.monotonic() < until:
         time.sleep(0.1)
-    return found
+    return processes
 
 
 def _of_session(session: int) -> list[int]:
-    found = []
+    processes = []
     for entry in Path("/proc").glob("[0-9]*/stat"):
         try:
-            state, _, _, own = entry.read_text(encoding="utf-8").rpartition(")")[2].split()[:4]
+            state, _, _, leader = entry.read_text(encoding="utf-8").rpartition(")")[2].split()[:4]
         except OSError:
             continue
-        if int(own) == session and state != "Z":
-            found.append(int(entry.parent.name))
-    return found
+        if int(leader) == session and state != "Z":
+            processes.append(int(entry.parent.name))
+    return processes
 
 
 def _resumed(words: list[str], folder: Path) -> Iterator[str]:

@@ -105,13 +105,13 @@ DIRECTIONS = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u
 
 def contents(folder: Path) -> dict[str, tuple[int, int]]:
     """Every file below a folder, with its size and when it was written."""
-    found = {}
+    files = {}
     for path in folder.rglob("*"):
         with contextlib.suppress(OSError):
             if path.is_file():
                 status = path.stat()
-                found[str(path.relative_to(folder))] = (status.st_size, status.st_mtime_ns)
-    return found
+                files[str(path.relative_to(folder))] = (status.st_size, status.st_mtime_ns)
+    return files
 
 
 def left_behind(before: dict[str, tuple[int, int]], folder: Path, code: int | None) -> Iterator[str]:
@@ -134,14 +134,14 @@ def _read(stream: io.TextIOWrapper) -> str:
 
 @contextlib.contextmanager
 def _standing_in(folder: Path, stdin: bytes, out: io.TextIOWrapper, err: io.TextIOWrapper) -> Iterator[None]:
-    home, own = os.getcwd(), sys.stdin
+    home, before = os.getcwd(), sys.stdin
     os.chdir(folder)
     sys.stdin = io.TextIOWrapper(io.BytesIO(stdin))
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             yield
     finally:
-        sys.stdin = own
+        sys.stdin = before
         os.chdir(home)
 
 
@@ -160,8 +160,8 @@ def _at_most(seconds: float) -> Iterator[None]:
 
     alarms = {signal.SIGPROF: (signal.ITIMER_PROF, seconds), signal.SIGALRM: (signal.ITIMER_REAL, 10 * seconds)}
     before = {sign: signal.signal(sign, ring) for sign in alarms}
-    for timer, own in alarms.values():
-        signal.setitimer(timer, own)
+    for timer, patience in alarms.values():
+        signal.setitimer(timer, patience)
     try:
         yield
     finally:

@@ -42,13 +42,16 @@ def _record(rng: random.Random, folder: Path) -> tuple[str, str]:
     seen = []
     for length in lengths:
         path.write_text(f"time_s,length_m\n0,1\n1,{length!r}\n", encoding="utf-8")
-        found = load(scene)
-        run = simulate(found, 0.2, start=state_at_rest(found, [5.0]), output=3)
+        scene_read = load(scene)
+        run = simulate(scene_read, 0.2, start=state_at_rest(scene_read, [5.0]), output=3)
         save(run, folder / f"{len(seen)}.npz")
-        seen.append(found)
+        seen.append(scene_read)
     rng.choice([path.unlink, lambda: path.rename(folder / "elsewhere.csv"), lambda: path.write_bytes(b"\xff")])()
-    for k, (found, length) in enumerate(zip(seen, lengths, strict=True)):
-        ends = [one.at(1.0).pendulum[0].links[0].length for one in (found, load_run(folder / f"{k}.npz").scene)]
+    for k, (scene_read, length) in enumerate(zip(seen, lengths, strict=True)):
+        ends = [
+            seen_scene.at(1.0).pendulum[0].links[0].length
+            for seen_scene in (scene_read, load_run(folder / f"{k}.npz").scene)
+        ]
         if not np.allclose(ends, length, rtol=1e-12, atol=0):
             return "stale", f"{ends} m in place of {length} m"
     return "kept apart", ""
@@ -63,8 +66,8 @@ def _whole() -> dict[str, bytes]:
 
 def _members(folder: Path, last: float) -> Any:
     numbers = {"gravity": np.linspace(1.0, last, 12)}
-    found = ensemble(load("chain-1"), 0.2, vary=numbers, engine="numpy", workers=1, folder=folder, chunk=4, check=0)
-    return found.final.links
+    members = ensemble(load("chain-1"), 0.2, vary=numbers, engine="numpy", workers=1, folder=folder, chunk=4, check=0)
+    return members.final.links
 
 
 @cache

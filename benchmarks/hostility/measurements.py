@@ -108,7 +108,7 @@ def _run(words: Sequence[str], path: str, folder: Path) -> Ended:
         (folder / f"{name}.toml").write_text(scene_naming(name, path), encoding="utf-8")
     ended = run([word.replace("PATH", path) for word in words], folder, patience=10.0)
     told = sorted(set(NUMBER.findall(ended.out))) if words[0] in {"mac", "spread"} else []
-    return replace(ended, faults=(*ended.faults, *(f"prints {own}" for own in told)))
+    return replace(ended, faults=(*ended.faults, *(f"prints {number}" for number in told)))
 
 
 # ------------------------------------------------------------------------------------------------ what is written
@@ -150,11 +150,12 @@ def _modes(rng: random.Random) -> str:
 def _report(rng: random.Random) -> str:
     covariance = [[rng.choice([*SIZES, "1" + "0" * 400, "true", '"a"', "0.01"]) for _ in range(2)] for _ in range(2)]
     places = [("gravity", "9.81"), ("support.mass", "2.0")]
-    own = [
+    parameters = [
         f'{{"place": "{place}", "value": {rng.choice([value, value, "1" + "0" * 400, "1e308"])}, "std": 0.1}}'
         for place, value in places
     ]
-    return f'{{"parameters": [{", ".join(own)}], "covariance": [{", ".join(f"[{a}, {b}]" for a, b in covariance)}]}}'
+    rows = ", ".join(f"[{a}, {b}]" for a, b in covariance)
+    return f'{{"parameters": [{", ".join(parameters)}], "covariance": [{rows}]}}'
 
 
 def _columns(first: str, second: str) -> Callable[[random.Random], str]:

@@ -97,7 +97,7 @@ def wild_scene(rng: random.Random) -> dict[str, Any]:
 
     def pendulum() -> dict[str, Any]:
         links = [link() for _ in range(rng.choice([1, 1, 2, 2, 3, 6]))]
-        number = sum(one.get("count", 1) for one in links)
+        number = sum(entry.get("count", 1) for entry in links)
         made: dict[str, Any] = {"links": links}
         if rng.random() < 0.2:
             made["count"] = rng.choice([1, 2, 5, 40, 1000 if rng.random() < 0.1 else 3])

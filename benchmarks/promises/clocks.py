@@ -44,13 +44,13 @@ def clocks(seed: int) -> Scene:
     pendula = []
     decay, wide = float(random.uniform(0.02, 0.05)), np.deg2rad(random.uniform(6.0, 9.0))
     for place in range(count):
-        own = length * (1 + unequal * float(random.uniform(-1.0, 1.0)))
+        length_of = length * (1 + unequal * float(random.uniform(-1.0, 1.0)))
         damping = 2 * decay * mass * length**2 * (1 + 100 * unequal * float(random.uniform(-1.0, 1.0)))
         impulse = pi * damping * wide / 2 / sqrt(1 - (np.deg2rad(2.0) / wide) ** 2)
         below = low and place == 0
         angle = float(random.uniform(0.3, 1.9) if below else random.uniform(3.0, 10.0)) * float(random.choice([-1, 1]))
         drive = Escapement(impulse=float(impulse), angle_deg=2.0)
-        link = Bob(mass=mass, length=own, damping=damping, drive=drive)
+        link = Bob(mass=mass, length=length_of, damping=damping, drive=drive)
         pendula.append(Pendulum(links=[link], start=InitialCondition(angles_deg=(angle,))))
     return Scene(gravity=9.81, support=cart, pendulum=pendula)
 
@@ -104,7 +104,7 @@ def run(y: Floats, h: float, marks: Floats, numbers: Floats, cart: Floats) -> Fl
     """The states at the `marks`: Runge and Kutta's method with steps of at most h, cut at the kicks by bisection."""
     n = numbers.shape[1]
     impulse, angle = numbers[3], numbers[4]
-    side, now, found = np.zeros(n), 0.0, np.empty((len(marks), len(y)))
+    side, now, states = np.zeros(n), 0.0, np.empty((len(marks), len(y)))
     for k in range(len(marks)):
         while now < marks[k]:
             step = min(h, marks[k] - now)
@@ -132,8 +132,8 @@ def run(y: Floats, h: float, marks: Floats, numbers: Floats, cart: Floats) -> Fl
             now += first
             _kick(y, who, way * impulse[who], numbers, cart)
             side[who] = -way
-        found[k] = y
-    return found
+        states[k] = y
+    return states
 
 
 class Oracle:
@@ -143,7 +143,10 @@ class Oracle:
         links = [pendulum.links[0] for pendulum in scene.pendulum]
         cart = scene.support
         self.numbers = np.array(
-            [(one.mass, one.length, one.damping, one.drive.impulse, np.deg2rad(one.drive.angle_deg)) for one in links]
+            [
+                (link.mass, link.length, link.damping, link.drive.impulse, np.deg2rad(link.drive.angle_deg))
+                for link in links
+            ]
         ).T.copy()
         self.cart = np.array([cart.mass, cart.stiffness, cart.damping, scene.gravity])
         mass, length = self.numbers[:2]
@@ -170,20 +173,20 @@ def trials(seed: int) -> Iterator[Trial]:
     """The promises that one set of clocks is given."""
     scene = clocks(seed)
     try:
-        found = study_synchronization(scene)
+        study = study_synchronization(scene)
     except ComputationError:
         return
-    theory = found.theory
+    theory = study.theory
     if theory is None or theory.prediction.motion.dies:
         return
-    prediction, duration = theory.prediction, float(found.trajectory.times[-1])
+    prediction, duration = theory.prediction, float(study.trajectory.times[-1])
     settled = max(2 * duration, min(2 * float(prediction.motion.times[-1]), LONGEST))
     oracle = Oracle(scene, prediction.start, (duration, settled))
     omega = float(prediction.averaged.modes[prediction.row].omega)
     about = f"{len(scene.pendulum)} clocks, mode {prediction.number}"
     if not theory.doubts:
         yield Trial(f"{about} certain", abs(oracle.share(settled, omega) - prediction.share), WITHIN)
-    if found.agrees:
+    if study.agrees:
         yield Trial(f"{about} as predicted", abs(oracle.share(duration, omega) - prediction.share), WITHIN)
 
 

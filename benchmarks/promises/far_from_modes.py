@@ -83,16 +83,16 @@ def trials(seed: int) -> Iterator[Trial]:
     modes = natural_modes(scene)
     inputs, outputs = signals(rng, cart=isinstance(scene.support, Cart), drag=kind == "dragged")
     form, oracle = to_modal_form(modes, state_space(scene, inputs, outputs)), Oracle(scene)
-    given, read = ([one.name for one in every] for every in (form.model.inputs, form.model.outputs))
+    sources, read = ([signal.name for signal in every] for every in (form.model.inputs, form.model.outputs))
     swings = modes.omega[modes.omega > 0]
     for _ in range(FREQUENCIES):
         omega = float(np.exp(rng.uniform(np.log(1e-6 * swings.min()), np.log(1e6 * swings.max()))))
-        found, true = frequency_response(form, omega)[..., 0], oracle.response(given, read, omega)
+        response, true = frequency_response(form, omega)[..., 0], oracle.response(sources, read, omega)
         worst, where = -1.0, ""
         for row, output in enumerate(read):
-            for column, source in enumerate(given):
+            for column, source in enumerate(sources):
                 size = abs(true[row, column])
-                off = abs(complex(found[row, column]) - true[row, column])
+                off = abs(complex(response[row, column]) - true[row, column])
                 error = float(off / size) if size > NOTHING else float(off > NOTHING)
                 if not error <= worst:
                     worst, where = error, f"{output} for {source}"

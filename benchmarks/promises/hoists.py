@@ -172,8 +172,8 @@ class Oracle:
                 second = self.second(now, z[:n], z[n:], 1j * TINY * drive(now), held)[0]
                 return np.concatenate((z[n:], 1j * second.imag))
 
-            found = solve_ivp(slope, (begin, end), z, "DOP853", rtol=1e-11, atol=1e-13 * scale)
-            z = found.y[:, -1]
+            solution = solve_ivp(slope, (begin, end), z, "DOP853", rtol=1e-11, atol=1e-13 * scale)
+            z = solution.y[:, -1]
         return z.imag / TINY
 
     def modes(self, time: float, held: bool) -> tuple[Any, Any, Any]:
@@ -277,8 +277,8 @@ def pulse(travel: Travel, time: float) -> float:
 def still(scene: Scene, lengths: Callable[[Any], float]) -> Scene:
     """The scene with constant lengths."""
     pendula = [
-        one.replace(links=tuple(link.replace(length=lengths(link), hoist=None) for link in one.links))
-        for one in scene.pendulum
+        pendulum.replace(links=tuple(link.replace(length=lengths(link), hoist=None) for link in pendulum.links))
+        for pendulum in scene.pendulum
     ]
     return scene.replace(pendulum=tuple(pendula))
 
@@ -287,22 +287,22 @@ def travelling(scene: Scene, oracle: Oracle, travel: Travel) -> Iterator[Trial]:
     """What travels leave, shaped and not, with and without the hoist."""
     mean = still(scene, lambda link: (link.length + link.hoist.to) / 2 if link.hoist else link.length)
     before = still(scene, lambda link: link.length)
-    constant = replace(oracle, chains=[[replace(rope, last=rope.first) for rope in own] for own in oracle.chains])
+    constant = replace(oracle, chains=[[replace(rope, last=rope.first) for rope in chain] for chain in oracle.chains])
     commands: list[tuple[Oracle, Any]] = [(oracle, [(0.0, 1.0)])]
-    for own in (before, mean):
-        train = shaper_for(own)
+    for constant_lengths in (before, mean):
+        train = shaper_for(constant_lengths)
         commands.append((oracle, list(zip(train.times.tolist(), train.amplitudes.tolist(), strict=True))))
     commands.append((constant, [(0.0, 1.0)]))
     true = []
-    for one, parts in commands:
-        stops = [travel.begin + at + own for at, _ in parts for own in (0.0, travel.duration)]
-        stops += [time for time in one.breaks if time >= travel.begin]
+    for oracle_of, parts in commands:
+        stops = [travel.begin + at + after for at, _ in parts for after in (0.0, travel.duration)]
+        stops += [time for time in oracle_of.breaks if time >= travel.begin]
 
         def drive(time: float, parts: Any = parts) -> float:
             return sum(share * pulse(travel, time - at) for at, share in parts)
 
-        y = one.moved(np.zeros(2 * one.size), stops, drive, held=True)
-        true.append(one.left(max(stops), y, held=True))
+        y = oracle_of.moved(np.zeros(2 * oracle_of.size), stops, drive, held=True)
+        true.append(oracle_of.left(max(stops), y, held=True))
     assert Travel.along(scene, 1.0).begin == travel.begin
     for residual, angle in zip(travel_residuals(scene, travel), true, strict=True):
         yield Trial(f"swing left, {residual.words}", abs(residual.angle - angle), PROMISED * max(true))
@@ -335,18 +335,18 @@ def _between(oracle: Oracle, first: float, last: float) -> list[float]:
 def tables(scene: Scene, oracle: Oracle, drive: Any) -> Iterator[Trial]:
     """Frequencies and adiabatic swing at the begin, within and at the end of the hoist."""
     held = drive == "cart_acceleration"
-    found = frequencies_along(scene, 4, drive)
-    yield Trial("first time of the table", abs(found.times[0] - min(oracle.breaks)), 0.0)
-    yield Trial("last time of the table", abs(found.times[-1] - max(oracle.breaks)), 1e-12 * max(oracle.breaks))
-    for time, omega in zip(found.times.tolist(), found.omega, strict=True):
+    along = frequencies_along(scene, 4, drive)
+    yield Trial("first time of the table", abs(along.times[0] - min(oracle.breaks)), 0.0)
+    yield Trial("last time of the table", abs(along.times[-1] - max(oracle.breaks)), 1e-12 * max(oracle.breaks))
+    for time, omega in zip(along.times.tolist(), along.omega, strict=True):
         exact = oracle.modes(time, held)[0]
         yield Trial(f"frequencies, {drive}", float(np.abs(np.sort(omega) / exact - 1).max()), EXACT)
     # each pendulum alone on a fixed support, and one alone on a cart, keeps the order of its modes
     if held or len(oracle.chains) == 1:
-        exact = [_swing(replace(oracle, chains=[chain]), found.times, held) for chain in oracle.chains]
+        exact = [_swing(replace(oracle, chains=[chain]), along.times, held) for chain in oracle.chains]
         first, swing = (np.hstack(part) for part in zip(*exact, strict=True))
         order = np.argsort(first, kind="stable")
-        yield Trial(f"swing, {drive}", float(np.abs(found.swing / swing[:, order] - 1).max()), 1e-8)
+        yield Trial(f"swing, {drive}", float(np.abs(along.swing / swing[:, order] - 1).max()), 1e-8)
 
 
 def _swing(oracle: Oracle, times: Any, held: bool) -> tuple[Any, Any]:
@@ -360,7 +360,7 @@ def model(scene: Scene, oracle: Oracle, drive: str, rng: np.random.Generator) ->
     """A, B, C and D at random times within the hoist: column by column the slope of Newton's equations."""
     held, n = drive == "cart_acceleration", oracle.size
     times = np.sort(rng.uniform(min(oracle.breaks), max(oracle.breaks), 3))
-    found = varying_model(scene, times, (drive,), OUTPUTS)
+    varying = varying_model(scene, times, (drive,), OUTPUTS)
     for at, time in enumerate(times.tolist()):
         exact = []
         for column in np.eye(2 * n + 1):
@@ -368,15 +368,15 @@ def model(scene: Scene, oracle: Oracle, drive: str, rng: np.random.Generator) ->
             second, tips, pushes = oracle.second(time, z[:n], z[n:-1], z[-1], held)
             lengths = [[rope(time)[0] for rope in chain] for chain in oracle.chains]
             joints, k = [], 1
-            for own in lengths:
-                joints.append(z[0] + np.cumsum(np.array(own) * z[k : k + len(own)]))
-                k += len(own)
+            for chain_lengths in lengths:
+                joints.append(z[0] + np.cumsum(np.array(chain_lengths) * z[k : k + len(chain_lengths)]))
+                k += len(chain_lengths)
             exact.append(
                 np.concatenate((z[n:-1], second, z[:1], z[1:n], z[n + 1 : -1], *joints, tips, pushes)).imag / TINY
             )
         whole = np.array(exact).T
-        C, D = (part[at] if part.ndim == 3 else part for part in (found.C, found.D))
-        printed = np.vstack((np.hstack((found.A[at], found.B[at])), np.hstack((C, D))))
+        C, D = (part[at] if part.ndim == 3 else part for part in (varying.C, varying.D))
+        printed = np.vstack((np.hstack((varying.A[at], varying.B[at])), np.hstack((C, D))))
         size = np.abs(whole).max(1, keepdims=True)
         # states in metres, radians and per second differ in size: by row
         error = float((np.abs(printed - whole) / np.where(size, size, 1)).max())

@@ -109,8 +109,8 @@ def _nearly(pendulum: Pendulum, ratio: float) -> Pendulum:
 def trials(seed: int) -> Iterator[Trial]:
     """The promise of one case, at the sample where it is nearest to being broken."""
     asked = case(seed)
-    found = simulate_truncated(asked.scene, asked.duration, asked.kept, start=asked.start, output=SAMPLES)
-    few = found.trajectory.motion.links
+    reduced = simulate_truncated(asked.scene, asked.duration, asked.kept, start=asked.start, output=SAMPLES)
+    few = reduced.trajectory.motion.links
     sure, other = (
         simulate(asked.scene, asked.duration, start=asked.start, output=SAMPLES, tolerance=t, form=form).motion.links
         for t, form in ((1e-12, "auto"), (1e-11, "auto" if seed % 8 or asked.scene.n_links > DENSE else "hamiltonian"))
@@ -118,9 +118,9 @@ def trials(seed: int) -> Iterator[Trial]:
     true, doubt = (np.abs(a - sure).max(axis=1) for a in (few, other))
     true = np.maximum.accumulate(np.maximum(true - doubt, 0))
     with np.errstate(invalid="ignore"):
-        worst = int(np.nanargmax(np.where(true > 0, true / found.errors, 0)))
-    by = found.trajectory.run.reason.partition("; error ")[2]
-    yield Trial(f"{asked.words}, {by}", float(true[worst]), float(found.errors[worst]))
+        worst = int(np.nanargmax(np.where(true > 0, true / reduced.errors, 0)))
+    by = reduced.trajectory.run.reason.partition("; error ")[2]
+    yield Trial(f"{asked.words}, {by}", float(true[worst]), float(reduced.errors[worst]))
 
 
 if __name__ == "__main__":

@@ -52,9 +52,9 @@ def fitted(seed: int) -> tuple[Scene, ModeFit]:
         frequency = mode.omega / (2 * np.pi)
         shape = turned(modes.matrix.shapes[:, k].astype(complex)).real
         shape = shape / np.abs(shape).max() + SHAPE_STD * rng.standard_normal(n)
-        own = (shape, SHAPE_STD) if shaped else (None, None)
+        shape_of = (shape, SHAPE_STD) if shaped else (None, None)
         rows.append(MeasuredMode(mode.number, frequency * (1 + std * rng.standard_normal()), std * frequency))
-        rows[-1] = MeasuredMode(rows[-1].number, rows[-1].frequency, rows[-1].std, None, None, *own)
+        rows[-1] = MeasuredMode(rows[-1].number, rows[-1].frequency, rows[-1].std, None, None, *shape_of)
     measured = MeasuredModes("modes.csv", tuple(rows), tuple((1, k + 1) for k in range(n)) if shaped else ())
     free = [f"pendulum[0].links[{k}].length" for k in range(n)]
     free += [f"pendulum[0].links[{k}].mass" for k in range(1, n)] * shaped
@@ -64,11 +64,14 @@ def fitted(seed: int) -> tuple[Scene, ModeFit]:
     return scene, fit_modes(vary(scene, start), measured, free)
 
 
-def pulls(scene: Scene, found: ModeFit) -> np.ndarray:
+def pulls(scene: Scene, result: ModeFit) -> np.ndarray:
     """Errors over standard deviations, of the solution that is nearest to the truth."""
-    true = np.array([number_at(scene, one.place) for one in found.parameters])
-    each = [np.abs(one.values - true)[found.fitted] / one.stds[found.fitted] for one in (found, *found.others)]
-    return min(each, key=lambda own: float(own.max()))
+    true = np.array([number_at(scene, solution.place) for solution in result.parameters])
+    each = [
+        np.abs(solution.values - true)[result.fitted] / solution.stds[result.fitted]
+        for solution in (result, *result.others)
+    ]
+    return min(each, key=lambda errors: float(errors.max()))
 
 
 def most_misses(count: int) -> int:
@@ -106,15 +109,15 @@ def swings(seed: int) -> Iterator[Trial]:
     start *= rng.uniform(2, 3) / np.abs(start).max()
     times = np.arange(0, duration, 1 / rng.choice([25, 50]))
     run = simulate(scene, duration, start=state_at_rest(scene, start.tolist()), output=times, tolerance=1e-10)
-    names = [f"theta_{p}_{l + 1}" for p, own in enumerate(scene.pendulum, 1) for l in range(len(own.links))]
-    found = identify([(run.times, run.motion.links)], names).modes
-    own = [mode.omega / (2 * np.pi) for mode in natural_modes(scene) if mode.oscillates and mode.omega > 0]
-    yield Trial("modes too many", max(0, len(found) - len(own)), 0)
-    for one in found:
-        if one.frequency_shift is not None and len(found) == len(own):
-            near = min(own, key=lambda f: abs(f - one.frequency))
-            told = f"frequency {near:.6g} Hz, which a swing changes by {one.frequency_shift:.2g}"
-            yield Trial(told, abs(one.frequency - near), HARDLY * one.frequency_std)
+    names = [f"theta_{p}_{l + 1}" for p, pendulum in enumerate(scene.pendulum, 1) for l in range(len(pendulum.links))]
+    identified = identify([(run.times, run.motion.links)], names).modes
+    hertz = [mode.omega / (2 * np.pi) for mode in natural_modes(scene) if mode.oscillates and mode.omega > 0]
+    yield Trial("modes too many", max(0, len(identified) - len(hertz)), 0)
+    for mode_read in identified:
+        if mode_read.frequency_shift is not None and len(identified) == len(hertz):
+            near = min(hertz, key=lambda f: abs(f - mode_read.frequency))
+            told = f"frequency {near:.6g} Hz, which a swing changes by {mode_read.frequency_shift:.2g}"
+            yield Trial(told, abs(mode_read.frequency - near), HARDLY * mode_read.frequency_std)
 
 
 def trials(seed: int) -> Iterator[Trial]:

@@ -38,7 +38,7 @@ class Chain(NamedTuple):
     @property
     def scene(self) -> Scene:
         """For the packages."""
-        links = [Bob(mass=m, length=one) for m, one in zip(self.mass, self.length, strict=True)]
+        links = [Bob(mass=m, length=length) for m, length in zip(self.mass, self.length, strict=True)]
         support = {"support": Cart(mass=self.cart)} if self.cart else {}
         return Scene(gravity=GRAVITY, pendulum=[Pendulum(links=links)], **support)
 
@@ -82,20 +82,20 @@ class Motion:
         nodes, turn = self.nodes(row), 2 * np.pi
         values = self.sol(nodes)[row] - level
         aside = np.abs(values - turn * np.rint(values / turn)) if wraps else np.abs(values)
-        found, rate = [], self.begun[self.half + row]
+        passages, rate = [], self.begun[self.half + row]
         if on := bool(abs(aside[0]) < 1e-12):
             values[0] = turn * np.rint(values[0] / turn) if wraps else 0.0
             if rate:
-                found.append((0.0, int(np.sign(rate))))
+                passages.append((0.0, int(np.sign(rate))))
         for k in range(len(nodes) - 1):
             low, high = sorted((values[k], values[k + 1]))
             levels = turn * np.arange(np.ceil(low / turn), np.floor(high / turn) + 1) if wraps else np.zeros(1)
             way = int(np.sign(values[k + 1] - values[k]))
-            inner = [own for own in levels if low < own < high]
-            for own in inner[:: way or 1]:
-                target = level + own
-                found.append((float(brentq(lambda t, at=target: self.sol(t)[row] - at, *nodes[k : k + 2])), way))  # type: ignore[misc]
-        return found, bool(np.any(aside[1 if on else 0 :] < NEAR))
+            inner = [inner_level for inner_level in levels if low < inner_level < high]
+            for inner_level in inner[:: way or 1]:
+                target = level + inner_level
+                passages.append((float(brentq(lambda t, at=target: self.sol(t)[row] - at, *nodes[k : k + 2])), way))  # type: ignore[misc]
+        return passages, bool(np.any(aside[1 if on else 0 :] < NEAR))
 
 
 def trials(seed: int) -> Iterator[Trial]:
@@ -105,40 +105,40 @@ def trials(seed: int) -> Iterator[Trial]:
     chain = Chain(rng.uniform(0.3, 2, n), rng.uniform(0.3, 1.2, n), rng.uniform(0.5, 5) * float(rng.integers(2)))
     row = int(rng.integers(0 if chain.cart else 1, n + 1))
     starts = [start_of(rng, n) for _ in range(3)]
-    starts += [-own for own in starts]
-    motions = [Motion(chain, own) for own in starts]
+    starts += [-start for start in starts]
+    motions = [Motion(chain, start) for start in starts]
     level, wraps = level_of(rng, motions[0], row), row > 0
     direction = int(rng.integers(-1, 2))
     true = [motion.passages(row, level, wraps) for motion in motions]
     tops = [[motion.passages(link, np.pi, True) for link in range(1, n + 1)] for motion in motions]
-    states = [State(own[1 : n + 1], own[n + 2 :], cart=own[0], cart_rate=own[n + 1]) for own in starts]
+    states = [State(start[1 : n + 1], start[n + 2 :], cart=start[0], cart_rate=start[n + 1]) for start in starts]
     name = f"theta[1,{row}]" if wraps else "x"
     text = f"section:{name}{'<=>'[direction + 1]}{float(np.degrees(level) if wraps else level)!r}"
     estimated = np.zeros(len(starts))
     for engine in ENGINES:
         options: dict[str, Any] = {"engine": engine, "workers": 1, "check": 0, "tolerance": tolerance}
-        found = ensemble(chain.scene, DURATION, starts=states, measures=[text, "first_turn"], **options)
+        members = ensemble(chain.scene, DURATION, starts=states, measures=[text, "first_turn"], **options)
         about = f"{engine} at {tolerance:g}, {n} links{', cart' * bool(chain.cart)}"
-        estimated = np.fmax(estimated, found.column("error_rad"))
+        estimated = np.fmax(estimated, members.column("error_rad"))
         allowed = np.maximum(ALLOWED[tolerance], ERRORS * estimated)
-        member, time = found.column("crossing_member"), found.column("crossing_time_s")
-        for k, (own, open_) in enumerate(true):
+        member, time = members.column("crossing_member"), members.column("crossing_time_s")
+        for k, (passed, open_) in enumerate(true):
             if not open_:
-                wanted = [one for one in own if direction in (0, one[1])]
+                wanted = [passage for passage in passed if direction in (0, passage[1])]
                 yield from compared(
                     f"{about}, start {k} through {text}", motions[k], row, wanted, time[member == k], allowed[k]
                 )
         for link in range(n):
-            times = found.column(f"first_turn_1_{link + 1}_s")
+            times = members.column(f"first_turn_1_{link + 1}_s")
             for k, each in enumerate(tops):
-                own, open_ = each[link]
+                passed, open_ = each[link]
                 first = times[k : k + 1][np.isfinite(times[k : k + 1])]
                 if not open_:
                     yield from compared(
                         f"{about}, first turn of {link + 1}, start {k}",
                         motions[k],
                         link + 1,
-                        own[:1],
+                        passed[:1],
                         first,
                         allowed[k],
                     )
@@ -151,7 +151,7 @@ def compared(
     yield Trial(f"{about}: {len(times)} passages for {len(true)}", float(abs(len(times) - len(true))), 0.0)
     if len(times) == len(true) and true:
         rates = [abs(motion.sol(time)[motion.half + row]) for time, _ in true]
-        errors = [rate * abs(one - time) for rate, one, (time, _) in zip(rates, times, true, strict=True)]
+        errors = [rate * abs(read - time) for rate, read, (time, _) in zip(rates, times, true, strict=True)]
         yield Trial(f"{about}: times", float(max(errors)), allowed)
 
 

@@ -37,16 +37,16 @@ def scene_of(rng: np.random.Generator) -> Scene:
     return Scene(gravity=9.81, pendulum=pendula, **support)
 
 
-def bytes_of(found: Ensemble) -> bytes:
+def bytes_of(members: Ensemble) -> bytes:
     """Everything that was found, in the order of the columns."""
-    return b"".join(found.column(name).tobytes() for name in found.columns)
+    return b"".join(members.column(name).tobytes() for name in members.columns)
 
 
-def differing(one: bytes, other: bytes) -> float:
+def differing(first: bytes, second: bytes) -> float:
     """The share of bytes that differ."""
-    if len(one) != len(other):
+    if len(first) != len(second):
         return 1.0
-    return float(np.mean(np.frombuffer(one, np.uint8) != np.frombuffer(other, np.uint8)))
+    return float(np.mean(np.frombuffer(first, np.uint8) != np.frombuffer(second, np.uint8)))
 
 
 def trials(seed: int) -> Iterator[Trial]:
@@ -64,11 +64,11 @@ def trials(seed: int) -> Iterator[Trial]:
         for engine in (name for name, there in ENGINES.items() if there):
             alone = [run(k, engine, workers=1) for k in range(THREADS)]
             together = [executor.submit(run, k, engine, workers=1) for k in range(THREADS)]
-            for k, (one, other) in enumerate(zip(alone, together, strict=True)):
-                yield Trial(f"{engine}, ensemble {k} at once with others", differing(one, other.result()), 0.0)
+            for k, (first, second) in enumerate(zip(alone, together, strict=True)):
+                yield Trial(f"{engine}, ensemble {k} at once with others", differing(first, second.result()), 0.0)
             crew = WorkerPool(executor, THREADS)
-            one, other_bytes = run(0, engine, workers=1, chunk=6), run(0, engine, crew=crew, chunk=6)
-            yield Trial(f"{engine}, chunks in threads", differing(one, other_bytes), 0.0)
+            first, other_bytes = run(0, engine, workers=1, chunk=6), run(0, engine, crew=crew, chunk=6)
+            yield Trial(f"{engine}, chunks in threads", differing(first, other_bytes), 0.0)
         yield swept(scene, executor)
 
 

@@ -46,15 +46,15 @@ def shares(trajectory: Trajectory) -> Floats:
     """The second pendulum's share of each family's energy, (2, T)."""
     scene = trajectory.scene
     alone = scene.replace(support=Fixed(), pendulum=scene.pendulum[:1])
-    own, A = natural_modes(alone), matrices(alone).M
+    modes, A = natural_modes(alone), matrices(alone).M
     energies = []
     for r in range(2):
-        shape = own.shape(r).angles.real
+        shape = modes.shape(r).angles.real
         shape = shape / math.sqrt(shape @ A @ shape)
         each = [(trajectory.motion.links[:, k : k + 2], trajectory.motion.link_rates[:, k : k + 2]) for k in (0, 2)]
-        energies.append([((v @ A @ shape) ** 2 + own.omega[r] ** 2 * (q @ A @ shape) ** 2) / 2 for q, v in each])
-    found = np.array(energies)
-    return np.asarray(found[:, 1] / found.sum(1))
+        energies.append([((v @ A @ shape) ** 2 + modes.omega[r] ** 2 * (q @ A @ shape) ** 2) / 2 for q, v in each])
+    energy = np.array(energies)
+    return np.asarray(energy[:, 1] / energy.sum(1))
 
 
 def periods(trajectory: Trajectory) -> Floats:
@@ -78,8 +78,8 @@ def main() -> None:
     quick = parser.parse_args().quick
     print("release (°)  family    table (s)    simulated (s)   difference")
     for degrees in (1.0,) if quick else (0.5, 1.0, 2.0, 4.0):
-        found = periods(run(800.0 if quick else 6500.0, degrees))
-        for family, expected, period in zip(FAMILIES, tabled(), found, strict=True):
+        simulated = periods(run(800.0 if quick else 6500.0, degrees))
+        for family, expected, period in zip(FAMILIES, tabled(), simulated, strict=True):
             print(f"{degrees:11g}  {family:6} {expected:12.3f} {period:16.3f} {100 * (period / expected - 1):10.2f} %")
 
 

@@ -51,8 +51,8 @@ class Pair:
     @property
     def moment(self) -> tuple[float, float]:
         """J (kg m²) of both."""
-        own = self.inertia + self.mass * self.centre**2
-        return own, own + self.extra
+        first = self.inertia + self.mass * self.centre**2
+        return first, first + self.extra
 
     @property
     def first(self) -> float:
@@ -69,7 +69,7 @@ class Pair:
         """The same clocks as a scene of the package."""
         size = {"mass": self.mass, "length": self.length, "damping": self.joint, "drive": self.drive}
         inertias = (self.inertia, self.inertia + self.extra)
-        links = [Body(**size, centre=self.centre, inertia=one) if one else Bob(**size) for one in inertias]
+        links = [Body(**size, centre=self.centre, inertia=inertia) if inertia else Bob(**size) for inertia in inertias]
         pendula = tuple(Pendulum(links=(link,)) for link in links)
         return Scene(gravity=G, support=Cart(mass=self.beam, damping=self.damper), pendulum=pendula)
 
@@ -88,8 +88,8 @@ class Pair:
         left = drain - G * self.first * np.sin(q)
         beam = self.first * np.sum(np.sin(q) * v**2, axis=0) - self.damper * y[4]
         forces = np.moveaxis(np.array([*left, beam]), 0, -1)
-        found = np.linalg.solve(self._mass(np.cos(q)), forces[..., None])[..., 0]
-        return np.array([*v, *np.moveaxis(found, -1, 0)])
+        rates = np.linalg.solve(self._mass(np.cos(q)), forces[..., None])[..., 0]
+        return np.array([*v, *np.moveaxis(rates, -1, 0)])
 
     def slope(self, y: Floats) -> Floats:
         """The Jacobian of the rate (5, 5), by complex steps."""
@@ -107,7 +107,7 @@ class Pair:
         """The end of a run and its derivative by the start; clocks turn back at the start, or near it."""
         time, matrix, waiting = 0.0, np.eye(5), [0.0, 0.0]
         if isinstance(self.drive, Escapement):
-            waiting = [-float(np.sign(one)) for one in y[:2]]  # where each clock is kicked next
+            waiting = [-float(np.sign(angle)) for angle in y[:2]]  # where each clock is kicked next
         while True:
             run = solve_ivp(
                 self._with_slope,
@@ -160,8 +160,8 @@ class Orbit:
         values = np.linalg.eigvals(self.monodromy)
         for known in (1.0, np.exp(-self.pair.drift * self.period)):
             values = np.delete(values, np.abs(values - known).argmin())
-        found = np.log(values.astype(complex)) / self.period
-        return np.asarray(found[np.argsort(-found.real)])
+        exponents = np.log(values.astype(complex)) / self.period
+        return np.asarray(exponents[np.argsort(-exponents.real)])
 
     @property
     def growth(self) -> float:
@@ -183,12 +183,12 @@ def orbit(pair: Pair, y: Floats, period: float) -> Orbit:
     raise ArithmeticError("no periodic motion was found")
 
 
-def near(pair: Pair, one: RelativeEquilibrium) -> Orbit:
+def near(pair: Pair, equilibrium: RelativeEquilibrium) -> Orbit:
     """The exact motion close to an averaged configuration."""
-    place = one.averaged.shapes @ one.z
+    place = equilibrium.averaged.shapes @ equilibrium.z
     turn = np.exp(-1j * np.angle(place[1]))
-    q, v = (place * turn).real, (1j * one.omega * place * turn).real
-    return orbit(pair, np.array([q[1], q[2], 0.0, v[2], v[0]]), 2 * np.pi / one.omega)
+    q, v = (place * turn).real, (1j * equilibrium.omega * place * turn).real
+    return orbit(pair, np.array([q[1], q[2], 0.0, v[2], v[0]]), 2 * np.pi / equilibrium.omega)
 
 
 def metronomes(angle_deg: float, beam: float = 0.95, strength: float = 2e-5, damper: float = 0.01) -> Pair:
@@ -214,10 +214,11 @@ PAIRS = (
 def main() -> None:
     print(f"{'scene':52} {'pendula':>9} {'exact (1/s)':>12} {'averaged':>9} {'exact (rad/s)':>14} {'averaged':>10}")
     for name, pair in PAIRS:
-        for one in relative_equilibria(average(pair.scene)):
-            exact = near(pair, one)
-            rates = f"{exact.growth:12.5f} {one.growth:9.5f} {2 * np.pi / exact.period:14.6f} {one.omega:10.6f}"
-            print(f"{name:52} {agreement(one):>9} {rates}", flush=True)
+        for equilibrium in relative_equilibria(average(pair.scene)):
+            exact = near(pair, equilibrium)
+            rates = f"{exact.growth:12.5f} {equilibrium.growth:9.5f} "
+            rates += f"{2 * np.pi / exact.period:14.6f} {equilibrium.omega:10.6f}"
+            print(f"{name:52} {agreement(equilibrium):>9} {rates}", flush=True)
 
 
 if __name__ == "__main__":

@@ -95,8 +95,8 @@ def main() -> None:
     scene = load("huygens")
     m = scene.pendulum[0].links[0].mass
     print("a clock alone needs {:.2f}° and swings {:.2f}°".format(*amplitudes_deg(scene)))
-    found = lightest_simulated(0.1 if quick else 0.01)
-    print(f"in phase they stop below M = {lightest(scene):.2f} kg, as derived, and {found:.2f} kg in the simulator")
+    simulated = lightest_simulated(0.1 if quick else 0.01)
+    print(f"in phase they stop below M = {lightest(scene):.2f} kg, as derived, and {simulated:.2f} kg in the simulator")
     print("M (kg)  m/(M+2m)" + "".join(f"{f'{a:g}°, {b:g}°':>12}" for a, b in starts))
     for mass in masses:
         cells = "".join(f"{outcome(on(mass), start, 200.0 if quick else SECONDS):>12}" for start in starts)

@@ -50,12 +50,12 @@ def varied(beam: float, lower: float) -> Scene:
 
 def modes(scene: Scene) -> tuple[Floats, Floats, Floats]:
     """ω (4,), shapes (5, 4) and M of the modes in which pendula swing, in the order of NAMES."""
-    found = matrices(scene)
-    squared, shapes = eigh(found.K, found.M)
+    linear = matrices(scene)
+    squared, shapes = eigh(linear.K, linear.M)
     oppositely = np.sum(shapes[1:3] * shapes[3:5], axis=0) < 0
     order = [*np.flatnonzero(oppositely), *np.flatnonzero(~oppositely)[1:]]  # the lowest in phase is the beam's own
     chosen = [order[0], order[2], order[1], order[3]]
-    return np.sqrt(squared[chosen]), shapes[:, chosen], found.M
+    return np.sqrt(squared[chosen]), shapes[:, chosen], linear.M
 
 
 @cache
@@ -75,16 +75,20 @@ def shares(scene: Scene, start: int, seconds: float = SECONDS) -> Floats:
 
 def attracts(scene: Scene, start: int, seconds: float = SECONDS) -> str:
     """`stays` where all other modes decay, else the number of the one that takes over, or `mixed`."""
-    begun, found = shares(scene, start, seconds)
-    winner = int(np.argmax(found))
+    begun, ended = shares(scene, start, seconds)
+    winner = int(np.argmax(ended))
     if winner == start:
-        return "stays" if found[start] > begun[start] else "mixed"
-    return f"to {winner + 1}" if found[winner] > WINNER else "mixed"
+        return "stays" if ended[start] > begun[start] else "mixed"
+    return f"to {winner + 1}" if ended[winner] > WINNER else "mixed"
 
 
 def averages(scene: Scene) -> tuple[str, ...]:
     """The prediction of the averaged equations for each mode, in the order of NAMES: stable, unstable, or none."""
-    fates = {one.row: one.is_stable for one in relative_equilibria(average(scene)) if one.share.max() > PURE}
+    fates = {
+        equilibrium.row: equilibrium.is_stable
+        for equilibrium in relative_equilibria(average(scene))
+        if equilibrium.share.max() > PURE
+    }
     rows = 1 + np.argsort(np.argsort(modes(scene)[0]))  # row 0 of the table is the beam's own
     return tuple("none" if row not in fates else "stable" if fates[row] else "unstable" for row in rows)
 

@@ -135,9 +135,9 @@ def main() -> None:
     quick = parser.parse_args().quick
     print("    β      μ     η   γ₀ derived (°)   γ₀ simulated (°)   difference")
     for base in QUICK if quick else ALL:
-        found, derived = threshold(base), base.limit_deg
-        words = f"{base.coupling:6.3f} {base.drive:6.3f} {base.damping:5.2f} {derived:12.3f} {found:18.3f}"
-        print(f"{words} {100 * (found / derived - 1):13.1f} %")
+        simulated, derived = threshold(base), base.limit_deg
+        words = f"{base.coupling:6.3f} {base.drive:6.3f} {base.damping:5.2f} {derived:12.3f} {simulated:18.3f}"
+        print(f"{words} {100 * (simulated / derived - 1):13.1f} %")
     print("\nStart 10° and −9° on β = 0.01, η = 0: correlation of both angles when settled")
     for limit in (0.7, 1.4):
         degrees = limit * QUICK[0].limit_deg

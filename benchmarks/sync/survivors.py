@@ -130,16 +130,16 @@ def judged(seed: int) -> Case:
     scene, begun = held(seed), perf_counter()
     said = predict(scene)
     drive = next(link.drive.kind for link in scene.pendulum[0].links if link.drive)
-    given = (seed, len(scene.pendulum), scene.pendulum[0].n_links, drive, said.row + 1)
+    about = (seed, len(scene.pendulum), scene.pendulum[0].n_links, drive, said.row + 1)
     doubts = ("; ".join(said.doubts), "; ".join(said.timing_doubts))
-    claim = (*given, _time(said.locking_time()), *doubts, perf_counter() - begun)
+    claim = (*about, _time(said.locking_time()), *doubts, perf_counter() - begun)
     duration, period = _duration(said)
     if duration > LONGEST * period:
         return Case(*claim)
     begun = perf_counter()
     try:
-        found = _run(said, duration)
-        return Case(*claim, found.survivor, found.survivor_share, _time(found.locking_time()), perf_counter() - begun)
+        run = _run(said, duration)
+        return Case(*claim, run.survivor, run.survivor_share, _time(run.locking_time()), perf_counter() - begun)
     except ComputationError:
         return Case(*claim)
 

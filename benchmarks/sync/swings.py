@@ -72,9 +72,9 @@ def two_swings(kappa: float, kind: str = "swings", count: int = 15, spread: bool
             supports.append(Swing(length=LENGTH / W, **common))
         else:
             supports.append(Cart(stiffness=W * UNIT, **common))
-    one = MU * MASS / count
-    drive = VanDerPol(strength=DRIVE * one * LENGTH**2 * RATE, angle_deg=math.degrees(LIMIT))
-    link, angles = Bob(mass=one, length=LENGTH, drive=drive), (math.degrees(2 * LIMIT),)
+    mass_each = MU * MASS / count
+    drive = VanDerPol(strength=DRIVE * mass_each * LENGTH**2 * RATE, angle_deg=math.degrees(LIMIT))
+    link, angles = Bob(mass=mass_each, length=LENGTH, drive=drive), (math.degrees(2 * LIMIT),)
     starts = InitialCondition(angles_deg=angles), InitialCondition(angles_deg=angles, spread=spread)
     pendula = [
         Pendulum(on=support.name, links=(link,), count=count, start=start)
@@ -130,15 +130,15 @@ class Few:
 
 def own_growth(kappa: float, kind: str, motion: str, near: PatternOrbit) -> dict[str, float]:
     """The growth rates (1/s) of every sector by the equations above, their orbit found beside one of the scene."""
-    own, other = (0.0, 2 * kappa) if motion == "in phase" else (2 * kappa, 0.0)
-    few = Few(own, kind == "swings")
+    spring, across = (0.0, 2 * kappa) if motion == "in phase" else (2 * kappa, 0.0)
+    few = Few(spring, kind == "swings")
     at, half = near.orbit.y, len(near.orbit.y) // 2
     y = np.array([at[2], at[0] / LENGTH, at[half + 2] / RATE, at[half] / LENGTH / RATE])
     T = near.orbit.period * RATE
 
     def flow(_: float, z: Floats) -> Floats:
         y, parts = z[:4], z[4:]
-        J, K = few.jacobian(y, 0.0), few.jacobian(y, other - own)
+        J, K = few.jacobian(y, 0.0), few.jacobian(y, across - spring)
         A, B, C = parts[:16].reshape(4, 4), parts[16:32].reshape(4, 4), parts[32:].reshape(2, 2)
         return np.concatenate((few.rates(y), (J @ A).ravel(), (K @ B).ravel(), (few.within(y) @ C).ravel()))
 
@@ -164,9 +164,9 @@ def own_growth(kappa: float, kind: str, motion: str, near: PatternOrbit) -> dict
 def verdict(kappa: float, periods: float = 2000, tolerance: float = 1e-6) -> tuple[str, Floats, float]:
     """The verdict of a run, R of both populations, and the ratio of their rates."""
     run = simulate(two_swings(kappa), periods * PERIOD, tolerance=tolerance)
-    found = population_phases(phases_of(run))
-    assert found is not None
-    return found.kind, found.late_order, float(found.rate[1] / found.rate[0])
+    phases = population_phases(phases_of(run))
+    assert phases is not None
+    return phases.kind, phases.late_order, float(phases.rate[1] / phases.rate[0])
 
 
 def cost(scene: Scene, method: str, repeats: int = 3) -> float:
@@ -194,18 +194,18 @@ def main() -> None:
         "support  motion     sector                κ found       κ told        averaged   growth there, own equations"
     )
     for kind in ("carts",) if quick else TOLD:
-        found = diagram(kind)
-        for one in found.thresholds:
-            if (one.pattern, one.sector) not in TOLD[kind]:
+        drawn = diagram(kind)
+        for threshold in drawn.thresholds:
+            if (threshold.pattern, threshold.sector) not in TOLD[kind]:
                 continue
-            kappa = one.value / UNIT
-            branch = next(branch for branch in found.branches if branch.name == one.pattern)
-            orbit = branch.motions[branch.values.tolist().index(one.value)].orbit
+            kappa = threshold.value / UNIT
+            branch = next(branch for branch in drawn.branches if branch.name == threshold.pattern)
+            orbit = branch.motions[branch.values.tolist().index(threshold.value)].orbit
             assert orbit is not None
-            growth = own_growth(kappa, kind, one.pattern, orbit)[one.sector]
-            averaged = math.nan if one.averaged is None else one.averaged / UNIT
-            told = TOLD[kind][one.pattern, one.sector]
-            words = f"{kind:8s} {one.pattern:10s} {one.sector:20s}  {kappa:.9f}   {told:.9f}"
+            growth = own_growth(kappa, kind, threshold.pattern, orbit)[threshold.sector]
+            averaged = math.nan if threshold.averaged is None else threshold.averaged / UNIT
+            told = TOLD[kind][threshold.pattern, threshold.sector]
+            words = f"{kind:8s} {threshold.pattern:10s} {threshold.sector:20s}  {kappa:.9f}   {told:.9f}"
             print(f"{words}   {averaged:.6f}   {growth:+.0e} 1/s", flush=True)
     print("\nκ      verdict      R₁       R₂       rate of 2 over 1")
     for kappa in (0.22,) if quick else (0.20, 0.22, 0.28):

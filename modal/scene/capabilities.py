@@ -331,9 +331,12 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "the live page",
-            SHAPE | {"dampers", "moved_support"} | DRAG | DRIVES | STRUCTURED,
-            refuses=_each(FRICTION | _of("constant_force hoist space damping_ratio massless_cart"), "cannot show it"),
-            unless={"force": "shows forces on structures alone, and on any scene its own drive"},
+            SHAPE | {"dampers", "moved_support", "force"} | DRAG | DRIVES | FRICTION | STRUCTURED,
+            refuses={
+                name: f"cannot show {FEATURES[name].words}"
+                for name in ("constant_force", "hoist", "space", "damping_ratio", "massless_cart", "loss")
+            },
+            apart=UNRUBBED,
             beside=UNLOADED,
         ),
         Capability(

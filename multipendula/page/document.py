@@ -15,30 +15,42 @@ from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from modal.report import html
-from modal.scene import scene_from, title_of
-from multipendula.page.structure import NONE, structure_module
+from modal.scene import Scene, left_out, scene_from, title_of
+from multipendula.page.structure import structure_module
+from multipendula.page.whole import whole_module
 
 HERE = Path(__file__).parent
-MODAL = ("steps", "structure", "carriers", "system", "matrices", "amplitude", "structure_modes", "modes")
-PHYSICS = (*MODAL, "tableau", "dop853", "equations", "kicks", "motion", "scene_file", "recording")
-"""The modules that touch no document; `steps`, `structure` and `tableau` are written."""
+MODAL = (
+    *("steps", "structure", "whole", "carriers", "tableau", "dop853", "switched", "system", "matrices", "amplitude"),
+    *("quadratic", "shapes", "families", "structure_modes", "modes"),
+)
+PHYSICS = (*MODAL, "equations", "kicks", "motion", "scene_file", "recording")
+"""The modules that touch no document; `steps`, `structure`, `tableau` and `whole` are written."""
 MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "main")
-LARGEST, LARGEST_OF_STRUCTURES = 300_000, 800_000
-"""Bytes of a page, at most, and of that of a structure, whose equations stand in it link by link."""
+LARGEST, LARGEST_OF_STRUCTURES = 350_000, 800_000
+"""Bytes of a page, at most, and of one whose equations stand in it link by link: of a structure, friction, forces."""
+ICON = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32"><path d="M5 4h22" stroke="#8a949c" stroke-width="3"/>'
+    '<path d="M16 4 11 16l9 9" fill="none" stroke="#8a949c" stroke-width="2"/>'
+    '<circle cx="11" cy="16" r="4" fill="#c48700"/><circle cx="20" cy="25" r="5" fill="#005f9e"/></svg>'
+)
+"""A double pendulum."""
 IMPORT = re.compile(r"^import (\{[^}]*\}) from \"\./(\w+)\.js\";$", re.MULTILINE)
 EXPORT = re.compile(r"^export (?=(?:const|function|class) (\w+))", re.MULTILINE)
 
 
-def joined(names: Sequence[str] = MODULES, structure: str = NONE) -> str:
-    """The modules of these names as one script, on a page of this `structure` (`structure_module`)."""
-    return "\n".join(_scoped(name, _module(name, structure)) for name in names)
+def joined(names: Sequence[str] = MODULES, scene: Scene | None = None) -> str:
+    """The modules of these names as one script, on the page of a scene."""
+    return "\n".join(_scoped(name, _module(name, scene)) for name in names)
 
 
-def _module(name: str, structure: str) -> str:
-    if name == "structure":
-        return structure
+def _module(name: str, scene: Scene | None) -> str:
+    written_for = {"structure": structure_module, "whole": whole_module}
+    if name in written_for:
+        return written_for[name](scene) if scene else f"export const {name} = null;"
     return {"steps": steps, "tableau": tableau}[name]() if name in {"steps", "tableau"} else _file(f"modules/{name}.js")
 
 
@@ -62,10 +74,10 @@ def tableau() -> str:
     from nonlinear.integration import method
 
     def row(shares: Sequence[tuple[int, float]], length: int) -> list[float]:
-        found = [0.0] * length
+        weights = [0.0] * length
         for stage, share in shares:
-            found[stage] = share
-        return found
+            weights[stage] = share
+        return weights
 
     count = method.STAGES
     coefficients = {
@@ -90,16 +102,18 @@ def _scoped(name: str, text: str) -> str:
 def page(data: dict[str, Any], recording: dict[str, Any] | None = None) -> str:
     """The document that shows the scene in `data` and plays a recording of it."""
     scene = scene_from(data)
-    script, style = f"\n{joined(structure=structure_module(scene))}", f"\n{_file('page.css')}"
-    policy = f"default-src 'none'; script-src '{_digest(script)}'; style-src '{_digest(style)}'; base-uri 'none'"
+    script, style = f"\n{joined(scene=scene)}", f"\n{_file('page.css')}"
+    sources = f"script-src '{_digest(script)}'; style-src '{_digest(style)}'; img-src data:"
+    policy = f"default-src 'none'; {sources}; base-uri 'none'"
     parts = {
         "title": html(title_of(scene)),
         "policy": html(policy),
+        "icon": f"data:image/svg+xml,{quote(ICON)}",
         "style": style,
         "script": script,
-        "data": inert({"scene": data, "recording": recording}),
+        "data": inert({"scene": data, "recording": recording, "notes": left_out(scene)}),
     }
-    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _file("page.html"))
+    return re.sub(r"\{\{(\w+)\}\}", lambda field: parts[field[1]], _file("page.html"))
 
 
 def inert(whole: Any) -> str:

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import CAPABILITIES, Moved, Scene, describe, refusals
+from modal.scene import Moved, Scene, describe, refusals
+from modal.scene.parameters import with_numbers
 from modal.scene.points import Point, parse_point
 from modal.structure import structure_of
 from modal.types import Floats
+from multipendula.page.whole import MOST_LINKS_RUBBED
 
 if TYPE_CHECKING:
     from nonlinear.integration import Trajectory
@@ -37,11 +39,12 @@ def scene_data(scene: Scene) -> dict[str, Any]:
             data["support"] = describe(scene.supports[0])
         _renumber(data, scene)
     else:
+        _renumber(data, scene)
         data.pop("ground", None)
         moved = scene.ground and Moved(motion=scene.ground.motion)
         data["support"] = describe(moved or scene.supports[0])
-    for own, pendulum in zip(data["pendulum"], scene.pendulum, strict=True):
-        own["links"] = [
+    for entry, pendulum in zip(data["pendulum"], scene.pendulum, strict=True):
+        entry["links"] = [
             {key: value for key, value in describe(link).items() if key != "count"}
             for link in pendulum.links
             for _ in range(link.count)
@@ -52,32 +55,42 @@ def scene_data(scene: Scene) -> dict[str, Any]:
 def _problems(scene: Scene) -> Iterator[str]:
     yield from refusals(scene, "the live page")
     if scene.n_links > MOST_LINKS:
-        yield f"the scene has {scene.n_links} links in all: the live page shows at most {MOST_LINKS}"
-    motions, place = scene.motions, "ground.motion" if scene.ground else "support.motion"
-    if len(motions) > 1:
-        yield f"{place}: the live page moves a support in one direction"
-    elif motions and motions[0].kind != "sine":
-        yield f'{place}.kind = "{motions[0].kind}": the live page moves a support in a sine'
+        yield f"the scene has {scene.n_links} links in all: the live page cannot show more than {MOST_LINKS}"
+    for place, motion in zip(scene.motion_places, scene.motions, strict=True):
+        if motion.kind != "sine":
+            words = {"sweep": "in a sweep", "record": "as recorded"}.get(motion.kind, "at random")
+            where = f'{with_numbers(place)}.kind = "{motion.kind}"'
+            yield f"{where}: the live page cannot show a support that moves {words}"
+    for k, force in enumerate(scene.force):
+        if force.kind not in {"sine", "constant"}:
+            yield f'force[{k}].kind = "{force.kind}": the live page cannot show a force that is no sine'
     if scene.is_structured:
         yield from _structure_problems(scene)
-    elif scene.force:
-        yield f"force[0]: the live page {CAPABILITIES['the live page'].unless['force']}"
+    elif (scene.has_friction or scene.force) and scene.n_links > MOST_LINKS_RUBBED:
+        what = "dry friction" if scene.has_friction else "forces"
+        words = f"cannot show {what} on more than {MOST_LINKS_RUBBED} links"
+        yield f"the scene has {scene.n_links} links in all: the live page {words}"
+    else:
+        yield from _named_problems(scene)
     if scene.cart and scene.cart.mass == 0 and "massless_cart" not in scene.features:
-        yield "support.mass = 0.0: the live page needs a cart with mass"
+        yield "support.mass = 0.0: the live page cannot show a cart without mass"
 
 
 def _structure_problems(scene: Scene) -> Iterator[str]:
     """What the page of a structure does not treat."""
     count = scene.n_links + structure_of(scene).size
     if scene.n_links <= MOST_LINKS and count > MOST_COORDINATES:
-        yield f"the structure has {count} coordinates, links included: the live page shows at most {MOST_COORDINATES}"
-    for k, force in enumerate(scene.force):
-        if force.kind not in {"sine", "constant"}:
-            yield f'force[{k}].kind = "{force.kind}": the live page follows forces in sines'
+        words = f"the live page cannot show more than {MOST_COORDINATES}"
+        yield f"the structure has {count} coordinates, links included: {words}"
+    yield from _named_problems(scene)
+
+
+def _named_problems(scene: Scene) -> Iterator[str]:
+    """Points of links that stand for several."""
     for place, text in _named_points(scene):
         point = parse_point(text)
         if isinstance(point, Point) and scene.pendulum[point.pendulum].links[point.link].count > 1:
-            yield f'{place} = "{text}": names all links of an entry with a count, and the live page needs one'
+            yield f'{place} = "{text}": the live page cannot show what acts on all links of an entry with a count'
 
 
 def _named_points(scene: Scene) -> Iterator[tuple[str, str]]:

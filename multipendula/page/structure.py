@@ -47,7 +47,7 @@ def structure_module(scene: Scene) -> str:
         "prescribed": prescribed_of(system),
         "places": [[k, list(place)] for k, place in structure_places(scene)],
         "constants": [[list(place), unit] for place, unit in prescribed_places(scene, system)],
-        "motion": list(scene.motion_places[0]) if scene.motions else None,
+        "motions": [list(place) for place in scene.motion_places],
         "timed": bool(system.prescribed),
         "coordinates": list(_coordinates(structure)),
         "bases": _bases(structure),
@@ -72,15 +72,15 @@ def _inert(data: Any) -> str:
 
 def _coordinates(structure: Structure) -> Iterator[dict[str, Any]]:
     """Of every coordinate its carrier, kind, unit and name, and words for its motion in a mode."""
-    for carrier, own in enumerate(structure.carriers):
-        named = UNNAMED.get(own.kind, own.name) if own.name == own.kind else own.name
-        for k, suffix in enumerate(own.suffixes):
+    for carrier, numbers in enumerate(structure.carriers):
+        named = UNNAMED.get(numbers.kind, numbers.name) if numbers.name == numbers.kind else numbers.name
+        for k, suffix in enumerate(numbers.suffixes):
             way, _, last = suffix.rpartition("_")
             unit = UNITS.get(last, "")
-            name = " ".join(filter(None, (own.name, way or ("" if unit else suffix))))
-            verb = PLATFORM[k] if own.kind == "platform" else VERBS[own.kind]
-            words = {"named": named, "verb": verb, "alike": ALIKE.get(own.kind), "counted": COUNTED}
-            yield {"carrier": carrier, "kind": own.kind, "unit": unit, "name": name, **words}
+            name = " ".join(filter(None, (numbers.name, way or ("" if unit else suffix))))
+            verb = PLATFORM[k] if numbers.kind == "platform" else VERBS[numbers.kind]
+            words = {"named": named, "verb": verb, "alike": ALIKE.get(numbers.kind), "counted": COUNTED}
+            yield {"carrier": carrier, "kind": numbers.kind, "unit": unit, "name": name, **words}
 
 
 def _bases(structure: Structure) -> list[int]:
@@ -124,9 +124,9 @@ def _drawing(system: System, structure: Structure) -> tuple[Module, list[dict[st
     joints = tape.inputs("u", 2 * (system.n_links + len(structure.pivots)))
     chains, at = {}, 0
     for pendulum, count in enumerate(_sizes(system)):
-        own = joints[at : at + 2 * (count + 1)].reshape(1, -1, 2).copy()
-        own[..., 1] = -own[..., 1]
-        chains[pendulum], at = own, at + own.size
+        chain = joints[at : at + 2 * (count + 1)].reshape(1, -1, 2).copy()
+        chain[..., 1] = -chain[..., 1]
+        chains[pendulum], at = chain, at + chain.size
     carriers = [(k, piece) for k in range(len(structure.carriers)) for piece in scaffold.of_carrier(k, eta)]
     springs = scaffold.pieces(eta, chains)[len(carriers) :]
     told, moving = [], list[Any]()
@@ -156,22 +156,22 @@ def scaffold_of(system: System) -> Scaffold:
     lengths, centres = system.by_link("length"), system.by_link("centre")
     first = np.concatenate(([0], np.cumsum(_sizes(system))))
     chains = [slice(*ends) for ends in pairwise(first)]
-    unit = max(float(np.maximum(lengths[own], centres[own]).sum()) for own in chains)
+    unit = max(float(np.maximum(lengths[chain], centres[chain]).sum()) for chain in chains)
     drawn = np.arange(len(chains))
     scaffold = Scaffold(structure, drawn, first, unit)
     pivots = scaffold.pivots(np.zeros((1, structure.size)))[0]
     signs = system.by_link("sigma")
     hanging = {
-        k: pivots[k] - np.array([(0.0, depth) for depth in (0.0, *np.cumsum(lengths[own] * signs[own]))])
-        for k, own in enumerate(chains)
+        k: pivots[k] - np.array([(0.0, depth) for depth in (0.0, *np.cumsum(lengths[chain] * signs[chain]))])
+        for k, chain in enumerate(chains)
     }
     return Scaffold(structure, drawn, first, unit, hanging=hanging)
 
 
 def _sizes(system: System) -> list[int]:
     """Links of every pendulum."""
-    found = [0] * sum(len(group.pendula) for group in system.groups)
+    sizes = [0] * sum(len(group.pendula) for group in system.groups)
     for group in system.groups:
         for pendulum in group.pendula.tolist():
-            found[pendulum] = group.n
-    return found
+            sizes[pendulum] = group.n
+    return sizes

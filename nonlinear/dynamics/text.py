@@ -201,13 +201,16 @@ class Module:
         returned = f"return [{', '.join(found)}]"
         return "\n".join((f"def {called or name}(c, y, u, v):", *(f" {line}" for line in [*lines, returned]))) + "\n"
 
-    def javascript(self) -> str:
-        """The source of an object of functions for JavaScript, where sin, cos and sqrt are those of Math.
+    def javascript(self, *names: str) -> str:
+        """The source of an object of functions, or of those with these names, for JavaScript.
 
-        `constants(p)` returns c; the others are functions (c, y, u, v, o), which write into o.
+        Sin, cos and sqrt are those of Math.  `constants(p)` returns c; the others are functions (c, y, u, v, o), which
+        write into o.
         """
         made = [_braced("constants(p)", self._before, (), f"return [{', '.join(self.kept)}];")]
         for name, lines in self._lines.items():
+            if names and name not in names:
+                continue
             found = self.components(name)
             text = "\n".join((*lines.lines, *found))
             constants = [one for one in self.names if re.search(rf"\b{one}\b", text)]

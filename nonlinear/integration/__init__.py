@@ -21,11 +21,14 @@ from nonlinear.integration.arguments import (
     validate_observable,
     validate_whole,
 )
+from nonlinear.integration.changes import names_in, switching_source
 from nonlinear.integration.driver import Drive, silent
 from nonlinear.integration.escapements import Escaping, escaping
+from nonlinear.integration.meeting import MEETING, meeting_source
 from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equations_of, taylor_takes, validate_method
 from nonlinear.integration.run import Request, SimulationError, prepare
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST, Pace, SciPyStepper, Stepper
+from nonlinear.integration.switches import switches_of
 from nonlinear.integration.timescales import estimate_timescales, modes_of, sample_count
 from nonlinear.integration.trajectory import CLOSED, TRUNCATED, SolverInfo, Trajectory
 from nonlinear.integration.twins import aside, departure, rounded, slightly
@@ -36,6 +39,7 @@ __all__ = [
     "EXPLICIT",
     "FORMS",
     "LOOSEST",
+    "MEETING",
     "SCIPY",
     "SMALLEST",
     "TRUNCATED",
@@ -56,7 +60,9 @@ __all__ = [
     "escaping",
     "estimate_timescales",
     "extent",
+    "meeting_source",
     "modes_of",
+    "names_in",
     "paced",
     "prepare",
     "rounded",
@@ -64,6 +70,8 @@ __all__ = [
     "sample_times",
     "silent",
     "slightly",
+    "switches_of",
+    "switching_source",
     "taylor_takes",
     "validate",
     "validate_accuracy",

@@ -267,26 +267,39 @@ def _none(c: Any, y: Any, u: Any, v: Any) -> Any:
     return [0.0]
 
 
-def compiled_source(at: Places, texts: dict[str, str]) -> str:
-    """The functions of `changing` as a text for numba, which has the decorator `part`; these are sources of texts.
-
-    All arguments but the columns, (k, size), are lists; `happened` is one of tuples of four floats.
-    """
+def names_in(at: Places) -> dict[str, Any]:
+    """What the functions of `changing` have from outside: constants, and where numbers stand."""
     J, K, B = at.J, at.K, at.told
     numbers: dict[str, Any] = {"TOGETHER": TOGETHER, "BRIEF": BRIEF, "OFTEN": OFTEN, "FIRM": FIRM}
     numbers |= {"EXCESS": EXCESS, "UNBOUNDED": UNBOUNDED}
     numbers |= {"size": at.size, "half": at.half, "K": K, "J": J, "presses": at.presses, "timed": at.timed}
     numbers |= {"kicks": at.kicks or ((0, -1),), "contacts": at.contacts or ((0, -1),), "E": at.e, "F": at.firm}
     numbers |= {"B": B, "T": B + J, "P": B + 2 * J, "W": B + 3 * J, "LIMIT": 3 * K, "RATE": 3 * K + J}
+    return numbers
+
+
+def _complementarity() -> list[str]:
+    return [inspect.getsource(one) for one in vars(complementarity).values() if inspect.isfunction(one)]
+
+
+def switching_source() -> str:
+    """The functions of `changing`, and those that they call, as a text of Python; their names are in `names_in`."""
+    return "\n".join((*_complementarity(), inner(changing, "part").replace("@part\n", "")))
+
+
+def compiled_source(at: Places, texts: dict[str, str]) -> str:
+    """The functions of `changing` as a text for numba, which has the decorator `part`; these are sources of texts.
+
+    All arguments but the columns, (k, size), are lists; `happened` is one of tuples of four floats.
+    """
     head = [
         "from math import atan as arctan, cos, inf as INF, nan as NAN, sin, sqrt",
         "from typing import Any",
         "NOTHING = (0.0,)",
     ]
-    head += [*(f"{name} = {value!r}" for name, value in numbers.items())]
+    head += [*(f"{name} = {value!r}" for name, value in names_in(at).items())]
     where = "@part\ndef where(x, a, b):\n return a if x > 0 else b\n"
     none = "def {}(c, y, u, v):\n return [0.0]\n"
     written = [f"@part\n{texts.get(name, none.format(name))}" for name in TEXTS]
-    functions = filter(inspect.isfunction, vars(complementarity).values())
-    written += [f"@part\n{inspect.getsource(function)}" for function in functions]
+    written += [f"@part\n{source}" for source in _complementarity()]
     return "\n".join((*head, where, *written, inner(changing, "part"))) + "\n"

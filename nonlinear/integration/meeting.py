@@ -6,6 +6,8 @@ step is met by another, shorter one, whose length Newton's method finds, kept wi
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
 from math import sqrt
 from typing import Any
 
@@ -134,3 +136,13 @@ def meet(
         return MET
     which[i], low[i], high[i], tried[i] = -1, 0.0, 1e300, usual[i]
     return STANDS
+
+
+def meeting_source() -> str:
+    """The functions of this module, but this one, as a text of Python; what they have from outside is in `MEETING`."""
+    every: list[Callable[..., Any]] = [rises, swells, seen, bent, highest, cubic, passing, meet]
+    return "\n".join(inspect.getsource(one) for one in every)
+
+
+MEETING = {"STANDS": STANDS, "AGAIN": AGAIN, "MET": MET, "NEAR": NEAR, "DIGIT": DIGIT, "SURE": SURE, "NONE": NONE}
+"""The constants of `meeting_source`."""

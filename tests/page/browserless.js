@@ -23,6 +23,9 @@ class FakeElement {
   setAttribute(name, value) {
     this.attributes[name] = value;
   }
+  removeAttribute(name) {
+    delete this.attributes[name];
+  }
   addEventListener(name, listener) {
     (listenersOf.get(this)[name] ??= []).push(listener);
   }

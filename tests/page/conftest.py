@@ -10,5 +10,5 @@ from chromium import Chromium
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Chromium]:
-    with Chromium() as one:
-        yield one
+    with Chromium() as shared:
+        yield shared

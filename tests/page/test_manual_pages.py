@@ -45,10 +45,10 @@ FORMULAS = """[...document.querySelectorAll('span.math, div.math')].map((formula
 @pytest.fixture(scope="module")
 def offline() -> Iterator[Chromium]:
     """A browser that reaches no network."""
-    with Chromium(clockwork=False) as one:
-        one.call("Network.enable")
-        one.call("Network.setBlockedURLs", urls=["http://*", "https://*", "ws://*", "wss://*"])
-        yield one
+    with Chromium(clockwork=False) as browser:
+        browser.call("Network.enable")
+        browser.call("Network.setBlockedURLs", urls=["http://*", "https://*", "ws://*", "wss://*"])
+        yield browser
 
 
 @pytest.fixture(scope="module")
@@ -72,8 +72,8 @@ def test_formulas_are_drawn_without_a_network(offline: Chromium, built: Path, wi
     formulas: list[dict[str, Any]] = offline.run(FORMULAS)
     assert len(formulas) > 20
     for fault in ("drawn", "spoken", "high", "wide"):
-        assert [one["tex"] for one in formulas if not one[fault]] == [], fault
-    assert [one["tex"] for one in formulas if one["wrong"] or one["clipped"]] == []
+        assert [formula["tex"] for formula in formulas if not formula[fault]] == [], fault
+    assert [formula["tex"] for formula in formulas if formula["wrong"] or formula["clipped"]] == []
     assert offline.errors == []
 
 
@@ -81,7 +81,7 @@ def test_a_clipped_formula_would_be_seen(offline: Chromium, built: Path) -> None
     mathjax(built)
     show(offline, built / f"{LESSON}.html", 1280)
     offline.run("document.querySelector('mjx-container > svg').setAttribute('viewBox', '0 0 300 300')")
-    assert any(one["clipped"] for one in offline.run(FORMULAS))
+    assert any(formula["clipped"] for formula in offline.run(FORMULAS))
 
 
 @pytest.mark.parametrize(("width", "dark"), LOOKS)
@@ -97,7 +97,9 @@ def test_a_page_of_the_manual_can_be_used_by_everyone(
         pytest.skip("axe-core is not installed: npm install axe-core, and its folder in AXE_CORE")
     offline.run(script + "\n;0")
     result: dict[str, list[Any]] = offline.run(f"axe.run({WITHOUT}, {{ iframes: false }})")
-    assert [(one["id"], [node["html"] for node in one["nodes"]]) for one in result["violations"]] == []
+    assert [
+        (violation["id"], [node["html"] for node in violation["nodes"]]) for violation in result["violations"]
+    ] == []
     assert len(result["passes"]) > 15
 
 

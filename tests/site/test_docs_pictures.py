@@ -19,7 +19,7 @@ TABLE = tomllib.loads((ROOT / "docs" / "pictures.toml").read_text(encoding="utf-
 SECTIONS = {"modes", "coupling", "motion", "accuracy", "synchronization", "control", "chaos", "ensembles"}
 MEASURED = {"benchmark", "simulation-benchmark", "extremes-modes", "extremes-simulation"}
 """Made by the benchmarks, in the light theme only."""
-SEEN = {"play"}
+SEEN = {"play", "play-phone"}
 """Screenshots (`docs/screenshots.py`), in both themes."""
 
 pytestmark = [

@@ -5,19 +5,22 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from shutil import which
 from typing import Any
 
 import chromium
+import numpy as np
 import pytest
 
+from modal.modes import Modes
 from modal.scene import Scene
 from multipendula.page import joined, page, scene_data
 from multipendula.page.document import PHYSICS
 
-BROWSER = pytest.mark.skipif(chromium.found() is None, reason="no Chromium is installed here")
+BROWSER = pytest.mark.skipif(chromium.executable() is None, reason="no Chromium is installed here")
 
 
 def physics(browser: chromium.Chromium, folder: Path) -> None:
@@ -28,9 +31,9 @@ def physics(browser: chromium.Chromium, folder: Path) -> None:
     browser.run(joined(PHYSICS) + "\n;0")
 
 
-def asked(browser: chromium.Chromium, question: str, given: Any) -> Any:
+def asked(browser: chromium.Chromium, question: str, argument: Any) -> Any:
     """The value of a function of JavaScript for this argument."""
-    return browser.run(f"({question})({json.dumps(given)})")
+    return browser.run(f"({question})({json.dumps(argument)})")
 
 
 def written(scene: Scene, folder: Path, recording: dict[str, Any] | None = None) -> Path:
@@ -38,6 +41,22 @@ def written(scene: Scene, folder: Path, recording: dict[str, Any] | None = None)
     path = folder / "page.html"
     path.write_text(page(scene_data(scene), recording), encoding="utf-8")
     return path
+
+
+def assert_rows(rows: Sequence[dict[str, Any]], modes: Modes, close: float = 1e-9, *, words: bool = True) -> None:
+    """The page's rows are those of the table, under its numbers: |λ|, ζ, multiplicity, words, κ and stars."""
+    assert len(rows) == len(modes)
+    for row, mode in zip(rows, modes, strict=True):
+        assert row["omega"] == pytest.approx(mode.omega, rel=close)
+        assert row["ratio"] == pytest.approx(mode.damping_ratio, abs=close)
+        assert row["multiplicity"] == mode.multiplicity
+        assert row["words"] == mode.family or not words
+        assert row["resonant"] == bool(mode.resonances), mode
+        if mode.kappa and np.isfinite(mode.kappa):
+            assert row["kappa"] == pytest.approx(mode.kappa, rel=close)
+            assert row["onePercent"] == pytest.approx(mode.linear_to_1_percent_deg, rel=close)
+        else:
+            assert row["kappa"] is None
 
 
 @cache

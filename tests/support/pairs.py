@@ -286,8 +286,7 @@ DRIVEN = {"section": ("a stroboscopic section",), "orbits vary": ("a forced peri
 """What stands there instead for a scene that is driven in time."""
 BEYOND = {
     ("count_100", "fit"): "at most",
-    ("count_100", "play"): "at most",
-    ("moved_both_ways", "play"): "moves a support in one direction",
+    ("count_100", "play"): "cannot show more than",
     ("structure", "tune"): "nothing damps mode 2",
     **dict.fromkeys((("count_100", "derive"), ("count_100", "tune")), "at most"),
     **dict.fromkeys((("hoist", "export"), ("hoist_and_drag", "export")), "holds a constant model"),

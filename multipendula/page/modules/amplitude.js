@@ -1,18 +1,36 @@
 // The range of validity of a linear frequency, as derived in `modal.eigen.amplitude` and judged in `modal.modes.mode`.
 //
 // A swing is a mode of the scene or of one pendulum alone: the frequency omega (rad/s), the shape x (cart in m and every
-// angle, largest angle 1) of chains that each stand for `weights` equal copies, its inertia x'Mx, and gravity.
+// angle, largest angle 1) of chains that each stand for `weights` equal copies on a cart or none, its inertia x'Mx (with
+// dampers that of the complex shape), and gravity.
 
+import { inertiaOf } from "./matrices.js";
 import { sum } from "./system.js";
+
+export const LIGHT = 0.1; // damping ratio, and part of a shape out of phase, up to which a frequency has a range
 
 const INSTANTS = [1, 3, 5, 7].map((odd) => (odd * Math.PI) / 16); // their mean is exact for products of four factors
 const QUARTER = Array.from({ length: 33 }, (_, i) => (i * Math.PI) / 64);
 const [PROMISED, UNSEEN, LEFT_OUT] = [0.03, 0.002, 0.03];
 const [WIDTH, BESIDE, SURE, NEAREST] = [0.02, 0.1, 0.05, 3];
 
-// Frequency of amplitude a: omega (1 + kappa a^2).
-export function kappaOf(swing) {
-  return (-4 * meanOf(swing, swing, 1, 0)) / (swing.inertia * swing.omega ** 2);
+// Frequency of amplitude a: omega (1 + kappa a^2), of a shape whose part out of phase is `aside`; NaN where that is large.
+export function kappaOf(swing, aside = null) {
+  if (aside && largestIn(swing, aside) >= LIGHT * largestIn(swing, swing.x)) return NaN;
+  const inertia = aside ? inertiaOf(swing.chains, swing.cart, swing.weights, swing.x) : swing.inertia;
+  return (-4 * meanOf(swing, swing, 1, 0)) / (inertia * swing.omega ** 2);
+}
+
+// The largest angle (degrees) at which the frequency is 1 % off; NaN where kappa is.
+export function onePercentOf(kappa) {
+  return (Math.sqrt(0.01 / Math.abs(kappa)) * 180) / Math.PI;
+}
+
+// The largest angle of a shape, the cart's displacement over the natural unit of length being one: a power of 2 above the
+// longest link.
+function largestIn({ chains }, x) {
+  const unit = 2 ** (1 + Math.floor(Math.log2(Math.max(...chains.flatMap(({ links }) => links.map(({ l }) => l))))));
+  return Math.max(Math.abs(x[0]) / unit, ...x.slice(1).map(Math.abs));
 }
 
 // Whether a resonance makes the angle of 1 % of a row a guide; `partners` are other rows, ascending, that may answer.
@@ -21,7 +39,7 @@ export function isGuide({ kappa, swing }, partners) {
   if (near || !kappa) return near;
   const answers = [1, 3].flatMap((harmonic) => {
     const at = partners.filter(({ omega }) => omega < harmonic * swing.omega).length;
-    const closest = partners.slice(Math.max(at - NEAREST, 0), at + NEAREST);
+    const closest = partners.slice(Math.max(at - NEAREST, 0), at + NEAREST).flatMap(({ parts }) => parts);
     return closest.filter((other) => other.swing.chains === swing.chains).map((other) => answerOf(swing, other.swing, harmonic, kappa));
   });
   if (!answers.length) return false;

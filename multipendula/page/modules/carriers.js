@@ -64,9 +64,9 @@ const isThere = (scene, place) => placed(scene, place) > 0 || (place.includes("d
 const named = (law, way = null) => `${law[0].toUpperCase()}${law.slice(1)}${way ? ` in ${way}` : ""}`;
 const unitOf = (law, unit) => ({ stiffness: { m: "N/m", rad: "N m/rad" }, damping: { m: "N s/m", rad: "N m s/rad" } })[law][unit];
 
-// The motion of the ground or of a support; undefined where all is at rest.
-export function motionIn(scene) {
-  return structure.motion ? placed(scene, structure.motion) : undefined;
+// The motions of the ground or of a support.
+export function motionsIn(scene) {
+  return structure ? structure.motions.map((place) => placed(scene, place)) : [scene.support.motion ?? []].flat();
 }
 
 function entriesOf(scene, links) {
@@ -104,23 +104,23 @@ export function ratesOf({ size, structure: { constants, rest } }, forces, linear
 
 // Kinetic and potential energy (J), the latter from rest.
 export function storedIn({ structure: { constants } }, y) {
-  const found = new Float64Array(2);
-  structure.steps.stored(constants, y, null, null, found);
-  return { kinetic: found[0], potential: found[1] };
+  const energies = new Float64Array(2);
+  structure.steps.stored(constants, y, null, null, energies);
+  return { kinetic: energies[0], potential: energies[1] };
 }
 
 // The bilinear forms x'Mz, x'Kz and x'Dz of small motions of all coordinates.
 export function pairedIn({ structure: { constants, rest } }, x, z) {
-  const found = new Float64Array(3);
-  structure.steps.paired(constants, rest, x, z, found);
-  return found;
+  const forms = new Float64Array(3);
+  structure.steps.paired(constants, rest, x, z, forms);
+  return forms;
 }
 
 // What impulses on all coordinates add to the rates.
 export function impelledIn({ size, structure: { constants } }, y, impulses) {
-  const found = new Float64Array(size);
-  structure.steps.impelled(constants, y, impulses, null, found);
-  return found;
+  const rates = new Float64Array(size);
+  structure.steps.impelled(constants, y, impulses, null, rates);
+  return rates;
 }
 
 // ------------------------------------------------------------------------------------------------ drawing
@@ -129,16 +129,16 @@ const constants = structure && structure.drawing.constants([]);
 
 // Where the first joints of all pendula are, in metres along the rail and down.
 export function pivotsAt(y) {
-  const found = new Float64Array(2 * structure.bases.length);
-  structure.drawing.pivots(constants, y, null, null, found);
-  return paired(found);
+  const places = new Float64Array(2 * structure.bases.length);
+  structure.drawing.pivots(constants, y, null, null, places);
+  return paired(places);
 }
 
 // The lines and outlines of carriers, springs and ground: { role, carrier, closed, points }.
 export function piecesAt(y, joints) {
-  const found = new Float64Array(2 * structure.pieces.reduce((total, { count = 0 }) => total + count, 0));
-  structure.drawing.pieces(constants, y, joints.flat(2), null, found);
-  const points = paired(found);
+  const places = new Float64Array(2 * structure.pieces.reduce((total, { count = 0 }) => total + count, 0));
+  structure.drawing.pieces(constants, y, joints.flat(2), null, places);
+  const points = paired(places);
   let at = 0;
   return structure.pieces.map((piece) => ({ ...piece, points: piece.points ? paired(piece.points) : points.slice(at, (at += piece.count)) }));
 }

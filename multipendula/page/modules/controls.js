@@ -1,6 +1,7 @@
 // Sliders with their numbers: what can be changed, and by how much.
 
-import { numbersOf, placed } from "./carriers.js";
+import { motionsIn, numbersOf, placed } from "./carriers.js";
+import { slowestOf } from "./modes.js";
 import { digits } from "./numbers.js";
 import { rounded } from "./stage.js";
 import { pushedAt } from "./system.js";
@@ -9,8 +10,9 @@ const STEPS = 600;
 
 // A slider from `low` to `high` on a logarithmic scale, or on a linear one from 0.
 class Slider {
-  constructor(box, { label, unit, read, write, range, linear = false }) {
-    Object.assign(this, { read, write, range, linear, unit });
+  // `there` tells whether it applies at all.
+  constructor(box, { label, unit, read, write, range, linear = false, there = () => true }) {
+    Object.assign(this, { read, write, range, linear, unit, there });
     const id = `slider-${Slider.count++}`;
     const name = document.createElement("label");
     name.htmlFor = id;
@@ -21,16 +23,52 @@ class Slider {
     this.bar = Object.assign(document.createElement("input"), { type: "range", id, min: 0, max: STEPS, step: 1 });
     this.number = Object.assign(document.createElement("input"), { type: "number", step: "any", min: 0 });
     this.number.setAttribute("aria-label", `${label}, ${unit}`);
-    this.bar.addEventListener("input", () => this.write(rounded(this.valueAt(Number(this.bar.value) / STEPS))));
-    this.number.addEventListener("change", () => {
-      const value = Number(this.number.value);
-      if (value > 0 || (linear && value === 0 && this.number.value !== "")) this.write(value);
-      this.show();
-    });
-    box.append(name, this.bar, this.number);
+    this.refusal = Object.assign(document.createElement("p"), { className: "refused", id: `${id}-refused`, hidden: true });
+    this.refusal.setAttribute("role", "alert");
+    this.label = label;
+    this.bar.addEventListener("input", () => this.enter(rounded(this.valueAt(Number(this.bar.value) / STEPS))));
+    this.number.addEventListener("change", () => this.typed());
+    this.name = name;
+    box.append(name, this.bar, this.number, this.refusal);
+  }
+
+  // A number from the keys: what is none, or has no meaning here, is refused beside it.
+  typed() {
+    const text = this.number.value;
+    const value = Number(text);
+    if (text === "" || !Number.isFinite(value)) this.refuse("a number is needed");
+    else if (value < 0 || (!value && !this.linear)) this.refuse(`it must be ${this.linear ? "0 or more" : "above 0"}`);
+    else this.enter(value);
+  }
+
+  enter(value) {
+    this.accept();
+    Slider.entering = this;
+    this.write(value);
+    Slider.entering = null;
+    this.show();
+  }
+
+  // Said beside the number, which stays as it was, and read to those who do not see it.
+  refuse(why) {
+    const value = `${written(this.read())} ${this.unit}`.trim();
+    this.refusal.textContent = `${this.label}: ${why}. It stays ${value}.`;
+    this.refusal.hidden = false;
+    this.number.setAttribute("aria-invalid", "true");
+    this.number.setAttribute("aria-describedby", this.refusal.id);
+    this.show(true);
+  }
+
+  accept() {
+    if (this.refusal.hidden) return;
+    this.refusal.hidden = true;
+    this.refusal.textContent = "";
+    this.number.removeAttribute("aria-invalid");
+    this.number.removeAttribute("aria-describedby");
   }
 
   static count = 0;
+  static entering = null; // whose number is being tried
 
   ends() {
     const value = this.read();
@@ -43,13 +81,14 @@ class Slider {
     return this.linear ? low + part * (high - low) : low * (high / low) ** part;
   }
 
-  show() {
+  show(always = false) {
+    for (const part of [this.name, this.bar, this.number]) part.hidden = !this.there();
     const value = this.read();
     const [low, high] = this.ends();
     const part = this.linear ? (value - low) / (high - low) : Math.log(value / low) / Math.log(high / low);
     this.bar.value = Math.round(STEPS * part);
     this.bar.setAttribute("aria-valuetext", `${digits(value)} ${this.unit}`);
-    if (document.activeElement !== this.number) this.number.value = String(Number(value.toPrecision(4)));
+    if (always || document.activeElement !== this.number) this.number.value = written(value);
   }
 
   forget() {
@@ -57,6 +96,11 @@ class Slider {
   }
 }
 
+// Four digits, as short as a field needs them.
+const written = (value) => {
+  const own = Number(value.toPrecision(4));
+  return own >= 1e6 || (own && own < 1e-4) ? own.toExponential().replace("e+", "e") : String(own);
+};
 const decade = (value) => [value / 10, value * 10];
 
 export class Controls {
@@ -120,15 +164,8 @@ export class Controls {
       );
     }
     if (player.system.structure) this.ofCarriers(boxes.cart);
-    if (player.system.support) {
-      const at = () => player.prescribed;
-      const ofMotion = (key) => ({ read: () => at()[key], write: (value) => player.change((scene) => (player.prescribedIn(scene)[key] = value)) });
-      const swing = { linear: true, range: (value) => [0, 2 * value || player.view.reach / 10] };
-      this.others.unshift(
-        new Slider(boxes.cart, { label: "Support amplitude", unit: "m", ...ofMotion("amplitude"), ...swing }),
-        new Slider(boxes.cart, { label: "Support frequency", unit: "Hz", ...ofMotion("frequency_hz"), range: decade }),
-      );
-    }
+    this.ofFriction(boxes);
+    this.ofTime(boxes);
     this.others.push(
       new Slider(boxes.drive, {
         label: pushedAt(player.system).unit === "N" ? "Force" : "Moment",
@@ -147,6 +184,45 @@ export class Controls {
     );
     this.chooser.addEventListener("change", () => player.choose(Number(this.chooser.value)));
     this.name();
+  }
+
+  // Dry friction where the scene has some: on the rail, and of the chosen link.
+  ofFriction(boxes) {
+    const { player } = this;
+    for (const [key, unit] of [["friction", "N"], ["friction_coefficient", ""]]) {
+      const { support } = player.scene;
+      if (!player.system.cart || !support[key]) continue;
+      const label = unit ? "Rail friction" : "Rail friction coefficient";
+      const change = (value) => player.change((scene) => (scene.support[key] = value));
+      this.others.unshift(new Slider(boxes.cart, { label, unit, read: () => player.scene.support[key], write: change, range: decade }));
+    }
+    if (!player.system.links.some(({ friction }) => friction)) return;
+    const own = () => player.system.links[player.selected].friction;
+    const change = (value) => player.changeLink(player.selected, "friction", value);
+    this.ofLink.push(new Slider(boxes.link, { label: "Friction", unit: "N m", read: () => own() || 1, write: change, range: decade, there: () => own() > 0 }));
+  }
+
+  // What moves a support or acts in time.
+  ofTime(boxes) {
+    const { player } = this;
+    const several = motionsIn(player.scene).length > 1;
+    const swing = { linear: true, range: (value) => [0, 2 * value || player.view.reach / 10] };
+    const of = (within, key) => ({ read: () => within(player.scene)[key], write: (value) => player.change((scene) => (within(scene)[key] = value)) });
+    motionsIn(player.scene).forEach(({ direction }, k) => {
+      const [within, whose] = [(scene) => motionsIn(scene)[k], several ? (direction === "vertical" ? "Upward " : "Sideways ") : "Support "];
+      this.others.push(
+        new Slider(boxes.cart, { label: `${whose}amplitude`, unit: "m", ...of(within, "amplitude"), ...swing }),
+        new Slider(boxes.cart, { label: `${whose}frequency`, unit: "Hz", ...of(within, "frequency_hz"), range: decade }),
+      );
+    });
+    (player.scene.force ?? []).forEach(({ on, direction }, k) => {
+      const within = (scene) => scene.force[k];
+      const [what, unit] = direction === "torque" ? ["Torque", "N m"] : ["Force", "N"];
+      this.others.push(
+        new Slider(boxes.scene, { label: `${what} on ${on}`, unit, ...of(within, "amplitude"), range: decade }),
+        new Slider(boxes.scene, { label: "Its frequency", unit: "Hz", ...of(within, "frequency_hz"), range: decade }),
+      );
+    });
   }
 
   // The numbers of supports and springs: a list to choose one from, and its sliders.
@@ -191,11 +267,11 @@ export class Controls {
   // Dampers at every joint: for a share of critical damping c they are 2 c g b/w of the slowest mode.
   damp(percent) {
     const { player } = this;
-    const slowest = this.slowest();
+    const slowest = slowestOf(player.system);
     player.change((scene) => {
       for (const chain of player.system.chains) {
         chain.links.forEach((link, i) => {
-          const value = rounded((2 * percent * player.system.gravity * link.b) / slowest.omega / 100);
+          const value = rounded((2 * percent * player.system.gravity * link.b) / slowest / 100);
           const own = scene.pendulum[chain.entry].links[i];
           if (value) own.damping = value;
           else delete own.damping;
@@ -204,21 +280,26 @@ export class Controls {
     });
   }
 
-  slowest() {
-    return this.player.rows.find((row) => row.omega && !row.growing) ?? { omega: 1, ratio: 0 };
-  }
-
   // The share that the first joint has now.
   dampingOf() {
     const { player } = this;
     const [link] = player.system.links;
-    return (50 * link.damping * this.slowest().omega) / (player.system.gravity * link.b);
+    return link.damping ? (50 * link.damping * slowestOf(player.system)) / (player.system.gravity * link.b) : 0;
   }
 
   // After another choice the sliders of a link have other limits.
   chose() {
-    for (const slider of this.ofLink) slider.forget();
+    for (const slider of this.ofLink) {
+      slider.forget();
+      slider.accept();
+    }
     this.show();
+  }
+
+  // Whether a number of a slider was refused by the scene, which is said beside it.
+  refuse(why) {
+    Slider.entering?.refuse(why);
+    return Slider.entering !== null;
   }
 
   show() {

@@ -12,8 +12,9 @@ export class Integrator {
     this.trial = new Float64Array(y.length);
   }
 
-  // One step of length h from the present state into `trial`; the size of its error over the tolerance.
-  attempt(h) {
+  // One step of length h from the present state into `trial`; the size of its error over the tolerance.  `watch(s, y)`
+  // is shown the state at every stage.
+  attempt(h, watch = null) {
     const { stages, trial, y, time } = this;
     const { A, B, C, E3, E5 } = DOP853;
     for (let s = 0; s < 12; s++) {
@@ -22,6 +23,7 @@ export class Integrator {
         for (let k = 0; k < s; k++) slope += A[s][k] * stages[k][i];
         trial[i] = y[i] + h * slope;
       }
+      watch?.(s, trial);
       this.f(time + C[s] * h, trial, stages[s]);
     }
     this.calls += 12;

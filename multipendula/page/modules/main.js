@@ -3,7 +3,7 @@
 import { isStructure } from "./carriers.js";
 import { Controls } from "./controls.js";
 import { energiesOf } from "./equations.js";
-import { mannerOf } from "./modes.js";
+import { mannerOf } from "./shapes.js";
 import { degrees, digits, scientific } from "./numbers.js";
 import { drawScene, drawStrip, hueOf, paint } from "./picture.js";
 import { Player } from "./player.js";
@@ -11,6 +11,7 @@ import { Recording } from "./recording.js";
 import { packed, sceneFile, unpacked } from "./scene_file.js";
 import { Sound } from "./sound.js";
 import { Stage } from "./stage.js";
+import { isWhole } from "./switched.js";
 import { ModeTable } from "./table.js";
 
 const SPAN = 12; // s of the strip
@@ -24,7 +25,7 @@ function begin() {
   const held = word && word !== "swing" ? linked(word, given.scene) : null;
   const player = held ?? new Player(given.scene, given.recording ? new Recording(given.recording) : null);
   const stage = new Stage(element("scene"), player);
-  const table = new ModeTable(element("rows"), player);
+  const table = new ModeTable(element("rows"), { frequency: element("head-f"), damped: element("note-damped") }, player);
   const boxes = { chooser: element("chooser"), link: element("of-link"), cart: element("of-cart"), scene: element("of-scene"), drive: element("of-drive") };
   const controls = new Controls(boxes, player);
   const page = new LivePage({ player, stage, table, controls, sound: new Sound(), given });
@@ -36,7 +37,7 @@ function begin() {
 // What the link holds, null where it is no scene or one that cannot be computed; on the page of a structure a scene that
 // differs from the page's own in numbers alone.
 function linked(word, own) {
-  const held = unpacked(word, isStructure() ? own : null);
+  const held = unpacked(word, isStructure() || isWhole() ? own : null);
   try {
     const player = held && new Player(held.scene, null);
     if (player) restore(player, held);
@@ -66,6 +67,8 @@ class LivePage {
     const { player } = this;
     element("title").textContent = player.scene.title || document.title;
     element("replay").hidden = !player.recording;
+    element("left-out").textContent = this.given.notes.join(" ");
+    element("left-out").hidden = !this.given.notes.length;
     element("of-cart").hidden = !player.system.cart && !player.system.support && !isStructure();
     player.listen((what) => this.heard(what));
     this.bindButtons();
@@ -145,7 +148,8 @@ class LivePage {
     if (what === "drive") controls.show();
     if (what === "refused") {
       controls.show();
-      this.say("With this number the scene is no equilibrium as drawn, or cannot be computed: it stays as it was.");
+      const why = "with this number the scene is no equilibrium as drawn, or cannot be computed";
+      if (!controls.refuse(why)) this.say(`W${why.slice(1)}: it stays as it was.`);
     }
     if (what === "lost") this.say("This motion is too fast to be computed: everything hangs still again.");
     if (what === "mode" || what === "state") table.show();
@@ -232,6 +236,9 @@ class LivePage {
     const apart = player.motion?.linear ? degrees(player.motion.apart) : player.motion ? Infinity : NaN;
     element("apart").textContent = Number.isNaN(apart) ? "–" : apart > 360 ? "over 360°" : `${digits(apart, 3)}°`;
     element("behind").hidden = !player.behind;
+    const { stuck } = player;
+    element("sticking").hidden = !stuck;
+    if (stuck) element("stuck").textContent = stuck.map((link) => (link < 0 ? "rail" : `link ${link + 1}`)).join(", ") || "nothing";
     const { chain, index } = player.home(player.selected);
     element("strip-name").textContent = `Pendulum ${player.system.chains.indexOf(chain) + 1}, link ${index + 1}`;
     if (player.replaying) element("scrub").value = Math.round((1000 * player.time) / (player.recording.duration || 1));

@@ -3,6 +3,12 @@
 import { pairedIn } from "./carriers.js";
 import { full } from "./steps.js";
 
+export function dot(x, y) {
+  let total = 0;
+  for (let i = 0; i < x.length; i++) total += x[i] * y[i];
+  return total;
+}
+
 export function zeros(n, columns = n) {
   return Array.from({ length: n }, () => new Float64Array(columns));
 }
@@ -10,7 +16,7 @@ export function zeros(n, columns = n) {
 // The bilinear forms x'Mz, x'Kz and x'Dz of chains that each stand for `weights` equal copies (null: one).  With x = z
 // they are sums of squares, without the cancellation that a product with the matrix has.
 export function formsOf(chains, cart, weights, x, z) {
-  const found = cart ? [cart.mass, cart.stiffness, cart.damping].map((value) => value * x[0] * z[0]) : [0, 0, 0];
+  const forms = cart ? [cart.mass, cart.stiffness, cart.damping].map((value) => value * x[0] * z[0]) : [0, 0, 0];
   let at = 1;
   chains.forEach(({ links }, number) => {
     const pair = Float64Array.of(x[0], z[0], 0, 0, 0);
@@ -18,9 +24,9 @@ export function formsOf(chains, cart, weights, x, z) {
       full.link.paired(constants, [x[at], z[at], i ? x[at - 1] : 0, i ? z[at - 1] : 0], pair, null, pair);
       at++;
     });
-    for (let k = 0; k < 3; k++) found[k] += (weights?.[number] ?? 1) * pair[2 + k];
+    for (let k = 0; k < 3; k++) forms[k] += (weights?.[number] ?? 1) * pair[2 + k];
   });
-  return found;
+  return forms;
 }
 
 // The same of a whole system.

@@ -1,55 +1,66 @@
-// The modes of a scene without its dampers and drives: M f w^2 = K f, by symmetry first, then dense.
+// The modes of a scene without its drives, in the rows and under the numbers of the table of modes: M f w^2 = K f, with
+// dampers (l^2 M + l D + K) f = 0; by symmetry first, then dense.
 //
 // Equal pendula separate exactly: moving alike they are one heavy pendulum; moving against each other they leave the
-// cart still, and each swings as on a fixed support.  The frequency is the Rayleigh quotient of the shape, whose error
-// is the square of the shape's.
+// cart still, and each swings as on a fixed support.  An undamped frequency is the Rayleigh quotient of the shape, whose
+// error is the square of the shape's.
 
-import { isGuide, kappaOf } from "./amplitude.js";
+import { isGuide, kappaOf, LIGHT, onePercentOf } from "./amplitude.js";
+import { beatsOf } from "./families.js";
 import { structureModes } from "./structure_modes.js";
-import { orderOf, sum } from "./system.js";
-import { eigen, formsOf, inertiaOf, matricesOf, zeros } from "./matrices.js";
+import { orderOf } from "./system.js";
+import { aligned, dampedModes, decayOf, inPhase, undampedMode } from "./shapes.js";
+import { eigen, formsIn, formsOf, inertiaOf, matricesBy, matricesOf, zeros } from "./matrices.js";
 
-// Rows in ascending order of frequency: omega (rad/s), growing (whether it grows at that rate instead), multiplicity,
-// shapes (cart in m and every angle, largest angle 1), kappa, onePercent (degrees), ratio (of the dampers, to first
-// order), beat (s, with the next row), resonant, and the `swing` of these.
+const [SAME, STILL] = [1e-13, 1e-11];
+const FAIR = 0.01; // of the energy of the pendulum that moves most
+
+// Rows as in the table, by |l|: omega = |l| (rad/s), ratio = -Re l/|l|, turn = |Im l|, growing (without a swing),
+// multiplicity, shapes (cart in m and every angle, largest angle 1, real there), twists (their imaginary parts, null
+// without dampers), words, kappa, onePercent (degrees), resonant, and beat (s, with the next row, NaN for unrelated ones).
 export function modesOf(system) {
-  if (system.structure) return structured(system);
+  const rows = system.structure ? structureModes(system) : plainModes(system);
+  const beats = beatsOf(system, rows);
+  rows.forEach((row, i) => (row.beat = beats[i]));
+  return rows;
+}
+
+// The slowest swing without dampers (rad/s), that of the drawing of dampers by their share of critical damping.
+export function slowestOf(system) {
+  const { M, K } = matricesBy(system.size, (x, z) => formsIn(system, x, z));
+  const [from, most] = [system.cart || system.structure ? 0 : 1, system.gravity / Math.max(...system.links.map(({ l }) => l))];
+  const parts = [M, K].map((S) => S.slice(from).map((line) => line.slice(from)));
+  const squares = eigen(...parts).map((x) => {
+    const whole = Float64Array.from({ length: system.size }, (_, i) => x[i - from] ?? 0);
+    const [inertia, stiffness] = formsIn(system, whole);
+    return stiffness / inertia;
+  });
+  return Math.sqrt(Math.min(...squares.filter((square) => square > 1e-9 * most), most * 1e12));
+}
+
+function plainModes(system) {
   const kinds = kindsOf(system.chains);
-  const rows = kinds.flatMap((kind) => alone(system, kind));
-  if (system.cart) rows.push(...together(system, kinds));
-  rows.sort((one, other) => one.omega - other.omega);
-  rows.forEach((row, i) => describe(system, rows, row, i));
+  const parts = kinds.flatMap((kind) => alone(system, kind));
+  if (system.cart) parts.push(...together(system, kinds));
+  parts.sort((one, other) => one.omega - other.omega || one.rate - other.rate);
+  const rows = merged(parts);
+  const words = wordsOf(system, kinds);
+  for (const row of rows) row.words = words(row);
+  judged(system, rows);
   return rows;
-}
-
-// Those of a structure have no range of validity here.
-function structured(system) {
-  const rows = structureModes(system);
-  rows.forEach((row, i) => Object.assign(row, { kappa: NaN, onePercent: NaN, resonant: false, beat: beatOf(row, rows[i + 1]) }));
-  return rows;
-}
-
-function beatOf(row, next) {
-  const beats = next && [row, next].every((one) => mannerOf(one) === "swings");
-  return beats ? (2 * Math.PI) / (next.omega - row.omega) : NaN;
-}
-
-// What a row does when it is let go: "swings", "grows", "decays" (overdamped to first order), or "shifts" everything.
-export function mannerOf({ omega, growing, ratio }) {
-  if (!omega) return "shifts";
-  if (growing) return "grows";
-  return ratio >= 1 ? "decays" : "swings";
 }
 
 function kindsOf(chains) {
   const kinds = new Map();
   for (const chain of chains) {
-    const key = JSON.stringify(chain.links.map(({ numbers }) => numbers));
+    const key = JSON.stringify(chain.links.map(({ m, l, c, I, damping, stiffness, drag, s }) => [m, l, c, I, damping, stiffness, drag, s]));
     if (!kinds.has(key)) kinds.set(key, []);
     kinds.get(key).push(chain);
   }
   return [...kinds.values()];
 }
+
+// ------------------------------------------------------------------------------------------------ parts of rows
 
 // The modes of one kind of pendulum with the support at rest.
 function alone(system, kind) {
@@ -57,12 +68,13 @@ function alone(system, kind) {
   if (!fold) return [];
   const chains = [kind[0]];
   const { M, K } = matricesOf(chains, null, [1]);
-  const own = (matrix) => matrix.slice(1).map((row) => row.slice(1));
-  return eigen(own(M), own(K)).map((vector) => {
-    const x = Float64Array.of(0, ...vector);
-    const shapes = Array.from({ length: fold }, (_, copy) => {
+  const links = (matrix) => matrix.slice(1).map((row) => row.slice(1));
+  const vectors = eigen(links(M), links(K)).map((vector) => Float64Array.of(0, ...vector));
+  const problem = { chains, cart: null, weights: [1], gravity: system.gravity, still: true, kind };
+  return solved(problem, vectors).map((mode) => {
+    const copies = Array.from({ length: fold }, (_, copy) => (x) => {
       const shape = new Float64Array(system.size);
-      const share = (chain, factor) => vector.forEach((value, i) => (shape[1 + chain.first + i] = factor * value));
+      const share = (chain, factor) => x.slice(1).forEach((value, i) => (shape[1 + chain.first + i] = factor * value));
       if (!system.cart) share(kind[copy], 1);
       else {
         for (let other = 0; other <= copy; other++) share(kind[other], 1 / (copy + 1));
@@ -70,7 +82,7 @@ function alone(system, kind) {
       }
       return shape;
     });
-    return row(shapes, x, chains, null, system.gravity, [1], system.cart ? "cart still" : "fixed support");
+    return part(problem, mode, copies);
   });
 }
 
@@ -80,15 +92,13 @@ function together(system, kinds) {
   const chains = kinds.map((kind) => kind[0]);
   const weights = kinds.map((kind) => kind.length);
   const { M, K } = matricesOf(chains, cart, weights);
-  const free = !cart.stiffness;
-  const vectors = free ? withoutCart(M, K) : eigen(M, K);
-  const found = vectors.map((x) => row([spread(system, kinds, x)], x, chains, cart, gravity, weights, "cart moves"));
-  if (free) {
-    const shape = new Float64Array(system.size);
-    shape[0] = 1;
-    found.push({ omega: 0, growing: false, multiplicity: 1, shapes: [shape], ratio: 0, where: "rigid translation" });
-  }
-  return found;
+  const rigid = Float64Array.from(M, (_, i) => (i ? 0 : 1));
+  const vectors = cart.stiffness ? eigen(M, K) : [rigid, ...withoutCart(M, K)];
+  const problem = { chains, cart, weights, gravity, kind: null };
+  const spread = (x) => spreadOver(system, kinds, x);
+  const parts = solved(problem, vectors).map((mode) => part(problem, mode, [spread]));
+  if (!cart.stiffness) parts.push(part({ ...problem, rigid: true }, { omega: 0, ratio: 0, rate: 0, turn: 0, x: rigid, twist: null }, [spread]));
+  return parts;
 }
 
 // A free cart follows the pendula, x = -b'f/M: what remains is a problem of the angles alone.
@@ -97,10 +107,10 @@ function withoutCart(M, K) {
   const reduced = zeros(n);
   for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) reduced[i][j] = M[1 + i][1 + j] - (M[0][1 + i] * M[0][1 + j]) / M[0][0];
   const links = K.slice(1).map((line) => line.slice(1));
-  return eigen(reduced, links).map((f) => Float64Array.of(-sum([...f].map((value, i) => M[0][1 + i] * value)) / M[0][0], ...f));
+  return eigen(reduced, links).map((f) => Float64Array.of(-f.reduce((total, value, i) => total + M[0][1 + i] * value, 0) / M[0][0], ...f));
 }
 
-function spread(system, kinds, x) {
+function spreadOver(system, kinds, x) {
   const shape = new Float64Array(system.size);
   shape[0] = x[0];
   let at = 1;
@@ -111,60 +121,120 @@ function spread(system, kinds, x) {
   return shape;
 }
 
-function row(shapes, x, chains, cart, gravity, weights, where) {
-  const [inertia, stiffness, drag] = formsOf(chains, cart, weights, x, x);
-  const square = stiffness / inertia;
-  const omega = Math.sqrt(Math.abs(square));
-  const ratio = omega && square > 0 ? drag / (2 * omega * inertia) : 0;
-  const unit = scaled(x);
-  const swing = { omega, x: unit, chains, weights, inertia: inertiaOf(chains, cart, weights, unit), gravity };
-  return { omega, growing: square < 0, multiplicity: shapes.length, shapes: shapes.map(scaled), ratio, where, swing };
+// The modes of a problem from its undamped ones: those of a free cart's place are left out.
+function solved({ chains, cart, weights }, vectors) {
+  const form = (x, z = x) => formsOf(chains, cart, weights, x, z);
+  const damped = cart?.damping || chains.some(({ links }) => links.some(({ damping, drag }) => damping || drag));
+  return damped ? dampedModes(vectors, form) : vectors.map((x) => undampedMode(x, form)).filter(({ omega }) => omega);
 }
 
-// The largest angle 1, the first of the largest positive.
-function scaled(shape) {
-  const angles = [...shape.slice(1)];
-  const largest = Math.max(...angles.map(Math.abs));
-  const leading = angles.find((value) => Math.abs(value) > (1 - 1e-9) * largest) || shape[0];
-  return shape.map((value) => value / leading);
+// A part of a row: modes of one frequency from one problem, one for each of `copies`.
+function part(problem, { omega, ratio, rate, turn, x, twist }, copies) {
+  const { chains, cart, weights, gravity } = problem;
+  const [own, aside] = aligned(x, twist);
+  const held = !problem.still && !problem.rigid && Math.hypot(own[0], aside?.[0] ?? 0) <= STILL * reachOf(chains);
+  if (held) own[0] = 0;
+  if (held && aside) aside[0] = 0;
+  const still = problem.still || held;
+  const inertia = inertiaOf(chains, cart, weights, own) + (aside ? inertiaOf(chains, cart, weights, aside) : 0);
+  const swing = { omega, x: own, chains, cart, weights, inertia, gravity };
+  const shapes = copies.map((copy) => aligned(copy(own), aside && copy(aside)));
+  return { omega, ratio, rate, turn, shapes, swing, aside, still, rigid: problem.rigid, alone: problem.still, kind: problem.kind };
 }
 
-function describe(system, rows, row, i) {
-  const swings = ({ omega, growing }) => omega > 0 && !growing;
-  row.kappa = swings(row) ? kappaOf(row.swing) : NaN;
-  row.onePercent = Number.isNaN(row.kappa) ? NaN : (Math.sqrt(0.01 / Math.abs(row.kappa)) * 180) / Math.PI;
-  row.beat = beatOf(row, rows[i + 1]);
-  const partners = rows.filter((other) => other !== row && swings(other) && (system.cart || other.swing.chains === row.swing.chains));
-  row.resonant = swings(row) && ((row.multiplicity > 1 && system.cart !== null) || isGuide(row, partners));
-  const where = row.multiplicity > 1 ? `${row.where}, ${row.multiplicity}-fold` : row.where;
-  const antiphase = row.where === "cart still" ? "antiphase" : "";
-  const motion = [antiphase, agreementOf(system, row), orderIn(system, row), row.growing ? "unstable" : ""].filter(Boolean);
-  row.words = motion.length ? `${where}: ${motion.join(", ")}` : where;
+const reachOf = (chains) => Math.max(...chains.map(({ links }) => links.reduce((total, { l, c }) => total + Math.max(l, c), 0)));
+
+// Parts of one frequency as one row: those that leave the cart still, and those of different pendula on what is fixed.
+function merged(parts) {
+  const rows = [];
+  for (const own of parts) {
+    const same = (row) => row.still && own.still && Math.hypot(own.rate - row.rate, own.turn - row.turn) <= SAME * own.omega;
+    const row = rows.findLast(same);
+    if (row) {
+      row.parts.push(own);
+      row.shapes.push(...own.shapes.map(([shape]) => shape));
+      row.twists?.push(...own.shapes.map(([shape, twist]) => twist ?? shape.map(() => 0)));
+      row.multiplicity = row.shapes.length;
+      continue;
+    }
+    const shapes = own.shapes.map(([shape]) => shape);
+    const twists = own.aside && own.shapes.map(([, twist]) => twist);
+    const { omega, ratio, rate, turn, still, rigid, swing } = own;
+    const growing = rate > 0 && !turn;
+    rows.push({ omega, ratio, rate, turn, growing, still, rigid, multiplicity: shapes.length, shapes, twists, swing, parts: [own] });
+  }
+  return rows;
 }
 
-// The kinetic energy of each chain in a mode, up to a factor.
-function energiesIn(system, { shapes: [shape] }) {
-  return system.chains.map(({ first, links }) => {
-    const own = Float64Array.of(shape[0], ...shape.slice(1 + first, 1 + first + links.length));
-    return inertiaOf([{ links }], null, null, own);
+// ------------------------------------------------------------------------------------------ how far it is linear
+
+// kappa, the angle of 1 % and the star of every row, as `modal.modes.rows` has them.
+function judged(system, rows) {
+  const lightly = ({ omega, rate }) => omega > 0 && Math.abs(rate) < LIGHT * omega;
+  for (const row of rows) {
+    row.kappa = lightly(row) ? kappaOf(row.swing, row.parts[0].aside) : NaN;
+    row.onePercent = onePercentOf(row.kappa);
+  }
+  for (const row of rows) {
+    const akin = (other) => system.cart || other.parts.some(({ kind }) => row.parts.some((own) => own.kind === kind));
+    const partners = rows.filter((other) => other !== row && lightly(other) && akin(other));
+    const several = row.multiplicity > 1 && system.cart !== null;
+    row.resonant = Number.isFinite(row.kappa) && (several || isGuide(row, partners));
+  }
+}
+
+// -------------------------------------------------------------------------------------------------------- words
+// As in `modal.modes.labels`.
+
+function wordsOf(system, kinds) {
+  return (row) => {
+    if (row.rigid) return "rigid translation";
+    const [head] = row.parts;
+    const folds = row.multiplicity > 1 ? `, ${row.multiplicity}-fold` : "";
+    const where = `${!system.cart ? "fixed support" : row.still ? "cart still" : "cart moves"}${folds}`;
+    const antiphase = row.parts.some((own) => own.alone && system.cart) ? "antiphase" : "";
+    const told = head.alone ? whose(system, kinds, row) : agreementOf(system, kinds, head);
+    const motion = [antiphase, told, orderIn(head), decayOf(row)].filter(Boolean);
+    return motion.length ? `${where}: ${motion.join(", ")}` : where;
+  };
+}
+
+function named(system, kind) {
+  const first = system.chains.indexOf(kind[0]) + 1;
+  return kind.length === 1 ? `pendulum ${first}` : `the ${kind.length} equal to pendulum ${first}`;
+}
+
+// The pendula that move while all others are at rest, where there are different ones.
+function whose(system, kinds, { parts }) {
+  const moving = new Set(parts.map(({ kind }) => kind));
+  return kinds.length === 1 || moving.size > 1 ? "" : named(system, [...moving][0]);
+}
+
+// The kinetic energy of one copy of each chain of a part, up to a factor; its angles lie one chain after the other.
+function energiesOf({ swing, aside }) {
+  let at = 1;
+  return swing.chains.map(({ links }) => {
+    const span = [at, (at += links.length)];
+    const each = [swing.x, aside].filter(Boolean).map((x) => inertiaOf([{ links }], null, null, Float64Array.of(x[0], ...x.slice(...span))));
+    return { energy: each.reduce((total, value) => total + value, 0), span };
   });
 }
 
 // How the pendula with a fair share of the energy agree, by their first links.
-function agreementOf(system, row) {
-  if (!row.omega || system.chains.length === 1 || row.where !== "cart moves") return "";
-  const energies = energiesIn(system, row);
-  const most = Math.max(...energies);
-  const busy = system.chains.filter((_, i) => energies[i] >= 0.01 * most);
-  if (busy.length === 1) return `mostly pendulum ${system.chains.indexOf(busy[0]) + 1}`;
-  const tops = busy.map(({ first }) => row.shapes[0][1 + first]);
-  return tops.every((top) => top * tops[0] > 0) ? "in phase" : "mixed phases";
+function agreementOf(system, kinds, head) {
+  const energies = energiesOf(head);
+  if (energies.length === 1) return kinds[0].length > 1 ? "in phase" : "";
+  const most = Math.max(...energies.map(({ energy }) => energy));
+  const busy = energies.flatMap(({ energy, span }, i) => (energy >= FAIR * most ? [{ i, top: span[0] }] : []));
+  if (busy.length === 1) return `mostly ${named(system, kinds[busy[0].i])}`;
+  const tops = inPhase(busy.map(({ top }) => head.swing.x[top]), head.aside && busy.map(({ top }) => head.aside[top]));
+  if (tops.every((top) => top > 0) || tops.every((top) => top < 0)) return "in phase";
+  return head.still ? "antiphase" : "mixed phases";
 }
 
 // How the links of the chain that moves most agree.
-function orderIn(system, row) {
-  if (!row.omega) return "";
-  const energies = energiesIn(system, row);
-  const chain = system.chains[energies.indexOf(Math.max(...energies))];
-  return orderOf([...row.shapes[0].slice(1 + chain.first, 1 + chain.first + chain.links.length)]);
+function orderIn(head) {
+  const energies = energiesOf(head);
+  const { span } = energies.reduce((best, one) => (one.energy > best.energy ? one : best));
+  return orderOf(inPhase([...head.swing.x.slice(...span)], head.aside && [...head.aside.slice(...span)]));
 }

@@ -5,6 +5,7 @@ import { Escapements } from "./kicks.js";
 import { energiesOf, equationsOf } from "./equations.js";
 import { formsIn } from "./matrices.js";
 import { linearized } from "./steps.js";
+import { forcedIn, isWhole, SwitchedIntegrator } from "./switched.js";
 import { atRest, pushedAt } from "./system.js";
 
 const FAR = 100; // rad between the motion and a prediction that has grown away from it and is given up
@@ -15,9 +16,9 @@ export class Motion {
     start[2 * system.size] = 0;
     const forces = push && forcesOf(system, push);
     this.system = system;
-    this.full = new Integrator(equationsOf(system, forces), start, { tolerance, uncounted: 1, time });
-    this.escapements = system.links.some((link) => link.impulse) ? new Escapements(system, start) : null;
-    this.linear = linear ? new Integrator(equationsOf(system, forces, linearized), deviation(system, start), { tolerance, time }) : null;
+    this.full = isWhole() ? new SwitchedIntegrator(system, start, forces, { tolerance, time }) : new Integrator(equationsOf(system, forces), start, { tolerance, uncounted: 1, time });
+    this.escapements = !isWhole() && system.links.some((link) => link.impulse) ? new Escapements(system, start) : null;
+    this.linear = linear ? new Integrator(linearOf(system, forces), deviation(system, start), { tolerance, time }) : null;
     this.first = this.energy;
     this.largest = Math.max(this.first.kinetic, 1e-7 * system.gravity * system.links.reduce((total, link) => total + link.b, 0));
     this.lowest = this.highest = this.first.potential;
@@ -77,6 +78,16 @@ export class Motion {
   }
 }
 
+// The linear equations, with the forces of the scene.
+function linearOf(system, forces) {
+  const [rates, forced] = [equationsOf(system, forces, linearized), forcedIn(system)];
+  if (!forced) return rates;
+  return (time, q, out) => {
+    rates(time, q, out);
+    forced(time).forEach((value, i) => (out[system.size + i] += value));
+  };
+}
+
 function forcesOf(system, push) {
   const forces = new Float64Array(system.size);
   const { places } = pushedAt(system);
@@ -92,30 +103,44 @@ function deviation(system, y) {
   return y.slice(0, 2 * system.size).map((value, i) => value - rest[i]);
 }
 
-// A state at rest in the shape of a mode whose largest angle is `amplitude` (rad); a translation moves the cart or the
-// carriers at `amplitude` m/s instead.
+// A state in the shape of a mode whose largest angle is `amplitude` (rad), which moves on as that mode alone; a
+// translation moves the cart or the carriers at `amplitude` m/s instead.
 export function inShape(system, row, amplitude, copy = 0) {
   const y = atRest(system);
+  const [shape, twist] = [row.shapes[copy], row.twists?.[copy]];
   if (!row.omega) {
-    row.shapes[copy].forEach((value, i) => (y[system.size + i] = amplitude * value));
+    shape.forEach((value, i) => (y[system.size + i] = amplitude * value));
     return y;
   }
-  row.shapes[copy].forEach((value, i) => (y[i] += amplitude * value));
+  shape.forEach((value, i) => (y[i] += amplitude * value));
+  const rate = twist ? row.rate : row.growing ? row.omega : 0;
+  if (rate) shape.forEach((value, i) => (y[system.size + i] = amplitude * (rate * value - row.turn * (twist?.[i] ?? 0))));
   return y;
 }
 
-// The largest angle (rad) that each mode has in a state: the amplitude of its swing, over its shapes.
+// The largest angle (rad) that each mode has in a state: the amplitude of its swing, over its shapes.  Of a mode l with
+// the shape f that is |2c|, |c| of one that does not swing, where c f'(2 l M + D) f = f'((l M + D) q + M q').
 export function amplitudesOf(system, rows, y) {
   const q = deviation(system, y);
-  const parts = [q.subarray(0, system.size), q.subarray(system.size)];
-  const product = (one, other) => formsIn(system, one, other)[0];
+  const [place, speed] = [q.subarray(0, system.size), q.subarray(system.size)];
   return rows.map((row) => {
     if (!row.omega || row.growing) return 0;
-    return Math.hypot(
-      ...row.shapes.flatMap((shape) => {
-        const mass = product(shape, shape);
-        return [product(shape, parts[0]) / mass, product(shape, parts[1]) / mass / row.omega];
-      }),
-    );
+    return Math.hypot(...row.shapes.map((shape, copy) => partIn(system, row, shape, row.twists?.[copy], place, speed)));
   });
+}
+
+function partIn(system, { rate, turn }, shape, twist, place, speed) {
+  const [real, aside] = [shape, twist].map((x) => x && [place, speed].map((own) => formsIn(system, x, own)));
+  const along = ([[M0, , D0], [M1]]) => [rate * M0 + D0 + M1, turn * M0];
+  const own = formsIn(system, shape);
+  let [p, q] = along(real);
+  let [m, d, b, e] = [own[0], own[2], 0, 0];
+  if (twist) {
+    const [u, v] = along(aside);
+    [p, q] = [p - v, q + u];
+    const [other, mixed] = [formsIn(system, twist), formsIn(system, shape, twist)];
+    [m, d, b, e] = [m - other[0], d - other[2], 2 * mixed[0], 2 * mixed[2]];
+  } else d = 0;
+  const [below, beside] = [2 * (rate * m - turn * b) + d, 2 * (rate * b + turn * m) + e];
+  return ((turn ? 2 : 1) * Math.hypot(p, q)) / Math.hypot(below, beside);
 }

@@ -1,8 +1,9 @@
 // What hangs there and what it does now: a scene, its modes, a motion or a recording.
 
-import { isPushed, motionIn } from "./carriers.js";
+import { isPushed, motionsIn } from "./carriers.js";
 import { amplitudesOf, inShape, Motion } from "./motion.js";
 import { modesOf } from "./modes.js";
+import { mannerOf } from "./shapes.js";
 import { atRest, pushedAt, startOf, sum, systemOf } from "./system.js";
 import { View } from "./view.js";
 
@@ -20,7 +21,7 @@ export class Player {
     this.scene = scene;
     this.selected = 0;
     this.rebuild();
-    this.drive.frequency = (this.rows.find((row) => row.omega && !row.growing)?.omega ?? 2 * Math.PI) / (2 * Math.PI);
+    this.drive.frequency = (this.rows.find((row) => mannerOf(row) === "swings")?.omega ?? 2 * Math.PI) / (2 * Math.PI);
     this.drive.amount = 0.05 * this.weight;
     this.hang();
     if (recording) this.replay();
@@ -80,7 +81,7 @@ export class Player {
 
   // Whether the scene has a time of its own, by a support that moves or forces.
   get isTimed() {
-    return this.system.support !== null || (this.system.structure !== null && isPushed());
+    return this.system.support !== null || (this.system.structure ? isPushed() : Boolean(this.scene.force?.length));
   }
 
   // The time of the scene (s): a support that moves goes on where it is.
@@ -105,23 +106,19 @@ export class Player {
     return this.y.every((value, i) => Math.abs(value - rest[i]) < 1e-12);
   }
 
-  // The motion of the support or the ground in the scene.
-  get prescribed() {
-    return this.prescribedIn(this.scene);
-  }
-
-  prescribedIn(scene) {
-    return this.system.structure ? motionIn(scene) : scene.support.motion;
+  // The links and the rail that dry friction holds now; null where the scene has none.
+  get stuck() {
+    return this.motion?.full.stuck ?? null;
   }
 
   // Whether the support's motion sets off what hangs at rest, or forces do.
   get isShaken() {
     if (this.system.structure) return isPushed();
-    return this.system.support !== null && this.scene.support.motion.direction !== "vertical";
+    return Boolean(this.scene.force?.length) || motionsIn(this.scene).some(({ direction }) => direction !== "vertical");
   }
 
   get firstRow() {
-    return this.rows.find((row) => row.omega) ?? this.rows[0];
+    return ["swings", "grows", "decays", "shifts"].flatMap((manner) => this.rows.filter((row) => mannerOf(row) === manner))[0];
   }
 
   shape(row, copy) {

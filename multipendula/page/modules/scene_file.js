@@ -1,6 +1,7 @@
 // A scene and a state as the text of a scene file, and as a link that holds them.
 
 import { coordinatesOf, isStructure } from "./carriers.js";
+import { isWhole } from "./switched.js";
 import { MOST_LINKS } from "./system.js";
 
 // The scene file; `y` (with `system`) gives the start, the scene's own is left out then.
@@ -11,16 +12,25 @@ export function sceneFile(scene, system = null, y = null) {
   const support = y ? { ...scene.support, start: moved ? { displacement: y[0], rate: y[system.size] } : undefined } : scene.support;
   if (scene.title) lines.push(`title = ${quoted(scene.title)}`);
   lines.push(`gravity = ${real(scene.gravity)}`, "", "[support]", ...entries(support));
-  for (const pendulum of y ? separated(scene, system, y) : scene.pendulum) lines.push("", "[[pendulum]]", ...pendulumLines(pendulum));
-  return `${lines.join("\n")}\n`;
+  for (const force of scene.force ?? []) lines.push("", "[[force]]", ...entries(force));
+  const { pendula, remark } = hanging(scene, system, y);
+  for (const pendulum of pendula) lines.push("", "[[pendulum]]", ...pendulumLines(pendulum));
+  return `${[...remark, ...lines].join("\n")}\n`;
 }
 
-// The file of a structure.  Copies of a pendulum that springs or forces name stay one entry.
-function structureFile(scene, system, y) {
+// The pendula of a file.  Copies that springs or forces name stay one entry, without a start, which a remark says.
+function hanging(scene, system, y) {
   const named = [...(scene.spring ?? []).flatMap(({ between }) => between), ...(scene.force ?? []).map(({ on }) => on)].join(" ");
   const apart = y ? separated(scene, system, y) : scene.pendulum;
-  const whole = apart.length === scene.pendulum.length || !named.includes("pendulum[");
-  const lines = whole ? [] : ["# Springs or forces name pendula whose copies are apart: the file has no start of these."];
+  const together = apart.length === scene.pendulum.length || !named.includes("pendulum[");
+  const remark = together ? [] : ["# Springs or forces name pendula whose copies are apart: the file has no start of these."];
+  return { pendula: together ? apart : scene.pendulum, remark };
+}
+
+// The file of a structure.
+function structureFile(scene, system, y) {
+  const { pendula, remark } = hanging(scene, system, y);
+  const lines = [...remark];
   if (scene.title) lines.push(`title = ${quoted(scene.title)}`);
   lines.push(`gravity = ${real(scene.gravity)}`);
   const supports = [scene.support].flat().map((support, k) => (y ? begun(support, k, system, y) : support));
@@ -30,7 +40,7 @@ function structureFile(scene, system, y) {
     ...["spring", "force"].flatMap((key) => (scene[key] ?? []).map((one) => [`[[${key}]]`, one])),
   ];
   for (const [head, part] of parts) lines.push("", head, ...entries(part));
-  for (const pendulum of whole ? apart : scene.pendulum) lines.push("", "[[pendulum]]", ...pendulumLines(pendulum));
+  for (const pendulum of pendula) lines.push("", "[[pendulum]]", ...pendulumLines(pendulum));
   return `${lines.join("\n")}\n`;
 }
 
@@ -64,28 +74,28 @@ function pendulumLines({ count = 1, equilibrium, links, start, on, position }) {
 
 // Equal links in a row as one with a count.
 function repeated(links) {
-  const found = [];
+  const runs = [];
   for (const link of links) {
-    const last = found.at(-1);
+    const last = runs.at(-1);
     if (last && JSON.stringify(last.link) === JSON.stringify(link)) last.count++;
-    else found.push({ link, count: 1 });
+    else runs.push({ link, count: 1 });
   }
-  return found.map(({ link, count }) => (count > 1 ? { ...link, count } : link));
+  return runs.map(({ link, count }) => (count > 1 ? { ...link, count } : link));
 }
 
 // The pendula with the state as their start: copies that move alike stay one entry.
 function separated(scene, system, y) {
   const degrees = (values) => [...values].map((value) => (value * 180) / Math.PI);
-  const found = [];
+  const pendula = [];
   for (const { entry, first, links } of system.chains) {
     const [from, to] = [system.lead + first, system.lead + first + links.length];
     const start = { angles_deg: degrees(y.slice(from, to)), rates_deg: degrees(y.slice(system.size + from, system.size + to)) };
     if (start.rates_deg.every((rate) => !rate)) delete start.rates_deg;
-    const last = found.at(-1);
+    const last = pendula.at(-1);
     if (last?.entry === entry && JSON.stringify(last.pendulum.start) === JSON.stringify(start)) last.pendulum.count++;
-    else found.push({ entry, pendulum: { ...scene.pendulum[entry], count: 1, start } });
+    else pendula.push({ entry, pendulum: { ...scene.pendulum[entry], count: 1, start } });
   }
-  return found.map(({ pendulum }) => pendulum);
+  return pendula.map(({ pendulum }) => pendulum);
 }
 
 function entries(part) {
@@ -121,8 +131,8 @@ export function packed(state) {
   return btoa(String.fromCharCode(...bytes)).replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "");
 }
 
-// The state in a link, checked: anyone may have written it.  null where it is none.  On the page of a structure, whose
-// text is that of its `own` scene, the link's scene differs from it in numbers alone.
+// The state in a link, checked: anyone may have written it.  null where it is none.  On a page whose text is that of its
+// `own` scene the link's scene differs from it in numbers alone.
 export function unpacked(text, own = null) {
   try {
     const bytes = Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0));
@@ -143,31 +153,39 @@ function isState({ scene, y, drive, selected }, own) {
   const links = scene.pendulum.reduce((total, pendulum) => total + (pendulum.count ?? 1) * pendulum.links.length, 0);
   const aside = drive === undefined || (isAmount(drive.amount) && isPositive(drive.frequency));
   const chosen = selected === undefined || (Number.isInteger(selected) && selected >= 0 && selected < links);
-  return links <= MOST_LINKS && aside && chosen && (y === undefined || isList(y, 2 * (links + (own ? coordinatesOf().length : 1)), isReal));
+  return links <= MOST_LINKS && aside && chosen && (y === undefined || isList(y, 2 * (links + (isStructure() ? coordinatesOf().length : 1)), isReal));
 }
 
-// The same but for numbers, which keep their signs, and which are 0 where the own one is, unless they are dampers.
+// Numbers that a link may have without the page's own scene: those which its text has anyway.
+const mayAppear = (key) => key === "damping" || (isWhole() && (key === "drag" || key === "quadratic_drag"));
+
+// The same but for numbers, which keep their signs, and which are 0 where the own one is, unless they may appear.
 function isLike(value, own, key = "") {
-  if (typeof own === "number") return isReal(value) && (Math.sign(value) === Math.sign(own) || (key === "damping" && value >= 0));
+  if (typeof own === "number") return isReal(value) && (Math.sign(value) === Math.sign(own) || (mayAppear(key) && value >= 0));
   if (own === null || typeof own !== "object") return value === own;
   if (typeof value !== "object" || value === null || Array.isArray(value) !== Array.isArray(own)) return false;
   const keys = new Set([...Object.keys(own), ...Object.keys(value)]);
   return [...keys].every((one) => {
-    if (one === "damping" && own[one] === undefined) return isAmount(value[one]);
-    if (one === "damping" && value[one] === undefined) return typeof own[one] === "number";
-    return isLike(value[one], own[one], key === "damping" ? key : one);
+    if (mayAppear(one) && own[one] === undefined) return isAmount(value[one]);
+    if (mayAppear(one) && value[one] === undefined) return typeof own[one] === "number";
+    return isLike(value[one], own[one], mayAppear(key) ? key : one);
   });
 }
 
 export function isScene(scene) {
   const { title = "", gravity, support, pendulum, spring, ground, force } = scene;
-  if (spring !== undefined || ground !== undefined || force !== undefined) return false;
+  if ([spring, ground, force, support.friction, support.friction_coefficient].some((part) => part !== undefined)) return false;
   if (typeof title !== "string" || title.length > 200 || !isPositive(gravity) || !Array.isArray(pendulum)) return false;
-  const held = support.kind === "fixed" || (support.kind === "cart" && isPositive(support.mass)) || (support.kind === "moved" && isSine(support.motion));
+  const held = support.kind === "fixed" || (support.kind === "cart" && isPositive(support.mass)) || (support.kind === "moved" && areSines([support.motion].flat()));
   const { displacement = 0, rate = 0 } = support.start ?? {};
   if (!isReal(displacement) || !isReal(rate)) return false;
   if (!held || !isAmount(support.damping) || !isAmount(support.stiffness)) return false;
   return pendulum.length > 0 && pendulum.length <= MOST_LINKS && pendulum.every(isPendulum);
+}
+
+function areSines(motions) {
+  const ways = new Set(motions.map(({ direction = "horizontal" }) => direction));
+  return motions.length > 0 && ways.size === motions.length && motions.every(isSine);
 }
 
 function isSine({ kind, amplitude, frequency_hz, phase_deg = 0, direction = "horizontal" }) {
@@ -183,7 +201,8 @@ function isPendulum({ count = 1, links, equilibrium, start }) {
   return ways && begun && !(links.at(-1).kind === "body" && links.at(-1).centre === 0);
 }
 
-function isLink({ kind, mass, length, centre, inertia, damping, stiffness, drag, quadratic_drag, drive }) {
+function isLink({ kind, mass, length, centre, inertia, damping, stiffness, drag, quadratic_drag, friction, drive }) {
+  if (friction !== undefined) return false;
   const body = kind === "bob" || kind === "rod" || (kind === "body" && isReal(centre) && centre >= 0 && isReal(inertia) && inertia >= 0 && centre + inertia > 0);
   const driven = drive === undefined || (drive.kind === "van-der-pol" && isPositive(drive.strength) && isPositive(drive.angle_deg)) || (drive.kind === "escapement" && isPositive(drive.impulse) && isAmount(drive.angle_deg));
   return body && isPositive(mass) && isPositive(length) && [damping, stiffness, drag, quadratic_drag].every(isAmount) && driven;

@@ -1,5 +1,7 @@
 // A tone for each mode: the frequencies of the table, all raised alike, so that the lowest is heard.
 
+import { mannerOf } from "./shapes.js";
+
 const LOWEST = 196; // Hz
 const HIGHEST = 5000;
 const MOST_TONES = 16;
@@ -9,7 +11,7 @@ export class Sound {
     this.stop();
     this.context ??= new AudioContext();
     this.context.resume();
-    const swinging = rows.map((row, number) => ({ row, number })).filter(({ row }) => row.omega && !row.growing);
+    const swinging = rows.map((row, number) => ({ row, number })).filter(({ row }) => mannerOf(row) === "swings");
     const raised = LOWEST / (swinging[0]?.row.omega ?? 1);
     this.tones = swinging.slice(0, MOST_TONES).map(({ row, number }) => this.tone(Math.min(HIGHEST, row.omega * raised), number));
   }

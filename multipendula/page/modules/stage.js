@@ -29,16 +29,16 @@ export class Stage {
 
   take(event) {
     const { player } = this;
-    const found = player.view.under(this.point(event), player.y, NEAR);
-    if (!found) return;
+    const grabbed = player.view.under(this.point(event), player.y, NEAR);
+    if (!grabbed) return;
     event.preventDefault();
     this.canvas.focus({ preventScroll: true });
     this.canvas.setPointerCapture(event.pointerId);
     const point = this.point(event);
-    this.held = { ...found, point, scene: player.scene, cart0: player.y[0], moved: false };
-    if (found.link === undefined) return;
-    player.choose(found.link);
-    const { entry, index } = player.home(found.link);
+    this.held = { ...grabbed, point, scene: player.scene, cart0: player.y[0], moved: false };
+    if (grabbed.link === undefined) return;
+    player.choose(grabbed.link);
+    const { entry, index } = player.home(grabbed.link);
     this.held.first = player.scene.pendulum[entry].links[index];
   }
 

@@ -1,72 +1,87 @@
-// The modes of a structure without its dampers and drives: M f w^2 = K f of all coordinates, with the matrices that the
-// text of the scene gives.
+// The modes of a structure without its drives: M f w^2 = K f, or with D, of all its coordinates, with the matrices that
+// the text of the scene gives.
 
+import { kappaOf, LIGHT, onePercentOf } from "./amplitude.js";
 import { coordinatesOf, pivotsAt } from "./carriers.js";
-import { eigen, formsIn, matricesBy } from "./matrices.js";
+import { eigen, formsIn, formsOf, inertiaOf, matricesBy } from "./matrices.js";
+import { aligned, dampedModes, decayOf, inPhase, undampedMode } from "./shapes.js";
 import { orderOf, sum } from "./system.js";
 
 const [SAME, NOTHING, NEGLIGIBLE, STILL, SMALL] = [1e-10, 1e-13, 0.01, 1e-7, 1e-6];
 const MOST_NAMED = 3;
 
-// Rows as those of `modesOf`; of equal frequencies one, whose shapes are orthogonal.  What a carrier moves in metres
-// counts as an angle over the longest pendulum.
+// Rows as those of `modesOf`; of equal frequencies one.  What a carrier moves in metres counts as an angle over the
+// longest pendulum.  A range of validity have those of pendula alone, which leave all else at rest.
 export function structureModes(system) {
-  const { M, K } = matricesBy(system.size, (x, z) => formsIn(system, x, z));
-  const vectors = eigen(M, K).map((x) => ({ x, square: quotient(system, x) }));
-  vectors.sort((one, other) => one.square - other.square);
-  const most = Math.max(...vectors.map(({ square }) => Math.abs(square)));
+  const { M, K, D } = matricesBy(system.size, (x, z) => formsIn(system, x, z));
+  const form = (x, z = x) => formsIn(system, x, z);
+  const vectors = eigen(M, K);
+  const undamped = vectors.map((x) => undampedMode(x, form));
+  const most = Math.max(...undamped.map(({ omega }) => omega ** 2));
+  const isFree = (square) => Math.abs(square) <= NOTHING * most;
+  const free = undamped.filter(({ omega }) => isFree(omega ** 2)).map((mode) => ({ ...mode, omega: 0, ratio: 0, rate: 0, turn: 0 }));
+  const damped = D.some((line) => line.some(Boolean));
+  const others = damped ? dampedModes(vectors, form, isFree) : undamped.filter(({ omega }) => !isFree(omega ** 2));
+  const modes = [...free, ...others].sort((one, other) => one.omega - other.omega || one.rate - other.rate);
+  return gathered(modes).map((group) => rowOf(system, M, group));
+}
+
+function gathered(modes) {
   const groups = [];
-  for (const { x, square } of vectors) {
-    const own = Math.abs(square) <= NOTHING * most ? 0 : square;
-    const last = groups.at(-1);
-    if (last && Math.abs(own - last.square) <= SAME * Math.abs(own)) last.shapes.push(x);
-    else groups.push({ square: own, shapes: [x] });
+  for (const mode of modes) {
+    const group = groups.findLast(([first]) => Math.hypot(mode.rate - first.rate, mode.turn - first.turn) <= SAME * first.omega);
+    if (group) group.push(mode);
+    else groups.push([mode]);
   }
-  const rows = groups.map(({ square, shapes }) => {
-    const omega = Math.sqrt(Math.abs(square));
-    const scaled = shapes.map((x) => unit(system, x));
-    const ratio = square > 0 ? sum(scaled.map((x) => ratioOf(system, x, omega))) / scaled.length : 0;
-    return { omega, growing: square < 0, multiplicity: shapes.length, shapes: scaled, ratio, words: wordsFor(system, M, scaled, square) };
-  });
-  return rows.sort((one, other) => one.omega - other.omega);
+  return groups;
 }
 
-function quotient(system, x) {
-  const [inertia, stiffness] = formsIn(system, x);
-  return stiffness / inertia;
+function rowOf(system, M, group) {
+  const sizes = coordinatesOf().map(({ unit }) => (unit === "rad" ? 1 : 1 / system.reach));
+  const weights = Float64Array.from({ length: system.size }, (_, i) => sizes[i] ?? 1);
+  const shapes = group.map(({ x, twist }) => aligned(x, twist, system.lead, weights));
+  const [{ omega, ratio, rate, turn, twist }] = group;
+  const words = wordsFor(system, M, shapes, group[0]);
+  const twists = twist && shapes.map(([, own]) => own);
+  const kappa = omega && Math.abs(rate) < LIGHT * omega ? kappaAlone(system, group[0], shapes[0]) : NaN;
+  const judged = { kappa, onePercent: onePercentOf(kappa), resonant: false };
+  return { omega, ratio, rate, turn, growing: rate > 0 && !turn, multiplicity: group.length, shapes: shapes.map(([x]) => x), twists, words, ...judged };
 }
 
-function ratioOf(system, x, omega) {
-  const [inertia, , drag] = formsIn(system, x);
-  return drag / (2 * omega * inertia);
-}
-
-// The largest of the angles, and of distances over the longest pendulum, 1; the first of the largest positive.
-function unit(system, x) {
-  const coordinates = coordinatesOf();
-  const sizes = [...x].map((value, i) => value / (i < system.lead && coordinates[i].unit !== "rad" ? system.reach : 1));
-  const largest = Math.max(...sizes.map(Math.abs));
-  const leading = sizes.find((value) => Math.abs(value) > (1 - 1e-9) * largest);
-  return x.map((value) => value / leading);
+// That of the chain that moves most, where the row is a mode of it alone and no spring holds it; NaN elsewhere.
+function kappaAlone(system, { omega }, [x, twist]) {
+  const { lead, chains, gravity } = system;
+  const held = (part) => part.slice(0, lead).every((value) => Math.abs(value) <= STILL);
+  if (!held(x) || (twist && !held(twist))) return NaN;
+  const largest = x.indexOf(Math.max(...x));
+  const { first, links } = chains.findLast((chain) => lead + chain.first <= largest);
+  const own = (part) => Float64Array.of(0, ...part.slice(lead + first, lead + first + links.length));
+  const [shape, aside] = [own(x), twist && own(twist)];
+  const [inertia, stiffness] = formsOf([{ links }], null, null, shape, shape);
+  const only = x.map((value, i) => (i >= lead + first && i < lead + first + links.length ? value : 0));
+  if (Math.abs(formsIn(system, only)[1] - stiffness) > SAME * Math.abs(stiffness)) return NaN;
+  if (!(Math.abs(stiffness / inertia / omega ** 2 - 1) < (twist ? LIGHT ** 2 : SAME))) return NaN;
+  return kappaOf({ omega, x: shape, chains: [{ links }], cart: null, weights: [1], inertia, gravity }, aside);
 }
 
 // ------------------------------------------------------------------------------------------------ words
 // As in `modal.modes.labels`, whose vocabulary comes with the coordinates.
 
-function wordsFor(system, M, shapes, square) {
-  const [x] = shapes;
+function wordsFor(system, M, shapes, mode) {
+  const [[real, twist]] = shapes;
+  const x = { real, twist, sizes: real.map((value, i) => Math.hypot(value, twist?.[i] ?? 0)) };
   const folds = shapes.length > 1 ? `, ${shapes.length}-fold` : "";
   const moved = movedBy(system, M, x);
   const where = moved.length ? moving(moved, x) : system.lead ? "supports still" : "fixed support";
-  const told = moved.length ? following(system, M, x) || phasesOf(system, M, x) : phasesOf(system, M, x);
-  const motion = square ? [told, orderOf(busiest(system, M, x)), square < 0 ? "unstable" : ""] : ["free"];
+  const told = moved.length ? following(system, x) || phasesOf(system, x) : phasesOf(system, x);
+  const motion = mode.omega ? [told, orderOf(busiest(system, x)), decayOf(mode)] : ["free"];
   const words = motion.filter(Boolean).join(", ");
   return words ? `${where}${folds}: ${words}` : `${where}${folds}`;
 }
 
 // The coordinates of carriers with a fair share of what carriers move; none where they are still.
-function movedBy({ lead }, M, x) {
-  const weights = [...x].map((value, i) => Math.abs(value) * Math.sqrt(M[i][i]));
+function movedBy({ lead }, M, { sizes }) {
+  const weights = [...sizes].map((size, i) => size * Math.sqrt(M[i][i]));
   const most = Math.max(0, ...weights.slice(0, lead));
   if (most <= STILL * Math.max(...weights)) return [];
   return weights.slice(0, lead).flatMap((weight, i) => (weight >= NEGLIGIBLE * most ? [i] : []));
@@ -78,7 +93,8 @@ function moving(moved, x) {
   const listed = (words) => (words.length > 1 ? `${words.slice(0, -1).join(", ")} and ${words.at(-1)}` : words[0]);
   const [{ kind, alike, counted }] = own;
   if (moved.length > 1 && alike && own.every((one) => one.kind === kind)) {
-    const agree = moved.every((i) => x[i] * x[moved[0]] > 0);
+    const along = partly(x, moved);
+    const agree = along.every((value) => value * along[0] > 0);
     const phase = agree ? "in phase" : moved.length === 2 ? "in antiphase" : "in mixed phases";
     const every = moved.length === coordinates.filter((one) => one.kind === kind).length;
     if (!every && moved.length <= MOST_NAMED) return `${listed(own.map(({ named }) => named))} ${phase}`;
@@ -94,28 +110,49 @@ function moving(moved, x) {
     .join(", ");
 }
 
-// The energy of each chain, up to a factor.
-function energiesOf({ chains, lead }, M, x) {
-  return chains.map(({ first, links }) => sum(links.map((_, i) => M[lead + first + i][lead + first + i] * x[lead + first + i] ** 2)));
+// Real parts of these coordinates where the largest of them is real.
+const partly = ({ real, twist }, places) => inPhase(places.map((i) => real[i]), twist && places.map((i) => twist[i]));
+
+// The kinetic energy of each chain, up to a factor, with the motion of its pivot.
+function energiesOf({ chains, lead }, { real, twist }) {
+  const parts = [real, twist].filter(Boolean).map((x) => ({ x, pivots: pivotsMoved(x) }));
+  return chains.map(({ first, links }, number) => {
+    const mass = sum(links.map(({ m }) => m));
+    return sum(
+      parts.map(({ x, pivots: { [number]: [along, down] } }) => {
+        const angles = x.slice(lead + first, lead + first + links.length);
+        return inertiaOf([{ links }], null, null, Float64Array.of(along, ...angles)) + mass * down ** 2;
+      }),
+    );
+  });
 }
 
-function busy(system, M, x) {
-  const energies = energiesOf(system, M, x);
+// How the pivots move in a small motion, each along the rail and down.
+function pivotsMoved(x) {
+  const [ahead, back] = [SMALL, -SMALL].map((step) => pivotsAt(x.map((value) => step * value)));
+  return ahead.map(([along, down], number) => [(along - back[number][0]) / 2 / SMALL, (down - back[number][1]) / 2 / SMALL]);
+}
+
+function busy(system, x) {
+  const energies = energiesOf(system, x);
   return system.chains.flatMap((chain, number) => (energies[number] >= NEGLIGIBLE * Math.max(...energies) ? [number] : []));
 }
 
-function busiest(system, M, x) {
-  const energies = energiesOf(system, M, x);
+function busiest(system, x) {
+  const energies = energiesOf(system, x);
   const { first, links } = system.chains[energies.indexOf(Math.max(...energies))];
-  return [...x.slice(system.lead + first, system.lead + first + links.length)];
+  return partly(x, links.map((_, i) => system.lead + first + i));
 }
 
-const topOf = ({ chains, lead }, x, number) => x[lead + chains[number].first];
+const topOf = ({ chains, lead }, number) => lead + chains[number].first;
 
 // Whether all pendula with a fair share of the energy swing with their pivots or against; "" for neither.
-function following(system, M, x) {
-  const pivots = [SMALL, -SMALL].map((step) => pivotsAt(x.map((value) => step * value)));
-  const signs = busy(system, M, x).map((number) => Math.sign(topOf(system, x, number) * (pivots[0][number][0] - pivots[1][number][0])));
+function following(system, x) {
+  const [along, aside] = [x.real, x.twist].map((part) => part && pivotsMoved(part).map((pivot) => pivot[0]));
+  const signs = busy(system, x).map((number) => {
+    const top = topOf(system, number);
+    return Math.sign(x.real[top] * along[number] + (aside ? x.twist[top] * aside[number] : 0));
+  });
   if (!signs[0] || signs.some((sign) => sign !== signs[0])) return "";
   const many = system.chains.length > 1;
   if (signs[0] > 0) return many ? "pendula follow" : "pendulum follows";
@@ -123,9 +160,9 @@ function following(system, M, x) {
 }
 
 // How pendula with a fair share of the energy agree, by their first links.
-function phasesOf(system, M, x) {
-  const tops = busy(system, M, x).map((number) => topOf(system, x, number));
+function phasesOf(system, x) {
+  const tops = partly(x, busy(system, x).map((number) => topOf(system, number)));
   if (system.chains.length < 2) return "";
-  if (tops.length < 2) return `mostly pendulum ${busy(system, M, x)[0] + 1}`;
+  if (tops.length < 2) return `mostly pendulum ${busy(system, x)[0] + 1}`;
   return tops.every((top) => top * tops[0] > 0) ? "in phase" : "antiphase";
 }

@@ -3,8 +3,9 @@
 // A scene has the keys of a scene file, every link written out.  With s the direction of a link at equilibrium
 // (1 down, -1 up), b = m c + l (mass below) its first moment and g b s what gravity adds to its stiffness.
 
-import { carriedBy, coordinatesOf, isStructure, motionIn, startGiven } from "./carriers.js";
+import { carriedBy, coordinatesOf, isStructure, motionsIn, startGiven } from "./carriers.js";
 import { full, sine } from "./steps.js";
+import { isWhole, wholeOf } from "./switched.js";
 
 export const MOST_LINKS = 60;
 
@@ -20,15 +21,17 @@ export function systemOf(scene) {
   }
   const links = chains.flatMap((chain) => chain.links);
   const reach = Math.max(...chains.map((chain) => sum(chain.links.map((link) => Math.max(link.l, link.c)))));
-  const found = { gravity: scene.gravity, cart: null, support: null, structure: null, chains, links, reach };
+  const common = { gravity: scene.gravity, cart: null, support: null, structure: null, chains, links, reach };
+  const motions = motionsIn(scene);
+  const support = motions.length ? movedBy(motions) : null;
   if (isStructure()) {
-    const motion = motionIn(scene);
     const lead = coordinatesOf().length;
-    return { ...found, structure: carriedBy(scene, links), support: motion ? movedBy(motion) : null, lead, size: lead + links.length };
+    return { ...common, structure: carriedBy(scene, links), support, lead, size: lead + links.length };
   }
-  const { kind, mass = 0, damping = 0, stiffness = 0 } = scene.support;
-  const cart = kind === "cart" ? { mass, damping, stiffness } : null;
-  return { ...found, cart, support: kind === "moved" ? movedBy(scene.support.motion) : null, lead: 1, size: links.length + 1 };
+  const { kind, mass = 0, damping = 0, stiffness = 0, friction, friction_coefficient: coefficient } = scene.support;
+  const cart = kind === "cart" ? { mass, damping, stiffness, friction: coefficient || friction || 0 } : null;
+  const plain = { ...common, cart, support, lead: 1, size: links.length + 1 };
+  return isWhole() ? { ...plain, whole: wholeOf(scene, plain) } : plain;
 }
 
 // Where a push acts, among the coordinates, and its unit: on the cart or the first carrier, else as a moment on the
@@ -39,13 +42,19 @@ export function pushedAt({ structure, cart, lead, chains }) {
 }
 
 // Displacement, velocity and acceleration of a support at a time (s), each along the rail and down.
-function movedBy({ amplitude, frequency_hz, phase_deg = 0, direction }) {
-  const upwards = direction === "vertical";
-  const constants = sine.constants([amplitude, 2 * Math.PI * frequency_hz, (phase_deg * Math.PI) / 180, upwards ? 0 : 1, upwards ? -1 : 0]);
-  const found = new Float64Array(6);
+function movedBy(motions) {
+  const each = motions.map(({ amplitude, frequency_hz, phase_deg = 0, direction }) => {
+    const upwards = direction === "vertical";
+    return sine.constants([amplitude, 2 * Math.PI * frequency_hz, (phase_deg * Math.PI) / 180, upwards ? 0 : 1, upwards ? -1 : 0]);
+  });
+  const [moved, own] = [new Float64Array(6), new Float64Array(6)];
   return (time) => {
-    sine.moved(constants, null, [time], null, found);
-    return found;
+    moved.fill(0);
+    for (const constants of each) {
+      sine.moved(constants, null, [time], null, own);
+      own.forEach((value, k) => (moved[k] += value));
+    }
+    return moved;
   };
 }
 
@@ -67,14 +76,14 @@ function linksOf(pendulum, gravity) {
   return links.map((link) => numbered(link, gravity));
 }
 
-function numbersOf({ kind, mass: m, length: l, centre, inertia, damping = 0, stiffness = 0, drag = 0, quadratic_drag: quadratic = 0, drive }, s) {
+function numbersOf({ kind, mass: m, length: l, centre, inertia, damping = 0, stiffness = 0, drag = 0, quadratic_drag: quadratic = 0, friction = 0, drive }, s) {
   const c = { bob: l, rod: l / 2 }[kind] ?? centre;
   const I = { bob: 0, rod: (m * l ** 2) / 12 }[kind] ?? inertia;
   const angle = ((drive?.angle_deg ?? 0) * Math.PI) / 180;
   const strength = drive?.kind === "van-der-pol" ? drive.strength : 0;
   const impulse = drive?.kind === "escapement" ? drive.impulse : 0;
   const curb = strength ? strength / angle ** 2 : 0;
-  return { kind, m, l, c, I, s, rest: s > 0 ? 0 : Math.PI, damping, stiffness, drag, quadratic, strength, curb, impulse, angle };
+  return { kind, m, l, c, I, s, rest: s > 0 ? 0 : Math.PI, damping, stiffness, drag, quadratic, strength, curb, impulse, angle, friction };
 }
 
 export function sum(values) {

@@ -1,18 +1,20 @@
 // The table of modes: what screen readers read, and what sets a mode swinging.
 
-import { mannerOf } from "./modes.js";
+import { mannerOf } from "./shapes.js";
 import { digits } from "./numbers.js";
 
 export class ModeTable {
-  constructor(body, player) {
-    Object.assign(this, { body, player, lines: [] });
+  constructor(body, heads, player) {
+    Object.assign(this, { body, heads, player, lines: [] });
   }
 
   // New numbers in the same lines, new lines only where their number has changed.
   show() {
-    const { player, body } = this;
-    const damped = player.rows.some((row) => row.ratio);
+    const { player, body, heads } = this;
+    const damped = player.rows.some((row) => row.ratio && !row.growing);
     body.closest("table").classList.toggle("damped", damped);
+    heads.frequency.textContent = damped ? "|λ|/2π (Hz)" : "f (Hz)";
+    heads.damped.hidden = !damped;
     if (this.lines.length !== player.rows.length) {
       this.lines = player.rows.map((_, number) => this.line(number));
       body.replaceChildren(...this.lines.map(({ line }) => line));
@@ -44,17 +46,17 @@ export class ModeTable {
     const chosen = this.player.row === number;
     const manner = mannerOf(row);
     const swings = manner === "swings";
-    name.textContent = number + 1;
+    name.textContent = `${number + 1}${row.resonant ? "*" : ""}`;
     words.textContent = row.words;
     button.setAttribute("aria-pressed", String(chosen));
     line.classList.toggle("chosen", chosen);
     line.classList.toggle("grows", manner === "grows");
     const values = [
       swings ? digits(row.omega / (2 * Math.PI), 5) : manner === "shifts" ? "0" : manner,
-      swings ? digits((2 * Math.PI) / row.omega, 5) : manner === "grows" ? `×e in ${digits(1 / row.omega, 3)}` : "–",
+      swings ? digits((2 * Math.PI) / row.turn, 5) : manner === "shifts" ? "–" : `${manner === "grows" ? "×" : "÷"}e in ${digits(1 / row.omega, 3)}`,
       digits(row.beat, 4),
-      Number.isNaN(row.onePercent) ? "–" : `${digits(row.onePercent, 3)}${row.resonant ? "*" : ""}`,
-      swings || manner === "decays" ? share(row.ratio) : "–",
+      row.onePercent > 90 ? (row.kappa ? ">90" : "–") : digits(row.onePercent, 3),
+      digits(row.ratio, 4),
     ];
     cells.forEach((cell, i) => (cell.textContent = values[i]));
   }
@@ -63,8 +65,4 @@ export class ModeTable {
   measure(amplitudes) {
     this.lines.forEach(({ bar }, i) => (bar.style.transform = `scaleX(${Math.min(1, (amplitudes[i] ?? 0) / 0.5236).toFixed(4)})`));
   }
-}
-
-function share(ratio) {
-  return ratio && ratio < 1e-5 ? "< 0.001 %" : `${digits(100 * ratio, 2)} %`;
 }

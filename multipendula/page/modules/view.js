@@ -142,15 +142,15 @@ export class View {
   // The state in which a corner of a carrier is as near to a point (m) as its coordinates allow, with the least motion
   // of them: Newton's steps by differences.
   dragged(y, { carrier, piece, corner }, target) {
-    const found = Float64Array.from(y).fill(0, this.system.size);
+    const state = Float64Array.from(y).fill(0, this.system.size);
     const own = coordinatesOf().flatMap((one, i) => (one.carrier === carrier ? [{ i, scale: one.unit === "rad" ? 1 : this.reach }] : []));
     const at = (state) => this.pieces(state)[piece].points[corner];
     for (let round = 0; round < 4; round++) {
-      const place = at(found);
+      const place = at(state);
       const left = target.map((value, k) => value - place[k]);
       const slopes = own.map(({ i, scale }) => {
         const ends = [-STEP, STEP].map((step) => {
-          const moved = Float64Array.from(found);
+          const moved = Float64Array.from(state);
           moved[i] += step * scale;
           return at(moved);
         });
@@ -161,28 +161,28 @@ export class View {
       const size = (xx + weak) * (zz + weak) - xz * xz;
       if (!size) break;
       const push = [((zz + weak) * left[0] - xz * left[1]) / size, ((xx + weak) * left[1] - xz * left[0]) / size];
-      own.forEach(({ i, scale }, k) => (found[i] += scale * (slopes[k][0] * push[0] + slopes[k][1] * push[1])));
+      own.forEach(({ i, scale }, k) => (state[i] += scale * (slopes[k][0] * push[0] + slopes[k][1] * push[1])));
     }
-    return found;
+    return state;
   }
 
   // The state in which the end of a link is as near to a point (m) as its chain allows: cyclic coordinate descent.
   pulled(y, number, [along, down]) {
-    const found = Float64Array.from(y);
+    const state = Float64Array.from(y);
     const chain = this.system.chains.findLast((one) => one.first <= number);
     const [index, own] = [this.system.chains.indexOf(chain), number - chain.first];
     for (let round = 0; round < 12; round++) {
       for (let i = own; i >= 0; i--) {
-        const { joints } = this.places(found)[index];
+        const { joints } = this.places(state)[index];
         const pivot = joints[i];
         const tip = joints[own + 1];
         const turn = Math.atan2(along - pivot[0], down - pivot[1]) - Math.atan2(tip[0] - pivot[0], tip[1] - pivot[1]);
         const least = Math.atan2(Math.sin(turn), Math.cos(turn)) * (own ? 0.5 : 1);
-        for (let k = i; k <= own; k++) found[this.system.lead + chain.first + k] += least;
+        for (let k = i; k <= own; k++) state[this.system.lead + chain.first + k] += least;
       }
     }
-    found.fill(0, this.system.size);
-    return found;
+    state.fill(0, this.system.size);
+    return state;
   }
 
   radius(link) {
