@@ -218,10 +218,11 @@ COMMANDS = (
             "values, on all cores. Finished points are saved beside --output; after Ctrl-C the same command resumes. "
             "With --loci the frequencies are followed by their mode shapes along one number, and crossings are "
             "distinguished from veerings (orbits --vary follows motions at large angles, sync --vary the steady "
-            "oscillations of a scene with drives). With --strobe every value has a run of its own, of which, after a transient, "
-            "50 states are kept, one in each period of the drives: one point is a motion of that period, two and four "
-            "are doublings of it, many chaos. With --measure floquet over the amplitude and the frequency of a "
-            "vertical sine, the boundaries of growth are traced and drawn."
+            "oscillations of a scene with drives). With --strobe every value has a run of its own, of which, after a "
+            "transient, 50 states are kept, one in each period of the drives: one point is a motion of that period, "
+            "two and four are doublings of it, many chaos. With start.energy, --members starts are drawn at random on "
+            "each energy, and of what is measured quantiles are kept. With --measure floquet over the amplitude and "
+            "the frequency of a vertical sine, the boundaries of growth are traced and drawn."
         ),
         examples=(
             (
@@ -242,8 +243,8 @@ COMMANDS = (
                 "where an inverted pendulum is held up, with the boundaries of growth",
             ),
             (
-                "sweep chain-2 --vary gravity=1:10:4 --vary 'pendulum[*].links[*].mass=1,2,3' --picture map.png",
-                "a map over two numbers; [*] means all entries",
+                "sweep chain-2 --vary start.energy=1:20:8 --members 10 --measure lyapunov:20 --picture chaos.png",
+                "how many of ten starts at each energy are chaotic, and how much",
             ),
         ),
     ),
