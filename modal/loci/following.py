@@ -16,7 +16,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.loci.crossings import CloseApproach, find_close_approaches
-from modal.loci.tracking import Point, follow, solve_at
+from modal.loci.tracking import LociPoint, follow, solve_at
 from modal.modes import labelled
 from modal.report import Displayed, Summary, counted, csv_rows, deferred, grid, tabulated, with_unit
 from modal.scene import Scene, left_out, name_of
@@ -116,7 +116,7 @@ class _Walk:
     def __init__(self, scene: Scene, variation: Variation) -> None:
         self.scene, self.variation, self.solved = scene, variation, 0
 
-    def at(self, value: float) -> Point:
+    def at(self, value: float) -> LociPoint:
         """The modes at a value, in ascending order."""
         self.solved += 1
         if self.solved > MOST_SOLVED + len(self.variation.values):
@@ -125,7 +125,7 @@ class _Walk:
             )
         return solve_at(self.scene, self.variation.path, value)
 
-    def whole(self, own: float, report: Report) -> list[Point]:
+    def whole(self, own: float, report: Report) -> list[LociPoint]:
         """All points, including that at `own`, each in the order of the first."""
         values = sorted({*self.variation.values, own})
         points = [self.at(values[0])]
@@ -134,7 +134,7 @@ class _Walk:
             report(done)
         return points
 
-    def between(self, before: Point, after: Point, depth: int) -> list[Point]:
+    def between(self, before: LociPoint, after: LociPoint, depth: int) -> list[LociPoint]:
         """The points after one up to and including the next."""
         found, sure = follow(before, after)
         exchanged = _swapped(before, found) if sure else None
@@ -150,7 +150,7 @@ class _Walk:
         half = self.between(before, self.at(middle), depth - 1)
         return half + self.between(half[-1], after, depth - 1)
 
-    def _middle(self, before: Point, after: Point, pair: tuple[int, int] | None) -> float:
+    def _middle(self, before: LociPoint, after: LociPoint, pair: tuple[int, int] | None) -> float:
         """Where the gap of a pair closes by linear interpolation, or the middle of the interval."""
         a, b = before.value, after.value
         if pair:
@@ -159,7 +159,7 @@ class _Walk:
         return sqrt(a) * sqrt(b) if self.variation.log else a + (b - a) / 2
 
 
-def _swapped(before: Point, after: Point) -> tuple[int, int] | None:
+def _swapped(before: LociPoint, after: LociPoint) -> tuple[int, int] | None:
     """The first pair of modes whose order differs, distinct at both ends."""
     order = np.argsort(before.omega, kind="stable")
     later = after.omega[order]

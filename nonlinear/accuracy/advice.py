@@ -34,7 +34,7 @@ import numpy as np
 
 from modal.report import Displayed
 from modal.types import Floats
-from nonlinear.accuracy.attempts import AIM, Attempt, Found, Goal, in_closed_form, in_few_modes
+from nonlinear.accuracy.attempts import AIM, Attempt, Goal, TriedRun, in_closed_form, in_few_modes
 from nonlinear.integration import LOOSEST, SMALLEST, Choice, Request, SimulationError, Trajectory, rounded
 from nonlinear.system import apart
 
@@ -115,7 +115,7 @@ def seek_accuracy(goal: Goal) -> Advice:
     return Advice(goal.accuracy, trajectory, found.errors[kept], tuple(attempts), float(times[last]), parted)
 
 
-def _integrated(goal: Goal) -> Iterator[Found]:
+def _integrated(goal: Goal) -> Iterator[TriedRun]:
     """Runs at tighter and tighter tolerances, each compared with those before."""
     asked = goal.looked_at
     choice = asked.choice(min(max(goal.tolerance, SMALLEST), LOOSEST / RATIO))
@@ -131,7 +131,7 @@ def _integrated(goal: Goal) -> Iterator[Found]:
         choice = tighter
 
 
-def _run(asked: Request, choice: Choice) -> Found:
+def _run(asked: Request, choice: Choice) -> TriedRun:
     begun, gave_up = perf_counter(), None
     try:
         trajectory = asked.run(choice)
@@ -140,10 +140,10 @@ def _run(asked: Request, choice: Choice) -> Found:
     words = " ".join(part for part in (choice.form, choice.method, "compiled" * choice.compiled) if part)
     attempt = Attempt(words, choice.tolerance, perf_counter() - begun, trajectory.run.calls, inf)
     errors = np.full(len(trajectory.times), inf)
-    return Found(trajectory, errors, attempt, lambda other: other.run(other.choice(choice.tolerance)), gave_up)
+    return TriedRun(trajectory, errors, attempt, lambda other: other.run(other.choice(choice.tolerance)), gave_up)
 
 
-def _with_twin(found: Found, beside: Request) -> Found:
+def _with_twin(found: TriedRun, beside: Request) -> TriedRun:
     """A run that is compared with its twin as well."""
     begun = perf_counter()
     trajectory, twin = found.trajectory, found.again(beside)
@@ -156,7 +156,7 @@ def _with_twin(found: Found, beside: Request) -> Found:
     return replace(found, trajectory=trajectory, errors=errors[: len(trajectory.times)], attempt=attempt)
 
 
-def _beside(found: Found, runs: Sequence[Found], rounding: float) -> Found:
+def _beside(found: TriedRun, runs: Sequence[TriedRun], rounding: float) -> TriedRun:
     """A run with its errors, estimated from looser runs, plus what rounding (rad) adds where they differ at all."""
     before = runs[-1]
     if found.gave_up:
@@ -201,7 +201,7 @@ def _difference(one: Trajectory, other: Trajectory) -> Floats:
     return np.pad(gone, (0, beyond), constant_values=inf if beyond > TOGETHER else gone[-1])
 
 
-def _next(goal: Goal, found: Found, before: Found) -> float:
+def _next(goal: Goal, found: TriedRun, before: TriedRun) -> float:
     """The tolerance expected to meet the accuracy; the finest only after one close enough to be compared with it."""
     tolerance = found.attempt.tolerance
     difference = float(_difference(found.trajectory, before.trajectory)[-1])

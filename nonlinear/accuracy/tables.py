@@ -11,7 +11,7 @@ from modal.scene.doors import checked
 from nonlinear.accuracy.advice import Advice
 from nonlinear.accuracy.attempts import Attempt
 from nonlinear.accuracy.references import Reference
-from nonlinear.accuracy.work_precision import LAST, Row, WorkPrecision
+from nonlinear.accuracy.work_precision import LAST, WorkPrecision, WorkPrecisionRow
 
 ROWS = (
     "Pareto",
@@ -41,7 +41,7 @@ def tradeoff_table(found: WorkPrecision, form: Form) -> str:
     )
 
 
-def _cells(found: WorkPrecision, row: Row) -> list[str]:
+def _cells(found: WorkPrecision, row: WorkPrecisionRow) -> list[str]:
     candidate = row.candidate
     return [
         "*" if row in found.pareto else "",
@@ -89,7 +89,7 @@ def _cut_short(reference: Reference) -> str:
     )
 
 
-def _record(found: WorkPrecision, row: Row) -> dict[str, Any]:
+def _record(found: WorkPrecision, row: WorkPrecisionRow) -> dict[str, Any]:
     """One candidate, units in the names; None where a value has no meaning."""
     return {
         "kind": row.candidate.kind,

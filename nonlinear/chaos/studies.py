@@ -35,7 +35,7 @@ class Case(Displayed):
 
 
 @dataclass(frozen=True)
-class Study:
+class ChaosStudy:
     """A claim in one sentence, the scenes that test it, seconds for each start and the number of starts."""
 
     paper: str
@@ -49,7 +49,7 @@ class Study:
 class Finding(Displayed):
     """A study with the exponents of its cases."""
 
-    study: Study
+    study: ChaosStudy
     exponents: tuple[Exponent, ...]
 
     def series(self) -> dict[str, list[tuple[Case, Exponent]]]:
@@ -60,7 +60,7 @@ class Finding(Displayed):
         return found
 
 
-def measure(study: Study, report: Callable[[float], object] = lambda done: None) -> Finding:
+def measure(study: ChaosStudy, report: Callable[[float], object] = lambda done: None) -> Finding:
     """The exponents of a study; `report` is called with the number of cases done."""
     require_type("study", study, "Study")
     found = []

@@ -16,8 +16,8 @@ from nonlinear.dynamics import Lanes, undisturbed
 from nonlinear.dynamics.friction import JAMMED as STUCK
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.dynamics.lanes import Rates
-from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.ensembles.lanes import Watches, stretched, task_of, watches_of
+from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration.crowds import Crowd, RailWork
 from nonlinear.integration.kernels import module_of, source
 from nonlinear.integration.lanes import NOT_FINITE, TOO_SHORT, LaneTask, Watch
@@ -47,7 +47,7 @@ class Ran:
     reasons: dict[int, str] = field(default_factory=dict)
 
 
-def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+def run(numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     """Members with these numbers from y (size, S) on; MissingExtraError without numba."""
     lanes = Lanes(numbers)
     task, scale, local = task_of(lanes, numbers, y, wanted)
@@ -57,7 +57,7 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     ran = integrate(task, scale, local, watches, grows=not numbers.switching, beside=rubbing)
     rubs = numbers.switching and not lanes.layout.works
     rubbed = crowd.work(ran.y, ran.state) + sum(own.work for own in rubbing) if rubs else 0.0
-    found = watches.found(Found(ran.y, ran.error, ran.horizon, ran.reasons, rubbed=rubbed))
+    found = watches.found(MemberResults(ran.y, ran.error, ran.horizon, ran.reasons, rubbed=rubbed))
     if wanted.stretching:
         task, scale = stretched(numbers, y[: 2 * lanes.layout.half], wanted)
         units, none = np.concatenate((scale, scale)), np.zeros(y.shape[1])

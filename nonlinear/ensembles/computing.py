@@ -12,16 +12,16 @@ from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles import lanes, plain
 from nonlinear.ensembles.energies import Accounts
-from nonlinear.ensembles.found import Found, Wanted
 from nonlinear.ensembles.measures import COLUMNS, Columns, Context
-from nonlinear.ensembles.members import RATIO, Block, Part
+from nonlinear.ensembles.members import RATIO, MemberBlock, MemberPart
 from nonlinear.ensembles.plain import state_columns
-from nonlinear.ensembles.question import COMPILED, LANES, PLAIN, Question
+from nonlinear.ensembles.question import COMPILED, LANES, PLAIN, EnsembleRequest
+from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration.readiness import reproducible
 from nonlinear.simulation import simulate
 from nonlinear.system import Layout, Numbers, apart, numbers_of
 
-Engine = Callable[[Numbers, Floats, Wanted], Found]
+Engine = Callable[[Numbers, Floats, Wanted], MemberResults]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ def engine_of(name: str) -> Engine:
     return series.run
 
 
-def compute(question: Question, part: Part) -> Chunk:
+def compute(question: EnsembleRequest, part: MemberPart) -> Chunk:
     """A chunk of a question."""
     if question.engine == PLAIN:
         return _one_by_one(question, part)
@@ -64,14 +64,21 @@ def compute(question: Question, part: Part) -> Chunk:
     return _chunk(question, part, block, context, found, drift)
 
 
-def _layout(question: Question) -> Layout:
+def _layout(question: EnsembleRequest) -> Layout:
     """The parts of y; work is counted where any member might do any."""
     differing = {place: np.ones(1) for place in question.members.part(0, 1).places if "start" not in place}
     found = Lanes(numbers_of(question.scene, differing, question.system)).layout
     return replace(found, works=found.works or any(place[0] == RATIO for place in differing))
 
 
-def _chunk(question: Question, part: Part, block: Block, context: Context, found: Found, drift: Floats) -> Chunk:
+def _chunk(
+    question: EnsembleRequest,
+    part: MemberPart,
+    block: MemberBlock,
+    context: Context,
+    found: MemberResults,
+    drift: Floats,
+) -> Chunk:
     ending, kept = _rows(question, found)
     columns: Columns = {"energy_drift": drift, "error_rad": found.error, "horizon_s": found.horizon}
     for name in question.measures.names:
@@ -92,7 +99,7 @@ def _chunk(question: Question, part: Part, block: Block, context: Context, found
     return Chunk(part.first, part.size, whole, numbered, differences)
 
 
-def _rows(question: Question, found: Found) -> tuple[Floats, Floats]:
+def _rows(question: EnsembleRequest, found: MemberResults) -> tuple[Floats, Floats]:
     """Samples of the last tenth and those to keep, (S, K, size) each."""
     if found.rows is None:
         none = np.empty((found.y.shape[1], 0, len(found.y)))
@@ -110,7 +117,7 @@ def states(layout: Layout, rows: Floats) -> Columns:
     return {name: own.reshape(*rows.shape[:-1], *own.shape[1:]).copy() for name, own in found.items()}
 
 
-def _placed(own: Floats, block: Block, size: int) -> Floats:
+def _placed(own: Floats, block: MemberBlock, size: int) -> Floats:
     """A column of those members that can be among all."""
     if len(block.places) == size:
         return own
@@ -119,7 +126,7 @@ def _placed(own: Floats, block: Block, size: int) -> Floats:
     return whole
 
 
-def _crossings(layout: Layout, part: Part, block: Block, found: Found) -> Columns:
+def _crossings(layout: Layout, part: MemberPart, block: MemberBlock, found: MemberResults) -> Columns:
     assert found.crossed is not None
     members, times, rows = found.crossed
     numbers = (part.first + block.places[members]).astype(float)
@@ -127,7 +134,9 @@ def _crossings(layout: Layout, part: Part, block: Block, found: Found) -> Column
     return {f"crossing_{name}": own for name, own in crossed.items()}
 
 
-def _differences(question: Question, part: Part, block: Block, layout: Layout, found: Found) -> dict[int, float]:
+def _differences(
+    question: EnsembleRequest, part: MemberPart, block: MemberBlock, layout: Layout, found: MemberResults
+) -> dict[int, float]:
     """The largest angle at the end between members that are checked and runs by themselves."""
     result = {}
     for number in question.checked:
@@ -155,7 +164,7 @@ def _differences(question: Question, part: Part, block: Block, layout: Layout, f
     return result
 
 
-def _one_by_one(question: Question, part: Part) -> Chunk:
+def _one_by_one(question: EnsembleRequest, part: MemberPart) -> Chunk:
     """Every member by `simulate`."""
     rows: list[Columns | None] = []
     reasons: dict[int, str] = {}

@@ -19,7 +19,7 @@ from nonlinear.integration.trajectory import NOISE
 from nonlinear.system import Group, Layout, Numbers
 
 
-class Energies(NamedTuple):
+class MemberEnergies(NamedTuple):
     """Kinetic and potential energy (J) of every pendulum, (N, S), and of the cart, (S,).
 
     On a structure the latter are those of the carriers and of all springs between points.
@@ -59,7 +59,7 @@ class Accounts:
         cart = (y[0], y[half]) if first and not self.layout.is_structured else (none, none)
         return y[first:half], y[half + first : 2 * half], *cart
 
-    def energies(self, y: Floats, coasting: Floats | float = 0.0, time: float = 0.0) -> Energies:
+    def energies(self, y: Floats, coasting: Floats | float = 0.0, time: float = 0.0) -> MemberEnergies:
         """Seen from where the cart's speed is less by `coasting` (m/s), with the lengths of this time (s)."""
         angles, rates, x, speed = self._parts(y)
         system, speed = self.numbers.arrays, speed - coasting
@@ -80,9 +80,9 @@ class Accounts:
         if bearing is not None:
             stored = sum((one.energy.sum(0) for _, one in bearing.tensions(y[:half], y[half : 2 * half])), 0.0)
             carried = bearing.kinetic, bearing.potential + stored
-            return Energies(kinetic, potential, *(np.asarray(part + 0.0 * x) for part in carried))
+            return MemberEnergies(kinetic, potential, *(np.asarray(part + 0.0 * x) for part in carried))
         mass, _, stiffness = system.cart or (0.0, 0.0, 0.0)
-        return Energies(kinetic, potential, np.asarray(mass * speed**2 / 2), np.asarray(stiffness * x**2 / 2))
+        return MemberEnergies(kinetic, potential, np.asarray(mass * speed**2 / 2), np.asarray(stiffness * x**2 / 2))
 
     def _hung(self, group: Group, time: float) -> tuple[Group, Any]:
         """A group with the lengths of a time, and their speeds (n, P, 1)."""

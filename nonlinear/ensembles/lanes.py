@@ -9,7 +9,7 @@ import numpy as np
 from modal.types import Floats
 from nonlinear.chaos import TRANSIENT
 from nonlinear.dynamics import Lanes
-from nonlinear.ensembles.found import Found, Wanted
+from nonlinear.ensembles.results import MemberResults, Wanted
 from nonlinear.integration import pacing
 from nonlinear.integration.crowds import RailWork, switching
 from nonlinear.integration.lanes import LaneTask, Watch, integrate
@@ -26,7 +26,7 @@ from nonlinear.integration.within import fill
 from nonlinear.system import Layout, Numbers
 
 
-def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+def run(numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     """Members with these numbers from y (size, S) on."""
     plain = Lanes(numbers)
     found = _run(plain, numbers, y, wanted)
@@ -61,7 +61,7 @@ class Watches:
         """Those that there are."""
         return [watch for watch in (self.samples, self.turns, self.largest, self.section) if watch is not None]
 
-    def found(self, found: Found) -> Found:
+    def found(self, found: MemberResults) -> MemberResults:
         """With what these have found."""
         return replace(
             found,
@@ -91,18 +91,18 @@ def slope_of(lanes: Lanes, numbers: Numbers, y: Floats) -> Floats:
     return slope
 
 
-def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     layout = lanes.layout
     task, scale, local = task_of(lanes, numbers, y, wanted)
     growth, watches = Growth(layout, scale, local), watches_of(lanes, numbers, y, wanted)
     if not numbers.switching:
         outcome = integrate(task, [growth, *watches.all])
-        return watches.found(Found(outcome.y, growth.error, growth.horizon, outcome.reasons))
+        return watches.found(MemberResults(outcome.y, growth.error, growth.horizon, outcome.reasons))
     task, none = switching(task), np.full(y.shape[1], np.nan)
     rubbing = [RailWork(task.lanes, y.shape[1])] if task.lanes.presses else []
     outcome = integrate(task, [*rubbing, *watches.all])
     rubbed = 0.0 if layout.works else task.lanes.work(outcome.y, outcome.state) + sum(own.work for own in rubbing)
-    return watches.found(Found(outcome.y, none, none.copy(), outcome.reasons, rubbed=rubbed))
+    return watches.found(MemberResults(outcome.y, none, none.copy(), outcome.reasons, rubbed=rubbed))
 
 
 def stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:

@@ -21,7 +21,7 @@ from modal.types import Complexes, Floats
 from nonlinear.averaging import AveragedEquations, RelativeEquilibrium, average, likeness, relative_equilibria
 from nonlinear.chaos import validate_duration
 from nonlinear.ensembles.energies import Accounts
-from nonlinear.ensembles.found import Found, Section, Wanted
+from nonlinear.ensembles.results import MemberResults, Passing, Wanted
 from nonlinear.integration import estimate_timescales
 from nonlinear.measures import measure_for, taken_by
 from nonlinear.synchronization import ENDING
@@ -55,7 +55,7 @@ def ending_times(scene: Scene, duration: float) -> tuple[float, ...]:
     return tuple(np.linspace((1 - ENDING) * duration, duration, count).tolist())
 
 
-def _first_turn(context: Context, found: Found, ending: Floats) -> Columns:
+def _first_turn(context: Context, found: MemberResults, ending: Floats) -> Columns:
     assert found.first_turns is not None
     return {f"first_turn_{place}_s": own for place, own in zip(places(context.system), found.first_turns, strict=True)}
 
@@ -66,17 +66,17 @@ def places(system: System) -> list[str]:
     return [label[len("theta") :].strip("[]").replace(",", "_") for label in labels]
 
 
-def _lyapunov(context: Context, found: Found, ending: Floats) -> Columns:
+def _lyapunov(context: Context, found: MemberResults, ending: Floats) -> Columns:
     assert found.stretching is not None
     return {"lyapunov_per_s": found.stretching / context.wanted.duration}
 
 
-def _largest_angle(context: Context, found: Found, ending: Floats) -> Columns:
+def _largest_angle(context: Context, found: MemberResults, ending: Floats) -> Columns:
     assert found.largest is not None
     return {"largest_angle_deg": np.degrees(found.largest)}
 
 
-def _pendulum_energy(context: Context, found: Found, ending: Floats) -> Columns:
+def _pendulum_energy(context: Context, found: MemberResults, ending: Floats) -> Columns:
     sums: Floats = np.zeros((context.system.n_pendula, len(ending)))
     carried: Floats = np.zeros(len(ending))
     accounts = Accounts(context.numbers, context.layout)
@@ -96,7 +96,7 @@ def energy_columns(system: System, pendula: Floats, carried: Floats) -> Columns:
     return columns | ({"cart_energy_J": np.asarray(carried)} if system.cart or system.structure else {})
 
 
-def _order(context: Context, found: Found, ending: Floats) -> Columns:
+def _order(context: Context, found: MemberResults, ending: Floats) -> Columns:
     z, weights = own_amplitudes(context, ending)
     size = np.abs(z)
     leading = np.argmax(np.sum(weights * np.mean(size**2, axis=1), axis=1), axis=1)
@@ -126,7 +126,7 @@ def own_amplitudes(context: Context, rows: Floats) -> tuple[Complexes, Floats]:
     return z.reshape(members, times, *z.shape[1:]), weights
 
 
-def _configuration(context: Context, found: Found, ending: Floats) -> Columns:
+def _configuration(context: Context, found: MemberResults, ending: Floats) -> Columns:
     known = configurations(context.scene)
     if not known:
         return {"configuration": np.zeros(len(ending))}
@@ -162,11 +162,11 @@ def _modal(averaged: AveragedEquations, context: Context, rows: Floats) -> Compl
     return np.asarray((q @ averaged.dual - 1j * (v @ averaged.dual) / averaged.omega).T)
 
 
-def _section(context: Context, found: Found, ending: Floats) -> Columns:
+def _section(context: Context, found: MemberResults, ending: Floats) -> Columns:
     return {}
 
 
-COLUMNS: dict[str, Callable[[Context, Found, Floats], Columns]] = {
+COLUMNS: dict[str, Callable[[Context, MemberResults, Floats], Columns]] = {
     "largest_angle": _largest_angle,
     "first_turn": _first_turn,
     "lyapunov": _lyapunov,
@@ -187,7 +187,7 @@ class RequestedMeasures:
     """The measures asked for, by their names, and the section."""
 
     names: tuple[str, ...]
-    section: Section | None = None
+    section: Passing | None = None
 
     @property
     def ends(self) -> bool:
@@ -220,7 +220,7 @@ def requested_measures(texts: Sequence[str], system: System) -> RequestedMeasure
     return RequestedMeasures(tuple(names), section)
 
 
-def section_of(text: str, system: System) -> Section:
+def section_of(text: str, system: System) -> Passing:
     """The section in a text such as "section:theta[1,1]=0", with > upwards only, with < downwards only (deg or m)."""
     match, known = SECTION.fullmatch(text), [*system.labels]
     if not match or match[1] not in known:
@@ -234,7 +234,7 @@ def section_of(text: str, system: System) -> Section:
         raise SceneError([f'{text}: "{match[3]}" is not a number'])
     row = known.index(match[1])
     turns = row >= system.first or (system.structure is not None and row in system.structure.turning)
-    return Section(row, radians(value) if turns else value, DIRECTIONS[match[2]])
+    return Passing(row, radians(value) if turns else value, DIRECTIONS[match[2]])
 
 
 def validate_measures(names: Sequence[str], scene: Scene, seconds: float | None = None) -> None:

@@ -1,7 +1,7 @@
 """The members of an ensemble: a scene with other starts, or with other numbers at some of its places.
 
-Members of a grid are counted with the last place running fastest.  A `Part` is what a worker needs to know of some of
-them that follow each other.
+Members of a grid are counted with the last place running fastest.  A `MemberPart` is what a worker needs to know of
+some of them that follow each other.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ NONE_GIVEN = "members: give starts, or what to vary"
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class MemberBlock:
     """Members whose numbers can be: their places in the part, numbers and y (size, S); why others cannot, by place."""
 
     places: Ints
@@ -51,7 +51,7 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class MemberPart:
     """Some members that follow each other, of a scene: `first` is the number of the first of them.
 
     `values` are (S,) by their paths; `states` (S rows) stand in the place of the scene's own start.
@@ -84,7 +84,7 @@ class Part:
     def _at(self) -> dict[Place, Floats]:
         return {place: own for path, own in self.values.items() for place in find_places(self.scene, path)}
 
-    def block(self, layout: Layout) -> Block:
+    def block(self, layout: Layout) -> MemberBlock:
         """The members in arrays."""
         reasons = self._reasons()
         good = np.array([place for place in range(self.size) if place not in reasons], dtype=np.int64)
@@ -92,7 +92,7 @@ class Part:
         states = self.states.at(good) if self.states is not None else self._begun(given, len(good))
         begun = replace(states, work=np.zeros(len(good)))
         y = np.ascontiguousarray(layout.rows(begun).T)
-        return Block(good, numbers, y, reasons)
+        return MemberBlock(good, numbers, y, reasons)
 
     def numbers(self, good: Ints) -> Numbers:
         """The numbers of the members at these places; SceneError where switches cannot be."""
@@ -185,13 +185,13 @@ class Members(Displayed):
         grid = self._grid(np.arange(self.size))
         return {**dict(zip([axis.path for axis in self.axes], grid, strict=True)), **(self.lists or {})}
 
-    def part(self, first: int, stop: int) -> Part:
+    def part(self, first: int, stop: int) -> MemberPart:
         """Those from one number on until before another."""
         members = np.arange(first, min(stop, self.size))
         values = dict(zip([axis.path for axis in self.axes], self._grid(members), strict=True))
         values |= {path: own[members] for path, own in (self.lists or {}).items()}
         states = None if self.states is None else self.states.at(members)
-        return Part(self.scene, first, len(members), values, states)
+        return MemberPart(self.scene, first, len(members), values, states)
 
     def _grid(self, members: Ints) -> list[Floats]:
         if not self.axes:

@@ -17,8 +17,8 @@ from modal.scene.contents import content_of, text_of
 from modal.scene.sealed import UNREADABLE
 from nonlinear.ensembles.computing import Chunk
 from nonlinear.ensembles.measures import Columns
-from nonlinear.ensembles.members import Part
-from nonlinear.ensembles.question import Question
+from nonlinear.ensembles.members import MemberPart
+from nonlinear.ensembles.question import EnsembleRequest
 from nonlinear.files import as_npz, from_npz
 
 HEADER = "ensemble.json"
@@ -45,7 +45,9 @@ def _is(path: Path, content: bytes) -> bool:
         raise SceneError([f"{path}: {problem}" for problem in error.problems]) from None
 
 
-def _refuse_unlike(columns: Columns, reasons: Mapping[int, str], differences: Mapping[int, float], part: Part) -> None:
+def _refuse_unlike(
+    columns: Columns, reasons: Mapping[int, str], differences: Mapping[int, float], part: MemberPart
+) -> None:
     """ValueError for columns that are no numbers of these members, and for members that are not among them."""
     if not {*reasons, *differences} <= {*range(part.first, part.first + part.size)}:
         raise ValueError
@@ -63,7 +65,7 @@ class Parts:
     Raises SceneError for a folder that holds another ensemble, OSError where it cannot be written.
     """
 
-    def __init__(self, folder: str | os.PathLike[str], question: Question) -> None:
+    def __init__(self, folder: str | os.PathLike[str], question: EnsembleRequest) -> None:
         self.folder, self.question = Path(folder), question
         self.folder.mkdir(parents=True, exist_ok=True)
         header = json.dumps({"multipendula_ensemble": question.fingerprint, **question.header()}, indent=1) + "\n"

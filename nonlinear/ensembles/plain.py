@@ -9,7 +9,6 @@ import numpy as np
 from modal.errors import SceneError
 from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.ensembles.found import Found, Section, Wanted
 from nonlinear.ensembles.measures import (
     COLUMNS,
     ENDS,
@@ -20,7 +19,8 @@ from nonlinear.ensembles.measures import (
     places,
     validate_measures,
 )
-from nonlinear.ensembles.question import Question
+from nonlinear.ensembles.question import EnsembleRequest
+from nonlinear.ensembles.results import MemberResults, Passing, Wanted
 from nonlinear.integration import Trajectory
 from nonlinear.integration.passages import Level, Passages, counted, level_of, starts_of
 from nonlinear.integration.readiness import reproducible
@@ -52,7 +52,7 @@ def state_columns(is_structured: bool) -> dict[str, str]:
 
 
 @reproducible()
-def columns(question: Question, scene: Scene, start: State) -> Columns:
+def columns(question: EnsembleRequest, scene: Scene, start: State) -> Columns:
     """What is asked for of one member, each of shape (...); SimulationError where it cannot reach its end."""
     times = question.wanted.times
     needed = sorted({0.0, *times, question.duration})
@@ -83,7 +83,7 @@ def _states(motion: Motion, single: bool) -> Columns:
     return {name: own[0] if single else own for name, own in parts.items()}
 
 
-def _measured(question: Question, scene: Scene, run: Trajectory, sampled: Trajectory) -> Columns:
+def _measured(question: EnsembleRequest, scene: Scene, run: Trajectory, sampled: Trajectory) -> Columns:
     found: Columns = {}
     names = question.measures.names
     if run.system.spatial:
@@ -91,7 +91,7 @@ def _measured(question: Question, scene: Scene, run: Trajectory, sampled: Trajec
     layout = Layout.of(run.system, works=run.system.works)
     rows = _rows(layout, sampled)
     ending = rows[np.searchsorted(sampled.times, question.ending)][None] if question.ending else rows[None, :0]
-    whole = Found(rows[-1:].T, np.full(1, np.nan), np.full(1, np.nan))
+    whole = MemberResults(rows[-1:].T, np.full(1, np.nan), np.full(1, np.nan))
     if "first_turn" in names:
         whole.first_turns = np.array([[own.time.min(initial=np.inf)] for own in _turns(run, layout)])
     if "largest_angle" in names:
@@ -121,7 +121,7 @@ def _counted(run: Trajectory, name: str, level: Level, layout: Layout, direction
     return counted(found, starts_of(level, layout, begun, 0.0 * begun), begun, direction)
 
 
-def _in_space(question: Question, run: Trajectory, sampled: Trajectory) -> Columns:
+def _in_space(question: EnsembleRequest, run: Trajectory, sampled: Trajectory) -> Columns:
     found: Columns = {}
     if "largest_angle" in question.measures.names:
         found["largest_angle_deg"] = np.array(np.degrees(largest_angle(run)))
@@ -152,7 +152,7 @@ def measured_run(run: Trajectory, name: str) -> dict[str, float]:
     context = Context(
         scene, run.system, numbers_of(scene), layout, ending[0, :1].T, Wanted(duration, run.run.tolerance)
     )
-    columns = COLUMNS[name](context, Found(ending[0, -1:].T, none, none.copy()), ending)
+    columns = COLUMNS[name](context, MemberResults(ending[0, -1:].T, none, none.copy()), ending)
     return {column: float(values[0]) for column, values in columns.items()}
 
 
@@ -161,23 +161,23 @@ def _rows(layout: Layout, run: Trajectory) -> Floats:
     return layout.rows(run.motion)
 
 
-def _events(question: Question, scene: Scene) -> list[Event]:
+def _events(question: EnsembleRequest, scene: Scene) -> list[Event]:
     found, first = [], question.system.first
     if question.wanted.first_turns:
         for link, place in enumerate(places(question.system)):
-            found.append(Event(f"{TURNS} {place}", _passing(Section(first + link, np.pi, 0), first)))
+            found.append(Event(f"{TURNS} {place}", _passing(Passing(first + link, np.pi, 0), first)))
     if section := question.measures.section:
         found.append(Event(SECTION, _passing(section, first)))
     return found
 
 
-def _passing(section: Section, first: int) -> Any:
+def _passing(section: Passing, first: int) -> Any:
     if section.row < first:
         return lambda state: float([*state.supports, state.cart][section.row]) - section.level
     return lambda state: float(np.sin((state.links[section.row - first] - section.level) / 2))
 
 
-def _crossings(run: Trajectory, section: Section, layout: Layout) -> Columns:
+def _crossings(run: Trajectory, section: Passing, layout: Layout) -> Columns:
     level = level_of(layout, section.row, section.level)
     found = _counted(run, SECTION, level, layout, section.direction)
     motion = layout.read(found.rows)

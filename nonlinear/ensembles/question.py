@@ -18,9 +18,9 @@ from modal.report import Displayed
 from modal.scene import Scene, one_by_one
 from modal.scene.features import FRICTION
 from modal.scene.parameters import Place, find_places, is_of_switch
-from nonlinear.ensembles.found import Wanted
 from nonlinear.ensembles.measures import RequestedMeasures, ending_times
-from nonlinear.ensembles.members import Members, Part
+from nonlinear.ensembles.members import MemberPart, Members
+from nonlinear.ensembles.results import Wanted
 from nonlinear.integration import choose, estimate_timescales
 from nonlinear.integration.costs import PER_PERIOD
 from nonlinear.system import System, system_of
@@ -35,7 +35,7 @@ SEED = 19
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Question(Displayed):
+class EnsembleRequest(Displayed):
     """Members, for how long (s), to which tolerance, what to keep and to measure, and by which engine.
 
     `times` (s) are samples that are kept, `keeps_end` says whether the last state is; `checked` are the numbers of the
@@ -86,7 +86,7 @@ class Question(Displayed):
         """How many chunks there are."""
         return -(-self.members.size // self.chunk)
 
-    def part(self, number: int) -> Part:
+    def part(self, number: int) -> MemberPart:
         """The members of a chunk."""
         return self.members.part(number * self.chunk, (number + 1) * self.chunk)
 

@@ -31,7 +31,7 @@ from nonlinear.ensembles.measures import requested_measures, validate_measures
 from nonlinear.ensembles.members import Members, Starts, members_of
 from nonlinear.ensembles.parts import Parts, engine_of_folder
 from nonlinear.ensembles.plain import state_columns, validate_plain
-from nonlinear.ensembles.question import CHECKED, PLAIN, Question, chunk_of, refused, sample_of
+from nonlinear.ensembles.question import CHECKED, PLAIN, EnsembleRequest, chunk_of, refused, sample_of
 from nonlinear.integration import sample_times, validate, validate_numbers, validate_whole
 from nonlinear.integration.readiness import Forgone, lose, rented
 from nonlinear.system import Motion, system_of
@@ -57,7 +57,7 @@ class Ensemble(Displayed):
     (2, True)
     """
 
-    question: Question
+    question: EnsembleRequest
     chunks: Sequence[Chunk] | Parts
     reason: str
     interrupted: bool = False
@@ -226,7 +226,7 @@ def ensemble(
     return _run(question, decision, parts, left, workers, crew, report)
 
 
-def _left(question: Question, parts: Parts | None, share: tuple[int, int] | None) -> list[int]:
+def _left(question: EnsembleRequest, parts: Parts | None, share: tuple[int, int] | None) -> list[int]:
     """The chunks to compute."""
     one, of = share or (0, 1)
     return [number for number in range(one, question.chunks, of) if not (parts and parts.done(number))]
@@ -263,7 +263,7 @@ def _question(
     choice: Callable[..., Decision],
     check: int,
     chunk: int | None,
-) -> tuple[Question, Decision]:
+) -> tuple[EnsembleRequest, Decision]:
     """What is asked and why by this engine; SceneError names every mistake."""
     require(scene, "an ensemble")
     system = system_of(scene)
@@ -284,7 +284,7 @@ def _question(
     validate_measures(wanted.names, scene)
     keeps_end = output == END if isinstance(output, str) else output is None and not measures
     checked = () if chosen == PLAIN else sample_of(members.size, check)
-    question = Question(members, duration, tolerance, chosen, wanted, times, keeps_end, checked)
+    question = EnsembleRequest(members, duration, tolerance, chosen, wanted, times, keeps_end, checked)
     fitting = chunk or chunk_of(scene, duration, tolerance, len(question.wanted.times), chosen)
     if (numbers := members.size * len(times) * 2 * scene.n_links) > MOST_NUMBERS:
         raise SceneError([f"output: {numbers:.3g} numbers are too many to keep: use fewer samples, or measures"])
@@ -300,7 +300,7 @@ def _times(scene: Scene, duration: float, output: Output) -> tuple[float, ...]:
 
 
 def _run(
-    question: Question,
+    question: EnsembleRequest,
     decision: Decision,
     parts: Parts | None,
     left: Sequence[int],
@@ -326,12 +326,12 @@ def _run(
     return Ensemble(question, parts or [kept[number] for number in sorted(kept)], decision.reason, interrupted)
 
 
-def _size(question: Question, number: int) -> int:
+def _size(question: EnsembleRequest, number: int) -> int:
     return min(question.chunk, question.members.size - number * question.chunk)
 
 
 def _chunks(
-    question: Question, forgone: Forgone, left: Sequence[int], workers: int | None, crew: WorkerPool | None
+    question: EnsembleRequest, forgone: Forgone, left: Sequence[int], workers: int | None, crew: WorkerPool | None
 ) -> Generator[Numbered, None, None]:
     """The chunks that are left, by their numbers, as they come, without what an engine that is not ready would save."""
     count = min(workers or cores(), max(len(left), 1))
@@ -343,7 +343,7 @@ def _chunks(
             yield number, chunk
         return
     lose(forgone, seconds_of(question, len(left)) / count)
-    tasks: Iterator[Task] = (Task(number, _lean(question), question.part(number)) for number in left)
+    tasks: Iterator[ChunkTask] = (ChunkTask(number, _lean(question), question.part(number)) for number in left)
     while True:
         with nullcontext(crew) if crew else processes(count) as used:
             lost = yield from _shared(tasks, used)
@@ -356,20 +356,20 @@ def _chunks(
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class ChunkTask:
     """A chunk for a worker: its number, the question without other members' numbers, its own members."""
 
     number: int
-    question: Question
+    question: EnsembleRequest
     part: Any
 
 
-def work(task: Task) -> Numbered:
+def work(task: ChunkTask) -> Numbered:
     """What a worker does."""
     return task.number, compute(task.question, task.part)
 
 
-def _lean(question: Question) -> Question:
+def _lean(question: EnsembleRequest) -> EnsembleRequest:
     """The question with one member's worth of what may be many."""
     members = question.members
     lists = {path: own[:1] for path, own in (members.lists or {}).items()}
@@ -378,7 +378,7 @@ def _lean(question: Question) -> Question:
     return replace(question, members=small)
 
 
-def _shared(tasks: Iterator[Task], crew: WorkerPool) -> Generator[Numbered, None, list[Task]]:
+def _shared(tasks: Iterator[ChunkTask], crew: WorkerPool) -> Generator[Numbered, None, list[ChunkTask]]:
     with closing(spread(partial(work), tasks, crew)) as found:
         while True:
             try:
@@ -387,7 +387,7 @@ def _shared(tasks: Iterator[Task], crew: WorkerPool) -> Generator[Numbered, None
                 return list(end.value) + (list(tasks) if end.value else [])
 
 
-def _alone(tasks: Sequence[Task]) -> Generator[Numbered, None, None]:
+def _alone(tasks: Sequence[ChunkTask]) -> Generator[Numbered, None, None]:
     """One chunk after another, each in a process that may die without harm to others."""
     for task in tasks:
         with processes(1) as one:

@@ -16,11 +16,11 @@ from modal.scene import AnyLink, ModalSupport, Scene, one_by_one, refusals, vali
 from modal.types import Floats
 from nonlinear import chaos
 from nonlinear.dynamics import Lanes
-from nonlinear.ensembles.found import Wanted
 from nonlinear.ensembles.lanes import run as run_in_lanes
 from nonlinear.ensembles.lanes import task_of
 from nonlinear.ensembles.measures import COLUMNS, Context, ending_times, validate_measures
 from nonlinear.ensembles.question import ROOM
+from nonlinear.ensembles.results import Wanted
 from nonlinear.ensembles.running import ensemble
 from nonlinear.integration import SolverInfo, Trajectory, choose, sample_times
 from nonlinear.integration.lanes import integrate

@@ -16,9 +16,9 @@ from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, d
 from modal.scene import Scene, describe, name_of, require, title_of
 from modal.scene.doors import checked, checked_index, checked_number
 from modal.types import Floats
-from nonlinear.ensembles.found import Section
 from nonlinear.ensembles.measures import section_of
 from nonlinear.ensembles.plain import CARRIED
+from nonlinear.ensembles.results import Passing
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.ensembles.surfaces import energy_of, starts_at
 from nonlinear.reduction import usual_start
@@ -34,7 +34,7 @@ class PoincareSection(Displayed):
 
     ensemble: Ensemble
     energy: float
-    section: Section
+    section: Passing
     coordinate: str
     shown: str
 

@@ -19,8 +19,8 @@ from nonlinear.chaos import TRANSIENT
 from nonlinear.dynamics import Lanes
 from nonlinear.dynamics.inputs import at_time
 from nonlinear.ensembles.energies import Accounts
-from nonlinear.ensembles.found import Found, Wanted, merged
 from nonlinear.ensembles.lanes import slope_of, stretched, task_of
+from nonlinear.ensembles.results import MemberResults, Wanted, merged
 from nonlinear.integration import taylor
 from nonlinear.integration.lanes import LaneTask
 from nonlinear.integration.passages import Level, Passages, counted, level_of, starts_of
@@ -111,7 +111,7 @@ def _at(integrator: Any, time: float, lane: int) -> Floats:
     return np.array(integrator.update_d_output(times)[:, lane])
 
 
-def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+def run(numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     """Members with these numbers from y (size, S) on; MissingExtraError without heyoka.
 
     Small motions, and those of links that have turned often, need finer series than the others, which then go by
@@ -131,7 +131,7 @@ def _fineness(task: LaneTask, local: Floats, y: Floats) -> Floats:
     return np.asarray(np.minimum(np.maximum(size, FINEST) / SPARED, 1.0) * np.minimum(FAR / np.maximum(far, FAR), 1.0))
 
 
-def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     lanes = Lanes(numbers)
     task, scale, local = task_of(lanes, numbers, y, wanted)
     events = Events(lanes.layout, y, slope_of(lanes, numbers, y))
@@ -142,7 +142,7 @@ def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     tolerance = wanted.tolerance * 10.0 ** floor(log10(np.min(_fineness(task, local, y), initial=1.0)))
     spared = max(tolerance, taylor.TIGHTEST) / (wanted.tolerance * FAR)
     judge = Judge(numbers, lanes.layout, scale, local, spared)
-    found = Found(np.empty_like(y), np.zeros(y.shape[1]), np.full(y.shape[1], inf))
+    found = MemberResults(np.empty_like(y), np.zeros(y.shape[1]), np.full(y.shape[1], inf))
     if wanted.times:
         found.rows = np.empty((y.shape[1], len(wanted.times), len(y)))
     integrator = _integrator(task, tolerance, events, wanted)
@@ -210,7 +210,7 @@ def _integrator(task: LaneTask, tolerance: float, events: Events | None, wanted:
 
 
 def _propagated(
-    integrator: Any, task: LaneTask, own: slice, grid: Floats, events: Events | None, found: Found
+    integrator: Any, task: LaneTask, own: slice, grid: Floats, events: Events | None, found: MemberResults
 ) -> Floats:
     """The y (K, size, members) of some members at the times of a grid, whose first is the start."""
     members = np.arange(own.start, own.stop)
@@ -261,7 +261,7 @@ class Judge:
         self.pieces, self.timed = taylor.pieces_of(lanes), lanes.inputs.count > 0
         self.rates = taylor.evaluator(lanes.module, lanes.size, self.pieces)
 
-    def see(self, own: slice, grid: Floats, rows: Floats, pace: float, found: Found) -> None:
+    def see(self, own: slice, grid: Floats, rows: Floats, pace: float, found: MemberResults) -> None:
         """Members with y (K, size, S) at evenly spaced times (s), of a motion of this pace (rad/s)."""
         size, members = self.size, rows.shape[2]
         scale = self.scale if self.scale.shape[1] == 1 else self.scale[:, own]
@@ -317,7 +317,7 @@ def _stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
     pieces = max(1, ceil(TRANSIENT * wanted.duration * _swing(numbers) / SEGMENT))
     whole = round(pieces * (1 + TRANSIENT) / TRANSIENT)
     grid = np.linspace(0.0, task.end, whole + 1)
-    found = Found(np.empty_like(task.begun), np.zeros(members), np.zeros(members))
+    found = MemberResults(np.empty_like(task.begun), np.zeros(members), np.zeros(members))
     gained = np.zeros(members)
     for first in range(0, members, AT_ONCE):
         own = slice(first, min(first + AT_ONCE, members))

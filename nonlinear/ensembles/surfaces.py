@@ -19,7 +19,7 @@ from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
-from nonlinear.ensembles.found import Section
+from nonlinear.ensembles.results import Passing
 from nonlinear.integration import estimate_timescales
 from nonlinear.system import Numbers, State, numbers_of
 
@@ -37,7 +37,7 @@ def energy_of(scene: Scene, state: State) -> float:
 
 
 def starts_at(
-    scene: Scene, energy: float, count: int, *, section: Section | None = None, seed: int | tuple[int, ...] = SEED
+    scene: Scene, energy: float, count: int, *, section: Passing | None = None, seed: int | tuple[int, ...] = SEED
 ) -> list[State]:
     """So many states with this energy (J) above rest, on a section if there is one; SceneError where none is found."""
     numbers = numbers_of(scene)

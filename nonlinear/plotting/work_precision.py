@@ -14,7 +14,7 @@ from modal.scene import title_of
 from nonlinear.reduction import CORRECTED, LINEAR
 
 if TYPE_CHECKING:
-    from nonlinear.accuracy import Candidate, Row, WorkPrecision
+    from nonlinear.accuracy import Candidate, WorkPrecision, WorkPrecisionRow
 
 METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
 LOOKS = {"minimal": ("o", "-"), "spatial": ("o", "-"), "compiled": ("D", "--"), "maximal": ("s", ":")}
@@ -46,7 +46,7 @@ def tradeoff_figure(found: WorkPrecision) -> Figure:
     return figure
 
 
-def _bounds(axis: Axes, found: WorkPrecision, rows: list[Row]) -> None:
+def _bounds(axis: Axes, found: WorkPrecision, rows: list[WorkPrecisionRow]) -> None:
     times, errors = [row.seconds for row in rows], [found.judged(row) for row in rows]
     bottom, floor = min(errors) / BEYOND**2, found.reference.floor
     axis.set(xscale="log", yscale="log", xlim=(min(times) / BEYOND, max(times) * BEYOND))
@@ -64,7 +64,7 @@ def _front(axis: Axes, found: WorkPrecision) -> None:
     axis.plot(*zip(*points, strict=True), zorder=1, label="Pareto front", **look)
 
 
-def _family(axis: Axes, found: WorkPrecision, rows: list[Row]) -> None:
+def _family(axis: Axes, found: WorkPrecision, rows: list[WorkPrecisionRow]) -> None:
     points, candidate = zip(*((row.seconds, found.judged(row)) for row in rows), strict=True), rows[0].candidate
     if candidate.modal:
         axis.plot(*points, MODAL[candidate.kind], color=ink(), ms=11, mec=paper(), label=candidate.kind, zorder=5)

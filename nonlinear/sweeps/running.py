@@ -26,7 +26,7 @@ from nonlinear.integration import validate_whole
 from nonlinear.sweeps.checkpoint import Checkpoint
 from nonlinear.sweeps.energies import ENERGY, LYAPUNOV
 from nonlinear.sweeps.measures import FLOQUET, parse_measures
-from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_each, measure_points
+from nonlinear.sweeps.study import Point, Points, Row, Study, SweepTask, measure_each, measure_points
 
 PATIENCE = 0.5
 """Seconds that this process works alone before it starts others: a small sweep is done by then."""
@@ -192,7 +192,7 @@ def chaos_by_energy(
 
 
 def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerPool | None) -> Rows:
-    task, count = Task(study.scene, study.measures, study.members, study.seed), workers or cores()
+    task, count = SweepTask(study.scene, study.measures, study.members, study.seed), workers or cores()
     points, begun = ((index, study.point(index)) for index in left), monotonic()
     remaining = len(left)
     if crew is None and (workers is None or count == 1):
@@ -221,7 +221,7 @@ def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerP
         yield from _alone(task, lost)
 
 
-def _here(task: Task, points: Points) -> Rows:
+def _here(task: SweepTask, points: Points) -> Rows:
     """The rows of some points in this process; those computed before Ctrl-C are kept."""
     done: list[Row] = []
     try:
@@ -233,7 +233,7 @@ def _here(task: Task, points: Points) -> Rows:
     yield done
 
 
-def _shared(task: Task, portions: Iterator[Points], crew: WorkerPool) -> Generator[list[Row], None, list[Point]]:
+def _shared(task: SweepTask, portions: Iterator[Points], crew: WorkerPool) -> Generator[list[Row], None, list[Point]]:
     """The rows of all portions as they come; points whose workers died are returned."""
     with closing(spread(partial(measure_points, task), portions, crew)) as found:
         while True:
@@ -243,7 +243,7 @@ def _shared(task: Task, portions: Iterator[Points], crew: WorkerPool) -> Generat
                 return [point for portion in end.value for point in portion]
 
 
-def _alone(task: Task, points: Sequence[Point]) -> Rows:
+def _alone(task: SweepTask, points: Sequence[Point]) -> Rows:
     """One point at a time, to identify the one at which a process dies."""
     left = deque(points)
     while left:

@@ -43,7 +43,7 @@ from modal.types import Floats
 from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
 from nonlinear.sweeps.measures import parse_measures
-from nonlinear.sweeps.study import Task, measure_each
+from nonlinear.sweeps.study import SweepTask, measure_each
 from nonlinear.system import State, system_of
 
 if TYPE_CHECKING:
@@ -339,12 +339,12 @@ def find_spread(
         if motion.interrupted:
             raise KeyboardInterrupt
         failures = failures | motion.failures
-    measured, reasons = _measured(Task(scene, requests), values, members) if requests else ({}, {})
+    measured, reasons = _measured(SweepTask(scene, requests), values, members) if requests else ({}, {})
     return Spread(scene, own, values, omega, found[0], failures | reasons, motion, estimate, measured)
 
 
 def _measured(
-    task: Task, values: dict[str, Floats], members: int
+    task: SweepTask, values: dict[str, Floats], members: int
 ) -> tuple[dict[str, tuple[float, Floats]], dict[int, str]]:
     """The scene's own number and those of members (S,) in every column that is measured, and why members have none."""
     nominal, *_ = measure_each(task, [(0, {path: _value(task.scene, path) for path in values})])

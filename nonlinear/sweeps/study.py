@@ -109,7 +109,7 @@ def study_from(header: dict[str, Any]) -> Study:
 
 
 @dataclass(frozen=True)
-class Task:
+class SweepTask:
     """The data a worker needs in addition to its points."""
 
     scene: Scene
@@ -136,12 +136,12 @@ Point = tuple[int, dict[str, float]]
 Points = Sequence[Point]
 
 
-def measure_points(task: Task, points: Points) -> list[Row]:
+def measure_points(task: SweepTask, points: Points) -> list[Row]:
     """The rows of some points."""
     return list(measure_each(task, points))
 
 
-def measure_each(task: Task, points: Points) -> Iterator[Row]:
+def measure_each(task: SweepTask, points: Points) -> Iterator[Row]:
     """The rows of some points, one by one; an error at one becomes its reason and does not affect the others."""
     variable = Variable(task.scene, [path for path in points[0][1] if path != ENERGY])
     scenes = [_scene(variable, values) for _, values in points]
@@ -160,7 +160,7 @@ def measure_each(task: Task, points: Points) -> Iterator[Row]:
         yield _row(task, index, scene)
 
 
-def _of_members(task: Task, points: Points, scenes: Sequence[Scene | Exception]) -> Iterator[Row]:
+def _of_members(task: SweepTask, points: Points, scenes: Sequence[Scene | Exception]) -> Iterator[Row]:
     """The rows of points at which starts are drawn, those of one scene side by side."""
     alike: dict[Scene, list[tuple[int, float]]] = {}
     measured: dict[int, dict[str, float] | str] = {}
@@ -186,7 +186,7 @@ def _scene(variable: Variable, values: dict[str, float]) -> Scene | Exception:
         return error
 
 
-def _row(task: Task, index: int, scene: Scene | Exception) -> Row:
+def _row(task: SweepTask, index: int, scene: Scene | Exception) -> Row:
     numbers: dict[str, float] = {}
     try:
         if isinstance(scene, Exception):

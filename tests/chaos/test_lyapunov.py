@@ -16,7 +16,7 @@ from modal.modes import natural_modes
 from modal.scene import Bob, Cart, InitialCondition, Pendulum, Rod, Scene
 from nonlinear.chaos import Case, Exponent, Finding, lyapunov_exponent, measure, study, text
 from nonlinear.chaos.claims import verdicts
-from nonlinear.chaos.studies import Study, level_starts
+from nonlinear.chaos.studies import ChaosStudy, level_starts
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Dense, Mechanics, Minimal
 from nonlinear.plotting import draw_finding, draw_running
@@ -332,7 +332,7 @@ def test_tables_and_pictures_of_both_claims() -> None:
 def test_a_study_is_measured_case_by_case() -> None:
     short = study("001", quick=True)
     done: list[float] = []
-    tiny = Study("001", short.claim, short.cases[:1], 7.0, 3)
+    tiny = ChaosStudy("001", short.claim, short.cases[:1], 7.0, 3)
     finding = measure(tiny, done.append)
     assert done == [1]
     assert not finding.exponents[0].is_positive

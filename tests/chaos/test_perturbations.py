@@ -11,8 +11,8 @@ import pytest
 from modal.scene import Scene, scene_from
 from nonlinear import ensemble, simulate
 from nonlinear.chaos import lyapunov_exponent
-from nonlinear.ensembles.found import Wanted
 from nonlinear.ensembles.lanes import stretched, stretching
+from nonlinear.ensembles.results import Wanted
 from nonlinear.integration.switches import numbers_of as switching_numbers
 from nonlinear.orbits.flow import Flow
 from nonlinear.system import State, initial_state, numbers_of, system_of

@@ -12,7 +12,7 @@ from modal.types import Floats, Ints
 
 
 @dataclass(frozen=True)
-class Section:
+class Passing:
     """Where a component of y, by its row, passes a `level`, an angle at any turn: upwards (1), downwards (−1), both."""
 
     row: int
@@ -30,7 +30,7 @@ class Wanted:
     first_turns: bool = False
     largest: bool = False
     stretching: bool = False
-    section: Section | None = None
+    section: Passing | None = None
 
 
 Crossed = tuple[Ints, Floats, Floats]
@@ -38,7 +38,7 @@ Crossed = tuple[Ints, Floats, Floats]
 
 
 @dataclass(eq=False)
-class Found:
+class MemberResults:
     """Of S members: y (size, S) at the end, estimated errors (rad) and horizons (s), (S,), why some failed, by member.
 
     `rows` (S, K, size) at the times asked for, `first_turns` (L, S) in s, `largest` (S,) in rad, `stretching` (S,) of
@@ -61,7 +61,7 @@ AXES = {"y": 1, "error": 0, "horizon": 0, "rows": 0, "first_turns": 1, "largest"
 """Along which members stand in each array."""
 
 
-def merged(parts: Sequence[tuple[Ints, Found]]) -> Found:
+def merged(parts: Sequence[tuple[Ints, MemberResults]]) -> MemberResults:
     """What was found of groups of members, each with their numbers among all."""
     order = np.argsort(np.concatenate([members for members, _ in parts]))
     arrays: dict[str, Any] = {
@@ -71,7 +71,7 @@ def merged(parts: Sequence[tuple[Ints, Found]]) -> Found:
     }
     reasons = {int(members[k]): reason for members, one in parts for k, reason in one.reasons.items()}
     crossed = [(members[one.crossed[0]], *one.crossed[1:]) for members, one in parts if one.crossed is not None]
-    found = Found(**arrays, reasons=reasons)
+    found = MemberResults(**arrays, reasons=reasons)
     if crossed:
         members, times, rows = (np.concatenate(own) for own in zip(*crossed, strict=True))
         by_member = np.lexsort((times, members))
