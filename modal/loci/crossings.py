@@ -59,15 +59,15 @@ def find_close_approaches(
     `points` ascend and have all tracks in the same order; `solve` gives the modes at another value.
     """
     omega, group = (np.array([getattr(point, name)[tracks] for point in points]) for name in ("omega", "group"))
-    found: list[tuple[CloseApproach, LociPoint]] = []
+    close: list[tuple[CloseApproach, LociPoint]] = []
     for a, b in combinations(range(len(tracks)), 2):
         signed = np.where(group[:, a] == group[:, b], 0.0, omega[:, a] - omega[:, b])
         pair = int(tracks[a]), int(tracks[b])
         for kind, nearest, exchange in (*_crossings(points, signed, pair), *_veerings(points, signed, pair, solve)):
             middle = float(nearest.omega[list(pair)].mean())
-            found.append((CloseApproach(kind, (a, b), nearest.value, middle, _gap(nearest, pair), exchange), nearest))
-    found.sort(key=lambda entry: entry[0].value)
-    return [meeting for meeting, _ in found], [point for meeting, point in found if meeting.kind == "veering"]
+            close.append((CloseApproach(kind, (a, b), nearest.value, middle, _gap(nearest, pair), exchange), nearest))
+    close.sort(key=lambda entry: entry[0].value)
+    return [meeting for meeting, _ in close], [point for meeting, point in close if meeting.kind == "veering"]
 
 
 Found = Iterator[tuple[Kind, LociPoint, float]]

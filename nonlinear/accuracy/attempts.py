@@ -128,8 +128,8 @@ def in_closed_form(goal: Goal) -> Iterator[TriedRun]:
     except ComputationError:
         return
     for kind, each in ((LINEAR, motion.linear), (CORRECTED, motion)):
-        if found := _superposed(goal, kind, each, begun):
-            yield found
+        if tried := _superposed(goal, kind, each, begun):
+            yield tried
         begun = perf_counter()
 
 
@@ -165,12 +165,12 @@ def in_few_modes(goal: Goal) -> Iterator[TriedRun]:
     if survey.columns(modes) > SHARE * asked.system.n_links:
         return
     tolerance = min(goal.tolerance, LOOSEST)
-    found = in_modes(survey, modes, asked.times, tolerance=tolerance, report=asked.report)
-    run, way = found.trajectory.run, f"{len(found.kept)} mode shapes"
+    reduced = in_modes(survey, modes, asked.times, tolerance=tolerance, report=asked.report)
+    run, way = reduced.trajectory.run, f"{len(reduced.kept)} mode shapes"
 
     def again(other: Request) -> Trajectory:
         beside = replace(survey, start=other.start)
         return in_modes(beside, modes, other.times, tolerance=tolerance, report=other.report).trajectory
 
-    attempt = Attempt(way, run.tolerance, perf_counter() - begun, run.calls, found.error)
-    yield TriedRun(found.trajectory, found.errors, attempt, again)
+    attempt = Attempt(way, run.tolerance, perf_counter() - begun, run.calls, reduced.error)
+    yield TriedRun(reduced.trajectory, reduced.errors, attempt, again)

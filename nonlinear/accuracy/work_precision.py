@@ -173,19 +173,19 @@ def measure(candidate: Candidate, question: Question, reference: Reference) -> W
         begun = perf_counter()
         task = candidate.prepare(question)
         ready = perf_counter()
-        found = task()
+        solution = task()
         prepared.append(ready - begun)
         seconds.append(perf_counter() - ready)
     finest = reference.trajectory
-    error = float(apart(found.motion, finest.motion).max())
+    error = float(apart(solution.motion, finest.motion).max())
     return WorkPrecisionRow(
         candidate,
         prepared=prepared[0],
         seconds=median(seconds),
-        calls=found.run.calls,
+        calls=solution.run.calls,
         error=error,
-        shift=late(found.motion, finest) if error > reference.floor else nan,
-        drift=nan if candidate.modal and found.system.works else found.energy_drift(),
+        shift=late(solution.motion, finest) if error > reference.floor else nan,
+        drift=nan if candidate.modal and solution.system.works else solution.energy_drift(),
     )
 
 
@@ -194,7 +194,7 @@ def late(motion: Motion, reference: Trajectory) -> float:
     last = reference.times >= (1 - LAST) * reference.times[-1]
     if apart(motion, reference.motion)[last].max() > LOST:
         return nan
-    (q, _), (sure, rate) = (_flat(one, reference.system, last) for one in (motion, reference.motion))
+    (q, _), (sure, rate) = (_flat(states, reference.system, last) for states in (motion, reference.motion))
     shift = 0.0 - float(np.sum(rate * (q - sure)) / (np.sum(rate**2) or 1.0))
     return shift if abs(shift) <= LAST * reference.times[-1] else nan
 

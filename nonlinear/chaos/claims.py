@@ -68,8 +68,8 @@ def _hung(kind: Kind, links: int, copies: int = 1) -> Pendulum:
 
 def _chain_table(finding: Finding) -> Table:
     rows = []
-    for series, found in finding.series().items():
-        for case, exponent in found:
+    for series, exponents in finding.series().items():
+        for case, exponent in exponents:
             links, rate = exponent.scene.n_links, sqrt(GRAVITY)
             units = (1.0, rate, rate / sqrt(links))
             chaotic = f"{exponent.chaotic}/{exponent.ensemble}"
@@ -79,9 +79,9 @@ def _chain_table(finding: Finding) -> Table:
 
 def _chain_verdicts(finding: Finding) -> list[str]:
     words = []
-    for series, found in finding.series().items():
+    for series, exponents in finding.series().items():
         for name, power in (("links of one length", 0.0), ("one total length", 0.5)):
-            values = [scaled(exponent, exponent.scene.n_links**power) for _, exponent in found]
+            values = [scaled(exponent, exponent.scene.n_links**power) for _, exponent in exponents]
             words.append(f"{series}, {name}: {_growing(values)}")
     return words
 
@@ -117,11 +117,11 @@ def _on_cart(number: int, mass: float | None) -> Scene:
 
 def _against_fixed(finding: Finding) -> dict[str, list[int]]:
     """For every cart of a series −1 where λ is below that on the fixed support, 1 where it is above, else 0."""
-    found = {}
+    signs = {}
     for name, cases in finding.series().items():
         fixed = scaled(next(exponent for case, exponent in cases if case.at is None), 1)
-        found[name] = [compare_starts(fixed, scaled(exponent, 1)) for case, exponent in cases if case.at is not None]
-    return found
+        signs[name] = [compare_starts(fixed, scaled(exponent, 1)) for case, exponent in cases if case.at is not None]
+    return signs
 
 
 def _cart_table(finding: Finding) -> Table:

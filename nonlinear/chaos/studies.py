@@ -54,21 +54,21 @@ class Finding(Displayed):
 
     def series(self) -> dict[str, list[tuple[Case, Exponent]]]:
         """The cases with their exponents, series by series."""
-        found: dict[str, list[tuple[Case, Exponent]]] = {}
+        cases: dict[str, list[tuple[Case, Exponent]]] = {}
         for case, exponent in zip(self.study.cases, self.exponents, strict=True):
-            found.setdefault(case.series, []).append((case, exponent))
-        return found
+            cases.setdefault(case.series, []).append((case, exponent))
+        return cases
 
 
 def measure(study: ChaosStudy, report: Callable[[float], object] = lambda done: None) -> Finding:
     """The exponents of a study; `report` is called with the number of cases done."""
     require_type("study", study, "Study")
-    found = []
+    exponents = []
     for done, case in enumerate(study.cases, 1):
         starts = level_starts(case.scene, study.ensemble)
-        found.append(lyapunov_exponent(case.scene, study.duration, starts=starts))
+        exponents.append(lyapunov_exponent(case.scene, study.duration, starts=starts))
         report(done)
-    return Finding(study, tuple(found))
+    return Finding(study, tuple(exponents))
 
 
 def level_starts(scene: Scene, ensemble: int, seed: int = 0) -> list[State]:

@@ -73,8 +73,8 @@ def choose_engine(
         raise SceneError([f"engine {asked}: must be one of auto, {', '.join(ENGINES)}"])
     if asked == PLAIN:
         return Decision(PLAIN, "as asked for, one by one")
-    if asked != "auto" and (found := refusals(members.scene, f"engine {asked}", *members.varied)):
-        raise SceneError(found)
+    if asked != "auto" and (reasons := refusals(members.scene, f"engine {asked}", *members.varied)):
+        raise SceneError(reasons)
     if why_not:
         if asked != "auto":
             raise SceneError([f"engine {asked}: {why_not}; simulate takes its members one by one"])

@@ -29,10 +29,10 @@ from nonlinear.system import Layout, Numbers
 def run(numbers: Numbers, y: Floats, wanted: Wanted) -> MemberResults:
     """Members with these numbers from y (size, S) on."""
     plain = Lanes(numbers)
-    found = _run(plain, numbers, y, wanted)
+    results = _run(plain, numbers, y, wanted)
     if wanted.stretching:
-        found.stretching = stretching(numbers, y[: 2 * plain.layout.half], wanted)
-    return found
+        results.stretching = stretching(numbers, y[: 2 * plain.layout.half], wanted)
+    return results
 
 
 def task_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[LaneTask, Floats, Floats]:
@@ -61,10 +61,10 @@ class Watches:
         """Those that there are."""
         return [watch for watch in (self.samples, self.turns, self.largest, self.section) if watch is not None]
 
-    def found(self, found: MemberResults) -> MemberResults:
+    def added_to(self, results: MemberResults) -> MemberResults:
         """With what these have found."""
         return replace(
-            found,
+            results,
             rows=self.samples.rows if self.samples else None,
             first_turns=self.turns.times if self.turns else None,
             largest=self.largest.angle if self.largest else None,
@@ -97,12 +97,12 @@ def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> MemberRes
     growth, watches = Growth(layout, scale, local), watches_of(lanes, numbers, y, wanted)
     if not numbers.switching:
         outcome = integrate(task, [growth, *watches.all])
-        return watches.found(MemberResults(outcome.y, growth.error, growth.horizon, outcome.reasons))
+        return watches.added_to(MemberResults(outcome.y, growth.error, growth.horizon, outcome.reasons))
     task, none = switching(task), np.full(y.shape[1], np.nan)
     rubbing = [RailWork(task.lanes, y.shape[1])] if task.lanes.presses else []
     outcome = integrate(task, [*rubbing, *watches.all])
-    rubbed = 0.0 if layout.works else task.lanes.work(outcome.y, outcome.state) + sum(own.work for own in rubbing)
-    return watches.found(MemberResults(outcome.y, none, none.copy(), outcome.reasons, rubbed=rubbed))
+    rubbed = 0.0 if layout.works else task.lanes.work(outcome.y, outcome.state) + sum(watch.work for watch in rubbing)
+    return watches.added_to(MemberResults(outcome.y, none, none.copy(), outcome.reasons, rubbed=rubbed))
 
 
 def stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:

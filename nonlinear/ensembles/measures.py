@@ -55,9 +55,11 @@ def ending_times(scene: Scene, duration: float) -> tuple[float, ...]:
     return tuple(np.linspace((1 - ENDING) * duration, duration, count).tolist())
 
 
-def _first_turn(context: Context, found: MemberResults, ending: Floats) -> Columns:
-    assert found.first_turns is not None
-    return {f"first_turn_{place}_s": own for place, own in zip(places(context.system), found.first_turns, strict=True)}
+def _first_turn(context: Context, results: MemberResults, ending: Floats) -> Columns:
+    assert results.first_turns is not None
+    return {
+        f"first_turn_{place}_s": turn for place, turn in zip(places(context.system), results.first_turns, strict=True)
+    }
 
 
 def places(system: System) -> list[str]:
@@ -66,17 +68,17 @@ def places(system: System) -> list[str]:
     return [label[len("theta") :].strip("[]").replace(",", "_") for label in labels]
 
 
-def _lyapunov(context: Context, found: MemberResults, ending: Floats) -> Columns:
-    assert found.stretching is not None
-    return {"lyapunov_per_s": found.stretching / context.wanted.duration}
+def _lyapunov(context: Context, results: MemberResults, ending: Floats) -> Columns:
+    assert results.stretching is not None
+    return {"lyapunov_per_s": results.stretching / context.wanted.duration}
 
 
-def _largest_angle(context: Context, found: MemberResults, ending: Floats) -> Columns:
-    assert found.largest is not None
-    return {"largest_angle_deg": np.degrees(found.largest)}
+def _largest_angle(context: Context, results: MemberResults, ending: Floats) -> Columns:
+    assert results.largest is not None
+    return {"largest_angle_deg": np.degrees(results.largest)}
 
 
-def _pendulum_energy(context: Context, found: MemberResults, ending: Floats) -> Columns:
+def _pendulum_energy(context: Context, results: MemberResults, ending: Floats) -> Columns:
     sums: Floats = np.zeros((context.system.n_pendula, len(ending)))
     carried: Floats = np.zeros(len(ending))
     accounts = Accounts(context.numbers, context.layout)
@@ -96,7 +98,7 @@ def energy_columns(system: System, pendula: Floats, carried: Floats) -> Columns:
     return columns | ({"cart_energy_J": np.asarray(carried)} if system.cart or system.structure else {})
 
 
-def _order(context: Context, found: MemberResults, ending: Floats) -> Columns:
+def _order(context: Context, results: MemberResults, ending: Floats) -> Columns:
     z, weights = own_amplitudes(context, ending)
     size = np.abs(z)
     leading = np.argmax(np.sum(weights * np.mean(size**2, axis=1), axis=1), axis=1)
@@ -119,14 +121,14 @@ def own_amplitudes(context: Context, rows: Floats) -> tuple[Complexes, Floats]:
     z = np.empty((len(flat), system.n_pendula, count), dtype=np.complex128)
     weights = np.empty((system.n_pendula, count))
     for group in system.groups:
-        own = own_shapes(group, system.gravity, count)
-        eta, rate = (np.einsum("tnp,pnb->tpb", part[:, group.index], own.dual) for part in (turned, rates))
-        z[:, group.pendula] = eta - 1j * rate / own.omega
-        weights[group.pendula] = own.mass * own.omega**2
+        shapes = own_shapes(group, system.gravity, count)
+        eta, rate = (np.einsum("tnp,pnb->tpb", part[:, group.index], shapes.dual) for part in (turned, rates))
+        z[:, group.pendula] = eta - 1j * rate / shapes.omega
+        weights[group.pendula] = shapes.mass * shapes.omega**2
     return z.reshape(members, times, *z.shape[1:]), weights
 
 
-def _configuration(context: Context, found: MemberResults, ending: Floats) -> Columns:
+def _configuration(context: Context, results: MemberResults, ending: Floats) -> Columns:
     known = configurations(context.scene)
     if not known:
         return {"configuration": np.zeros(len(ending))}
@@ -162,7 +164,7 @@ def _modal(averaged: AveragedEquations, context: Context, rows: Floats) -> Compl
     return np.asarray((q @ averaged.dual - 1j * (v @ averaged.dual) / averaged.omega).T)
 
 
-def _section(context: Context, found: MemberResults, ending: Floats) -> Columns:
+def _section(context: Context, results: MemberResults, ending: Floats) -> Columns:
     return {}
 
 

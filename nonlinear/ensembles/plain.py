@@ -64,27 +64,27 @@ def columns(question: EnsembleRequest, scene: Scene, start: State) -> Columns:
     sampled = run
     if output is None and times:
         sampled = simulate(scene, question.duration, start=start, tolerance=question.tolerance, output=needed)
-    found: Columns = {
+    kept: Columns = {
         "energy_drift": np.array(run.energy_drift()),
         "error_rad": np.array(np.nan),
         "horizon_s": np.array(np.nan),
     }
-    found |= _measured(question, scene, run, sampled)
+    kept |= _measured(question, scene, run, sampled)
     rows = np.searchsorted(sampled.times, question.times)
     if question.keeps_end:
-        found |= _states(run.motion.at(slice(-1, None)), single=True)
+        kept |= _states(run.motion.at(slice(-1, None)), single=True)
     if question.times:
-        found |= _states(sampled.motion.at(rows), single=False)
-    return found
+        kept |= _states(sampled.motion.at(rows), single=False)
+    return kept
 
 
 def _states(motion: Motion, single: bool) -> Columns:
     parts = {column: getattr(motion, part) for part, column in state_columns(motion.supports.size > 0).items()}
-    return {name: own[0] if single else own for name, own in parts.items()}
+    return {name: values[0] if single else values for name, values in parts.items()}
 
 
 def _measured(question: EnsembleRequest, scene: Scene, run: Trajectory, sampled: Trajectory) -> Columns:
-    found: Columns = {}
+    measured: Columns = {}
     names = question.measures.names
     if run.system.spatial:
         return _in_space(question, run, sampled)
@@ -93,15 +93,15 @@ def _measured(question: EnsembleRequest, scene: Scene, run: Trajectory, sampled:
     ending = rows[np.searchsorted(sampled.times, question.ending)][None] if question.ending else rows[None, :0]
     whole = MemberResults(rows[-1:].T, np.full(1, np.nan), np.full(1, np.nan))
     if "first_turn" in names:
-        whole.first_turns = np.array([[own.time.min(initial=np.inf)] for own in _turns(run, layout)])
+        whole.first_turns = np.array([[passages.time.min(initial=np.inf)] for passages in _turns(run, layout)])
     if "largest_angle" in names:
         whole.largest = np.array([largest_angle(run)])
     context = Context(scene, run.system, numbers_of(scene), layout, rows[:1].T, question.wanted)
     for measure in names:
-        found |= {name: values[0] for name, values in COLUMNS[measure](context, whole, ending).items()}
+        measured |= {name: values[0] for name, values in COLUMNS[measure](context, whole, ending).items()}
     if question.measures.section:
-        found |= _crossings(run, question.measures.section, layout)
-    return found
+        measured |= _crossings(run, question.measures.section, layout)
+    return measured
 
 
 def _turns(run: Trajectory, layout: Layout) -> list[Passages]:
@@ -117,17 +117,17 @@ def _counted(run: Trajectory, name: str, level: Level, layout: Layout, direction
     rows = np.array([layout.begin(event.state) for event in events]).reshape(len(events), layout.size)
     time, way = np.array([event.time for event in events]), np.sign(rows[:, layout.half + level.row])
     none, begun = np.zeros(len(events), dtype=np.int64), layout.begin(run.motion[0])[:, None]
-    found = Passages(none, time, rows, level.number(rows[:, level.row]), way)
-    return counted(found, starts_of(level, layout, begun, 0.0 * begun), begun, direction)
+    passages = Passages(none, time, rows, level.number(rows[:, level.row]), way)
+    return counted(passages, starts_of(level, layout, begun, 0.0 * begun), begun, direction)
 
 
 def _in_space(question: EnsembleRequest, run: Trajectory, sampled: Trajectory) -> Columns:
-    found: Columns = {}
+    measured: Columns = {}
     if "largest_angle" in question.measures.names:
-        found["largest_angle_deg"] = np.array(np.degrees(largest_angle(run)))
+        measured["largest_angle_deg"] = np.array(np.degrees(largest_angle(run)))
     if "pendulum_energy" in question.measures.names:
-        found |= _energies(sampled.at(np.searchsorted(sampled.times, question.ending)))
-    return found
+        measured |= _energies(sampled.at(np.searchsorted(sampled.times, question.ending)))
+    return measured
 
 
 def _energies(run: Trajectory) -> Columns:
@@ -162,13 +162,13 @@ def _rows(layout: Layout, run: Trajectory) -> Floats:
 
 
 def _events(question: EnsembleRequest, scene: Scene) -> list[Event]:
-    found, first = [], question.system.first
+    events, first = [], question.system.first
     if question.wanted.first_turns:
         for link, place in enumerate(places(question.system)):
-            found.append(Event(f"{TURNS} {place}", _passing(Passing(first + link, np.pi, 0), first)))
+            events.append(Event(f"{TURNS} {place}", _passing(Passing(first + link, np.pi, 0), first)))
     if section := question.measures.section:
-        found.append(Event(SECTION, _passing(section, first)))
-    return found
+        events.append(Event(SECTION, _passing(section, first)))
+    return events
 
 
 def _passing(section: Passing, first: int) -> Any:
@@ -179,7 +179,7 @@ def _passing(section: Passing, first: int) -> Any:
 
 def _crossings(run: Trajectory, section: Passing, layout: Layout) -> Columns:
     level = level_of(layout, section.row, section.level)
-    found = _counted(run, SECTION, level, layout, section.direction)
-    motion = layout.read(found.rows)
+    passages = _counted(run, SECTION, level, layout, section.direction)
+    motion = layout.read(passages.rows)
     parts = {column: getattr(motion, part) for part, column in state_columns(layout.is_structured).items()}
-    return {"crossing_time_s": found.time, **{f"crossing_{name}": own for name, own in parts.items()}}
+    return {"crossing_time_s": passages.time, **{f"crossing_{name}": values for name, values in parts.items()}}

@@ -165,8 +165,8 @@ def _switching(scene: Scene, members: Members, places: list[Place]) -> str:
     if not switching:
         return ""
     if switching - scene.features or any(
-        is_of_switch(place) and np.any(own == 0)
-        for path, own in members.values.items()
+        is_of_switch(place) and np.any(values == 0)
+        for path, values in members.values.items()
         for place in find_places(scene, path)
     ):
         return "some members have no such kicks or friction"

@@ -65,15 +65,15 @@ def merged(parts: Sequence[tuple[Ints, MemberResults]]) -> MemberResults:
     """What was found of groups of members, each with their numbers among all."""
     order = np.argsort(np.concatenate([members for members, _ in parts]))
     arrays: dict[str, Any] = {
-        name: np.take(np.concatenate([getattr(one, name) for _, one in parts], axis=axis), order, axis=axis)
+        name: np.take(np.concatenate([getattr(some, name) for _, some in parts], axis=axis), order, axis=axis)
         for name, axis in AXES.items()
         if getattr(parts[0][1], name) is not None
     }
-    reasons = {int(members[k]): reason for members, one in parts for k, reason in one.reasons.items()}
-    crossed = [(members[one.crossed[0]], *one.crossed[1:]) for members, one in parts if one.crossed is not None]
-    found = MemberResults(**arrays, reasons=reasons)
+    reasons = {int(members[k]): reason for members, some in parts for k, reason in some.reasons.items()}
+    crossed = [(members[some.crossed[0]], *some.crossed[1:]) for members, some in parts if some.crossed is not None]
+    whole = MemberResults(**arrays, reasons=reasons)
     if crossed:
-        members, times, rows = (np.concatenate(own) for own in zip(*crossed, strict=True))
+        members, times, rows = (np.concatenate(column) for column in zip(*crossed, strict=True))
         by_member = np.lexsort((times, members))
-        found.crossed = members[by_member], times[by_member], rows[by_member]
-    return found
+        whole.crossed = members[by_member], times[by_member], rows[by_member]
+    return whole

@@ -88,19 +88,19 @@ class Ensemble(Displayed):
             raise SceneError([f"{name}: was not kept; there are {', '.join(self.columns)}"])
         if name.startswith("crossing_"):
             return np.concatenate([chunk.columns[name] for chunk in self.chunks if name in chunk.columns])
-        found: Floats | None = None
+        whole: Floats | None = None
         for chunk in self.chunks:
-            if (own := chunk.columns.get(name)) is not None:
-                if found is None:
-                    found = np.full((self.size, *own.shape[1:]), np.nan)
-                found[chunk.first : chunk.first + chunk.size] = own
-        assert found is not None
-        return found
+            if (values := chunk.columns.get(name)) is not None:
+                if whole is None:
+                    whole = np.full((self.size, *values.shape[1:]), np.nan)
+                whole[chunk.first : chunk.first + chunk.size] = values
+        assert whole is not None
+        return whole
 
     def grid(self, name: str) -> Floats:
         """One quantity over the grid of what was varied."""
-        own = self.column(name)
-        return own.reshape(*self.members.shape, *own.shape[1:])
+        values = self.column(name)
+        return values.reshape(*self.members.shape, *values.shape[1:])
 
     @cached_property
     def failures(self) -> dict[int, str]:
@@ -120,18 +120,18 @@ class Ensemble(Displayed):
     @cached_property
     def differences(self) -> dict[int, float]:
         """The largest angle (rad) at the end between members and runs by themselves; NaN beyond the horizon."""
-        return {member: own for chunk in self.chunks for member, own in chunk.differences.items()}
+        return {member: difference for chunk in self.chunks for member, difference in chunk.differences.items()}
 
     @property
     def largest_difference(self) -> float:
         """The largest of them; NaN where none was checked within its horizon."""
-        return max((own for own in self.differences.values() if not isnan(own)), default=float("nan"))
+        return max((angle for angle in self.differences.values() if not isnan(angle)), default=float("nan"))
 
     @property
     def final(self) -> Motion:
         """The last states of all members; SceneError where they were not kept."""
-        own = state_columns(self.question.system.structure is not None)
-        parts = {part: self.column(column) for part, column in own.items()}
+        columns = state_columns(self.question.system.structure is not None)
+        parts = {part: self.column(column) for part, column in columns.items()}
         return Motion(**parts, work=np.full(self.size, np.nan))
 
     def to_dict(self) -> dict[str, Floats]:
@@ -142,10 +142,10 @@ class Ensemble(Displayed):
         >>> found.to_dict()["gravity"].tolist()
         [9.8, 1.6]
         """
-        given = self.members.values
+        varied = self.members.values
         single = [name for name in self.columns if not name.startswith("crossing_")]
-        found = {name: own for name in single if (own := self.column(name)).ndim == 1}
-        return {**given, **found}
+        measured = {name: values for name in single if (values := self.column(name)).ndim == 1}
+        return {**varied, **measured}
 
     def _summary(self) -> Summary:
         members, question = counted(self.size, "member", "members"), self.question
@@ -164,7 +164,7 @@ class Ensemble(Displayed):
         lines = [f"{self.size} members by {self.engine}: {self.reason}"]
         if len(known):
             lines.append(f"energy drift at most {known.max():.1e}, {told}")
-        if count := sum(not isnan(own) for own in self.differences.values()):
+        if count := sum(not isnan(difference) for difference in self.differences.values()):
             lines.append(f"{count} members run by themselves differ by at most {self.largest_difference:.1e} rad")
         if self.failures:
             lines.append(f"{len(self.failures)} failed")
@@ -228,8 +228,8 @@ def ensemble(
 
 def _left(question: EnsembleRequest, parts: Parts | None, share: tuple[int, int] | None) -> list[int]:
     """The chunks to compute."""
-    one, of = share or (0, 1)
-    return [number for number in range(one, question.chunks, of) if not (parts and parts.done(number))]
+    first, of = share or (0, 1)
+    return [number for number in range(first, question.chunks, of) if not (parts and parts.done(number))]
 
 
 def _validate_share(share: object) -> None:
@@ -237,9 +237,9 @@ def _validate_share(share: object) -> None:
     if share is None:
         return
     try:
-        one, of = cast("tuple[int, int]", share)
-        validate_whole(0, k=one, n=of)
-        fits = one < of
+        first, of = cast("tuple[int, int]", share)
+        validate_whole(0, k=first, n=of)
+        fits = first < of
     except (TypeError, ValueError):
         fits = False
     if not fits:
@@ -313,8 +313,8 @@ def _run(
     report(done)
     interrupted = False
     try:
-        with closing(_chunks(question, decision.forgone, left, workers, crew)) as found:
-            for number, chunk in found:
+        with closing(_chunks(question, decision.forgone, left, workers, crew)) as chunks:
+            for number, chunk in chunks:
                 if parts:
                     parts.keep(number, chunk)
                 else:
@@ -372,17 +372,17 @@ def work(task: ChunkTask) -> Numbered:
 def _lean(question: EnsembleRequest) -> EnsembleRequest:
     """The question with one member's worth of what may be many."""
     members = question.members
-    lists = {path: own[:1] for path, own in (members.lists or {}).items()}
+    lists = {path: numbers[:1] for path, numbers in (members.lists or {}).items()}
     states = None if members.states is None else members.states.at(slice(0, 1))
     small = Members(members.scene, members.axes, lists, states)
     return replace(question, members=small)
 
 
 def _shared(tasks: Iterator[ChunkTask], crew: WorkerPool) -> Generator[Numbered, None, list[ChunkTask]]:
-    with closing(spread(partial(work), tasks, crew)) as found:
+    with closing(spread(partial(work), tasks, crew)) as results:
         while True:
             try:
-                yield next(found)[1]
+                yield next(results)[1]
             except StopIteration as end:
                 return list(end.value) + (list(tasks) if end.value else [])
 
@@ -390,8 +390,8 @@ def _shared(tasks: Iterator[ChunkTask], crew: WorkerPool) -> Generator[Numbered,
 def _alone(tasks: Sequence[ChunkTask]) -> Generator[Numbered, None, None]:
     """One chunk after another, each in a process that may die without harm to others."""
     for task in tasks:
-        with processes(1) as one:
-            lost = yield from _shared(iter([task]), one)
+        with processes(1) as worker:
+            lost = yield from _shared(iter([task]), worker)
         if lost:
             numbers = range(task.part.first, task.part.first + task.part.size)
             yield task.number, Chunk(task.part.first, task.part.size, {}, dict.fromkeys(numbers, DIED), {})

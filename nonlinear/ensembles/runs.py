@@ -42,19 +42,19 @@ def form_of(scene: Scene) -> Hashable:
     if one_by_one(scene) or refusals(scene, "an ensemble"):
         return None
     pendula = tuple(
-        (one.count, one.ways, tuple((link.count, link.drive is not None, _law(link)) for link in one.links))
-        for one in scene.pendulum
+        (part.count, part.ways, tuple((link.count, link.drive is not None, _law(link)) for link in part.links))
+        for part in scene.pendulum
     )
-    return tuple(one.kind for one in scene.supports), _moved(scene), scene.has_modal_damping, pendula, _carried(scene)
+    return tuple(part.kind for part in scene.supports), _moved(scene), scene.has_modal_damping, pendula, _carried(scene)
 
 
 def _carried(scene: Scene) -> Hashable:
     """What differs between structures: where pendula hang, what springs join, which have no length, modal supports."""
     if not scene.is_structured:
         return None
-    modal = tuple((one.M, one.K, one.D, one.points) for one in scene.supports if isinstance(one, ModalSupport))
-    springs = tuple((one.between, one.kind) for one in scene.spring)
-    return tuple(one.on for one in scene.pendulum), springs, modal, system_of(scene).slack
+    modal = tuple((part.M, part.K, part.D, part.points) for part in scene.supports if isinstance(part, ModalSupport))
+    springs = tuple((part.between, part.kind) for part in scene.spring)
+    return tuple(part.on for part in scene.pendulum), springs, modal, system_of(scene).slack
 
 
 def _law(link: AnyLink) -> Hashable:
@@ -64,8 +64,8 @@ def _law(link: AnyLink) -> Hashable:
 
 def _moved(scene: Scene) -> Hashable:
     """What differs between motions of a support and forces, the numbers of sines and of constant forces left out."""
-    moved = tuple((one.direction, "sine") if one.kind == "sine" else one for one in scene.motions)
-    acting = tuple((one.on, one.direction, one.kind) if one.kind in TIMED else one for one in scene.force)
+    moved = tuple((part.direction, "sine") if part.kind == "sine" else part for part in scene.motions)
+    acting = tuple((part.on, part.direction, part.kind) if part.kind in TIMED else part for part in scene.force)
     return moved, acting
 
 
@@ -160,14 +160,14 @@ def _together(scenes: Sequence[Scene], duration: float) -> dict[Scene, Trajector
         except MultipendulaError:
             continue
         kept.append(scene)
-    found: dict[Scene, Trajectory] = {}
+    runs: dict[Scene, Trajectory] = {}
     longest = max(map(len, times), default=1)
     at_once = max(1, ROOM // (8 * longest * (4 * scenes[0].n_links + 4)))
     for first in range(0, len(kept), at_once):
         part = slice(first, first + at_once)
         if len(kept[part]) >= FEWEST:
-            found |= _integrated(kept[part], times[part], duration)
-    return found
+            runs |= _integrated(kept[part], times[part], duration)
+    return runs
 
 
 def _integrated(scenes: Sequence[Scene], times: Sequence[Floats], duration: float) -> dict[Scene, Trajectory]:
@@ -176,16 +176,16 @@ def _integrated(scenes: Sequence[Scene], times: Sequence[Floats], duration: floa
     y = np.stack([lanes.layout.begin(usual_start(scene)) for scene in scenes], axis=1)
     task, _, _ = task_of(lanes, numbers, y, Wanted(duration, TOLERANCE))
     padded = np.full((len(scenes), max(map(len, times))), np.inf)
-    for row, own in zip(padded, times, strict=True):
-        row[: len(own)] = own
+    for row, moments in zip(padded, times, strict=True):
+        row[: len(moments)] = moments
     samples = Samples(padded, y)
     outcome = integrate(task, [samples])
-    found = {}
-    for k, (scene, own) in enumerate(zip(scenes, times, strict=True)):
+    runs = {}
+    for k, (scene, moments) in enumerate(zip(scenes, times, strict=True)):
         if k in outcome.reasons:
             continue
         run = SolverInfo("minimal", "DOP853", REASON, TOLERANCE, steps=int(outcome.steps[k]))
-        rows = samples.rows[k, : len(own)]
+        rows = samples.rows[k, : len(moments)]
         rows[-1] = outcome.y[:, k]
-        found[scene] = Trajectory(scene, system_of(scene), own, lanes.layout.read(rows), run)
-    return found
+        runs[scene] = Trajectory(scene, system_of(scene), moments, lanes.layout.read(rows), run)
+    return runs

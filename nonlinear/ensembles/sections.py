@@ -57,12 +57,12 @@ class PoincareSection(Displayed):
         return deferred("nonlinear.plotting.ensembles:section_figure")(self)
 
     def _summary(self) -> Summary:
-        own = self.ensemble
-        title = f"Poincaré section of {name_of(own.question.scene)} at {self.coordinate}"
+        members = self.ensemble
+        title = f"Poincaré section of {name_of(members.question.scene)} at {self.coordinate}"
         facts = [
             ("crossings", str(len(self.orbit))),
-            ("motions", str(own.size)),
-            ("duration", f"{own.question.duration:g} s"),
+            ("motions", str(members.size)),
+            ("duration", f"{members.question.duration:g} s"),
             ("energy", f"{self.energy:.6g} J above rest"),
         ]
         return Summary(title, facts)
@@ -104,70 +104,73 @@ def find_section(
     energy = energy_of(scene, usual_start(scene)) if energy is None else checked_number("energy", energy)
     starts = starts_at(scene, energy, orbits, section=section)
     length = PERIODS * sqrt(max(link.length for link in scene.links()) / scene.gravity)
-    found = ensemble(scene, duration or length, starts=starts, measures=[f"section:{text}"], report=report, **options)
-    if found.interrupted:
+    members = ensemble(scene, duration or length, starts=starts, measures=[f"section:{text}"], report=report, **options)
+    if members.interrupted:
         raise KeyboardInterrupt
     crossed = system.labels[section.row]
     others = [label for label in system.labels[system.first :] if label != crossed]
-    return PoincareSection(found, energy, section, text, (others or [crossed])[0])
+    return PoincareSection(members, energy, section, text, (others or [crossed])[0])
 
 
 @checked
-def section_table(found: PoincareSection, form: Form) -> str:
+def section_table(section: PoincareSection, form: Form) -> str:
     """As text, csv (one line a crossing) or json, the `form`."""
     if form == "csv":
-        return as_csv(_records(found))
+        return as_csv(_records(section))
     if form == "json":
-        return as_json(_whole(found))
-    scene, counts = found.ensemble.question.scene, np.bincount(found.orbit.astype(int), minlength=found.ensemble.size)
+        return as_json(_whole(section))
+    scene, counts = (
+        section.ensemble.question.scene,
+        np.bincount(section.orbit.astype(int), minlength=section.ensemble.size),
+    )
     lines = [
-        f"{len(found.orbit)} crossings of {found.coordinate} by {found.ensemble.size} motions "
-        f"of {found.ensemble.question.duration:.4g} s, {counts.min()} to {counts.max()} each",
-        f"energy {found.energy:.6g} J above the scene's rest",
-        found.ensemble.words(),
+        f"{len(section.orbit)} crossings of {section.coordinate} by {section.ensemble.size} motions "
+        f"of {section.ensemble.question.duration:.4g} s, {counts.min()} to {counts.max()} each",
+        f"energy {section.energy:.6g} J above the scene's rest",
+        section.ensemble.words(),
     ]
     return titled(title_of(scene), "Poincaré section", ["\n".join(lines)], "text")
 
 
-def _records(found: PoincareSection) -> list[dict[str, Any]]:
-    labels = found.system.labels[found.system.first :]
+def _records(section: PoincareSection) -> list[dict[str, Any]]:
+    labels = section.system.labels[section.system.first :]
     places = [label[len("theta") :].strip("[]").replace(",", "_") for label in labels]
-    column = found.ensemble.column
+    column = section.ensemble.column
     rows = zip(
-        found.orbit.astype(int).tolist(),
+        section.orbit.astype(int).tolist(),
         column("crossing_time_s").tolist(),
         column("crossing_links_rad").tolist(),
         column("crossing_link_rates_rad_per_s").tolist(),
-        _carried(found),
+        _carried(section),
         strict=True,
     )
     return [
         {"motion": motion + 1, "time_s": time}
-        | {f"theta_{place}_rad": own for place, own in zip(places, links, strict=True)}
-        | {f"theta_dot_{place}_rad_per_s": own for place, own in zip(places, rates, strict=True)}
+        | {f"theta_{place}_rad": value for place, value in zip(places, links, strict=True)}
+        | {f"theta_dot_{place}_rad_per_s": value for place, value in zip(places, rates, strict=True)}
         | carried
         for motion, time, links, rates, carried in rows
     ]
 
 
-def _carried(found: PoincareSection) -> list[dict[str, float]]:
+def _carried(section: PoincareSection) -> list[dict[str, float]]:
     """The cart, or the coordinates of a structure, at every crossing."""
-    own = ("cart_m", "cart_rate_m_per_s") if found.system.structure is None else CARRIED.values()
-    columns = [found.ensemble.column(f"crossing_{name}") for name in own]
-    rows = np.hstack([each.reshape(len(found.orbit), -1) for each in columns]).tolist()
-    return [dict(zip(found.system.first_columns, row, strict=True)) for row in rows]
+    names = ("cart_m", "cart_rate_m_per_s") if section.system.structure is None else CARRIED.values()
+    columns = [section.ensemble.column(f"crossing_{name}") for name in names]
+    rows = np.hstack([each.reshape(len(section.orbit), -1) for each in columns]).tolist()
+    return [dict(zip(section.system.first_columns, row, strict=True)) for row in rows]
 
 
-def _whole(found: PoincareSection) -> dict[str, Any]:
-    own = found.ensemble
+def _whole(section: PoincareSection) -> dict[str, Any]:
+    members = section.ensemble
     return {
-        "scene": describe(own.question.scene),
-        "section": found.coordinate,
-        "energy_J": found.energy,
-        "motions": own.size,
-        "duration_s": own.question.duration,
-        "engine": own.engine,
-        "failed": len(own.failures),
-        "largest_energy_drift": finite(float(np.nanmax(own.energy_drift))),
-        "crossings": _records(found),
+        "scene": describe(members.question.scene),
+        "section": section.coordinate,
+        "energy_J": section.energy,
+        "motions": members.size,
+        "duration_s": members.question.duration,
+        "engine": members.engine,
+        "failed": len(members.failures),
+        "largest_energy_drift": finite(float(np.nanmax(members.energy_drift))),
+        "crossings": _records(section),
     }

@@ -124,8 +124,8 @@ def find_together(scenes: Sequence[Scene]) -> None:
     except ComputationError:
         return
     numbers = np.cumsum(np.diff(omega, axis=1, prepend=np.nan) != 0, axis=1)
-    for scene, row, own in zip(scenes, omega, numbers, strict=True):
-        _KNOWN.modes[scene] = 1j * row[row > 0], tuple(own[row > 0].tolist())
+    for scene, row, labels in zip(scenes, omega, numbers, strict=True):
+        _KNOWN.modes[scene] = 1j * row[row > 0], tuple(labels[row > 0].tolist())
 
 
 def swinging(scene: Scene) -> Swinging:
@@ -143,8 +143,8 @@ def _swinging(scene: Scene) -> Swinging:
 
 def numbers_in(scene: Scene, table: Scene) -> tuple[int, ...]:
     """The numbers of a scene's oscillating modes in the table of another, or in its own if their counts differ."""
-    own, given = swinging(scene)[1], swinging(table)[1]
-    return given if len(own) == len(given) else own
+    numbers, wanted = swinging(scene)[1], swinging(table)[1]
+    return wanted if len(numbers) == len(wanted) else numbers
 
 
 def frequencies(scene: Scene, count: float, table: Scene) -> dict[str, float]:
@@ -179,7 +179,7 @@ def _gap(scene: Scene, number: int, table: Scene) -> tuple[int, float]:
     order = np.argsort(values, kind="stable")
     omega, numbers = values[order], [listed[place] for place in order]
     number = number or next(iter(numbers), 0)
-    last = max((place for place, own in enumerate(numbers) if own == number), default=-1)
+    last = max((place for place, listed_number in enumerate(numbers) if listed_number == number), default=-1)
     if last < 0:
         raise ComputationError(f"mode {number} of the table does not oscillate: {_those(numbers)}")
     if last + 1 == len(numbers):
@@ -241,8 +241,8 @@ def first_turn(scene: Scene, seconds: float) -> dict[str, float]:
 def diverge_together(scenes: Sequence[Scene], seconds: float) -> None:
     """The exponents of these scenes, each over its usual duration where that is 0."""
     for duration in dict.fromkeys(seconds or usual_duration(scene) for scene in scenes):
-        own = [scene for scene in scenes if seconds or usual_duration(scene) == duration]
-        side_by_side("lyapunov", own, duration)
+        alike = [scene for scene in scenes if seconds or usual_duration(scene) == duration]
+        side_by_side("lyapunov", alike, duration)
 
 
 def lyapunov(scene: Scene, seconds: float) -> dict[str, float]:
@@ -264,11 +264,11 @@ def order(scene: Scene, seconds: float) -> dict[str, float]:
 
 def survivor(scene: Scene, seconds: float, table: Scene) -> dict[str, float]:
     """The number in the table of the mode with most energy at the end, and its share."""
-    found = _survival(scene, seconds)
-    number, own = found.number, swinging(scene)[1]
-    if number in own:
-        number = numbers_in(scene, table)[own.index(number)]
-    return {"survivor": float(number), "survivor_share": found.survivor_share}
+    survival = _survival(scene, seconds)
+    number, numbers = survival.number, swinging(scene)[1]
+    if number in numbers:
+        number = numbers_in(scene, table)[numbers.index(number)]
+    return {"survivor": float(number), "survivor_share": survival.survivor_share}
 
 
 def locking(scene: Scene, seconds: float) -> dict[str, float]:

@@ -75,9 +75,9 @@ class Sweep(Displayed):
 
     def to_dict(self) -> dict[str, Floats]:
         """The values of the axes and every quantity at every point of the grid, the last axis varying fastest."""
-        axes = np.meshgrid(*(own.values for own in self.study.variations), indexing="ij")
-        found = {own.column: grid.ravel() for own, grid in zip(self.study.variations, axes, strict=True)}
-        return found | {name: self.values(name).ravel() for name in self.columns}
+        axes = np.meshgrid(*(variation.values for variation in self.study.variations), indexing="ij")
+        columns = {variation.column: grid.ravel() for variation, grid in zip(self.study.variations, axes, strict=True)}
+        return columns | {name: self.values(name).ravel() for name in self.columns}
 
     @cached_property
     def boundaries(self) -> tuple[Boundary, ...]:
@@ -90,11 +90,11 @@ class Sweep(Displayed):
             return ()
         sine, places = vertical_sine(study.scene), vertical_places(study.scene)
         values: dict[str, Any] = {"amplitude": sine.amplitude, "frequency_hz": sine.frequency_hz}
-        for own in study.variations:
-            varied = set(find_places(study.scene, own.path)) & places.keys()
+        for variation in study.variations:
+            varied = set(find_places(study.scene, variation.path)) & places.keys()
             if not varied:
                 return ()
-            values |= {places[place]: own.values for place in varied}
+            values |= {places[place]: variation.values for place in varied}
         return tongues(study.scene, **values).boundaries
 
     def plot(self) -> Any:
@@ -102,7 +102,9 @@ class Sweep(Displayed):
         return deferred("nonlinear.plotting.sweeps:sweep_figure")(self)
 
     def _summary(self) -> Summary:
-        facts = [(own.path, f"{own.values[0]:g} to {own.values[-1]:g} {own.unit}") for own in self.study.variations]
+        facts = [
+            (axis.path, f"{axis.values[0]:g} to {axis.values[-1]:g} {axis.unit}") for axis in self.study.variations
+        ]
         done = f"{len(self.rows)} of {self.study.size} points"
         failed = f", {len(self.failures)} failed" if self.failures else ""
         first = self.rows[:HTML_ROWS]
@@ -111,15 +113,15 @@ class Sweep(Displayed):
             [*place, *(brief(row.numbers.get(name, np.nan)) for name in self.columns)]
             for place, row in zip(axes, first, strict=True)
         ]
-        headings = [*(own.column for own in self.study.variations), *self.columns]
+        headings = [*(axis.column for axis in self.study.variations), *self.columns]
         return Summary(f"Sweep of {name_of(self.study.scene)}: {done}{failed}", facts, headings, rows, len(self.rows))
 
     def values(self, column: str) -> Floats:
         """One quantity over the grid, in the study's shape, NaN where it is unknown."""
-        found = np.full(self.study.size, np.nan)
+        values = np.full(self.study.size, np.nan)
         for row in self.rows:
-            found[row.index] = row.numbers.get(column, np.nan)
-        return found.reshape(self.study.shape)
+            values[row.index] = row.numbers.get(column, np.nan)
+        return values.reshape(self.study.shape)
 
 
 def vertical_places(scene: Scene) -> dict[Place, str]:
@@ -152,8 +154,8 @@ def sweep(
     interrupted = False
     report(len(rows))
     try:
-        with closing(_found(study, left, workers, crew)) as found:
-            for portion in found:
+        with closing(_found(study, left, workers, crew)) as portions:
+            for portion in portions:
                 kept.add(portion)
                 rows |= {row.index: row for row in portion}
                 report(len(rows))
@@ -235,10 +237,10 @@ def _here(task: SweepTask, points: Points) -> Rows:
 
 def _shared(task: SweepTask, portions: Iterator[Points], crew: WorkerPool) -> Generator[list[Row], None, list[Point]]:
     """The rows of all portions as they come; points whose workers died are returned."""
-    with closing(spread(partial(measure_points, task), portions, crew)) as found:
+    with closing(spread(partial(measure_points, task), portions, crew)) as results:
         while True:
             try:
-                yield next(found)[1]
+                yield next(results)[1]
             except StopIteration as end:
                 return [point for portion in end.value for point in portion]
 
@@ -247,12 +249,12 @@ def _alone(task: SweepTask, points: Sequence[Point]) -> Rows:
     """One point at a time, to identify the one at which a process dies."""
     left = deque(points)
     while left:
-        with processes(1) as one:
+        with processes(1) as worker:
             died = False
             while left and not died:
                 point = left.popleft()
                 try:
-                    yield one.executor.submit(measure_points, task, [point]).result()
+                    yield worker.executor.submit(measure_points, task, [point]).result()
                 except BrokenExecutor:
                     died = True
                     yield [Row(point[0], {}, DIED)]
@@ -287,11 +289,11 @@ def _each(sweep: Sweep) -> Iterator[list[str]]:
 
 def reasons(sweep: Sweep) -> Iterator[str]:
     """The reasons why points failed, the most frequent first."""
-    found = Counter(sweep.failures.values()).most_common()
-    for reason, count in found[:MOST_REASONS]:
+    counts = Counter(sweep.failures.values()).most_common()
+    for reason, count in counts[:MOST_REASONS]:
         yield f"{count} × {visible(reason)}"
-    if len(found) > MOST_REASONS:
-        yield f"and {len(found) - MOST_REASONS} other reasons"
+    if len(counts) > MOST_REASONS:
+        yield f"and {len(counts) - MOST_REASONS} other reasons"
 
 
 def notes(sweep: Sweep) -> tuple[str, ...]:

@@ -81,12 +81,12 @@ class Study(Displayed):
     def point(self, index: int) -> dict[str, float]:
         """The values of point `index`, counted from 0 with the last axis fastest, by their paths."""
         at = np.unravel_index(index, self.shape)
-        return {own.path: own.values[int(k)] for own, k in zip(self.variations, at, strict=True)}
+        return {variation.path: variation.values[int(k)] for variation, k in zip(self.variations, at, strict=True)}
 
     def header(self) -> dict[str, Any]:
         """The complete definition, for a file."""
-        axes = [{"path": own.path, "values": own.values, "log": own.log} for own in self.variations]
-        measures = [one.text for one in self.measures]
+        axes = [{"path": axis.path, "values": axis.values, "log": axis.log} for axis in self.variations]
+        measures = [request.text for request in self.measures]
         drawn = {"members": self.members, "seed": self.seed} if self.by_energy else {}
         return {"version": VERSION, "scene": describe(self.scene), "axes": axes, "measures": measures, **drawn}
 
@@ -191,8 +191,8 @@ def _row(task: SweepTask, index: int, scene: Scene | Exception) -> Row:
     try:
         if isinstance(scene, Exception):
             raise scene
-        for one in task.measures:
-            numbers |= {name: float(number) for name, number in one.of(scene, task.scene).items()}
+        for request in task.measures:
+            numbers |= {name: float(number) for name, number in request.of(scene, task.scene).items()}
     except MultipendulaError as error:
         return Row(index, {}, " ".join(str(error).split()))
     except Exception as error:

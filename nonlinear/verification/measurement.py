@@ -82,11 +82,11 @@ def measure_mode(
     pushing = pushing_in(trajectory)
     left = float(attention(count) @ np.exp(2 * value.real * times))
     try:
-        found = line(clock, motion.coordinate[:, at] * np.exp(-value.real * times))
+        fitted = line(clock, motion.coordinate[:, at] * np.exp(-value.real * times))
     except ComputationError:
         return Measurement(amplitude, amplitude * sqrt(left), nan, inf, nan, outside, pushing)
-    omega = found.omega * (1 + bend * left if value.real else 1.0)
-    error = found.relative_error + PRECISION
+    omega = fitted.omega * (1 + bend * left if value.real else 1.0)
+    error = fitted.relative_error + PRECISION
     return Measurement(amplitude, amplitude * sqrt(left), omega, error, omega / value.imag - 1, outside, pushing)
 
 

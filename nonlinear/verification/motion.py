@@ -81,9 +81,9 @@ def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, cou
     rows = []
     for at, number in enumerate(motion.number.tolist()):
         eta = motion.coordinate[:, at]
-        found, note = _lines(trajectory.times, eta, complex(modes.eigenvalue[number]), count)
+        spectrum, note = _lines(trajectory.times, eta, complex(modes.eigenvalue[number]), count)
         largest = float(np.abs(eta).max())
-        rows.append(ModeInMotion(described[number], int(motion.copy[at]), largest, float(share[at]), found, note))
+        rows.append(ModeInMotion(described[number], int(motion.copy[at]), largest, float(share[at]), spectrum, note))
     return Comparison(modes, trajectory.times, motion, tuple(rows), pushing_in(trajectory))
 
 
@@ -91,8 +91,8 @@ def _lines(times: Floats, eta: Floats, value: complex, count: int) -> tuple[tupl
     if not value.imag:
         return (), "does not oscillate"
     try:
-        found = lines(times, eta * np.exp(-min(value.real, 0.0) * (times - times[0])), count)
+        spectrum = lines(times, eta * np.exp(-min(value.real, 0.0) * (times - times[0])), count)
     except ComputationError as error:
         return (), str(error)
-    steady = tuple(one for one in found if one.relative_error < STEADY)
+    steady = tuple(peak for peak in spectrum if peak.relative_error < STEADY)
     return steady, "" if steady else "irregular"
