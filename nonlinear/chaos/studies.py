@@ -62,7 +62,7 @@ class Finding(Displayed):
 
 def measure(study: ChaosStudy, report: Callable[[float], object] = lambda done: None) -> Finding:
     """The exponents of a study; `report` is called with the number of cases done."""
-    require_type("study", study, "Study")
+    require_type("study", study, "ChaosStudy")
     exponents = []
     for done, case in enumerate(study.cases, 1):
         starts = level_starts(case.scene, study.ensemble)

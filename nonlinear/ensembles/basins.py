@@ -160,9 +160,7 @@ def find_basins(
     if len(mapped.failures) == mapped.size:
         raise SceneError([f"every start failed: {next(iter(mapped.failures.values()))}"])
     names = _names(started) if measure == "configuration" else ()
-    column = (
-        EARLIEST if measure == "first_turn" else next(name for name in mapped.columns if name.startswith(measure))
-    )
+    column = EARLIEST if measure == "first_turn" else next(name for name in mapped.columns if name.startswith(measure))
     return Basins(mapped, column, names)
 
 

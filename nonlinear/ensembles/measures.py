@@ -248,8 +248,8 @@ def validate_measures(names: Sequence[str], scene: Scene, seconds: float | None 
         problems.append("order: needs constant lengths, since modes change with them")
     if "lyapunov" in names and not problems:
         try:
-            require(scene, "a Lyapunov exponent")
             if seconds is not None:
+                require(scene, "a Lyapunov exponent")
                 validate_duration(scene, seconds)
         except SceneError as error:
             problems += [f"lyapunov: {problem}" for problem in error.problems]

@@ -245,7 +245,8 @@ class GrowthSamples:
         due, until = (np.searchsorted(self.times, time, side="right") for time in (step.start, end))
         for columns, sample, inside in _instants(step, due, until):
             part = (self.times[sample] - step.start[columns]) / step.length[columns]
-            length = np.sqrt(np.sum((inside.at(part)[half:] / self.scale) ** 2, axis=0))
+            scale = self.scale if self.scale.shape[1] == 1 else self.scale[:, step.member[columns]]
+            length = np.sqrt(np.sum((inside.at(part)[half:] / scale) ** 2, axis=0))
             self.rows[sample, step.member[columns]] = self._whole.growth[step.member[columns]] + np.log(length)
         self._whole.see(step)
         members = step.member[step.taken]

@@ -27,7 +27,7 @@ from modal.assembly import can_stack
 from modal.errors import ComputationError, SceneError
 from modal.modes import UNCERTAIN, labelled, natural_frequencies, natural_modes
 from modal.report import counted
-from modal.scene import Scene
+from modal.scene import Scene, require
 from modal.vibration import ParametricStability, parametric_stability, stabilities, vertical_sine
 from nonlinear.chaos import usual_duration
 from nonlinear.ensembles import measured_run, measured_together, run_together, times_of, validate_measures
@@ -311,7 +311,7 @@ def in_plane(scene: Scene) -> None:
 
 def of_growth(scene: Scene) -> None:
     """SceneError where a scene has no Lyapunov exponent."""
-    validate_measures(("lyapunov",), scene)
+    require(scene, "a Lyapunov exponent")
 
 
 def of_phases(scene: Scene) -> None:

@@ -165,7 +165,8 @@ def alike(name: str, engine: str, within: float, measures: tuple[str, ...] = MEA
     for column in one.columns:
         if column not in {"energy_drift", "error_rad", "horizon_s"}:
             expected = one.column(column)
-            np.testing.assert_allclose(other.column(column), expected, atol=within, rtol=within, err_msg=column)
+            most = 1e-8 if column == "lyapunov_per_s" else within  # whose transient is a run of its own
+            np.testing.assert_allclose(other.column(column), expected, atol=most, rtol=within, err_msg=column)
     assert other.energy_drift.max() < 1e-8
     ratio = other.column("error_rad") / one.column("error_rad")
     assert np.all((ratio > 1e-3) & (ratio < 1e3))
