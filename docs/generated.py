@@ -3,12 +3,14 @@
 A page holds a comment where a part belongs; what stands there is Markdown:
 
     <!-- commands: table shapes -->             help of commands, from the parser
+    <!-- groups -->                             the pages of commands, with what each command does
     <!-- names: modal load Scene -->            names of a package, from their docstrings
     <!-- modules: modal.loci modal.gains -->    whole modules
     <!-- shipped -->                            the scenes that come with the package
     <!-- formats -->                            what a model can be written as
     <!-- measures -->                           what can be measured, and by whom
     <!-- options -->                            every option with its metavar and its one meaning
+    <!-- functions -->                          every command with its functions in Python
     <!-- combinations -->                       what a scene has by what takes it
     <!-- gallery -->                            every figure of docs/pictures.toml
     <!-- play -->                               sketches of all shipped scenes, linked to their live pages
@@ -22,20 +24,23 @@ from __future__ import annotations
 import re
 import tomllib
 from argparse import SUPPRESS, Action, HelpFormatter, _SubParsersAction
+from collections.abc import Iterable
 from functools import cache, partial
 from html import escape as html
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from modal.scene.capabilities import Capability
+    from multipendula.command import Command
     from multipendula.parser import Page
 
 ROOT = Path(__file__).parent.parent
+REFERENCE = ROOT / "docs" / "reference"
 PLACE = re.compile(
-    r"^<!-- (commands|names|modules|shipped|formats|measures|options|combinations|gallery|play|live)"
-    r":?([^>]*) -->$",
+    r"^<!-- (commands|groups|names|modules|shipped|formats|measures|options|functions|combinations"
+    r"|gallery|play|live):?([^>]*) -->$",
     flags=re.MULTILINE,
 )
 PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\.(png|gif)\)$", flags=re.MULTILINE)
@@ -74,10 +79,52 @@ def _command(name: str, parser: Page) -> str:
     parser.formatter_class, parser.color = partial(HelpFormatter, width=88), False  # type: ignore[assignment]
     usage = parser.format_usage().removeprefix("usage: ").replace("\n" + " " * 7, "\n").strip()
     shown = [action for action in parser._actions if action.help != SUPPRESS and action.dest != "help"]
-    parts = [f"(command-{name})=\n### {name}", _escaped(parser.description or ""), f"```text\n{usage}\n```"]
-    parts += [_argument(action, parser) for action in shown]
+    known = _record(name)
+    parts = [
+        f"(command-{name})=\n## {name}",
+        _escaped(known.summary),
+        f"```text\n{usage}\n```",
+        _escaped(known.details),
+    ]
+    arguments = [_argument(action, parser) for action in shown if not action.option_strings]
+    switches = [_argument(action, parser) for action in shown if action.option_strings]
+    parts += [*arguments, *(["**Options**", *switches] if switches else [])]
     examples = "\n".join(f"# {words}\nmultipendula {line}" for line, words in parser.examples)
-    return "\n\n".join([*parts, f"For example\n\n```sh\n{examples}\n```"])
+    parts += ["**Examples**", f"```sh\n{examples}\n```"]
+    roles = {"computes": "computed by", "writes": "written and drawn by"}
+    used = [
+        f"{words} {_linked(_functions()[name][role])}" for role, words in roles.items() if role in _functions()[name]
+    ]
+    return "\n\n".join([*parts, *([f"**In Python** {'; '.join(used)}."] if used else [])])
+
+
+def groups() -> str:
+    """Every page of commands with its commands and what each does."""
+    rows = []
+    for page, names in sections().items():
+        title = (REFERENCE / page).read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
+        summaries = [f"[`{name}`]({page}#command-{name}) | {_escaped(_record(name).summary)}" for name in names]
+        rows += [f"{f'[{title}]({page})' if not at else ''} | {words}" for at, words in enumerate(summaries)]
+    return _table("page | command | what it does", rows)
+
+
+def _record(name: str) -> Command:
+    from multipendula.commands import COMMANDS
+
+    return next(command for command in COMMANDS if command.name == name)
+
+
+@cache
+def sections() -> dict[str, list[str]]:
+    """Pages of the reference that describe commands, with these, in the order of `multipendula --help`."""
+    described = {
+        page.relative_to(REFERENCE).as_posix(): words.split()
+        for page in sorted(REFERENCE.rglob("*.md"))
+        for kind, words in PLACE.findall(page.read_text(encoding="utf-8"))
+        if kind == "commands"
+    }
+    order = list(parsers())
+    return dict(sorted(described.items(), key=lambda section: order.index(section[1][0])))
 
 
 def _argument(action: Action, parser: Page) -> str:
@@ -201,6 +248,52 @@ def _takers(commands: list[str]) -> str:
         return "all"
     few = len(missing) < 3
     return "all but " * few + ", ".join(f"`{name}`" for name in (missing if few else commands))
+
+
+def functions() -> str:
+    """Every command, linked to its section, with the functions that compute and those that write and draw."""
+    columns = ("computes", "writes")
+    described = {name: page for page, names in sections().items() for name in names}
+    rows = [
+        " | ".join(
+            [
+                f"[`{command}`]({described[command]}#command-{command})",
+                *(_linked(_functions()[command].get(key, ())) for key in columns),
+            ]
+        )
+        for command in parsers()
+    ]
+    return _table("command | computes | writes, draws", rows)
+
+
+@cache
+def _functions() -> dict[str, dict[str, list[str]]]:
+    """What each command is in Python."""
+    return tomllib.loads((ROOT / "docs" / "functions.toml").read_text(encoding="utf-8"))
+
+
+def _linked(wanted: Iterable[str]) -> str:
+    """Names of functions as code, those that the reference documents as links."""
+    known = set(documented().values())
+    shown = []
+    for name in wanted:
+        thing = function_named(name)
+        full = f"{thing.__module__}.{thing.__qualname__}"
+        target = name if {name, name.rpartition(".")[0]} & known else full
+        is_documented = bool({target, target.rpartition(".")[0]} & known)
+        shown.append(f"{{py:obj}}`{name} <{target}>`" if is_documented else f"`{name}`")
+    return ", ".join(shown)
+
+
+def function_named(name: str) -> Any:
+    """The function or method of a full name; ImportError or AttributeError where there is none."""
+    package, _, last = name.rpartition(".")
+    home = (
+        import_module(package)
+        if package[:1].islower() and package.split(".")[-1].islower()
+        else function_named(package)
+    )
+    return getattr(home, last)
 
 
 MARKS = {"takes": "✓", "leaves": "○", "singly": "1", "unless": "(✓)", "refuses": "✗", "beside": ""}

@@ -47,8 +47,11 @@ OPTIONS = {
         **{f"enable{what}": False for what in ("Speech", "Braille", "Explorer", "Enrichment", "Complexity")},
         "enableAssistiveMml": True,
     },
+    "output": {"displayOverflow": "linebreak"},
+    "tex": {"macros": {"qquad": r"\hskip 2em\goodbreak"}},
 }
-"""Screen readers get MathML; speech and its explorer, which need workers and a server, are left out."""
+"""Screen readers get MathML; speech and its explorer, which need workers and a server, are left out.  A display that is
+wider than its place is broken into lines, between two equations where it has several."""
 SERVED = {**OPTIONS, "loader": {**OPTIONS["loader"], "paths": {"fonts": "[mathjax]"}}}
 """With the font beside MathJax."""
 

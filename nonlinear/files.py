@@ -60,8 +60,22 @@ REDUCED = (TRUNCATED, LINEAR, CORRECTED)
 
 @checked
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
-    """Write a .npz or .csv file atomically; SceneError for any other file name.
+    """Write a trajectory to a file, whole or not at all.
 
+    Parameters
+    ----------
+    trajectory
+        The run.  Applied forces are code and are not saved.
+    path
+        A name that ends in .npz (everything, read back by `load`) or .csv (columns for other programs).
+
+    Raises
+    ------
+    SceneError
+        The name ends otherwise.
+
+    Examples
+    --------
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
     >>> from modal import load as load_scene
@@ -81,10 +95,26 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
 
 
 def load(path: str | os.PathLike[str]) -> Trajectory:
-    """Read a trajectory from a file written by `save`; SceneError says what is wrong with any other file.
+    """Read a trajectory from a file written by `save`.
 
-    Applied forces are code and are not saved: a driven run can be read, but its reaction forces cannot be computed.
+    Parameters
+    ----------
+    path
+        The .npz file.
 
+    Returns
+    -------
+    Trajectory
+        The run with its scene.  A driven run can be read, but its reaction forces cannot be computed: applied forces
+        are code and are not saved.
+
+    Raises
+    ------
+    SceneError
+        The file cannot be read, or is none of `save`'s; the message says what is wrong with it.
+
+    Examples
+    --------
     >>> from modal import SceneError
     >>> from nonlinear import load
     >>> try:

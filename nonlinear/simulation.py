@@ -67,25 +67,64 @@ def simulate(
 ) -> Trajectory:
     """The motion of a scene over `duration` seconds at large angles.
 
-    `method` is "auto", one of SciPy's ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA") or "taylor" (heyoka, extra
-    `taylor`); `form` is "auto", "minimal", "hamiltonian" or "maximal" in the plane, "spatial" in space.  `tolerance` is
-    the integrator's (default 1e-9): relative to each quantity, or, where that passes through zero, to the size of the
-    motion.  `accuracy` may be given instead, as the largest permitted error of any angle (rad): the cheapest method
-    that meets it is found and its error estimated (`nonlinear.accuracy.advice`); `run.error` and `run.reason` report
-    the result.  `output` is a number of evenly spaced samples or their times after the start (s), ascending; `start`
-    replaces the initial condition of the scene file, at `start_time` (s).  `load(t, state)` returns the external
-    `AppliedForces`.  A load that acts for less than a step may be missed: steps end and the integrator restarts at the
-    times `breaks` (s), and no step is longer than `max_step` (s).  An accuracy under a load needs one of them;
-    `breaks=[]` states that the load changes no faster than the scene swings.  `hoist` prescribes lengths of bobs in
-    place of the scene's, by the indices of pendulum and link from 0, {(0, 0): law}: a spline with `derivative`, such as
-    SciPy's, or a function of time that returns length, speed and acceleration (m, m/s, m/s²).  `before` holds the
-    escapements' kicks up to the start, which determine on which side each kicks next.  `report` is called with the
-    simulated time after every step.
+    On Ctrl-C the part computed so far is returned, and `run.stopped` says how far it goes.
 
-    On Ctrl-C the part computed so far is returned, and `run.stopped` says how far it goes.  Raises SceneError for
-    invalid arguments, SimulationError (with the part computed so far) where the integrator fails or an accuracy cannot
-    be met to the end.
+    Parameters
+    ----------
+    scene
+        Any scene; an error names what simulations do not take.
+    duration
+        The simulated time (s).
+    method
+        "auto", one of SciPy's ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA"), or "taylor" (heyoka,
+        extra `taylor`).
+    form
+        The form of the equations: "auto"; "minimal", "hamiltonian" or "maximal" in the plane; "spatial" in space.
+    tolerance
+        The integrator's (default 1e-9): relative to each quantity, or, where that passes through zero, to the size of
+        the motion.
+    accuracy
+        The largest permitted error of any angle (rad), in place of a tolerance.  The cheapest method that meets it is
+        found and its error estimated (`nonlinear.accuracy.advice`); `run.error` and `run.reason` report the result.
+    output
+        A number of evenly spaced samples, or their times after the start (s), ascending.
+    start
+        The initial condition in place of that of the scene file.
+    start_time
+        The time (s) of the start, for motions of supports, hoists and forces that depend on it.
+    load
+        A function `load(t, state)` that returns the external `AppliedForces`.  One that acts for less than a step may
+        be missed: give `breaks` or `max_step`.
+    breaks
+        Times (s) at which steps end and the integrator restarts.  An accuracy under a load needs them or `max_step`;
+        `breaks=[]` states that the load changes no faster than the scene swings.
+    max_step
+        The longest step (s).
+    hoist
+        Lengths of bobs in place of the scene's, by the indices of pendulum and link from 0, `{(0, 0): law}`.  A law is
+        a spline with `derivative`, such as SciPy's, or a function of time that returns length, speed and acceleration
+        (m, m/s, m/s²).
+    events
+        What to look for on the way: crossings and turning points (`level_crossing`, `turning_point`, `Event`).
+    before
+        The escapements' kicks up to the start, which determine on which side each kicks next.
+    report
+        Is called with the simulated time (s) after every step.
 
+    Returns
+    -------
+    Trajectory
+        Samples of the motion, events, and in `run` how they were computed.
+
+    Raises
+    ------
+    SceneError
+        Arguments are invalid, or the scene has what simulations do not take.
+    SimulationError
+        The integrator fails, or an accuracy cannot be met to the end.  Its `trajectory` is the part computed so far.
+
+    Examples
+    --------
     >>> from modal import load
     >>> from nonlinear import simulate
     >>> run = simulate(load("chain-2"), 5.0, output=11)
@@ -176,10 +215,36 @@ def resume(
 ) -> Trajectory:
     """Continue a trajectory from its last state, with its times carried on.
 
-    Form (in the plane), tolerance and an explicitly chosen method are those of the trajectory unless given, or an
-    accuracy instead of a tolerance; the work restarts from 0.  A run in a few modes or in closed form continues as a
-    simulation of the whole scene.  Raises SceneError for a driven trajectory without its `load`.
+    The work restarts from 0.  A run in a few modes or in closed form continues as a simulation of the whole scene.
 
+    Parameters
+    ----------
+    trajectory
+        A run of `simulate`, also one that was saved and loaded.
+    duration
+        The time (s) to add.
+    method, form, tolerance
+        Those of `simulate`.  Unless given, they are the trajectory's: its form in the plane, its tolerance, or its
+        accuracy instead, and its method if that was chosen by name.
+    load
+        The external forces, which files do not hold: a driven trajectory needs them again.
+    **options
+        Further arguments of `simulate`, such as `output` or `events`.
+
+    Returns
+    -------
+    Trajectory
+        The continuation alone, whose first sample is the last of `trajectory`.
+
+    Raises
+    ------
+    SceneError
+        A driven trajectory has no `load`, or arguments are invalid.
+    SimulationError
+        As for `simulate`.
+
+    Examples
+    --------
     >>> from modal import load
     >>> from nonlinear import resume, simulate
     >>> first = simulate(load("chain-2"), 2.0)

@@ -55,16 +55,36 @@ class Matrices(Displayed):
 
 
 def matrices(scene: Scene) -> Matrices:
-    """M (kg, kg m, kg m²), K and D of the whole scene, in SI units.
+    """Mass, stiffness and damping matrix of a scene at small angles about its equilibrium.
 
-    For a scene in space these describe the motion along the rail; across it a cart is a fixed support.
-    Raises ComputationError beyond LARGEST_DENSE coordinates.
+    They are those of M q'' + D q' + K q = 0 with q = (x, θ): the cart's place, or the coordinates of a structure, then
+    the absolute angle of every link of every copy.
 
+    Parameters
+    ----------
+    scene
+        Any scene.  For a scene in space the matrices describe the motion along the rail; across it a cart is a fixed
+        support.
+
+    Returns
+    -------
+    Matrices
+        `M`, `K` and `D`, (n, n) and symmetric, in SI units (kg, kg m and kg m² in M), with `labels` of the coordinates.
+
+    Raises
+    ------
+    ComputationError
+        The scene has more than `LARGEST_DENSE` coordinates.
+    SceneError
+        Constant forces leave no equilibrium.
+
+    Examples
+    --------
     >>> from modal import Bob, Pendulum, Scene, matrices
-    >>> found = matrices(Scene(gravity=9.0, pendulum=[Pendulum(links=[Bob(mass=1.0, length=2.0, count=2)])]))
-    >>> found.M.tolist()  # m l² (2, 1; 1, 1)
+    >>> double = matrices(Scene(gravity=9.0, pendulum=[Pendulum(links=[Bob(mass=1.0, length=2.0, count=2)])]))
+    >>> double.M.tolist()  # m l² (2, 1; 1, 1)
     [[8.0, 4.0], [4.0, 4.0]]
-    >>> found.K.tolist()  # m g l diag(2, 1)
+    >>> double.K.tolist()  # m g l diag(2, 1)
     [[36.0, 0.0], [0.0, 18.0]]
     """
     return matrices_of(rig_of(scene))

@@ -27,18 +27,41 @@ MOST = 100_000_000
 def natural_frequencies(
     scenes: Scene | Sequence[Scene], accuracy: float | None = None, *, vary: Vary | None = None
 ) -> Floats:
-    """ω = |λ| in rad/s, ascending, each repeated by its multiplicity: (R,) of a scene, (S, R) of S scenes.
+    """Natural frequencies ω = |λ| of one scene or of many, ascending, each repeated by its multiplicity.
 
-    With `vary`, one scene with other numbers: arrays at its places, `{"support.mass": masses}`, of shapes that
-    broadcast to one, (…), give (…, R); a grid, `["support.mass=1:100:50log", "gravity=1.6,9.8"]`, gives an axis for
-    each place.  Units are those of scene files.  No scenes are made, which would take longer than their frequencies.
+    Scenes of one form, the same kinds of links in the same pendula on the same kind of support without dampers and
+    joint springs, are solved together, many times faster than one by one.  The others go through `natural_modes`, also
+    where a varied number changes the form.
 
-    A free cart's rigid translation is 0.  Scenes of one form, the same kinds of links in the same pendula on the same
-    kind of support without dampers and joint springs, are found together, many times faster than one by one; the
-    others by `natural_modes`, also where a varied number changes the form.  Every digit is right: relative errors are
-    at most 2⁻⁵² larger than the bounds `error` of `Modes`.  With an `accuracy`, relative in ω, eigenvalues of a dense
-    matrix are used where they are known to be within it.
+    Parameters
+    ----------
+    scenes
+        A scene, or a sequence of S scenes with equally many modes.
+    accuracy
+        The largest relative error of ω that is allowed, as that of `natural_modes`.  None computes every digit:
+        relative errors are at most 2⁻⁵² larger than the bounds `error` of `Modes`.
+    vary
+        Other numbers of one scene, in the units of scene files.  Arrays at their places, `{"support.mass": masses}`,
+        broadcast to one shape (…).  A grid, `["support.mass=1:100:50log", "gravity=1.6,9.8"]`, has an axis for each
+        place.  No scenes are made, which would take longer than their frequencies.
 
+    Returns
+    -------
+    numpy.ndarray
+        Frequencies in rad/s: (R,) of a scene, (S, R) of S scenes, (…, R) with `vary`.  A free cart's rigid translation
+        is 0.
+
+    Raises
+    ------
+    SceneError
+        The scene cannot have some of the numbers: the message names every place and number.
+    ValueError
+        The scenes have different numbers of modes.
+    ComputationError
+        Double precision or memory does not suffice.
+
+    Examples
+    --------
     >>> from modal import load
     >>> natural_frequencies(load("chain-2")).round(4).tolist()
     [2.3972, 5.7874]
@@ -46,9 +69,6 @@ def natural_frequencies(
     [[2.3972, 5.7874], [0.9742, 2.3518]]
     >>> natural_frequencies(load("paper-cart-2"), vary=["support.mass=1:100:50log", "gravity=1.6,9.8"]).shape
     (50, 2, 5)
-
-    Raises SceneError that names every place and number that the scene cannot have, ValueError where scenes have
-    different numbers of modes, and the errors of `natural_modes`.
     """
     limit = validate_accuracy(accuracy)
     if isinstance(scenes, Scene):

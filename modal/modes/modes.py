@@ -262,17 +262,39 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
 def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice | None = None) -> Modes:
     """All modes of a scene about its equilibrium: hanging, or as `equilibrium` specifies, moved by constant forces.
 
-    With an `accuracy`, relative in ω, the eigenvalues of a dense matrix are used where they are known to be within it,
-    at less cost for chains of more than ten links; without, every digit is right.  `modes` selects the modes to
-    compute, counted from 0: `slice(0, 3)` of a long chain costs little.
+    Parameters
+    ----------
+    scene
+        Any scene.  What small angles leave out, such as dry friction, is named in the notes of the table.
+    accuracy
+        The largest relative error of ω that is allowed.  Eigenvalues of a dense matrix are used where they are known to
+        be within it, at less cost for chains of more than ten links.  None computes every digit that the data fix.
+    modes
+        The modes to compute, counted from 0: `slice(0, 3)` of a long chain costs little.  None computes all.
 
+    Returns
+    -------
+    Modes
+        One entry for each distinct frequency, in ascending order, with columns as arrays, shapes, a table and a figure.
+
+    Raises
+    ------
+    SceneError
+        Constant forces leave no equilibrium (`modal.assembly.equilibrium_of`).
+    ComputationError
+        Double precision or memory does not suffice.
+    ValueError
+        The accuracy is not positive, or the slice has a step.
+
+    Notes
+    -----
+    Methods and their sources are given in the modules that `modal.eigen.spectrum` chooses from.
+
+    Examples
+    --------
     >>> from modal import load
     >>> [round(mode.frequency, 4) for mode in natural_modes(load("rope"), modes=slice(1, 4))]
     [1.3758, 2.1569, 2.939]
-
-    Raises SceneError where constant forces leave no equilibrium (`modal.assembly.equilibrium_of`), ComputationError
-    where double precision or memory does not suffice, ValueError for an accuracy that is not positive or a slice with a
-    step.  Methods and their sources are given in the modules that `modal.eigen.spectrum` chooses from.
     """
     if modes is not None:
         require_type("modes", modes, "slice")

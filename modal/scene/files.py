@@ -35,10 +35,27 @@ SHIPPED = Path(__file__).parent / "shipped"
 
 
 def load(source: str | os.PathLike[str]) -> Scene:
-    """The scene at a path, of a shipped name, or from standard input for "-".
+    """The scene at a path, of a shipped name, or from standard input.
 
-    Raises SceneError, every line of which begins with the name of the source.
+    Parameters
+    ----------
+    source
+        A path to a TOML file, the name of a shipped scene (one of `example_names`), or "-" for standard input.  A file
+        comes before a shipped scene of the same name.
 
+    Returns
+    -------
+    Scene
+        The scene, checked; records and matrices that the file names are read with it.
+
+    Raises
+    ------
+    SceneError
+        The source cannot be read, is no TOML, or describes no possible scene.  Every line of the message begins with
+        the name of the source, and every mistake has its place.
+
+    Examples
+    --------
     >>> from modal import load
     >>> load("paper-cart-2").n_links
     4
@@ -78,6 +95,18 @@ def _line(found: re.Match[str]) -> int:
 def dumps(scene: Scene) -> str:
     """The TOML document that reads back as an equal scene, bit for bit.
 
+    Parameters
+    ----------
+    scene
+        Any scene.  Records that it read from files are written as lists.
+
+    Returns
+    -------
+    str
+        The document.  Numbers have as many digits as bring back the same floats.
+
+    Examples
+    --------
     >>> from modal import Bob, Pendulum, Scene, dumps
     >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=2.0)])])
     >>> dumps(scene).splitlines()[0]
@@ -93,8 +122,22 @@ def dumps(scene: Scene) -> str:
 
 @checked
 def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
-    """Write a scene file atomically; OSError names `path` where it cannot be written.
+    """Write a scene file, whole or not at all.
 
+    Parameters
+    ----------
+    scene
+        Any scene; the file holds what `dumps` returns.
+    path
+        Where to write.  A file that is there is replaced.
+
+    Raises
+    ------
+    OSError
+        The path cannot be written; the error names it.
+
+    Examples
+    --------
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
     >>> from modal import dump, load
@@ -121,6 +164,13 @@ def schema() -> dict[str, Any]:
 def example_names() -> list[str]:
     """Names of the scenes that come with the package.
 
+    Returns
+    -------
+    list of str
+        In alphabetical order.  `load` takes each of them, and so does every command.
+
+    Examples
+    --------
     >>> from modal import example_names
     >>> "paper-cart-2" in example_names()
     True

@@ -64,7 +64,7 @@ def _lagrangian(system: SymbolicSystem) -> Section:
         return Section("Lagrangian", [Line(NOT_IN_SPACE)])
     found = derive_lagrangian(system)
     T = in_angles(system) if system.spatial else in_plane(system)
-    lines = [Line("kinetic energy in θ and φ" if system.spatial else "kinetic energy", equal(sp.Symbol("T"), T))]
+    lines = [Line("kinetic energy in $θ$ and $φ$" if system.spatial else "kinetic energy", equal(sp.Symbol("T"), T))]
     if system.spatial:
         lines.insert(0, Line("kinetic energy with unit vectors u_i", equal(sp.Symbol("T"), in_vectors(system))))
     lines.append(Line("potential energy", equal(sp.Symbol("V"), _gathered(found.V))))
@@ -74,7 +74,7 @@ def _lagrangian(system: SymbolicSystem) -> Section:
     if len(system.links) <= (CHECKED_IN_SPACE if system.spatial else CHECKED_UP_TO):
         _require(vanishes(found.T - T))
         lines.append(
-            Line("T equals the kinetic energy from the Cartesian velocities of all masses: checked term by term")
+            Line("$T$ equals the kinetic energy from the Cartesian velocities of all masses: checked term by term")
         )
     return Section("Lagrangian", lines)
 
@@ -98,7 +98,7 @@ def _equations(system: SymbolicSystem) -> Section:
     if len(system.links) <= CHECKED_UP_TO:
         derived = derive_lagrangian(system).equations
         _require(all(vanishes(a - b) for a, b in zip(derived, found, strict=True)))
-        lines.append(Line("these are Lagrange's equations of the Cartesian L: checked term by term"))
+        lines.append(Line("these are Lagrange's equations of the Cartesian $L$: checked term by term"))
     return Section(title, lines)
 
 
@@ -113,7 +113,7 @@ def _spatial_equations(system: SymbolicSystem) -> list[Line]:
     if len(system.links) <= WRITTEN_IN_ANGLES:
         energy = replace(derive_lagrangian(system), T=in_angles(system))
         for c, form in zip(energy.coordinates, energy.equations, strict=True):
-            lines.append(Line(f"for comparison in θ and φ, of {c.q}", equal(sp.expand(form), 0)))
+            lines.append(Line(f"for comparison in $θ$ and $φ$, of {c.q}", equal(sp.expand(form), 0)))
     return lines
 
 
@@ -121,18 +121,16 @@ def _matrices(system: SymbolicSystem) -> Section:
     M, K, D = system.matrices()
     q = sp.Matrix([c.q for c in system.coordinates])
     standing = any(sign < 0 for sign in system.sigma)
+    words = f"deviations from equilibrium with {_ways(system)}" if standing else "small deviations from equilibrium"
     lines = [
-        Line(
-            "deviations from equilibrium with " + _ways(system) if standing else "small deviations from equilibrium",
-            q,
-        ),
+        Line(words, equal(sp.Symbol("q"), q)),
         Line("mass matrix", equal(sp.Symbol("M"), M)),
         Line("stiffness matrix", equal(sp.Symbol("K"), K)),
     ]
     lines += [Line("damping matrix", equal(sp.Symbol("D"), D))] if any(D) else []
     if system.spatial:
-        lines.append(Line("along the rail; across it the same without x"))
-    return Section("Linearized: M q'' + K q = 0" if not any(D) else "Linearized: M q'' + D q' + K q = 0", lines)
+        lines.append(Line("along the rail; across it the same without $x$"))
+    return Section("Linearized: $M q'' + D q' + K q = 0$" if any(D) else "Linearized: $M q'' + K q = 0$", lines)
 
 
 def _ways(system: SymbolicSystem) -> str:

@@ -24,7 +24,7 @@ from modal.symbolic.papers import equal
 from modal.symbolic.roots import Kind, Root, of_kinds, polynomial_roots
 from modal.symbolic.structures import SymbolicStructure
 from modal.symbolic.system import Chain, SymbolicSystem
-from modal.symbolic.typesetting import Line, Section
+from modal.symbolic.typesetting import Conjugates, Line, Section
 
 MOST_LINKS = 60
 """Most links in numbers for a readable polynomial."""
@@ -35,6 +35,8 @@ MOST_SYMBOLIC_COORDINATES = 5
 MOST_ISOLATED = 60
 MOST_SOLVED = 24
 WIDTH = Fraction(1, 10**21)
+SAME = 1e-15
+"""Relative distance up to which roots of two polynomials are one frequency."""
 CLOSED = 3
 """The highest degree in symbols for roots in closed form."""
 
@@ -192,15 +194,23 @@ def _polynomial_lines(eigen: Eigen) -> Iterator[Line]:
     name = _named(eigen)
     if not isinstance(eigen.polynomial, Polynomial):
         damped = eigen.polynomial.has(sp.Symbol("s"))
-        yield Line(f"{name}det(s² M + s D + K)" if damped else f"{name}in x = ω²", equal(eigen.polynomial, 0))
+        words = f"{name}$det(s² M + s D + K)$" if damped else f"{name}in $x = ω²$"
+        yield Line(words, equal(_without_content(eigen.polynomial), 0))
         if not damped:
-            yield Line(f"{name}in λ = −1/ω²", equal(_turned(eigen.polynomial), 0))
+            yield Line(f"{name}in $λ = −1/ω²$", equal(_turned(eigen.polynomial), 0))
         return
     unit = "l/g" if eigen.polynomial.unit == "g/l" else "(rad²/s²)"
-    yield Line(f"{name}in x = ω² {unit}", equal(expression(eigen.polynomial), 0))
+    yield Line(f"{name}in $x = ω² {unit}$", equal(expression(eigen.polynomial), 0))
     if eigen.polynomial.coefficients[-1]:
-        words = "in λ = −g/(l ω²), as paper 001 has it" if unit == "l/g" else "in λ = −1/ω² (s²)"
+        words = "in $λ = −g/(l ω²)$, as paper 001 has it" if unit == "l/g" else "in $λ = −1/ω² (s²)$"
         yield Line(name + words, equal(expression(eigen.polynomial.in_lambda()), 0))
+
+
+def _without_content(polynomial: Any) -> Any:
+    """A factored polynomial in numbers with integer coefficients; one with symbols as it is."""
+    if len(polynomial.free_symbols) > 1:
+        return polynomial
+    return sp.Mul(*(factor**count for factor, count in sp.factor_list(polynomial)[1]))
 
 
 def _turned(polynomial: Any) -> Any:
@@ -222,10 +232,36 @@ def modes_section(system: SymbolicSystem | SymbolicStructure, scene: Scene | Non
     found = eigen_polynomials(system, scene)
     if isinstance(found, str):
         return Section("Modes", [Line(f"{found}; see the table, or prove digits with enclose")])
-    return Section("Modes", [line for eigen in found for line in _mode_lines(eigen)] + _remarks(system, found))
+    described = [one for eigen in found for one in _modes_of(eigen)]
+    computed = [mode for mode in described if isinstance(mode, ComputedMode)]
+    lines = _numbered(computed) if len(computed) == len(described) else map(_unnumbered, described)
+    return Section("Modes", [*lines, *_remarks(system, found)])
 
 
-def _mode_lines(eigen: Eigen) -> Iterator[Line]:
+class ComputedMode(NamedTuple):
+    """A mode in numbers: the size of its eigenvalue, what moves, its rate in words, its root."""
+
+    size: Any
+    label: str
+    words: str
+    formula: Any
+
+
+def _numbered(modes: list[ComputedMode]) -> Iterator[Line]:
+    """The modes in the order of the table with its numbers: those of one frequency share one."""
+    number, before = 0, None
+    for mode in sorted(modes, key=lambda mode: mode.size):
+        if before is None or mode.size - before > SAME * mode.size:
+            number += 1
+        before = mode.size
+        yield Line(f"mode {number}; {mode.label}{mode.words}", mode.formula)
+
+
+def _unnumbered(mode: ComputedMode | Line) -> Line:
+    return mode if isinstance(mode, Line) else Line(mode.label + mode.words, mode.formula)
+
+
+def _modes_of(eigen: Eigen) -> Iterator[ComputedMode | Line]:
     if isinstance(eigen.polynomial, Polynomial):
         if eigen.polynomial.degree > MOST_ISOLATED:
             yield Line(f"{_named(eigen)}degree {eigen.polynomial.degree}: see the table, or prove digits with enclose")
@@ -237,12 +273,13 @@ def _mode_lines(eigen: Eigen) -> Iterator[Line]:
         yield from _in_symbols(eigen)
 
 
-def _root(root: Root, eigen: Eigen) -> Line:
+def _root(root: Root, eigen: Eigen) -> ComputedMode:
     square = root.exact if root.exact is not None else sp.Float(sp.Rational((root.low + root.high) / 2), 20)
     grows = root.high < 0
     unit = "√(g/l)" if eigen.polynomial.unit == "g/l" else "1/s" if grows else "rad/s"
-    rate = f"{'growth rate' if grows else 'ω'} = {sp.sqrt(sp.Abs(square)).evalf(15)} {unit}"
-    return Line(_named(eigen) + rate, equal(sp.Symbol("x"), square))
+    size = sp.sqrt(sp.Abs(square)).evalf(20)
+    rate = f"{'growth rate $=' if grows else '$ω ='} {sp.N(size, 15)} {unit}$"
+    return ComputedMode(size, _named(eigen), rate, equal(sp.Symbol("x"), square))
 
 
 def _in_symbols(eigen: Eigen) -> Iterator[Line]:
@@ -257,7 +294,7 @@ def _in_symbols(eigen: Eigen) -> Iterator[Line]:
         for square in _roots(polynomial):
             simple = min(sp.simplify(square), sp.factor_terms(square), key=sp.count_ops)
             if simple.is_negative:
-                yield Line(f"{_named(eigen)}{times}growth rate σ", equal(sp.Symbol("sigma") ** 2, -simple))
+                yield Line(f"{_named(eigen)}{times}growth rate $σ$", equal(sp.Symbol("sigma") ** 2, -simple))
             else:
                 yield Line(f"{_named(eigen)}{times}natural frequency", equal(omega**2, simple))
 
@@ -273,7 +310,7 @@ def _roots(polynomial: Any) -> list[Any]:
     return [(-b - root) / (2 * a), (-b + root) / (2 * a)]
 
 
-def _damped(eigen: Eigen) -> Iterator[Line]:
+def _damped(eigen: Eigen) -> Iterator[ComputedMode | Line]:
     """Roots s of a polynomial in numbers, one of each conjugate pair, from its simple factors."""
     s = sp.Symbol("s")
     if sp.sympify(eigen.polynomial).free_symbols != {s} or sp.degree(eigen.polynomial, s) > MOST_SOLVED:
@@ -283,7 +320,13 @@ def _damped(eigen: Eigen) -> Iterator[Line]:
         for root in sp.Poly(factor, s).nroots(n=20, maxsteps=500):
             if sp.im(root) >= 0:
                 words = _damped_words(root) + (f", {count} times" if count > 1 else "")
-                yield Line(_named(eigen) + words, equal(s, sp.N(root, 15)))
+                yield ComputedMode(sp.Abs(root), _named(eigen), words, equal(s, _in_digits(root)))
+
+
+def _in_digits(root: Any) -> Any:
+    """A root to 15 digits, beside its conjugate if it has one."""
+    real, imaginary = sp.N(sp.re(root), 15), sp.N(sp.im(root), 15)
+    return Conjugates(real, imaginary) if imaginary else real
 
 
 def _damped_words(root: Any) -> str:
@@ -291,8 +334,8 @@ def _damped_words(root: Any) -> str:
     if size == 0:
         return "rigid translation"
     if sp.im(root) == 0:
-        return f"{'grows' if root > 0 else 'decays'} at {sp.N(size, 15)} 1/s"
-    return f"ω = {sp.N(size, 15)} rad/s, ζ = {sp.N(-sp.re(root) / size, 6)}"
+        return f"{'grows' if root > 0 else 'decays'} at ${sp.N(size, 15)} 1/s$"
+    return f"$ω = {sp.N(size, 15)} rad/s$, $ζ = {sp.N(-sp.re(root) / size, 6)}$"
 
 
 def _remarks(system: SymbolicSystem | SymbolicStructure, found: list[Eigen]) -> list[Line]:
@@ -310,7 +353,7 @@ def _remarks(system: SymbolicSystem | SymbolicStructure, found: list[Eigen]) -> 
     degree = sum(sp.degree(*_with_symbol(eigen)) * eigen.multiplicity for eigen in found)
     damped = any(eigen.is_damped for eigen in found)
     if system.cart and not damped and degree < len(system.coordinates) + system.spatial * len(system.links):
-        lines.append(Line("M is singular (a massless cart over bobs): one mode has no finite frequency"))
+        lines.append(Line("$M$ is singular (a massless cart over bobs): one mode has no finite frequency"))
     return lines
 
 

@@ -33,7 +33,7 @@ def lagrangian(system: SymbolicStructure) -> Section:
         T = sp.Add(*(part.T for part in system.parts))
         if not vanishes(system.cartesian() - T):
             raise SceneError(["T and the rates of all places disagree: please report this scene"])
-        words = "T equals the kinetic energy from the Cartesian velocities of all masses: checked term by term"
+        words = "$T$ equals the kinetic energy from the Cartesian velocities of all masses: checked term by term"
         lines.append(Line(words))
     return Section("Lagrangian", lines)
 
@@ -67,7 +67,9 @@ def matrices(system: SymbolicStructure) -> Section:
     """M, K and D about the drawn rest."""
     M, K, D = system.matrices()
     damped = any(D)
-    lines = [Line("small deviations from equilibrium", sp.Matrix([c.q for c in system.coordinates]))]
+    lines = [
+        Line("small deviations from equilibrium", equal(sp.Symbol("q"), sp.Matrix([c.q for c in system.coordinates])))
+    ]
     lines += [
         Line(f"the scene as drawn is an equilibrium where, by {q}", equal(slope, 0))
         for q, slope in system.conditions.items()
@@ -75,7 +77,7 @@ def matrices(system: SymbolicStructure) -> Section:
     lines.append(Line("mass matrix", equal(sp.Symbol("M"), M)))
     lines.append(Line("stiffness matrix", equal(sp.Symbol("K"), K)))
     lines += [Line("damping matrix", equal(sp.Symbol("D"), D))] if damped else []
-    return Section("Linearized: M q'' + D q' + K q = 0" if damped else "Linearized: M q'' + K q = 0", lines)
+    return Section("Linearized: $M q'' + D q' + K q = 0$" if damped else "Linearized: $M q'' + K q = 0$", lines)
 
 
 SECTIONS_OF_STRUCTURES: dict[str, Callable[[Any], Section]] = {

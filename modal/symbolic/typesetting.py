@@ -1,4 +1,8 @@
-"""A derivation as titled sections of formulas, printed as plain text, LaTeX or Markdown that can be pasted."""
+"""A derivation as titled sections of formulas, printed as plain text, LaTeX or Markdown that can be pasted.
+
+Words between two dollars are mathematics in plain letters, as in "in $x = ω²$": text shows them as they are, LaTeX and
+Markdown set them, with units upright and numbers of many digits rounded to SHOWN.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +20,17 @@ _NAME = re.compile(r"\b(theta|phi|lambda|omega|sigma|eta|ell|[psxyzu])(ddot|dot)
 _CALLED = re.compile(r"(theta|phi|eta|[A-Za-z])(ddot|dot)?_(\w*[A-Za-z]\w+|\w+[A-Za-z]\w*)")
 _DOTTED = {"dot": r"\dot{%s}", "ddot": r"\ddot{%s}", None: "%s"}
 _INDEXED = re.compile(r"(?<![\w$])([A-Za-zθφλωσΔ])_(\w)\b(?!\w)")
+SHOWN = 6
+"""Digits of a computed number in LaTeX and Markdown; text has them all."""
+DOUBLE = 53
+"""Bits of a computed number; one of more is proved, and shown with all its digits."""
+UNITS = {"rad²/s²": r"\mathrm{rad^2\,s^{-2}}", "rad/s": r"\mathrm{rad\,s^{-1}}", "1/s": r"\mathrm{s^{-1}}"}
+"""Units behind a number or in parentheses."""
+_UNIT = re.compile(rf"(?<=[\d.] )({'|'.join(UNITS)}|s²)$|\(({'|'.join(UNITS)}|s²)\)$")
+_NUMBER = re.compile(rf"\d+\.\d{{{SHOWN},}}(?:e[+-]?\d+)?")
+_MATHEMATICS = re.compile(r"\$([^$]*)\$")
+_SUPERSCRIPTS = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789", strict=True))
+_LETTERS = {**{sign: f"\\{name}" for name, sign in GREEK.items()}, "ζ": r"\zeta", "κ": r"\kappa", "−": "-", "±": r"\pm"}
 
 
 class Line(NamedTuple):
@@ -65,6 +80,45 @@ def _grid(matrix: Any) -> str:
     return "\n" + "\n".join(entries)
 
 
+class Conjugates(sp.Function):  # type: ignore[misc]
+    """Two conjugate numbers, given by real and imaginary part."""
+
+    nargs = 2
+
+    def _sympystr(self, printer: Any) -> str:
+        real, imaginary = map(printer.doprint, self.args)
+        return f"{real} ± {imaginary} i"
+
+    def _latex(self, printer: Any) -> str:
+        real, imaginary = map(printer.doprint, self.args)
+        return rf"{real} \pm {imaginary}\, i"
+
+
+def in_latex(words: str) -> str:
+    r"""Mathematics in plain letters as LaTeX.
+
+    >>> print(in_latex("ω = 2.71754911798158 rad/s"))
+    \omega = 2.71755\,\mathrm{rad\,s^{-1}}
+    >>> print(in_latex("M q'' + D q' + K q = 0"), in_latex("λ = −g/(l ω²)"), in_latex("√(g/l)"))
+    M \ddot{q} + D \dot{q} + K q = 0 \lambda = -g/(l \omega^{2}) \sqrt{g/l}
+    """
+    unit = _UNIT.search(words)
+    if unit:
+        words = words[: unit.start()].rstrip()
+    written = _NUMBER.sub(lambda number: f"{float(number[0]):.{SHOWN}g}", words)
+    written = re.sub(r"([a-z])('{1,2})", lambda m: rf"\{'d' * len(m[2])}ot{{{m[1]}}}", written)
+    written = re.sub(r"√\(([^()]*)\)", r"\\sqrt{\1}", written)
+    written = re.sub("[⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda m: f"^{{{''.join(map(_SUPERSCRIPTS.__getitem__, m[0]))}}}", written)
+    written = re.sub("|".join(_LETTERS), lambda m: _LETTERS[m[0]] + " ", written)
+    written = re.sub(r"(\\[a-z]+) (?=[\^_/),])|- ", lambda m: m[1] or "-", re.sub(" +", " ", written))
+    written = written.replace("det(", r"\det(").strip()
+    if not unit:
+        return written
+    name = unit[1] or unit[2]
+    upright = UNITS.get(name, r"\mathrm{s^2}")
+    return rf"{written}\,{upright}" if unit[1] else rf"{written}\;({upright})"
+
+
 def _text(title: str, sections: list[Section]) -> str:
     lines = [visible(title), ""]
     for section in sections:
@@ -77,7 +131,7 @@ def _text(title: str, sections: list[Section]) -> str:
 
 
 def _readable(words: str) -> str:
-    return _NAME.sub(_symbol, words)
+    return _NAME.sub(_symbol, _MATHEMATICS.sub(r"\1", words))
 
 
 def _latex(title: str, sections: list[Section]) -> str:
@@ -85,7 +139,7 @@ def _latex(title: str, sections: list[Section]) -> str:
     for section in sections:
         lines += [rf"\subsection*{{{_escaped(section.title)}}}"]
         for words, formula in section.lines:
-            lines.append(_escaped(words) + ("." if formula is None else ":"))
+            lines.append(_sentence(_escaped(words)) + ("." if formula is None else ":"))
             lines += [] if formula is None else [_display(formula)]
     return "\n".join(lines) + "\n"
 
@@ -93,9 +147,9 @@ def _latex(title: str, sections: list[Section]) -> str:
 def _markdown(title: str, sections: list[Section]) -> str:
     blocks = [f"# {markdown(title)}"]
     for section in sections:
-        blocks.append(f"## {_readable(section.title)}")
+        blocks.append(f"## {_inline(section.title)}")
         for words, formula in section.lines:
-            blocks.append(_inline(words) + ("." if formula is None else ":"))
+            blocks.append(_sentence(_inline(words)) + ("." if formula is None else ":"))
             if formula is not None:
                 body = _display(formula).replace(r"\begin{equation*}", "").replace(r"\end{equation*}", "")
                 blocks.append(f"$$\n{body.strip().replace('align*', 'aligned')}\n$$")
@@ -118,7 +172,18 @@ def _display(formula: Any) -> str:
     return f"\\begin{{align*}}\n{left}& {body}\n\\end{{align*}}"
 
 
+def _sentence(words: str) -> str:
+    """Words that begin as a sentence does."""
+    return words[:1].upper() + words[1:]
+
+
 def _inline(words: str) -> str:
+    """Words with what is mathematics in them between dollars."""
+    pieces = _MATHEMATICS.split(words)
+    return "".join(f"${in_latex(piece)}$" if at % 2 else _named(piece) for at, piece in enumerate(pieces))
+
+
+def _named(words: str) -> str:
     """Coordinates, other named symbols and letters with an index in words, as mathematics."""
     words = _NAME.sub(lambda found: f"${_tex(sp.Symbol(found[0]))}$" if found[0] not in "psxyzu" else found[0], words)
     words = _INDEXED.sub(lambda found: f"${LETTERS.get(found[1], found[1])}_{{{found[2]}}}$", words)
@@ -127,7 +192,9 @@ def _inline(words: str) -> str:
 
 def _tex(formula: Any, **settings: Any) -> str:
     called = {name: written for name in formula.free_symbols if (written := _by_name(name.name))}
-    return _with_commas(str(sp.latex(formula, symbol_names=called, **settings)))
+    computed = {number: sp.Float(number, SHOWN) for number in formula.atoms(sp.Float) if number._prec <= DOUBLE}
+    settings = {"symbol_names": called, "mat_str": "bmatrix", "mat_delim": "", "inv_trig_style": "full", **settings}
+    return _with_commas(str(sp.latex(formula.xreplace(computed), **settings)))
 
 
 def _by_name(name: str) -> str:

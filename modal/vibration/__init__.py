@@ -14,7 +14,15 @@ from modal.vibration.combination import correlation, cqc, srss
 from modal.vibration.hill import vertical_sine
 from modal.vibration.oscillators import response_spectrum
 from modal.vibration.parametric import KINDS, ParametricStability, parametric_stability, stabilities
-from modal.vibration.prescribed import Course, PrescribedMotion, Record, prescribed_motion
+from modal.vibration.prescribed import (
+    Course,
+    Polynomials,
+    PrescribedMotion,
+    RandomProcess,
+    Record,
+    SweptSine,
+    prescribed_motion,
+)
 from modal.vibration.random import RandomResponse, random_response
 from modal.vibration.report import random_report, shock_report
 from modal.vibration.shock import ShockResponse, shock_response
@@ -27,10 +35,13 @@ __all__ = [
     "Boundary",
     "Course",
     "ParametricStability",
+    "Polynomials",
     "PrescribedMotion",
+    "RandomProcess",
     "RandomResponse",
     "Record",
     "ShockResponse",
+    "SweptSine",
     "ThermalNoise",
     "Tongues",
     "correlation",

@@ -63,7 +63,7 @@ COMMANDS = (
             "mass and the table follows; choose a mode and it swings; pull a bob and the full equations run beside the "
             "linear prediction. A saved run plays with speed, step and scrub controls. Scenes in the plane of at most "
             "60 links, structures of at most 40 coordinates with those of links, scenes with dry friction or forces of "
-            "at most 12; without hoists or damping ratios. Supports move, and forces act, in sines."
+            "at most 12; without hoists, constant forces or damping ratios."
         ),
         examples=(
             ("play paper-cart-2 -o page.html", "two double pendula on a cart, to play with"),

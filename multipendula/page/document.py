@@ -19,16 +19,17 @@ from urllib.parse import quote
 
 from modal.report import html
 from modal.scene import Scene, left_out, scene_from, title_of
+from multipendula.page.prescribed import prescribed_module
 from multipendula.page.structure import structure_module
 from multipendula.page.whole import whole_module
 
 HERE = Path(__file__).parent
 MODAL = (
-    *("steps", "structure", "whole", "carriers", "tableau", "dop853", "switched", "system", "matrices", "amplitude"),
-    *("quadratic", "shapes", "families", "structure_modes", "modes"),
+    *("steps", "structure", "whole", "prescribed", "courses", "carriers", "tableau", "dop853", "switched", "system"),
+    *("matrices", "amplitude", "quadratic", "shapes", "families", "structure_modes", "modes"),
 )
 PHYSICS = (*MODAL, "equations", "kicks", "motion", "scene_file", "recording")
-"""The modules that touch no document; `steps`, `structure`, `tableau` and `whole` are written."""
+"""The modules that touch no document; `steps`, `structure`, `tableau`, `whole` and `prescribed` are written."""
 MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "main")
 LARGEST, LARGEST_OF_STRUCTURES = 350_000, 800_000
 """Bytes of a page, at most, and of one whose equations stand in it link by link: of a structure, friction, forces."""
@@ -48,7 +49,7 @@ def joined(names: Sequence[str] = MODULES, scene: Scene | None = None) -> str:
 
 
 def _module(name: str, scene: Scene | None) -> str:
-    written_for = {"structure": structure_module, "whole": whole_module}
+    written_for = {"structure": structure_module, "whole": whole_module, "prescribed": prescribed_module}
     if name in written_for:
         return written_for[name](scene) if scene else f"export const {name} = null;"
     return {"steps": steps, "tableau": tableau}[name]() if name in {"steps", "tableau"} else _file(f"modules/{name}.js")

@@ -14,6 +14,7 @@ from modal.scene.parameters import with_numbers
 from modal.scene.points import Point, parse_point
 from modal.structure import structure_of
 from modal.types import Floats
+from multipendula.page.prescribed import MOST_PIECES, long_ones
 from multipendula.page.whole import MOST_LINKS_RUBBED
 
 if TYPE_CHECKING:
@@ -56,14 +57,13 @@ def _problems(scene: Scene) -> Iterator[str]:
     yield from refusals(scene, "the live page")
     if scene.n_links > MOST_LINKS:
         yield f"the scene has {scene.n_links} links in all: the live page cannot show more than {MOST_LINKS}"
+    long, words = set(long_ones(scene)), f"the live page cannot show more than {MOST_PIECES} samples or sines of it"
     for place, motion in zip(scene.motion_places, scene.motions, strict=True):
-        if motion.kind != "sine":
-            words = {"sweep": "in a sweep", "record": "as recorded"}.get(motion.kind, "at random")
-            where = f'{with_numbers(place)}.kind = "{motion.kind}"'
-            yield f"{where}: the live page cannot show a support that moves {words}"
+        if motion.kind in long:
+            yield f'{with_numbers(place)}.kind = "{motion.kind}": {words}'
     for k, force in enumerate(scene.force):
-        if force.kind not in {"sine", "constant"}:
-            yield f'force[{k}].kind = "{force.kind}": the live page cannot show a force that is no sine'
+        if force.kind in long:
+            yield f'force[{k}].kind = "{force.kind}": {words}'
     if scene.is_structured:
         yield from _structure_problems(scene)
     elif (scene.has_friction or scene.force) and scene.n_links > MOST_LINKS_RUBBED:

@@ -22,7 +22,7 @@ const $repeated = (list, count) => Array.from({ length: count }, () => list[0]);
 const $sum = (list) => list.reduce((total, value) => total + value, 0);
 """
 CALLED = {
-    **{name: f"Math.{name}" for name in ("abs", "max", "min", "sqrt")},
+    **{name: f"Math.{name}" for name in ("abs", "max", "min", "sqrt", "sin", "cos")},
     **{"float": "Number", "int": "Math.trunc", "range": "$range", "sum": "$sum"},
 }
 OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Mod: "%", ast.Pow: "**"}
@@ -41,6 +41,11 @@ def functions_of(source: str, lists: Collection[str] = ()) -> str:
 def function_source(functions: Sequence[Callable[..., Any]], lists: Collection[str] = ()) -> str:
     """The same of functions."""
     return "\n".join(functions_of(inspect.getsource(function), lists) for function in functions)
+
+
+def method_source(methods: Sequence[Callable[..., Any]]) -> str:
+    """Methods as functions of their object, whose attributes are numbers; they may call each other."""
+    return function_source(methods)
 
 
 class _Writer:
@@ -98,6 +103,8 @@ class _Writer:
                 return repr(value)
             case ast.Name(id=name):
                 return RESERVED.get(name, name)
+            case ast.Attribute(value=ast.Name(id="self"), attr=name):
+                return f"self.{name}"
             case ast.Subscript(value=value, slice=ast.Slice(lower=low, upper=high, step=None)):
                 ends = [self.expression(low) if low else "0", *([self.expression(high)] if high else [])]
                 return f"{self.expression(value)}.slice({', '.join(ends)})"
@@ -157,6 +164,8 @@ class _Writer:
                 return f"{arguments[0]}.length"
             case ast.Name(id=name):
                 return f"{CALLED.get(name, name)}({', '.join(arguments)})"
+            case ast.Attribute(value=ast.Name(id="self"), attr=name):
+                return f"{name}({', '.join(('self', *arguments))})"
             case ast.Attribute(value=value, attr="append"):
                 return f"{self.expression(value)}.push({', '.join(arguments)})"
         raise TypeError(f"line {node.lineno}: no call of {ast.unparse(node.func)} in scalar functions")

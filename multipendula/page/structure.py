@@ -18,6 +18,7 @@ import numpy as np
 from modal.modes.labels import ALIKE, COUNTED, PLATFORM, UNNAMED, VERBS
 from modal.scene import Scene
 from modal.structure import STILL, Piece, Scaffold, Structure
+from multipendula.page.prescribed import leading
 
 if TYPE_CHECKING:
     from nonlinear.dynamics import Module
@@ -48,7 +49,7 @@ def structure_module(scene: Scene) -> str:
         "places": [[k, list(place)] for k, place in structure_places(scene)],
         "constants": [[list(place), unit] for place, unit in prescribed_places(scene, system)],
         "motions": [list(place) for place in scene.motion_places],
-        "timed": bool(system.prescribed),
+        "leading": leading(system),
         "coordinates": list(_coordinates(structure)),
         "bases": _bases(structure),
         "start": _start(scene, system),

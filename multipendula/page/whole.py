@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 from modal.scene import Scene
+from multipendula.page.prescribed import leading
 from multipendula.page.scalars import HELPERS, functions_of
 from multipendula.page.structure import FUNCTIONS
 
@@ -53,7 +54,7 @@ def whole_module(scene: Scene) -> str:
         "kept": [k for k, has in enumerate(present) if has],
         "prescribed": prescribed_of(system),
         "places": [[list(place), unit] for place, unit in prescribed_places(scene, system)],
-        "timed": bool(system.prescribed),
+        "leading": leading(system),
         "told": at.told,
         "length": at.length,
         "presses": at.presses,

@@ -70,13 +70,32 @@ class Compilation(Displayed):
 
 
 def compile_engines(scene: Scene, tolerance: float = USUAL, measures: Sequence[str] = ()) -> Compilation:
-    """Compile what this scene can use at this tolerance, by running it for a moment, and keep it for later processes.
+    """Compile what this scene can use, by running it for a moment, and keep it for later processes.
 
-    `simulate` and `ensemble` would do the same where it pays, at the price of seconds while someone waits.  `measures`
-    are those of `ensemble`: exponents need equations of their own, and heyoka compiles what is found within steps.
-    numba's code depends on the form of the scene and not on its numbers, heyoka's on the tolerance as well.  Raises
-    SceneError for a scene, a tolerance or measures that cannot be.
+    `simulate` and `ensemble` would do the same where it pays, at the price of seconds while someone waits.
 
+    Parameters
+    ----------
+    scene
+        numba's code depends on the form of the scene and not on its numbers.
+    tolerance
+        That of the later runs: heyoka's code depends on it.
+    measures
+        Those of `ensemble` that later runs ask for.  Exponents need equations of their own, and heyoka compiles what is
+        sought within steps.
+
+    Returns
+    -------
+    Compilation
+        What was compiled for each engine, and why not where it was not.
+
+    Raises
+    ------
+    SceneError
+        The scene, the tolerance or a measure cannot be.
+
+    Examples
+    --------
     >>> from modal import load
     >>> from nonlinear import compile_engines
     >>> [code.runs for code in compile_engines(load("chain-spatial")).codes if code.why_not]

@@ -191,26 +191,62 @@ def ensemble(
 ) -> Ensemble:
     """Members of a scene that differ in their starts, or in any of its numbers, integrated together.
 
-    `starts` are angles (S, links) in rad at rest, or states; `vary` is a grid such as
-    `["pendulum[0].start.angles_deg[0]=-180:180:512"]`, or one value a member at each place, `{"gravity": [9.8, 9.9]}`.
-    Each member has its own steps, to the `tolerance` of `simulate`.  Kept is what is asked for: `output` is "end", a
-    number of evenly spaced samples or their times (s); `measures` are computed on the way
-    (`nonlinear.measures`).  With neither
-    the end is kept.  Every member has its `energy_drift`, an estimate of its error and its horizon; `check` members,
-    drawn at random, are run by `simulate`, too.
+    Each member has its own steps.  Results do not depend on `workers` or `crew`.  On Ctrl-C what is known is returned.
 
-    `engine` is "auto", "numpy", "numba" (extra `fast`), "heyoka" (extra `taylor`) or "simulate", one by one, which
-    takes every scene.  In a `folder` each `chunk` of members is a file; a call that was killed goes on there.
-    `share=(k, n)`, k from 0, computes every n-th chunk alone, for n processes that know nothing of each other.
-    `workers` is a number of processes, 1 to stay in this one; `crew` is for other executors.  Results do not depend on
-    either.  `report` hears how many members are done.  On Ctrl-C what is known is returned.
+    Parameters
+    ----------
+    scene
+        The scene that the members share but for their starts and varied numbers.
+    duration
+        The simulated time (s).
+    starts
+        Angles (S, links) in rad at rest, or states.
+    vary
+        A grid such as `["pendulum[0].start.angles_deg[0]=-180:180:512"]`, or one value a member at each place,
+        `{"gravity": [9.8, 9.9]}`.
+    output
+        What is kept of the motion: "end", a number of evenly spaced samples, or their times (s).  With neither `output`
+        nor `measures` the end is kept.
+    tolerance
+        That of `simulate`, for every member.
+    measures
+        Names of what is computed on the way (`nonlinear.measures`).
+    engine
+        "auto", "numpy", "numba" (extra `fast`), "heyoka" (extra `taylor`), or "simulate": one by one, which takes every
+        scene.
+    folder
+        Where each chunk of members is kept as a file.  A call that was killed goes on there.
+    check
+        How many members, drawn at random, are run by `simulate` too.
+    chunk
+        Members in a chunk.
+    share
+        `(k, n)` with k from 0 computes every n-th chunk alone, for n processes that know nothing of each other.
+    workers
+        A number of processes, 1 to stay in this one.
+    crew
+        Another executor in place of processes.
+    report
+        Is called with the number of members done.
 
-    Raises SceneError for arguments that cannot be, MissingExtraError without what an engine needs.
+    Returns
+    -------
+    Ensemble
+        What was kept and measured of every member, with its `energy_drift`, an estimate of its error, and its horizon.
 
+    Raises
+    ------
+    SceneError
+        Arguments cannot be, or contradict each other.
+    MissingExtraError
+        The engine needs an extra that is not installed.
+
+    Examples
+    --------
     >>> from modal import load
     >>> from nonlinear import ensemble
-    >>> found = ensemble(load("chain-1"), 1.0, vary={"gravity": [9.8, 1.6]}, engine="numpy", workers=1)
-    >>> found.final.links.shape
+    >>> pair = ensemble(load("chain-1"), 1.0, vary={"gravity": [9.8, 1.6]}, engine="numpy", workers=1)
+    >>> pair.final.links.shape
     (2, 1)
     """
     validate(

@@ -105,10 +105,29 @@ NO_KICKS = Kicks(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros
 def level_crossing(
     system: System, coordinate: str, level: float = 0.0, direction: int = 0, *, stop: bool = False
 ) -> Event:
-    """The angle (rad), cart position (m) or coordinate of a structure passes a level.
+    """The event that a coordinate passes a level.
 
-    They are named as in `modal.assembly.coordinate_labels`.
+    Parameters
+    ----------
+    system
+        That of the scene, by `system_of`.
+    coordinate
+        An angle, "theta[1,2]", the cart's "x", or a coordinate of a structure: the names of
+        `modal.assembly.coordinate_labels`.
+    level
+        The value that is passed (rad, m).
+    direction
+        1 for upwards, −1 for downwards, 0 for either way.
+    stop
+        Whether the run ends there.
 
+    Returns
+    -------
+    Event
+        One for the `events` of `simulate`, named after coordinate and level.
+
+    Examples
+    --------
     >>> from modal import load
     >>> from nonlinear import level_crossing, system_of
     >>> level_crossing(system_of(load("chain-1")), "theta[1,1]", 0.1, direction=1).name
@@ -121,8 +140,24 @@ def level_crossing(
 
 
 def turning_point(system: System, coordinate: str, *, stop: bool = False) -> Event:
-    """An angle or the cart position reverses its direction.
+    """The event that an angle, the cart or a coordinate of a structure reverses its direction.
 
+    Parameters
+    ----------
+    system
+        That of the scene, by `system_of`.
+    coordinate
+        Its name, as for `level_crossing`.
+    stop
+        Whether the run ends there.
+
+    Returns
+    -------
+    Event
+        One for the `events` of `simulate`.
+
+    Examples
+    --------
     >>> from modal import load
     >>> from nonlinear import simulate, system_of, turning_point
     >>> scene = load("chain-1")

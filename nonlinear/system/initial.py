@@ -38,11 +38,26 @@ def has_start(scene: Scene) -> bool:
 
 
 def initial_state(scene: Scene) -> State:
-    """The initial state given in the scene file; pendula without a start are at rest in their equilibrium position.
+    """The initial state given in the scene file.
 
-    On a moved support the start is relative to it.  Raises SceneError where no pendulum and no support has a start,
-    unless the support moves or a force acts in time.
+    Parameters
+    ----------
+    scene
+        Pendula without a start are at rest in their equilibrium position.  On a moved support the start is relative to
+        it.
 
+    Returns
+    -------
+    State
+        Angles (rad) and rates (rad/s), in space unit vectors and their derivatives.
+
+    Raises
+    ------
+    SceneError
+        No pendulum and no support has a start, unless the support moves or a force acts in time.
+
+    Examples
+    --------
     >>> from modal import load
     >>> from nonlinear import initial_state
     >>> state = initial_state(load("chain-2"))
@@ -116,10 +131,27 @@ def _of(pendulum: Pendulum) -> Floats:
 
 @doors.checked
 def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
-    """The state at rest with an angle (deg) per link of the scene, or of one pendulum where all have equally many.
+    """The state at rest with given angles.
 
-    Raises SceneError for any other number of angles.
+    Parameters
+    ----------
+    scene
+        The scene whose state it is.
+    angles_deg
+        An angle (deg) for each link of the scene, or of one pendulum where all have equally many.
 
+    Returns
+    -------
+    State
+        The angles in rad, in space unit vectors in the plane of the rail, and rates of 0.
+
+    Raises
+    ------
+    SceneError
+        The number of angles is another one.
+
+    Examples
+    --------
     >>> from math import degrees
     >>> from modal import load
     >>> from nonlinear import state_at_rest

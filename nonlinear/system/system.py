@@ -372,8 +372,22 @@ def _modal_dampers(scene: Scene) -> Floats:
 
 
 def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
-    """The arrays of a scene, with an entry for each copy; `hoists` are laws of lengths in place of its own.
+    """The arrays of a scene, with an entry for each copy of a pendulum.
 
+    Parameters
+    ----------
+    scene
+        Any scene, in the plane or in space.
+    hoists
+        Laws of lengths in place of the scene's own, as those of `simulate`.
+
+    Returns
+    -------
+    System
+        The numbers that the equations of motion read, in SI units, and the labels of the coordinates.
+
+    Examples
+    --------
     >>> from modal import load
     >>> from nonlinear import system_of
     >>> len(system_of(load("paper-cart-2")).groups)

@@ -333,3 +333,24 @@ def test_a_structure_bears_the_names_of_its_supports(capsys: pytest.CaptureFixtu
     assert r"m_{\mathrm{left}} \dot{s}_{\mathrm{left}}^{2}" in latex
     assert latex.count("{") == latex.count("}")
     assert latex.isascii()
+
+
+@pytest.mark.parametrize("name", ["paper-cart-2", "metronomes", "cart-upright", "chain-spatial", "beam"])
+def test_modes_have_the_numbers_of_the_table(capsys: pytest.CaptureFixture[str], name: str) -> None:
+    """Undamped, damped, growing, in space, on a structure."""
+    text = printed(capsys, "derive", name, "--show", "modes")
+    rows = re.findall(
+        r"^  mode (\d+);.*?(?:ω =|growth rate =|decays at|translation)(?: ([\d.]+))?", text, flags=re.MULTILINE
+    )
+    modes = natural_modes(load(name))
+    assert [int(number) for number, _ in rows] == modes.number.tolist()
+    assert [float(rate or 0) for _, rate in rows] == pytest.approx(modes.omega, rel=1e-12)
+
+
+def test_latex_sets_matrices_units_and_words(capsys: pytest.CaptureFixture[str]) -> None:
+    latex = printed(capsys, "derive", "beam", "--format", "latex", "--show", "matrices,polynomial,modes")
+    assert r"\subsection*{Linearized: $M \ddot{q} + D \dot{q} + K q = 0$}" in latex
+    assert r"q = \begin{bmatrix}\phi_{\mathrm{tilt}}\\\theta_{1,1}\\\theta_{2,1}\end{bmatrix}" in latex
+    assert r"Mode 3; $\omega = 12.5646\,\mathrm{rad\,s^{-1}}$, $\zeta = 0.0363967$:" in latex
+    assert r"s = -0.457312 \pm 12.5563\, i" in latex
+    assert r"$\det(s^{2} M + s D + K)$:" in latex

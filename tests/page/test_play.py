@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from modal.errors import SceneError
-from modal.scene import Moved, Scene, SweepMotion, dump, example_names, load, refusals, scene_from
+from modal.scene import Moved, RandomMotion, Scene, dump, example_names, load, refusals, scene_from
 from multipendula.cli import main
 from multipendula.page import LARGEST, MODULES, MOST_LINKS, page, recording_of, scene_data
 from multipendula.page.document import HERE
@@ -96,7 +96,7 @@ def test_the_policy_admits_this_script_and_no_other() -> None:
         assert f"{kind}-src 'sha256-{b64encode(sha256(element[1].encode()).digest()).decode()}'" in policy
 
 
-WRITTEN = {"steps", "structure", "tableau", "whole"}
+WRITTEN = {"prescribed", "steps", "structure", "tableau", "whole"}
 """Modules of the page that are written from Python and have no file."""
 
 
@@ -116,8 +116,10 @@ ODD = {
     "links": (load("rope"), "1000 links in all"),
     "hoist": (load("hoisting-crane"), r"pendulum\[0\].links\[0\].hoist: the live page"),
     "random": (
-        load("chain-2").replace(support=Moved(motion=SweepMotion(amplitude=0.1, from_hz=1.0, to_hz=2.0, duration=3.0))),
-        'support.motion.kind = "sweep": the live page cannot show a support that moves in a sweep',
+        load("chain-2").replace(
+            support=Moved(motion=RandomMotion(psd=(1.0, 1.0), frequency_hz=(1, 60), seed=1, duration=99.0))
+        ),
+        'support.motion.kind = "random": the live page cannot show more than 2000 samples or sines of it',
     ),
     "ratio": (load("chain-2").replace(damping_ratio=0.1), r"damping_ratio = 0\.1: .*dampers"),
     "massless": (

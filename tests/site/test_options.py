@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import tomllib
 from collections import defaultdict
+from pathlib import Path
 
 import pytest
-from generated import combinations, options, parsers
+from generated import combinations, function_named, functions, options, parsers
 
 from modal.scene import CAPABILITIES, FEATURES
 from multipendula.cli import main
@@ -118,6 +120,17 @@ def test_a_former_spelling_is_told_with_the_new_one(
 def test_values_of_today_are_taken_where_an_option_stays() -> None:
     assert not FORMER["spread", "--tolerance"].words("--tolerance", "1e-10")
     assert not FORMER["gains", "--output"].words("--output", "angles.txt")
+
+
+def test_every_command_has_its_functions() -> None:
+    told = tomllib.loads((Path(__file__).parents[2] / "docs" / "functions.toml").read_text("utf-8"))
+    assert told.keys() == parsers().keys()
+    named = {name for entry in told.values() for names in entry.values() for name in names}
+    assert all(callable(function_named(name)) for name in named)
+    assert all(entry for command, entry in told.items() if command != "completion")
+    page = functions()
+    assert all(f"`{command}`](" in page for command in told)
+    assert all(name in page for name in named)
 
 
 def test_the_pages_hold_every_entry() -> None:

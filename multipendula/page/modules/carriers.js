@@ -64,6 +64,9 @@ const isThere = (scene, place) => placed(scene, place) > 0 || (place.includes("d
 const named = (law, way = null) => `${law[0].toUpperCase()}${law.slice(1)}${way ? ` in ${way}` : ""}`;
 const unitOf = (law, unit) => ({ stiffness: { m: "N/m", rad: "N m/rad" }, damping: { m: "N s/m", rad: "N m s/rad" } })[law][unit];
 
+// How many inputs of the text come before the forces on its coordinates.
+export const leadingCount = () => structure.leading;
+
 // The motions of the ground or of a support.
 export function motionsIn(scene) {
   return structure ? structure.motions.map((place) => placed(scene, place)) : [scene.support.motion ?? []].flat();
@@ -82,7 +85,7 @@ function entriesOf(scene, links) {
 function balanced(scene, rest, constants) {
   const size = (rest.length - 1) / 2;
   const out = new Float64Array(rest.length);
-  structure.steps.rates(constants, rest, new Float64Array(size + 1), null, out);
+  structure.steps.rates(constants, rest, new Float64Array(size + structure.leading), null, out);
   const longest = Math.max(...scene.pendulum.flatMap(({ links }) => links.map(({ length }) => length)));
   if (!out.slice(size).every((value) => Math.abs(value) <= BALANCED * scene.gravity * Math.max(1, 1 / longest))) {
     throw new Error("the scene as drawn is no equilibrium");
@@ -91,11 +94,11 @@ function balanced(scene, rest, constants) {
 
 // A function f(t, y, out) for the derivative of y, or of small deviations from rest; `forces(t)` are those on all
 // coordinates.
-export function ratesOf({ size, structure: { constants, rest } }, forces, linear) {
-  const first = structure.timed ? 1 : 0;
+export function ratesOf({ size, leading, structure: { constants, rest } }, forces, linear) {
+  const first = structure.leading;
   const inputs = new Float64Array(first + size);
   return (time, y, out) => {
-    if (first) inputs[0] = time;
+    if (first) inputs.set(leading(time));
     if (forces) inputs.set(forces(time), first);
     if (linear) structure.steps.linear(constants, rest, inputs, y, out);
     else structure.steps.rates(constants, y, inputs, null, out);

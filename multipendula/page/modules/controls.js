@@ -208,21 +208,29 @@ export class Controls {
     const several = motionsIn(player.scene).length > 1;
     const swing = { linear: true, range: (value) => [0, 2 * value || player.view.reach / 10] };
     const of = (within, key) => ({ read: () => within(player.scene)[key], write: (value) => player.change((scene) => (within(scene)[key] = value)) });
-    motionsIn(player.scene).forEach(({ direction }, k) => {
+    motionsIn(player.scene).forEach(({ direction, kind }, k) => {
+      if (kind !== "sine" && kind !== "sweep") return;
       const [within, whose] = [(scene) => motionsIn(scene)[k], several ? (direction === "vertical" ? "Upward " : "Sideways ") : "Support "];
       this.others.push(
         new Slider(boxes.cart, { label: `${whose}amplitude`, unit: "m", ...of(within, "amplitude"), ...swing }),
-        new Slider(boxes.cart, { label: `${whose}frequency`, unit: "Hz", ...of(within, "frequency_hz"), range: decade }),
+        ...this.frequencies(boxes.cart, `${whose}frequency`, kind, (key) => of(within, key)),
       );
     });
-    (player.scene.force ?? []).forEach(({ on, direction }, k) => {
+    (player.scene.force ?? []).forEach(({ on, direction, kind }, k) => {
+      if (kind !== "sine" && kind !== "sweep") return;
       const within = (scene) => scene.force[k];
       const [what, unit] = direction === "torque" ? ["Torque", "N m"] : ["Force", "N"];
       this.others.push(
         new Slider(boxes.scene, { label: `${what} on ${on}`, unit, ...of(within, "amplitude"), range: decade }),
-        new Slider(boxes.scene, { label: "Its frequency", unit: "Hz", ...of(within, "frequency_hz"), range: decade }),
+        ...this.frequencies(boxes.scene, "Its frequency", kind, (key) => of(within, key)),
       );
     });
+  }
+
+  // Of a sine one, of a sweep where it begins and ends.
+  frequencies(box, label, kind, of) {
+    const slider = (key, end = "") => new Slider(box, { label: `${label}${end}`, unit: "Hz", ...of(key), range: decade });
+    return kind === "sine" ? [slider("frequency_hz")] : [slider("from_hz", ", first"), slider("to_hz", ", last")];
   }
 
   // The numbers of supports and springs: a list to choose one from, and its sliders.

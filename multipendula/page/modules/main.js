@@ -2,6 +2,7 @@
 
 import { isStructure } from "./carriers.js";
 import { Controls } from "./controls.js";
+import { isRecorded } from "./courses.js";
 import { energiesOf } from "./equations.js";
 import { mannerOf } from "./shapes.js";
 import { degrees, digits, scientific } from "./numbers.js";
@@ -37,7 +38,7 @@ function begin() {
 // What the link holds, null where it is no scene or one that cannot be computed; on the page of a structure a scene that
 // differs from the page's own in numbers alone.
 function linked(word, own) {
-  const held = unpacked(word, isStructure() || isWhole() ? own : null);
+  const held = unpacked(word, isStructure() || isWhole() || isRecorded() ? own : null);
   try {
     const player = held && new Player(held.scene, null);
     if (player) restore(player, held);

@@ -1,6 +1,7 @@
 // A motion from a state on: the full equations, the linear prediction from the same start, and the energy's books.
 
 import { Integrator } from "./dop853.js";
+import { breaksOf, longestStep } from "./courses.js";
 import { Escapements } from "./kicks.js";
 import { energiesOf, equationsOf } from "./equations.js";
 import { formsIn } from "./matrices.js";
@@ -8,6 +9,7 @@ import { linearized } from "./steps.js";
 import { forcedIn, isWhole, SwitchedIntegrator } from "./switched.js";
 import { atRest, pushedAt } from "./system.js";
 
+const CLOSE = 1e-12; // s
 const FAR = 100; // rad between the motion and a prediction that has grown away from it and is given up
 
 export class Motion {
@@ -37,13 +39,19 @@ export class Motion {
   advance(end, until = Infinity) {
     const { full, escapements } = this;
     while (full.time < end) {
-      full.step(end, escapements && ((h) => escapements.watch(full, h)));
+      full.step(this.until(end), escapements && ((h) => escapements.watch(full, h)));
       escapements?.kick(full.y);
       if (performance.now() >= until) break;
     }
     this.linear?.advance(full.time);
     if (this.linear && !(this.apart < FAR)) this.linear = null;
     this.book();
+  }
+
+  // The end of a step towards an end: no step passes a kink of what is prescribed, or is longer than it may change in.
+  until(end) {
+    const ahead = breaksOf().find((time) => time > this.full.time + CLOSE);
+    return Math.min(end, ahead ?? end, this.full.time + longestStep());
   }
 
   get energy() {

@@ -112,7 +112,7 @@ function written(value, key) {
   if (Array.isArray(value)) return `[${value.map((item) => written(item)).join(", ")}]`;
   if (typeof value === "boolean") return String(value);
   if (typeof value === "object") return inline(value);
-  return key === "count" ? String(value) : real(value);
+  return key === "count" || key === "seed" ? String(value) : real(value);
 }
 
 function real(value) {

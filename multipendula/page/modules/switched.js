@@ -4,6 +4,7 @@
 // Its z is (x of a cart, angles, their rates, work): y without the places that are always 0 on what is fixed.
 
 import { placed } from "./carriers.js";
+import { forcesAmong, isRecorded, leadingOf } from "./courses.js";
 import { Integrator } from "./dop853.js";
 import { LIMITS } from "./tableau.js";
 import { whole } from "./whole.js";
@@ -15,7 +16,7 @@ const LEAST = 1e-14; // s and of the time: the shortest step
 export const isWhole = () => whole !== null;
 
 // What the text takes of a system and its scene: constants, and the numbers of its switches.
-export function wholeOf(scene, { gravity, cart, links }) {
+export function wholeOf(scene, { gravity, cart, links }, motions) {
   const fields = Array.from({ length: FIELDS }, (_, field) => links.map(({ numbers }) => numbers[field])).flat();
   const entries = [gravity, cart?.mass ?? 0, cart?.damping ?? 0, cart?.stiffness ?? 0, ...fields];
   const prescribed = whole.places.map(([place, unit], k) => (placed(scene, place) === undefined ? whole.prescribed[k] : placed(scene, place) * unit));
@@ -26,20 +27,22 @@ export function wholeOf(scene, { gravity, cart, links }) {
   const kicks = ["bent", "angle", "impulse"].flatMap((key) => whole.kicks.map(([below]) => link(below)[key]));
   const limits = whole.contacts.map(([below]) => (below < whole.first ? cart.friction : link(below).friction));
   const rate = Math.sqrt(gravity / Math.max(...links.map(({ l }) => l)));
-  return { constants, still, numbers: [...kicks, ...limits, rate] };
+  return { constants, still, numbers: [...kicks, ...limits, rate], leading: leadingOf(motions, scene.force, whole.leading) };
 }
 
 const isSize = (place) => place[0] === "force" && place.at(-1) === "amplitude";
 
 // What the forces of a scene add to the accelerations of small motions, a function of time (s); null without any.
 export function forcedIn(system) {
-  if (!whole?.places.some(([place]) => place[0] === "force")) return null;
+  if (!whole || !(forcesAmong() || whole.places.some(([place]) => place[0] === "force"))) return null;
   const skipped = 1 - whole.first;
   const inputs = new Array(system.size - skipped + 2 * whole.contacts.length).fill(0);
   const rest = [...new Array(system.size - skipped - system.links.length).fill(0), ...system.links.map((link) => link.rest)];
   const z = [...rest, ...rest.map(() => 0), 0];
   return (time) => {
-    const [acted, none] = [system.whole.constants, system.whole.still].map((c) => whole.rates(c, z, [time, ...inputs], []));
+    const leading = system.whole.leading(time);
+    const quiet = leading.map((value, k) => (isRecorded() && k >= leading.length - forcesAmong() ? 0 : value));
+    const [acted, none] = [[system.whole.constants, leading], [system.whole.still, quiet]].map(([c, first]) => whole.rates(c, z, [...first, ...inputs], []));
     const added = acted.map((value, i) => value - none[i]).slice(rest.length, 2 * rest.length);
     return [...new Array(skipped).fill(0), ...added];
   };
@@ -90,7 +93,7 @@ export class SwitchedIntegrator {
   // The inputs before those of contacts: the time, and the drive's forces.
   timed(time) {
     const pushes = this.forces ? [...this.forces(time).slice(this.skipped)] : new Array(this.system.size - this.skipped).fill(0);
-    return whole.timed ? [time, ...pushes] : pushes;
+    return [...this.system.whole.leading(time), ...pushes];
   }
 
   ratesAt(time, z) {
@@ -107,7 +110,7 @@ export class SwitchedIntegrator {
     this.held = count ? whole.inputs(this.state, this.system.whole.numbers) : [];
     this.sticking = count > 0 && (whole.presses || signs.some((sign) => !sign));
     this.slides = !whole.presses && signs.every(Boolean);
-    this.rests = count > 0 && !this.forces && !whole.timed && count === this.system.size - this.skipped && signs.every((sign) => !sign);
+    this.rests = count > 0 && !this.forces && !whole.leading && count === this.system.size - this.skipped && signs.every((sign) => !sign);
     this.look = null;
   }
 
@@ -119,7 +122,7 @@ export class SwitchedIntegrator {
       const [early, late] = [-1, 1].map((side) => this.timed(time + side * aside));
       return late.map((value, k) => (value - early[k]) / (2 * aside));
     };
-    const beside = this.forces ? pushed() : this.timed(0).map((_, k) => (whole.timed && !k ? 1 : 0));
+    const beside = this.forces || isRecorded() ? pushed() : this.timed(0).map((_, k) => (whole.leading && !k ? 1 : 0));
     const given = [...rates, ...this.state.slice(0, whole.told), ...numbers.slice(0, -1), ...beside];
     const both = (this.slides ? whole.clear : whole.values)(constants, z, [...this.timed(time), ...this.held], given);
     return [both.slice(0, both.length / 2), both.slice(both.length / 2)];

@@ -3,8 +3,9 @@
 // A scene has the keys of a scene file, every link written out.  With s the direction of a link at equilibrium
 // (1 down, -1 up), b = m c + l (mass below) its first moment and g b s what gravity adds to its stiffness.
 
-import { carriedBy, coordinatesOf, isStructure, motionsIn, startGiven } from "./carriers.js";
-import { full, sine } from "./steps.js";
+import { carriedBy, coordinatesOf, isStructure, leadingCount, motionsIn, startGiven } from "./carriers.js";
+import { courseOf, leadingOf } from "./courses.js";
+import { full } from "./steps.js";
 import { isWhole, wholeOf } from "./switched.js";
 
 export const MOST_LINKS = 60;
@@ -26,12 +27,12 @@ export function systemOf(scene) {
   const support = motions.length ? movedBy(motions) : null;
   if (isStructure()) {
     const lead = coordinatesOf().length;
-    return { ...common, structure: carriedBy(scene, links), support, lead, size: lead + links.length };
+    return { ...common, structure: carriedBy(scene, links), leading: leadingOf(motions, scene.force, leadingCount()), support, lead, size: lead + links.length };
   }
   const { kind, mass = 0, damping = 0, stiffness = 0, friction, friction_coefficient: coefficient } = scene.support;
   const cart = kind === "cart" ? { mass, damping, stiffness, friction: coefficient || friction || 0 } : null;
   const plain = { ...common, cart, support, lead: 1, size: links.length + 1 };
-  return isWhole() ? { ...plain, whole: wholeOf(scene, plain) } : plain;
+  return isWhole() ? { ...plain, whole: wholeOf(scene, plain, motions) } : plain;
 }
 
 // Where a push acts, among the coordinates, and its unit: on the cart or the first carrier, else as a moment on the
@@ -43,17 +44,14 @@ export function pushedAt({ structure, cart, lead, chains }) {
 
 // Displacement, velocity and acceleration of a support at a time (s), each along the rail and down.
 function movedBy(motions) {
-  const each = motions.map(({ amplitude, frequency_hz, phase_deg = 0, direction }) => {
-    const upwards = direction === "vertical";
-    return sine.constants([amplitude, 2 * Math.PI * frequency_hz, (phase_deg * Math.PI) / 180, upwards ? 0 : 1, upwards ? -1 : 0]);
-  });
-  const [moved, own] = [new Float64Array(6), new Float64Array(6)];
+  const courses = motions.map((motion, k) => courseOf(motion, k));
+  const moved = new Float64Array(6);
   return (time) => {
     moved.fill(0);
-    for (const constants of each) {
-      sine.moved(constants, null, [time], null, own);
-      own.forEach((value, k) => (moved[k] += value));
-    }
+    motions.forEach(({ direction }, k) => {
+      const [place, sign] = direction === "vertical" ? [1, -1] : [0, 1];
+      for (const order of [0, 1, 2]) moved[2 * order + place] += sign * courses[k](time, order);
+    });
     return moved;
   };
 }
