@@ -13,6 +13,7 @@ import sweep_measures as own
 
 from modal import ComputationError, SceneError, load
 from modal.scene.parameters import parse_variations, vary
+from multipendula.cli import main
 from multipendula.commands.sweeps import sweep
 from nonlinear.measures import MEASURES
 from nonlinear.reduction import usual_start
@@ -156,3 +157,30 @@ def test_floquet_is_refused_before_anything_is_computed() -> None:
         sweep(options("gravity=9,10", scene=KAPITZA, measure=["floquet:3"]))
     with pytest.raises(SceneError, match=r"beside --picture"):
         sweep(options("gravity=9,10", picture="a.png", output="b.png"))
+
+
+def test_chaos_against_energy_is_told_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept, drawn = tmp_path / "e.csv", tmp_path / "e.png"
+    words = ["sweep", "chain-2", "--vary", "start.energy=1,40", "--members", "3", "--measure", "lyapunov:8"]
+    assert main([*words, "--seed", "5", "--workers", "1", "-o", str(kept), "--picture", str(drawn)]) == 0
+    text = capsys.readouterr().out
+    assert "energy (J)" in text
+    assert "At every energy 3 starts at random (seed 5)" in text
+    found = sweep_files.load(kept)
+    assert found.study.variations[0].column == "start.energy_J"
+    assert found.values("chaotic_share").tolist() == [0.0, 1.0]
+    assert drawn.read_bytes().startswith(b"\x89PNG")
+    assert main(["sweep", "chain-2", "--vary", "gravity=1,2", "--members", "3"]) == 2
+    assert "--members: needs --vary start.energy=VALUES" in capsys.readouterr().err
+
+
+def test_every_verb_takes_a_measure_by_the_same_words(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["spread", "paper-cart-2", "--uncertain", "gravity=1%", "--members", "5", "--measure", "beat:2"]) == 0
+    assert "beat_2_s" in capsys.readouterr().out
+    grid = ["--vary", "pendulum[0].start.angles_deg[0]=10,20", "--vary", "pendulum[0].start.angles_deg[1]=5,9"]
+    assert main(["basins", "chain-2", *grid, "--measure", "largest_angle:1"]) == 0
+    assert "each simulated for 1 s" in capsys.readouterr().out
+    assert main(["basins", "chain-2", *grid, "--measure", "largest_angle:1", "--duration", "2"]) == 2
+    assert "--measure largest_angle:1: has its own --duration" in capsys.readouterr().err
+    assert main(["basins", "chain-2", *grid, "--measure", "beat"]) == 2
+    assert "basins does not take beat: it belongs to a scene whatever its start" in capsys.readouterr().err
