@@ -8,6 +8,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.scene import Scene
+from modal.scene.doors import require_type
 from modal.types import Floats
 from nonlinear.ensembles.measures import (
     COLUMNS,
@@ -140,7 +141,9 @@ def _energies(run: Trajectory) -> Columns:
 
 def measured_run(run: Trajectory, name: str) -> dict[str, float]:
     """A measure that is read off the last tenth of a run from t = 0 at `times_of` it, as an ensemble reads it."""
-    assert name in ENDS
+    require_type("run", run, "Trajectory")
+    if name not in ENDS:
+        raise SceneError([f"{name}: must be one of {', '.join(sorted(ENDS))}"])
     scene, duration = run.scene, float(run.times[-1])
     validate_measures((name,), scene)
     late = run.at(np.searchsorted(run.times, ending_times(scene, duration)))
