@@ -101,9 +101,9 @@ class Accounts:
         angles, rates, _, speed = self._parts(y)
         mass, momentum = cart.mass, cart.mass * speed
         for group in system.groups:
-            block, along = group.block, np.cos(angles[group.index]) * rates[group.index]
+            block, speeds = group.block, np.cos(angles[group.index]) * rates[group.index]
             mass = mass + block.mass.sum((0, 1))
-            momentum = momentum + (block.mass.sum(0) * speed).sum(0) + (block.b * along).sum((0, 1))
+            momentum = momentum + (block.mass.sum(0) * speed).sum(0) + (block.b * speeds).sum((0, 1))
         return np.asarray(momentum / mass)
 
     @property
