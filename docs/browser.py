@@ -72,7 +72,7 @@ def in_browser(lesson: str) -> str:
 def guarded(page: str, pyodide: str) -> str:
     """A page that says so where `pyodide` cannot be reached."""
     words = {"PYODIDE": json.dumps(pyodide), "LESSONS": json.dumps(LESSONS), "PATIENCE": str(PATIENCE)}
-    guard = re.sub("|".join(words), lambda found: words[found[0]], GUARD)
+    guard = re.sub("|".join(words), lambda placeholder: words[placeholder[0]], GUARD)
     return page.replace("</head>", f"{guard}</head>", 1)
 
 

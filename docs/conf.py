@@ -70,8 +70,8 @@ def copy_lessons(*_: object) -> None:
     source = Path(os.environ.get("LESSONS") or HERE.parent / "notebooks")
     target = HERE / "tutorial" / "lessons"
     target.mkdir(parents=True, exist_ok=True)
-    found = sorted(source.glob("[0-9][0-9]_*.ipynb"))
-    lessons = {lesson.name: lesson.read_bytes().replace(b"](../docs/", b"](../../") for lesson in found}
+    notebooks = sorted(source.glob("[0-9][0-9]_*.ipynb"))
+    lessons = {lesson.name: lesson.read_bytes().replace(b"](../docs/", b"](../../") for lesson in notebooks}
     for stale in target.glob("*.ipynb"):
         if stale.name not in lessons:
             stale.unlink()

@@ -56,13 +56,13 @@ class Sections:
 
 def sections(lines: Iterable[str], parameters: Iterable[str] = ()) -> Sections:
     """The sections of a docstring, under headings or found in its prose, of a function with these parameters."""
-    given = list(lines)
-    places = [at for at, line in enumerate(given[:-1]) if HEADING.match(line) and set(given[at + 1]) == {"-"}]
+    docstring = list(lines)
+    places = [at for at, line in enumerate(docstring[:-1]) if HEADING.match(line) and set(docstring[at + 1]) == {"-"}]
     if not places:
-        return _found_in_prose(given, list(parameters))
-    divided = Sections(given[: places[0]])
-    for at, end in zip(places, [*places[1:], len(given)], strict=True):
-        _take(divided, given[at], given[at + 2 : end])
+        return _found_in_prose(docstring, list(parameters))
+    divided = Sections(docstring[: places[0]])
+    for at, end in zip(places, [*places[1:], len(docstring)], strict=True):
+        _take(divided, docstring[at], docstring[at + 2 : end])
     return divided
 
 
@@ -101,11 +101,11 @@ def _paragraph(text: str, parameters: list[str], divided: Sections) -> list[str]
     """What is left of a paragraph without sentences about errors and those that begin with a parameter."""
     for pattern in (RAISES, CLAUSE):
         while told := pattern.search(text):
-            for one in NEXT_ERROR.split(told[1]):
-                name, _, words = one.partition(" ")
+            for clause in NEXT_ERROR.split(told[1]):
+                name, _, words = clause.partition(" ")
                 name = name.rstrip(",:")
                 known = re.fullmatch(r"[A-Z]\w*Error", name)
-                error, words = (name, words) if known else ("", one)
+                error, words = (name, words) if known else ("", clause)
                 divided.raises[error] = "; ".join(filter(None, [divided.raises.get(error, ""), words.strip(" ,")]))
             rest = text[told.end() :]
             text = f"{text[: told.start()].rstrip()}{rest if pattern is CLAUSE else ' ' + rest.strip()}".strip()

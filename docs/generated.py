@@ -159,14 +159,14 @@ def _directive(thing: object) -> str:
 def documented() -> dict[str, str]:
     """Every name that the reference documents by itself, short and in full, and in full."""
     pages = "\n".join(page.read_text(encoding="utf-8") for page in sorted((ROOT / "docs" / "reference").rglob("*.md")))
-    found: dict[str, str] = {}
+    names: dict[str, str] = {}
     for kind, words in PLACE.findall(pages):
         if kind == "names":
             package, *wanted = words.split()
-            found |= {short: f"{package}.{name}" for name in wanted for short in (name, f"{package}.{name}")}
+            names |= {short: f"{package}.{name}" for name in wanted for short in (name, f"{package}.{name}")}
         if kind == "modules":
-            found |= {name: name for name in words.split()}
-    return found
+            names |= {name: name for name in words.split()}
+    return names
 
 
 def modules(*wanted: str) -> str:
@@ -192,7 +192,7 @@ def formats() -> str:
     """What a state-space model can be written as."""
     from modal.exports import FORMATS
 
-    rows = [f"`{name}` | {_escaped(one.what)} | `{one.extension}`" for name, one in FORMATS.items()]
+    rows = [f"`{name}` | {_escaped(form.what)} | `{form.extension}`" for name, form in FORMATS.items()]
     return _table("`--to` | what is written | usual ending", rows)
 
 
@@ -242,12 +242,14 @@ def options() -> str:
 
 
 def _takers(commands: list[str]) -> str:
-    """The commands by name, or those that do not take it where these are few."""
+    """The commands, linked to their help, or those that do not take it where these are few."""
     missing = [name for name in parsers() if name not in commands]
     if not missing:
         return "all"
     few = len(missing) < 3
-    return "all but " * few + ", ".join(f"`{name}`" for name in (missing if few else commands))
+    pages = {name: page for page, names in sections().items() for name in names}
+    links = (f"[`{name}`]({pages[name]}#command-{name})" for name in (missing if few else commands))
+    return "all but " * few + ", ".join(links)
 
 
 def functions() -> str:
@@ -306,30 +308,32 @@ def combinations() -> str:
     numbers = {name: f"[{at}](#combination-{at})" for at, name in enumerate(CAPABILITIES, 1)}
     listed = [f"{numbers[name]} | {_escaped(name)}" for name in CAPABILITIES]
     grid = [
-        " | ".join([one.words, *(MARKS[held.entries(feature)[0][0]] for held in CAPABILITIES.values())])
-        for feature, one in FEATURES.items()
+        " | ".join([entry.words, *(MARKS[held.entries(feature)[0][0]] for held in CAPABILITIES.values())])
+        for feature, entry in FEATURES.items()
     ]
     heading = " | ".join(["a scene with", *numbers.values()])
     parts = [_table("number | capability", listed), _table(heading, grid)]
-    return "\n\n".join([*parts, *(_capability(at, one) for at, one in enumerate(CAPABILITIES.values(), 1))])
+    return "\n\n".join([*parts, *(_capability(at, entry) for at, entry in enumerate(CAPABILITIES.values(), 1))])
 
 
-def _capability(at: int, one: Capability) -> str:
+def _capability(at: int, capability: Capability) -> str:
     from modal.scene import FEATURES
 
     told: dict[tuple[str, str], list[str]] = {}
     for feature in FEATURES:
-        kind, words = one.entries(feature)[0]
+        kind, words = capability.entries(feature)[0]
         if words and kind != "beside":
             told.setdefault((kind, words), []).append(FEATURES[feature].words)
     heads = {"leaves": "leaves out", "refuses": "refuses", "singly": "member by member", "unless": "with a condition"}
     lines = [f"- {heads[kind]}: {', '.join(names)}: {_escaped(words)}" for (kind, words), names in told.items()]
     lines += [
         f"- not together: {FEATURES[a].words}, {FEATURES[b].words}: {_escaped(why)}"
-        for (a, b), why in one.apart.items()
+        for (a, b), why in capability.apart.items()
     ]
-    lines += [f"- needs: {_escaped(why)}" for why in one.needs.values()]
-    return "\n\n".join([f"(combination-{at})=\n## {at}. {_escaped(one.name)}", "\n".join(lines) or "Takes everything."])
+    lines += [f"- needs: {_escaped(why)}" for why in capability.needs.values()]
+    return "\n\n".join(
+        [f"(combination-{at})=\n## {at}. {_escaped(capability.name)}", "\n".join(lines) or "Takes everything."]
+    )
 
 
 def _table(heading: str, rows: list[str]) -> str:

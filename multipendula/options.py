@@ -280,14 +280,15 @@ def add_output(page: Page, what: str, kinds: Sequence[str], **how: Any) -> None:
     add_file(page, "--output", what, kinds, "-o", **how)
 
 
-def add_text(page: Page, *, drawn: bool = False) -> None:
+def add_text(page: Page, *, drawn: bool = False, more: Sequence[str] = ()) -> None:
     """A file for the text output, in the format that its name ends in where --format does not choose.
 
-    A figure may be `drawn` there instead (`shared.picture_in_place`).
+    A figure may be `drawn` there instead (`shared.picture_in_place`), also in `more` formats.
     """
     page.texts = {f".{TEXTS[form]}": form for form in page.formats}
     kinds = [TEXTS[form] for form in page.formats]
-    add_output(page, "the text or the figure" if drawn else "the text", (*kinds, *PICTURES) if drawn else kinds)
+    kinds += [*PICTURES, *more] if drawn else []
+    add_output(page, "the text or the figure" if drawn else "the text", kinds)
     if drawn:
         page.refused = dict.fromkeys(endings(MOVING), "this command writes text or a figure")
     else:

@@ -216,7 +216,7 @@ def _run(found: dict[str, Any], system: System, scene: Scene) -> SolverInfo:
     if any(type(value).__name__ != kind or (kind == "float" and isnan(value)) for value, kind in values):
         raise TypeError
     if run.form in FORMS:
-        integrated = replace(system, spatial=system.spatial and run.form == "spatial")
+        integrated = replace(system, spatial=system.spatial and run.form in {"spatial", "hamiltonian"})
         validate_method(scene, run.method, run.form, system=integrated)
     elif run.form not in REDUCED:
         raise ValueError

@@ -79,7 +79,7 @@ def simulate(
         "auto", one of SciPy's ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA"), or "taylor" (heyoka,
         extra `taylor`).
     form
-        The form of the equations: "auto"; "minimal", "hamiltonian" or "maximal" in the plane; "spatial" in space.
+        The form of the equations: "auto"; "minimal" or "maximal" in the plane, "spatial" in space; "hamiltonian".
     tolerance
         The integrator's (default 1e-9): relative to each quantity, or, where that passes through zero, to the size of
         the motion.
@@ -257,7 +257,7 @@ def resume(
     run, last = trajectory.run, float(trajectory.times[-1])
     if options.get("accuracy") is None and run.form in FORMS:
         method = method or (run.method if run.reason.startswith(ASKED) else None)
-        form = form or (None if trajectory.system.spatial else run.form)
+        form = form or (None if trajectory.system.spatial and run.form != "hamiltonian" else run.form)
         tolerance = run.tolerance if tolerance is None else tolerance
     options |= {"method": method or "auto", "form": form or "auto", "tolerance": tolerance, "load": load}
     options.setdefault("before", trajectory.kicks)

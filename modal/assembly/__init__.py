@@ -21,6 +21,7 @@ from modal.assembly.hoisting import (
     instants,
     matrices_along,
     matrices_at,
+    no_hoist,
     quadratic_drags,
 )
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
@@ -107,6 +108,7 @@ __all__ = [
     "modal_dampers",
     "modal_factor",
     "modal_supports",
+    "no_hoist",
     "null_space",
     "on_lines",
     "on_structure",

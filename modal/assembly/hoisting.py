@@ -148,7 +148,7 @@ def hoisting_of(scene: Scene, hoists: Hoists | None = None) -> Hoisting | None:
             elif link.hoist:
                 laws.append((index, link.hoist.law(link.length)))
     if told:
-        raise SceneError([f"hoist: {place!r} is no pair of a pendulum and a link of this scene" for place in told])
+        raise SceneError([f"hoist: {place!r} is not a pair of a pendulum and a link of this scene" for place in told])
     return Hoisting(np.array(base), tuple(laws), hoists or None)
 
 
@@ -197,6 +197,17 @@ def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
     return lambda time: along(time).matrices
 
 
+def no_hoist(scene: Scene) -> SceneError:
+    """The error of a scene without a hoist, which says what to write, and where, to give it one."""
+    none = "hoist: no link of this scene has one"
+    places = ((p, i, link) for p, own in enumerate(scene.pendulum) for i, link in enumerate(own.links))
+    for p, i, link in places:
+        if isinstance(link, Bob):
+            key = f"hoist = {{ to = {link.length / 2:g}, duration = 10.0 }}"
+            return SceneError([f"{none}: write {key} in pendulum[{p}].links[{i}] to halve its length within 10 s"])
+    return SceneError([f"{none}, and only a link of kind bob can be hoisted"])
+
+
 def instants(scene: Scene) -> Callable[[float], HoistInstant]:
     """The linear equations of a scene with a hoist as a function of time (s).
 
@@ -205,7 +216,7 @@ def instants(scene: Scene) -> Callable[[float], HoistInstant]:
     validate_scene(scene)
     hoisting, rig = hoisting_of(scene), rig_of(scene)
     if hoisting is None:
-        raise SceneError(["hoist: no link of this scene has one"])
+        raise no_hoist(scene)
     if rig.leans:
         raise SceneError([LEANS])
     if rig.structure:

@@ -10,15 +10,17 @@ is the dynamic mass for a force on the cart: its poles are the fixed-base modes,
 cart.  Start with `analysis`.
 """
 
-from modal.coupling.analysis import Coupling, Family, explain, family_name
+from modal.coupling.analysis import Coupling, Family, explain
 from modal.coupling.damping import damped_modes, negative_damping
+from modal.coupling.families import FamilyRow, family_name
 from modal.coupling.report import coupling_report
-from modal.coupling.structures import Branch, PendulumFamily, StructureCoupling, StructureMode
+from modal.coupling.structures import FamilyBranch, PendulumFamily, StructureCoupling, StructureMode
 
 __all__ = [
-    "Branch",
     "Coupling",
     "Family",
+    "FamilyBranch",
+    "FamilyRow",
     "PendulumFamily",
     "StructureCoupling",
     "StructureMode",

@@ -22,14 +22,15 @@ import numpy as np
 from modal.assembly import Rig, rig_of
 from modal.coupling.damping import Damped, damped_modes, negative_damping
 from modal.coupling.dynamic_mass import DynamicMass
-from modal.coupling.exchange import STRONG, EnergyExchange, Transfer, energy_exchanges, transfer
+from modal.coupling.exchange import STRONG, UNEVEN, EnergyExchange, Transfer, energy_exchanges, transfer
+from modal.coupling.families import FamilyRow, family_cells, family_name, mode_words
 from modal.coupling.fixed_base import FixedBaseModes, fixed_base_modes
+from modal.coupling.numbering import Numbered
 from modal.coupling.reduced import reduced
 from modal.coupling.structures import StructureCoupling
 from modal.eigen import at_infinity, degenerate_modes
 from modal.errors import ComputationError
-from modal.modes import MOST_COMPARED, lettered, natural_modes, table_numbers
-from modal.report import NOTHING, Displayed, Summary, brief, counted
+from modal.report import HTML_ROWS, Displayed, Summary, counted
 from modal.scene import Scene, name_of, require
 from modal.scene.doors import checked
 from modal.types import Floats, Ints
@@ -41,8 +42,6 @@ FAR = 0.2
 """Relative difference of first order from the splitting above which m_r must vary."""
 ROUGH = 0.02
 """Relative difference of a splitting from that with a constant m_r above which both are only a guide."""
-UNEVEN = 1e-3
-"""Largest differences of decay rates within a family, over its splitting and over the largest rate."""
 
 
 @dataclass(frozen=True)
@@ -109,12 +108,12 @@ class Family(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Coupling(Displayed):
+class Coupling(Numbered, Displayed):
     """The coupling of a scene's pendula by its cart; for a fixed support (no coupling) `dynamic` has cart mass 0."""
 
     scene: Scene
     rig: Rig
-    own: FixedBaseModes
+    fixed_base: FixedBaseModes
     pole: Ints
     dynamic: DynamicMass
 
@@ -125,19 +124,8 @@ class Coupling(Displayed):
         )
         facts = [("mass felt by a slow push", f"{self.dynamic.at_rest:.6g} kg")]
         facts += [("by a fast one", f"{self.dynamic.at_infinity:.6g} kg")] if self.on_cart else []
-        headings = ("family", "ω (rad/s)", "modes", "μ (kg)", "coupling ε", "splitting (rad/s)")
-        rows = (
-            (
-                family_name(k),
-                brief(one.omega),
-                str(one.fold),
-                brief(one.mass),
-                brief(one.strength),
-                NOTHING if one.splitting is None else brief(one.splitting),
-            )
-            for k, one in enumerate(self.families)
-        )
-        return Summary(title, facts, headings, rows, len(self.families), words=frozenset({0}))
+        headings, cells = family_cells(self.rows(HTML_ROWS))
+        return Summary(title, facts, headings, cells, len(self.families), words=frozenset({0, len(headings) - 1}))
 
     @property
     def on_cart(self) -> bool:
@@ -152,12 +140,12 @@ class Coupling(Displayed):
     @cached_property
     def families(self) -> tuple[Family, ...]:
         """The families, one for each distinct fixed-base frequency, ascending."""
-        fold = np.bincount(self.pole, weights=self.own.count).astype(int)
+        fold = np.bincount(self.pole, weights=self.fixed_base.count).astype(int)
         order = np.argsort(self.pole, kind="stable")
         members = np.split(order, np.cumsum(np.bincount(self.pole))[:-1])
         resting = self._rest()
         moved = {mode.family: number for number, mode in enumerate(self.cart_modes) if mode.family is not None}
-        found = (
+        families = (
             Family(
                 omega=float(omega),
                 members=tuple(members[r].tolist()),
@@ -169,21 +157,21 @@ class Coupling(Displayed):
             )
             for r, omega in enumerate(self.dynamic.omega)
         )
-        return tuple(replace(family, exchange=self._exchange(family)) for family in found)
+        return tuple(replace(family, exchange=self._exchange(family)) for family in families)
 
     def _exchange(self, family: Family) -> Transfer | None:
         """Two levels: one pendulum of the first kind, and all others of the family moving alike."""
-        members, own = list(family.members), self.own
-        rate = own.rate[members]
+        members, modes = list(family.members), self.fixed_base
+        rate = modes.rate[members]
         uneven = np.ptp(rate) > UNEVEN * (abs(family.splitting or 0.0) + rate.max())
         if not (family.splitting and family.fold > 1 and family.is_first_order) or uneven:
             return None
-        share = float(own.mass[members[0]]) / family.mass
+        share = float(modes.mass[members[0]]) / family.mass
         drag = self.rig.cart.damping / family.omega if self.rig.cart else 0.0
         moved = family.splitting * family.rest / (family.rest - 1j * drag)
         lost = 1j * float(rate.mean())
-        found = transfer(lost + moved * share, lost + moved * (1 - share), moved * sqrt(share * (1 - share)))
-        return replace(found, beats=found.beats and lost.imag < family.omega)
+        passed = transfer(lost + moved * share, lost + moved * (1 - share), moved * sqrt(share * (1 - share)))
+        return replace(passed, beats=passed.beats and lost.imag < family.omega)
 
     @cached_property
     def cart_modes(self) -> tuple[CartMode, ...]:
@@ -198,14 +186,14 @@ class Coupling(Displayed):
         whole = float(push.sum()) + (0.0 if self._held else 1 / self.dynamic.at_rest)
         light = self.dynamic.with_cart(0.0).zeros.omega.tolist()
         heavy = np.sqrt(zeros.square).tolist()
-        own = int(push.argmax()) if self._held else -1
+        leading = int(push.argmax()) if self._held else -1
         return tuple(
             CartMode(
                 omega=float(omega),
                 participation=float(push[j]) / whole,
                 light=light[j] if j < len(light) else inf,
                 heavy=heavy[j],
-                family=None if j == own else j - (self._held and j > own),
+                family=None if j == leading else j - (self._held and j > leading),
             )
             for j, omega in enumerate(zeros.omega)
         )
@@ -213,29 +201,37 @@ class Coupling(Displayed):
     @cached_property
     def pairs(self) -> tuple[EnergyExchange, ...]:
         """Pairs of modes of different pendula, those that exchange most energy first."""
-        return energy_exchanges(self.own, self.dynamic, self.pole, self.rig.cart.damping) if self.rig.cart else ()
+        return (
+            energy_exchanges(self.fixed_base, self.dynamic, self.pole, self.rig.cart.damping) if self.rig.cart else ()
+        )
 
     @cached_property
     def damped(self) -> tuple[Damped, ...]:
         """The damping and excitation of each mode."""
         return damped_modes(self.rig, negative_damping(self.scene, self.rig))
 
-    @cached_property
-    def _table(self) -> tuple[Floats, Ints] | None:
-        """ω of the modes without dampers and their numbers in the table; None where the table is not available."""
-        if self.scene.has_damping and self.scene.n_links > MOST_COMPARED:
-            return None
-        try:
-            return natural_modes(self.scene.conservative).omega, table_numbers(self.scene)
-        except ComputationError:
-            return None
+    def rows(self, most: int | None = None) -> list[FamilyRow]:
+        """The table of families, or its first lines."""
+        return [self._row(index, family) for index, family in enumerate(self.families[:most])]
 
-    def number(self, omega: float) -> int | None:
-        """The number in the table of the undamped mode of this frequency (rad/s), None where unknown."""
-        if self._table is None:
-            return None
-        known, numbers = self._table
-        return int(numbers[np.abs(known - omega).argmin()])
+    def _row(self, index: int, family: Family) -> FamilyRow:
+        moving = None if family.cart_mode is None else self.cart_modes[family.cart_mode].omega
+        if not self.on_cart:
+            modes = mode_words(None, self.number(family.omega))
+        else:
+            still = self.number(family.omega) if family.fold > 1 else None
+            modes = mode_words(still, None if moving is None else self.number(moving), family.fold - 1)
+        return FamilyRow(
+            family=family_name(index),
+            omega=family.omega,
+            mass=family.mass,
+            strength=family.strength if self.on_cart else None,
+            splitting=family.splitting,
+            beat=family.beat,
+            share=family.exchange.most if family.exchange else None,
+            modes=modes,
+            fold=family.fold,
+        )
 
     def residual(self) -> float:
         """Relative error of the total mass from modal effective and residual masses, two independent routes."""
@@ -260,11 +256,6 @@ class Coupling(Displayed):
         return np.concatenate([self.dynamic(omega[p], left_out=index == p[:, None]) for p in parts])
 
 
-def family_name(index: int) -> str:
-    """A, B, … of families from 0: numbers are for modes."""
-    return lettered(index).upper()
-
-
 @checked
 def explain(scene: Scene) -> Coupling | StructureCoupling:
     """The coupling of the pendula of a scene through its cart, or through the structure that they hang from.
@@ -279,22 +270,22 @@ def explain(scene: Scene) -> Coupling | StructureCoupling:
     if (size := sum(block.mass.size for block in rig.blocks)) > MOST_POLES:
         raise ComputationError(f"different pendula have {size} links: at most {MOST_POLES} are explained")
     with np.errstate(all="ignore"):
-        own = fixed_base_modes(rig)
-        gathered = degenerate_modes((own.omega**2,))
+        modes = fixed_base_modes(rig)
+        gathered = degenerate_modes((modes.omega**2,))
         pole = np.repeat(np.arange(len(gathered.first)), gathered.size)
         dynamic = DynamicMass(
-            omega=own.omega[gathered.first],
-            mass=np.add.reduceat(own.mass * own.count, gathered.first),
+            omega=modes.omega[gathered.first],
+            mass=np.add.reduceat(modes.mass * modes.count, gathered.first),
             cart=rig.cart.mass if rig.cart else 0.0,
             residual=_residual(rig),
             spring=rig.cart.stiffness if rig.cart else 0.0,
         )
-        found = Coupling(scene, rig, own, pole, dynamic)
-        if not np.all(np.isfinite(own.rate**2)):
+        coupling = Coupling(scene, rig, modes, pole, dynamic)
+        if not np.all(np.isfinite(modes.rate**2)):
             raise ComputationError("the rates at which joint dampers drain these modes are beyond double precision")
-    if not (missed := found.residual()) <= MISSED:
+    if not (missed := coupling.residual()) <= MISSED:
         raise ComputationError(f"modal effective masses are beyond double precision: their sum is off by {missed:.1e}")
-    return found
+    return coupling
 
 
 def _residual(rig: Rig) -> float:

@@ -115,23 +115,23 @@ def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
             from_drag=float(mode.drag[k]) * units.rate,
             from_ratio=float(mode.ratio[k]) * units.rate,
         )
-        for mode, found in zip(modes, values, strict=True)
-        for k, value in enumerate(found)
+        for mode, eigenvalues in zip(modes, values, strict=True)
+        for k, value in enumerate(eigenvalues)
     )
 
 
 def negative_damping(scene: Scene, rig: Rig) -> tuple[Floats, ...]:
     """Strengths e (N m s/rad) of one copy, (n, P) of each block; of equal pendula with unequal drives, their mean."""
     validate_scene(scene)
-    found = tuple(np.zeros_like(block.damping) for block in rig.blocks)
+    strengths = tuple(np.zeros_like(block.damping) for block in rig.blocks)
     entries, left = iter(scene.pendulum), 0
     for block, column, copies in rig.members:  # several of one entry, where springs tell its copies apart
         if not left:
             pendulum = next(entries)
             left = pendulum.count
         left -= copies
-        found[block][:, column] += np.array(_strengths(pendulum)) * copies / rig.blocks[block].count[column]
-    return found
+        strengths[block][:, column] += np.array(_strengths(pendulum)) * copies / rig.blocks[block].count[column]
+    return strengths
 
 
 def _strengths(pendulum: Pendulum) -> list[float]:
@@ -147,29 +147,31 @@ class _Shapes(NamedTuple):
     angles: tuple[Floats, ...]
 
 
-def _modes(rig: Rig, found: ModalSpectrum, driven: tuple[Floats, ...]) -> list[_Mode]:
+def _modes(rig: Rig, spectrum: ModalSpectrum, driven: tuple[Floats, ...]) -> list[_Mode]:
     """Every oscillating mode, ascending."""
-    swinging = [number for number, value in enumerate(found.eigenvalue) if value]
-    parts = [(number, part) for number in swinging for part in found.groups[number]]
+    swinging = [number for number, value in enumerate(spectrum.eigenvalue) if value]
+    parts = [(number, part) for number in swinging for part in spectrum.groups[number]]
     parts.sort(key=lambda entry: (entry[1].source, entry[1].row))
-    modes, omega = [], np.abs(found.eigenvalue)
+    modes, omega = [], np.abs(spectrum.eigenvalue)
     ratio = ratio_at(rig)(omega)
     for source, members in groupby(parts, key=lambda entry: entry[1].source):
         owned = list(members)
-        for (number, part), shapes in zip(owned, _shapes(rig, found, source, [part for _, part in owned]), strict=True):
+        for (number, part), shapes in zip(
+            owned, _shapes(rig, spectrum, source, [part for _, part in owned]), strict=True
+        ):
             modes.append((number, _mode(rig, part, float(omega[number]), float(ratio[number]), shapes, driven)))
     return [mode for _, mode in sorted(modes, key=lambda entry: entry[0])]
 
 
-def _shapes(rig: Rig, found: ModalSpectrum, source: int, parts: list[SpectrumPart]) -> Iterator[_Shapes]:
+def _shapes(rig: Rig, spectrum: ModalSpectrum, source: int, parts: list[SpectrumPart]) -> Iterator[_Shapes]:
     """The rows of each of the parts of one source, computed a bounded amount of memory at a time."""
     size = max(1, CHUNK // sum(block.mass.size for block in rig.blocks))
     for start in range(0, len(parts), size):
         rows = [
             list(range(part.row, part.row + (1 if part.kind else part.along))) for part in parts[start : start + size]
         ]
-        details = found.details(source, [row for own in rows for row in own])
-        ends = np.cumsum([len(own) for own in rows]).tolist()
+        details = spectrum.details(source, [row for part_rows in rows for row in part_rows])
+        ends = np.cumsum([len(part_rows) for part_rows in rows]).tolist()
         for first, last in pairwise([0, *ends]):
             here = slice(first, last)
             angles = tuple(angle[..., here].real for angle in details.angles)
@@ -198,15 +200,15 @@ def _mode(
 
 def _dragged(rig: Rig, part: SpectrumPart, shapes: _Shapes, scale: Floats) -> Floats:
     """φᵀDφ/2E of the drag alone, (d, d)."""
-    found = np.zeros((len(scale), len(scale)))
+    losses = np.zeros((len(scale), len(scale)))
     for number, block in enumerate(rig.blocks):
         for column in np.flatnonzero(block.drag.any(0)).tolist():
             if part.kind is not None and part.kind != (number, column):
                 continue
             angles = shapes.angles[0][:, 0] if part.kind else shapes.angles[number][:, column]
             moved = np.asarray(shapes.cart + centres(block, column) @ angles) * scale
-            found += (moved.T * block.drag[:, column] * (1 if part.kind else block.count[column])) @ moved
-    return found
+            losses += (moved.T * block.drag[:, column] * (1 if part.kind else block.count[column])) @ moved
+    return losses
 
 
 def _relative(
@@ -216,8 +218,8 @@ def _relative(
     if part.kind:
         index, column = part.kind
         block = rig.blocks[index]
-        own = np.diff(shapes.angles[0][:, 0], axis=0, prepend=0.0)
-        return own, block.damping[:, column], driven[index][:, column], _tops(block.n, np.ones(1))
+        swung = np.diff(shapes.angles[0][:, 0], axis=0, prepend=0.0)
+        return swung, block.damping[:, column], driven[index][:, column], _tops(block.n, np.ones(1))
     turns = [np.diff(angle, axis=0, prepend=0.0).reshape(-1, angle.shape[-1]) for angle in shapes.angles]
     damping = [(block.damping * block.count).ravel() for block in rig.blocks]
     drive = [(strength * block.count).ravel() for strength, block in zip(driven, rig.blocks, strict=True)]
@@ -235,11 +237,11 @@ def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
         return [[complex(0.0, mode.omega)] * len(mode.cart) for mode in modes]
     unknown: list[list[complex | None]] = [[None] * len(mode.cart) for mode in modes]
     try:
-        found = find_spectrum(rig)
+        spectrum = find_spectrum(rig)
     except ComputationError:
         return unknown
     values: dict[Kind, list[complex]] = {}
-    for value, group in zip(found.eigenvalue.tolist(), found.groups, strict=True):
+    for value, group in zip(spectrum.eigenvalue.tolist(), spectrum.groups, strict=True):
         for part in group if value else ():
             values.setdefault(part.kind, []).extend([value] * (1 if part.kind else part.along))
     wanted: dict[Kind, list[tuple[int, int]]] = {}

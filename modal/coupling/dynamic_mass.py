@@ -49,14 +49,14 @@ class Zeros(Displayed):
     @cached_property
     def modal_mass(self) -> Floats:
         """φᵀMφ (Z,) in kg of the modes in which the cart moves by 1: ω² dm_dyn/d(ω²); infinite if it hardly does."""
-        found = np.empty(len(self.anchor))
+        mass = np.empty(len(self.anchor))
         size = max(1, CHUNK // len(self.square))
-        for start in range(0, len(found), size):
+        for start in range(0, len(mass), size):
             part = slice(start, start + size)
             apart = (self.square - self.square[self.anchor[part], None]) - self.offset[part, None]
             with np.errstate(over="ignore", divide="ignore"):
-                found[part] = (self.weight / apart / apart).sum(1) * self.omega[part] ** 2
-        return found
+                mass[part] = (self.weight / apart / apart).sum(1) * self.omega[part] ** 2
+        return mass
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -85,16 +85,16 @@ class DynamicMass(Displayed):
     def __call__(self, omega: ArrayLike, left_out: Booleans | None = None) -> Floats:
         """m_dyn (W,) in kg at ω (W,) in rad/s, infinite on a pole; without the poles marked in `left_out` (W, C)."""
         at = np.atleast_1d(np.asarray(omega, dtype=np.float64))
-        found, size = np.empty(len(at)), max(1, CHUNK // len(self.omega))
+        felt, size = np.empty(len(at)), max(1, CHUNK // len(self.omega))
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             for start in range(0, len(at), size):
                 part = slice(start, start + size)
                 w = at[part, None]
                 terms = self.mass * (self.omega / (self.omega - w)) * (self.omega / (self.omega + w))
                 none = self.mass == 0 if left_out is None else left_out[part] | (self.mass == 0)
-                found[part] = np.where(none, 0.0, terms).sum(1)
+                felt[part] = np.where(none, 0.0, terms).sum(1)
             held = self.spring / at / at if self.spring else 0.0
-        return self.at_infinity - held + found
+        return self.at_infinity - held + felt
 
     def with_cart(self, mass: float) -> DynamicMass:
         """The dynamic mass for a cart of another mass (kg)."""

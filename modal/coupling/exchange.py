@@ -20,6 +20,7 @@ the energy is on its way back after π/Re Ω; where Im Ω is larger than Re Ω i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import isfinite, pi, sqrt
@@ -36,6 +37,8 @@ MOST_MODES = 40
 """Modes up to which pairs are listed: among more, no two are isolated from the others."""
 STRONG = 0.5
 """Coupling strength μ/m above which first order is meaningless."""
+UNEVEN = 1e-3
+"""Largest differences of decay rates within a family, over its splitting and over the largest rate."""
 STEADY = 0.2
 """Largest relative change of m over the frequencies of an isolated pair."""
 
@@ -70,6 +73,22 @@ def transfer(first: complex, second: complex, coupling: complex) -> Transfer:
         other = _swung(np.concatenate((early, late)), turn, decay) * abs(coupling) ** 2
         left = float(max(_returned(sign * half, turn, decay, period) for sign in (1, -1))) if isfinite(period) else 0.0
     return Transfer(period, float(other.max()), left, beats=bool(abs(turn.real) > abs(turn.imag)), lossless=False)
+
+
+def most_of_the_others(weights: Sequence[float], levels: Sequence[complex]) -> float:
+    """The most that all others ever hold of the energy given to one of several, over its levels, of that energy.
+
+    The one has the weights w_l, Σ w_l = 1, in modes of frequency Re δ_l (rad/s, from any origin) and decay rate Im δ_l
+    (1/s); the others hold Σ w_l |e_l|² − |Σ w_l e_l|² with e_l = exp(iδ_l t), over the slowest beat.
+
+    >>> round(most_of_the_others([2 / 3, 1 / 3], [0.0, 0.1]), 12), round(4 * (3 - 1) / 3**2, 12)
+    (0.888888888889, 0.888888888889)
+    """
+    share, level = np.asarray(weights), np.asarray(levels, dtype=np.complex128)
+    gaps = np.abs(np.subtract.outer(level.real, level.real))
+    times = np.linspace(0.0, 2 * pi / float(gaps[gaps > 0].min()), SAMPLES) if gaps.any() else np.zeros(1)
+    amplitude = np.exp(1j * np.outer(times, level))
+    return float(((np.abs(amplitude) ** 2) @ share - np.abs(amplitude @ share) ** 2).max())
 
 
 def _swung(times: Floats, turn: np.complex128, decay: float) -> Floats:
@@ -112,21 +131,21 @@ class EnergyExchange(Displayed):
 
 
 def energy_exchanges(
-    own: FixedBaseModes, dynamic: DynamicMass, pole: Ints, damping: float = 0.0
+    modes: FixedBaseModes, dynamic: DynamicMass, pole: Ints, damping: float = 0.0
 ) -> tuple[EnergyExchange, ...]:
     """Pairs of modes of different kinds, those that exchange most first.
 
     `pole` (K,) is the pole of each mode, `damping` (N s/m) the cart's.  A pair with nothing else on the cart, m = 0, is
     rigidly coupled and omitted: it exchanges nothing.  There are none for more than MOST_MODES modes.
     """
-    places = range(len(own.omega)) if len(own.omega) <= MOST_MODES else ()
-    pairs = [(a, b) for a, b in combinations(places, 2) if own.kind[a] != own.kind[b]]
+    places = range(len(modes.omega)) if len(modes.omega) <= MOST_MODES else ()
+    pairs = [(a, b) for a, b in combinations(places, 2) if modes.kind[a] != modes.kind[b]]
     chosen = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     masses = _between(dynamic, pole[chosen])
-    alone = _alone(own, dynamic, pole, chosen, masses)
+    alone = _alone(modes, dynamic, pole, chosen, masses)
     every = zip(pairs, masses.tolist(), alone.tolist(), strict=True)
-    found = [_exchange(own, a, b, m, damping, alone=by_itself) for (a, b), m, by_itself in every if m]
-    return tuple(sorted(found, key=lambda pair: -pair.share))
+    exchanges = [_exchange(modes, a, b, m, damping, alone=by_itself) for (a, b), m, by_itself in every if m]
+    return tuple(sorted(exchanges, key=lambda pair: -pair.share))
 
 
 def _between(dynamic: DynamicMass, poles: Ints) -> Floats:
@@ -140,30 +159,30 @@ def _without(dynamic: DynamicMass, poles: Ints, omega: Floats) -> Floats:
     return dynamic(omega, left_out=(index == poles[:, :1]) | (index == poles[:, 1:]))
 
 
-def _alone(own: FixedBaseModes, dynamic: DynamicMass, pole: Ints, pairs: Ints, m: Floats) -> Booleans:
+def _alone(modes: FixedBaseModes, dynamic: DynamicMass, pole: Ints, pairs: Ints, m: Floats) -> Booleans:
     """Whether no other mode shares the poles of a pair, its coupling is weak, and m is steady over its frequencies."""
-    mass = (own.mass * own.count)[pairs]
-    omega, company = own.omega[pairs], np.bincount(pole)[pole[pairs]]
+    mass = (modes.mass * modes.count)[pairs]
+    omega, company = modes.omega[pairs], np.bincount(pole)[pole[pairs]]
     with np.errstate(all="ignore"):
         shift = omega * mass / (2 * m[:, None])
         middle, detuning = (omega + shift).mean(1), np.diff(omega + shift)[:, 0]
         swing = np.hypot(detuning / 2, np.sqrt(np.abs(shift.prod(1))))
         ends = np.column_stack((omega, middle - swing, middle + swing))
-        found = [_without(dynamic, pole[pairs], np.maximum(end, 0.0)) for end in (ends.min(1), ends.max(1))]
-        steady = np.all(np.abs(found - m) <= STEADY * np.abs(m), axis=0) & (mass.max(1) <= STRONG * np.abs(m))
+        beside = [_without(dynamic, pole[pairs], np.maximum(end, 0.0)) for end in (ends.min(1), ends.max(1))]
+        steady = np.all(np.abs(beside - m) <= STEADY * np.abs(m), axis=0) & (mass.max(1) <= STRONG * np.abs(m))
     alone: Booleans = np.isfinite(m) & steady & (company.sum(1) == np.where(np.ptp(pole[pairs], axis=1), 2, 4))
     return alone
 
 
-def _exchange(own: FixedBaseModes, a: int, b: int, m: float, damping: float, *, alone: bool) -> EnergyExchange:
+def _exchange(modes: FixedBaseModes, a: int, b: int, m: float, damping: float, *, alone: bool) -> EnergyExchange:
     """The pair (a, b) on a cart that resists with m and a damper."""
-    wa, wb = float(own.omega[a]), float(own.omega[b])
-    ma, mb = (float(own.mass[k] * own.count[k]) for k in (a, b))
+    wa, wb = float(modes.omega[a]), float(modes.omega[b])
+    ma, mb = (float(modes.mass[k] * modes.count[k]) for k in (a, b))
     detuning = (wa - wb) + (wa * ma - wb * mb) / (2 * m)
     coupling, yielding = sqrt(ma * mb * wa * wb), 1 / (2 * m - 2j * damping / sqrt(wa * wb)) if isfinite(m) else 0.0
-    first, second = (w * (1 + mu * yielding) + 1j * float(own.rate[k]) for w, mu, k in ((wa, ma, a), (wb, mb, b)))
+    first, second = (w * (1 + mu * yielding) + 1j * float(modes.rate[k]) for w, mu, k in ((wa, ma, a), (wb, mb, b)))
     passed = transfer(first, second, coupling * yielding)
-    overdamped = float(own.rate[a]) >= wa or float(own.rate[b]) >= wb
+    overdamped = float(modes.rate[a]) >= wa or float(modes.rate[b]) >= wb
     return EnergyExchange(
         a, b, detuning, coupling / (2 * abs(m)), m, alone, replace(passed, beats=passed.beats and not overdamped)
     )

@@ -18,23 +18,22 @@ def exchanges(coupling: Coupling) -> Iterator[str]:
     """A sentence about each pair of modes of different pendula, or about all of them where there are many."""
     if len(coupling.names) == 1 or not coupling.on_cart:
         return
-    if len(coupling.own.omega) > MOST_MODES:
+    if len(coupling.fixed_base.omega) > MOST_MODES:
         yield from _many(coupling)
         return
     yield from (_pair(coupling, pair) for pair in coupling.pairs[:MOST_LISTED])
     if not coupling.pairs:
         yield (
-            "No inertia but that of the pendula opposes them [m = 0]: they move together and exchange no energy in "
-            "beats."
+            "Only the inertia of the pendula opposes them [m = 0]: they move together and exchange no energy in beats."
         )
     elif (left := len(coupling.pairs) - MOST_LISTED) > 0:
         yield f"{left} more pairs are {ELSEWHERE}."
 
 
 def _pair(coupling: Coupling, pair: EnergyExchange) -> str:
-    own = coupling.own
+    modes = coupling.fixed_base
     a, b = (member(coupling, k) for k in (pair.first, pair.second))
-    strength = max(float(own.mass[k] * own.count[k]) for k in (pair.first, pair.second)) / abs(pair.cart_mass)
+    strength = max(float(modes.mass[k] * modes.count[k]) for k in (pair.first, pair.second)) / abs(pair.cart_mass)
     if strength > STRONG:
         return (
             f"{capital(a)} and {b} are coupled too strongly for beats between two [μ/|m| = {short(strength)}, "
@@ -45,7 +44,7 @@ def _pair(coupling: Coupling, pair: EnergyExchange) -> str:
             f"{capital(a)} and {b} are not alone: other modes, or the cart's spring, make the dynamic mass m of all "
             "else change between their frequencies [m(ω_a) ≠ m(ω_b)]; their energy goes where the modes above carry it."
         )
-    overdamped = [capital(member(coupling, k)) for k in (pair.first, pair.second) if own.rate[k] >= own.omega[k]]
+    overdamped = [capital(member(coupling, k)) for k in (pair.first, pair.second) if modes.rate[k] >= modes.omega[k]]
     if overdamped:
         return f"{listed(overdamped, len(overdamped))}: overdamped by its joints [σ ≥ ω], no beats."
     return (
@@ -78,19 +77,36 @@ def _passed(pair: EnergyExchange) -> str:
     return f"{verdict}. With the dampers the other never holds more than {left(pair.share)} of one's energy, and {back}"
 
 
-def _many(coupling: Coupling) -> Iterator[str]:
-    """The first modes of many different pendula: their spread against their collective coupling."""
-    own, dynamic = coupling.own, coupling.dynamic
-    first = own.number == 1
-    omega, mass = own.omega[first], float((own.mass * own.count)[first].sum())
+def collective(coupling: Coupling) -> str:
+    """One sentence on many different pendula that swing alike; empty where pairs are listed."""
+    if len(coupling.fixed_base.omega) <= MOST_MODES or not coupling.on_cart:
+        return ""
+    _, spread, shift, _ = _together(coupling)
+    if abs(shift) > spread:
+        return "The cart shifts them together by more than they differ: one mode stands out."
+    return "They differ by more than the cart shifts them: only neighbours in frequency exchange."
+
+
+def _together(coupling: Coupling) -> tuple[float, float, float, float]:
+    """Of first modes their median and their spread, their shift (rad/s) if they swing alike, and m (kg) of the rest."""
+    modes, dynamic = coupling.fixed_base, coupling.dynamic
+    first = modes.number == 1
+    omega, mass = modes.omega[first], float((modes.mass * modes.count)[first].sum())
     middle, spread = float(np.median(omega)), float(np.ptp(omega))
     left_out = np.isin(np.arange(len(dynamic.omega)), coupling.pole[first])
     rest = float(dynamic([middle], left_out=left_out[None])[0])
-    shift = middle * mass / (2 * rest) if rest else float("inf")
+    return middle, spread, middle * mass / (2 * rest) if rest else float("inf"), rest
+
+
+def _many(coupling: Coupling) -> Iterator[str]:
+    """The first modes of many different pendula: their spread against their collective coupling."""
+    modes = coupling.fixed_base
+    middle, spread, shift, rest = _together(coupling)
+    count = int(np.sum(modes.number == 1))
     yield (
-        f"{len(own.omega)} modes of {len(coupling.names)} kinds are too many to list in pairs. Their first modes "
+        f"{len(modes.omega)} modes of {len(coupling.names)} kinds are too many to list in pairs. Their first modes "
         f"spread over {short(spread)} rad/s [max ω_r − min ω_r] about {rad(middle)} [median], "
-        f"{short(spread / max(1, len(omega) - 1))} rad/s from one to the next in the mean; swinging alike they would "
+        f"{short(spread / max(1, count - 1))} rad/s from one to the next in the mean; swinging alike they would "
         f"be shifted by {short(shift)} rad/s [½ ω Σμ/m, m = {short(rest)} kg]."
     )
     yield (

@@ -40,7 +40,7 @@ class FixedBaseModes(Displayed):
 def without_damping(rig: Rig) -> Rig:
     """The rig without dampers, drag and damping ratios, in the plane of the rail."""
     none = [np.zeros_like(block.damping) for block in rig.blocks]
-    blocks = tuple(replace(block, damping=own, drag=own) for block, own in zip(rig.blocks, none, strict=True))
+    blocks = tuple(replace(block, damping=zeros, drag=zeros) for block, zeros in zip(rig.blocks, none, strict=True))
     return replace(
         rig, blocks=blocks, cart=rig.cart and rig.cart._replace(damping=0.0), spatial=False, damping_ratio=0.0
     )
@@ -49,8 +49,8 @@ def without_damping(rig: Rig) -> Rig:
 def fixed_base_modes(rig: Rig) -> FixedBaseModes:
     """The fixed-base modes of every kind of pendulum of a rig in SI units, all of them hanging."""
     natural, units = replace(without_damping(rig), cart=None).natural()
-    found = find_spectrum(natural)
-    parts = [(number, part) for number, group in enumerate(found.groups) for part in group]
+    spectrum = find_spectrum(natural)
+    parts = [(number, part) for number, group in enumerate(spectrum.groups) for part in group]
     places = {kind: place for place, kind in enumerate(rig.names)}
     kind = np.array([places[part.kind] for _, part in parts if part.kind])
     source = np.array([part.source for _, part in parts])
@@ -59,19 +59,19 @@ def fixed_base_modes(rig: Rig) -> FixedBaseModes:
     moment = units.mass * units.length**2
     for index in np.unique(source).tolist():
         here = source == index
-        details = found.details(index, row[here].tolist())
+        details = spectrum.details(index, row[here].tolist())
         mass[here] = details.effective_mass * units.mass
         kinds = [part.kind for _, part in parts if part.kind and part.source == index]
         damping = np.column_stack([rig.blocks[block].damping[:, column] for block, column in kinds])
         turns = np.diff(details.angles[0][:, 0].real, axis=0, prepend=0.0)
         lost = np.sum(damping * turns**2, axis=0)
         for at, (block, column) in enumerate(kinds):
-            own = rig.blocks[block]
-            if own.drag[:, column].any():
-                lost[at] += own.drag[:, column] @ (centres(own, column) @ details.angles[0][:, 0, at].real) ** 2
+            dragged = rig.blocks[block]
+            if dragged.drag[:, column].any():
+                lost[at] += dragged.drag[:, column] @ (centres(dragged, column) @ details.angles[0][:, 0, at].real) ** 2
         rate[here] = lost / (2 * details.modal_mass * moment)
     return FixedBaseModes(
-        omega=np.abs(found.eigenvalue[[number for number, _ in parts]]) * units.rate,
+        omega=np.abs(spectrum.eigenvalue[[number for number, _ in parts]]) * units.rate,
         mass=mass,
         kind=kind,
         number=places_within(kind),
@@ -84,6 +84,6 @@ def places_within(kind: Ints) -> Ints:
     """The running number of each entry within its kind, from 1, (K,)."""
     order = np.argsort(kind, kind="stable")
     first = np.searchsorted(kind[order], kind[order])
-    found = np.empty_like(order)
-    found[order] = np.arange(len(kind)) - first + 1
-    return found
+    numbers = np.empty_like(order)
+    numbers[order] = np.arange(len(kind)) - first + 1
+    return numbers

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from modal.coupling.analysis import CartMode, Coupling, Family, family_name
+from modal.coupling.analysis import CartMode, Coupling, Family
 from modal.coupling.damping import Damped
 from modal.coupling.exchange import EnergyExchange
+from modal.coupling.families import family_name
 from modal.coupling.structures import Exchanged, PendulumFamily, StructureCoupling
 from modal.report import finite
 from modal.scene import describe
@@ -72,11 +73,14 @@ def _pendulum_family(coupling: StructureCoupling, index: int, family: PendulumFa
                 "coupling_strength": finite(branch.strength),
                 "structure_still": branch.still,
                 "structure_motion": branch.motion.tolist(),
+                "modal_effective_mass_kg": coupling.effective_mass(family, branch),
+                "beat_period_s": coupling.beat(family, branch),
                 "pattern": branch.pattern.tolist(),
             }
             for branch in family.branches
         ],
         "beat_periods_s": list(coupling.beats(family)),
+        "energy_share_of_the_others": coupling.share(family),
     }
 
 
@@ -112,12 +116,12 @@ def _family(coupling: Coupling, index: int, family: Family) -> dict[str, Any]:
 
 
 def _member(coupling: Coupling | StructureCoupling, k: int) -> dict[str, Any]:
-    own = coupling.own
+    modes = coupling.fixed_base
     return {
-        "pendulum": coupling.names[own.kind[k]],
-        "mode_of_the_pendulum": int(own.number[k]),
-        "copies": int(own.count[k]),
-        "modal_effective_mass_of_one_kg": float(own.mass[k]),
+        "pendulum": coupling.names[modes.kind[k]],
+        "mode_of_the_pendulum": int(modes.number[k]),
+        "copies": int(modes.count[k]),
+        "modal_effective_mass_of_one_kg": float(modes.mass[k]),
     }
 
 

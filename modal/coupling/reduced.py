@@ -34,11 +34,11 @@ Kind = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Reduced:
-    """M and K over the d coordinates η and the amplitudes of the modes `own`, with the `shapes` φ (n,) of these."""
+class ReducedStructure:
+    """M and K over the d coordinates η and the amplitudes of the modes `fixed_base`, with their `shapes` φ (n,)."""
 
     hanging: Hanging
-    own: FixedBaseModes
+    fixed_base: FixedBaseModes
     shapes: tuple[Floats, ...]
     M: Floats
     K: Floats
@@ -52,6 +52,16 @@ class Reduced:
     def kinds(self) -> tuple[Kind, ...]:
         """The kinds of pendula, as `own.kind` counts them."""
         return tuple(self.hanging.rig.names)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The kinds of pendula in words, with what they hang from where there are several carriers."""
+        names = tuple(self.hanging.rig.names.values())
+        carriers = self.hanging.structure.carriers
+        if len(carriers) == 1:
+            return names
+        places = [carriers[self.hanging.structure.pivots[pivot].carrier].name for pivot in self.pivots]
+        return tuple(f"{name} on {place}" for name, place in zip(names, places, strict=True))
 
     @cached_property
     def pivots(self) -> tuple[int, ...]:
@@ -71,59 +81,59 @@ class Reduced:
 
     def columns(self, kind: int) -> list[int]:
         """The coordinates of a kind."""
-        return (self.d + np.flatnonzero(self.own.kind == kind)).tolist()
+        return (self.d + np.flatnonzero(self.fixed_base.kind == kind)).tolist()
 
     def vector(self, element: Element) -> Floats:
         """The row of an element in these coordinates."""
-        found, hanging = np.zeros(len(self.M)), self.hanging
+        vector, hanging = np.zeros(len(self.M)), self.hanging
         for at, value in zip(element.at, element.row, strict=True):
             if at < self.d:
-                found[at] += value
+                vector[at] += value
                 continue
             pendulum = hanging.owner(at - self.d)
             kind = self.kinds.index((int(hanging.kinds[pendulum, 0]), int(hanging.kinds[pendulum, 1])))
             for column in self.columns(kind):
-                found[column] += value * self.shapes[column - self.d][at - self.d - int(hanging.first[pendulum])]
-        return found
+                vector[column] += value * self.shapes[column - self.d][at - self.d - int(hanging.first[pendulum])]
+        return vector
 
     def joined(self, strengths: Callable[[Kind], Floats]) -> Floats:
         """Σ s (θ_i − θ_{i−1})² of numbers s (n,) at all joints of every kind as a matrix; θ − φ at the first."""
-        found, d = np.zeros_like(self.M), self.d
+        matrix, d = np.zeros_like(self.M), self.d
         for k, kind in enumerate(self.kinds):
             strength, columns = strengths(kind), self.columns(k)
             copies = float(self.hanging.rig.blocks[kind[0]].count[kind[1]])
             turns = np.array([np.diff(self.shapes[column - d], prepend=0.0) for column in columns]).T
-            found[np.ix_(columns, columns)] += (turns.T * strength) @ turns
-            found[np.ix_(range(d), columns)] -= np.sqrt(copies) * strength[0] * np.outer(self.turning[k], turns[0])
-            found[:d, :d] += copies * strength[0] * np.outer(self.turning[k], self.turning[k])
-        found[d:, :d] = found[:d, d:].T
-        return found
+            matrix[np.ix_(columns, columns)] += (turns.T * strength) @ turns
+            matrix[np.ix_(range(d), columns)] -= np.sqrt(copies) * strength[0] * np.outer(self.turning[k], turns[0])
+            matrix[:d, :d] += copies * strength[0] * np.outer(self.turning[k], self.turning[k])
+        matrix[d:, :d] = matrix[:d, d:].T
+        return matrix
 
     @cached_property
     def carried(self) -> Floats:
         """The dampers of carriers and of springs, and drag down."""
-        found, d = np.zeros_like(self.M), self.d
-        found[:d, :d] = modal_supports(self.hanging.structure)[2]
+        matrix, d = np.zeros_like(self.M), self.d
+        matrix[:d, :d] = modal_supports(self.hanging.structure)[2]
         for element in self.hanging.elements.damping:
             vector = self.vector(element)
-            found += element.size * np.outer(vector, vector)
-        return found
+            matrix += element.size * np.outer(vector, vector)
+        return matrix
 
     @cached_property
     def dragged(self) -> Floats:
         """The linear drag of all links along the rail; that of pendula that move down is in `carried`."""
-        found, d = np.zeros_like(self.M), self.d
+        matrix, d = np.zeros_like(self.M), self.d
         for k, (number, column) in enumerate(self.kinds):
             block = self.hanging.rig.blocks[number]
             drag, copies, columns = block.drag[:, column], float(block.count[column]), self.columns(k)
             if not drag.any():
                 continue
             moved = centres(block, column) @ np.array([self.shapes[at - d] for at in columns]).T
-            found[np.ix_(columns, columns)] += (moved.T * drag) @ moved
-            found[np.ix_(range(d), columns)] += np.sqrt(copies) * np.outer(self.along[k], drag @ moved)
-            found[:d, :d] += copies * drag.sum() * np.outer(self.along[k], self.along[k])
-        found[d:, :d] = found[:d, d:].T
-        return found
+            matrix[np.ix_(columns, columns)] += (moved.T * drag) @ moved
+            matrix[np.ix_(range(d), columns)] += np.sqrt(copies) * np.outer(self.along[k], drag @ moved)
+            matrix[:d, :d] += copies * drag.sum() * np.outer(self.along[k], self.along[k])
+        matrix[d:, :d] = matrix[:d, d:].T
+        return matrix
 
     def eliminated(self, kept: Sequence[int], x: float) -> Floats:
         """What the others make of K − xM for the coordinates `kept`, to be added to (K − xM) of these themselves.
@@ -140,7 +150,7 @@ class Reduced:
         """
         kept, d = [self.d + k for k in modes], self.d
         S = self.K - x * self.M
-        h, omega = self.M[:d, kept], self.own.omega[list(modes)]
+        h, omega = self.M[:d, kept], self.fixed_base.omega[list(modes)]
         S[:d, :d] += x * (h @ h.T)
         S[:d, kept] = self.K[:d, kept] - np.sqrt(x) * omega * h
         S[kept, :d] = S[:d, kept].T
@@ -158,26 +168,26 @@ class Reduced:
 
     def _schur(self, S: Any, kept: Sequence[int]) -> Any:
         """What elimination of all others from a symmetric S adds to those that are kept."""
-        own, rest = np.asarray(kept, dtype=np.intp), np.setdiff1d(np.arange(len(S)), kept)
-        found = np.zeros((len(own),) * 2, S.dtype)
-        more = np.zeros((len(own) + len(rest),) * 2, S.dtype)
+        poles, rest = np.asarray(kept, dtype=np.intp), np.setdiff1d(np.arange(len(S)), kept)
+        shifts = np.zeros((len(poles),) * 2, S.dtype)
+        more = np.zeros((len(poles) + len(rest),) * 2, S.dtype)
         if self._untied and not np.iscomplexobj(S):  # the modes that only the structure couples first, each by itself
             local, rest = rest[rest >= self.d], rest[rest < self.d]
             square = np.diag(S)[local]
             if not square.all():
                 raise np.linalg.LinAlgError("a pendulum swings by itself at this frequency")
-            beside = S[np.ix_(np.concatenate((own, rest)), local)]
+            beside = S[np.ix_(np.concatenate((poles, rest)), local)]
             more = -(beside / square) @ beside.T
-            found += more[: len(own), : len(own)]
+            shifts += more[: len(poles), : len(poles)]
         if len(rest):
-            count = len(own)
-            cross = S[np.ix_(own, rest)] + more[:count, count : count + len(rest)]
+            count = len(poles)
+            cross = S[np.ix_(poles, rest)] + more[:count, count : count + len(rest)]
             inner = S[np.ix_(rest, rest)] + more[count : count + len(rest), count : count + len(rest)]
-            found -= cross @ np.linalg.solve(inner, cross.T)
-        return found
+            shifts -= cross @ np.linalg.solve(inner, cross.T)
+        return shifts
 
 
-def reduced(rig: Rig) -> Reduced:
+def reduced(rig: Rig) -> ReducedStructure:
     """A rig on a structure, in SI units, in these coordinates.
 
     ComputationError for more than MOST_COORDINATES of them.
@@ -188,31 +198,31 @@ def reduced(rig: Rig) -> Reduced:
             f"the structure and different pendula have {size} coordinates: at most {MOST_COORDINATES}"
         )
     held = _held(hanging)
-    own, shapes, push = _own_modes(hanging, held)
-    count, d = len(own.omega), hanging.structure.size
+    modes, shapes, push = _own_modes(hanging, held)
+    count, d = len(modes.omega), hanging.structure.size
     empty = np.zeros((d + count,) * 2)
-    found = Reduced(hanging, own, shapes, empty, empty)
-    joints = found.joined(lambda kind: rig.blocks[kind[0]].stiffness[:, kind[1]])
+    structure = ReducedStructure(hanging, modes, shapes, empty, empty)
+    joints = structure.joined(lambda kind: rig.blocks[kind[0]].stiffness[:, kind[1]])
     K = np.zeros_like(empty)
     K[:d, :] += joints[:d, :]
     for element in hanging.elements.stiffness:
-        vector = found.vector(element)
+        vector = structure.vector(element)
         K += element.size * np.outer(vector, vector)
-    for k in range(len(found.kinds)):
-        columns = found.columns(k)
-        K[np.ix_(columns, columns)] = np.diag(own.omega[np.array(columns) - d] ** 2)
+    for k in range(len(structure.kinds)):
+        columns = structure.columns(k)
+        K[np.ix_(columns, columns)] = np.diag(modes.omega[np.array(columns) - d] ** 2)
     K[d:, :d] = K[:d, d:].T
     M = np.eye(d + count)
     M[:d, :d] = hanging.inertia
-    M[:d, d:] = (found.along[own.kind] * (np.sqrt(own.count) * push)[:, None]).T
+    M[:d, d:] = (structure.along[modes.kind] * (np.sqrt(modes.count) * push)[:, None]).T
     M[d:, :d] = M[:d, d:].T
     K[:d, :d] += modal_supports(hanging.structure)[1]
-    return replace(found, M=M, K=K)
+    return replace(structure, M=M, K=K)
 
 
 def _held(hanging: Hanging) -> dict[Kind, Floats]:
     """The stiffness that springs add to the pendula that they join to something, all else held, (n, n) by kind."""
-    found: dict[Kind, Floats] = {}
+    held: dict[Kind, Floats] = {}
     d = hanging.structure.size
     for element in hanging.elements.stiffness:
         rows: dict[int, Floats] = {}
@@ -223,8 +233,8 @@ def _held(hanging: Hanging) -> dict[Kind, Floats]:
                 rows.setdefault(pendulum, np.zeros(n))[at - d - int(hanging.first[pendulum])] = value
         for pendulum, row in rows.items():
             kind = int(hanging.kinds[pendulum, 0]), int(hanging.kinds[pendulum, 1])
-            found[kind] = found.get(kind, np.zeros((len(row),) * 2)) + element.size * np.outer(row, row)
-    return found
+            held[kind] = held.get(kind, np.zeros((len(row),) * 2)) + element.size * np.outer(row, row)
+    return held
 
 
 def _own_modes(hanging: Hanging, held: dict[Kind, Floats]) -> tuple[FixedBaseModes, tuple[Floats, ...], Floats]:
@@ -234,24 +244,24 @@ def _own_modes(hanging: Hanging, held: dict[Kind, Floats]) -> tuple[FixedBaseMod
     modes = [*_free_modes(rig, frozenset(held)), *_tied_modes(rig, held)]
     modes.sort(key=lambda mode: (mode[0], names.index(mode[1])))
     omega, kinds, shapes = zip(*modes, strict=True)
-    kind = np.array([names.index(own) for own in kinds])
+    kind = np.array([names.index(parts) for parts in kinds])
     push = np.array(
         [float(shape @ rig.blocks[b].b[:, column]) for (b, column), shape in zip(kinds, shapes, strict=True)]
     )
-    rate = [_rate(rig, own, shape) for own, shape in zip(kinds, shapes, strict=True)]
+    rate = [_rate(rig, parts, shape) for parts, shape in zip(kinds, shapes, strict=True)]
     count = np.array([int(rig.blocks[b].count[column]) for b, column in kinds])
-    own = FixedBaseModes(np.array(omega), push**2, kind, places_within(kind), count, np.array(rate))
-    return own, tuple(shapes), push
+    parts = FixedBaseModes(np.array(omega), push**2, kind, places_within(kind), count, np.array(rate))
+    return parts, tuple(shapes), push
 
 
 def _free_modes(rig: Rig, tied: frozenset[Kind]) -> Iterator[tuple[float, Kind, Floats]]:
     """ω, kind and shape of pendula that no spring joins to anything, by the recursion."""
     natural, units = replace(without_damping(rig), cart=None, structure=None).natural()
-    found = find_spectrum(natural)
-    for value, group in zip(found.eigenvalue, found.groups, strict=True):
+    spectrum = find_spectrum(natural)
+    for value, group in zip(spectrum.eigenvalue, spectrum.groups, strict=True):
         for part in group:
             if part.kind is not None and part.kind not in tied:
-                details = found.details(part.source, [part.row])
+                details = spectrum.details(part.source, [part.row])
                 size = np.sqrt(details.modal_mass[0] * units.mass) * units.length
                 yield float(abs(value)) * units.rate, part.kind, details.angles[0][:, 0, 0].real / size
 

@@ -1,30 +1,32 @@
-"""The coupling of a scene as a report: sentences with its numbers, each with its formula."""
+"""The coupling of a scene as a report: the verdict, the table of families, what both leave out, and all in words."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isinf
-from textwrap import TextWrapper
+from textwrap import TextWrapper, wrap
 
-from modal.coupling.analysis import CartMode, Coupling, Family, family_name
+from modal.coupling.analysis import CartMode, Coupling, Family
 from modal.coupling.damping_words import damping
 from modal.coupling.exchange import STRONG, Transfer
 from modal.coupling.exchange_words import exchanges
+from modal.coupling.families import FamilyRow, family_cells, family_name
 from modal.coupling.records import coupling_record, structure_record
 from modal.coupling.structure_words import structure_sections
 from modal.coupling.structures import StructureCoupling
+from modal.coupling.verdict import verdict
 from modal.coupling.wording import ELSEWHERE, GUIDE, MOST_LISTED, ROUGH, left, member, numbered, shown
-from modal.report import Form, as_json, counted, headed, line_width, listed, markdown, percent, rad, short, visible
+from modal.report import Form, as_json, counted, grid, headed, line_width, listed, markdown, percent, rad, short
 from modal.scene import title_of
 from modal.scene.doors import checked
 
 FORMS = ("text", "markdown", "json")
-NEAR = " (only a guide: another family is near)"
+NEAR = " (approximate: another family is near)"
 
 
 @dataclass(frozen=True)
-class Section:
+class ReportSection:
     """A title and sentences."""
 
     title: str
@@ -32,29 +34,83 @@ class Section:
 
 
 @checked
-def coupling_report(coupling: Coupling | StructureCoupling, form: Form = "text") -> str:
+def coupling_report(
+    coupling: Coupling | StructureCoupling, form: Form = "text", *, words: bool = False, elsewhere: str = ""
+) -> str:
     """The report as "text", "markdown" or "json", the last with every number (units in the names).
 
-    Raises ValueError for another form.
+    First the verdict, then a table of the families, then what both leave out, which ends with the sentence `elsewhere`
+    on where more is.  `words` adds every number in a sentence with its formula.  Raises ValueError for another form.
     """
     if form not in FORMS:
         raise ValueError(f"form = {form!r}: must be one of {', '.join(FORMS)}")
+    rows = coupling.rows()
+    told, left = verdict(coupling, rows), left_out(coupling)
     if form == "json":
         record = structure_record if isinstance(coupling, StructureCoupling) else coupling_record
-        return as_json(record(coupling))  # type: ignore[arg-type]
+        return as_json({**record(coupling), "verdict_sentences": list(told), "left_out": list(left)})  # type: ignore[arg-type]
     title = f"{title_of(coupling.scene)}: what couples the pendula"
-    return (_markdown if form == "markdown" else _text)(title, sections(coupling))
+    names = {family_name(index) for index in range(shown(coupling))}
+    rows = [row for row in rows if row.family in names]
+    headings, cells = family_cells(rows)
+    parts = [
+        "\n".join(_verse(told, form)),
+        grid(cells, headings, form),
+        "\n".join(_verse([*_columns(coupling, rows), *left, *filter(None, (elsewhere,))], form)),
+    ]
+    return (_markdown if form == "markdown" else _text)(title, parts, sections(coupling) if words else ())
 
 
-def sections(coupling: Coupling | StructureCoupling) -> tuple[Section, ...]:
+def _verse(sentences: Sequence[str], form: str) -> Sequence[str]:
+    """A sentence a line."""
+    if form == "markdown":
+        return [f"- {markdown(sentence)}" for sentence in sentences]
+    return [filled for sentence in sentences for filled in wrap(sentence, line_width(), break_on_hyphens=False)]
+
+
+def _columns(coupling: Coupling | StructureCoupling, rows: Sequence[FamilyRow]) -> Iterator[str]:
+    """What the columns of the table mean."""
+    if any(row.splitting is not None for row in rows):
+        held, moved = ("the cart", "the cart") if isinstance(coupling, Coupling) else ("all else", "something else")
+        yield f"Each family: pendula that swing at ω with {held} held. Δω: the shift of the mode that moves {moved}."
+    if any(row.share is not None for row in rows):
+        yield (
+            "Share: the most of one pendulum's energy that the others ever hold; dampers take the rest."
+            if coupling.scene.has_damping
+            else "Share: what the others hold of one pendulum's energy after half a beat."
+        )
+
+
+def left_out(coupling: Coupling | StructureCoupling) -> tuple[str, ...]:
+    """Sentences on what the verdict and the table leave out."""
+    return tuple(_left_out(coupling))
+
+
+def _left_out(coupling: Coupling | StructureCoupling) -> Iterator[str]:
+    every, most = coupling.families, shown(coupling)
+    if len(every) > most:
+        more = counted(len(every) - most, "more family is", "more families are")
+        yield f"{more} {ELSEWHERE}, up to {rad(every[-1].omega)}."
+    locking = isinstance(coupling, StructureCoupling) or coupling.on_cart
+    also = " Locking takes dampers and drives (`sync`)." if locking and coupling.scene.n_pendula > 1 else ""
+    yield f"Large angles are left out: the table of modes tells at which angle a frequency is 1 % off.{also}"
+    if isinstance(coupling, StructureCoupling):
+        return
+    if coupling.rig.spatial:
+        yield "Motion across the rail is left out: there nothing couples the pendula at small angles."
+    if coupling.on_cart and any(link.drag for link in coupling.scene.links()):
+        yield "Beats count the drag of pendula as if the cart were at rest; the damping of the modes has all of it."
+
+
+def sections(coupling: Coupling | StructureCoupling) -> tuple[ReportSection, ...]:
     """The sections of the report."""
     if isinstance(coupling, StructureCoupling):
-        found = (Section(title, tuple(sentences)) for title, sentences in structure_sections(coupling))
-        return tuple(section for section in found if section.sentences)
+        written = (ReportSection(title, tuple(sentences)) for title, sentences in structure_sections(coupling))
+        return tuple(section for section in written if section.sentences)
     return _of_cart(coupling)
 
 
-def _of_cart(coupling: Coupling) -> tuple[Section, ...]:
+def _of_cart(coupling: Coupling) -> tuple[ReportSection, ...]:
     parts = (
         ("What hangs there", _scene),
         ("What the cart feels" if coupling.on_cart else "What a cart would feel", _felt),
@@ -62,24 +118,27 @@ def _of_cart(coupling: Coupling) -> tuple[Section, ...]:
         ("The cart's mass from 0 to ∞", limits),
         ("Exchange of energy between pendula", exchanges),
         ("Damping by family", damping),
-        ("What this does not say", _unsaid),
     )
-    found = (Section(title, tuple(write(coupling))) for title, write in parts)
-    return tuple(section for section in found if section.sentences)
+    written = (ReportSection(title, tuple(write(coupling))) for title, write in parts)
+    return tuple(section for section in written if section.sentences)
 
 
-def _text(title: str, parts: tuple[Section, ...]) -> str:
+def _text(title: str, parts: Sequence[str], words: Sequence[ReportSection]) -> str:
     wrapper = TextWrapper(line_width(), "- ", "  ", break_long_words=False, break_on_hyphens=False)
-    lines = [headed(title), "=" * len(visible(title))]
-    for part in parts:
-        lines += ["", part.title, "-" * len(part.title), *map(wrapper.fill, part.sentences)]
+    lines = [headed(title)]
+    for part in filter(None, parts):
+        lines += ["", part]
+    for section in words:
+        lines += ["", section.title, "-" * len(section.title), *map(wrapper.fill, section.sentences)]
     return "\n".join(lines) + "\n"
 
 
-def _markdown(title: str, parts: tuple[Section, ...]) -> str:
+def _markdown(title: str, parts: Sequence[str], words: Sequence[ReportSection]) -> str:
     lines = [f"# {markdown(title)}"]
-    for part in parts:
-        lines += ["", f"## {part.title}", "", *(f"- {sentence}" for sentence in part.sentences)]
+    for part in filter(None, parts):
+        lines += ["", part]
+    for section in words:
+        lines += ["", f"## {section.title}", "", *(f"- {sentence}" for sentence in section.sentences)]
     return "\n".join(lines) + "\n"
 
 
@@ -140,7 +199,7 @@ def _felt(coupling: Coupling) -> Iterator[str]:
     elif on_cart:
         yield "It has no zeros: no mode of finite frequency moves the cart [m_dyn(∞) = 0]."
     if on_cart and not dynamic.spring:
-        yield "Besides, the cart and all that hangs from it can drift together [ω = 0]."
+        yield "The cart and all that hangs from it can also drift together [ω = 0]."
 
 
 def families(coupling: Coupling) -> Iterator[str]:
@@ -170,9 +229,9 @@ def limits(coupling: Coupling) -> Iterator[str]:
 
 def _family(coupling: Coupling, r: str, family: Family) -> str:
     who = listed([member(coupling, k) for k in family.members[:MOST_LISTED]], len(family.members))
-    own = "" if coupling.on_cart else numbered(coupling, family.omega)
+    number = "" if coupling.on_cart else numbered(coupling, family.omega)
     head = (
-        f"Family {r}, ω_{r} = {rad(family.omega)}{own} [K φ = ω² A φ]: {who}, of modal effective mass "
+        f"Family {r}, ω_{r} = {rad(family.omega)}{number} [K φ = ω² A φ]: {who}, of modal effective mass "
         f"{short(family.mass)} kg [μ_{r} = Σ (φᵀb)²/(φᵀAφ)]."
     )
     if not coupling.on_cart:
@@ -185,8 +244,8 @@ def _moved(coupling: Coupling, r: str, family: Family) -> Iterator[str]:
     several = family.fold > 1
     if several:
         many = counted(family.fold - 1, "combination stays", "combinations stay")
-        own = numbered(coupling, family.omega)
-        yield f"{many} at ω_{r} with the cart still, in antiphase{own} [Σ φᵀb = 0];"
+        number = numbered(coupling, family.omega)
+        yield f"{many} at ω_{r} with the cart still, in antiphase{number} [Σ φᵀb = 0];"
     if family.cart_mode is None or family.splitting is None:
         yield f"{'the' if several else 'The'} one that moves the cart has gone to infinite frequency [m_dyn(∞) = 0]."
         return
@@ -230,17 +289,17 @@ def _beats(coupling: Coupling, family: Family) -> Iterator[str]:
         yield from _damped_beats(coupling, family, passed)
         return
     if len(family.members) == 1:
-        share = f", of which the others hold {percent(4 * (n - 1) / n**2)} halfway [4(N − 1)/N², N = {n}]"
+        held = "all of it" if n == 2 else percent(4 * (n - 1) / n**2)
+        share = f"; halfway, the others hold {held} [4(N − 1)/N², N = {n}]"
     yield (
         f"One pendulum set swinging alone in this mode recovers its energy after {short(passed.period)} s [2π/|Δω|]"
-        f"{share}; a run shorter than half of that shows only part of the "
-        f"exchange{_guide(family)}."
+        f"{share}. A run shorter than half of that shows only part of the exchange{_guide(family)}."
     )
 
 
 def _damped_beats(coupling: Coupling, family: Family, passed: Transfer) -> Iterator[str]:
     """The effect of dampers on beats."""
-    sigma = float(coupling.own.rate[family.members[0]])
+    sigma = float(coupling.fixed_base.rate[family.members[0]])
     if sigma >= family.omega:
         yield "Joint dampers make its pendula overdamped [σ ≥ ω]: there are no beats."
         return
@@ -248,7 +307,7 @@ def _damped_beats(coupling: Coupling, family: Family, passed: Transfer) -> Itera
     most = f"the others never hold more than {left(passed.most)} of the energy given"
     if not passed.beats:
         yield (
-            "There are no beats: the motion of the cart decays before its phase has run away from the rest "
+            "There are no beats: the motion of the cart decays before it has run out of phase with the rest "
             f"[−Re Δλ > Im Δλ]. Of one pendulum set swinging alone{aside}, {most}{_guide(family)}."
         )
         return
@@ -267,26 +326,4 @@ def _limit(coupling: Coupling, mode: CartMode) -> str:
         f"{name}, {whose}, now at {rad(mode.omega)} with {percent(mode.participation)} of the "
         f"cart's velocity after a push [φ_x²/Σφ_x²], goes to {rad(mode.light)} with a massless cart [zero of "
         f"m_dyn − m_c] and to {heavy} with an immense one [{why}]."
-    )
-
-
-def _unsaid(coupling: Coupling) -> Iterator[str]:
-    if coupling.on_cart:
-        yield (
-            "Conservative modes let pendula exchange energy and do nothing else: each mode keeps its own amplitude for "
-            "ever, so no detuning, however small, makes pendula lock."
-        )
-        yield (
-            "To fall into step they need something that drains some modes and something that feeds others; which "
-            "family then wins depends on both, and on the amplitude. What is said of damping and of a drive here holds "
-            "at small angles."
-        )
-    if coupling.on_cart and any(link.drag for link in coupling.scene.links()):
-        yield (
-            "The exchange of energy counts the drag of pendula on a cart at rest, to first order: what it does to the "
-            "cart, and through the cart to others, is in the damped modes alone."
-        )
-    yield (
-        "All frequencies are those of small angles. The table, whose numbers the modes have here, says how far each "
-        "can be trusted."
     )

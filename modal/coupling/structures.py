@@ -13,40 +13,37 @@ has the eigenvalues ε ω_r²: to first order mode (r, ε) is shifted by Δω = 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf, pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from modal.assembly import ratio_at
-from modal.coupling.damping import Damped, nearest_values, negative_damping, slowest
-from modal.coupling.exchange import MOST_MODES, STRONG, Transfer, transfer
+from modal.coupling.damping import Damped
+from modal.coupling.exchange import MOST_MODES, STRONG, UNEVEN, Transfer, most_of_the_others, transfer
+from modal.coupling.families import FamilyRow, family_cells, family_name, mode_words
 from modal.coupling.fixed_base import FixedBaseModes
-from modal.coupling.reduced import Reduced, pencil
+from modal.coupling.numbering import Numbered
+from modal.coupling.reduced import ReducedStructure, pencil
+from modal.coupling.structure_damping import STILL, StructureDamping
 from modal.eigen import degenerate_modes
 from modal.errors import ComputationError
-from modal.modes import moving_words, natural_modes, paired, table_numbers
-from modal.report import NOTHING, Displayed, Summary, brief, counted
+from modal.modes import moving_words, paired
+from modal.report import HTML_ROWS, Displayed, Summary, counted
 from modal.scene import Scene, name_of
 from modal.structure import Structure, slopes
 from modal.types import Floats, Ints
 
 RANK = 1e-10
 """Smallest motion of the structure by a combination of equal pendula, over the largest, that is one."""
-STILL = 1e-20
-"""Largest share of a mode's kinetic energy in a structure that is said to stand still."""
 NOTHING_HOLDS = 256 * 2.0**-52
 """A stiffness this small over the sum of the sizes of its terms is 0."""
 WEAK = 0.1
 """Coupling strength below which a splitting is computed as such, not as a difference."""
 FAR = 0.2
 """Relative difference of first order from the splitting above which it is not told."""
-CREEPING = 1e-12
-"""Smallest eigenvalue over the largest that is not 0."""
-MOST_SOLVED = 400
-"""Coordinates up to which damped eigenvalues are computed."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,7 +60,7 @@ class StructureMode(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Branch(Displayed):
+class FamilyBranch(Displayed):
     """One mode of a family that moves other things: its ε, and its `omega` (rad/s), `splitting` ω − ω_r.
 
     `motion` (d,) is what the structure does, in its own modes, `pattern` (√kg m) the amplitudes of the members.
@@ -96,7 +93,7 @@ class PendulumFamily(Displayed):
     fold: int
     still: int
     mass: Floats
-    branches: tuple[Branch, ...]
+    branches: tuple[FamilyBranch, ...]
 
 
 @dataclass(frozen=True, repr=False)
@@ -116,7 +113,7 @@ class Exchanged(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StructureCoupling(Displayed):
+class StructureCoupling(Numbered, Displayed):
     """The coupling of a scene's pendula by the structure that they hang from, and by springs.
 
     >>> from modal import load
@@ -129,25 +126,41 @@ class StructureCoupling(Displayed):
     """
 
     scene: Scene
-    reduced: Reduced
+    reduced: ReducedStructure
 
     def _summary(self) -> Summary:
         families = counted(len(self.families), "family", "families")
         title = f"Coupling of {name_of(self.scene)}: {families} of modes on a structure"
         facts = [("coordinates of the structure", ", ".join(self.structure.names) or "none")]
-        headings = ("family", "ω (rad/s)", "modes", "still", "coupling ε", "splitting (rad/s)")
-        rows = (
-            (
-                str(k + 1),
-                brief(one.omega),
-                str(one.fold),
-                str(one.still),
-                ", ".join(brief(branch.strength) for branch in one.branches) or NOTHING,
-                ", ".join(brief(branch.splitting) for branch in one.branches) or NOTHING,
+        headings, cells = family_cells(self.rows(HTML_ROWS))
+        words = frozenset(k for k, heading in enumerate(headings) if heading in ("family", "modes", "moves"))
+        return Summary(title, facts, headings, cells, len(self.families), words=words)
+
+    def rows(self, most: int | None = None) -> list[FamilyRow]:
+        """The table of families, or of the first of them: a line for each mode that moves other things."""
+        return [
+            row for index, family in enumerate(self.families[:most]) for row in self._rows(family_name(index), family)
+        ]
+
+    def _rows(self, name: str, family: PendulumFamily) -> Iterator[FamilyRow]:
+        share = self.share(family)
+        still = self.number(family.omega) if family.still else None
+        if not family.branches:
+            modes = mode_words(still, None, family.still)
+            yield FamilyRow(name, family.omega, None, None, None, None, share, modes, "nothing else")
+        for k, branch in enumerate(family.branches):
+            yield FamilyRow(
+                family=name,
+                omega=family.omega,
+                mass=self.effective_mass(family, branch),
+                strength=branch.strength,
+                splitting=branch.splitting,
+                beat=self.beat(family, branch),
+                share=None if k else share,
+                modes=mode_words(None if k else still, self.number(branch.omega), family.still),
+                moves=self.moved(branch),
+                fold=family.fold,
             )
-            for k, one in enumerate(self.families)
-        )
-        return Summary(title, facts, headings, rows, len(self.families))
 
     @property
     def structure(self) -> Structure:
@@ -155,18 +168,14 @@ class StructureCoupling(Displayed):
         return self.reduced.hanging.structure
 
     @property
-    def own(self) -> FixedBaseModes:
+    def fixed_base(self) -> FixedBaseModes:
         """The modes of every kind of pendulum alone, all else held."""
-        return self.reduced.own
+        return self.reduced.fixed_base
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The kinds of pendula in words, with what they hang from where there are several carriers."""
-        found = tuple(self.reduced.hanging.rig.names.values())
-        if len(self.structure.carriers) == 1:
-            return found
-        carriers = [self.structure.carriers[self.structure.pivots[p].carrier].name for p in self.reduced.pivots]
-        return tuple(f"{name} on {carrier}" for name, carrier in zip(found, carriers, strict=True))
+        return self.reduced.names
 
     # ------------------------------------------------------------------------------------------- the structure
 
@@ -177,20 +186,22 @@ class StructureCoupling(Displayed):
         if not d:
             return ()
         square, shapes = _pencil(self.reduced.K[:d, :d], self.reduced.M[:d, :d])
-        found = []
+        modes = []
         for value, shape in zip(square.tolist(), shapes.T, strict=True):
             largest = shape[np.abs(shape).argmax()]
             scale = (self._farthest(shape) or abs(largest)) * np.sign(largest)
-            found.append(StructureMode(sqrt(value), shape / scale, 1 / float(scale) ** 2))
-        return tuple(found)
+            modes.append(StructureMode(sqrt(value), shape / scale, 1 / float(scale) ** 2))
+        return tuple(modes)
 
     def _farthest(self, shape: Floats) -> float:
         """How far the point of the structure goes that goes farthest."""
         phi, structure = self.reduced.hanging.phi, self.structure
         ways = [np.hypot(phi.along @ shape, phi.down @ shape).max()]
-        for k, own in enumerate(structure.carriers):
-            if own.size and own.M is None:
-                rows = [sum(shape[at] * value for at, value in row.items()) for row in slopes(structure, k, own.centre)]
+        for k, carrier in enumerate(structure.carriers):
+            if carrier.size and carrier.M is None:
+                rows = [
+                    sum(shape[at] * value for at, value in row.items()) for row in slopes(structure, k, carrier.centre)
+                ]
                 ways.append(np.hypot(*rows))
         return float(max(ways))
 
@@ -226,20 +237,20 @@ class StructureCoupling(Displayed):
 
         Its zeros are modes of the scene, its poles where all that is free holds this motion still.
         """
-        found = np.full((len(omega), self.reduced.d), np.nan)
-        for row, value in zip(found, omega.tolist(), strict=True):
+        masses = np.full((len(omega), self.reduced.d), np.nan)
+        for row, value in zip(masses, omega.tolist(), strict=True):
             try:
                 row[:] = 1 / np.diag(np.linalg.inv(self.dynamic(value)))
             except np.linalg.LinAlgError:
                 continue
-        return found
+        return masses
 
     # -------------------------------------------------------------------------------------------- the families
 
     @cached_property
     def _members(self) -> tuple[Ints, ...]:
         """The own modes of every family, ascending."""
-        gathered = degenerate_modes((self.own.omega**2,))
+        gathered = degenerate_modes((self.fixed_base.omega**2,))
         return tuple(
             gathered.order[first : first + size] for first, size in zip(gathered.first, gathered.size, strict=True)
         )
@@ -249,20 +260,20 @@ class StructureCoupling(Displayed):
         """Of every family the combinations of its members that move other things, and those that do not, as columns."""
         d, K, M = self.reduced.d, self.reduced.K, self.reduced.M
         size = np.sqrt(np.diag(M)[:d])
-        found = []
+        combinations = []
         for members in self._members:
             at, whole = d + members, np.eye(len(members))
             if K[np.ix_(at, np.setdiff1d(np.arange(d, len(K)), at))].any() or np.any(
                 K[np.ix_(at, at)] - np.diag(np.diag(K)[at])
             ):
-                found.append((whole, whole[:, :0]))
+                combinations.append((whole, whole[:, :0]))
                 continue
-            omega = self.own.omega[members[0]]
+            omega = self.fixed_base.omega[members[0]]
             rows = np.hstack([K[at, :d] / (omega * size), M[at, :d] * omega / size])
             left, sizes, _ = np.linalg.svd(rows)
             rank = int(np.sum(sizes > RANK * omega))
-            found.append((left[:, :rank], left[:, rank:]))
-        return tuple(found)
+            combinations.append((left[:, :rank], left[:, rank:]))
+        return tuple(combinations)
 
     @cached_property
     def _moving(self) -> tuple[Floats, Floats]:
@@ -279,26 +290,26 @@ class StructureCoupling(Displayed):
     @cached_property
     def omega(self) -> Floats:
         """All different natural frequencies (rad/s), ascending."""
-        still = [own.omega for own in self.families if own.still]
+        still = [family.omega for family in self.families if family.still]
         return np.unique(np.concatenate([np.sqrt(self._moving[0]), still]))
 
     @cached_property
     def families(self) -> tuple[PendulumFamily, ...]:
         """The families, one for each distinct frequency of pendula alone, ascending."""
         branches = self._branches
-        found = []
+        families = []
         for r, (members, (_, still)) in enumerate(zip(self._members, self._combinations, strict=True)):
             pushes = self.reduced.M[: self.reduced.d, self.reduced.d + members].T @ self.basis
-            fold = int(self.own.count[members].sum())
+            fold = int(self.fixed_base.count[members].sum())
             left = fold - len(members) + still.shape[1]
-            omega = float(self.own.omega[members[0]])
-            found.append(
+            omega = float(self.fixed_base.omega[members[0]])
+            families.append(
                 PendulumFamily(omega, tuple(members.tolist()), fold, left, (pushes**2).sum(0), tuple(branches[r]))
             )
-        return tuple(found)
+        return tuple(families)
 
     @cached_property
-    def _branches(self) -> list[list[Branch]]:
+    def _branches(self) -> list[list[FamilyBranch]]:
         """Of every family the modes that move other things; each mode belongs to one family or to the structure."""
         d, (square, vectors) = self.reduced.d, self._moving
         eigen = [self._shifts(r) for r in range(len(self._members))]
@@ -310,19 +321,19 @@ class StructureCoupling(Displayed):
             places += [(r, k) for k in range(patterns.shape[1])]
         shares = (np.hstack(columns).T @ vectors) ** 2
         taken = paired(shares, np.ones(shares.shape[1], dtype=np.int64))
-        found: list[list[Branch]] = [[] for _ in self._members]
+        branches: list[list[FamilyBranch]] = [[] for _ in self._members]
         for row, mode in enumerate(taken.tolist()):
             r, k = places[row]
             if r >= 0:
-                found[r].append(self._branch(r, k, eigen[r], float(square[mode]), vectors[:, mode]))
-        return [sorted(own, key=lambda branch: branch.omega) for own in found]
+                branches[r].append(self._branch(r, k, eigen[r], float(square[mode]), vectors[:, mode]))
+        return [sorted(group, key=lambda branch: branch.omega) for group in branches]
 
     def _shifts(self, r: int) -> tuple[Floats, Floats]:
         """ε ω_r² ascending and patterns (members, R) of a family, by first order; infinite where nothing resists."""
         members, moving = self._members[r], self._combinations[r][0]
         if not moving.shape[1]:
             return np.zeros(0), moving
-        square = float(self.own.omega[members[0]]) ** 2
+        square = float(self.fixed_base.omega[members[0]]) ** 2
         try:
             shift, patterns = np.linalg.eigh(moving.T @ self.reduced.pulled(members.tolist(), square) @ moving)
         except np.linalg.LinAlgError:
@@ -332,12 +343,12 @@ class StructureCoupling(Displayed):
     def _apart(self, members: Ints, x: float) -> Floats:
         """The exact shifts of ω² of some own modes by all else at x."""
         at = (self.reduced.d + members).tolist()
-        own = self.reduced.K[np.ix_(at, at)]
-        return np.asarray(own - np.diag(np.diag(own)) + self.reduced.eliminated(at, x))
+        stiffness = self.reduced.K[np.ix_(at, at)]
+        return np.asarray(stiffness - np.diag(np.diag(stiffness)) + self.reduced.eliminated(at, x))
 
-    def _branch(self, r: int, k: int, eigen: tuple[Floats, Floats], square: float, vector: Floats) -> Branch:
+    def _branch(self, r: int, k: int, eigen: tuple[Floats, Floats], square: float, vector: Floats) -> FamilyBranch:
         members, (shift, patterns), d = self._members[r], eigen, self.reduced.d
-        pole = float(self.own.omega[members[0]])
+        pole = float(self.fixed_base.omega[members[0]])
         moved = vector[:d]
         share = float(moved @ self.reduced.M[:d, :d] @ moved)
         strength = float(shift[k]) / pole**2
@@ -350,7 +361,9 @@ class StructureCoupling(Displayed):
         pattern = vector[d + members]
         turn = np.sign(pattern[np.abs(pattern).argmax()]) or 1.0
         omega = sqrt(square)
-        return Branch(strength, omega, apart / (omega + pole), turn * motion, turn * pattern, still=share <= STILL)
+        return FamilyBranch(
+            strength, omega, apart / (omega + pole), turn * motion, turn * pattern, still=share <= STILL
+        )
 
     @cached_property
     def structure_modes(self) -> tuple[tuple[float, Floats], ...]:
@@ -374,25 +387,80 @@ class StructureCoupling(Displayed):
         apart = [high - low for k, low in enumerate(levels) for high in levels[k + 1 :]]
         return tuple(sorted((2 * pi / gap for gap in apart if gap > 0), reverse=True))
 
+    def moved(self, branch: FamilyBranch) -> str:
+        """What of the structure moves in a mode, in words; empty where there is no structure."""
+        if branch.still:
+            return "structure still" if self.reduced.d else ""
+        return self.words(self.basis @ branch.motion)
+
+    def effective_mass(self, family: PendulumFamily, branch: FamilyBranch) -> float | None:
+        """Σ N (Γ Φ u)² (kg) of a family along the motion u of the structure in one of its modes.
+
+        u is scaled as the structure's own modes are, by the point that moves most; None where the structure is still.
+        """
+        if branch.still:
+            return None
+        motion = self.basis @ branch.motion
+        scale = self._farthest(motion) or float(np.abs(motion).max())
+        pushes = self.reduced.M[: self.reduced.d, self.reduced.d + np.array(family.members)].T @ motion / scale
+        return float(pushes @ pushes)
+
+    def beat(self, family: PendulumFamily, branch: FamilyBranch) -> float | None:
+        """2π/|Δω| (s) between a mode of a family and the nearest other one; None where first order does not hold."""
+        if not self.beats(family):
+            return None
+        levels = [0.0] * bool(family.still) + [other.splitting for other in family.branches if other is not branch]
+        gaps = [abs(branch.splitting - level) for level in levels if level != branch.splitting]
+        return 2 * pi / min(gaps) if gaps else None
+
+    def share(self, family: PendulumFamily) -> float | None:
+        """The most that the others of a family hold of the energy of one that is released, within its slowest beat.
+
+        Of two levels without dampers that is halfway.  None where the family does not beat, and where joints damp some
+        of its pendula faster than others.
+        """
+        members = list(family.members)
+        rates = self.fixed_base.rate[members]
+        beats = self.beats(family)
+        if not beats or np.ptp(rates) > UNEVEN * (2 * pi / beats[0] + rates.max()):
+            return None
+        weights = [float(branch.pattern[0] ** 2 / (branch.pattern @ branch.pattern)) for branch in family.branches]
+        weights = [weight / float(self.fixed_base.count[members[0]]) for weight in weights]
+        levels = [complex(branch.splitting, self._decay(branch.omega)) for branch in family.branches]
+        if family.still:
+            weights.append(1 - sum(weights))
+            levels.append(complex(0.0, float(rates[0]) + self._lost(family.omega)))
+        total = sum(weights)
+        return most_of_the_others([weight / total for weight in weights], levels)
+
+    def _decay(self, omega: float) -> float:
+        """The decay rate (1/s) of the mode of the scene at ω."""
+        together = [mode for mode in self.damped if mode.kind is None]
+        return min(together, key=lambda mode: abs(mode.omega - omega)).decay
+
+    def _lost(self, omega: float) -> float:
+        """ζω (1/s) by the damping ratio of the scene."""
+        return float(ratio_at(self.reduced.hanging.rig)(np.array([omega]))[0]) * omega
+
     # ---------------------------------------------------------------------------------------------- exchange
 
     @cached_property
     def pairs(self) -> tuple[Exchanged, ...]:
         """Pairs of own modes of different kinds, those that exchange most first; none of more than MOST_MODES modes."""
-        count = len(self.own.omega)
+        count = len(self.fixed_base.omega)
         if count > MOST_MODES:
             return ()
-        kinds = self.own.kind
+        kinds = self.fixed_base.kind
         pairs = [(a, b) for a in range(count) for b in range(a + 1, count) if kinds[a] != kinds[b]]
-        found = [one for a, b in pairs if (one := self._exchanged(a, b))]
-        return tuple(sorted(found, key=lambda one: -one.exchange.most))
+        exchanges = [pair for a, b in pairs if (pair := self._exchanged(a, b))]
+        return tuple(sorted(exchanges, key=lambda pair: -pair.exchange.most))
 
     def _exchanged(self, a: int, b: int) -> Exchanged | None:
-        wa, wb = float(self.own.omega[a]), float(self.own.omega[b])
+        wa, wb = float(self.fixed_base.omega[a]), float(self.fixed_base.omega[b])
         x = wa * wb
         try:
             free = self.reduced.pulled((a, b), x)
-            lossy = free if self._dampers is None else self.reduced.pulled((a, b), x, self._dampers)
+            lossy = free if self.damping.matrix is None else self.reduced.pulled((a, b), x, self.damping.matrix)
         except np.linalg.LinAlgError:
             return None
         first, second = wa + free[0, 0] / (2 * wa), wb + free[1, 1] / (2 * wb)
@@ -407,31 +475,14 @@ class StructureCoupling(Displayed):
     # ------------------------------------------------------------------------------------------------ dampers
 
     @cached_property
-    def _losses(self) -> dict[str, Floats]:
-        """Matrices of what drains and feeds modes, by where it comes from."""
-        rig, reduced = self.reduced.hanging.rig, self.reduced
-        driven = negative_damping(self.scene, rig)
-        return {
-            "from_cart": reduced.carried,
-            "from_joints": reduced.joined(lambda kind: rig.blocks[kind[0]].damping[:, kind[1]]),
-            "from_drag": reduced.dragged,
-            "from_drives": reduced.joined(lambda kind: driven[kind[0]][:, kind[1]]),
-            "fed": reduced.joined(lambda kind: np.eye(rig.blocks[kind[0]].n)[0]),
-        }
+    def damping(self) -> StructureDamping:
+        """What dampers and drives do to its modes."""
+        return StructureDamping(self.scene, self.reduced, *self._every)
 
-    @cached_property
-    def _dampers(self) -> Floats | None:
-        """D of all dampers and drag, and of the damping ratio; None where there are none."""
-        if not self.scene.has_damping:
-            return None
-        losses = self._losses
-        found = losses["from_cart"] + losses["from_joints"] + losses["from_drag"]
-        if self.reduced.hanging.rig.damping_ratio:
-            square, vectors = self._every
-            momenta = self.reduced.M @ vectors
-            omega = np.sqrt(square)
-            found = found + (momenta * (2 * ratio_at(self.reduced.hanging.rig)(omega) * omega)) @ momenta.T
-        return np.asarray(found)
+    @property
+    def damped(self) -> tuple[Damped, ...]:
+        """The damping and excitation of each mode that oscillates, ascending; `from_cart` is that of the structure."""
+        return self.damping.modes
 
     @cached_property
     def _every(self) -> tuple[Floats, Floats]:
@@ -439,105 +490,10 @@ class StructureCoupling(Displayed):
         square, vectors = self._moving
         squares, columns = [square], [vectors]
         for members, (_, still) in zip(self._members, self._combinations, strict=True):
-            squares.append(np.full(still.shape[1], self.own.omega[members[0]] ** 2))
+            squares.append(np.full(still.shape[1], self.fixed_base.omega[members[0]] ** 2))
             columns.append(np.zeros((len(vectors), still.shape[1])))
             columns[-1][self.reduced.d + members] = still
         return np.concatenate(squares), np.hstack(columns)
-
-    @cached_property
-    def damped(self) -> tuple[Damped, ...]:
-        """The damping and excitation of each mode that oscillates, ascending; `from_cart` is that of the structure."""
-        found = [*self._damped_together(), *self._damped_copies()]
-        return tuple(sorted(found, key=lambda mode: mode.omega))
-
-    def _damped_together(self) -> list[Damped]:
-        square, vectors = self._every
-        order = np.argsort(square, kind="stable")
-        square, vectors = square[order], vectors[:, order]
-        swinging = square > 0
-        square, vectors = square[swinging], vectors[:, swinging]
-        losses = self._losses
-        drained = sum(losses[name] for name in ("from_cart", "from_joints", "from_drag"))
-        gaps = np.flatnonzero(np.diff(square) > 1e-12 * square[1:]) + 1
-        for own in np.split(np.arange(len(square)), gaps):
-            if len(own) > 1:
-                vectors[:, own] = vectors[:, own] @ np.linalg.eigh(vectors[:, own].T @ drained @ vectors[:, own])[1]
-        parts = {name: np.einsum("ik,ij,jk->k", vectors, S, vectors) / 2 for name, S in losses.items()}
-        omega, d = np.sqrt(square), self.reduced.d
-        ratio = ratio_at(self.reduced.hanging.rig)(omega) * omega
-        rate = parts["from_cart"] + parts["from_joints"] + parts["from_drag"] + ratio
-        exact = self._exact(np.column_stack((rate, omega)))
-        share = np.einsum("ik,ij,jk->k", vectors[:d], self.reduced.M[:d, :d], vectors[:d])
-        return [
-            Damped(
-                omega=float(omega[k]),
-                fold=1,
-                still=bool(share[k] <= STILL),
-                kind=None,
-                exact=exact[k],
-                from_ratio=float(ratio[k]),
-                **{name: float(part[k]) for name, part in parts.items()},
-            )
-            for k in range(len(omega))
-        ]
-
-    def _exact(self, first: Floats) -> list[complex | None]:
-        """The damped eigenvalue of each mode of rates and frequencies `first` (R, 2)."""
-        D, n = self._dampers, len(self.reduced.M)
-        if D is None:
-            return [complex(0.0, omega) for omega in first[:, 1]]
-        if n > MOST_SOLVED:
-            return [None] * len(first)
-        values = _quadratic(self.reduced.M, D, self.reduced.K)
-        return nearest_values(first, slowest(_upper(values), len(first)))
-
-    def _damped_copies(self) -> list[Damped]:
-        """Equal pendula in antiphase, which move nothing else."""
-        found, losses, own, d = [], self._losses, self.own, self.reduced.d
-        rig = self.reduced.hanging.rig
-        for k, name in enumerate(self.names):
-            columns = np.array(self.reduced.columns(k))
-            if (copies := int(own.count[columns[0] - d])) < 2:
-                continue
-            omega = own.omega[columns - d]
-            parts = {key: S[np.ix_(columns, columns)] for key, S in losses.items() if key != "from_cart"}
-            ratio = ratio_at(rig)(omega) * omega
-            D = parts["from_joints"] + parts["from_drag"] + 2 * np.diag(ratio)
-            rate = np.diag(D) / 2
-            exact: list[complex | None] = [complex(0.0, value) for value in omega]
-            if D.any():
-                values = _quadratic(np.eye(len(columns)), D, np.diag(omega**2))
-                exact = nearest_values(np.column_stack((rate, omega)), slowest(_upper(values), len(columns)))
-            found += [
-                Damped(
-                    omega=float(omega[i]),
-                    fold=copies - 1,
-                    still=True,
-                    kind=name,
-                    from_cart=0.0,
-                    exact=exact[i],
-                    from_ratio=float(ratio[i]),
-                    **{key: float(S[i, i]) / 2 for key, S in parts.items()},
-                )
-                for i in range(len(columns))
-            ]
-        return found
-
-    # --------------------------------------------------------------------------------------------- the table
-
-    @cached_property
-    def _table(self) -> tuple[Floats, Ints] | None:
-        try:
-            return natural_modes(self.scene.conservative).omega, table_numbers(self.scene)
-        except ComputationError:
-            return None
-
-    def number(self, omega: float) -> int | None:
-        """The number in the table of the undamped mode of this frequency (rad/s), None where unknown."""
-        if self._table is None:
-            return None
-        known, numbers = self._table
-        return int(numbers[np.abs(known - omega).argmin()])
 
 
 def _pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:
@@ -553,19 +509,3 @@ def _pencil(K: Floats, M: Floats) -> tuple[Floats, Floats]:
             "the structure does not stand by itself: at rest it falls over, and nothing swings about it"
         )
     return square, vectors
-
-
-def _quadratic(M: Floats, D: Floats, K: Floats) -> NDArray[np.complex128]:
-    """All λ of λ²M + λD + K."""
-    n = len(M)
-    inverse = np.linalg.solve(M, np.hstack([K, D]))
-    values: NDArray[np.complex128] = np.linalg.eigvals(
-        np.block([[np.zeros((n, n)), np.eye(n)], [-inverse[:, :n], -inverse[:, n:]]])
-    )
-    return values
-
-
-def _upper(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """One of each conjugate pair, without the zeros of what nothing holds."""
-    upper: NDArray[np.complex128] = values[(values.imag >= 0) & (np.abs(values) > CREEPING * np.abs(values).max())]
-    return upper

@@ -80,7 +80,7 @@ def read_estimate(scene: Scene, path: str | os.PathLike[str]) -> Estimate:
 
 def _content(name: str) -> Any:
     try:
-        return json.loads(text_of(name))
+        return json.loads(text_of(name, "JSON text"))
     except RecursionError:
         raise SceneError(["is not JSON: nested too deeply"]) from None
     except ValueError as error:
@@ -98,7 +98,7 @@ def estimate_of(scene: Scene, record: Any) -> Estimate:
     if not (isinstance(parameters, list) and isinstance(rows, list)):
         raise SceneError(['has no "parameters" and "covariance": it must be the report of a fit, in JSON'])
     if not parameters:
-        raise SceneError(["has no fitted numbers, so that nothing is uncertain"])
+        raise SceneError(["has no fitted numbers: nothing is uncertain"])
     problems: list[str] = []
     places: list[Place] = []
     for k, parameter in enumerate(parameters):

@@ -91,7 +91,7 @@ def read_modes(scene: Scene, path: str | os.PathLike[str]) -> MeasuredModes:
     """The measured modes in a file, of a scene that has the components of their shapes; SceneError lists mistakes."""
     name = os.fspath(path)
     try:
-        return _parsed(scene, name, text_of(path))
+        return _parsed(scene, name, text_of(path, "CSV text"))
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
 
@@ -105,7 +105,7 @@ def _parsed(scene: Scene, name: str, text: str) -> MeasuredModes:
     header = rows[0][1] if rows else []
     problems = [*_header_problems(scene, header)]
     problems += [
-        f"line {line} has not {len(header)} cells like the first" for line, row in rows if len(row) != len(header)
+        f"line {line}: must have {len(header)} cells like the first" for line, row in rows if len(row) != len(header)
     ]
     if not rows[1:]:
         problems.append("has no modes")

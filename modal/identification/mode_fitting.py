@@ -533,9 +533,7 @@ def _verdict(problem: _ModeFitProblem, result: ModeFit, loss: str) -> list[str]:
                 "small or the model lacks something"
             )
         else:
-            words.append(
-                f"{told}: as the stated standard deviations let expect (larger by chance in {percent(chance)})"
-            )
+            words.append(f"{told}: as the stated standard deviations suggest (larger by chance in {percent(chance)})")
     else:
         words.append("as many numbers as measured values: nothing is left to test the model by")
     words += [

@@ -22,6 +22,7 @@ from modal.assembly import Rig
 from modal.eigen import Limits, ModalSpectrum, SpectrumPart, degenerate_modes, find_spectrum
 from modal.modes.mode import UNCERTAIN
 from modal.modes.modes import Modes
+from modal.report import deferred
 from modal.types import Floats, Ints
 
 
@@ -34,15 +35,19 @@ def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None, own: S
     """Modal effective mass in kg of the fixed-base mode that each mode belongs to, along the rail.
 
     Of the modes with these indices (from 0), by default all (R,).  On a fixed support that is the mode's own; NaN where
-    modes do not belong to fixed-base modes one to one: on a cart with a spring, on a structure, with dampers and about
-    an inverted equilibrium; 0 for the rigid translation.  `own` (R,) are the modes' own masses (kg), if known.
+    modes do not belong to fixed-base modes one to one: on a cart with a spring, on a structure, about an inverted
+    equilibrium, and with dampers that are not light (`modal.modes.undamped`); 0 for the rigid translation.  `own` (R,)
+    are the modes' own masses (kg), if known.
 
     >>> from modal import load, natural_modes
     >>> fixed_base_masses(natural_modes(load("paper-cart-2"))).round(6).tolist()
     [0.0, 0.0, 2.848179, 0.0, 0.580392]
     """
     rig, rows = modes.rig, np.arange(len(modes)) if numbers is None else np.asarray(numbers, dtype=np.int64)
-    if rig.structure or rig.is_damped or modes.scene.stands or rig.leans or (rig.cart and not on_free_cart(rig)):
+    if rig.is_damped:
+        masses = deferred("modal.modes.undamped:undamped_masses")(modes)
+        return np.asarray(masses.held[rows])
+    if rig.structure or modes.scene.stands or rig.leans or (rig.cart and not on_free_cart(rig)):
         return np.full(len(rows), np.nan)
     if own is not None and not rig.cart:
         return np.asarray(own, dtype=np.float64)

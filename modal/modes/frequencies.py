@@ -91,7 +91,7 @@ def _varied(scene: Scene, given: Vary, accuracy: float) -> Floats:
         shape = np.broadcast_shapes(*(own.shape for own in arrays.values()))
     except ValueError:
         shapes = ", ".join(f"{own.shape} at {path}" for path, own in arrays.items())
-        raise SceneError([f"vary: arrays must have shapes that broadcast to one, not {shapes}"]) from None
+        raise SceneError([f"vary: arrays must have shapes that broadcast together, not {shapes}"]) from None
     if not (size := prod(shape)) or not arrays:
         alone = _one(scene, accuracy)
         return np.broadcast_to(alone, (*shape, len(alone))).copy()

@@ -57,8 +57,9 @@ class Mode(Displayed):
     relative_error_bound  bound on the relative error of omega
     indistinct          whether a neighbour is closer than the sum of both bounds
 
-    NaN where a quantity is undefined: effective mass of a damped mode, κ above a damping ratio of 0.1 or where the
-    parts of a shape are far out of phase, everything but `omega` and `residual` in a row that is uncertain.
+    NaN where a quantity is undefined: effective mass of a mode whose shape dampers change (`modal.modes.undamped`; with
+    light ones it is that of the mode without), κ above a damping ratio of 0.1 or where the parts of a shape are
+    far out of phase, everything but `omega` and `residual` in a row that is uncertain.
 
     >>> from modal import load, natural_modes
     >>> mode = natural_modes(load("paper-cart-2"))[2]

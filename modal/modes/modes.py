@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
+from math import isnan
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -87,8 +88,21 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         for start in range(0, len(numbers), size):
             chunk = numbers[start : start + size]
             with np.errstate(all="ignore"):
-                found = dict(described(self, chunk))
-            yield from (found[number] for number in chunk)
+                described_rows = dict(described(self, chunk))
+            yield from (self._with_masses(number, described_rows[number]) for number in chunk)
+
+    def _with_masses(self, index: int, mode: Mode) -> Mode:
+        """The row with the effective masses of the mode without dampers, where dampers are light."""
+        if not self.rig.is_damped or not isnan(mode.effective_mass):
+            return mode
+        masses = deferred("modal.modes.undamped:undamped_masses")(self)
+        along, across = float(masses.along[index]), float(masses.across[index])
+        return replace(
+            mode,
+            effective_mass=along,
+            effective_mass_share=along / self.rig.total_mass,
+            effective_mass_across=across if isnan(mode.effective_mass_across) else mode.effective_mass_across,
+        )
 
     # -------------------------------------------------------------------------------- columns that need the rows
 
@@ -117,7 +131,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
 
     @cached_property
     def effective_mass(self) -> Floats:
-        """Modal effective masses (R,) in kg of the support's motion along the rail; NaN for damped modes."""
+        """Modal effective masses (R,) in kg along the rail; those without dampers where these are light, else NaN."""
         return self._column("effective_mass")
 
     @cached_property

@@ -45,7 +45,7 @@ def table_numbers(scene: Scene, still: Modes | None = None) -> Ints:
 def counterparts(modes: Modes, others: Modes, among: Sequence[int] | None = None) -> Ints:
     """For every row (R,) of `modes` the index of the most similar row of `others` (one of `among`)."""
     chosen = np.arange(len(others)) if among is None else np.asarray(among, dtype=np.intp)
-    alike = np.round(_alike(modes, others)[:, chosen], DIGITS)
+    alike = np.round(likeness(modes, others)[:, chosen], DIGITS)
     found = paired(alike, np.ones(len(chosen), dtype=np.int64))
     return np.asarray(chosen[np.where(found < 0, alike.argmax(axis=1), found)])
 
@@ -83,8 +83,8 @@ def lettered(index: int) -> str:
     return (lettered(before - 1) if before else "") + chr(ord("a") + last)
 
 
-def _alike(modes: Modes, others: Modes) -> Floats:
-    """The w (R, S), over all coordinates where both have them, else over the links."""
+def likeness(modes: Modes, others: Modes) -> Floats:
+    """The similarity w (R, S) of rows, over all coordinates where both have them, else over the links."""
     left_out = max(modes.rig.leading - others.rig.leading, 0)
     M = modes.matrices.M[left_out:, left_out:]
     one, own = _stacked(modes, M)

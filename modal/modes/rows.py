@@ -134,6 +134,9 @@ def _family(modes: Eigenvalues, number: int, head: _Piece, ratio: float) -> str:
         several = sum(count for _, _, count in modes.rig.members) > 1
         names = list(modes.rig.names.values())
         words = agreement(details.angles, details.shares, at, names, several=several, still=still)
+        if words in ("", "in phase") and not still and modes.rig.cart and modes.rig.cart.stiffness:
+            pivots = [np.full(angles.shape[1], details.cart[at]) for angles in details.angles]
+            words = following(details.angles, details.shares, pivots, at, several=several) or words
     return family(
         where=FIXED if not modes.on_cart else CART_STILL if still else CART_MOVES,
         folds=folds,

@@ -148,7 +148,7 @@ def refuse(modes: Modes, number: int) -> None:
         raise ComputationError(f"{name} grows: sensitivities are for modes that swing or decay")
     if value.real and modes.scene.has_modal_damping:
         raise ComputationError(
-            f"{name} has a damping_ratio of the scene, which follows every number through the modes: give dampers"
+            f"{name} has a damping_ratio of the scene, which depends on every number through the modes: give dampers"
         )
     if fold > 1:
         raise ComputationError(

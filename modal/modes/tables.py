@@ -35,7 +35,8 @@ from modal.types import Floats
 __all__ = ["GUIDE", "matrices_table", "table"]
 
 MOST_SHAPE_NUMBERS = 5_000_000
-GUIDE = "the 1 % amplitude is a guide"
+GUIDE = "the 1 % angle is approximate"
+UNDAMPED = "Effective masses are those of the modes without dampers; – where dampers change a shape too much."
 SPLIT = "± –: the numbers split a frequency that several modes share, so it has no standard deviation of its own."
 
 
@@ -56,7 +57,7 @@ def table(
     """These rows of `modes` as text, markdown, latex, csv, html or json, as `form` says.
 
     `shapes` adds mode shapes and energy shares to JSON; ComputationError if they are too many.  `starred` says what the
-    1 % amplitude of a starred mode is.  With `amplitude_deg` a column has the damping ratio at that largest angle, with
+    1 % angle of a starred mode is.  With `amplitude_deg` a column has the damping ratio at that largest angle, with
     dry friction and quadratic drag; NaN for modes across the rail.  With `stds` columns have the standard deviations of
     ω, of the frequency and of the damping ratio.
 
@@ -136,13 +137,15 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
         notes.append(f"* near a 1:1 or 1:3 resonance, with another mode or among its own: {starred}.")
     if any(row.is_uncertain for row in rows):
         notes.append("! beyond double precision: no digit of this frequency is certain.")
+    if modes.rig.is_damped and any(row.effective_mass > 0 for row in rows):
+        notes.append(UNDAMPED)
     if any(row.growth_rate for row in rows):
         notes.append("unstable: the scene leaves this equilibrium; every growing mode is paired with a decaying one.")
     if modes.scene.has_losses:
         own = set(sharing(modes)) & {row.number for row in rows}
         if own:
             numbers = ", ".join(map(str, sorted(own)))
-            notes.append(f"Q of modes {numbers} is a guide: they are closer to each other than their losses, and mix.")
+            notes.append(f"Q of modes {numbers} is approximate: they are closer together than their losses, and mix.")
     if any(row.indistinct for row in rows):
         notes.append("~ closer to the next frequency than the error bounds can distinguish.")
     return notes

@@ -8,6 +8,7 @@ with `style` and `layout`; each of the other modules makes one kind of figure.
 from modal.plotting.coupling import coupling_figure, draw_coupling
 from modal.plotting.curves import draw_curves, pick
 from modal.plotting.films import MovingFigure, form_problems, frame_rate, require_writer, write_film
+from modal.plotting.free_body import free_body_tikz, plot_free_body
 from modal.plotting.hoisting import draw_hoist
 from modal.plotting.identification import (
     assurance_figure,
@@ -101,6 +102,7 @@ __all__ = [
     "form_problems",
     "frame_rate",
     "framed",
+    "free_body_tikz",
     "headline",
     "in_both_themes",
     "ink",
@@ -115,6 +117,7 @@ __all__ = [
     "pair_of",
     "paper",
     "pick",
+    "plot_free_body",
     "poles_figure",
     "require_writer",
     "rest",

@@ -155,7 +155,7 @@ def tabulated(title: str, facts: Facts, columns: Mapping[str, Any], words: Itera
     rows = ([brief(values[k]) for _, values in shown] for k in range(count))
     texts = frozenset(k for k, (name, _) in enumerate(shown) if name in set(words))
     left = len(columns) - len(shown)
-    told = [*facts, ("besides", f"{left} more columns")] if left else facts
+    told = [*facts, ("also", f"{left} more columns")] if left else facts
     return Summary(title, told, [name for name, _ in shown], rows, count, texts)
 
 

@@ -14,14 +14,16 @@ Form = Literal["text", "csv", "json", "markdown"]
 """What a report is written as."""
 
 LEFT = {
-    *("action", "at", "description", "engine", "event", "lines", "loci", "meeting", "method", "number", "pendula"),
-    *("runs", "stability"),
+    *("action", "at", "description", "engine", "event", "lines", "loci", "meeting", "method", "moves", "number"),
+    *("pendula", "runs", "stability"),
 }
 """Headings of columns of text."""
 NOTHING = "–"
 """Printed in place of an undefined quantity."""
 GAP = 2
 """Blanks between columns."""
+LEAST_WORDS = 12
+"""Columns at least of a column of words that is made narrower."""
 MOST_KEYS = 3
 """Columns at most that name a row, and are repeated in every part of a stacked table."""
 
@@ -42,8 +44,9 @@ def headed(title: str) -> str:
 def grid(cells: Sequence[Sequence[str]], headings: Sequence[str], form: str = "text") -> str:
     """Cells under headings, text aligned left and numbers right; the empty string if there are no cells.
 
-    A table of text that is too wide for the columns in force (`fitted`) is stacked: its columns follow in several parts
-    below each other, each of which begins with the columns that name a row.
+    The headings of a table of text that is too wide for the columns in force (`fitted`) are broken between words.  One
+    that is still too wide is stacked: its columns follow in several parts below each other, each of which begins with
+    the columns that name a row.
     """
     if not cells:
         return ""
@@ -56,10 +59,16 @@ def grid(cells: Sequence[Sequence[str]], headings: Sequence[str], form: str = "t
 
 
 def aligned(cells: Sequence[Sequence[str]], headings: Sequence[str], align: Sequence[str]) -> str:
-    """Cells under headings as text, stacked where they are too wide.  Imports nothing: commands start quickly."""
+    """Cells under headings as text; where they are too wide headings are broken, then the table is stacked.
+
+    Imports nothing: commands start quickly.
+    """
     widths, most = widths_of(cells, headings), columns()
     if most is None or full(widths) <= most:
         return "\n".join(_lines(cells, headings, align, widths))
+    narrow = widths_of(cells, [max(heading.split(), key=breadth, default="") for heading in headings])
+    if (room := _shrunk(cells, narrow, most)) is not None:
+        return "\n".join(_lines(cells, headings, align, room))
     keys = _keys(cells, widths, most)
     limits = _limits(widths, keys, most)
     parts = (
@@ -74,6 +83,17 @@ def aligned(cells: Sequence[Sequence[str]], headings: Sequence[str], align: Sequ
         for shown in _stacked(limits, keys, most)
     )
     return "\n\n".join(parts)
+
+
+def _shrunk(cells: Sequence[Sequence[str]], widths: list[int], most: int) -> list[int] | None:
+    """The widths, the widest column of words narrower where that makes them fit; None where it does not."""
+    if (over := full(widths) - most) <= 0:
+        return widths
+    words = [k for k in range(len(widths)) if any(" " in row[k] for row in cells)]
+    widest = max(words, key=lambda k: widths[k], default=None)
+    if widest is None or widths[widest] - over < LEAST_WORDS:
+        return None
+    return [width - over if k == widest else width for k, width in enumerate(widths)]
 
 
 def widths_of(cells: Sequence[Sequence[str]], headings: Sequence[str]) -> list[int]:

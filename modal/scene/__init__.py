@@ -10,12 +10,13 @@ linear structures; `motion` moves a support and acts on `points`, `periods` tell
 records, `hoist` changes a length; `files` reads and writes scenes, `sealed` detects damaged files, `validation` checks
 every part and words the messages, `parameters` finds and varies numbers by path, `contents` reads files, `doors` checks
 arguments, `titles` says what hangs in a scene
-without a title, `summary` what a scene shows of itself.
+without a title, `free_bodies` takes it apart, `summary` what a scene shows of itself.
 """
 
 from modal.scene.capabilities import CAPABILITIES, left_out, one_by_one, refusals, require
 from modal.scene.features import FEATURES
 from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
+from modal.scene.free_bodies import FreeBodies, FreeBody, free_bodies
 from modal.scene.hoist import Hoist, LengthLaw
 from modal.scene.links import AnyLink, Bob, Body, Escapement, Rod, VanDerPol
 from modal.scene.losses import LossTable, is_lossy
@@ -65,6 +66,8 @@ __all__ = [
     "Escapement",
     "Fixed",
     "Force",
+    "FreeBodies",
+    "FreeBody",
     "Ground",
     "Heave",
     "Hoist",
@@ -96,6 +99,7 @@ __all__ = [
     "dump",
     "dumps",
     "example_names",
+    "free_bodies",
     "frequencies_of",
     "is_lossy",
     "kind_of",

@@ -52,8 +52,8 @@ class Capability:
 
 
 def _each(names: Names, why: str) -> Sentences:
-    """One sentence for several features."""
-    return dict.fromkeys(sorted(names), why)
+    """One sentence for several features, each of which stands for {it} in it."""
+    return {name: why.replace("{it}", FEATURES[name].words) for name in sorted(names)}
 
 
 def _of(words: str) -> frozenset[str]:
@@ -91,15 +91,15 @@ OMITTED: Sentences = {"hoist": HOISTED, **ABOUT}
 """What the linear model of a scene leaves out; `ABOUT` where lengths are constant."""
 
 CONSTANT: Sentences = {"hoist": "needs constant lengths"}
-SHIFTED: Sentences = {"constant_force": "is computed about links that hang or stand straight, from which it moves them"}
+SHIFTED: Sentences = {"constant_force": "is computed about links that hang or stand straight, which it tilts"}
 LEANING: Sentences = {"constant_force": "there is no equilibrium"}
 """Constant forces move the equilibrium, and a scene is linearized about it; or they leave none."""
 STILL: Sentences = {
-    "moved_support": "needs a support at rest, and simulate follows a moved one",
-    **_each(FORCED, "needs a scene without forces, and simulate takes them"),
+    "moved_support": "needs a support at rest; simulate follows a moved one",
+    **_each(FORCED, "needs a scene without forces; simulate takes them"),
 }
 PLANE: Sentences = {"space": "is computed in the plane"}
-NO_RATIO: Sentences = {"damping_ratio": "has no place for dampers that belong to modes"}
+NO_RATIO: Sentences = {"damping_ratio": "does not support damping ratios of modes"}
 STICKS = _each(FRICTION, "does not follow what sticks and slips")
 NO_DRAG = _each(DRAG, "is computed without drag")
 LOSSES = _each(LOSS, "needs a scene without losses")
@@ -108,10 +108,10 @@ LOSSLESS: Sentences = {
     "table take."
 }
 IN_TIME: Sentences = {
-    "loss": "has no place for loss angles, which belong to frequencies: response, vibration and table take them"
+    "loss": "does not support loss angles, which are defined at a frequency: response, vibration and table take them"
 }
 """What is said of k (1 + iφ): no equations of motion in time have such a spring."""
-UNLOADED: Sentences = {"load": "only `simulate` is given applied forces"}
+UNLOADED: Sentences = {"load": "only `simulate` takes applied forces"}
 HANGS_STRAIGHT = "a massless cart has no equation of motion where all that pulls it hangs straight down"
 ENDS: Sentences = {"massless_cart": HANGS_STRAIGHT}
 STOPS: Sentences = {"massless_cart": "the step needed is smaller than the spacing between numbers"}
@@ -119,7 +119,7 @@ NO_INERTIA: Sentences = {"massless_cart": "has no equation of motion where all t
 NO_SMOOTH: Sentences = {"escapement": "needs smooth motion, without kicks"}
 NO_SERIES = "has a series of a sine or of polynomials only"
 KINK: Sentences = {"quadratic_drag": "has no series across the kink of |v| v at rest"}
-ALONE = _each(FRICTION | _of("space escapement"), "has no place for it, and engine simulate has")
+ALONE = _each(FRICTION | _of("space escapement"), "does not support {it}; engine simulate does")
 TOGETHER = {"escapement", "joint_friction", "rail_friction", "rail_coefficient"}
 BESIDE_NONE = {name: words for name, words in ALONE.items() if name not in TOGETHER}
 HOISTING = {
@@ -129,7 +129,7 @@ MINIMAL = ("form minimal", "form minimal takes it")
 UNRUBBED = {(one, name): "dry friction on structures is not solved" for one in sorted(STRUCTURED) for name in FRICTION}
 """What is refused together: dry friction, and structures or springs between points."""
 AIRLESS = {
-    (one, name): "Hill's equations on structures have no place for drag"
+    (one, name): "Hill's equations on structures do not include drag"
     for one in sorted(STRUCTURED)
     for name in sorted(DRAG)
 }
@@ -153,7 +153,7 @@ MOVED_MODEL = replace(
     CONSTANT_MODEL,
     name="a linear model of a moved support",
     takes=CONSTANT_MODEL.takes - {"linear_drag"},
-    refuses={**CONSTANT_MODEL.refuses, "linear_drag": "has no place for air that stands still"},
+    refuses={**CONSTANT_MODEL.refuses, "linear_drag": "does not include the drag of still air"},
 )
 GROWS = {**CONSTANT_MODEL.unless, "inverted": "grows by itself"}
 AVERAGED = Capability(
@@ -166,8 +166,8 @@ AVERAGED = Capability(
         **NO_RATIO,
         **NO_INERTIA,
         "inverted": "needs hanging links",
-        "quadratic_drag": "has no exact mean for it",
-        **_each(FRICTION - {"joint_friction"}, "does not know when a cart sticks"),
+        "quadratic_drag": "has no exact average of quadratic drag",
+        **_each(FRICTION - {"joint_friction"}, "cannot tell when a cart sticks"),
     },
     apart=UNRUBBED,
     beside=UNLOADED,
@@ -176,7 +176,7 @@ AVERAGED = Capability(
 PERIODIC = Capability(
     "a periodic orbit",
     SHAPE | LOSS | DRIVES | FRICTION | STRUCTURED,
-    refuses={**STILL, **CONSTANT, **PLANE, "quadratic_drag": "is computed without it"},
+    refuses={**STILL, **CONSTANT, **PLANE, "quadratic_drag": "is computed without quadratic drag"},
     unless=ENDS,
     apart=UNRUBBED,
     beside=UNLOADED,
@@ -211,7 +211,7 @@ STROBED = Capability(
     unless=STOPS,
     apart=UNRUBBED,
     beside=UNLOADED,
-    needs={DRIVEN_IN_TIME: "a stroboscopic section needs a period: a sine that moves the support or acts"},
+    needs={DRIVEN_IN_TIME: "a stroboscopic section needs a period: a sine that moves the support or acts as a force"},
 )
 
 SIDE_BY_SIDE = Capability(
@@ -224,12 +224,12 @@ SIDE_BY_SIDE = Capability(
 )
 
 BODILESS: Sentences = {
-    "structure": "has no place for carriers that move by themselves",
-    "springs": "has no place for springs between points",
+    "structure": "does not support structures",
+    "springs": "does not support springs between points",
 }
 STRUCTURES: Sentences = {
-    "structure": "has no place for structures yet",
-    "springs": "has no place for springs between points yet",
+    "structure": "does not support structures yet",
+    "springs": "does not support springs between points yet",
 }
 UNTOLD: Sentences = {**STRUCTURES, **IN_TIME}
 """What a capability refuses that says nothing else of structures and loss angles."""
@@ -294,9 +294,9 @@ CAPABILITIES: dict[str, Capability] = {
             leaves=ABOUT,
             refuses={
                 **CONSTANT,
-                "damping_ratio": "follows every number through the modes",
+                "damping_ratio": "cannot vary damping ratios of modes",
                 "constant_force": "moves the equilibrium with every number",
-                "inverted": "is about an equilibrium that lasts",
+                "inverted": "needs a stable equilibrium",
             },
             unless={"massless_cart": "the mass matrix is singular"},
             beside=UNLOADED,
@@ -305,7 +305,19 @@ CAPABILITIES: dict[str, Capability] = {
             "a derivation",
             SHAPE | {"dampers", "massless_cart", "space", "structure", "springs"},
             leaves=_each(DRIVES, UNDRIVEN),
-            refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG | {"loss"}, "has no symbols for it")},
+            refuses={**STILL, **CONSTANT, **NO_RATIO, **_each(FRICTION | DRAG | {"loss"}, "has no symbols for {it}")},
+            beside=UNLOADED,
+        ),
+        Capability(
+            "a free-body diagram",
+            SHAPE | DRAG | FRICTION | DRIVES | FORCED | {"dampers", "massless_cart", "moved_support"},
+            refuses={
+                **CONSTANT,
+                "space": "is drawn in the plane",
+                "damping_ratio": "has no part on which dampers of modes act",
+                "structure": "takes apart what hangs from one cart or from what stands still",
+                "springs": "takes apart what joints alone hold together",
+            },
             beside=UNLOADED,
         ),
         Capability(
@@ -332,10 +344,7 @@ CAPABILITIES: dict[str, Capability] = {
         Capability(
             "the live page",
             SHAPE | {"dampers", "moved_support", "force"} | DRAG | DRIVES | FRICTION | STRUCTURED,
-            refuses={
-                name: f"cannot show {FEATURES[name].words}"
-                for name in ("constant_force", "hoist", "space", "damping_ratio", "massless_cart", "loss")
-            },
+            refuses=_each(_of("constant_force hoist space damping_ratio massless_cart loss"), "cannot show {it}"),
             apart=UNRUBBED,
             beside=UNLOADED,
         ),
@@ -356,7 +365,7 @@ CAPABILITIES: dict[str, Capability] = {
             refuses={
                 **NO_RATIO,
                 "hoist": "changes lengths in the plane only",
-                **_each(FRICTION | DRIVES, "acts on angles of the plane"),
+                **_each(FRICTION | DRIVES, "acts on angles in the plane"),
             },
             unless=ENDS,
             beside=_each(STRUCTURED, "a structure moves in the plane"),
@@ -372,9 +381,10 @@ CAPABILITIES: dict[str, Capability] = {
         ),
         Capability(
             "form hamiltonian",
-            ACTING | {"van_der_pol"},
-            refuses={**PLANE, **STICKS, **NO_SMOOTH, **CONSTANT, **BODILESS},
+            ACTING | {"van_der_pol", "space"},
+            refuses={**STICKS, **NO_SMOOTH, **CONSTANT, **BODILESS},
             unless=ENDS,
+            apart={("space", "damping_ratio"): "motion in space has no damping ratios"},
             instead=MINIMAL,
         ),
         Capability(
@@ -393,7 +403,7 @@ CAPABILITIES: dict[str, Capability] = {
             "compiled equations",
             SHAPE | DRIVES | STRUCTURED | {"dampers"},
             refuses=_each(
-                FRICTION | DRAG | FORCED | _of("space hoist moved_support damping_ratio load"), "are without it"
+                FRICTION | DRAG | FORCED | _of("space hoist moved_support damping_ratio load"), "do not cover {it}"
             ),
             unless=ENDS,
             instead=("form minimal", "method DOP853 takes it"),
@@ -437,7 +447,7 @@ CAPABILITIES: dict[str, Capability] = {
             "motion in closed form",
             LINEAR | STRUCTURED,
             leaves=_each(DRIVES, UNDRIVEN),
-            refuses={**STILL, **CONSTANT, **STICKS, "quadratic_drag": "has no term for it"},
+            refuses={**STILL, **CONSTANT, **STICKS, "quadratic_drag": "has no term for quadratic drag"},
             beside=UNLOADED,
             apart={("space", "damping_ratio"): "motion in space has no damping ratios"},
         ),
@@ -511,7 +521,7 @@ CAPABILITIES: dict[str, Capability] = {
             STROBED,
             name="an attractor",
             needs={
-                DRIVEN_IN_TIME: "an attractor needs a period: a sine that moves the support or acts",
+                DRIVEN_IN_TIME: "an attractor needs a period: a sine that moves the support or acts as a force",
                 LOSING: "an attractor needs losses: dampers, drag or friction",
             },
         ),
@@ -525,7 +535,7 @@ CAPABILITIES: dict[str, Capability] = {
                 "hoist": "needs constant lengths",
             },
             apart=AIRLESS,
-            beside={**UNLOADED, **_each(_of("cart massless_cart"), "a cart is no support that moves as prescribed")},
+            beside={**UNLOADED, **_each(_of("cart massless_cart"), "a cart is not a support that moves as prescribed")},
             needs={_of("moved_support"): 'support.kind: a Floquet multiplier needs kind = "moved"'},
         ),
         AVERAGED,

@@ -29,12 +29,15 @@ def content_of(path: str | PathLike[str], largest: int = LARGEST_FILE) -> bytes:
     return _beginning(path, largest, whole=True)
 
 
-def text_of(path: str | PathLike[str]) -> str:
-    """The text of a file in UTF-8, with or without a mark at its beginning; SceneError as of `content_of`."""
+def text_of(path: str | PathLike[str], kind: str = "text") -> str:
+    """The text of a file in UTF-8, with or without a mark at its beginning; SceneError as of `content_of`.
+
+    `kind` says what the file should have been: "CSV text".
+    """
     try:
         return content_of(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise SceneError([f"byte {error.start} is not text in UTF-8"]) from None
+        raise SceneError([f"is not a {kind} file: byte {error.start} is not UTF-8"]) from None
 
 
 def first_line(path: str | PathLike[str]) -> str:

@@ -167,7 +167,7 @@ def _is_constant(forces: Sequence[Any]) -> bool:
 
 FEATURES: dict[str, Feature] = {
     "cart": Feature(
-        "a cart", 'give the support another kind than "cart"', "cart".__eq__, support=("kind",), only=_is_one_cart
+        "a cart", 'give the support a kind other than "cart"', "cart".__eq__, support=("kind",), only=_is_one_cart
     ),
     "massless_cart": Feature(
         "a massless cart above bobs",

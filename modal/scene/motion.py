@@ -246,7 +246,7 @@ class AppliedForce(Part):
     direction: Acting = field(one_of("horizontal", "vertical", "torque"), default="horizontal")
 
     def problems(self) -> Iterator[str]:
-        """Directions that a cart on a horizontal rail has no place for."""
+        """Directions in which a cart on a horizontal rail cannot move."""
         if self.on == "cart" and self.direction != "horizontal":
             yield f'.direction = "{self.direction}": a force on the cart is horizontal'
 

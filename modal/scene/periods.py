@@ -79,7 +79,7 @@ def drive_period(scene: Scene) -> DrivePeriod:
     ratios = {place: Fraction(hz / first).limit_denominator(MOST) for place, hz in frequencies.items()}
     apart = [place for place, hz in frequencies.items() if abs(float(ratios[place]) * first - hz) > SAME * hz]
     if apart:
-        words = f"is no ratio p/q of {next(iter(frequencies))} = {first!r} with q of at most {MOST}"
+        words = f"is not a ratio p/q of {next(iter(frequencies))} = {first!r} with q of at most {MOST}"
         raise SceneError(
             [f"{place} = {frequencies[place]!r}: {words}: these drives have no common period" for place in apart]
         )

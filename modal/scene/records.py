@@ -112,7 +112,7 @@ def _quantity(name: str) -> Quantity | None:
 def _table(path: str | PathLike[str], quoted: bool) -> Table:
     name = fspath(path)
     try:
-        text = text_of(path)
+        text = text_of(path, "CSV text")
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
     lines = [(at, line) for at, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
@@ -231,7 +231,7 @@ class _Files(NamedTuple):
             return part
         place = f'{place}.{name} = "{path}"'
         if others := [key for key in keys if key in part]:
-            self.problems.append(f"{place}: leaves no place for {', '.join(others)}")
+            self.problems.append(f"{place}: cannot be combined with {', '.join(others)}")
             return part
         try:
             numbers = reader(self.folder / path, quoted=False)

@@ -107,7 +107,7 @@ def _ground_problems(scene: Described) -> Iterator[str]:
     for index, support in enumerate(scene.supports if scene.ground else ()):
         if isinstance(support, ModalSupport):
             at = f'{place_of(scene, index)}.kind = "modal"'
-            yield f"{at}: does not tell how a moving ground shakes its own mass: leave out [ground]"
+            yield f"{at}: does not say how a moving ground shakes its own mass: leave out [ground]"
 
 
 # ------------------------------------------------------------------------------------------------------- pendula
@@ -261,14 +261,15 @@ def _limits(scene: Described) -> Iterator[str]:
             yield f"{at}.mass = 0.0: must be positive in a structure"
         for name in ("friction", "friction_coefficient"):
             if value := getattr(support, name):
-                yield f"{at}.{name} = {value!r}: dry friction does not act in a structure: give damping"
+                yield f"{at}.{name} = {value!r}: dry friction is not supported in a structure: give damping"
     for k, force in enumerate(scene.force):
         if force.kind == "constant":
-            yield f'.force[{k}].kind = "constant": constant forces do not act in a structure, which they would move'
+            why = "constant forces are not supported in a structure, whose equilibrium they would move"
+            yield f'.force[{k}].kind = "constant": {why}'
     for p, pendulum in enumerate(scene.pendulum):
         for i, link in enumerate(pendulum.links):
             if link.friction:
                 at = f".pendulum[{p}].links[{i}].friction = {link.friction!r}"
-                yield f"{at}: dry friction does not act in a structure: give damping"
+                yield f"{at}: dry friction is not supported in a structure: give damping"
         if scene.spring and "up" in pendulum.ways:
             yield f".pendulum[{p}].equilibrium: inverted links cannot be combined with springs between points"

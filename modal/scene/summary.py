@@ -11,8 +11,8 @@ from modal.scene.titles import plural, runs_of, what_hangs
 from modal.scene.validation import Part
 
 MOST_RUNS = 4
-HEADINGS = ("pendulum", "links", "mass (kg)", "length (m)", "besides")
-BESIDES = ("damping", "stiffness", "friction", "drag", "quadratic_drag", "drive", "hoist")
+HEADINGS = ("pendulum", "links", "mass (kg)", "length (m)", "also")
+ALSO = ("damping", "stiffness", "friction", "drag", "quadratic_drag", "drive", "hoist")
 CART = (("mass", "kg"), ("damping", "N s/m"), ("stiffness", "N/m"), ("friction", "N"), ("friction_coefficient", ""))
 
 
@@ -58,13 +58,13 @@ def _rows(pendula: Sequence[Pendulum]) -> Iterator[tuple[str, ...]]:
     last = accumulate(pendulum.count for pendulum in pendula)
     for pendulum, end in zip(pendula, last, strict=True):
         first = end - pendulum.count + 1
-        besides = [name.replace("_", " ") for name in BESIDES if any(getattr(link, name) for link in pendulum.links)]
+        also = [name.replace("_", " ") for name in ALSO if any(getattr(link, name) for link in pendulum.links)]
         yield (
             str(first) if first == end else f"{first}–{end}",
             _cut(f"{count} {plural(kind, count)}" for kind, count in runs_of(pendulum.links)),
             _cut(_times(link.count, link.mass) for link in pendulum.links),
             _cut(_times(link.count, link.length) for link in pendulum.links),
-            ", ".join([*besides, *["start"] * (pendulum.start is not None)]),
+            ", ".join([*also, *["start"] * (pendulum.start is not None)]),
         )
 
 

@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 import scipy
 
-from modal.assembly import Matrices, hoisting_of, matrices, matrices_along, rig_of
+from modal.assembly import Matrices, hoisting_of, matrices, matrices_along, no_hoist, rig_of
 from modal.errors import ComputationError, SceneError
 from modal.modes import labelled, natural_modes, table_numbers
 from modal.report import Displayed
@@ -295,7 +295,7 @@ def _left(scene: Scene, command: Pulse, stops: Sequence[float]) -> float:
 
 
 def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_acceleration") -> float:
-    """What a shaped impulse at the begin of the hoist leaves, over what the same impulse unshaped leaves.
+    """What a shaped impulse at the beginning of the hoist leaves, over what the same impulse unshaped leaves.
 
     At the end of the hoist, or of the impulses if that is later, in the largest angle of any link.  Raises SceneError
     for a scene without hoist, ComputationError for a force on a cart with which the mass matrix is singular.
@@ -303,7 +303,7 @@ def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_accelerat
     _refuse_many(scene)
     hoisting = hoisting_of(scene)
     if hoisting is None:
-        raise SceneError(["hoist: no link of this scene has one"])
+        raise no_hoist(scene)
     begin, held = hoisting.breaks[0], _is_held(scene, drive)
     if not held:
         refuse_no_inertia(matrices_along(scene)(begin).M)

@@ -60,7 +60,7 @@ LARGEST_STATE = 4000
 TRANSLATING = {"fixed", "cart", "swing", "platform"}
 """The kinds of carriers whose own mass, if they have any, can move along the rail and do nothing else."""
 NO_SHARE = (
-    "a modal support does not tell how the ground's motion drives its coordinates: give it as forces on these, or "
+    "a modal support does not say how the ground's motion drives its coordinates: give it as forces on these, or "
     "write the structure as carts"
 )
 

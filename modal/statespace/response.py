@@ -71,7 +71,7 @@ def frequency_response(
     of the scene as they are, however far ω is from the modes; with damping ratios, constant forces or inputs at points
     and more coordinates than `modal.statespace.full_damping.MOST` the sum over modes, to 1e-12 of its largest term.
     Infinite exactly at an undamped mode that the input reaches and the output sees, including ω = 0; with loss angles,
-    which the modal form has no place for, from elimination alone.
+    which the modal form does not represent, from elimination alone.
     """
     at, model = np.atleast_1d(np.asarray(omega, dtype=np.float64)), form.model
     rows = range(len(model.outputs)) if outputs is None else outputs

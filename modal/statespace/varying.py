@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.assembly import hoisting_of, instants
+from modal.assembly import hoisting_of, instants, no_hoist
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed
 from modal.scene import Scene, validate_scene
@@ -56,7 +56,7 @@ def hoisting_times(scene: Scene, samples: int = SAMPLES) -> Floats:
     """
     hoisting = hoisting_of(validate_scene(scene))
     if hoisting is None:
-        raise SceneError(["hoist: no link of this scene has one"])
+        raise no_hoist(scene)
     if samples < 2:
         raise SceneError([f"samples {samples}: must be at least 2"])
     return np.linspace(hoisting.breaks[0], hoisting.breaks[-1], samples)

@@ -5,13 +5,15 @@ as text, LaTeX or Markdown.  SymPy is imported in this room alone.
 
     d/dt ∂L/∂q' − ∂L/∂q = 0,    L = T − V
 
-Start with `system`, then `derivation`; `structures` has scenes on several supports and with springs between points;
-`papers` holds each numbered equation as printed and as corrected.
+Start with `system`, then `derivation`; `hamiltonian` has Hamilton's equations, `newton_euler` the balances of parts,
+which are taken apart in `modal.scene.free_bodies`; `structures` has scenes on several supports and with springs between
+points; `papers` holds each numbered equation as printed and as corrected.
 """
 
 from modal.symbolic.derivation import derive
 from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
 from modal.symbolic.lagrangian import derive_lagrangian, vanishes
+from modal.symbolic.newton_euler import NewtonEuler, part_sections
 from modal.symbolic.roots import polynomial_roots, symbolic
 from modal.symbolic.structures import SymbolicStructure, of_structured
 from modal.symbolic.system import chain
@@ -20,6 +22,7 @@ from modal.symbolic.typesetting import Line, Section, plain, typeset
 __all__ = [
     "Coordinate",
     "Line",
+    "NewtonEuler",
     "Section",
     "SymbolicStructure",
     "chain",
@@ -28,6 +31,7 @@ __all__ = [
     "derive_lagrangian",
     "lagrange_equations",
     "of_structured",
+    "part_sections",
     "plain",
     "polynomial_roots",
     "symbolic",

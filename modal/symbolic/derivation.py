@@ -10,30 +10,36 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import sympy as sp
 
 from modal.errors import SceneError
-from modal.scene import Scene, load
+from modal.scene import Bob, Cart, Fixed, Pendulum, Rod, Scene, load
 from modal.scene.doors import require_type
 from modal.symbolic import system as symbolic
 from modal.symbolic.eigen import modes_section, polynomial_section
+from modal.symbolic.hamiltonian import hamiltonian
 from modal.symbolic.kinetic import in_angles, in_plane, in_vectors
-from modal.symbolic.lagrangian import derive_lagrangian, vanishes
+from modal.symbolic.lagrangian import NOT_IN_SPACE, derive_lagrangian, gathered, vanishes
 from modal.symbolic.papers import equal
 from modal.symbolic.structure_sections import SECTIONS_OF_STRUCTURES
 from modal.symbolic.structures import SymbolicStructure, of_structured
 from modal.symbolic.system import SYMBOLIC, SymbolicSystem
 from modal.symbolic.typesetting import Line, Section
 
+if TYPE_CHECKING:
+    from modal.scene.model import Way
+
 SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
+ASKED_FOR = ("hamiltonian",)
+"""Sections that are written where they are asked for by name, after the others."""
 CHECKED_UP_TO = 6
 CHECKED_IN_SPACE = 3
 WRITTEN_IN_ANGLES = 2
-NOT_IN_SPACE = "joint springs and dampers in space: only the linearized equations are derived"
 MOST_WRITTEN = 40
 MOST_CHAINED = 1000
+GRAVITY = 9.81
 _TARGET = re.compile(r"(chain|cart):(?:(\d{1,4})x)?(\d{1,4})")
 KINDS = ("bob", "rod")
 
@@ -41,13 +47,13 @@ KINDS = ("bob", "rod")
 def derive(
     system: SymbolicSystem | SymbolicStructure, show: tuple[str, ...] = SECTIONS, scene: Scene | None = None
 ) -> Iterator[Section]:
-    """The sections of SECTIONS named in `show`, in their order.
+    """The sections of SECTIONS and ASKED_FOR named in `show`, in their order.
 
     `scene` is the scene of which `system` is the exact form, if any: its polynomial is then exact and integer.  Raises
     SceneError for more links than readable equations allow.
     """
     require_type("system", system, "SymbolicSystem", "SymbolicStructure")
-    if len(system.links) > MOST_WRITTEN and set(show) & {"lagrangian", "equations", "matrices"}:
+    if len(system.links) > MOST_WRITTEN and set(show) & {"lagrangian", "equations", "matrices", "hamiltonian"}:
         shorter = "choose polynomial and modes alone"
         raise SceneError([f"{len(system.links)} links: equations are written for at most {MOST_WRITTEN}; {shorter}"])
     writers = SECTIONS_OF_STRUCTURES if isinstance(system, SymbolicStructure) else SECTIONS_OF_SYSTEMS
@@ -56,7 +62,7 @@ def derive(
         "polynomial": lambda: polynomial_section(system, scene),
         "modes": lambda: modes_section(system, scene),
     }
-    return (makers[name]() for name in SECTIONS if name in show)
+    return (makers[name]() for name in (*SECTIONS, *ASKED_FOR) if name in show)
 
 
 def _lagrangian(system: SymbolicSystem) -> Section:
@@ -67,7 +73,7 @@ def _lagrangian(system: SymbolicSystem) -> Section:
     lines = [Line("kinetic energy in $θ$ and $φ$" if system.spatial else "kinetic energy", equal(sp.Symbol("T"), T))]
     if system.spatial:
         lines.insert(0, Line("kinetic energy with unit vectors u_i", equal(sp.Symbol("T"), in_vectors(system))))
-    lines.append(Line("potential energy", equal(sp.Symbol("V"), _gathered(found.V))))
+    lines.append(Line("potential energy", equal(sp.Symbol("V"), gathered(found.V))))
     if found.R != 0:
         lines.append(Line("dissipation function", equal(sp.Symbol("R"), found.R)))
     lines.append(Line("Lagrangian", equal(sp.Symbol("L"), sp.Symbol("T") - sp.Symbol("V"))))
@@ -77,12 +83,6 @@ def _lagrangian(system: SymbolicSystem) -> Section:
             Line("$T$ equals the kinetic energy from the Cartesian velocities of all masses: checked term by term")
         )
     return Section("Lagrangian", lines)
-
-
-def _gathered(V: Any) -> Any:
-    """A potential energy with one term for each cosine, its coefficient factored."""
-    expanded = sp.expand(V)
-    return sp.collect(expanded, sorted(expanded.atoms(sp.cos), key=str), sp.factor)
 
 
 def _has_joints(system: SymbolicSystem) -> bool:
@@ -143,6 +143,7 @@ SECTIONS_OF_SYSTEMS: dict[str, Callable[[Any], Section]] = {
     "lagrangian": _lagrangian,
     "equations": _equations,
     "matrices": _matrices,
+    "hamiltonian": hamiltonian,
 }
 
 
@@ -162,24 +163,46 @@ def target(
     unknown = [word for word in chosen if word not in SYMBOLIC]
     if unknown:
         raise SceneError([f"symbolic {word}: must be one of {', '.join(SYMBOLIC)}" for word in unknown])
-    found = _TARGET.fullmatch(name)
-    if not found:
-        if ways or kind != KINDS[0]:
-            raise SceneError([f"{name}: a kind of link and an equilibrium are for chain: and cart: only"])
-        scene = load(name)
+    if (template := _template(name, ways)) is None:
+        scene = _loaded(name, kind, ways)
         return (of_structured if scene.is_structured else symbolic.of_scene)(scene, chosen), scene
-    support, count, links = found[1], int(found[2] or 1), int(found[3])
-    if support == "chain" and found[2]:
-        raise SceneError([f"{name}: a chain has a single pendulum; write chain:{links}, or cart:{count}x{links}"])
-    if links < 1 or count < 1 or links * count > MOST_CHAINED:
-        raise SceneError([f"{name}: from 1 to {MOST_CHAINED} links in all"])
-    sigma = _sigma(name, ways, links)
+    support, count, links = template
+    sigma = tuple(-1 if way == "up" else 1 for way in ways)
     if support == "chain":
         return symbolic.chain(links, kind, chosen, sigma), None
     return symbolic.cart(links, count, kind, chosen, sigma), None
 
 
-def _sigma(name: str, ways: tuple[str, ...], links: int) -> tuple[int, ...]:
+def scene_of(name: str, kind: str = "bob", ways: tuple[str, ...] = ()) -> Scene:
+    """The same as a scene, that of chain: and cart: with masses of 1 kg and lengths of 1 m, the cart of 1 kg too.
+
+    >>> scene_of("cart:2x3", "rod").n_links
+    6
+    """
+    if (template := _template(name, ways)) is None:
+        return _loaded(name, kind, ways)
+    support, count, links = template
+    link = (Rod if kind == "rod" else Bob)(mass=1.0, length=1.0, count=links)
+    pendulum = Pendulum(links=(link,), count=count, equilibrium=cast("tuple[Way, ...]", ways) or None)
+    return Scene(gravity=GRAVITY, support=Cart(mass=1.0) if support == "cart" else Fixed(), pendulum=(pendulum,))
+
+
+def _loaded(name: str, kind: str, ways: tuple[str, ...]) -> Scene:
+    if ways or kind != KINDS[0]:
+        raise SceneError([f"{name}: a kind of link and an equilibrium are for chain: and cart: only"])
+    return load(name)
+
+
+def _template(name: str, ways: tuple[str, ...]) -> tuple[str, int, int] | None:
+    """The support of chain: or cart:, the number of pendula and of links of each; None of the name of a scene."""
+    match = _TARGET.fullmatch(name)
+    if match is None:
+        return None
+    support, count, links = match[1], int(match[2] or 1), int(match[3])
+    if support == "chain" and match[2]:
+        raise SceneError([f"{name}: a chain has a single pendulum; write chain:{links}, or cart:{count}x{links}"])
+    if links < 1 or count < 1 or links * count > MOST_CHAINED:
+        raise SceneError([f"{name}: from 1 to {MOST_CHAINED} links in all"])
     if ways and (len(ways) != links or not set(ways) <= {"down", "up"}):
         raise SceneError([f"{name}: the equilibrium must be {links} of down and up, top to bottom"])
-    return tuple(-1 if way == "up" else 1 for way in ways)
+    return support, count, links

@@ -41,7 +41,7 @@ CLOSED = 3
 """The highest degree in symbols for roots in closed form."""
 
 
-class Eigen(NamedTuple):
+class EigenPolynomial(NamedTuple):
     """A polynomial in x or s, its multiplicity and what moves; exact integers or an expression in symbols."""
 
     label: str
@@ -55,20 +55,21 @@ class Eigen(NamedTuple):
 
 
 @cache
-def eigen_polynomials(system: SymbolicSystem | SymbolicStructure, scene: Scene | None) -> list[Eigen] | str:
+def eigen_polynomials(system: SymbolicSystem | SymbolicStructure, scene: Scene | None) -> list[EigenPolynomial] | str:
     """All polynomials of a system, `scene` its exact numbers if any; or the reason why they are omitted."""
     if isinstance(system, SymbolicStructure):
         return _of_structure(system)
     numbers = not _symbols(system)
     links = len(system.links)
     if n := _equal_bobs(system):
-        return [Eigen("", 1 + system.spatial, equal_bobs(n, "x"))]
+        return [EigenPolynomial("", 1 + system.spatial, equal_bobs(n, "x"))]
     if links > (MOST_LINKS if len(_own_symbols(system)) <= 2 else MOST_SYMBOLIC_LINKS):
         return f"{links} links: too long to write out (modal.exact has no such limit for numbers)"
     if scene is not None and numbers and not scene.has_damping:
         alone = not system.cart and len(system.chains) == 1 and not system.spatial
         return [
-            Eigen("" if alone else factor.label, factor.multiplicity, factor.polynomial) for factor in of_scene(scene)
+            EigenPolynomial("" if alone else factor.label, factor.multiplicity, factor.polynomial)
+            for factor in of_scene(scene)
         ]
     if not _is_plain(system):
         return _determinant(system)
@@ -110,7 +111,7 @@ def _is_plain(system: SymbolicSystem) -> bool:
     return not any(extras)
 
 
-def _without_units(system: SymbolicSystem) -> Eigen:
+def _without_units(system: SymbolicSystem) -> EigenPolynomial:
     """Equal chains of one m and one l on a fixed support, in x = ω² l/g."""
     first = system.chains[0]
     units = dict.fromkeys(_symbols(system), 1)
@@ -118,33 +119,33 @@ def _without_units(system: SymbolicSystem) -> Eigen:
     formula = of_kinds([Kind(geometry, first.sigma, 1)], 1)
     coefficients = [int(c) for c in sp.Poly(formula, sp.Symbol("x")).all_coeffs()]
     copies = len(system.chains) * (1 + system.spatial)
-    return Eigen("", copies, Polynomial(tuple(coefficients), "x", "g/l"))
+    return EigenPolynomial("", copies, Polynomial(tuple(coefficients), "x", "g/l"))
 
 
-def _of_recursion(system: SymbolicSystem) -> list[Eigen]:
+def _of_recursion(system: SymbolicSystem) -> list[EigenPolynomial]:
     counts: dict[Chain, int] = {}
     for chain in system.chains:
         counts[chain] = counts.get(chain, 0) + 1
     kinds = [Kind(chain.geometry, chain.sigma, count) for chain, count in counts.items()]
-    found = []
+    polynomials = []
     if system.cart:
-        found.append(Eigen("rigid translation", 1, Polynomial((1, 0))))
-        found.append(Eigen("the cart moves", 1, of_kinds(kinds, system.gravity, cart=system.cart.mass)))
+        polynomials.append(EigenPolynomial("rigid translation", 1, Polynomial((1, 0))))
+        polynomials.append(EigenPolynomial("the cart moves", 1, of_kinds(kinds, system.gravity, cart=system.cart.mass)))
     for kind in kinds:
         copies = kind.count * (1 + system.spatial) - (1 if system.cart else 0)
         if copies:
             name = f"pendulum {system.chains.index(_chain_of(system, kind)) + 1}" if len(kinds) > 1 else ""
             where = "the cart stays still" if system.cart else ""
             label = ": ".join(word for word in (where, name) if word)
-            found.append(Eigen(label, copies, of_kinds([kind], system.gravity)))
-    return found
+            polynomials.append(EigenPolynomial(label, copies, of_kinds([kind], system.gravity)))
+    return polynomials
 
 
 def _chain_of(system: SymbolicSystem, kind: Kind) -> Chain:
     return next(c for c in system.chains if c.geometry == kind.geometry and c.sigma == kind.sigma)
 
 
-def _of_structure(system: SymbolicStructure) -> list[Eigen] | str:
+def _of_structure(system: SymbolicStructure) -> list[EigenPolynomial] | str:
     """The factors of the determinant, in integers where there is no symbol."""
     size = len(system.coordinates)
     if size > MOST_IN_DETERMINANT or (system.symbols and size > MOST_SYMBOLIC_COORDINATES):
@@ -152,25 +153,25 @@ def _of_structure(system: SymbolicStructure) -> list[Eigen] | str:
     polynomial = _expanded(system)
     x = sp.Symbol("x")
     if polynomial.free_symbols != {x}:
-        return [Eigen("", 1, polynomial)]
+        return [EigenPolynomial("", 1, polynomial)]
     factors = sp.Poly(polynomial, x).factor_list()[1]
     integers = [(sp.Poly(factor, x).clear_denoms(convert=True)[1].primitive()[1], count) for factor, count in factors]
-    eigen = [Eigen("", count, Polynomial(tuple(map(int, factor.all_coeffs())))) for factor, count in integers]
-    return sorted(eigen, key=lambda one: one.polynomial.intervals()[0].low)
+    eigen = [EigenPolynomial("", count, Polynomial(tuple(map(int, factor.all_coeffs())))) for factor, count in integers]
+    return sorted(eigen, key=lambda factor_in_x: factor_in_x.polynomial.intervals()[0].low)
 
 
-def _determinant(system: SymbolicSystem) -> list[Eigen] | str:
+def _determinant(system: SymbolicSystem) -> list[EigenPolynomial] | str:
     """Polynomials of the motion along the rail; across it, of every pendulum on a fixed support."""
     if len(system.coordinates) > MOST_IN_DETERMINANT or (
         _symbols(system) and len(system.coordinates) > MOST_SYMBOLIC_COORDINATES
     ):
         return f"{len(system.coordinates)} coordinates with springs or dampers: too long to write out"
-    found = [Eigen("along the rail" if system.spatial else "", 1, _expanded(system))]
+    polynomials = [EigenPolynomial("along the rail" if system.spatial else "", 1, _expanded(system))]
     if system.spatial:
         for chain in dict.fromkeys(system.chains):
             alone = SymbolicSystem("", system.gravity, (chain,), None)
-            found.append(Eigen("across the rail", system.chains.count(chain), _expanded(alone)))
-    return found
+            polynomials.append(EigenPolynomial("across the rail", system.chains.count(chain), _expanded(alone)))
+    return polynomials
 
 
 def _expanded(system: SymbolicSystem | SymbolicStructure) -> Any:
@@ -184,13 +185,13 @@ def _expanded(system: SymbolicSystem | SymbolicStructure) -> Any:
 
 def polynomial_section(system: SymbolicSystem | SymbolicStructure, scene: Scene | None) -> Section:
     """The eigen-polynomials in their named conventions, factor by factor."""
-    found = eigen_polynomials(system, scene)
-    if isinstance(found, str):
-        return Section("Eigen-polynomial", [Line(found)])
-    return Section("Eigen-polynomial", [line for eigen in found for line in _polynomial_lines(eigen)])
+    polynomials = eigen_polynomials(system, scene)
+    if isinstance(polynomials, str):
+        return Section("Eigen-polynomial", [Line(polynomials)])
+    return Section("Eigen-polynomial", [line for eigen in polynomials for line in _polynomial_lines(eigen)])
 
 
-def _polynomial_lines(eigen: Eigen) -> Iterator[Line]:
+def _polynomial_lines(eigen: EigenPolynomial) -> Iterator[Line]:
     name = _named(eigen)
     if not isinstance(eigen.polynomial, Polynomial):
         damped = eigen.polynomial.has(sp.Symbol("s"))
@@ -221,7 +222,7 @@ def _turned(polynomial: Any) -> Any:
     return sp.Add(*((-1) ** n * term for term in turned))
 
 
-def _named(eigen: Eigen) -> str:
+def _named(eigen: EigenPolynomial) -> str:
     times = f"{eigen.multiplicity} times" if eigen.multiplicity > 1 else ""
     words = ", ".join(word for word in (eigen.label, times) if word)
     return f"{words}; " if words else ""
@@ -229,13 +230,13 @@ def _named(eigen: Eigen) -> str:
 
 def modes_section(system: SymbolicSystem | SymbolicStructure, scene: Scene | None) -> Section:
     """Every mode in closed form where there is one, else to 20 proved digits; a damped one to 15."""
-    found = eigen_polynomials(system, scene)
-    if isinstance(found, str):
-        return Section("Modes", [Line(f"{found}; see the table, or prove digits with enclose")])
-    described = [one for eigen in found for one in _modes_of(eigen)]
+    polynomials = eigen_polynomials(system, scene)
+    if isinstance(polynomials, str):
+        return Section("Modes", [Line(f"{polynomials}; see the table, or prove digits with enclose")])
+    described = [one for eigen in polynomials for one in _modes_of(eigen)]
     computed = [mode for mode in described if isinstance(mode, ComputedMode)]
     lines = _numbered(computed) if len(computed) == len(described) else map(_unnumbered, described)
-    return Section("Modes", [*lines, *_remarks(system, found)])
+    return Section("Modes", [*lines, *_remarks(system, polynomials)])
 
 
 class ComputedMode(NamedTuple):
@@ -261,7 +262,7 @@ def _unnumbered(mode: ComputedMode | Line) -> Line:
     return mode if isinstance(mode, Line) else Line(mode.label + mode.words, mode.formula)
 
 
-def _modes_of(eigen: Eigen) -> Iterator[ComputedMode | Line]:
+def _modes_of(eigen: EigenPolynomial) -> Iterator[ComputedMode | Line]:
     if isinstance(eigen.polynomial, Polynomial):
         if eigen.polynomial.degree > MOST_ISOLATED:
             yield Line(f"{_named(eigen)}degree {eigen.polynomial.degree}: see the table, or prove digits with enclose")
@@ -273,7 +274,7 @@ def _modes_of(eigen: Eigen) -> Iterator[ComputedMode | Line]:
         yield from _in_symbols(eigen)
 
 
-def _root(root: Root, eigen: Eigen) -> ComputedMode:
+def _root(root: Root, eigen: EigenPolynomial) -> ComputedMode:
     square = root.exact if root.exact is not None else sp.Float(sp.Rational((root.low + root.high) / 2), 20)
     grows = root.high < 0
     unit = "√(g/l)" if eigen.polynomial.unit == "g/l" else "1/s" if grows else "rad/s"
@@ -282,7 +283,7 @@ def _root(root: Root, eigen: Eigen) -> ComputedMode:
     return ComputedMode(size, _named(eigen), rate, equal(sp.Symbol("x"), square))
 
 
-def _in_symbols(eigen: Eigen) -> Iterator[Line]:
+def _in_symbols(eigen: EigenPolynomial) -> Iterator[Line]:
     """Closed forms of each irreducible factor, where the degree allows."""
     x, omega = sp.Symbol("x"), sp.Symbol("omega")
     for factor, count in sp.factor_list(eigen.polynomial, x)[1]:
@@ -310,7 +311,7 @@ def _roots(polynomial: Any) -> list[Any]:
     return [(-b - root) / (2 * a), (-b + root) / (2 * a)]
 
 
-def _damped(eigen: Eigen) -> Iterator[ComputedMode | Line]:
+def _damped(eigen: EigenPolynomial) -> Iterator[ComputedMode | Line]:
     """Roots s of a polynomial in numbers, one of each conjugate pair, from its simple factors."""
     s = sp.Symbol("s")
     if sp.sympify(eigen.polynomial).free_symbols != {s} or sp.degree(eigen.polynomial, s) > MOST_SOLVED:
@@ -338,20 +339,20 @@ def _damped_words(root: Any) -> str:
     return f"$ω = {sp.N(size, 15)} rad/s$, $ζ = {sp.N(-sp.re(root) / size, 6)}$"
 
 
-def _remarks(system: SymbolicSystem | SymbolicStructure, found: list[Eigen]) -> list[Line]:
+def _remarks(system: SymbolicSystem | SymbolicStructure, polynomials: list[EigenPolynomial]) -> list[Line]:
     """The shapes and masses of equal bobs; the mode lost with a massless cart over bobs."""
     if isinstance(system, SymbolicStructure):
         return []
-    first = found[0].polynomial
-    bobs = len(found) == 1 and isinstance(first, Polynomial) and first.unit == "g/l" and _all_bobs(system)
+    first = polynomials[0].polynomial
+    bobs = len(polynomials) == 1 and isinstance(first, Polynomial) and first.unit == "g/l" and _all_bobs(system)
     lines = []
     if bobs:
         shape = sp.Function("L_j")(sp.Symbol("x_r"))
         words = "mode shape r: bob j = 0, 1, … from the free end is displaced by Laguerre's polynomial"
         lines.append(Line(words, equal(sp.Symbol("y_j"), shape)))
         lines.append(Line("modal effective mass", equal(sp.Symbol("m_eff"), sp.Symbol("m") / sp.Symbol("x_r"))))
-    degree = sum(sp.degree(*_with_symbol(eigen)) * eigen.multiplicity for eigen in found)
-    damped = any(eigen.is_damped for eigen in found)
+    degree = sum(sp.degree(*_with_symbol(eigen)) * eigen.multiplicity for eigen in polynomials)
+    damped = any(eigen.is_damped for eigen in polynomials)
     if system.cart and not damped and degree < len(system.coordinates) + system.spatial * len(system.links):
         lines.append(Line("$M$ is singular (a massless cart over bobs): one mode has no finite frequency"))
     return lines
@@ -361,7 +362,7 @@ def _all_bobs(system: SymbolicSystem) -> bool:
     return all(c.centre == c.length and not any(c.inertia) and min(c.sigma) > 0 for c in system.chains)
 
 
-def _with_symbol(eigen: Eigen) -> tuple[Any, Any]:
+def _with_symbol(eigen: EigenPolynomial) -> tuple[Any, Any]:
     x = sp.Symbol("x")
     return (expression(eigen.polynomial) if isinstance(eigen.polynomial, Polynomial) else eigen.polynomial), x
 

@@ -23,14 +23,14 @@ from modal.symbolic.system import SymbolicSystem
 def in_plane(system: SymbolicSystem) -> Any:
     """T in the angles of a plane system."""
     angles = system.angles
-    along = [sp.cos(one.q) * one.v for one in angles]
+    along = [sp.cos(chain.q) * chain.v for chain in angles]
     return _summed(system, along, lambda i, j: sp.cos(angles[j].q - angles[i].q) * angles[i].v * angles[j].v)
 
 
 def in_vectors(system: SymbolicSystem) -> Any:
     """T in unit vectors; a product of two is their dot product."""
     u = [coordinate("u", *angle.q.name.split("_")[1:]).v for angle in system.angles]
-    along = [one * sp.Symbol("e_x") for one in u]
+    along = [chain * sp.Symbol("e_x") for chain in u]
     return _summed(system, along, lambda i, j: u[i] * u[j])
 
 

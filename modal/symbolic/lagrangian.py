@@ -20,6 +20,8 @@ from modal.scene.doors import require_type
 from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
 from modal.symbolic.system import SymbolicSystem
 
+NOT_IN_SPACE = "joint springs and dampers in space: only the linearized equations are derived"
+
 
 @dataclass(frozen=True, eq=False)
 class Lagrangian:
@@ -128,3 +130,9 @@ def vanishes(expression: Any) -> bool:
     spread = sp.expand(sp.expand_trig(expression))
     squares = {sp.sin(a.args[0]) ** 2: 1 - sp.cos(a.args[0]) ** 2 for a in spread.atoms(sp.sin)}
     return bool(sp.expand(spread.subs(squares)) == 0)
+
+
+def gathered(V: Any) -> Any:
+    """A potential energy with one term for each cosine, its coefficient factored."""
+    expanded = sp.expand(V)
+    return sp.collect(expanded, sorted(expanded.atoms(sp.cos), key=str), sp.factor)

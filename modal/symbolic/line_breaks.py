@@ -33,12 +33,12 @@ def fits(latex: str) -> bool:
 
 def lines(latex: str, room: float = LINE) -> list[str]:
     """The formula over several lines, each of which fits `room` letters as far as it can be broken."""
-    found, start, pieces = [], 0, list(_pieces(latex))
+    written, start, pieces = [], 0, list(_pieces(latex))
     while start < len(pieces):
         end = _end(pieces, start, room)
-        found.append("".join(piece.text for piece in pieces[start:end]).strip())
+        written.append("".join(piece.text for piece in pieces[start:end]).strip())
         start = end
-    return found
+    return written
 
 
 def width(latex: str) -> float:
@@ -51,7 +51,7 @@ def width(latex: str) -> float:
 
 
 @dataclass(frozen=True)
-class _Piece:
+class _Unbroken:
     """A part between two possible breaks: its text and width, and the cost of a break before it."""
 
     text: str
@@ -59,7 +59,7 @@ class _Piece:
     cost: float
 
 
-def _end(pieces: list[_Piece], start: int, room: float) -> int:
+def _end(pieces: list[_Unbroken], start: int, room: float) -> int:
     """Where the line that begins at a piece ends: at the cheapest break in its last part, the last of these."""
     filled, choices, last = 0.0, [], start + 1
     for place in range(start, len(pieces)):
@@ -74,12 +74,12 @@ def _end(pieces: list[_Piece], start: int, room: float) -> int:
     return -min(choices)[1] if choices else last
 
 
-def _pieces(latex: str) -> Iterator[_Piece]:
+def _pieces(latex: str) -> Iterator[_Unbroken]:
     """The formula cut at all places where it may be broken; parentheses grow no more, so that lines may part them."""
     text, cost, depth, parentheses = "", 0.0, 0, 0
     for token in _TOKEN.findall(latex):
         if depth == 0 and text.endswith(" ") and text.strip()[-1:] not in "+-=" and token not in UNPARTED:
-            yield _Piece(text, width(text), cost)
+            yield _Unbroken(text, width(text), cost)
             text, cost = "", parentheses + (0.0 if token in "+-=" else FACTOR)
         if token in (r"\left", r"\right") and depth == 0:
             parentheses += 1 if token == r"\left" else -1
@@ -87,7 +87,7 @@ def _pieces(latex: str) -> Iterator[_Piece]:
             continue
         depth += (token == "{" or token.startswith(r"\begin")) - (token == "}" or token.startswith(r"\end"))
         text += token
-    yield _Piece(text, width(text), cost)
+    yield _Unbroken(text, width(text), cost)
 
 
 class _Reader:

@@ -37,8 +37,8 @@ def polynomial_roots(polynomial: Polynomial, width: Fraction | float = 1e-15) ->
 
     No interval is wider than `width` times its smaller end; the root 0 is exact.
     """
-    found = [root for factor, count in _factors(polynomial) for root in _of_factor(factor, count, Fraction(width))]
-    return sorted(found, key=lambda root: root.low + root.high)
+    roots = [root for factor, count in _factors(polynomial) for root in _of_factor(factor, count, Fraction(width))]
+    return sorted(roots, key=lambda root: root.low + root.high)
 
 
 def closed_forms(coefficients: Sequence[Any]) -> list[sp.Expr] | None:
@@ -137,8 +137,8 @@ def _factors(polynomial: Polynomial) -> Iterator[tuple[list[int], int]]:
     c = list(polynomial.coefficients)
     if polynomial.degree > FACTORED_UP_TO:
         return iter([(c, 1)])
-    _, found = sp.Poly(c, sp.Symbol("x")).factor_list()
-    return ((list(map(int, factor.all_coeffs())), int(count)) for factor, count in found)
+    _, factors = sp.Poly(c, sp.Symbol("x")).factor_list()
+    return ((list(map(int, factor.all_coeffs())), int(count)) for factor, count in factors)
 
 
 def _of_factor(coefficients: list[int], count: int, width: Fraction) -> Iterator[Root]:

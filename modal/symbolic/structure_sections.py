@@ -8,6 +8,8 @@ from typing import Any
 import sympy as sp
 
 from modal.errors import SceneError
+from modal.symbolic.hamiltonian import TITLE, momentum, whole_energy
+from modal.symbolic.lagrange import time_derivative
 from modal.symbolic.lagrangian import vanishes
 from modal.symbolic.papers import equal
 from modal.symbolic.structures import SymbolicStructure, force_of, force_symbol
@@ -58,9 +60,31 @@ def equations(system: SymbolicStructure) -> Section:
     """Lagrange's equations; a stretched spring enters by its pull F and its length."""
     pairs = zip(system.coordinates, system.equations(), strict=True)
     lines = [Line(f"of {c.q}", equal(form, 0)) for c, form in pairs]
-    stretched = [spring for spring in system.springs if spring.rest is not None]
-    pulls = [Line(f"pull of spring {one.number + 1}", equal(force_symbol(one), force_of(one))) for one in stretched]
-    return Section("Equations of motion", [*lines, *_lengths(system), *pulls])
+    return Section("Equations of motion", [*lines, *_lengths(system), *_pulls(system)])
+
+
+def _pulls(system: SymbolicStructure) -> Iterator[Line]:
+    for spring in system.springs:
+        if spring.rest is not None:
+            yield Line(f"pull of spring {spring.number + 1}", equal(force_symbol(spring), force_of(spring)))
+
+
+def hamiltonian(system: SymbolicStructure) -> Section:
+    """H and Hamilton's equations: M(q) from the kinetic energies, p' from Lagrange's equations in p = M q'."""
+    T, v = sp.Add(*(part.T for part in system.parts)), [c.v for c in system.coordinates]
+    M, p = sp.hessian(T, v).applyfunc(sp.factor), [momentum(c) for c in system.coordinates]
+    lines = [
+        Line("coordinates", sp.Matrix([c.q for c in system.coordinates])),
+        Line("momenta p = M q'", sp.Matrix([c.q for c in p])),
+        Line("H, the energy in q and p, V of all parts as in the Lagrangian", whole_energy()),
+        Line("with the mass matrix", equal(sp.Symbol("M"), M)),
+        Line("rates of the coordinates, the slopes of H by the momenta, solve M q' = p"),
+        Line("rates of the momenta, the falls of H by the coordinates less the dampers, in q'"),
+    ]
+    for rate, form, lagranges in zip(p, M * sp.Matrix(v), system.equations(), strict=True):
+        force = sp.expand(time_derivative(form, system.coordinates) - lagranges)
+        lines.append(Line(f"of {rate.q}", equal(rate.v, force)))
+    return Section(TITLE, [*lines, *_lengths(system), *_pulls(system)])
 
 
 def matrices(system: SymbolicStructure) -> Section:
@@ -84,5 +108,6 @@ SECTIONS_OF_STRUCTURES: dict[str, Callable[[Any], Section]] = {
     "lagrangian": lagrangian,
     "equations": equations,
     "matrices": matrices,
+    "hamiltonian": hamiltonian,
 }
 """How each section is written."""

@@ -53,7 +53,7 @@ class OnGround(NamedTuple):
 End = OnCarrier | OnLink | OnGround
 
 
-class Joined(NamedTuple):
+class JoinedSpring(NamedTuple):
     """A spring between two ends, or their angles, and its numbers or symbols."""
 
     ends: tuple[End, End]
@@ -103,7 +103,7 @@ class SymbolicStructure(Displayed, OfChains):
     carriers: tuple[SymbolicCarrier, ...]
     chains: tuple[Chain, ...]
     hung: tuple[OnCarrier, ...]
-    joined: tuple[Joined, ...]
+    joined: tuple[JoinedSpring, ...]
     spatial = False
     cart = None
 
@@ -183,7 +183,7 @@ class SymbolicStructure(Displayed, OfChains):
         """All springs in the order of the file, those of copies one after another."""
         return [self._spring(number, joined) for number, joined in enumerate(self.joined)]
 
-    def _spring(self, number: int, joined: Joined) -> SymbolicSpring:
+    def _spring(self, number: int, joined: JoinedSpring) -> SymbolicSpring:
         a, b = joined.ends
         ell, strength = coordinate("ell", number + 1), (joined.stiffness, joined.damping)
         if joined.torsion:
@@ -207,14 +207,14 @@ class SymbolicStructure(Displayed, OfChains):
     @cached_property
     def parts(self) -> list[Energy]:
         """The energies of every carrier and chain; weights count from the drawn origin of the carrier."""
-        carried, found = iter(self.carried), []
+        carried, parts = iter(self.carried), []
         for carrier in self.carriers:
             q = sp.Matrix([c.q for c in carrier.coordinates])
             if q:
                 V = (q.T * carrier.stiffness * q)[0] / 2 + sp.Add(*(next(carried) * value for value in q))
                 V -= carrier.mass * self.gravity * (carrier.place(carrier.centre)[1] - carrier.position[1])
-                found.append(Energy(carrier.name, carrier.kinetic, sp.expand(V)))
-        return found + [self._of_pendulum(p) for p in range(len(self.chains))]
+                parts.append(Energy(carrier.name, carrier.kinetic, sp.expand(V)))
+        return parts + [self._of_pendulum(p) for p in range(len(self.chains))]
 
     @cached_property
     def stored(self) -> list[Energy]:
@@ -243,13 +243,13 @@ class SymbolicStructure(Displayed, OfChains):
     def joints(self, p: int, part: str = "q") -> list[Any]:
         """The angles at the joints of a chain from rest, or their rates (`part` v): the first from its carrier."""
         above = self.carriers[self.hung[p].carrier].angle
-        upper, found = getattr(above, part) if above is not None else sp.S.Zero, []
+        upper, relative = getattr(above, part) if above is not None else sp.S.Zero, []
         for angle, sign in zip(self._of_chain(p), self.chains[p].sigma, strict=True):
             own = getattr(angle, part)
             straight = own - (sp.pi if sign < 0 and part == "q" else 0)
-            found.append(straight - upper)
+            relative.append(straight - upper)
             upper = straight
-        return found
+        return relative
 
     @cached_property
     def dissipation(self) -> Any:
@@ -460,7 +460,7 @@ def _hung(scene: Scene, pendulum: Any) -> OnCarrier:
     return OnCarrier(scene.support_names.index(point.name), where)
 
 
-def _joined(scene: Scene, entry: int, spring: Spring, symbolic: tuple[str, ...]) -> Iterator[Joined]:
+def _joined(scene: Scene, entry: int, spring: Spring, symbolic: tuple[str, ...]) -> Iterator[JoinedSpring]:
     """The springs that one entry means: one, or one of every copy."""
     numbers = [
         symbol(f"{letter}_{entry + 1}") if value and "springs" in symbolic else rational(value)
@@ -469,7 +469,7 @@ def _joined(scene: Scene, entry: int, spring: Spring, symbolic: tuple[str, ...])
     starts, stops = (list(_ends(scene, text)) for text in spring.between)
     count = max(len(starts), len(stops))
     for a, b in zip(*(ends * count if len(ends) == 1 else ends for ends in (starts, stops)), strict=True):
-        yield Joined((a, b), spring.kind == "torsion", *numbers)
+        yield JoinedSpring((a, b), spring.kind == "torsion", *numbers)
 
 
 def _ends(scene: Scene, text: str) -> Iterator[End]:

@@ -134,7 +134,7 @@ class SymbolicSystem(OfChains):
     def equations(self) -> list[Any]:
         """Expressions that vanish in a plane motion, one for each of `coordinates`."""
         x = self.coordinates[0] if self.cart else Coordinate(0, 0, 0)
-        joints = self._joint_moments()
+        joints = self.joint_moments()
         found = [
             sum(
                 A * (sp.cos(theta.q - other.q) * other.a + sp.sin(theta.q - other.q) * other.v**2)
@@ -152,7 +152,8 @@ class SymbolicSystem(OfChains):
             found.insert(0, self.total_mass * x.a + inertial + held)
         return found
 
-    def _joint_moments(self) -> Any:
+    def joint_moments(self) -> Any:
+        """What the springs and dampers of joints take from each angle (N m): less the generalized forces."""
         theta, rate = (sp.Matrix([getattr(angle, part) for angle in self.angles]) for part in "qv")
         rest = sp.Matrix([0 if sign > 0 else sp.pi for sign in self.sigma])
         return self._on_joints("stiffness") * (theta - rest) + self._on_joints("damping") * rate

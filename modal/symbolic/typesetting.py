@@ -15,8 +15,8 @@ import sympy as sp
 from modal.report import LETTERS, breadth, fits, latex, markdown, visible
 from modal.symbolic import line_breaks
 
-GREEK = {"theta": "θ", "phi": "φ", "lambda": "λ", "omega": "ω", "sigma": "σ", "eta": "η", "ell": "ℓ"}
-_NAME = re.compile(r"\b(theta|phi|lambda|omega|sigma|eta|ell|[psxyzu])(ddot|dot)?((?:_[0-9]+)*|_[0-9A-Za-z]\w*)\b")
+GREEK = {"theta": "θ", "phi": "φ", "pi": "π", "lambda": "λ", "omega": "ω", "sigma": "σ", "eta": "η", "ell": "ℓ"}
+_NAME = re.compile(r"\b(theta|phi|pi|lambda|omega|sigma|eta|ell|[psxyzu])(ddot|dot)?((?:_[0-9]+)*|_[0-9A-Za-z]\w*)\b")
 _CALLED = re.compile(r"(theta|phi|eta|[A-Za-z])(ddot|dot)?_(\w*[A-Za-z]\w+|\w+[A-Za-z]\w*)")
 _DOTTED = {"dot": r"\dot{%s}", "ddot": r"\ddot{%s}", None: "%s"}
 _INDEXED = re.compile(r"(?<![\w$])([A-Za-zθφλωσΔ])_(\w)\b(?!\w)")
@@ -106,7 +106,7 @@ def in_latex(words: str) -> str:
     if unit:
         words = words[: unit.start()].rstrip()
     written = _NUMBER.sub(lambda number: f"{float(number[0]):.{SHOWN}g}", words)
-    written = re.sub(r"([a-z])('{1,2})", lambda m: rf"\{'d' * len(m[2])}ot{{{m[1]}}}", written)
+    written = re.sub(r"([a-z])('{1,2})", lambda m: _DOTTED["dot" if len(m[2]) == 1 else "ddot"] % m[1], written)
     written = re.sub(r"√\(([^()]*)\)", r"\\sqrt{\1}", written)
     written = re.sub("[⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda m: f"^{{{''.join(map(_SUPERSCRIPTS.__getitem__, m[0]))}}}", written)
     written = re.sub("|".join(_LETTERS), lambda m: _LETTERS[m[0]] + " ", written)
@@ -200,11 +200,17 @@ def _tex(formula: Any, **settings: Any) -> str:
 def _by_name(name: str) -> str:
     r"""The LaTeX of a symbol that a word follows, such as \dot{\phi}_{\mathrm{board}}; "" for any other symbol."""
     called = _CALLED.fullmatch(name)
-    if called is None:
+    if called is None or all(part in GREEK or part.isdigit() for part in called[3].split("_")):
         return ""
     letter, dots, word = called.groups()
     letter = rf"\{letter}" if letter in GREEK else letter
-    return _DOTTED[dots] % letter + rf"_{{\mathrm{{{word.replace('_', chr(92) + '_')}}}}}"
+    parts = word.split("_")
+    count = next((k for k, part in enumerate(reversed(parts)) if not part.isdigit()), 0)
+    named, numbers = (
+        r"\_".join(parts[: len(parts) - count]),
+        "".join(f",{part}" for part in parts[len(parts) - count :]),
+    )
+    return _DOTTED[dots] % letter + rf"_{{\mathrm{{{named}}}{numbers}}}"
 
 
 def _with_commas(formula: str) -> str:

@@ -174,7 +174,7 @@ def _moved_problems(scene: Scene, geometry: Geometry, name: str) -> list[str]:
     except SceneError as error:
         return list(error.problems)
     if geometry.carried and any(carrier.M is not None for carrier in geometry.carried.structure.carriers):
-        return [f"input {name}: a modal support does not tell how the ground drives its coordinates: give forces"]
+        return [f"input {name}: a modal support does not say how the ground drives its coordinates: give forces"]
     return []
 
 

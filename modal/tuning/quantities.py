@@ -238,7 +238,7 @@ def _refuse(scene: Scene, place: Place) -> None:
     """SceneError for a number that cannot be tuned."""
     key, path = key_of(place), with_numbers(place)
     if key == "count":
-        raise SceneError([f"{path}: is a count, and what is tuned changes continuously: write the scene with each"])
+        raise SceneError([f"{path}: is a count, and only continuous numbers are tuned: tune a scene for each value"])
     if "start" in place or key not in (*POSITIVE, *CAN_VANISH):
         known = (*POSITIVE, *CAN_VANISH)
         raise SceneError([f"{path}: is not a number that can be tuned: {', '.join(known)}{meant(key, known)}"])

@@ -92,7 +92,7 @@ def parametric_stability(scene: Scene) -> ParametricStability:
     """Of a scene whose support moves up and down as a sine, hanging or standing, with any number of links.
 
     A motion along the rail beside it pushes small angles and does not change their growth.  SceneError for any other
-    motion, and for what Hill's equation has no place for: forces, friction, drives, hoists.
+    motion, and for what Hill's equation does not include: forces, friction, drives, hoists.
 
     >>> from modal import Bob, Pendulum, Scene
     >>> from modal.scene import Moved, SineMotion

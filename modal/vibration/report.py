@@ -230,7 +230,7 @@ def _notes(response: ShockResponse) -> Sequence[str]:
         )
     elif np.all(np.isfinite(response.mass_shares)):
         share = 100 * float(response.mass_shares.sum())
-        notes.append(f"All modes hold {share:.3g} % of the mass along the rail; the rest does not move in them.")
+        notes.append(f"All modes hold {share:.3g} % of the mass along the rail; the rest is not in them.")
     else:
         notes.append("The effective masses of these modes are unknown.")
     if np.any(response.follows_support):

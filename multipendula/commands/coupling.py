@@ -6,12 +6,14 @@ import argparse
 
 from multipendula.command import Command
 from multipendula.commands.shared import draw_in, noted, picture, say
-from multipendula.options import add_format, add_report, add_scene
+from multipendula.options import add_format, add_report, add_scene, add_switch
 from multipendula.parser import Page
+
+MORE = "--words says all of it in sentences with formulas; --format json has every number."
 
 
 def explain(options: argparse.Namespace) -> None:
-    """Explain, in words and in a figure, how the cart or the structure couples the pendula."""
+    """Explain how the cart or the structure couples the pendula: verdict, table of families, figure."""
     from modal.coupling import coupling_report, explain
     from modal.scene import load
 
@@ -19,12 +21,14 @@ def explain(options: argparse.Namespace) -> None:
         picture(options.output)
     coupling = explain(noted(load(options.scene), "the explanation of the coupling"))
     draw_in(options, options.output, "modal.plotting", "draw_coupling", coupling)
-    say(coupling_report(coupling, options.format), options.format)
+    report = coupling_report(coupling, options.format, words=options.words, elsewhere="" if options.words else MORE)
+    say(report, options.format)
 
 
 def _explain_arguments(page: Page) -> None:
     add_scene(page)
     add_format(page, ("text", "markdown", "json"))
+    add_switch(page.written, "--words", ", every number with its formula")
     add_report(page, ("text", "markdown", "json"))
 
 
@@ -35,14 +39,16 @@ COMMANDS = (
         run=explain,
         arguments=_explain_arguments,
         details=(
-            "The dynamic mass that a force on the cart feels at each frequency, which modes leave the cart still and "
-            "which move it, how fast pendula exchange energy, the limits of a massless and of an immense cart, and how "
-            "dampers affect each family. On a structure: its own modes and the mass that a push along them feels, what "
-            "of it each family moves, and the exchange through it and through springs. Every number is given with its "
-            "formula."
+            "First the verdict: what couples the pendula, how strongly, and the slowest beat. Then one table of the "
+            "families of modes, and what both leave out. With --words all of it in sentences, every number with its "
+            "formula: the dynamic mass that a force on the cart feels at each frequency, which modes leave the cart "
+            "still and which move it, the exchange of energy, the limits of a massless and of an immense cart, and the "
+            "damping of each mode. Of a structure: its own modes and the mass that a push along them feels, what of it "
+            "each family moves, and the exchange through it and through springs."
         ),
         examples=(
-            ("explain paper-cart-2", "families of modes, beats and dynamic mass"),
+            ("explain paper-cart-2", "what couples two double pendula: families of modes and beats"),
+            ("explain paper-cart-2 --words", "the same in sentences, with formulas"),
             ("explain metronomes -o coupling.png", "with a figure"),
             ("explain crane-two-loads --format markdown", "the energy exchange of two different loads"),
             ("explain two-swings -o coupling.png", "two populations of metronomes on swings joined by a spring"),

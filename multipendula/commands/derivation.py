@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 
 from multipendula.command import Command
-from multipendula.commands.shared import bar, listed, noted, output
+from multipendula.commands.shared import bar, drawn, in_a_folder, listed, noted, output
 from multipendula.completion import scenes
-from multipendula.options import add_format, add_option, add_scene, add_text, add_words, offer, whole
+from multipendula.options import (
+    PICTURES,
+    add_format,
+    add_option,
+    add_scene,
+    add_text,
+    add_theme,
+    add_words,
+    offer,
+    whole,
+)
 from multipendula.parser import Page
 
+ALONE = ("hamiltonian", "freebody")
 TARGETS = ("chain:", "cart:", "paper:000", "paper:001", "paper:002")
 
 
@@ -21,8 +33,14 @@ def derive(options: argparse.Namespace) -> None:
     from modal.symbolic.papers import catalogue
 
     show, symbols, ways = (listed(getattr(options, name)) for name in ("show", "symbolic", "equilibrium"))
-    if unknown := [word for word in show if word not in derivation.SECTIONS]:
-        raise SceneError([f"--show {word}: must be one of {', '.join(derivation.SECTIONS)}" for word in unknown])
+    known = (*derivation.SECTIONS, *ALONE)
+    if unknown := [word for word in show if word not in known]:
+        raise SceneError([f"--show {word}: must be one of {', '.join(known)}" for word in unknown])
+    if "freebody" in show:
+        _take_apart(options, show)
+        return
+    if problems := list(_of_free_bodies(options)):
+        raise SceneError(problems)
     if options.target.startswith("paper:"):
         if show or symbols or ways or options.links != "bob":
             raise SceneError([f"{options.target}: takes none of --show, --symbolic, --links and --equilibrium"])
@@ -34,6 +52,56 @@ def derive(options: argparse.Namespace) -> None:
     with output(options.output) as write:
         text = typesetting.typeset(title, sections, options.format)
         write(folded(text) if options.format == "text" else text)
+
+
+def _of_free_bodies(options: argparse.Namespace) -> Iterator[str]:
+    """What is asked that free bodies alone take."""
+    if _drawing(options):
+        yield f"-o {options.output}: free bodies alone are drawn: add --show freebody, or write text"
+    for name in ("names", "parts"):
+        if getattr(options, name):
+            yield f"--{name}: belongs to --show freebody"
+
+
+def _drawing(options: argparse.Namespace) -> str:
+    """The format of a picture, by the file to write: svg, png, pdf or tikz; "" for text."""
+    ending = str(options.output or "").lower().rpartition(".")[2]
+    if ending == "tex" and "freebody" in listed(options.show) and not getattr(options, "format_asked", False):
+        return "tikz"
+    return ending if ending in (*PICTURES, "tikz") else ""
+
+
+def _take_apart(options: argparse.Namespace, show: tuple[str, ...]) -> None:
+    """The parts of a scene: their diagrams in a picture, or the balances of each as text."""
+    from modal.errors import SceneError
+    from modal.report import folded
+    from modal.scene import free_bodies, title_of
+    from modal.symbolic import derivation, newton_euler, typesetting
+
+    problems = ["--show freebody: stands alone, without other sections"] * (len(show) > 1)
+    problems += ["--symbolic: all numbers of free bodies are symbols"] * bool(options.symbolic)
+    if problems:
+        raise SceneError(problems)
+    scene = derivation.scene_of(options.target, options.links, listed(options.equilibrium))
+    letters, form = options.names or "own", _drawing(options)
+    if not form:
+        if options.parts:
+            raise SceneError(["--parts: chooses what is drawn; the equations are of all parts"])
+        bodies = free_bodies(noted(scene, "a free-body diagram"), letters)
+        with output(options.output) as write:
+            text = typesetting.typeset(title_of(scene), newton_euler.part_sections(bodies), options.format)
+            write(folded(text) if options.format == "text" else text)
+        return
+    from modal.plotting import free_body_tikz, plot_free_body, save
+
+    in_a_folder(options.output)
+    if form == "tikz":
+        picture = free_body_tikz(scene, letters, options.parts or "")
+        with output(options.output) as write:
+            write(picture)
+        return
+    with drawn(options.output, options.theme) as stream:
+        save(plot_free_body(scene, letters=letters, parts=options.parts or ""), stream, form)
 
 
 def _derive_arguments(page: Page) -> None:
@@ -48,15 +116,21 @@ def _derive_arguments(page: Page) -> None:
     more = f", one for each link, shared by copies: {','.join(symbols)}"
     add_words(page.asked, "--symbolic", symbols, more)
     sections = ("lagrangian", "equations", "matrices", "polynomial", "modes")
-    add_words(page.written, "--show", sections, f" that are shown (default all): {','.join(sections)}")
+    more = f" that are shown (default all): {','.join(sections)}; and where they are named: {','.join(ALONE)}"
+    add_words(page.written, "--show", (*sections, *ALONE), more)
     page.rephrase(r"choose polynomial and modes alone$", "choose --show polynomial,modes")
     page.rephrase(r"^symbolic(?= )", "--symbolic")
+    page.rephrase(r"^parts(?= )", "--parts")
     page.rephrase(r"a kind of link and an equilibrium are", "--links and --equilibrium are")
     more = " of chain: and cart: (default bob)"
     add_option(page.asked, "--links", more, choices=("bob", "rod"), default="bob")
     add_words(page.asked, "--equilibrium", ("down", "up"), " of chain: and cart: (default down)")
+    more = ": paper 000's or the toolkit's own (default own), of --show freebody"
+    add_option(page.written, "--names", more, choices=("own", "paper"))
+    add_option(page.written, "--parts", " (default 1:12), of --show freebody")
     add_format(page, ("text", "latex", "markdown"))
-    add_text(page)
+    add_text(page, drawn=True, more=("tikz",))
+    add_theme(page)
 
 
 def enclose(options: argparse.Namespace) -> None:
@@ -92,9 +166,12 @@ COMMANDS = (
         examples=(
             ("derive chain:3", "three bobs: Lagrangian, equations, M and K, polynomial, modes"),
             ("derive chain:2 --symbolic masses,lengths --format latex", "with a symbol for every mass and length"),
-            ("derive paper-cart-2 --show polynomial", "a scene's polynomial, in exact integers"),
-            ("derive two-bobs --symbolic masses,springs", "two pendula and the spring between them"),
             ("derive paper:002", "the equations of a paper, as printed and corrected"),
+            ("derive chain:3 --show hamiltonian", "Hamilton's equations, of neighbours alone"),
+            (
+                "derive paper-cart-2 --show freebody --names paper -o parts.svg",
+                "its links taken apart, in 000's letters",
+            ),
         ),
     ),
     Command(

@@ -76,7 +76,7 @@ def _basins_arguments(page: Page) -> None:
 
 
 def section(options: argparse.Namespace) -> None:
-    """Compute the Poincaré section of a scene at an energy, of a driven one once a period, from many motions."""
+    """Compute the Poincaré section of a scene at an energy, or of a driven one once per period, from many motions."""
     scene = _scene(options)
     (_strobes if scene.is_forced else _crossings)(options, scene)
 
@@ -236,10 +236,10 @@ COMMANDS = (
         arguments=_basins_arguments,
         details=(
             "Every start of a grid is simulated, thousands side by side. In a scene with drives the map tells which "
-            "steady oscillation of sync each ends in; in any other when a link first goes over the top, or how fast a "
-            "small error grows. Of a scene that a sine drives --measure attractor tells the periodic motion each start "
-            "ends in, named by its period and its largest angle. A random sample is run by itself as well, and the "
-            "largest difference stated."
+            "steady oscillation of sync each ends in; in any other scene, when a link first goes over the top, or how "
+            "fast a small error grows. For a scene driven by a sine, --measure attractor gives the periodic motion "
+            "that each start ends in, named by its period and its largest angle. A random sample is run by itself as "
+            "well, and the largest difference stated."
         ),
         examples=(
             (
@@ -266,9 +266,9 @@ COMMANDS = (
         arguments=_section_arguments,
         details=(
             "Motions with one energy start at random on the section, and each crossing is recorded, the start among "
-            "them: closed curves are regular motion, clouds chaos. A scene that sines drive, by forces or by its "
-            "support, is looked at once a period of all of them instead, at --phase-deg: a point is a motion of that "
-            "period, p points one of p periods, a strange attractor chaos."
+            "them: closed curves are regular motion, clouds chaos. A scene driven by sines, through forces or its "
+            "support, is instead recorded once in every common period of them, at --phase-deg: a motion of that period "
+            "is one point, one of p periods p points, and a strange attractor is chaos."
         ),
         examples=(
             ("section chain-2 --energy 10 --members 6 --duration 20 -o section.png", "a double pendulum at 10 J"),
@@ -289,9 +289,9 @@ COMMANDS = (
         arguments=_spread_arguments,
         details=(
             "Numbers are drawn within their tolerances, given as standard deviations or as intervals, or from the "
-            "covariance of a fit. Reported are "
-            "quantiles of every frequency, with --duration bands of the motion, and which number matters most. In "
-            "--format csv each line is a member, with its angles at every sample of the motion."
+            "covariance of a fit. The report has quantiles of every frequency, bands of the motion with --duration, "
+            "and which number matters most. In --format csv each line is a member, with its angles at every sample of "
+            "the motion."
         ),
         examples=(
             (

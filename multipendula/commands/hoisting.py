@@ -111,7 +111,7 @@ def _arguments(page: Page) -> None:
         ": cart_force (default), the frequencies with the cart free; or cart_acceleration, with its motion prescribed"
     )
     add_words(page.asked, "--drive", drives, more, comma="", choices=drives, default=drives[0])
-    add_travel(page, ", from the begin of the hoist on; prints the swing that is left")
+    add_travel(page, ", from the beginning of the hoist on; prints the swing that is left")
     add_shaper(page, " of the travel (default zv)")
     add_shaped(page)
     page.rephrase(r"^travel:", "--travel:")
@@ -127,9 +127,9 @@ COMMANDS = (
         run=hoist,
         arguments=_arguments,
         details=(
-            "Of a scene in which ropes change their length: the lengths and the frequencies of the scene at each time, "
-            "and the swing of each mode as a slow hoist changes it. With --travel the linear model that varies in time "
-            "is integrated for a cart that travels meanwhile, as it is and with an input shaper."
+            "For a scene in which ropes change their length: the lengths and the frequencies at each time, and how a "
+            "slow hoist changes the swing of each mode. With --travel the linear model, which varies in time, is "
+            "integrated for a cart that travels meanwhile, with and without an input shaper."
         ),
         examples=(
             ("hoist hoisting-crane", "frequencies of the shipped crane along its hoist"),

@@ -31,7 +31,7 @@ LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 
 def fit(options: argparse.Namespace) -> None:
-    """Fit numbers of a scene to measured motions or modes, with error bars and what the data leave open."""
+    """Fit numbers of a scene to measured motions or modes, with error bars, and say what the data leave open."""
     from modal.identification import has_modes
 
     if any(map(has_modes, options.data)):
@@ -140,7 +140,7 @@ def _fit_arguments(page: Page) -> None:
     add_switch(page.computed, "--scale")
     more = " (default linear); the others give less weight to outliers"
     add_option(page.computed, "--loss", more, choices=LOSSES, default="linear")
-    more = ", so that they join (multiple shooting), where one long segment is chaotic"
+    more = ", which join (multiple shooting), for a long segment that is chaotic"
     add_option(page.computed, "--window", more, type=number("seconds above 0"))
     add_option(page.computed, "--bootstrap", " (block bootstrap)", type=whole(100_000))
     more = ": viscous, coulomb, drag, or several joined by +; the best by BIC is reported"
@@ -233,8 +233,8 @@ COMMANDS = (
         run=fit,
         arguments=_fit_arguments,
         details=(
-            "Besides the free numbers, the initial state of every segment, an offset of each sensor and its delay are "
-            "fitted. Numbers that the data do not determine are held at the scene's values and named. Standard "
+            "The initial state of every segment, an offset of each sensor and its delay are fitted along with the free "
+            "numbers. Numbers that the data do not determine are held at the scene's values and named. Standard "
             "deviations allow for correlated residuals, and sentences at the end say what the model lacks."
         ),
         examples=(
@@ -253,9 +253,9 @@ COMMANDS = (
         arguments=_poles_arguments,
         details=(
             "Free decays are realized by the eigensystem realization algorithm (Juang & Pappa 1985), and the poles "
-            "then fitted to the records themselves; of responses to random excitation the correlations are realized. "
-            "Frequencies are natural frequencies, as in the table of modes. The picture shows which poles are stable "
-            "over its order."
+            "then fitted to the records themselves; for responses to random excitation the correlations are realized "
+            "instead. Frequencies are natural frequencies, as in the table of modes. The picture shows which poles are "
+            "stable over its order."
         ),
         examples=(
             (
@@ -272,7 +272,7 @@ COMMANDS = (
         run=mac,
         arguments=_mac_arguments,
         details=(
-            "The modal assurance criterion is 1 where two shapes are equal but for a factor, and 0 where they are "
+            "The modal assurance criterion is 1 where two shapes are equal up to a factor, and 0 where they are "
             "orthogonal. Every measured mode is paired with the computed one most similar to it, without shapes with "
             "that of the nearest frequency."
         ),

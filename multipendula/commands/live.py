@@ -15,7 +15,7 @@ KINDS = ("html",)
 
 
 def play(options: argparse.Namespace) -> None:
-    """Write a page to play with: the scene swings there, changes under the hand, and shows its modes."""
+    """Write a page to play with: the scene swings there, changes as you drag it, and shows its modes."""
     from modal.report import visible
     from modal.scene import STANDARD, kind_of, whole_file
     from multipendula.page import page

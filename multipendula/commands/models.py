@@ -31,7 +31,7 @@ def add_signals(page: Page) -> None:
     )
     more = (
         ": cart_force (default on a cart), cart_acceleration or cart_velocity; coordinate_forces (default on a "
-        "structure) or one of them, as floor2_force; joint_torques (default on a fixed support), link_forces; "
+        "structure) or one of them, such as floor2_force; joint_torques (default on a fixed support), link_forces; "
         "support_displacement, support_velocity or support_acceleration; force:POINT, lift:POINT or torque:POINT, with "
         "a POINT such as pendulum[0].links[1]@0.5 or ship@0.2,0.1; force[0], the scene's first force"
     )
@@ -39,7 +39,7 @@ def add_signals(page: Page) -> None:
     more = (
         ": cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, joint_positions, "
         "tip_positions, tip_accelerations, pivot_forces; of a structure coordinates,angles (default), "
-        "coordinate_rates, coordinate_accelerations, spring_forces, spring_extensions, or single ones, as floor2_m"
+        "coordinate_rates, coordinate_accelerations, spring_forces, spring_extensions, or single ones, such as floor2_m"
     )
     add_words(page.asked, "--signals", OUTPUTS, more)
     add_option(page.asked, "--when", "", type=number("seconds from 0", least=0.0))

@@ -53,7 +53,8 @@ def table(options: argparse.Namespace) -> None:
         raise SceneError(["--shapes: needs --format json"])
     modes, numbers = _modes(options, options.relative_error)
     stds = _stds(modes, numbers, options.covariance)
-    rows, starred = list(_with_progress(modes.rows(numbers), len(numbers))), tables.GUIDE
+    rows = list(_with_progress(modes.rows(numbers), len(numbers)))
+    starred = f"{tables.GUIDE} (`--orbits` computes it)"
     if options.orbits:
         rows, starred = _by_orbits(modes, rows)
     with output(options.output) as write:
@@ -109,7 +110,7 @@ def _add_amplitude(group: argparse._ActionsContainer, more: str, usual: float | 
 
 
 def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
-    """The rows with the 1 % amplitudes of starred modes from periodic orbits, and what these amplitudes are."""
+    """The rows with the 1 % angles of starred modes from periodic orbits, and what these angles are."""
     from dataclasses import replace
     from math import degrees, inf
 
@@ -127,7 +128,7 @@ def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
             except MultipendulaError as error:
                 missing.append(f"{tables.GUIDE} for mode {row.number} ({error})")
         replaced.append(replace(row, linear_to_1_percent_deg=angle))
-    return replaced, "; ".join(["the 1 % amplitude is that of the mode's periodic orbits", *missing])
+    return replaced, "; ".join(["the 1 % angle is that of the mode's periodic orbits", *missing])
 
 
 def shapes(options: argparse.Namespace) -> None:
@@ -204,10 +205,10 @@ COMMANDS = (
             "One row per mode: frequency and period, multiplicity, description, participation of the cart, modal "
             "effective mass (on a free cart with the cart held), the angle up to which the linear frequency is "
             "accurate to 1 %, and a bound on the relative error. Dampers and drag add damping ratios, an inverted "
-            "equilibrium growth rates; dry friction is left out, but for its damping ratio at an amplitude. Columns "
-            "that say nothing about the scene are left out. A terminal too narrow for the others leaves out, in this "
-            "order, the bound, shares and masses, participation, multiplicity, period, 1 % angle and frequency in Hz, "
-            "and names them; a pipe or a file gets all."
+            "equilibrium growth rates; dry friction is left out, except for the damping ratio that --amplitude adds. "
+            "Columns that say nothing about the scene are left out. A terminal too narrow for the others leaves out, "
+            "in this order, the bound, shares and masses, participation, multiplicity, period, 1 % angle and frequency "
+            "in Hz, and names them; a pipe or a file gets all."
         ),
         examples=(
             ("table paper-cart-2", "every mode of two double pendula on a cart"),

@@ -236,10 +236,10 @@ COMMANDS = (
         arguments=_compile_arguments,
         details=(
             "numba (extra `fast`) and heyoka (extra `taylor`) run many times as fast as Python once they have "
-            "compiled, which takes seconds for each form of scene. Other commands wait for that only where it pays, "
-            "but take what is kept. The scene's numbers may change afterwards, as long as none becomes or ceases to "
-            "be zero; heyoka's code is for one tolerance. Reported are what was done for each engine, how long it "
-            "took, where it is kept, and which engines do not take the scene."
+            "compiled, which takes seconds for each form of scene. Other commands compile only where that pays, and "
+            "use what is kept. The scene's numbers may change afterwards, as long as none becomes or ceases to be "
+            "zero; heyoka's code is for one tolerance. The report says what was done for each engine, how long it "
+            "took, where it is kept, and which engines do not support the scene."
         ),
         examples=(
             ("compile chain-2", "before many runs of double pendulums"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import IO, TYPE_CHECKING
 
 from multipendula.options import FILMS, PICTURES, endings
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from modal.scene import Scene
 
 DAY, LONGEST = 86_400.0, 1e5  # s; days that are told as a number
+LATE = 1.0  # s until progress is shown, and between two looks at it
+MEASURED = "{desc}{percentage:3.0f} % |{bar:24}| {remaining} left, {elapsed} passed"
+COUNTED = "{desc}{n_fmt} {unit}s, {elapsed} passed"
 MANY = 60  # links from which a command that integrates disturbances says beforehand that it takes long
 
 
@@ -127,15 +130,52 @@ def validated(options: argparse.Namespace, image: str | None, fitting: Callable[
 
 
 @contextmanager
-def bar(total: float, unit: str = "s") -> Iterator[Callable[[float], object]]:
-    """A progress bar, by default in seconds of simulated time; on a terminal only, after one second."""
+def bar(total: float, unit: str = "s", title: str = "") -> Iterator[Callable[[float], object]]:
+    """A progress bar in per cent with the time left, or in units where the total is not known (0).
+
+    It is shown on a terminal only, from one second on, also while nothing is reported.
+    """
     if not sys.stderr.isatty():
         yield lambda elapsed: None
         return
+    from threading import Event, Thread
+
     from tqdm import tqdm
 
-    with tqdm(total=total, unit=unit, unit_scale=True, delay=1.0, leave=False) as shown:
-        yield lambda elapsed: shown.update(elapsed - shown.n)
+    form = MEASURED if total else COUNTED
+    ended = Event()
+    with tqdm(total=total or None, unit=unit, delay=LATE, leave=False, desc=title or None, bar_format=form) as shown:
+
+        def tick() -> None:
+            while not ended.wait(LATE):
+                shown.refresh()
+
+        clock = Thread(target=tick, daemon=True)
+        clock.start()
+        try:
+            yield lambda elapsed: shown.update(elapsed - shown.n)
+        finally:
+            ended.set()
+            clock.join()
+
+
+@contextmanager
+def stages(*titles: str) -> Iterator[list[Callable[[float], object]]]:
+    """For each stage of a computation a function that takes the part of it that is done, with a bar for one at a time.
+
+    The bar of the first is there at once, every other at its first report, which ends the one before.
+    """
+    with ExitStack() as shown:
+        reports: dict[str, Callable[[float], object]] = {}
+
+        def opened(title: str) -> Callable[[float], object]:
+            if title not in reports:
+                shown.close()
+                reports[title] = shown.enter_context(bar(1.0, title=title))
+            return reports[title]
+
+        opened(titles[0])
+        yield [lambda part, title=title: opened(title)(part) for title in titles]  # type: ignore[misc]
 
 
 def estimate_of(scene: Scene, path: str | None) -> Estimate | None:
@@ -199,8 +239,8 @@ def _forewarn(scene: Scene, duration: float | None, members: int, tolerance: flo
 
     days = least_seconds(scene, duration, tolerance, members) / DAY if duration else 0.0
     if days > 1:
-        told = f"about {days:.2g} days on one core" if days < LONGEST else "longer than anyone can wait"
-        remark(f"this takes {told}, as far as can be told beforehand; Ctrl-C ends it")
+        told = f"{days:.2g} days on one core" if days < LONGEST else "time longer than anyone can wait"
+        remark(f"this takes an estimated {told}; Ctrl-C ends it")
 
 
 def listed(text: str | None) -> tuple[str, ...]:

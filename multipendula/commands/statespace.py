@@ -214,7 +214,7 @@ def _shaper_arguments(page: Page) -> None:
     drives = ("cart_acceleration", "cart_velocity", "cart_force")
     more = (
         ": cart_acceleration (default), cart_velocity or cart_force; of a structure the force on one of its "
-        "coordinates (default the first), as ship_sway_force"
+        "coordinates (default the first), such as ship_sway_force"
     )
     add_words(page.asked, "--drive", drives, more, comma="")
     page.rephrase(r"^drive = '(\S+)':", r"--drive \1:")
@@ -229,8 +229,8 @@ COMMANDS = (
         arguments=_export_arguments,
         details=(
             "z' = A z + B u, y = C z + D u about the scene's equilibrium, with a name and a unit for every state, "
-            "input and output; discretized with --discrete. Of a scene with a hoist, A and B are sampled along it (npz "
-            "and mat only)."
+            "input and output; discretized with --discrete. For a scene with a hoist, A and B are sampled along it "
+            "(npz and mat only)."
         ),
         examples=(
             ("export crane-hook --to mat -o crane.mat", "for MATLAB and Octave"),
@@ -265,9 +265,9 @@ COMMANDS = (
         run=response,
         arguments=_response_arguments,
         details=(
-            "Magnitude and phase of every output for one input, right however far from the modes, or the impulse "
-            "response in closed form. Peaks of damped modes have their true height; below the picture is where "
-            "infinite ones are cut."
+            "Magnitude and phase of every output for one input, accurate at any distance from the modes, or the "
+            "impulse response in closed form. Peaks of damped modes have their true height; a note below the picture "
+            "says where infinite ones are cut."
         ),
         examples=(
             ("response crane-hook -o bode.png", "every output of the crane"),

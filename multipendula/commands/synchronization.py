@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import start_of
-from multipendula.commands.shared import bar, drawn, film_form, forewarning, picture, remark, say, validated
+from multipendula.commands.shared import bar, drawn, film_form, forewarning, picture, remark, say, stages, validated
 from multipendula.options import (
     FILMS,
     add_duration,
@@ -17,6 +17,7 @@ from multipendula.options import (
     add_report,
     add_scene,
     add_start,
+    add_switch,
     add_vary,
 )
 from multipendula.parser import Page
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
     from modal.scene import Scene
     from modal.scene.parameters import Variation
     from nonlinear.synchronization import SynchronizationStudy
+
+
+MORE = "--words describes prediction and simulation in sentences."
 
 
 def sync(options: argparse.Namespace) -> None:
@@ -40,6 +44,7 @@ def _sync_arguments(page: Page) -> None:
     more = ", such as support.mass=1:100:30log, along which every steady oscillation is followed instead"
     add_vary(page, more, most=1)
     add_format(page, ("text", "csv", "json"), " (default text); csv with --vary only")
+    add_switch(page.written, "--words", ": prediction and simulation")
     add_report(page, ("text", "csv", "json"))
     add_file(page, "--film", "a stroboscopic one", FILMS)
 
@@ -53,7 +58,7 @@ def _fitting(options: argparse.Namespace) -> None:
 
 def _misfits(options: argparse.Namespace) -> Iterator[str]:
     if options.vary:
-        asked = [name for name in ("duration", "start", "film") if getattr(options, name)]
+        asked = [name for name in ("duration", "start", "film", "words") if getattr(options, name)]
         yield from (f"--{name}: cannot be combined with --vary" for name in asked)
         if options.format == "json":
             yield "--format json: cannot be combined with --vary"
@@ -65,21 +70,25 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
     from nonlinear.synchronization import study_synchronization
 
     start = start_of(scene, options.start, undamped=True)
-    with bar(1.0, "run") as report:
-        told = forewarning(report, scene, options.duration)
-        study = study_synchronization(scene, options.duration, start=start, report=lambda now, end: told(now / end))
-    say(_told(study, options.format), options.format)
+    with stages("predicting", "simulating") as (predicting, simulating):
+        told = forewarning(simulating, scene, options.duration)
+        study = study_synchronization(
+            scene, options.duration, start=start, predicting=predicting, report=lambda now, end: told(now / end)
+        )
+    say(_told(study, options), options.format)
     if options.output:
         _draw(study, options.output, options.theme)
     if options.film:
         _film(study, options.film, options.theme)
 
 
-def _told(study: SynchronizationStudy, form: str) -> str:
+def _told(study: SynchronizationStudy, options: argparse.Namespace) -> str:
     from modal.report import as_json
     from nonlinear.synchronization import sync_record, sync_text
 
-    return as_json(sync_record(study)) if form == "json" else sync_text(study)
+    if options.format == "json":
+        return as_json(sync_record(study))
+    return sync_text(study, words=options.words, elsewhere="" if options.words else MORE)
 
 
 def _draw(study: SynchronizationStudy, name: str, theme: str) -> None:
@@ -145,11 +154,12 @@ COMMANDS = (
         details=(
             "For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady "
             "oscillations, and which of them this start ends in and when; a simulation of the full equations then "
-            "measures the same. With --vary every steady oscillation is followed along one number of the scene instead "
-            "(orbits --vary follows limit cycles of the full equations, sweep --loci the frequencies of small motion)."
-            " Of equal pendula on the supports of a structure the verdict comes first: which population is locked, and "
-            "to which; then the growth rates of the motions in which every population is one pendulum, and with --vary "
-            "the values at which these begin or cease to last."
+            "measures the same. The verdict comes first: which mode wins, and from when on. With --vary every steady "
+            "oscillation is followed along one number of the scene instead (orbits --vary follows limit cycles of the "
+            "full equations, sweep --loci the frequencies of small motion). For equal pendula on the supports of a "
+            "structure it says which population is locked, and to which; then follow the growth rates of the motions "
+            "in which every population is one pendulum, and with --vary the values at which these begin or cease to "
+            "last."
         ),
         examples=(
             ("sync metronomes -o sync.png --film sync.gif", "two metronomes on a light base, with a figure and a film"),

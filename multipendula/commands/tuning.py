@@ -39,7 +39,7 @@ WITHIN = 1.4
 
 
 def tune(options: argparse.Namespace) -> None:
-    """Find the numbers of a scene that make peaks, RMS, decay or a residual swing best, and what they are worth."""
+    """Find the numbers of a scene that make peaks, RMS, decay or a residual swing best, and how much each is worth."""
     from modal.errors import SceneError
     from modal.scene import dump, load
     from modal.tuning import tune as tuned
@@ -188,7 +188,7 @@ def _arguments(page: Page) -> None:
     add_words(page.asked, "--maximize", QUANTITIES, more, comma="", action=Repeated)
     more = (
         ", such as rel_1_1=0.2, the stroke of a damper, as a peak or an RMS as the first quantity is; or any quantity, "
-        "as settling=60; repeat for several"
+        "such as settling=60; repeat for several"
     )
     add_option(page.asked, "--max", more, action=Repeated)
     add_option(page.asked, "--over-hz", ", such as 0.1:2 (default all)", type=_band)

@@ -222,8 +222,9 @@ COMMANDS = (
         arguments=_check_arguments,
         details=(
             "Every mode is released at several amplitudes and simulated for 40 periods; its frequency is measured and "
-            "compared with the table's predictions: the small-angle frequency, its shift with amplitude, and the angle "
-            "at which it is off by 1 %. With --general one run is projected on the modes instead."
+            "compared with the table's predictions, how right these are first: the small-angle frequency, its shift "
+            "with amplitude, and the angle at which it is off by 1 %. With --general one run is projected on the modes "
+            "instead."
         ),
         examples=(
             ("check chain-2 --modes 1 --amplitudes 10,30", "the slow mode at two amplitudes"),
@@ -270,8 +271,8 @@ COMMANDS = (
         details=(
             "The largest Lyapunov exponent with its uncertainty, from tangent vectors along an ensemble of starts, or "
             "an upper bound if it is indistinguishable from zero. The first start is the scene's own, the others are "
-            "within 0.1 degrees of it: for chaos give the scene large angles. paper:000 and paper:001 test the claims "
-            "of two papers."
+            "within 0.1 degrees of it: to find chaos, give the scene large angles. paper:000 and paper:001 test the "
+            "claims of two papers."
         ),
         examples=(
             ("chaos chain-2 --duration 10 --members 4", "a quick estimate for a double pendulum"),

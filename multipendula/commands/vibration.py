@@ -87,7 +87,7 @@ def _vibration_arguments(page: Page) -> None:
     )
     add_spectrum(page, more)
     kelvin = number("kelvin above 0 and at most 1e6", most=1e6)
-    more = ", told with a budget by place; beside the PSD's where there is a --psd"
+    more = ", reported with a budget by place; beside that of the PSD where there is a --psd"
     add_option(page.asked, "--temperature", more, type=kelvin)
     add_frequencies(page, ": the thermal noise (default some over its band)")
     page.rephrase(r"^outputs(?=:)", "--signals")
@@ -95,7 +95,7 @@ def _vibration_arguments(page: Page) -> None:
     known = (usual, "cart_force", "force:", "lift:", "torque:", "force[0]")
     more = (
         ": the one that the PSD is of, support_acceleration (default), cart_force, on a structure the force on a "
-        "coordinate, as floor2_force, force:POINT, lift:POINT or torque:POINT, with a POINT such as "
+        "coordinate, such as floor2_force, force:POINT, lift:POINT or torque:POINT, with a POINT such as "
         "pendulum[0].links[1]@0.5, or force[0] of the scene"
     )
     add_input(page, known, more, default=usual)

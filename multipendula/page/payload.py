@@ -30,7 +30,7 @@ MOST_NUMBERS = 26_000
 def scene_data(scene: Scene) -> dict[str, Any]:
     """A scene as nested mappings with the keys of its file, each link once for each repetition.
 
-    Raises SceneError, which names everything that a page does not treat.
+    Raises SceneError, which names everything that the page cannot show.
     """
     if problems := list(_problems(scene)):
         raise SceneError(problems)
@@ -77,7 +77,7 @@ def _problems(scene: Scene) -> Iterator[str]:
 
 
 def _structure_problems(scene: Scene) -> Iterator[str]:
-    """What the page of a structure does not treat."""
+    """What the page cannot show of a structure."""
     count = scene.n_links + structure_of(scene).size
     if scene.n_links <= MOST_LINKS and count > MOST_COORDINATES:
         words = f"the live page cannot show more than {MOST_COORDINATES}"

@@ -11,10 +11,10 @@ arbitrary.  A state is stable if all others have negative real parts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations, islice
+from itertools import chain, combinations, islice
 
 import numpy as np
 
@@ -115,13 +115,15 @@ class RelativeEquilibrium(Displayed):
         return float(self.turning[self.band])
 
 
-def relative_equilibria(averaged: AveragedEquations) -> tuple[RelativeEquilibrium, ...]:
+def relative_equilibria(
+    averaged: AveragedEquations, report: Callable[[float], object] = lambda part: None
+) -> tuple[RelativeEquilibrium, ...]:
     """The relative equilibria reached from each row of the mode table alone and from patterns of pendula.
 
     The patterns are pendula in phase and in antiphase.  Copies by exchange of equal pendula are one state
     (`RelativeEquilibrium.copies`).  The stable ones with their phases reversed, or spread evenly, or with the parts of
     unequal pendula exchanged, are starts too.  Not necessarily all: any wider than HANGING, or missed by Newton's
-    method, are not found.
+    method, are not found.  `report` is called with the part of the search that is done.
     """
     equilibria: list[RelativeEquilibrium] = []
 
@@ -134,10 +136,12 @@ def relative_equilibria(averaged: AveragedEquations) -> tuple[RelativeEquilibriu
         ):
             equilibria.append(equilibrium)
 
-    for start in _starts(averaged):
+    starts = list(_starts(averaged))
+    copies = (start for equilibrium in equilibria for start in _nearly_copies(equilibrium))
+    for tried, start in enumerate(chain(starts, islice(copies, COPIES)), start=1):
         add(start)
-    for start in islice((start for equilibrium in equilibria for start in _nearly_copies(equilibrium)), COPIES):
-        add(start)
+        report(tried / (len(starts) + COPIES))
+    report(1.0)
     return tuple(sorted(equilibria, key=lambda equilibrium: (equilibrium.row, equilibrium.omega)))
 
 

@@ -94,7 +94,7 @@ class Pattern(Displayed):
 def patterns_of(scene: Scene) -> tuple[Pattern, ...]:
     """The patterns of a structured scene with one or two populations, all in phase first.
 
-    ComputationError for more populations, and where no few pendula stand for the others.
+    ComputationError for more populations, and where no small set of pendula represents the others.
     """
     require_type("scene", scene, "Scene")
     populations = populations_of(scene)

@@ -62,6 +62,18 @@ class Prediction(Displayed):
         """The survivor's share of the energy at the end."""
         return float(self.motion.share[self.row, -1])
 
+    @property
+    def is_won(self) -> bool:
+        """Whether the survivor holds enough of the energy, CLEAR, to have won."""
+        return self.share >= CLEAR
+
+    @property
+    def undecided(self) -> str:
+        """The doubt that no mode wins, by the share of the one that holds most; "" where one does."""
+        if self.is_won:
+            return ""
+        return f"no mode wins: the one that holds most has {100 * self.share:.3g} % of the energy"
+
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """Reasons why the survivor is not certain; empty if it is."""
@@ -93,7 +105,7 @@ class Prediction(Displayed):
             yield "no mode ever holds 99 % of the energy"
             return
         if locking < SWINGS * 2 * pi / self.averaged.omega.min():
-            yield f"it comes within {SWINGS} swings, finer than averages resolve"
+            yield f"it comes within {SWINGS} swings, less than averaging resolves"
         times = [other.locking_time() for other in self.neighbours]
         if any(time is None or abs(time - locking) > TIMED * locking for time in times):
             yield f"neighbouring starts lock more than {100 * TIMED:.0f} % sooner or later"
@@ -109,8 +121,8 @@ class Prediction(Displayed):
             return
         if not self.motion.settled:
             yield f"nothing has settled after {self.motion.times[-1]:.3g} s", True
-        elif self.share < CLEAR:
-            yield f"no mode wins: the one that holds most has {100 * self.share:.3g} % of the energy", True
+        elif not self.is_won:
+            yield self.undecided, True
         if self.ending is None or self.ending.hold < MARGIN * self._error:
             yield "the final state attracts its neighbours only weakly", False
         if min(flow.reach for flow in (self.motion, *self.neighbours)) < KICKED:

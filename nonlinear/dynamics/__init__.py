@@ -27,6 +27,7 @@ from nonlinear.dynamics.maximal import Maximal
 from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
 from nonlinear.dynamics.minimal import Arranged, Body, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
+from nonlinear.dynamics.spatial_hamiltonian import SpatialHamiltonian
 from nonlinear.dynamics.structure_steps import StructureSteps, structure_steps
 from nonlinear.dynamics.symmetries import Reduced, Symmetry, exactly_symmetric, find_symmetries, symmetrize, synchronous
 from nonlinear.dynamics.tape import Tape
@@ -56,6 +57,7 @@ __all__ = [
     "Reduced",
     "Small",
     "Spatial",
+    "SpatialHamiltonian",
     "SpatialRecursion",
     "StructureSteps",
     "Symmetry",

@@ -63,13 +63,13 @@ class Banded:
         theta, squared, Q = angles.T, rates.T**2, moments.T
         sin, cos = np.sin(theta[:, 0]), np.cos(theta[:, 0])
         top = np.array(((gravity * sin, -gravity * cos), (cos, sin)))
-        found = self._solved(self._band(theta[:, :-1] - theta[:, 1:]), self._sides(squared, Q, top))
-        turn, force_n, force_u = np.moveaxis(found[:, :, 0, : FORCE_U + 1], -1, 0)
+        solution = self._solved(self._band(theta[:, :-1] - theta[:, 1:]), self._sides(squared, Q, top))
+        turn, force_n, force_u = np.moveaxis(solution[:, :, 0, : FORCE_U + 1], -1, 0)
         across = self.m[:, 0] * top[:, 0] + self.lever[:, 0] * turn + self.below[:, 0] * force_n
         along = self.m[:, 0] * top[:, 1] + self.below[:, 0] * force_u
         along[0] -= self.mc[:, 0] * squared[:, 0]
         force, mass = np.sum(cos * across + sin * along, axis=1)
-        return mass, force, found[..., TURN] / self.l
+        return mass, force, solution[..., TURN] / self.l
 
     def turn(self, memory: Any, push: Any) -> Any:
         """θ'' (n, P)."""
@@ -98,7 +98,7 @@ class Banded:
     @staticmethod
     def _solved(band: Floats, sides: Floats) -> Floats:
         columns, rows = band.reshape(-1, band.shape[-1]).T, sides.reshape(2, -1).T
-        *_, found, info = scipy.linalg.lapack.dgbsv(REACH, REACH, columns, rows, overwrite_ab=1, overwrite_b=1)
+        *_, solution, info = scipy.linalg.lapack.dgbsv(REACH, REACH, columns, rows, overwrite_ab=1, overwrite_b=1)
         if info:
             raise ComputationError(f"equation {info} of the chain's joint forces is singular in double precision")
-        return np.asarray(found.T.reshape(sides.shape))
+        return np.asarray(solution.T.reshape(sides.shape))

@@ -59,9 +59,9 @@ def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
 
 @partial(in_place, forceinline=True)
 def rate(  # type: ignore[no-untyped-def]  # noqa: PLR0912
-    y, links, first, cart, gravity, hinged, works, structure, push, moments, turns, found
+    y, links, first, cart, gravity, hinged, works, structure, push, moments, turns, derivative
 ):
-    """The whole of `Minimal.derivative`, into `found`.
+    """The whole of `Minimal.derivative`, into `derivative`.
 
     `first` are the first links of the pendula, `cart` holds mass, damper and spring, or is empty; where no joint is
     `hinged`, none has a spring, a damper or a drive.  `turns` (5, L) is room for sin, cos, and hx, hz, e over D, whose
@@ -70,16 +70,16 @@ def rate(  # type: ignore[no-untyped-def]  # noqa: PLR0912
     if structure is not None:
         d, half = len(structure.kind), len(structure.kind) + len(links)
         _sines(y[d:half], turns[0], turns[1])
-        rate_on_carriers(y, links, first, gravity, hinged, works, structure, turns, found)
+        rate_on_carriers(y, links, first, gravity, hinged, works, structure, turns, derivative)
         return
     on_cart = int(cart.size > 0)
     half = on_cart + len(links)
-    angles, rates, turned = y[on_cart:half], y[half + on_cart : 2 * half], found[half + on_cart : 2 * half]
+    angles, rates, turned = y[on_cart:half], y[half + on_cart : 2 * half], derivative[half + on_cart : 2 * half]
     sin, cos, hx, hz, e = turns[0], turns[1], turns[2], turns[3], turns[4]
     _sines(angles, sin, cos)
     slopes = y[half : 2 * half]
     for i in range(half):
-        found[i] = slopes[i]
+        derivative[i] = slopes[i]
     mass, force, power, x2 = 0.0, 0.0, 0.0, 0.0
     for p in range(len(first) - 1):
         below, hinge_below = Answer(0.0, 0.0, 0.0, 0.0, 0.0), 0.0
@@ -100,7 +100,7 @@ def rate(  # type: ignore[no-untyped-def]  # noqa: PLR0912
     if on_cart:
         kept, working = _joint_law(y[0], y[half], cart[2], cart[1])
         x2 = (push + working + kept - force) / (cart[0] + mass)
-        found[half] = x2
+        derivative[half] = x2
         power += y[half] * (push + working)
     for p in range(len(first) - 1):
         ax, az = x2, -gravity
@@ -110,7 +110,7 @@ def rate(  # type: ignore[no-untyped-def]  # noqa: PLR0912
     if works:
         for i in range(moments.size):
             power += moments[i] * rates[i]
-        found[2 * half] = power
+        derivative[2 * half] = power
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,17 +141,17 @@ class Compiled(Minimal):
         """The derivative y' of one y (size,)."""
         push, moments, _ = self.load(time, self.layout.state(y)) if self.load else NOTHING
         loose = LOOSE if moments is None else np.ascontiguousarray(moments, dtype=float)
-        found, turns = np.empty(self.layout.size), np.empty((TURNS, self.system.n_links))
-        rate(np.ascontiguousarray(y, dtype=float), *self.scene, float(push), loose, turns, found)
-        return found
+        slopes, turns = np.empty(self.layout.size), np.empty((TURNS, self.system.n_links))
+        rate(np.ascontiguousarray(y, dtype=float), *self.scene, float(push), loose, turns, slopes)
+        return slopes
 
 
 def _rows(system: System) -> Floats:
     """The constants of every link in the order of the file, (L, 12)."""
-    found = np.empty((system.n_links, CONSTANTS))
+    rows = np.empty((system.n_links, CONSTANTS))
     for group in system.groups:
         none = np.zeros_like(group.bent)
         drive = (group.excitation.strength, group.excitation.curb) if group.excitation else (none, none)
         joints = group.block.stiffness, group.block.damping, group.bent, *drive
-        found[group.index] = np.stack((*np.swapaxes(links_of(group), 0, 1), *joints), axis=-1)
-    return found
+        rows[group.index] = np.stack((*np.swapaxes(links_of(group), 0, 1), *joints), axis=-1)
+    return rows

@@ -89,8 +89,8 @@ def flat_of(system: System) -> FlatStructure:
     ends, points = np.zeros((len(springs), 2, 2), dtype=np.int64), np.zeros((len(springs), 2, 2))
     if carriers.springs:
         numbers[:, :2] = np.transpose(carriers.springs.numbers)
-        for number, own in enumerate(carriers.springs.kinds):
-            kinds[own] = number
+        for number, each in enumerate(carriers.springs.kinds):
+            kinds[each] = number
         if len(tight := carriers.springs.kinds[0]):
             apart, rest = carriers.springs.drawn
             numbers[tight, 2:4], numbers[tight, 4] = apart.T, rest
@@ -100,8 +100,8 @@ def flat_of(system: System) -> FlatStructure:
     room = np.zeros((d, d)), np.zeros(d), np.zeros((2, d)), np.zeros((3, d)), np.zeros((4, links)), np.zeros((4, links))
     pivots, pulls = structure.pivots, bool(np.any(ends[..., 0] == ON_LINK))
     alike = [
-        own.carrier == other.carrier and (own.where == other.where or angle[own.carrier] < 0)
-        for own, other in zip(pivots[1:], pivots[:-1], strict=True)
+        each.carrier == other.carrier and (each.where == other.where or angle[each.carrier] < 0)
+        for each, other in zip(pivots[1:], pivots[:-1], strict=True)
     ]
     held = np.array([pivot.carrier for pivot in pivots]), np.array([pivot.where for pivot in pivots], dtype=float)
     first = np.array(structure.offsets)
@@ -247,14 +247,14 @@ def _strained(F, y, half, sin, cos, torque):  # type: ignore[no-untyped-def]
                 at, sign = F.ends[k, side, 1], 2.0 * side - 1.0
                 if at >= 0:
                     turned, turning = turned + sign * y[at], turning + sign * y[half + at]
-            own = n[0] * turned + n[1] * turning
+            speed = n[0] * turned + n[1] * turning
             power -= n[1] * (turning * turning)
             for side in range(2):
                 at, sign = F.ends[k, side, 1], 1.0 - 2.0 * side
                 if at >= d:
-                    torque[at - d] += sign * own
+                    torque[at - d] += sign * speed
                 elif at >= 0:
-                    F.right[at] += sign * own
+                    F.right[at] += sign * speed
             continue
         ax, az, avx, avz = _ending(F, y, half, sin, cos, k, 0)
         bx, bz, bvx, bvz = _ending(F, y, half, sin, cos, k, 1)
@@ -317,14 +317,14 @@ def _hinge(F, links, y, half, i, top, c):  # type: ignore[no-untyped-def]
 
 
 @in_place
-def _project(F, y, half, gravity, p, own):  # type: ignore[no-untyped-def]
+def _project(F, y, half, gravity, p, part):  # type: ignore[no-untyped-def]
     """What the pendula that end with p answer, on the coordinates of their carrier."""
     c = F.carrier[p]
     bx, bz = _slope(F, y, half, c, F.where[p, 0], F.where[p, 1])
-    fx, fz = _driven(own.xx, own.xz, own.zz, bx, bz - gravity)
-    _push(F, c, -(own.px + fx), -(own.pz + fz))
+    fx, fz = _driven(part.xx, part.xz, part.zz, bx, bz - gravity)
+    _push(F, c, -(part.px + fx), -(part.pz + fz))
     for k in range(F.first[c], F.first[c + 1]):
-        mx, mz = _driven(own.xx, own.xz, own.zz, F.slopes[0, k], F.slopes[1, k])
+        mx, mz = _driven(part.xx, part.xz, part.zz, F.slopes[0, k], F.slopes[1, k])
         for j in range(F.first[c], k + 1):
             F.A[k, j] += F.slopes[0, j] * mx + F.slopes[1, j] * mz
 
@@ -363,7 +363,7 @@ def _climb(y, links, first, half, gravity, hinged, F, turns, torque):  # type: i
 
 
 @in_place
-def _descend(y, links, first, half, gravity, F, turns, found):  # type: ignore[no-untyped-def]
+def _descend(y, links, first, half, gravity, F, turns, slopes):  # type: ignore[no-untyped-def]
     """The downward pass, which gives θ''."""
     d = len(F.kind)
     rates, sin, cos, hx, hz, e = y[half + d : 2 * half], turns[0], turns[1], turns[2], turns[3], turns[4]
@@ -377,17 +377,17 @@ def _descend(y, links, first, half, gravity, F, turns, found):  # type: ignore[n
         ax, az = startx, startz
         for i in range(first[p], first[p + 1]):
             turn = Turn(hx[i], hz[i], e[i], 1.0, sin[i], cos[i], rates[i])
-            found[i], ax, az = _hung(link_at(links, i), turn, ax, az)
+            slopes[i], ax, az = _hung(link_at(links, i), turn, ax, az)
 
 
 @in_place
-def rate_on_carriers(y, links, first, gravity, hinged, works, F, turns, found):  # type: ignore[no-untyped-def]
-    """The whole of `Minimal.derivative` on a structure, into `found`; `turns` as in `nonlinear.dynamics.compiled`."""
+def rate_on_carriers(y, links, first, gravity, hinged, works, F, turns, slopes):  # type: ignore[no-untyped-def]
+    """The whole of `Minimal.derivative` on a structure, into `slopes`; `turns` as in `nonlinear.dynamics.compiled`."""
     d = len(F.kind)
     half = d + len(links)
-    torque = found[half + d : 2 * half]
+    torque = slopes[half + d : 2 * half]
     for i in range(half):
-        found[i] = y[half + i]
+        slopes[i] = y[half + i]
     power = _begun(F, y, half, gravity)
     if len(F.spring):
         if F.pulls:
@@ -399,7 +399,7 @@ def rate_on_carriers(y, links, first, gravity, hinged, works, F, turns, found): 
     for c in range(len(F.angle)):
         _eliminate(F.A, F.right, F.first[c], F.first[c + 1])
     for k in range(d):
-        found[half + k] = F.right[k]
+        slopes[half + k] = F.right[k]
     _descend(y, links, first, half, gravity, F, turns, torque)
     if works:
-        found[2 * half] = power
+        slopes[2 * half] = power

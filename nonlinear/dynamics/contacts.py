@@ -98,35 +98,39 @@ class Gripping(NamedTuple):
 
     def forces(self, half: int) -> Any:
         """Jᵀ, the generalized forces (half, J) of a unit of friction at every contact."""
-        found = np.zeros((half, len(self.pairs)))
-        for column, (below, above) in zip(found.T, self.pairs, strict=True):
+        columns = np.zeros((half, len(self.pairs)))
+        for column, (below, above) in zip(columns.T, self.pairs, strict=True):
             column[below] = 1.0
             if above >= 0:
                 column[above] = -1.0
-        return found
+        return columns
 
     def rubbed(self, a: Any, columns: Any, reaction: Callable[[Any, bool], Any]) -> Rubbed:
         """What friction makes of accelerations a (half,) without it, from M⁻¹Jᵀ (half, J).
 
         `reaction` is N at accelerations, or, if False comes with them, its part that is linear in them.
         """
-        found, tau = self._held(a, columns)
+        accelerations, tau = self._held(a, columns)
         if self.pressed is None:
-            return Rubbed(found, tau)
-        own, others = self._held(columns[:, 0], columns)
-        base, slope = reaction(found, True), reaction(own, False)
+            return Rubbed(accelerations, tau)
+        response, others = self._held(columns[:, 0], columns)
+        base, slope = reaction(accelerations, True), reaction(response, False)
         rail = self.pressed * base / (1.0 - self.pressed * slope)
         others[0] = others[0] + 1.0
-        return Rubbed(found + own * rail, [t + o * rail for t, o in zip(tau, others, strict=True)], base + slope * rail)
+        return Rubbed(
+            accelerations + response * rail,
+            [t + o * rail for t, o in zip(tau, others, strict=True)],
+            base + slope * rail,
+        )
 
     def _held(self, a: Any, columns: Any) -> tuple[Any, list[Any]]:
         """The accelerations under the friction of those that stick, which move exactly like what is above; and τ."""
-        found, tau = a.copy(), self._friction(a, columns)
+        accelerations, tau = a.copy(), self._friction(a, columns)
         for j, each in enumerate(tau):
-            found = found + columns[:, j] * each
+            accelerations = accelerations + columns[:, j] * each
         for (below, above), s in zip(self.pairs, self.sticks, strict=True):
-            found[below] = (1.0 - s) * found[below] + (s * found[above] if above >= 0 else 0.0)
-        return found, tau
+            accelerations[below] = (1.0 - s) * accelerations[below] + (s * accelerations[above] if above >= 0 else 0.0)
+        return accelerations, tau
 
     def _friction(self, a: Any, columns: Any) -> list[Any]:
         """The friction τ (J,) of those that stick.

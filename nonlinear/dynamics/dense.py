@@ -43,7 +43,11 @@ def loses_digits(group: Group, system: System) -> bool:
     heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
     if system.structure is not None:
         least = min(
-            (LIGHTEST if one.M is not None else one.mass for one in system.structure.carriers if one.size),
+            (
+                LIGHTEST if carrier.M is not None else carrier.mass
+                for carrier in system.structure.carriers
+                if carrier.size
+            ),
             default=np.inf,
         )
         return bool(least < LIGHT * float(system.mass.sum()) or np.any(group.block.mass < FRAIL * heaviest))
@@ -87,7 +91,7 @@ class Small(Minimal):
         first, half, A, b, weight = self._arrays
         angles, squared = y[first:half], y[half + first : 2 * half] ** 2
         sin, cos = np.sin(angles), np.cos(angles)
-        M, force, found = np.empty((half, half)), np.empty(half), np.zeros(y.size)
+        M, force, slopes = np.empty((half, half)), np.empty(half), np.zeros(y.size)
         inner = M[first:, first:]
         np.multiply(sin[:, None], sin, out=inner)
         inner += cos[:, None] * cos
@@ -96,16 +100,16 @@ class Small(Minimal):
         if first:
             M[0, 0], M[0, 1:] = self._total, b * cos
             force[0] = (b * sin) @ squared
-        found[:half] = y[half : 2 * half]
+        slopes[:half] = y[half : 2 * half]
         if self.acts:
-            self._push(time, y, force, found)
+            self._push(time, y, force, slopes)
         *_, accelerations, failed = scipy.linalg.lapack.dposv(M.T, force, lower=1, overwrite_a=1, overwrite_b=1)
         if failed:
             raise ComputationError(SINGULAR)
-        found[half : 2 * half] = accelerations
-        return found
+        slopes[half : 2 * half] = accelerations
+        return slopes
 
-    def _push(self, time: float, y: Floats, force: Floats, found: Floats) -> None:
+    def _push(self, time: float, y: Floats, force: Floats, slopes: Floats) -> None:
         """Add the forces of springs, dampers and loads."""
         first, state = self.layout.first, self.layout.state(y)
         push = self.load(time, state) if self.load else NOTHING
@@ -116,7 +120,7 @@ class Small(Minimal):
         if first:
             force[0] += on_cart
         if self.layout.works:
-            found[-1] = power
+            slopes[-1] = power
 
 
 class Dense:
@@ -200,13 +204,13 @@ class Elimination:
 
     def _substituted(self, M: list[list[Any]], right: Iterable[Any]) -> list[Any]:
         """θ'' from the eliminated equations and what is left on their right-hand sides."""
-        found: list[Any] = []
+        solution: list[Any] = []
         for row, left in zip(M, right, strict=True):
-            own = left
-            for entry, above in zip(row, found, strict=False):
-                own = own - entry * above
-            found.append(own / row[-1])
-        return found
+            value = left
+            for entry, above in zip(row, solution, strict=False):
+                value = value - entry * above
+            solution.append(value / row[-1])
+        return solution
 
     def response(self, angles: Any, rates: Any, torques: Any) -> Projection:
         """What the pendula answer to motions of their first joints."""
@@ -239,22 +243,22 @@ class Eliminated:
                 for i in range(j + 1):
                     M[j][i] = M[j][i] - share * M[k][i]
                 side[j] = side[j] - share * side[k]
-                for own in across:
-                    own[j] = own[j] - share * own[k]
-            for i, own in enumerate(across):
-                share = own[k] / M[k][k]
+                for column in across:
+                    column[j] = column[j] - share * column[k]
+            for i, column in enumerate(across):
+                share = column[k] / M[k][k]
                 for j in range(i + 1):
                     masses[i][j] = masses[i][j] - share * across[j][k]
                 force[i] = force[i] + share * side[k]
         self.solutions.append((columns, (M, side, across)))
-        return [[total(own) for own in row] for row in masses], [total(own) for own in force]
+        return [[total(column) for column in row] for row in masses], [total(column) for column in force]
 
     def fall(self, pushes: Sequence[Sequence[Any]], accelerations: Any) -> Any:
         """θ'' (n, P, ...) under second derivatives of each bundle's coordinates."""
-        found = np.empty_like(self.parts[0])
+        turns = np.empty_like(self.parts[0])
         for (columns, (M, side, across)), push in zip(self.solutions, pushes, strict=True):
             left = list(side)
-            for own, acceleration in zip(across, push, strict=True):
-                left = [each - part * acceleration for each, part in zip(left, own, strict=True)]
-            found[:, columns] = np.array(self.body._substituted(M, left))
-        return found
+            for column, acceleration in zip(across, push, strict=True):
+                left = [each - part * acceleration for each, part in zip(left, column, strict=True)]
+            turns[:, columns] = np.array(self.body._substituted(M, left))
+        return turns

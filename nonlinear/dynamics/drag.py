@@ -87,18 +87,18 @@ def plane_drag(
     """The drag of a group in the plane; `speed` (n, P, ...) is that at which ropes become longer."""
     sin, cos = np.sin(angles), np.cos(angles)
     winding = None if speed is None else np.stack((speed * sin, speed * cos))
-    found = drag(group, np.stack((rates * cos, -(rates * sin))), cart_rate, support, winding)
-    return found._replace(generalized=found.generalized[0] * cos - found.generalized[1] * sin)
+    external = drag(group, np.stack((rates * cos, -(rates * sin))), cart_rate, support, winding)
+    return external._replace(generalized=external.generalized[0] * cos - external.generalized[1] * sin)
 
 
 def forces_of(system: System, speeds: Floats) -> Floats:
     """The drag (N) on every link at T times, (T, L, d) like the velocities of the centres."""
-    found = np.zeros_like(speeds)
+    forces = np.zeros_like(speeds)
     for group in system.groups:
         if group.dragged:
-            own = np.moveaxis(speeds[:, group.index], (0, -1), (-1, 0))
-            found[:, group.index] = np.moveaxis(drag_forces(group, own), (0, -1), (-1, 0))
-    return found
+            velocities = np.moveaxis(speeds[:, group.index], (0, -1), (-1, 0))
+            forces[:, group.index] = np.moveaxis(drag_forces(group, velocities), (0, -1), (-1, 0))
+    return forces
 
 
 def _spread(constant: Any, like: Any) -> Any:

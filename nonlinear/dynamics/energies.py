@@ -22,11 +22,11 @@ def kinetic_energy(group: Group, winding: Any, angles: Any, rates: Any, velocity
     """
     block, short = group.block, group.block.centre - group.block.length
     along, down = velocity if isinstance(velocity, tuple) else (velocity, 0.0)
-    found, sin, cos = block.inertia * rates**2, np.sin(angles), np.cos(angles)
+    energy, sin, cos = block.inertia * rates**2, np.sin(angles), np.cos(angles)
     for direction, pivot, rope in ((cos * rates, along, sin), (sin * rates, -down, -cos)):
         joints = np.cumsum(block.length * direction + winding * rope, axis=0)
-        found = found + block.mass * (joints + short * direction + pivot) ** 2
-    return found.sum(0) / 2
+        energy = energy + block.mass * (joints + short * direction + pivot) ** 2
+    return energy.sum(0) / 2
 
 
 def potential_energy(group: Group, first: Group, angles: Any, gravity: Any, down: Any = 0.0, base: Any = None) -> Any:
@@ -41,10 +41,10 @@ def potential_energy(group: Group, first: Group, angles: Any, gravity: Any, down
         heights = heights + np.cumsum(sigma * (first.block.length - block.length), axis=0)
     if not (isinstance(down, float) and down == 0.0):
         heights = heights - down
-    found = block.mass * gravity * heights
+    energy = block.mass * gravity * heights
     if group.sprung:
-        found = found + spring_energy(group, angles, base)
-    return found.sum(0)
+        energy = energy + spring_energy(group, angles, base)
+    return energy.sum(0)
 
 
 def energy_on_carriers(system: System, q: Any, v: Any) -> Any:
@@ -57,8 +57,8 @@ def energies_on_carriers(system: System, q: Any, v: Any) -> tuple[Any, Any]:
     """The kinetic and the potential part of it."""
     bearing, first = CarriersAt(Carriers(system), q, v, bare=True), system.first
     kinetic, potential = bearing.kinetic, bearing.potential
-    for _, own in bearing.tensions(q, v):
-        potential = potential + own.energy.sum(0)
+    for _, tension in bearing.tensions(q, v):
+        potential = potential + tension.energy.sum(0)
     for number, group in enumerate(system.groups):
         angles, rates = q[first:][group.index], v[first:][group.index]
         (_, down), velocity = bearing.pivots(number)

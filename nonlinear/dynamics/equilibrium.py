@@ -32,13 +32,13 @@ def is_unstable_equilibrium(system: System, start: State) -> bool:
     angles = np.arctan2(np.hypot(*start.links.T[:2]), start.links[:, 2]) if system.spatial else start.links
     still = ~np.any(start.link_rates.reshape(system.n_links, -1), axis=1)
     _, felt, _ = acting(replace(system, spatial=False), State(angles, 0.0 * angles), AppliedForces())
-    found = []
+    judged = []
     for group in system.groups:
         weight, bent = system.gravity * group.block.b, angles[group.index]
         left = np.abs(felt[group.index] - weight * np.sin(bent))
         balanced = left <= ROUNDING * (weight + group.block.stiffness) * (1 + np.abs(bent))
-        found.append((np.all(balanced & still[group.index], axis=0), _falls(group, weight * np.cos(bent))))
-    resting, falling = (np.concatenate(part) for part in zip(*found, strict=True))
+        judged.append((np.all(balanced & still[group.index], axis=0), _falls(group, weight * np.cos(bent))))
+    resting, falling = (np.concatenate(part) for part in zip(*judged, strict=True))
     if system.cart is None:
         return bool(np.any(resting & falling))
     pulled = start.cart * system.cart.stiffness or start.cart_rate * system.cart.damping
@@ -63,10 +63,10 @@ def _on_structure(system: System, start: State) -> bool:
 def _falls(group: Group, weight: Floats) -> Any:
     """Whether V'' of each chain, with `weight` (n, P) and the joint springs, has a negative pivot, (P,)."""
     stiffness = group.block.stiffness
-    pivot, found = np.inf * weight[0], np.zeros(weight.shape[1], dtype=bool)
+    pivot, falling = np.inf * weight[0], np.zeros(weight.shape[1], dtype=bool)
     for at in range(group.n - 1, -1, -1):
         below = stiffness[at + 1] if at + 1 < group.n else 0.0 * stiffness[0]
         pivot = weight[at] + stiffness[at] + below - below**2 / pivot
-        found |= pivot < 0
+        falling |= pivot < 0
         pivot = np.where(pivot == 0, TINY, pivot)
-    return found
+    return falling

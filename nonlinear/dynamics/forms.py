@@ -76,7 +76,7 @@ class Form:
     def numbers(self, entries: Sequence[Any], prescribed: Sequence[Any]) -> list[Any]:
         """The numbers p of a scene of this form, or of many (`nonlinear.system.Numbers`)."""
         every, has = (*entries, *prescribed), (*self.present, *self.ratios, *[True] * (self.timed or 0))
-        return [own for own, there in zip(every, has, strict=True) if there]
+        return [number for number, there in zip(every, has, strict=True) if there]
 
 
 def form_of(
@@ -93,12 +93,12 @@ def form_of(
     `works` tells whether the work is counted, by default where there can be any; `frail` are groups whose dense
     matrices lose digits.
     """
-    own = entries_of(system) if entries is None else entries
+    numbers = entries_of(system) if entries is None else entries
     beside = prescribed_of(system) if prescribed is None else prescribed
     weak = [loses_digits(group, system) for group in system.groups] if frail is None else frail
     links, hoisting, support = system.n_links, system.hoisting, system.support
     at = {name: BEFORE + links * FIELDS.index(name) for name in ("length", "centre")}
-    length, centre = (own[place : place + links] for place in at.values())
+    length, centre = (numbers[place : place + links] for place in at.values())
     moving = np.zeros(links, dtype=bool) if hoisting is None else hoisting.moving
     chains = tuple(
         (_table(group.index), _table(group.block.sigma), _eliminated(group, lost, moving) and _pays(group, system))
@@ -108,7 +108,7 @@ def form_of(
     return Form(
         chains,
         system.first,
-        _present(own),
+        _present(numbers),
         tuple(l is c or bool(np.array_equal(l, c)) for l, c in zip(length, centre, strict=True)),
         _present(D),
         tuple(tuple(places.tolist()) for places, _ in hoisting.laws) if hoisting else (),
@@ -134,12 +134,12 @@ def shape_of(system: System) -> tuple[Any, ...]:
     structure = system.structure
     if structure is None:
         return ()
-    each = {own: k for k, own in enumerate(dict.fromkeys(map(id, structure.pivots)))}
+    each = {pivot: k for k, pivot in enumerate(dict.fromkeys(map(id, structure.pivots)))}
     carriers = tuple(
-        (one.kind, one.size, None if one.points is None else len(one.points)) for one in structure.carriers
+        (part.kind, part.size, None if part.points is None else len(part.points)) for part in structure.carriers
     )
-    pivots = tuple((each[id(own)], own.carrier, _numbered(own.where)) for own in structure.pivots)
-    springs = tuple((*map(_end, one.ends), one.torsion) for one in structure.springs)
+    pivots = tuple((each[id(pivot)], pivot.carrier, _numbered(pivot.where)) for pivot in structure.pivots)
+    springs = tuple((*map(_end, part.ends), part.torsion) for part in structure.springs)
     return carriers, pivots, springs, system.slack
 
 
@@ -167,7 +167,9 @@ def _pays(group: Group, system: System) -> bool:
     """Whether matrices take fewer operations than the recursion: those of fewer links under several coordinates."""
     if system.structure is None:
         return True
-    most = max(system.structure.carriers[system.structure.pivots[own].carrier].size for own in group.pendula.tolist())
+    most = max(
+        system.structure.carriers[system.structure.pivots[pendulum].carrier].size for pendulum in group.pendula.tolist()
+    )
     return group.n <= (SHORT if most <= 1 else 2)
 
 
@@ -230,39 +232,39 @@ class Equations(Symbolic):
 
 
 def _unknown(time: float, state: Any) -> AppliedForces:
-    raise NotImplementedError("applied forces are inputs of what is written")
+    raise NotImplementedError("applied forces are inputs of the code that is written")
 
 
 @lru_cache(maxsize=64)
 def module_of(form: Form, *, tangent: bool = False) -> Module:
     """The function "rates" of a form: y', or with `tangent` (y', J v), both from (y, v) as one vector."""
-    own = Equations(form)
+    equations = Equations(form)
     if not tangent:
-        return Module(own.tape, {"rates": own.rates})
-    v = own.tape.inputs("y", len(own.y))
-    return Module(own.tape, {"rates": [*own.held, *along(own.tape, own.held, own.y, v)]})
+        return Module(equations.tape, {"rates": equations.rates})
+    v = equations.tape.inputs("y", len(equations.y))
+    return Module(equations.tape, {"rates": [*equations.held, *along(equations.tape, equations.held, equations.y, v)]})
 
 
 @lru_cache(maxsize=64)
 def jacobian_of(form: Form) -> tuple[Module, Ints, Ints]:
     """The function "jacobian" of a form: y', then the entries of ∂y'/∂y that are not always 0, at these places."""
-    own = Equations(form)
-    slopes = partials(own.tape, own.held, own.y)
+    equations = Equations(form)
+    slopes = partials(equations.tape, equations.held, equations.y)
     places = np.array([(row, column) for row, each in enumerate(slopes) for column in each]).reshape(-1, 2)
     entries = [slope for each in slopes for slope in each.values()]
-    return Module(own.tape, {"jacobian": [*own.held, *entries]}), places[:, 0], places[:, 1]
+    return Module(equations.tape, {"jacobian": [*equations.held, *entries]}), places[:, 0], places[:, 1]
 
 
-def responding(own: Equations, form: Form) -> list[Any]:
+def responding(equations: Equations, form: Form) -> list[Any]:
     """The y' of a form with `contacts` without friction, then M⁻¹Jᵀ (half, J) row by row.
 
     Where the rail has a coefficient N and ∂N/∂τ (J,) follow.
     """
-    minimal, half = own.minimal, own.minimal.layout.half
-    free = minimal.rates(own.y, own.instant._replace(gripping=None))
-    columns = minimal.responses(own.y[:half], own.instant)
-    found = [*free.tolist(), *columns.ravel().tolist()]
+    minimal, half = equations.minimal, equations.minimal.layout.half
+    free = minimal.rates(equations.y, equations.instant._replace(gripping=None))
+    columns = minimal.responses(equations.y[:half], equations.instant)
+    outputs = [*free.tolist(), *columns.ravel().tolist()]
     if not form.presses:
-        return found
-    normal = partial(minimal.reaction, own.y, own.instant)
-    return [*found, normal(free[half : 2 * half]), *(normal(column, False) for column in columns.T)]
+        return outputs
+    normal = partial(minimal.reaction, equations.y, equations.instant)
+    return [*outputs, normal(free[half : 2 * half]), *(normal(column, False) for column in columns.T)]

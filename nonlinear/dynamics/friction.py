@@ -125,19 +125,19 @@ class Frictional:
         a shorter one, and `refused` is the reason.
         """
         half, responding = self.layout.half, self.responding(time, y)
-        found = responding.rates
+        slopes = responding.rates
         try:
             rubbing = self._solved(responding, self.sign)
         except ComputationError as error:
             self.refused = str(error)
-            found[half : 2 * half] = nan
-            return found
-        found[half : 2 * half] += responding.columns @ rubbing.tau
-        found[-1] += rubbing.tau @ (self.sliding(y) * self._slides)
+            slopes[half : 2 * half] = nan
+            return slopes
+        slopes[half : 2 * half] += responding.columns @ rubbing.tau
+        slopes[-1] += rubbing.tau @ (self.sliding(y) * self._slides)
         for below, above in self._held:
-            for part in (found[:half], found[half : 2 * half]):
+            for part in (slopes[:half], slopes[half : 2 * half]):
                 part[below] = part[above] if above >= 0 else 0.0
-        return found
+        return slopes
 
     def responding(self, time: float, y: Floats) -> Responding:
         """The derivative without friction, and the responses to it."""
@@ -150,18 +150,20 @@ class Frictional:
         if not self.contacts.coefficient:
             return Responding(rates, columns)
         push = free.reaction(y, instant, rates[self.layout.half : 2 * self.layout.half])
-        return Responding(rates, columns, push, np.array([free.reaction(y, instant, own, False) for own in columns.T]))
+        return Responding(
+            rates, columns, push, np.array([free.reaction(y, instant, column, False) for column in columns.T])
+        )
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """The same y without the rounding by which sticking contacts move."""
         if self.sign.all():
             return y, 0.0
-        found, half = y.copy(), self.layout.half
+        projected, half = y.copy(), self.layout.half
         stuck = self.placed[self.sign == 0].tolist()
         for (below, above), placed in zip(self._held, stuck, strict=True):
-            found[below] = placed + (found[above] if above >= 0 else 0.0)
-            found[half + below] = found[half + above] if above >= 0 else 0.0
-        return found, 0.0
+            projected[below] = placed + (projected[above] if above >= 0 else 0.0)
+            projected[half + below] = projected[half + above] if above >= 0 else 0.0
+        return projected, 0.0
 
     # ------------------------------------------------------------------------------------------------- forces
 

@@ -46,24 +46,24 @@ class Written(ABC):
 
     def derivative(self, time: Any, y: Any) -> Any:
         """The time derivative of one y, (size,), or of many side by side, (size, S), real or complex."""
-        found = np.empty_like(y)
+        slopes = np.empty_like(y)
         if y.ndim > 1:
-            for row, rate in zip(found, self.rate_of_arrays(y, self.inputs_beside(time, y)), strict=True):
+            for row, rate in zip(slopes, self.rate_of_arrays(y, self.inputs_beside(time, y)), strict=True):
                 row[...] = rate
-            return found
-        own = y.tolist()
+            return slopes
+        state = y.tolist()
         try:
-            found[...] = self.rate(own, self.listed(time, own) if self.listed else ())
+            slopes[...] = self.rate(state, self.listed(time, state) if self.listed else ())
         except UNDEFINED:
-            found[...] = np.nan
-        return found
+            slopes[...] = np.nan
+        return slopes
 
     def inputs_beside(self, times: Any, y: Any) -> Any:
         """The inputs (K, S) of states side by side at one time or a time each."""
         if self.listed is None:
             return ()
         each = np.broadcast_to(times, y.shape[1:]).tolist()
-        return np.array([self.listed(time, own) for time, own in zip(each, y.T.real, strict=True)]).T
+        return np.array([self.listed(time, state) for time, state in zip(each, y.T.real, strict=True)]).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +82,8 @@ class Generated(Written, Arranged):
     @cached_property
     def constants(self) -> list[float]:
         """What stands in the text for this scene."""
-        own = entries_of(self.system), prescribed_of(self.system)
-        return module_of(self.form).constants(self.form.numbers(*own))
+        numbers = entries_of(self.system), prescribed_of(self.system)
+        return module_of(self.form).constants(self.form.numbers(*numbers))
 
     @cached_property
     def rate(self) -> Rate:
@@ -114,4 +114,4 @@ class Generated(Written, Arranged):
         """The inputs (K, S) of states side by side."""
         if self.load is not None:
             return super().inputs_beside(times, y)
-        return [np.broadcast_to(own, y.shape[1:]) for own in self.inputs.beside(times)]
+        return [np.broadcast_to(value, y.shape[1:]) for value in self.inputs.beside(times)]

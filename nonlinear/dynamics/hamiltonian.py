@@ -51,9 +51,9 @@ def momenta(system: System, state: State) -> Floats:
     on_links, rail = np.empty_like(state.links), 0.0
     for group in system.groups:
         rates = state.link_rates[group.index]
-        found = carried(group, state.links[group.index], rates, state.cart_rate)
-        on_links[group.index] = group.block.inertia * rates + found.across
-        rail = rail + found.rail.sum()
+        shares = carried(group, state.links[group.index], rates, state.cart_rate)
+        on_links[group.index] = group.block.inertia * rates + shares.across
+        rail = rail + shares.rail.sum()
     return np.concatenate(([rail + system.cart.mass * state.cart_rate], on_links)) if system.cart else on_links
 
 
@@ -64,13 +64,13 @@ def velocities(system: System, q: Any, p: Any) -> Any:
 
 def potential(system: System, cart: Any, links: Any) -> Any:
     """V (J) of gravity and of every spring: −g Σ b with all links hanging and all springs relaxed."""
-    found = system.cart.stiffness * cart**2 / 2 if system.cart else 0.0
+    energy = system.cart.stiffness * cart**2 / 2 if system.cart else 0.0
     for group in system.groups:
         angles = links[group.index]
         b = group.block.b.reshape(*group.block.b.shape, *[1] * (angles.ndim - 2))
-        found = found - (system.gravity * b * np.cos(angles)).sum((0, 1))
-        found = found + spring_energy(group, angles).sum((0, 1))
-    return found
+        energy = energy - (system.gravity * b * np.cos(angles)).sum((0, 1))
+        energy = energy + spring_energy(group, angles).sum((0, 1))
+    return energy
 
 
 def hamiltonian(system: System, cart: Any, links: Any, p: Any) -> Any:
@@ -114,20 +114,20 @@ class Hamiltonian:
 
     def read(self, rows: Floats) -> Motion:
         """The motion in vectors (T, size), momenta converted to velocities."""
-        half, found = self.layout.half, np.array(rows)
-        found[:, half : 2 * half] = velocities(self.system, rows[:, :half].T, rows[:, half : 2 * half].T).T
-        return self.layout.read(found)
+        half, states = self.layout.half, np.array(rows)
+        states[:, half : 2 * half] = velocities(self.system, rows[:, :half].T, rows[:, half : 2 * half].T).T
+        return self.layout.read(states)
 
     @property
     def scale(self) -> Floats:
         """Natural units of y, (size,): for momenta the largest entry of each diagonal of M times that of rates."""
         system, layout = self.system, self.layout
-        found, inertia = layout.natural(system), np.empty(system.n_links)
+        units, inertia = layout.natural(system), np.empty(system.n_links)
         for group in system.groups:
             inertia[group.index] = group.block.diagonal
         mass = [system.cart.mass + float(system.mass.sum())] if system.cart else []
-        found[layout.half : 2 * layout.half] *= np.concatenate((mass, inertia))
-        return found
+        units[layout.half : 2 * layout.half] *= np.concatenate((mass, inertia))
+        return units
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """Minimal coordinates have no constraints."""

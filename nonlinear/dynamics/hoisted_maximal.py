@@ -27,9 +27,9 @@ def frozen(system: System, time: float) -> tuple[System, Floats, Floats]:
     length, speed, acceleration = hoisting.at(time)
     groups = []
     for group in system.groups:
-        own = length[group.index]
-        centre = np.where(hoisting.moving[group.index], own, group.block.centre)
-        groups.append(replace(group, block=replace(group.block, length=own, centre=centre)))
+        lengths = length[group.index]
+        centre = np.where(hoisting.moving[group.index], lengths, group.block.centre)
+        groups.append(replace(group, block=replace(group.block, length=lengths, centre=centre)))
     return replace(system, groups=tuple(groups), hoisting=None), speed, acceleration
 
 
@@ -75,8 +75,8 @@ class HoistedMaximal(Maximal):
     @property
     def scale(self) -> Floats:
         """Natural units of y, (size,)."""
-        found = super().scale
-        return np.concatenate((found[:-1], [1 / self.system.rate], found[-1:]))
+        units = super().scale
+        return np.concatenate((units[:-1], [1 / self.system.rate], units[-1:]))
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """The nearest y that satisfies every constraint, and the largest violation removed."""
@@ -85,20 +85,20 @@ class HoistedMaximal(Maximal):
         still = Maximal(system, controlled=self.controlled)
         moved = y.copy()
         moved[size : 2 * size] -= self._winding(self._state(y).links, speed)
-        found, drift = still.project(moved)
+        projected, drift = still.project(moved)
         if not self.controlled:
             return y, drift
-        found[size : 2 * size] += self._winding(self._state(found).links, speed)
-        return found, drift
+        projected[size : 2 * size] += self._winding(self._state(projected).links, speed)
+        return projected, drift
 
     def _winding(self, angles: Floats, speed: Floats) -> Floats:
         """Velocities that the ropes' speeds (L,) alone give to everything below them."""
-        found = np.zeros(self.pivots.size)
-        links = self.pivots.parts(found)[1]
+        forces = np.zeros(self.pivots.size)
+        links = self.pivots.parts(forces)[1]
         along = speed * directions(angles)[0]
         for group in self.system.groups:
             links[group.index, :2] = np.moveaxis(np.cumsum(along[:, group.index], axis=1), 0, -1)
-        return found
+        return forces
 
 
 def directions(angles: Floats) -> tuple[Floats, Floats]:

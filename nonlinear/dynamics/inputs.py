@@ -97,13 +97,13 @@ class Inputs:
 
     def listed(self, time: float, y: Sequence[float], layout: Layout) -> list[Any]:
         """The inputs u at one time (s), where the load sees the state y."""
-        found = [*self.of_time(time)]
+        values = [*self.of_time(time)]
         if self.load is not None:
             push = self.load(time, layout.state(np.asarray(y)))
-            found += _on_first(push, self.system)
+            values += _on_first(push, self.system)
             moments = push.moments
-            found += [0.0] * self._moments if moments is None else np.ravel(moments).astype(float).tolist()
-        return found
+            values += [0.0] * self._moments if moments is None else np.ravel(moments).astype(float).tolist()
+        return values
 
     @cached_property
     def of_time(self) -> Callable[[float], Sequence[float]]:
@@ -127,17 +127,17 @@ class Inputs:
         """Every input of time alone piece by piece; none where the time is the only one; None where any has none."""
         if self.is_analytic and not self.laws:
             return []
-        moved = [own for course in self.system.courses if (own := course.polynomials)]
+        moved = [pieces for course in self.system.courses if (pieces := course.polynomials)]
         moved = [CLOCK] if self.is_analytic else moved
         if len(moved) < self._moved or not all(isinstance(law, LengthLaw) for _, law in self.laws):
             return None
-        return [*moved, *(own for _, law in self.laws for own in _derivatives(law))]
+        return [*moved, *(pieces for _, law in self.laws for pieces in _derivatives(law))]
 
     @cached_property
     def pieces(self) -> list[Polynomials] | None:
         """The `polynomials` where every knot is one of the `breaks`, at which a step may end."""
-        own = self.polynomials
-        return own if own is not None and all(one.period == inf for one in own) else None
+        polynomials = self.polynomials
+        return polynomials if polynomials is not None and all(piece.period == inf for piece in polynomials) else None
 
     def breaks(self, accuracy: float = 0.0) -> list[float]:
         """The times (s), ascending, at which an acceleration of the support or of a length, or a force, jumps or bends.
@@ -151,12 +151,12 @@ class Inputs:
         for course in self.system.courses:
             times |= {*course.motion.breaks}
         for course, unit in self._bending(gravity):
-            if (own := course.polynomials) and own.period == inf:
-                times |= _bends(own, accuracy * min(unit, float(np.abs(own.coefficients[:, 0]).max())))
+            if (pieces := course.polynomials) and pieces.period == inf:
+                times |= _bends(pieces, accuracy * min(unit, float(np.abs(pieces.coefficients[:, 0]).max())))
         for _, law in self.laws:
             if isinstance(law, LengthLaw):
-                *_, own = _derivatives(law)
-                times |= {*law.knots[[0, -1]].tolist()} | _bends(own, accuracy * gravity)
+                *_, pieces = _derivatives(law)
+                times |= {*law.knots[[0, -1]].tolist()} | _bends(pieces, accuracy * gravity)
             else:
                 times |= {*getattr(law, "breaks", ())}
         return sorted(times)
@@ -177,29 +177,29 @@ class Inputs:
 
     def instant(self, u: Sequence[Any]) -> Instant:
         """The instant of these inputs."""
-        given = iter(u)
+        values = iter(u)
         support = velocity = (0.0, 0.0)
-        time = next(given) if self.is_analytic else None
-        sizes = [course.of(time) if self.is_analytic else next(given) for course in self.system.courses]
+        time = next(values) if self.is_analytic else None
+        sizes = [course.of(time) if self.is_analytic else next(values) for course in self.system.courses]
         if moving := self.system.support:
             count = len(moving.motions)
             support = moving.combined(sizes[:count])
             if self.system.dragged:
                 velocity = moving.combined(sizes[count : 2 * count])
         forces = tuple(sizes[len(sizes) - len(self.system.forces) :])
-        lengths = self._lengths([(next(given), next(given), next(given)) for _ in self.laws]) if self.laws else None
+        lengths = self._lengths([(next(values), next(values), next(values)) for _ in self.laws]) if self.laws else None
         first = self.system.first
-        acting = [next(given) for _ in range(first + self._moments)] if self.load else []
+        acting = [next(values) for _ in range(first + self._moments)] if self.load else []
         if not self.contacts:
             return Instant(support, velocity, lengths, self._push(acting), None, forces)
         acting = acting or [0.0] * (first + self.system.n_links)
-        pressed = next(given) if self.system.rail and self.system.rail.coefficient else None
+        pressed = next(values) if self.system.rail and self.system.rail.coefficient else None
         for below, above in self.contacts[pressed is not None :]:
-            tau = next(given)
+            tau = next(values)
             acting[below] = acting[below] + tau
             if above >= 0:
                 acting[above] = acting[above] - tau
-        gripping = Gripping(self.contacts, [*given], pressed)
+        gripping = Gripping(self.contacts, [*values], pressed)
         return Instant(support, velocity, lengths, self._push(acting), gripping, forces)
 
     def _push(self, acting: Sequence[Any]) -> AppliedForces:
@@ -215,8 +215,8 @@ class Inputs:
         parts = Lengths([0.0] * links, [0.0] * links, [0.0] * links)
         for group in self.system.groups:
             for place, length in zip(group.index, group.block.length, strict=True):
-                for own, its in zip(place.tolist(), length, strict=True):
-                    parts.length[own] = its
+                for link, its in zip(place.tolist(), length, strict=True):
+                    parts.length[link] = its
         for (places, _), numbers in zip(self.laws, laws, strict=True):
             for part, number in zip(parts, numbers, strict=True):
                 for place in places.tolist():
@@ -229,8 +229,8 @@ class Inputs:
 
     def at(self, time: Any, y: Any, layout: Layout) -> Instant:
         """The instant at one time (s) and state, or at many times side by side."""
-        found = self._of_time_alone.instant(self.of_time(time)) if self.system.prescribed or self.laws else QUIET
-        return found._replace(push=self.load(time, layout.state(y))) if self.load else found
+        instant = self._of_time_alone.instant(self.of_time(time)) if self.system.prescribed or self.laws else QUIET
+        return instant._replace(push=self.load(time, layout.state(y))) if self.load else instant
 
 
 def lengthened(group: Group, moving: Any, length: Any) -> Group:
@@ -248,33 +248,37 @@ def _on_first(push: AppliedForces, system: System) -> list[float]:
 
 def at_time(pieces: Sequence[Polynomials], time: float) -> list[float]:
     """Origin and coefficients of the piece of each at a time (s), one after the other."""
-    at = [int(np.searchsorted(one.knots, time, side="right")) for one in pieces]
+    at = [int(np.searchsorted(piece.knots, time, side="right")) for piece in pieces]
     return [
-        own for one, k in zip(pieces, at, strict=True) for own in (float(one.origins[k]), *one.coefficients[k].tolist())
+        number
+        for piece, k in zip(pieces, at, strict=True)
+        for number in (float(piece.origins[k]), *piece.coefficients[k].tolist())
     ]
 
 
 def _derivatives(law: LengthLaw) -> Iterator[Polynomials]:
     """A length, its speed and its acceleration."""
-    own, origins = law.coefficients, np.concatenate((law.knots[:1], law.knots))
+    coefficients, origins = law.coefficients, np.concatenate((law.knots[:1], law.knots))
     ends = [np.asarray(law(time)[0]) for time in (law.knots[0], law.knots[-1])]
     for order in range(3):
-        first, last = np.zeros((2, 1, own.shape[1]))
+        first, last = np.zeros((2, 1, coefficients.shape[1]))
         first[0, 0], last[0, 0] = ends if order == 0 else (0.0, 0.0)
-        yield Polynomials(law.knots, origins, np.concatenate((first, own, last)))
-        own = np.append(own[:, 1:] * np.arange(1, own.shape[1]), np.zeros((len(own), 1)), axis=1)
+        yield Polynomials(law.knots, origins, np.concatenate((first, coefficients, last)))
+        coefficients = np.append(
+            coefficients[:, 1:] * np.arange(1, coefficients.shape[1]), np.zeros((len(coefficients), 1)), axis=1
+        )
 
 
-def _bends(own: Polynomials, least: float) -> set[float]:
+def _bends(polynomials: Polynomials, least: float) -> set[float]:
     """The knots (s) at which a function bends by at least so much."""
-    return {*own.knots[own.kinks >= least].tolist()}
+    return {*polynomials.knots[polynomials.kinks >= least].tolist()}
 
 
 def _filled(values: Sequence[Any]) -> Any:
     """An array (L, ...) of numbers, arrays or symbols."""
-    plain = all(isinstance(one, (float, int)) for one in values)
-    if plain or any(isinstance(one, np.ndarray) for one in values):
+    plain = all(isinstance(value, (float, int)) for value in values)
+    if plain or any(isinstance(value, np.ndarray) for value in values):
         return np.array(np.broadcast_arrays(*values), dtype=float)
-    found = np.empty(len(values), dtype=object)
-    found[:] = values
-    return found
+    filled = np.empty(len(values), dtype=object)
+    filled[:] = values
+    return filled

@@ -77,9 +77,9 @@ def drained(system: System, q: Floats, v: Floats, support: tuple[Any, Any] = (0.
         angles, rates = q[first:][group.index], v[first:][group.index]
         power = power + joint_torques(group, angles, rates)[1]
         if group.dragged:
-            found = plane_drag(group, angles, rates, speed, support)
-            along, down = found.forces.sum((1, 2))
-            power = power + found.power + along * support[0] + down * support[1]
+            external = plane_drag(group, angles, rates, speed, support)
+            along, down = external.forces.sum((1, 2))
+            power = power + external.power + along * support[0] + down * support[1]
     if system.modal_damping is not None:
         power = power + (modal_drag(system, v) * v).sum(0)
     return np.asarray(power)
@@ -106,11 +106,11 @@ def spring_energy(group: Group, angles: Floats, base: Any = None) -> Floats:
 
 def relative(values: Any, base: Any = None) -> Any:
     """The value of every link relative to the one above, the support's being zero, or that of a `base` (P, ...)."""
-    found = values.copy()
-    found[1:] -= values[:-1]
+    differences = values.copy()
+    differences[1:] -= values[:-1]
     if base is not None:
-        found[0] = found[0] - base
-    return found
+        differences[0] = differences[0] - base
+    return differences
 
 
 def bend(group: Group, angles: Any, base: Any = None) -> Any:
@@ -142,22 +142,22 @@ def acting(
     """
     torques, power, dragged = state.links * 0.0, 0.0, 0.0
     for group in system.groups:
-        own = group.index
-        angles, rates = state.links[own], state.link_rates[own]
+        place = group.index
+        angles, rates = state.links[place], state.link_rates[place]
         if group.hinged:
-            torques[own], drained = joint_torques(group, angles, rates)
+            torques[place], drained = joint_torques(group, angles, rates)
             power += float(drained)
         if frame is not None and group.dragged:
-            found = plane_drag(group, angles, rates, state.cart_rate, frame[1])
-            torques[own] += found.generalized
-            dragged, power = dragged + float(found.on_cart), power + float(found.power)
+            external = plane_drag(group, angles, rates, state.cart_rate, frame[1])
+            torques[place] += external.generalized
+            dragged, power = dragged + float(external.on_cart), power + float(external.power)
         if sizes:
             pushed = applied(group, system.forces, sizes, angles, rates, state.cart_rate)
-            torques[own] += pushed.generalized
+            torques[place] += pushed.generalized
             dragged, power = dragged + float(pushed.on_cart), power + float(pushed.power)
         if frame is not None and any(frame[0]):
             inertial = inertial_torques(group, angles, frame[0])
-            torques[own] += inertial
+            torques[place] += inertial
             power += float(np.sum(inertial * rates))
     if push.moments is not None:
         torques, power = torques + push.moments, power + float(push.moments @ state.link_rates)

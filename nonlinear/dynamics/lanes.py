@@ -67,9 +67,9 @@ class Lanes:
     @cached_property
     def form(self) -> Form:
         """What the text depends on."""
-        own = self.numbers.entries, self.numbers.prescribed
+        numbers = self.numbers.entries, self.numbers.prescribed
         frail = [_frail(self.numbers, group) for group in self.system.groups]
-        return form_of(self.system, *own, works=self.layout.works, frail=frail)
+        return form_of(self.system, *numbers, works=self.layout.works, frail=frail)
 
     @cached_property
     def module(self) -> Module:
@@ -105,8 +105,8 @@ class Lanes:
 def _frail(numbers: Numbers, group: Group) -> bool:
     """Whether any member has so light a cart, or a link so light beside one below it, that matrices lose digits."""
     system = numbers.arrays
-    own = next(each for each in system.groups if each.index is group.index).block.mass
-    heaviest = np.maximum.accumulate(own[::-1])[::-1]
+    mass = next(each for each in system.groups if each.index is group.index).block.mass
+    heaviest = np.maximum.accumulate(mass[::-1])[::-1]
     total = sum(each.block.mass.sum((0, 1)) for each in system.groups)
     light = system.cart is not None and np.any(np.asarray(system.cart.mass) < LIGHT * total)
-    return bool(light or np.any(own < FRAIL * heaviest))
+    return bool(light or np.any(mass < FRAIL * heaviest))

@@ -63,7 +63,7 @@ def _answered(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
     dragged = c * (link.length * tx + link.centre * fx) - s * (link.length * tz + link.centre * fz)
     rest = link.length - link.centre
     static, moved = link.mass * link.centre, link.mass * rest * rest
-    own = Link(
+    constants = Link(
         link.mass,
         link.length,
         static,
@@ -72,7 +72,7 @@ def _answered(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
         link.inertia + moved,
         link.inertia - static * rest,
     )
-    answer, turn = passed(own, Answer(*u[:5]), s, c, rate, moment + torque - u[5] + dragged)
+    answer, turn = passed(constants, Answer(*u[:5]), s, c, rate, moment + torque - u[5] + dragged)
     outside = moment + inertial_law(link.static, s, c, support)
     power = u[8] + working * (rate - y[3]) + outside * rate + fx * velocity[0] + fz * velocity[1]
     return [*answer, torque, tx + fx, tz + fz, power, turn.hx, turn.hz, turn.e, turn.D]
@@ -99,11 +99,11 @@ def _stored(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
 def _paired(link: Any, y: Any, u: Any, v: Any) -> list[Any]:
     x, z, above_x, above_z = y
     turns = link.sigma * x, link.sigma * z
-    one, other = (speed + link.centre * turn for speed, turn in zip(u[:2], turns, strict=True))
+    upper, other = (speed + link.centre * turn for speed, turn in zip(u[:2], turns, strict=True))
     bends = x - above_x, z - above_z
     held, slowed = joint_law(bends[0], bends[0], link.stiffness, link.damping)
-    (resisted,) = drag_law(np.array([one], dtype=object), link.drag)
-    M = u[2] + link.mass * one * other + link.inertia * turns[0] * turns[1]
+    (resisted,) = drag_law(np.array([upper], dtype=object), link.drag)
+    M = u[2] + link.mass * upper * other + link.inertia * turns[0] * turns[1]
     K = u[3] + link.gravity * link.static * link.sigma * x * z - held * bends[1]
     D = u[4] - slowed * bends[1] - resisted * other
     return [*(speed + link.length * turn for speed, turn in zip(u[:2], turns, strict=True)), M, K, D]
@@ -130,11 +130,11 @@ def _recorded(names: tuple[str, ...], steps: Mapping[str, tuple[Step, tuple[int,
     functions = {}
     for name, (step, sizes) in steps.items():
         kinds = [(kind, range(size)) for kind, size in zip("yuv", sizes, strict=True)]
-        given = [[tape.symbol("in", kind, k) for k in own] for kind, own in kinds]
-        outputs = step(SimpleNamespace(**p), *given)
+        inputs = [[tape.symbol("in", kind, k) for k in places] for kind, places in kinds]
+        outputs = step(SimpleNamespace(**p), *inputs)
         if linear:
-            changes = [tape.symbol("in", kind, len(own) + k) for kind, own in kinds for k in own]
-            outputs += along(tape, outputs, [one for own in given for one in own], changes)
+            changes = [tape.symbol("in", kind, len(places) + k) for kind, places in kinds for k in places]
+            outputs += along(tape, outputs, [symbol for places in inputs for symbol in places], changes)
         functions[name] = outputs
     return Module(tape, functions)
 
@@ -164,5 +164,5 @@ def sine_steps() -> Module:
     *constants, ahead, down = tape.inputs("p", len(SINE))
     (time,) = tape.inputs("u", 1)
     motion = prescribed_motion(SineMotion(amplitude=1.0, frequency_hz=1.0)).with_constants(constants)
-    found = [part * motion.derivative(time, order) for order in range(3) for part in (ahead, down)]
-    return Module(tape, {"moved": found})
+    outputs = [part * motion.derivative(time, order) for order in range(3) for part in (ahead, down)]
+    return Module(tape, {"moved": outputs})

@@ -162,8 +162,8 @@ class Maximal:
 
         ComputationError where Newton's method does not close the pivots.
         """
-        found = max(self.drift(y))
-        return (self._closed(y) if self.controlled else y), found
+        violation = max(self.drift(y))
+        return (self._closed(y) if self.controlled else y), violation
 
     def _closed(self, y: Floats) -> Floats:
         q, v = self._halves(y)
@@ -196,9 +196,9 @@ class Maximal:
         at = np.zeros(len(motion.cart)) if times is None else times
         states = [motion[place] for place in range(len(at))]
         solved = [self._solved(time, state)[0] for time, state in zip(at, states, strict=True)]
-        found = np.array(solved)[:, size:]
-        pivots, tops = found[:, first // 2 :].reshape(len(found), -1, 2), self.pivots.above < 0
-        return Reactions(found[:, 0] if first else -pivots[:, tops, 1].sum(1), pivots, tops)
+        forces = np.array(solved)[:, size:]
+        pivots, tops = forces[:, first // 2 :].reshape(len(forces), -1, 2), self.pivots.above < 0
+        return Reactions(forces[:, 0] if first else -pivots[:, tops, 1].sum(1), pivots, tops)
 
 
 def _widest(gaps: Floats) -> float:
@@ -224,10 +224,10 @@ class Pivots:
     @cached_property
     def above(self) -> Ints:
         """The link that each link hangs from, −1 for the support, (L,)."""
-        found = np.full(self.system.n_links, -1)
+        upper = np.full(self.system.n_links, -1)
         for group in self.system.groups:
-            found[group.index[1:]] = group.index[:-1]
-        return found
+            upper[group.index[1:]] = group.index[:-1]
+        return upper
 
     @cached_property
     def centre(self) -> Floats:
@@ -259,9 +259,9 @@ class Pivots:
         support = np.array([cart, 0.0])
         links = np.column_stack((arms, turns))
         for group in self.system.groups:
-            own = arms[group.index]
-            ends = np.cumsum(group.block.length[..., None] * own, axis=0)
-            links[group.index, :2] = support + ends - self.rest[group.index][..., None] * own
+            chain = arms[group.index]
+            ends = np.cumsum(group.block.length[..., None] * chain, axis=0)
+            links[group.index, :2] = support + ends - self.rest[group.index][..., None] * chain
         return np.concatenate((support[: self.first], links.ravel()))
 
     def gaps(self, q: Floats) -> Floats:
@@ -349,7 +349,7 @@ def _masses(pivots: Pivots) -> tuple[Floats, Floats]:
     cart = [system.cart.mass] * 2 if system.cart else []
     links = np.column_stack((mass, mass, inertia))
     turning = np.column_stack((mass, mass, inertia + mass * pivots.centre**2))
-    loaded = [one + float(mass.sum()) for one in cart]
+    loaded = [mass_of_cart + float(mass.sum()) for mass_of_cart in cart]
     return np.concatenate((cart, links.ravel())), np.sqrt(np.concatenate((loaded, turning.ravel())))
 
 

@@ -52,13 +52,13 @@ def chained(
     """
     ends, centres = np.empty_like(along), np.empty_like(along)
     for group in system.groups:
-        own = along[:, group.index]
+        directions = along[:, group.index]
         reach, rest = group.block.length, group.block.centre - group.block.length
         if length is not None and system.hoisting is not None:
             reach, rest = length[:, group.index], np.where(system.hoisting.moving[group.index], 0.0, rest)
-        steps = reach[..., None] * own + (0.0 if extra is None else extra[:, group.index])
+        steps = reach[..., None] * directions + (0.0 if extra is None else extra[:, group.index])
         ends[:, group.index] = lower = np.cumsum(steps, axis=1)
-        centres[:, group.index] = lower + rest[..., None] * own
+        centres[:, group.index] = lower + rest[..., None] * directions
     if cart.ndim > 1:
         return ends + cart, centres + cart
     ends[..., 0] += cart[:, None]
@@ -113,36 +113,36 @@ class Mechanics(Displayed):
         bearing, structure = self.bearing, self.system.structure
         assert bearing is not None
         assert structure is not None
-        found = np.empty((3, len(self.motion.cart), self.system.n_links, 2))
+        placed = np.empty((3, len(self.motion.cart), self.system.n_links, 2))
         for number, group in enumerate(self.system.groups):
             moved, speed = bearing.pivots(number)
             drawn = [drawn_place(self.system, CarrierEnd(*structure.pivots[p])) for p in group.pendula.tolist()]
             for k in (0, 1):
                 place = np.array([each[k] for each in drawn]) + moved[k].T  # type: ignore[index]
-                for part, own in zip(found, (place, moved[k].T, speed[k].T), strict=True):
-                    part[:, group.index, k] = own[:, None]
-        return found[0], found[1], found[2]
+                for part, values in zip(placed, (place, moved[k].T, speed[k].T), strict=True):
+                    part[:, group.index, k] = values[:, None]
+        return placed[0], placed[1], placed[2]
 
     def pivot_accelerations(self, carried: Floats) -> Floats:
         """Those (m/s²) of the pivot above every link, (T, L, 2), from η'' (T, d)."""
         bearing = self.bearing
         assert bearing is not None
         bearing.solution = list(carried.T)
-        found = np.empty((len(carried), self.system.n_links, 2))
+        accelerations = np.empty((len(carried), self.system.n_links, 2))
         for number, group in enumerate(self.system.groups):
-            for k, own in enumerate(bearing.start(number, 0.0)):
-                found[:, group.index, k] = own.T[:, None]
-        return found
+            for k, values in enumerate(bearing.start(number, 0.0)):
+                accelerations[:, group.index, k] = values.T[:, None]
+        return accelerations
 
     @cached_property
     def springs(self) -> tuple[Floats, Floats, Floats]:
         """Of every spring between points extension (m or rad), pull (N or N m) and energy (J), (T, E) each."""
         structure, bearing = self.system.structure, self.bearing
-        found = np.zeros((3, len(self.motion.cart), len(structure.springs) if structure else 0))
-        for numbers, own in bearing.tensions(*self._coordinates) if bearing else []:
-            for part, values in zip(found, (own.extension, own.pull, own.energy), strict=True):
+        pulled = np.zeros((3, len(self.motion.cart), len(structure.springs) if structure else 0))
+        for numbers, tension in bearing.tensions(*self._coordinates) if bearing else []:
+            for part, values in zip(pulled, (tension.extension, tension.pull, tension.energy), strict=True):
                 part[:, numbers] = values.T
-        return found[0], found[1], found[2]
+        return pulled[0], pulled[1], pulled[2]
 
     @cached_property
     def vectors(self) -> tuple[Floats, Floats]:
@@ -196,19 +196,19 @@ class Mechanics(Displayed):
     @cached_property
     def potential(self) -> Floats:
         """Potential energy (J) of every link relative to equilibrium, with its upper joint's spring, (T, L)."""
-        found = self.system.mass * self.system.gravity * self.heights
+        energy = self.system.mass * self.system.gravity * self.heights
         for number, group in enumerate(self.system.groups):
             if group.sprung:
-                found[:, group.index] += self._springs(number, group)
-        return np.asarray(found)
+                energy[:, group.index] += self._springs(number, group)
+        return np.asarray(energy)
 
     def _springs(self, number: int, group: Group) -> Floats:
-        own = self.motion.links[:, group.index]
+        links = self.motion.links[:, group.index]
         if self.system.spatial:
-            energy = ball_joints.spring_energy(group, np.moveaxis(own, (0, -1), (-1, 0)))
+            energy = ball_joints.spring_energy(group, np.moveaxis(links, (0, -1), (-1, 0)))
         else:
             base = self.bearing.joints(number).base if self.bearing else None
-            energy = spring_energy(group, np.moveaxis(own, 0, -1), base[0] if base else None)
+            energy = spring_energy(group, np.moveaxis(links, 0, -1), base[0] if base else None)
         return np.moveaxis(energy, -1, 0)
 
     @cached_property
@@ -240,9 +240,10 @@ class Mechanics(Displayed):
         if times <= rows:
             return self.kinetic.sum(1) + self.cart_kinetic, self.potential.sum(1) + self.cart_potential
         clauses = [slice(at, at + rows) for at in range(0, times, rows)]
-        whens = [None if self.times is None else self.times[own] for own in clauses]
+        whens = [None if self.times is None else self.times[clause] for clause in clauses]
         parts = [
-            Mechanics(self.system, self.motion.at(own), when).energies for own, when in zip(clauses, whens, strict=True)
+            Mechanics(self.system, self.motion.at(clause), when).energies
+            for clause, when in zip(clauses, whens, strict=True)
         ]
         kinetic, potential = map(np.concatenate, zip(*parts, strict=True))
         return kinetic, potential
@@ -252,10 +253,10 @@ class Mechanics(Displayed):
 
     def of_pendula(self, values: Floats) -> Floats:
         """Sums over each pendulum of values (T, L) of links, (T, N)."""
-        found = np.zeros((len(values), self.system.n_pendula))
+        sums = np.zeros((len(values), self.system.n_pendula))
         for group in self.system.groups:
-            found[:, group.pendula] = values[:, group.index].sum(1)
-        return found
+            sums[:, group.pendula] = values[:, group.index].sum(1)
+        return sums
 
     @cached_property
     def momentum(self) -> Floats:
@@ -270,8 +271,8 @@ class Mechanics(Displayed):
         """Angular momentum (kg m²/s) about the vertical through the support, (T,), in space."""
         (u, w), r, v = self.vectors, self.centres, self.speeds
         orbital = (r[..., 0] * v[..., 1] - r[..., 1] * v[..., 0]) @ self.system.mass
-        own = (u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]) @ self.system.by_link("inertia")
-        return np.asarray(orbital + own)
+        turning = (u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]) @ self.system.by_link("inertia")
+        return np.asarray(orbital + turning)
 
     def pivot_forces(
         self, accelerations: tuple[Floats, Floats], support: tuple[Floats, Floats] | None = None
@@ -298,8 +299,8 @@ class Mechanics(Displayed):
         if self.bearing is not None:
             needed -= self.bearing.pulled(*self._coordinates).transpose(2, 1, 0)
         for group in self.system.groups:
-            own = needed[:, group.index]
-            needed[:, group.index] = np.cumsum(own[:, ::-1], axis=1)[:, ::-1]
+            shares = needed[:, group.index]
+            needed[:, group.index] = np.cumsum(shares[:, ::-1], axis=1)[:, ::-1]
         return needed
 
 

@@ -85,7 +85,7 @@ class Arranged(ABC):
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what has been derived: functions that are written cannot be pickled."""
-        return {one.name: getattr(self, one.name) for one in fields(cast("Any", self))}
+        return {part.name: getattr(self, part.name) for part in fields(cast("Any", self))}
 
     def begin(self, state: State) -> Floats:
         """The vector y of a state."""
@@ -100,23 +100,28 @@ class Arranged(ABC):
         """Natural units of y, (size,)."""
         return self.layout.natural(self.system)
 
+    @property
+    def tangent_units(self) -> Floats:
+        """The natural size of what lies across every unit vector in space, (L,): of rates (1/s) sqrt(g/l)."""
+        return np.asarray(np.sqrt(self.system.gravity / self.system.by_link("length")))
+
     def project(self, y: Floats) -> tuple[Floats, float]:
         """No constraints in the plane: y (..., size) is unchanged.
 
-        In space normalized u and w across it, and the largest of ||u| − 1| and |u·w| / (|w| + √(g/l)) removed.
+        In space normalized u and w across it, and the largest of ||u| − 1| and |u·w| / (|w| + `tangent_units`) removed.
         """
         if self.width == 1:
             return y, 0.0
-        first, half, found = self.layout.first, self.layout.half, y.copy()
+        first, half, kept = self.layout.first, self.layout.half, y.copy()
         places = slice(first, half), slice(half + first, 2 * half)
         u, w = (y[..., place].reshape(*y.shape[:-1], -1, 3) for place in places)
         length = np.sqrt((u * u).sum(-1))
         u = u / length[..., None]
         along = (u * w).sum(-1)
-        speed = np.sqrt((w * w).sum(-1)) + np.sqrt(self.system.gravity / self.system.by_link("length"))
+        size = np.sqrt((w * w).sum(-1)) + self.tangent_units
         for place, part in zip(places, (u, w - along[..., None] * u), strict=True):
-            found[..., place] = part.reshape(*y.shape[:-1], -1)
-        return found, float(max(np.max(abs(length - 1)), np.max(abs(along) / speed)))
+            kept[..., place] = part.reshape(*y.shape[:-1], -1)
+        return kept, float(max(np.max(abs(length - 1)), np.max(abs(along) / size)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +166,7 @@ class Suspended(Arranged):
     def lengthened(self, instant: Instant) -> list[Group]:
         """The groups with the lengths of an instant."""
         groups = self.system.groups
-        return [self._lengthened(one, instant.lengths) if instant.lengths else one for one in groups]
+        return [self._lengthened(group, instant.lengths) if instant.lengths else group for group in groups]
 
     def _lengthened(self, group: Group, lengths: Lengths) -> Group:
         assert self.system.hoisting is not None
@@ -188,34 +193,34 @@ class Suspended(Arranged):
         system, layout = self.system, self.layout
         first, half, push = layout.first, layout.half, instant.push
         q, v = y[:half], y[half : 2 * half]
-        found = np.empty_like(y)
-        found[:half] = v
+        slopes = np.empty_like(y)
+        slopes[:half] = v
         links, rates, bearing = q[first:], v[first:], self.bearing(q, v, instant)
         drag = None if system.modal_damping is None else modal_drag(system, v)
         moments = push.moments if push.moments is None or links.ndim > 1 else np.ravel(push.moments)
         power, externals = 0.0, []
         for k, (place, (group, body)) in enumerate(zip(self.places, self.hung(instant), strict=True)):
-            own, speed, given = links[place], rates[place], None if moments is None else moments[place]
+            directions, speed, moment = links[place], rates[place], None if moments is None else moments[place]
             joints = bearing.joints(k)
             frame = instant.support if system.support else None
-            forces, work, reaction = self.acting(group, own, speed, given, frame, joints.base)
+            forces, work, reaction = self.acting(group, directions, speed, moment, frame, joints.base)
             if bearing.torques is not None:
                 forces = forces + bearing.torques[place]
             if drag is not None:
                 resisting = drag[first:][place]
                 forces, work = forces + resisting, work + np.sum(resisting * speed, axis=(0, 1))
-            external = self.external(group, own, speed, joints.velocity, instant)
+            external = self.external(group, directions, speed, joints.velocity, instant)
             if external is not None:
                 forces, work = forces + external.generalized, work + external.power
-            bearing.take(k, body, own, speed, forces, external, reaction)
+            bearing.take(k, body, directions, speed, forces, external, reaction)
             power = power + work
             externals.append((group, external))
         carried, working = bearing.solved(drag)
         for k, each in enumerate(carried):
-            found[half + k] = each
+            slopes[half + k] = each
         if first or system.structure is not None:
             power = power + working
-        accelerations = found[half : 2 * half]
+        accelerations = slopes[half : 2 * half]
         turned = accelerations[first:]
         for k, place in enumerate(self.places):
             turned[place] = bearing.fall(k)
@@ -231,8 +236,8 @@ class Suspended(Arranged):
         if instant.lengths is not None:
             power = self._wound(power, links, rates, turned, instant, bearing, externals)
         if layout.works:
-            found[-1] = power
-        return found, rubbed
+            slopes[-1] = power
+        return slopes, rubbed
 
     def _wound(
         self,
@@ -277,16 +282,16 @@ class Suspended(Arranged):
             instant = instant._replace(lengths=instant.lengths._replace(speed=still, acceleration=still))
         solvers = self.hung(instant)
         forces = gripping.forces(self.layout.half).T
-        return np.stack([inverted(self.system, solvers, q, one) for one in forces], axis=1)
+        return np.stack([inverted(self.system, solvers, q, force) for force in forces], axis=1)
 
     def reaction(self, y: Any, instant: Instant, accelerations: Any, whole: bool = True) -> Any:
         """The rail's push N up on the cart (N), or if not `whole` its part that is linear in the accelerations."""
         system, first, half = self.system, self.layout.first, self.layout.half
         links, rates, turned = y[first:half], y[half + first : 2 * half], accelerations[first:]
-        found, gravity = 0.0, 0.0
+        push, gravity = 0.0, 0.0
         if whole and system.cart:
             gravity = system.gravity - instant.support[1]
-            found = system.cart.mass * gravity
+            push = system.cart.mass * gravity
         for place, group in zip(self.places, self.lengthened(instant), strict=True):
             speed, winding, external = rates[place] if whole else 0 * rates[place], [0.0, 0.0], None
             if whole and instant.lengths is not None:
@@ -295,27 +300,36 @@ class Suspended(Arranged):
                 external = self.external(group, links[place], speed, y[half], instant)
             start = accelerations[0], -gravity
             force = transmitted(group, winding, links[place], speed, turned[place], start, external)
-            found = found - force[1][0].sum(0)
-        return found
+            push = push - force[1][0].sum(0)
+        return push
 
 
-def inverted(system: System, solvers: Sequence[tuple[Group, Body]], q: Any, p: Any) -> Any:
-    """M⁻¹ p (half, ...), the accelerations by generalized forces p alone, at the coordinates q (half, ...)."""
+def inverted(
+    system: System,
+    solvers: Sequence[tuple[Group, Body]],
+    q: Any,
+    p: Any,
+    places: Sequence[Ints] | None = None,
+) -> Any:
+    """M⁻¹ p (half, ...), the accelerations by generalized forces p alone, at the coordinates q (half, ...).
+
+    `places` are the positions of each group's numbers among those of all links, by default one of every link.
+    """
     if system.structure is not None:
         return inverted_on_carriers(Carriers(system), solvers, q, p)
-    first, found = system.first, np.zeros(np.shape(p), dtype=np.result_type(q, p))
-    links = q[first:]
+    first, rates = system.first, np.zeros(np.shape(p), dtype=np.result_type(q, p))
+    links, where = q[first:], [group.index for group, _ in solvers] if places is None else places
     solved, mass, force = [], 0.0, 0.0
-    for group, body in solvers:
-        angles = links[group.index]
-        one_mass, one_force, memory = body.pull(angles, 0 * angles, p[first:][group.index], 0.0)
-        mass, force = mass + one_mass, force + one_force
-        solved.append((group, body, memory))
+    for place, (_, body) in zip(where, solvers, strict=True):
+        still = 0 * links[place]
+        felt, pulled, memory = body.pull(links[place], still, p[first:][place], 0.0)
+        mass, force = mass + felt, force + pulled
+        solved.append((place, body, memory))
     if system.cart:
-        found[0] = (p[0] - force) / (system.cart.mass + mass)
-    for group, body, memory in solved:
-        found[first:][group.index] = body.turn(memory, found[0] if system.cart else 0.0)
-    return found
+        rates[0] = (p[0] - force) / (system.cart.mass + mass)
+    for place, body, memory in solved:
+        rates[first:][place] = body.turn(memory, rates[0] if system.cart else 0.0)
+    return rates
 
 
 class Recursion:
@@ -346,7 +360,7 @@ class Recursion:
         if self.winding is None:
             return None
         speed, acceleration = self.winding
-        return [Bias(*own) for own in zip(2 * speed * rates, acceleration, strict=True)]
+        return [Bias(*pair) for pair in zip(2 * speed * rates, acceleration, strict=True)]
 
     def turn(self, memory: Any, push: Any) -> Any:
         """θ'' (n, P, ...)."""
@@ -399,8 +413,8 @@ class Minimal(Suspended):
 
     def _strung(self, group: Group, instant: Instant) -> tuple[Group, Body]:
         assert instant.lengths is not None
-        own = self._lengthened(group, instant.lengths)
-        return own, Recursion(own, winding=[part[group.index] for part in instant.lengths[1:]])
+        lengthened = self._lengthened(group, instant.lengths)
+        return lengthened, Recursion(lengthened, winding=[part[group.index] for part in instant.lengths[1:]])
 
     def acting(
         self, group: Group, links: Any, rates: Any, moments: Any | None, support: Any, base: Base | None = None
@@ -439,9 +453,9 @@ def drained_on_carriers(system: System, q: Floats, v: Floats, support: tuple[Any
     for k, group in enumerate(system.groups):
         if group.dragged:
             links, rates = q[first:][group.index], v[first:][group.index]
-            own = equations.external(group, links, rates, bearing.joints(k).velocity, instant)
-            assert own is not None
-            along, down = own.forces.sum((1, 2))
+            external = equations.external(group, links, rates, bearing.joints(k).velocity, instant)
+            assert external is not None
+            along, down = external.forces.sum((1, 2))
             power = power + along * support[0] + down * support[1]
     return np.asarray(power)
 

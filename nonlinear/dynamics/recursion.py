@@ -100,8 +100,8 @@ def upward(
     *above, last = zip(links, sin, cos, rate, torque, extra, strict=True)
     below, turn = ended(*last)
     turns = [turn]
-    for link, s, c, w, Q, own in reversed(above):
-        below, turn = passed(link, below, s, c, w, Q, own)
+    for link, s, c, w, Q, biased in reversed(above):
+        below, turn = passed(link, below, s, c, w, Q, biased)
         turns.append(turn)
     return below, turns[::-1]
 
@@ -159,12 +159,12 @@ def downward(
     links: Sequence[Link], turns: Sequence[Turn], ax: Any, az: Any, bias: Sequence[Bias] | None = None
 ) -> list[Any]:
     """θ'' (rad/s²) of every link, top first, under the acceleration ã = (ax, az) of the first joint."""
-    found = []
+    turned = []
     extra = [None] * len(links) if bias is None else bias
-    for link, turn, own in zip(links, turns, extra, strict=True):
-        alpha, ax, az = hung(link, turn, ax, az, own)
-        found.append(alpha)
-    return found
+    for link, turn, biased in zip(links, turns, extra, strict=True):
+        alpha, ax, az = hung(link, turn, ax, az, biased)
+        turned.append(alpha)
+    return turned
 
 
 def hung(link: Link, turn: Turn, ax: Any, az: Any, bias: Bias | None = None) -> tuple[Any, Any, Any]:

@@ -71,5 +71,5 @@ class Spatial(Suspended):
 
     def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any, support: Any, speed: Any) -> External:
         """The drag of a group, with generalized forces (3, n, P, ...) on u."""
-        found = drag(group, rates, cart_rate, support)
-        return found._replace(generalized=generalized(cross(links, found.generalized), links))
+        external = drag(group, rates, cart_rate, support)
+        return external._replace(generalized=generalized(cross(links, external.generalized), links))

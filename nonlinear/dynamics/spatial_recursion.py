@@ -96,32 +96,32 @@ def _passed(link: Link, below: Answer, u: Any, w: Any, Q: Any, sign: Any) -> tup
     tau, delta = N[0, 0] + N[1, 1], N[0, 0] * N[1, 1] - N[0, 1] * N[1, 0]
     wide = J + ll * tau
     det = J * wide + ll * ll * delta
-    one = _like(ONE, N)
-    inverse = (J * one + ll * _like(ADJOINT, N) * N[::-1, ::-1]) / det
+    unit = _like(ONE, N)
+    inverse = (J * unit + ll * _like(ADJOINT, N) * N[::-1, ::-1]) / det
     y, rho = p[:2] + l * inward * r, _pair(inverse, r)
     e = l * y - Q
-    found, force = np.empty_like(M), np.empty_like(p)
-    found[:2, :2] = ((link.m * link.I * wide + link.far * ll * delta) * one + link.cross * link.cross * N) / det
-    found[:2, 2] = found[2, :2] = link.cross * rho
-    found[2, 2] = link.m + (mu - ll * (r[0] * rho[0] + r[1] * rho[1]))
+    answered, force = np.empty_like(M), np.empty_like(p)
+    answered[:2, :2] = ((link.m * link.I * wide + link.far * ll * delta) * unit + link.cross * link.cross * N) / det
+    answered[:2, 2] = answered[2, :2] = link.cross * rho
+    answered[2, 2] = link.m + (mu - ll * (r[0] * rho[0] + r[1] * rho[1]))
     force[:2] = _pair(inverse, link.cross * y + mc * Q + l * _pair(N, Q))
     force[2] = p[2] + inward * (mc + l * mu) - l * (rho[0] * e[0] + rho[1] * e[1])
-    answer = Answer(_mirrored_form(v, beta, found), _mirrored(v, beta, force))
+    answer = Answer(_mirrored_form(v, beta, answered), _mirrored(v, beta, force))
     return answer, Turn(v, beta, inverse, M[:, :2], e, inward)
 
 
 def downward(links: Sequence[Link], turns: Sequence[Turn], a: Any) -> list[Any]:
     """The acceleration u'' (3, ...) of every link, top first, under the acceleration ã = a of the first joint."""
-    found = []
+    turned = []
     for link, turn in zip(links, turns, strict=True):
         seen = _mirrored(turn.v, turn.beta, a)
         felt = link.mc * seen[:2] + link.l * _times(turn.rows, seen) + turn.e
-        own = np.empty_like(seen)
-        own[:2] = -_pair(turn.inverse, felt)
-        own[2] = turn.inward
-        found.append(_mirrored(turn.v, turn.beta, own))
-        a = a + link.l * found[-1]
-    return found
+        bent = np.empty_like(seen)
+        bent[:2] = -_pair(turn.inverse, felt)
+        bent[2] = turn.inward
+        turned.append(_mirrored(turn.v, turn.beta, bent))
+        a = a + link.l * turned[-1]
+    return turned
 
 
 def _like(constant: Any, array: Any) -> Any:

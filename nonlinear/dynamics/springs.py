@@ -99,8 +99,8 @@ def twisted(stiffness: Any, damping: Any, turned: Any, turning: Any) -> Tension:
     return Tension(turned, torque, stiffness * (turned * turned) / 2, torque, power)
 
 
-def _tension(stiffness: Any, own: tuple[Any, ...]) -> Tension:
-    extension, pull, fx, fz, power = own
+def _tension(stiffness: Any, stretch: tuple[Any, ...]) -> Tension:
+    extension, pull, fx, fz, power = stretch
     return Tension(extension, pull, stiffness * (extension * extension) / 2, np.stack((fx, fz)), power.sum(0))
 
 
@@ -174,33 +174,33 @@ class Springs:
     def tensions(self, q: Any, v: Any, carrying: Carrying) -> list[tuple[Ints, Tension]]:
         """What springs of each kind do, with their numbers, at coordinates q and rates v (half, ...)."""
         tight, loose, torsion = self.kinds
-        stiffness, damping = (_spread(own, q) for own in self.numbers)
-        found = []
+        stiffness, damping = (_spread(part, q) for part in self.numbers)
+        tensions = []
         if len(tight) or len(loose):
             places, speeds = self._moved(q, v, carrying)
-            _, (one, other) = self.nodes
-            stretch, speed = (own[:, other] - own[:, one] for own in (places, speeds))
+            _, (near, far) = self.nodes
+            stretch, speed = (part[:, far] - part[:, near] for part in (places, speeds))
             if len(tight):
                 apart, rest = _spread(self.drawn[0], stretch), _spread(self.drawn[1], q)
-                own = stretch[:, tight], speed[:, tight]
+                part = stretch[:, tight], speed[:, tight]
                 law = stiffness[tight], damping[tight], *apart, rest
-                found.append((tight, _tension(stiffness[tight], stretched(*law, *own[0], *own[1]))))
+                tensions.append((tight, _tension(stiffness[tight], stretched(*law, *part[0], *part[1]))))
             if len(loose):
                 law = stiffness[loose], damping[loose]
                 tension = _tension(law[0], slack(*law, *stretch[:, loose], *speed[:, loose]))
                 x, z = stretch[:, loose]
-                found.append((loose, tension._replace(energy=law[0] * (x * x + z * z) / 2)))
+                tensions.append((loose, tension._replace(energy=law[0] * (x * x + z * z) / 2)))
         if len(torsion):
             angles = [
                 np.stack([self._bent(self.structure.springs[k], values, carrying) for k in torsion])
                 for values in (q, v)
             ]
-            found.append((torsion, twisted(stiffness[torsion], damping[torsion], *angles)))
-        return found
+            tensions.append((torsion, twisted(stiffness[torsion], damping[torsion], *angles)))
+        return tensions
 
     def _bent(self, spring: SpringNumbers, values: Any, carrying: Carrying) -> Any:
-        one, other = (self._angle(end, values, carrying) for end in spring.ends)
-        return other - one
+        near, far = (self._angle(end, values, carrying) for end in spring.ends)
+        return far - near
 
     def _angle(self, end: End, values: Any, carrying: Carrying) -> Any:
         if isinstance(end, LinkEnd):
@@ -217,10 +217,10 @@ class Springs:
         if count:
             upper = [np.full((2, *links.shape), 0.0, dtype=links.dtype) for _ in range(2)]
             for number, group in enumerate(self.system.groups):
-                own = _upper(group, links[group.index], v[size:][group.index])
-                for found, steps, pivot in zip(upper, own, carrying.pivots(number), strict=True):
+                steps_below = _upper(group, links[group.index], v[size:][group.index])
+                for upper_part, steps, pivot in zip(upper, steps_below, carrying.pivots(number), strict=True):
                     for k in (0, 1):
-                        found[k][group.index] = steps[k] + pivot[k]
+                        upper_part[k][group.index] = steps[k] + pivot[k]
             theta, omega, below = links[nodes.link], v[size:][nodes.link], _spread(nodes.below, links)
             S, C = np.sin(theta), np.cos(theta)
             along = below * S, -(below * versed(theta))
@@ -240,10 +240,10 @@ class Springs:
         links, count = q[size:], len(nodes.link)
         torques, power = np.full(links.shape, 0.0, dtype=links.dtype), 0.0
         pushes = np.full((2, count + len(nodes.carriers) + 1, *links.shape[1:]), 0.0, dtype=links.dtype)
-        for numbers, own in self.tensions(q, v, carrying):
-            power = power + own.power
+        for numbers, part in self.tensions(q, v, carrying):
+            power = power + part.power
             if numbers is self.kinds[2]:
-                for number, torque in zip(numbers, own.force, strict=True):
+                for number, torque in zip(numbers, part.force, strict=True):
                     for end, sign in zip(self.structure.springs[number].ends, (1.0, -1.0), strict=True):
                         if isinstance(end, LinkEnd):
                             torques[end.link] = torques[end.link] + sign * torque
@@ -251,8 +251,8 @@ class Springs:
                             carrying.turn(end.carrier, sign * torque)
                 continue
             for k in (0, 1):
-                np.add.at(pushes[k], pairs[0, numbers], own.force[k])
-                np.subtract.at(pushes[k], pairs[1, numbers], own.force[k])
+                np.add.at(pushes[k], pairs[0, numbers], part.force[k])
+                np.subtract.at(pushes[k], pairs[1, numbers], part.force[k])
         for number, end in enumerate(nodes.carriers, count):
             carrying.push(end.carrier, carrying.point(end)[1], (pushes[0, number], pushes[1, number]))
         at_joints: list[Any] = [None] * len(self.system.groups)
@@ -263,9 +263,9 @@ class Springs:
                 np.add.at(on[k], nodes.link, pushes[k, :count])
                 np.add.at(moment[k], nodes.link, below * pushes[k, :count])
             for number, group in enumerate(self.system.groups):
-                own, theta = on[:, group.index], links[group.index]
-                through = np.cumsum(own[:, ::-1], axis=1)[:, ::-1]
-                arms = _spread(group.block.length, theta) * (through - own) + moment[:, group.index]
+                part, theta = on[:, group.index], links[group.index]
+                through = np.cumsum(part[:, ::-1], axis=1)[:, ::-1]
+                arms = _spread(group.block.length, theta) * (through - part) + moment[:, group.index]
                 torques[group.index] = torques[group.index] + (np.cos(theta) * arms[0] - np.sin(theta) * arms[1])
                 at_joints[number] = through[:, 0]
         return Strained(torques, at_joints, power, on)
@@ -287,12 +287,12 @@ def versed(angle: Any) -> Any:
 
 def filled(values: Sequence[Any]) -> Any:
     """An array (N, ...) of numbers, arrays or symbols."""
-    if any(isinstance(one, np.ndarray) and one.ndim for one in values):
+    if any(isinstance(value, np.ndarray) and value.ndim for value in values):
         return np.stack(np.broadcast_arrays(*values))
-    plain = all(isinstance(one, float | int) for one in values)
-    found = np.empty(len(values), dtype=float if plain else object)
-    found[:] = values
-    return found
+    plain = all(isinstance(value, float | int) for value in values)
+    array = np.empty(len(values), dtype=float if plain else object)
+    array[:] = values
+    return array
 
 
 def _spread(constant: Any, like: Any) -> Any:

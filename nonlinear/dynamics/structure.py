@@ -74,7 +74,7 @@ def displacement(carrier: CarrierNumbers, where: Any, eta: Sequence[Any]) -> Vec
     """How far (m) a point of a carrier is from where it is drawn, along the rail and down, with all digits."""
     if carrier.points is not None:
         slopes = carrier.points[where].T.tolist()
-        return tuple(sum((s[k] * own for s, own in zip(slopes, eta, strict=True)), 0.0) for k in (0, 1))  # type: ignore[return-value]
+        return tuple(sum((s[k] * value for s, value in zip(slopes, eta, strict=True)), 0.0) for k in (0, 1))  # type: ignore[return-value]
     x: Any = 0.0
     z: Any = 0.0
     if carrier.kind == "cart":
@@ -130,13 +130,15 @@ def thrown(carrier: CarrierNumbers, centre: Moving, felt: Vector) -> Iterator[An
 def held(carrier: CarrierNumbers, eta: Sequence[Any], rates: Sequence[Any]) -> tuple[list[Any], list[Any]]:
     """The forces of the carrier's own springs, and those of its dampers."""
     if carrier.K is not None and carrier.D is not None:
-        return tuple([-_product(row, own) for row in A.tolist()] for A, own in ((carrier.K, eta), (carrier.D, rates)))  # type: ignore[return-value]
-    kept = [-(k * own) for k, own in zip(carrier.stiffness, eta, strict=True)]
-    return kept, [-(c * own) for c, own in zip(carrier.damping, rates, strict=True)]
+        return tuple(
+            [-_product(row, value) for row in A.tolist()] for A, value in ((carrier.K, eta), (carrier.D, rates))
+        )  # type: ignore[return-value]
+    kept = [-(k * value) for k, value in zip(carrier.stiffness, eta, strict=True)]
+    return kept, [-(c * value) for c, value in zip(carrier.damping, rates, strict=True)]
 
 
 def _product(row: Sequence[Any], values: Sequence[Any]) -> Any:
-    return sum((each * own for each, own in zip(row, values, strict=True)), 0.0)
+    return sum((each * value for each, value in zip(row, values, strict=True)), 0.0)
 
 
 # ------------------------------------------------------------------------------------------------ all carriers
@@ -176,20 +178,21 @@ class Carriers:
     def _moved(self, eta: Sequence[Any], rates: Sequence[Any]) -> list[list[Moving]]:
         """How the pivots of all bundles move."""
         return [
-            [self.moving(one.carrier, self.where(one, eta), eta, rates) for one in bundles] for bundles in self.bundles
+            [self.moving(bundle.carrier, self.where(bundle, eta), eta, rates) for bundle in bundles]
+            for bundles in self.bundles
         ]
 
     def moving(self, number: int, where: Any, eta: Sequence[Any], rates: Sequence[Any]) -> Moving:
         """How a point of a carrier moves."""
         structure = self.structure
-        carrier, own, speeds = structure.carriers[number], structure.own(number, eta), structure.own(number, rates)
-        return carrier.moving(where, own, speeds)
+        carrier, place, speeds = structure.carriers[number], structure.own(number, eta), structure.own(number, rates)
+        return carrier.moving(where, place, speeds)
 
-    def where(self, one: Bundle, eta: Sequence[Any]) -> Any:
+    def where(self, bundle: Bundle, eta: Sequence[Any]) -> Any:
         """Where the pendula of a bundle hang: points (P,) as (P, 1) where coordinates are arrays."""
-        if one.together or one.where[0].ndim > 1 or not np.ndim(eta[0]):
-            return one.where
-        return tuple(part[:, None] for part in one.where)
+        if bundle.together or bundle.where[0].ndim > 1 or not np.ndim(eta[0]):
+            return bundle.where
+        return tuple(part[:, None] for part in bundle.where)
 
     def centre(self, number: int, eta: Sequence[Any], rates: Sequence[Any]) -> Moving:
         """How the centre of mass of a carrier moves."""
@@ -230,9 +233,10 @@ class CarriersAt(Bearing):
             return
         first = self.structure.offsets[number]
         kept, working = held(carrier, eta, rates)
-        for k, (spring, damper, own) in enumerate(zip(kept, working, thrown(carrier, centre, self.felt), strict=True)):  # type: ignore[arg-type]
+        forces = thrown(carrier, centre, self.felt)  # type: ignore[arg-type]
+        for k, (spring, damper, force) in enumerate(zip(kept, working, forces, strict=True)):
             weight = self.carriers.weights[first + k]
-            self.right[first + k] = spring + damper + (own - weight)
+            self.right[first + k] = spring + damper + (force - weight)
             self.power = self.power + damper * rates[k]
         if self.system.support and centre is not None:
             vx, vz = centre.velocity(rates)
@@ -242,14 +246,14 @@ class CarriersAt(Bearing):
     @property
     def kinetic(self) -> Any:
         """Kinetic energy (J) of the carriers, before anything has been taken."""
-        found: Any = 0.0
+        energy: Any = 0.0
         for number, block in enumerate(self.blocks):
             rates = self.structure.own(number, self.rates)
             for k, row in enumerate(block):
                 for j, inertia in enumerate(row):
                     share = inertia * (rates[k] * rates[j])
-                    found = found + (share / 2 if j == k else share)
-        return found
+                    energy = energy + (share / 2 if j == k else share)
+        return energy
 
     @property
     def potential(self) -> Any:
@@ -257,27 +261,27 @@ class CarriersAt(Bearing):
 
         It is 0 as drawn; that of the pendula is in the heights of their pivots, that of springs in `tensions`.
         """
-        found: Any = 0.0
+        energy: Any = 0.0
         for number, carrier in enumerate(self.structure.carriers):
             eta = self.structure.own(number, self.eta)
             kept, _ = held(carrier, eta, eta)
-            for k, (own, force) in enumerate(zip(eta, kept, strict=True)):
+            for k, (value, force) in enumerate(zip(eta, kept, strict=True)):
                 weight = self.carriers.weights[self.structure.offsets[number] + k]
-                found = found + (weight * own - own * force / 2)
+                energy = energy + (weight * value - value * force / 2)
             if carrier.M is None:
                 _, down = displacement(carrier, carrier.centre, eta)
-                found = found - carrier.mass * self.system.gravity * down
-        return found
+                energy = energy - carrier.mass * self.system.gravity * down
+        return energy
 
     @property
     def momentum(self) -> Any:
         """Momentum (kg m/s) of the carriers along the rail, modal ones excepted."""
-        found: Any = 0.0
+        momentum: Any = 0.0
         for number, carrier in enumerate(self.structure.carriers):
             if carrier.M is None and carrier.size:
                 moving = self.carriers.centre(number, self.eta, self.rates)
-                found = found + carrier.mass * moving.velocity(self.structure.own(number, self.rates))[0]
-        return found
+                momentum = momentum + carrier.mass * moving.velocity(self.structure.own(number, self.rates))[0]
+        return momentum
 
     def tensions(self, q: Any, v: Any) -> list[tuple[Ints, Tension]]:
         """What springs between points do, with their numbers, kind by kind."""
@@ -309,41 +313,43 @@ class CarriersAt(Bearing):
     def pivots(self, group: int) -> tuple[Vector, Vector]:
         """How far the first joints of a group are from where they are drawn, and their velocities."""
         structure, places = self.structure, []
-        for one in self.carriers.bundles[group]:
-            where = self.carriers.where(one, self.eta)
-            places.append(displacement(structure.carriers[one.carrier], where, structure.own(one.carrier, self.eta)))
+        for bundle in self.carriers.bundles[group]:
+            where = self.carriers.where(bundle, self.eta)
+            places.append(
+                displacement(structure.carriers[bundle.carrier], where, structure.own(bundle.carrier, self.eta))
+            )
         return tuple(self._joined(group, [each[k] for each in places]) for k in (0, 1)), self._velocities(group)
 
     def point(self, end: CarrierEnd) -> tuple[Vector, Moving, Vector]:
         """The displacement of a point of a carrier, how it moves, and its velocity."""
-        own, rates = (self.structure.own(end.carrier, values) for values in (self.eta, self.rates))
+        eta, rates = (self.structure.own(end.carrier, values) for values in (self.eta, self.rates))
         moving = self.carriers.moving(end.carrier, end.where, self.eta, self.rates)
-        return displacement(self.structure.carriers[end.carrier], end.where, own), moving, moving.velocity(rates)
+        return displacement(self.structure.carriers[end.carrier], end.where, eta), moving, moving.velocity(rates)
 
     def joints(self, group: int) -> Joints:
         """Their base, if any turns, and their velocities."""
         bundles = self.carriers.bundles[group]
         base = None
-        if any(self.structure.carriers[one.carrier].turning is not None for one in bundles):
+        if any(self.structure.carriers[bundle.carrier].turning is not None for bundle in bundles):
             base = (
-                self._joined(group, [self.angle(one.carrier) for one in bundles]),
-                self._joined(group, [self.angle(one.carrier, self.rates) for one in bundles]),
+                self._joined(group, [self.angle(bundle.carrier) for bundle in bundles]),
+                self._joined(group, [self.angle(bundle.carrier, self.rates) for bundle in bundles]),
             )
         return Joints(base, self._velocities(group))
 
     def _velocities(self, group: int) -> Vector:
-        own = [
-            moving.velocity(self.structure.own(one.carrier, self.rates))
-            for one, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True)
+        velocities = [
+            moving.velocity(self.structure.own(bundle.carrier, self.rates))
+            for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True)
         ]
-        return tuple(self._joined(group, [each[k] for each in own]) for k in (0, 1))
+        return tuple(self._joined(group, [each[k] for each in velocities]) for k in (0, 1))
 
     def _joined(self, group: int, values: Sequence[Any]) -> Any:
         """Values of the bundles of a group, (P, ...)."""
-        found = np.zeros_like(self.like[self.system.groups[group].index[0]])
-        for one, own in zip(self.carriers.bundles[group], values, strict=True):
-            found[one.columns] = own
-        return found
+        joined = np.zeros_like(self.like[self.system.groups[group].index[0]])
+        for bundle, value in zip(self.carriers.bundles[group], values, strict=True):
+            joined[bundle.columns] = value
+        return joined
 
     def take(
         self, group: int, body: Any, links: Any, rates: Any, forces: Any, external: External | None, reaction: Any
@@ -356,39 +362,39 @@ class CarriersAt(Bearing):
         if self.strained is not None and self.strained.at_joints[group] is not None:
             pulled.append(self.strained.at_joints[group])
         mass = self.system.groups[group].block.mass if self.system.support and not self.bare else None
-        for one, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True):
+        for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True):
             felt = moving.bias[0] + self.felt[0], moving.bias[1] + self.felt[1]
-            block, force = response.projected(one.columns, moving.slopes, felt, _summed)
-            self._add(one, moving, block, force, pulled)
-            self._react(one, reaction, external)
+            block, force = response.projected(bundle.columns, moving.slopes, felt, _summed)
+            self._add(bundle, moving, block, force, pulled)
+            self._react(bundle, reaction, external)
             if mass is not None:
-                vx, vz = moving.velocity(self.structure.own(one.carrier, self.rates))
+                vx, vz = moving.velocity(self.structure.own(bundle.carrier, self.rates))
                 along, down = self.instant.support
-                dragged = mass[:, one.columns].sum(0) * (along * vx + down * vz)
+                dragged = mass[:, bundle.columns].sum(0) * (along * vx + down * vz)
                 self.power = self.power - dragged.sum(0)
         self.taken.append(response)
 
-    def _add(self, one: Bundle, moving: Moving, block: Any, force: Any, pulled: Sequence[Any]) -> None:
+    def _add(self, bundle: Bundle, moving: Moving, block: Any, force: Any, pulled: Sequence[Any]) -> None:
         """The inertia and the force of a bundle, and forces on its first joints."""
-        own, first = self.blocks[one.carrier], self.structure.offsets[one.carrier]
-        self.blocks[one.carrier] = [
-            [a + b for a, b in zip(*rows, strict=True)] for rows in zip(own, block, strict=True)
+        lower, first = self.blocks[bundle.carrier], self.structure.offsets[bundle.carrier]
+        self.blocks[bundle.carrier] = [
+            [a + b for a, b in zip(*rows, strict=True)] for rows in zip(lower, block, strict=True)
         ]
         for k, (x, z) in enumerate(moving.slopes):
             self.right[first + k] = self.right[first + k] - force[k]
             for each in pulled:
-                fx, fz = each[0][one.columns], each[1][one.columns]
-                pushed = x * fx.sum(0) + z * fz.sum(0) if one.together else (x * fx + z * fz).sum(0)
+                fx, fz = each[0][bundle.columns], each[1][bundle.columns]
+                pushed = x * fx.sum(0) + z * fz.sum(0) if bundle.together else (x * fx + z * fz).sum(0)
                 self.right[first + k] = self.right[first + k] + pushed
 
-    def _react(self, one: Bundle, reaction: Any, external: External | None) -> None:
+    def _react(self, bundle: Bundle, reaction: Any, external: External | None) -> None:
         """The torques of first joints on a carrier that turns."""
-        angle = self.structure.angle_of(one.carrier)
+        angle = self.structure.angle_of(bundle.carrier)
         if angle is None or np.ndim(reaction) == 0:
             return
-        self.right[angle] = self.right[angle] - reaction[one.columns].sum(0)
+        self.right[angle] = self.right[angle] - reaction[bundle.columns].sum(0)
         if external is not None and np.ndim(external.at_base):
-            self.power = self.power - external.at_base[one.columns].sum(0) * self.rates[angle]
+            self.power = self.power - external.at_base[bundle.columns].sum(0) * self.rates[angle]
 
     def solved(self, drag: Any) -> tuple[Any, Any]:
         """η'' of all carriers."""
@@ -397,9 +403,9 @@ class CarriersAt(Bearing):
         if instant.push.supports is not None:
             pushes.append(instant.push.supports)
         for each in pushes:
-            for k, own in enumerate(each):
-                self.right[k] = self.right[k] + own
-                self.power = self.power + own * self.rates[k]
+            for k, value in enumerate(each):
+                self.right[k] = self.right[k] + value
+                self.power = self.power + value * self.rates[k]
         for force, size in zip(self.system.forces, instant.forces, strict=False):
             if isinstance(force.carrier, CarrierEnd):
                 self._act(force.carrier, force.direction, size)
@@ -420,14 +426,14 @@ class CarriersAt(Bearing):
 
     def answered(self) -> list[Any]:
         """The solution of the carriers' equations, block by block."""
-        found: list[Any] = []
+        solution: list[Any] = []
         for number, block in enumerate(self.blocks):
-            found += eliminated(block, list(self.structure.own(number, self.right)))
-        return found
+            solution += eliminated(block, list(self.structure.own(number, self.right)))
+        return solution
 
     def fall(self, group: int) -> Any:
         """Under the accelerations of its pivots."""
-        pushes = [self.structure.own(one.carrier, self.solution) for one in self.carriers.bundles[group]]
+        pushes = [self.structure.own(bundle.carrier, self.solution) for bundle in self.carriers.bundles[group]]
         return self.taken[group].fall(pushes, self._accelerations(group, self.felt))
 
     def start(self, group: int, gravity: Any) -> tuple[Any, Any]:
@@ -435,11 +441,13 @@ class CarriersAt(Bearing):
         return self._accelerations(group, (0.0, -gravity))
 
     def _accelerations(self, group: int, felt: Vector) -> tuple[Any, Any]:
-        own = []
-        for one, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True):
-            ax, az = moving.velocity(self.structure.own(one.carrier, self.solution))
-            own.append((ax + (moving.bias[0] + felt[0]), az + (moving.bias[1] + felt[1])))
-        return self._joined(group, [each[0] for each in own]), self._joined(group, [each[1] for each in own])
+        accelerations = []
+        for bundle, moving in zip(self.carriers.bundles[group], self.moves[group], strict=True):
+            ax, az = moving.velocity(self.structure.own(bundle.carrier, self.solution))
+            accelerations.append((ax + (moving.bias[0] + felt[0]), az + (moving.bias[1] + felt[1])))
+        return self._joined(group, [each[0] for each in accelerations]), self._joined(
+            group, [each[1] for each in accelerations]
+        )
 
 
 def _summed(values: Any) -> Any:
@@ -469,13 +477,13 @@ def eliminate(A: Any, right: Any, first: int, end: int) -> None:
 
 def inverted_on_carriers(carriers: Carriers, solvers: Sequence[Any], q: Any, p: Any) -> Any:
     """M⁻¹ p (half, ...) on a structure, at the coordinates q (half, ...)."""
-    size, found = carriers.structure.size, np.zeros(np.shape(p), dtype=np.result_type(q, p))
+    size, rates = carriers.structure.size, np.zeros(np.shape(p), dtype=np.result_type(q, p))
     bearing = CarriersAt(carriers, q, 0 * q, bare=True)
     bearing.right = list(p[:size])
     for k, (group, body) in enumerate(solvers):
         links = q[size:][group.index]
         bearing.take(k, body, links, 0 * links, p[size:][group.index], None, 0.0)
-    found[:size] = bearing.solution = bearing.answered()
+    rates[:size] = bearing.solution = bearing.answered()
     for k, (group, _) in enumerate(solvers):
-        found[size:][group.index] = bearing.fall(k)
-    return found
+        rates[size:][group.index] = bearing.fall(k)
+    return rates

@@ -44,13 +44,13 @@ class StructureSteps:
     @cached_property
     def form(self) -> Form:
         """What the text depends on: every damper has a number there."""
-        own = form_of(self.system, pushed=True, works=True)
+        form = form_of(self.system, pushed=True, works=True)
         links, structure = self.system.n_links, self.system.structure
         assert structure is not None
         at = BEFORE + links * FIELDS.index("damping")
         first = BEFORE + links * len(FIELDS)
         every = {*range(at, at + links), *(first + k for k in dampers_of(structure))}
-        return replace(own, present=tuple(has or k in every for k, has in enumerate(own.present)))
+        return replace(form, present=tuple(has or k in every for k, has in enumerate(form.present)))
 
     @property
     def kept(self) -> list[int]:
@@ -65,29 +65,31 @@ class StructureSteps:
     @cached_property
     def module(self) -> Module:
         """The functions, written."""
-        own = Equations(self.form)
-        tape, half = own.tape, own.minimal.layout.half
-        y, (q, v) = own.y, (own.y[:half], own.y[half : 2 * half])
+        equations = Equations(self.form)
+        tape, half = equations.tape, equations.minimal.layout.half
+        y, (q, v) = equations.y, (equations.y[:half], equations.y[half : 2 * half])
         x, z = ([tape.symbol("in", kind, k) for k in range(half)] for kind in "uv")
-        slow = _without(own, LINEAR)
-        smooth = Minimal(slow, own.bodies, own.minimal.load).rates(y, own.instant)[: 2 * half].tolist()
+        slow = _without(equations, LINEAR)
+        smooth = (
+            Minimal(slow, equations.bodies, equations.minimal.load).rates(y, equations.instant)[: 2 * half].tolist()
+        )
         change = [tape.symbol("in", "v", k) for k in range(2 * half)]
         moved = along(tape, smooth, y[: 2 * half], change)
-        T, V = energies_on_carriers(own.system, q, v)
+        T, V = energies_on_carriers(equations.system, q, v)
         still = replace(slow, support=None, forces=())
-        power = Minimal(still, own.bodies, own.minimal.load).rates(y, QUIET)[-1]
-        mass, drained = (_second(tape, one, v, x, z) for one in (T, power))
+        power = Minimal(still, equations.bodies, equations.minimal.load).rates(y, QUIET)[-1]
+        mass, drained = (_second(tape, energy, v, x, z) for energy in (T, power))
         functions = {
-            "rates": own.rates,
+            "rates": equations.rates,
             "linear": [rate + more for rate, more in zip(smooth, moved, strict=True)],
             "stored": [T, V],
             "paired": [mass, _second(tape, V, q, x, z), -0.5 * drained],
         }
         if self.system.kicked:
-            solvers = list(zip(own.system.groups, own.bodies, strict=True))
+            solvers = list(zip(equations.system.groups, equations.bodies, strict=True))
             impulses = np.empty(half, dtype=object)
             impulses[:] = x
-            functions["impelled"] = inverted_on_carriers(Carriers(own.system), solvers, q, impulses).tolist()
+            functions["impelled"] = inverted_on_carriers(Carriers(equations.system), solvers, q, impulses).tolist()
         return Module(tape, functions)
 
 
@@ -96,13 +98,13 @@ def structure_steps(system: System) -> StructureSteps:
     return StructureSteps(system)
 
 
-def _without(own: Equations, names: Sequence[str]) -> System:
+def _without(equations: Equations, names: Sequence[str]) -> System:
     """The system of these equations with 0 for these numbers of links."""
-    entries, links = [*own.entries], own.system.n_links
+    entries, links = [*equations.entries], equations.system.n_links
     for name in names:
         at = BEFORE + links * FIELDS.index(name)
         entries[at : at + links] = [0.0] * links
-    return system_with(own.system, entries)
+    return system_with(equations.system, entries)
 
 
 def _second(tape: Any, value: Any, by: Any, x: Sequence[Any], z: Sequence[Any]) -> Any:

@@ -53,12 +53,12 @@ def find_symmetries(system: System, start: State, *, planar: bool = True) -> tup
     """
     if system.modal_damping is not None or system.hoisting is not None or system.structure is not None:
         return ()
-    found: list[Symmetry] = []
+    symmetries: list[Symmetry] = []
     for find in (*([in_one_plane] if planar else []), near, synchronous, natural):
         if symmetry := find(system, start):
-            found.append(symmetry)
+            symmetries.append(symmetry)
             system, start = symmetry.system, symmetry.restrict(start)
-    return tuple(found)
+    return tuple(symmetries)
 
 
 def symmetrize(symmetries: Sequence[Symmetry], state: State) -> tuple[Motion, Motion]:
@@ -178,8 +178,8 @@ def _mirrored(system: System, start: State) -> bool:
         image = [np.where(start.links == np.pi, np.pi, 0.0 - start.links), 0.0 - start.link_rates]
     behind = replace(start, links=image[0], link_rates=image[1])
     for group in system.groups:
-        one, other = (np.unique(_table(group, state), axis=0, return_counts=True) for state in (start, behind))
-        if not (np.array_equal(one[0], other[0]) and np.array_equal(one[1], other[1])):
+        rows, mirrored = (np.unique(_table(group, state), axis=0, return_counts=True) for state in (start, behind))
+        if not (np.array_equal(rows[0], mirrored[0]) and np.array_equal(rows[1], mirrored[1])):
             return False
     return True
 
@@ -200,7 +200,7 @@ def near(system: System, start: State) -> Symmetry | None:
 
 def _unwound(system: System, links: Floats) -> Floats:
     """Angles within half a turn of the downward vertical; joints with a spring or a drive keep their bend."""
-    found = links.copy()
+    unwound = links.copy()
     for group in system.groups:
         angles = links[group.index]
         within = np.where(np.abs(angles) > np.pi, np.arctan2(np.sin(angles), np.cos(angles)), angles)
@@ -209,11 +209,11 @@ def _unwound(system: System, links: Floats) -> Floats:
         held = group.block.stiffness > 0
         if group.excitation:
             held = held | (group.excitation.curb > 0)
-        for own, bent, kept in zip(within, bend, held, strict=True):
-            own[kept] = (above + bent)[kept]
-            above = own
-        found[group.index] = within
-    return found
+        for links_within, bent, kept in zip(within, bend, held, strict=True):
+            links_within[kept] = (above + bent)[kept]
+            above = links_within
+        unwound[group.index] = within
+    return unwound
 
 
 def natural(system: System, start: State) -> Symmetry | None:

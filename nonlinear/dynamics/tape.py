@@ -36,9 +36,9 @@ class Tape:
         """So many more inputs of a kind, an array (count,)."""
         at = self.sizes.get(kind, 0)
         self.sizes[kind] = at + count
-        found = np.empty(count, dtype=object)
-        found[:] = [self.symbol("in", kind, k) for k in range(at, at + count)]
-        return found
+        symbols = np.empty(count, dtype=object)
+        symbols[:] = [self.symbol("in", kind, k) for k in range(at, at + count)]
+        return symbols
 
 
 def _scalar(operation: Any) -> Any:
@@ -136,15 +136,15 @@ _of_each = np.frompyfunc(Symbol.where, 3, 1)
 
 def uses(tape: Tape, outputs: Sequence[Any]) -> dict[int, int]:
     """How often each symbol is used, by its identity; the symbols of these are `order`."""
-    found: dict[int, int] = {}
+    counts: dict[int, int] = {}
     wanted = list(outputs)
     while wanted:
         value = wanted.pop()
         if isinstance(value, Symbol):
-            found[id(value)] = found.get(id(value), 0) + 1
-            if found[id(value)] == 1:
+            counts[id(value)] = counts.get(id(value), 0) + 1
+            if counts[id(value)] == 1:
                 wanted += value.operation[1:]
-    return found
+    return counts
 
 
 def order(tape: Tape, used: dict[int, int]) -> list[Symbol]:
@@ -161,7 +161,7 @@ def partials(tape: Tape, outputs: Sequence[Any], by: Sequence[Symbol]) -> list[d
     for symbol in order(tape, uses(tape, outputs)):
         if id(symbol) not in slopes:
             slopes[id(symbol)] = _chained(symbol, slopes)
-    return [slopes[id(one)] if isinstance(one, Symbol) else {} for one in outputs]
+    return [slopes[id(output)] if isinstance(output, Symbol) else {} for output in outputs]
 
 
 def along(tape: Tape, outputs: Sequence[Any], by: Sequence[Symbol], v: Sequence[Any]) -> list[Any]:
@@ -170,7 +170,7 @@ def along(tape: Tape, outputs: Sequence[Any], by: Sequence[Symbol], v: Sequence[
     for symbol in order(tape, uses(tape, outputs)):
         if id(symbol) not in slopes:
             slopes[id(symbol)] = _chained(symbol, slopes)
-    return [slopes[id(one)].get(0, 0.0) if isinstance(one, Symbol) else 0.0 for one in outputs]
+    return [slopes[id(output)].get(0, 0.0) if isinstance(output, Symbol) else 0.0 for output in outputs]
 
 
 LEAST = 1e-300
@@ -195,10 +195,10 @@ def _chained(symbol: Symbol, slopes: dict[int, dict[int, Any]]) -> dict[int, Any
     operator, *operands = symbol.operation
     if operator == "in":
         return {}
-    each = [slopes[id(one)] if isinstance(one, Symbol) else {} for one in operands]
-    found = {}
+    each = [slopes[id(operand)] if isinstance(operand, Symbol) else {} for operand in operands]
+    changes = {}
     for k in sorted(set().union(*each)):
         change = RULES[operator](symbol, *operands, *(slope.get(k, 0.0) for slope in each))
         if isinstance(change, Symbol) or change:
-            found[k] = change
-    return found
+            changes[k] = change
+    return changes

@@ -55,7 +55,7 @@ def _first_order(function: Callable[[Any], Any], slope: Callable[[Any, Any], Any
     `slope` is its derivative, from x and the function there; of few the function itself is as fast.
     """
 
-    def found(z: Any) -> Any:
+    def applied(z: Any) -> Any:
         if not _is_wide(z):
             return function(z)
         x = z.real[..., :1]
@@ -64,7 +64,7 @@ def _first_order(function: Callable[[Any], Any], slope: Callable[[Any, Any], Any
         np.multiply(slope(x, value), z.imag, out=result.imag)
         return result
 
-    return found
+    return applied
 
 
 def _root(x: Any) -> Any:
@@ -88,12 +88,12 @@ def _inverse(z: Any) -> Any:
     """1/z of columns: NumPy's division of complex numbers takes ten times as long as its product."""
     if not _is_wide(z):
         return 1.0 / z
-    found = np.empty_like(z)
+    quotient = np.empty_like(z)
     inverse = 1.0 / z.real
-    found.real = inverse
+    quotient.real = inverse
     inverse *= -inverse
-    np.multiply(inverse, z.imag, out=found.imag)
-    return found
+    np.multiply(inverse, z.imag, out=quotient.imag)
+    return quotient
 
 
 FUNCTIONS["columns"] = {
@@ -113,24 +113,24 @@ class Module:
     def __init__(self, tape: Tape, functions: Mapping[str, Sequence[Any]]) -> None:
         self.sizes, self.functions = dict(tape.sizes), {name: list(outputs) for name, outputs in functions.items()}
         used = {name: uses(tape, outputs) for name, outputs in self.functions.items()}
-        every = uses(tape, [one for outputs in self.functions.values() for one in outputs])
+        every = uses(tape, [each for outputs in self.functions.values() for each in outputs])
         symbols = order(tape, every)
         still = _still(symbols)
         ends = _ends(symbols, self.functions.values(), still)
         self._before = _Lines("t")
         self._before.add([symbol for symbol in symbols if id(symbol) in still], every, ends)
         self.kept = [self._before.names[id(symbol)] for symbol in symbols if id(symbol) in ends]
-        constants = {id(symbol): f"c{k}" for k, symbol in enumerate(one for one in symbols if id(one) in ends)}
+        constants = {id(symbol): f"c{k}" for k, symbol in enumerate(each for each in symbols if id(each) in ends)}
         self._lines = {name: _Lines("x", constants) for name in functions}
         for name, lines in self._lines.items():
-            lines.add([one for one in symbols if id(one) in used[name] and id(one) not in still], used[name], set())
+            lines.add([each for each in symbols if id(each) in used[name] and id(each) not in still], used[name], set())
 
     def constants(self, p: Sequence[Any]) -> list[Any]:
         """The constants of all functions, from the numbers of one scene, or of many in arrays."""
         names = "".join(f"p{k}, " for k in range(self.sizes.get("p", 0)))
         body = [f" {names}= p"] * bool(names) + [f" {line}" for line in self._before.lines]
         text = "\n".join(("def constants(p):", *body, f" return [{', '.join(self.kept)}]"))
-        target = "arrays" if any(isinstance(one, np.ndarray) for one in p) else "floats"
+        target = "arrays" if any(isinstance(number, np.ndarray) for number in p) else "floats"
         return function_in(text, "constants", target)(p)  # type: ignore[no-any-return]
 
     @property
@@ -140,7 +140,7 @@ class Module:
 
     def components(self, name: str) -> list[str]:
         """What a function returns, as words."""
-        return [self._lines[name].word(one) for one in self.functions[name]]
+        return [self._lines[name].word(output) for output in self.functions[name]]
 
     @cache  # noqa: B019 - a module is kept with what is written of it
     def python(self, name: str, columns: bool = False) -> str:
@@ -153,7 +153,9 @@ class Module:
         before: list[str] = []
         if columns:
             pairs, inverses = dict[str, tuple[str, str]](), set[str]()
-            lines = [own for line in lines for one in _paired(line, pairs) for own in _inverted(one, inverses)]
+            lines = [
+                part for line in lines for written in _paired(line, pairs) for part in _inverted(written, inverses)
+            ]
             before = [line for line in lines if re.match(r"ic\d+ =", line)]
             lines = [line for line in lines if line not in before]
         return "\n".join(
@@ -184,21 +186,21 @@ class Module:
         are computed together.
         """
         pairs: dict[str, tuple[str, str]] = {}
-        reads = [("c", k) for k in range(len(self.kept))] + [one.operation[1:] for one in self._lines[name].given]
+        reads = [("c", k) for k in range(len(self.kept))] + [read.operation[1:] for read in self._lines[name].given]
         lines = [f"  {kind}{k} = {kind}[{k}, k]" for kind, k in reads]
-        written = [*self._lines[name].lines, *(f"o[{k}, k] = {one}" for k, one in enumerate(self.components(name)))]
+        written = [*self._lines[name].lines, *(f"o[{k}, k] = {word}" for k, word in enumerate(self.components(name)))]
         for line in written:
-            lines += [f"  {one}" for one in _paired(line, pairs)]
+            lines += [f"  {each}" for each in _paired(line, pairs)]
         return "\n".join((f"def {called or name}(y, u, v, c, o):", " for k in range(WIDTH):", *lines)) + "\n"
 
     def scalar(self, name: str, called: str = "") -> str:
         """The source of a function (c, y, u, v) of lists, by default `called` as it is here, for Python and numba."""
-        found = self.components(name)
-        text = "\n".join((*self._lines[name].lines, *found))
-        reads = [one for one in self.names if re.search(rf"\b{one}\b", text)]
-        reads += [f"{kind}{k}" for kind, k in (one.operation[1:] for one in self._lines[name].given)]
-        lines = [*(f"{one} = {one[0]}[{one[1:]}]" for one in reads), *self._lines[name].lines]
-        returned = f"return [{', '.join(found)}]"
+        components = self.components(name)
+        text = "\n".join((*self._lines[name].lines, *components))
+        reads = [constant for constant in self.names if re.search(rf"\b{constant}\b", text)]
+        reads += [f"{kind}{k}" for kind, k in (symbol.operation[1:] for symbol in self._lines[name].given)]
+        lines = [*(f"{read} = {read[0]}[{read[1:]}]" for read in reads), *self._lines[name].lines]
+        returned = f"return [{', '.join(components)}]"
         return "\n".join((f"def {called or name}(c, y, u, v):", *(f" {line}" for line in [*lines, returned]))) + "\n"
 
     def javascript(self, *names: str) -> str:
@@ -211,15 +213,15 @@ class Module:
         for name, lines in self._lines.items():
             if names and name not in names:
                 continue
-            found = self.components(name)
-            text = "\n".join((*lines.lines, *found))
-            constants = [one for one in self.names if re.search(rf"\b{one}\b", text)]
-            ends = (f"o[{k}] = {one};" for k, one in enumerate(found))
+            components = self.components(name)
+            text = "\n".join((*lines.lines, *components))
+            constants = [constant for constant in self.names if re.search(rf"\b{constant}\b", text)]
+            ends = (f"o[{k}] = {word};" for k, word in enumerate(components))
             made.append(_braced(f"{name}(c, y, u, v, o)", lines, constants, *ends))
         return "\n".join(("{", *made, "}"))
 
     def _kinds(self, name: str) -> list[str]:
-        wanted = {one.operation[1] for one in self._lines[name].given}
+        wanted = {symbol.operation[1] for symbol in self._lines[name].given}
         return [kind for kind in KINDS if kind in wanted]
 
 
@@ -233,19 +235,20 @@ class _Lines:
     def add(self, symbols: Sequence[Symbol], used: Mapping[int, int], kept: set[int]) -> None:
         """Write these symbols, those that are `kept` in a line of their own."""
         deep: dict[int, int] = {}
-        angles = {id(one.operation[1]) for one in symbols if one.operation[0] in {"sin", "cos"}}
+        angles = {id(symbol.operation[1]) for symbol in symbols if symbol.operation[0] in {"sin", "cos"}}
         for symbol in symbols:
             operator, *operands = symbol.operation
-            given = operator == "in"
-            text = f"{operands[0]}{operands[1]}" if given else joined(operator, [self.word(one) for one in operands])
-            deep[id(symbol)] = 0 if given else 1 + max(deep.get(id(operand), 0) for operand in operands)
+            is_input = operator == "in"
+            words = operands if is_input else [self.word(operand) for operand in operands]
+            text = f"{words[0]}{words[1]}" if is_input else joined(operator, words)
+            deep[id(symbol)] = 0 if is_input else 1 + max(deep.get(id(operand), 0) for operand in operands)
             often = used[id(symbol)] > 1 or id(symbol) in angles
-            if id(symbol) in kept or (not given and (often or deep[id(symbol)] >= DEEPEST)):
+            if id(symbol) in kept or (not is_input and (often or deep[id(symbol)] >= DEEPEST)):
                 name = f"{self.letter}{len(self.lines)}"
                 self.lines.append(f"{name} = {text}")
                 text, deep[id(symbol)] = name, 0
             self.names[id(symbol)] = text
-            self.given += [symbol] * given
+            self.given += [symbol] * is_input
 
     def word(self, value: Any) -> str:
         """A value as it is called in the text."""
@@ -261,7 +264,9 @@ def joined(operator: str, parts: Sequence[str]) -> str:
 
 def _braced(head: str, lines: _Lines, constants: Sequence[str], *ends: str) -> str:
     """A method of an object in JavaScript: what it reads from arrays, its lines, its ends."""
-    reads = [(one[0], int(one[1:])) for one in constants] + [one.operation[1:] for one in lines.given]
+    reads = [(constant[0], int(constant[1:])) for constant in constants] + [
+        symbol.operation[1:] for symbol in lines.given
+    ]
     body = [f"{kind}{k} = {kind}[{k}]" for kind, k in reads] + lines.lines
     return "\n".join((f"{head} {{", *(f"const {line};" for line in body), *ends, "},"))
 
@@ -293,23 +298,23 @@ def _inverted(line: str, inverses: set[str]) -> list[str]:
 
 def _still(symbols: Sequence[Symbol]) -> set[int]:
     """What depends on the numbers of a scene alone."""
-    found: set[int] = set()
+    fixed_symbols: set[int] = set()
     for symbol in symbols:
         operator, *operands = symbol.operation
         if operator == "in":
             fixed = operands[0] == "p"
         else:
-            fixed = all(id(own) in found for own in operands if isinstance(own, Symbol))
+            fixed = all(id(operand) in fixed_symbols for operand in operands if isinstance(operand, Symbol))
         if fixed:
-            found.add(id(symbol))
-    return found
+            fixed_symbols.add(id(symbol))
+    return fixed_symbols
 
 
 def _ends(symbols: Sequence[Symbol], functions: Any, still: set[int]) -> set[int]:
     """What is still and wanted by what is not, or returned."""
-    wanted = [own for symbol in symbols if id(symbol) not in still for own in symbol.operation[1:]]
-    wanted += [one for outputs in functions for one in outputs]
-    return {id(own) for own in wanted if isinstance(own, Symbol) and id(own) in still}
+    wanted = [operand for symbol in symbols if id(symbol) not in still for operand in symbol.operation[1:]]
+    wanted += [output for outputs in functions for output in outputs]
+    return {id(operand) for operand in wanted if isinstance(operand, Symbol) and id(operand) in still}
 
 
 def sincos(x: Any) -> Any:

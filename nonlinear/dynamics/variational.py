@@ -84,15 +84,15 @@ class Variational(Generated):
         try:
             if self.system.n_links > SPARSE:
                 return self._by_directions(y, u)
-            found = self._derivatives[target](y.tolist() if y.ndim == 1 else y, u)
+            values = self._derivatives[target](y.tolist() if y.ndim == 1 else y, u)
         except UNDEFINED:
             raise ComputationError(SINGULAR) from None
         _, rows, columns = jacobian_of(self.form)
         rate, J = np.empty(y.shape), np.zeros((*y.shape[1:], self.size, self.size))
-        for k, one in enumerate(found[: self.size]):
-            rate[k] = one
-        for row, column, one in zip(rows, columns, found[self.size :], strict=True):
-            J[..., row, column] = one
+        for k, value in enumerate(values[: self.size]):
+            rate[k] = value
+        for row, column, value in zip(rows, columns, values[self.size :], strict=True):
+            J[..., row, column] = value
         return rate, J
 
     @cached_property
@@ -109,14 +109,14 @@ class Variational(Generated):
         return module.function("rates", constants, "arrays")
 
     def _by_directions(self, y: Floats, u: Any) -> tuple[Floats, Floats]:
-        size, inputs = self.size, [np.asarray(one)[..., None] for one in u]
+        size, inputs = self.size, [np.asarray(value)[..., None] for value in u]
         directions = np.eye(size).reshape(size, *[1] * (y.ndim - 1), size)
         with np.errstate(all="ignore"):
-            found = self.tangent([*y[..., None], *directions], inputs)
+            values = self.tangent([*y[..., None], *directions], inputs)
         rate, J = np.empty(y.shape), np.empty((*y.shape[1:], size, size))
         for k in range(size):
-            rate[k] = np.asarray(found[k])[..., 0] if np.ndim(found[k]) else found[k]
-            J[..., k, :] = found[size + k]
+            rate[k] = np.asarray(values[k])[..., 0] if np.ndim(values[k]) else values[k]
+            J[..., k, :] = values[size + k]
         return rate, J
 
     @property
@@ -131,11 +131,11 @@ class Variational(Generated):
         """
         name = "sticking" if self.form.contacts else "rates"
         module = switching_of(self.form) if self.form.contacts else module_of(self.form)
-        p = [np.array([one + 1j * TINY * step]) for one, step in zip(self.numbers, change.tolist(), strict=True)]
+        p = [np.array([value + 1j * TINY * step]) for value, step in zip(self.numbers, change.tolist(), strict=True)]
         inputs = np.asarray(u) + 1j * TINY * np.asarray(moved) if len(moved) else u
         with np.errstate(all="ignore"):
-            found = module.function(name, module.constants(p), "arrays")([*y.astype(complex)], inputs)
-        return np.array([np.broadcast_to(np.imag(one), y.shape[1:]) for one in found[: self.size]]) / TINY
+            values = module.function(name, module.constants(p), "arrays")([*y.astype(complex)], inputs)
+        return np.array([np.broadcast_to(np.imag(value), y.shape[1:]) for value in values[: self.size]]) / TINY
 
     def energy_slope(self, y: Floats) -> Floats:
         """The derivative of the energy (J) by y, (d,)."""
@@ -146,7 +146,7 @@ class Variational(Generated):
 
         Any other scene has them from `nonlinear.dynamics.hamiltonian`.
         """
-        return np.array([np.broadcast_to(one, q.shape[1:]) for one in self._momenta([*q, *v])])
+        return np.array([np.broadcast_to(value, q.shape[1:]) for value in self._momenta([*q, *v])])
 
     def impulse_slope(self, y: Floats, along: Floats) -> Floats:
         """The derivative by y (d,) of the momentum of a structure along a displacement (half,) of its coordinates."""
@@ -183,14 +183,14 @@ class Variational(Generated):
 @lru_cache(maxsize=64)
 def _gradients(form: Form) -> Module:
     """The functions "energy" and, without a structure, "momentum" of a form: the derivatives of both by y."""
-    own = Symbolic(form)
-    system, on_cart = own.system, form.first
+    symbolic = Symbolic(form)
+    system, on_cart = symbolic.system, form.first
     half = system.n_links + on_cart
-    y = own.tape.inputs("y", 2 * half)
+    y = symbolic.tape.inputs("y", 2 * half)
     if system.structure is not None:
-        (slopes,) = partials(own.tape, [energy_on_carriers(system, y[:half], y[half:])], list(y))
+        (slopes,) = partials(symbolic.tape, [energy_on_carriers(system, y[:half], y[half:])], list(y))
         energy = [slopes.get(k, 0.0) for k in range(2 * half)]
-        return Module(own.tape, {"energy": energy, "momenta": energy[half:]})
+        return Module(symbolic.tape, {"energy": energy, "momenta": energy[half:]})
     links, rates, cart, speed = y[on_cart:half], y[half + on_cart :], y[0] if on_cart else 0.0, y[half]
     p = momenta(system, State(links, rates, cart_rate=speed if on_cart else 0.0))
     energy = (y[half:] * p).sum() / 2 + potential(system, cart, links)
@@ -200,6 +200,6 @@ def _gradients(form: Form) -> Module:
     for group in system.groups:
         if group.dragged:
             outside = outside + plane_drag(group, links[group.index], rates[group.index], speed).on_cart
-    slopes, conserved, lost = partials(own.tape, [energy, p[0], outside], list(y))
+    slopes, conserved, lost = partials(symbolic.tape, [energy, p[0], outside], list(y))
     momentum = [conserved.get(k, 0.0) - (lost.get(half + k, 0.0) if k < half else 0.0) for k in range(2 * half)]
-    return Module(own.tape, {"energy": [slopes.get(k, 0.0) for k in range(2 * half)], "momentum": momentum})
+    return Module(symbolic.tape, {"energy": [slopes.get(k, 0.0) for k in range(2 * half)], "momentum": momentum})

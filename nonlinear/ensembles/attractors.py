@@ -87,7 +87,7 @@ def find_attractors(
         duration = settling_time(scene, period) + KEPT * period
     last = int(duration / period * (1 + 1e-12))
     if last < KEPT:
-        raise SceneError([f"duration {duration:g} s: an attractor is told from {KEPT} periods of {period:.4g} s"])
+        raise SceneError([f"duration {duration:g} s: an attractor takes {KEPT} periods of {period:.4g} s"])
     times = strobe_times(period, settle=(last - KEPT + 1) * period)
     ensembled = ensemble(scene, max(duration, times[-1]), vary=axes, output=times.tolist(), report=report, **options)
     if ensembled.interrupted:

@@ -261,8 +261,8 @@ def _none(basins: Basins) -> str:
     if not basins.names or not basins.shares()[NONE]:
         return words
     if basins.attractor is not None:
-        return f"{words}; {NONE}: still on the way, or not periodic within {LONGEST} periods of the drives"
-    return f"{words}; {NONE}: at rest, still on the way, or in another motion"
+        return f"{words}; {NONE}: not settled yet, or not periodic within {LONGEST} periods of the drives"
+    return f"{words}; {NONE}: at rest, not settled yet, or in another motion"
 
 
 def _ends(basins: Basins) -> str:

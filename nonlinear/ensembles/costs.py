@@ -91,7 +91,7 @@ def choose_engine(
     offers = _offers(members, duration, tolerance, measures)
     best = best_of(offers, anew=anew)
     seconds = offers[best].price(anew=True) if anew else offers[best].seconds
-    return Decision(best, f"the fastest for so many, about {seconds:.2g} s on one core", forgone_by(offers, best))
+    return Decision(best, f"the fastest for this many, about {seconds:.2g} s on one core", forgone_by(offers, best))
 
 
 def _recorded(name: str, scene: Scene) -> bool:

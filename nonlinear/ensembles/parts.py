@@ -118,7 +118,7 @@ class Parts:
         part = self.question.part(number)
         why = ""
         if (fingerprint := header.get("multipendula_ensemble")) != self.question.fingerprint:
-            why = "does not say of which ensemble it is" if fingerprint is None else "is a chunk of another ensemble"
+            why = "does not name its ensemble" if fingerprint is None else "is a chunk of another ensemble"
         elif (header["first"], header["size"]) != (part.first, part.size):
             last = int(header["first"]) + int(header["size"]) - 1
             why = f"holds members {header['first']} to {last}, not {part.first} to {part.first + part.size - 1}"

@@ -132,7 +132,7 @@ def _speed(recording: Recording, sensor: int) -> float:
 
 
 def _told(mistake: Mistake, left: float) -> str:
-    return f"{mistake.words}: read so, the beginning fits to {100 * left:.2g} % ({mistake.way})"
+    return f"{mistake.words}: read in this way, the beginning fits to {100 * left:.2g} % ({mistake.way})"
 
 
 def require_seconds(scene: Scene, recording: Recording) -> None:

@@ -295,7 +295,7 @@ def _table(
 ) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The header of a file, and its rows with their line numbers."""
     try:
-        text = text_of(name)
+        text = text_of(name, "CSV text")
         reader = csv.reader(line for line in io.StringIO(text, newline="") if not line.startswith("#"))
         header, *rows = [*enumerate(reader, 1)] or [(1, [])]
     except SceneError as error:
@@ -316,7 +316,7 @@ def _table(
         raise SceneError([f"{name}: {problem}" for problem in problems])
     full = [(line, row) for line, row in rows if any(word.strip() for word in row)]
     if ragged := [line for line, row in full if len(row) != len(columns)]:
-        raise SceneError([f"{name}: line {ragged[0]} has not {len(columns)} cells like the first"])
+        raise SceneError([f"{name}: line {ragged[0]}: must have {len(columns)} cells like the first"])
     used = [
         (line, row)
         for line, row in full
@@ -413,7 +413,7 @@ def _segment_problems(segment: Segment, sensors: Sequence[Sensor]) -> Iterator[s
     back = np.flatnonzero(np.diff(segment.times) <= 0)
     if len(back):
         at = segment.times[back[0]]
-        yield f"{segment.where}: the time does not go on after {at:.9g} s"
+        yield f"{segment.where}: the time does not increase after {at:.9g} s"
     if len(segment.times) > 1:
         yield from _clock_problems(segment)
     if len(segment.times) < FEWEST:

@@ -184,7 +184,7 @@ class StickSlip:
             self.rest = time
 
     def _account(self, y: Floats) -> None:
-        """The work of constant friction since the last change, M times the way: between changes no contact turns."""
+        """The work of constant friction since the last change, M times the angle slid: no contact turns back before."""
         place = self.equations.place(y)
         self._work -= self.equations.contacts.limit * np.abs(place - self._turned)
         self._turned = place

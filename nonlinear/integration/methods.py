@@ -237,9 +237,9 @@ def equations_of(
 
         return Maximal(system, load)
     if choice.form == "hamiltonian":
-        from nonlinear.dynamics import Hamiltonian
+        from nonlinear.dynamics import Hamiltonian, SpatialHamiltonian
 
-        return Hamiltonian(system, load)
+        return SpatialHamiltonian(system, load) if system.spatial else Hamiltonian(system, load)
     if choice.compiled:
         with undisturbed():
             from nonlinear.dynamics.compiled import Compiled

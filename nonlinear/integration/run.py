@@ -263,4 +263,4 @@ def _haste(scene: Scene, duration: float) -> str:
     if swing * duration < HASTE:
         return ""
     words = f"; the fastest swing of this scene, {swing:.3g} rad/s, cannot be followed for {duration:g} s"
-    return f"{words}: remove whatever is so light or so stiff, or simulate a shorter time"
+    return f"{words}: remove what is so light or so stiff, or simulate a shorter time"

@@ -121,7 +121,7 @@ class Floquet(Displayed):
         kind = "stable" if self.is_stable else "unstable"
         largest = float(np.abs(self.others).max(initial=0.0))
         title = f"{len(self.all)} multipliers, {self.neutral} of them neutral: {kind}"
-        return Summary(title, [("largest besides", brief(largest))])
+        return Summary(title, [("largest of the others", brief(largest))])
 
     @property
     def all(self) -> Complexes:

@@ -151,7 +151,7 @@ def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
     if still.omega[row] == 0:
         raise SceneError([f"mode {number}: a rigid translation does not oscillate"])
     if _is_carriers_alone(still, row):
-        raise SceneError([f"mode {number}: moves no link, and orbits are told by the largest angle of one"])
+        raise SceneError([f"mode {number}: moves no link, and orbits are labelled by the largest angle of one"])
     return still, row
 
 

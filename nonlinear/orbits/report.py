@@ -20,8 +20,8 @@ from nonlinear.orbits.special import Special
 CLOSED = 1e-11  # least residual that is told
 SHOWN = 16  # orbits of a branch in the text
 STABLE = (
-    "stable: no disturbance of the orbit grows; largest |μ|: of its Floquet multipliers besides those that are 1 by a "
-    "shift of time or place and by conserved quantities."
+    "stable: no disturbance of the orbit grows; largest |μ|: of its Floquet multipliers other than those that are 1 by "
+    "a shift of time or place and by conserved quantities."
 )
 PHASES = (
     "phase: by how much the fundamental of the link with the largest angle is ahead of the first drive; fed: the "
@@ -80,7 +80,7 @@ def _parameter(branch: Branch, orbit: Orbit) -> float:
 
 
 def orbits_csv(branches: Sequence[Branch]) -> str:
-    """One line for every orbit, with the size of its largest multiplier besides those that are 1 for a known reason."""
+    """One line for every orbit, with its largest multiplier other than those that are 1 for a known reason."""
     return as_csv(
         [
             {

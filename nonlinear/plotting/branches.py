@@ -16,7 +16,7 @@ from modal.types import Floats
 from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
 
 if TYPE_CHECKING:
-    from nonlinear.synchronization import Branch, Branches
+    from nonlinear.synchronization import Branches, EquilibriumBranch
 
 MOST_CURVES = HUES
 
@@ -48,7 +48,7 @@ def branches_figure(found: Branches) -> Figure:
     return figure
 
 
-def _curve(axis: Axes, one: Branch, y: Floats, number: int) -> None:
+def _curve(axis: Axes, one: EquilibriumBranch, y: Floats, number: int) -> None:
     draw_branch(axis, one.values, y, one.is_stable, number)
     critical = [change.value for change in one.changes]
     axis.plot(critical, np.interp(critical, one.values, y), **mark())

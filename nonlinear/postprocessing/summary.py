@@ -71,7 +71,7 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if trajectory.keeps_momentum or trajectory.keeps_spin:
         which = "along the rail" if trajectory.keeps_momentum else "about the vertical"
         yield "momentum", f"drift {trajectory.momentum_drift():.2g}, {which}"
-    if run.form in {"maximal", "spatial"}:
+    if run.form in {"maximal", "spatial"} or (run.form == "hamiltonian" and trajectory.system.spatial):
         yield "constraints", f"drift {trajectory.constraint_drift():.2g} in a step"
     for happening in trajectory.happenings[:MOST_EVENTS]:
         yield "event", f"{happening.name} at {happening.time:.12g} s"

@@ -10,7 +10,7 @@ leave the motions in which they all do the same (`sectors`), and where (`thresho
 measures, `continuation` follows branches, `report` words both.
 """
 
-from nonlinear.synchronization.continuation import Branch, Branches, follow_branches
+from nonlinear.synchronization.continuation import Branches, EquilibriumBranch, follow_branches
 from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.patterns import agreement
 from nonlinear.synchronization.phases import ENDING, Phases, phases_of
@@ -23,8 +23,8 @@ from nonlinear.synchronization.thresholds import MotionBranch, PopulationDiagram
 
 __all__ = [
     "ENDING",
-    "Branch",
     "Branches",
+    "EquilibriumBranch",
     "MotionBranch",
     "Phases",
     "PopulationDiagram",

@@ -24,15 +24,15 @@ CLOSE, WIDE = 0.1, 0.3  # largest relative differences of frequency and amplitud
 MARGINS = (0.01, 0.05, 0.2)  # of the range: how far from a critical value orbits begin
 
 
-def certified(scene: Scene, one: RelativeEquilibrium) -> Orbit | None:
+def certified(scene: Scene, equilibrium: RelativeEquilibrium) -> Orbit | None:
     """The periodic orbit of a configuration, None where none was found close to it."""
-    if not _periodic(scene, one):
+    if not _periodic(scene, equilibrium):
         return None
     try:
-        orbit = cycle_of(scene, one)
+        orbit = cycle_of(scene, equilibrium)
     except ComputationError:
         return None
-    return orbit if _close(orbit, one) else None
+    return orbit if _close(orbit, equilibrium) else None
 
 
 def uncertified(scene: Scene) -> str:
@@ -42,14 +42,14 @@ def uncertified(scene: Scene) -> str:
     return "; ".join(refusals(scene, "a periodic orbit"))
 
 
-def _periodic(scene: Scene, one: RelativeEquilibrium) -> bool:
-    return not uncertified(scene) and len(swinging(one.averaged, one.z)) == 1
+def _periodic(scene: Scene, equilibrium: RelativeEquilibrium) -> bool:
+    return not uncertified(scene) and len(swinging(equilibrium.averaged, equilibrium.z)) == 1
 
 
-def _close(orbit: Orbit, one: RelativeEquilibrium) -> bool:
-    amplitude = float(one.averaged.largest(one.z))
-    same = abs(orbit.omega / one.omega - 1) < CLOSE and abs(orbit.amplitude / amplitude - 1) < WIDE
-    return bool(same and np.abs(own_amplitudes(one)).max() > 0)
+def _close(orbit: Orbit, equilibrium: RelativeEquilibrium) -> bool:
+    amplitude = float(equilibrium.averaged.largest(equilibrium.z))
+    same = abs(orbit.omega / equilibrium.omega - 1) < CLOSE and abs(orbit.amplitude / amplitude - 1) < WIDE
+    return bool(same and np.abs(own_amplitudes(equilibrium)).max() > 0)
 
 
 def critical(
@@ -68,8 +68,8 @@ def critical(
             continue
         tried.add(k)
         try:
-            if found := crossed(scene, variation, states[k], float(values[k]), at):
-                return found
+            if special := crossed(scene, variation, states[k], float(values[k]), at):
+                return special
         except ComputationError:
             continue
     return None

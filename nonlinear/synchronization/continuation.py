@@ -64,7 +64,7 @@ class Change:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Branch(Displayed):
+class EquilibriumBranch(Displayed):
     """One configuration at K ascending values: those of the variation within its range and others between."""
 
     variation: Variation
@@ -110,8 +110,8 @@ class Branch(Displayed):
 
     def _flips(self) -> Iterator[tuple[float, int]]:
         """The midpoint of two values of different stability, and the index of the second."""
-        for after, (one, other) in enumerate(pairwise(self.is_stable), start=1):
-            if one != other:
+        for after, (state, other) in enumerate(pairwise(self.is_stable), start=1):
+            if state != other:
                 yield float((self.values[after - 1] + self.values[after]) / 2), after
 
     def _beat(self, after: int) -> float:
@@ -132,12 +132,12 @@ class Branches(Displayed):
 
     scene: Scene
     variation: Variation
-    branches: tuple[Branch, ...]
+    branches: tuple[EquilibriumBranch, ...]
 
     @property
     def changes(self) -> tuple[tuple[Change, int], ...]:
         """Critical values of all branches in ascending order, each with the number of its branch, from 0."""
-        every = ((change, number) for number, one in enumerate(self.branches) for change in one.changes)
+        every = ((change, number) for number, branch in enumerate(self.branches) for change in branch.changes)
         return tuple(sorted(every, key=lambda pair: pair[0].value))
 
     @cached_property
@@ -147,8 +147,8 @@ class Branches(Displayed):
         None where no such point was found beside it.
         """
         return tuple(
-            critical(self.scene, one.variation, one.states, one.values, change.value)
-            for change, one in ((change, self.branches[number]) for change, number in self.changes)
+            critical(self.scene, branch.variation, branch.states, branch.values, change.value)
+            for change, branch in ((change, self.branches[number]) for change, number in self.changes)
         )
 
 
@@ -166,34 +166,34 @@ def follow_branches(scene: Scene, variation: Variation, report: Report = lambda 
         raise SceneError([f"{variation.path}: branches need two or more values of a continuous parameter"])
     require(scene, "a branch of configurations")
     walk = Walk(scene, variation)
-    found: list[Branch] = []
-    for value in _places(variation, found):
+    branches: list[EquilibriumBranch] = []
+    for value in _places(variation, branches):
         for state in relative_equilibria(walk.at(value)):
-            if not any(same(state, other) for other in _known(found, value)):
+            if not any(same(state, other) for other in _known(branches, value)):
                 values, states = zip(*walk.whole(value, state), strict=True)
-                found.append(Branch(variation, np.array(values), states))
-                report(len(found))
-    order = sorted(found, key=lambda one: (one.values[0], one.omega[0]))
+                branches.append(EquilibriumBranch(variation, np.array(values), states))
+                report(len(branches))
+    order = sorted(branches, key=lambda branch: (branch.values[0], branch.omega[0]))
     return Branches(scene, variation, tuple(order))
 
 
-def _known(found: Sequence[Branch], value: float) -> list[RelativeEquilibrium]:
-    return [state for one in found for at, state in zip(one.values, one.states, strict=True) if at == value]
+def _known(branches: Sequence[EquilibriumBranch], value: float) -> list[RelativeEquilibrium]:
+    return [state for branch in branches for at, state in zip(branch.values, branch.states, strict=True) if at == value]
 
 
-def _places(variation: Variation, found: Sequence[Branch]) -> Iterator[float]:
+def _places(variation: Variation, branches: Sequence[EquilibriumBranch]) -> Iterator[float]:
     """Where to search, updated with what has been found by then."""
     seen = [variation.values[0], variation.values[-1]]
     yield from seen
-    while len(seen) < MOST_SEARCHES + 2 and (new := [v for v in _beyond(variation, found) if v not in seen]):
+    while len(seen) < MOST_SEARCHES + 2 and (new := [v for v in _beyond(variation, branches) if v not in seen]):
         seen.append(new[0])
         yield new[0]
 
 
-def _beyond(variation: Variation, found: Sequence[Branch]) -> Iterator[float]:
+def _beyond(variation: Variation, branches: Sequence[EquilibriumBranch]) -> Iterator[float]:
     """The variation's values next to critical ones, on the side where a branch does not exist or is unstable."""
     values = np.array(variation.values)
-    for change in (change for one in found for change in one.changes):
+    for change in (change for branch in branches for change in branch.changes):
         side = np.searchsorted(values, change.value, "right") - (change.kind not in FALLS)
         yield float(values[np.clip(side, 0, len(values) - 1)])
 
@@ -220,12 +220,12 @@ class Walk:
 
     def _followed(self, value: float, state: RelativeEquilibrium, further: Sequence[float]) -> list[Step]:
         """Follow to the last of these values, or to the end of the branch."""
-        found: list[Step] = []
+        steps: list[Step] = []
         for target in further:
-            found += self._between(found[-1] if found else (value, state), target)
-            if not found or found[-1][0] != target:
+            steps += self._between(steps[-1] if steps else (value, state), target)
+            if not steps or steps[-1][0] != target:
                 break
-        return found
+        return steps
 
     def _between(self, here: Step, target: float) -> list[Step]:
         """The steps up to a value, including that value if it is reached."""
@@ -250,25 +250,25 @@ class Walk:
 
     def _next(self, here: Step, value: float) -> RelativeEquilibrium | None:
         """The same configuration there, None where the way back leads elsewhere: that is another branch."""
-        found = self.moved(here[1], value)
-        back = self.moved(found, here[0]) if found else None
-        return found if back and same(back, here[1], CLOSE) else None
+        state = self.moved(here[1], value)
+        back = self.moved(state, here[0]) if state else None
+        return state if back and same(back, here[1], CLOSE) else None
 
     def moved(self, state: RelativeEquilibrium, value: float) -> RelativeEquilibrium | None:
         """The same configuration at another value, None where there is none nearby."""
         z = _carried(state, self.at(value))
-        found = relative_equilibrium(self.at(value), z)
-        if found is None or len(swinging(found.averaged, found.z)) != len(swinging(found.averaged, z)):
+        moved = relative_equilibrium(self.at(value), z)
+        if moved is None or len(swinging(moved.averaged, moved.z)) != len(swinging(moved.averaged, z)):
             return None
-        weight = found.averaged.omega
-        return found if np.linalg.norm(weight * (found.z - z)) <= JUMP * np.linalg.norm(weight * z) else None
+        weight = moved.averaged.omega
+        return moved if np.linalg.norm(weight * (moved.z - z)) <= JUMP * np.linalg.norm(weight * z) else None
 
-    def _close(self, one: float, other: float) -> bool:
-        a, b, first, last = map(self._scaled, (one, other, self.variation.values[0], self.variation.values[-1]))
+    def _close(self, value: float, other: float) -> bool:
+        a, b, first, last = map(self._scaled, (value, other, self.variation.values[0], self.variation.values[-1]))
         return abs(a - b) <= RESOLUTION * (last - first)
 
-    def _middle(self, one: float, other: float) -> float:
-        middle = (self._scaled(one) + self._scaled(other)) / 2
+    def _middle(self, value: float, other: float) -> float:
+        middle = (self._scaled(value) + self._scaled(other)) / 2
         return exp(middle) if self.variation.log else middle
 
     def _scaled(self, value: float) -> float:

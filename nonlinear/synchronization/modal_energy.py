@@ -93,12 +93,12 @@ class Survival(Displayed):
         if len(self.times) < 8 or not np.abs(late - before).max() <= STEADY:
             return ()
         holding = [int(place) for place in np.argsort(-late) if late[place] >= HOLDS]
-        own = [place for k, place in enumerate(holding) if all(self._apart(place, other) for other in holding[:k])]
-        return tuple(own) if len(own) > 1 else ()
+        apart = [place for k, place in enumerate(holding) if all(self._apart(place, other) for other in holding[:k])]
+        return tuple(apart) if len(apart) > 1 else ()
 
-    def _apart(self, one: int, other: int) -> bool:
+    def _apart(self, place: int, other: int) -> bool:
         """Whether two rows swing at frequencies of which neither is a multiple of the other."""
-        ratio = float(max(self.omega[one], self.omega[other]) / min(self.omega[one], self.omega[other]))
+        ratio = float(max(self.omega[place], self.omega[other]) / min(self.omega[place], self.omega[other]))
         return abs(ratio - round(ratio)) > APART * ratio
 
     @cached_property

@@ -21,13 +21,13 @@ NEAR = np.pi / 6  # rad, tolerance of in phase and antiphase
 
 def own_amplitudes(state: RelativeEquilibrium) -> Complexes:
     """η (N,) in rad of every pendulum, in the strongest fixed-base mode of the strongest band."""
-    found = state.averaged
-    links = found.link_shapes @ np.where(found.band == state.band, state.z, 0.0)
-    count = min(group.n for group in found.system.groups)
-    eta = np.empty((found.system.n_pendula, count), dtype=complex)
+    amplitudes = state.averaged
+    links = amplitudes.link_shapes @ np.where(amplitudes.band == state.band, state.z, 0.0)
+    count = min(group.n for group in amplitudes.system.groups)
+    eta = np.empty((amplitudes.system.n_pendula, count), dtype=complex)
     energy: Floats = np.zeros(count)
-    for group in found.system.groups:
-        modes = own_shapes(group, found.system.gravity, count)
+    for group in amplitudes.system.groups:
+        modes = own_shapes(group, amplitudes.system.gravity, count)
         eta[group.pendula] = np.einsum("np,pnb->pb", links[group.index], modes.dual)
         energy += np.sum(modes.mass * modes.omega**2 * np.abs(eta[group.pendula]) ** 2, axis=0)
     return np.asarray(eta[:, int(energy.argmax())])
@@ -48,8 +48,8 @@ def agreement(state: RelativeEquilibrium) -> str:
 def _phases(eta: Complexes, copies: int) -> str:
     phases = np.abs(apart(eta))
     if len(phases) == 1:
-        one = f"pendulum {int(np.abs(eta).argmax()) + 1}" if copies < len(eta) else "one pendulum"
-        return "swings" if len(eta) == 1 else f"{one} alone"
+        z = f"pendulum {int(np.abs(eta).argmax()) + 1}" if copies < len(eta) else "one pendulum"
+        return "swings" if len(eta) == 1 else f"{z} alone"
     return _agreement(phases) + (f", {len(phases)} of {len(eta)} swing" if len(phases) < len(eta) else "")
 
 

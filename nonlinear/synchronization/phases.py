@@ -133,9 +133,9 @@ class Phases(Displayed):
         """Check sampling against the fixed-base frequencies, and √(mean η'²/mean η²), which needs no fine sampling."""
         if len(times) < 3:
             raise ComputationError("the run has too few samples to measure frequencies")
-        own = self.omega[:, self.leading]
-        eta, rate = (np.sqrt(np.mean(part**2, axis=0)) for part in (z.real, z.imag * own))
-        fastest = float(np.max(np.maximum(own, np.divide(rate, eta, out=np.zeros_like(eta), where=eta > 0))))
+        shapes = self.omega[:, self.leading]
+        eta, rate = (np.sqrt(np.mean(part**2, axis=0)) for part in (z.real, z.imag * shapes))
+        fastest = float(np.max(np.maximum(shapes, np.divide(rate, eta, out=np.zeros_like(eta), where=eta > 0))))
         widest, enough = float(np.max(np.diff(times))), 2 * pi / (LEAST * fastest)
         if widest > enough:
             count = ceil((self.times[-1] - self.times[0]) / enough) + 2
@@ -173,10 +173,12 @@ def phases_of(trajectory: Trajectory) -> Phases:
     omega, mass = np.empty((2, system.n_pendula, count))
     turned = from_rest(system, motion.links)
     for group in system.groups:
-        own = own_shapes(group, system.gravity, count)
-        eta, rate = (np.einsum("tnp,pnb->tpb", part[:, group.index], own.dual) for part in (turned, motion.link_rates))
-        z[:, group.pendula] = eta - 1j * rate / own.omega
-        omega[group.pendula], mass[group.pendula] = own.omega, own.mass
+        shapes = own_shapes(group, system.gravity, count)
+        eta, rate = (
+            np.einsum("tnp,pnb->tpb", part[:, group.index], shapes.dual) for part in (turned, motion.link_rates)
+        )
+        z[:, group.pendula] = eta - 1j * rate / shapes.omega
+        omega[group.pendula], mass[group.pendula] = shapes.omega, shapes.mass
     return Phases(trajectory, z, omega, mass)
 
 

@@ -28,24 +28,23 @@ EXACT = (
 )
 
 
-def population_sections(found: PopulationPhases, motions: tuple[SymmetricMotion, ...], why: str) -> Iterator[str]:
-    """The verdict first, then the populations, then the symmetric motions."""
-    yield f"{capital(found.verdict)}."
-    yield grid(list(map(list, _population_rows(found))), POPULATIONS, "text") + "\n\n" + fill(QUARTERS, line_width())
+def population_sections(phases: PopulationPhases, motions: tuple[SymmetricMotion, ...], why: str) -> Iterator[str]:
+    """The populations, then their symmetric motions."""
+    yield grid(list(map(list, _population_rows(phases))), POPULATIONS, "text") + "\n\n" + fill(QUARTERS, line_width())
     if motions:
         yield _motions(motions)
     elif why:
         yield fill(f"No growth rates of symmetric motions: {why}.", line_width())
 
 
-def _population_rows(found: PopulationPhases) -> Iterator[tuple[str, ...]]:
-    rows = zip(found.populations, found.late_order, found.rate, found.spread, found.phase, strict=True)
-    for number, (one, order, rate, spread, phase) in enumerate(rows):
-        relative = number and found.locked[0] and found.locked[number]
+def _population_rows(phases: PopulationPhases) -> Iterator[tuple[str, ...]]:
+    rows = zip(phases.populations, phases.late_order, phases.rate, phases.spread, phases.phase, strict=True)
+    for number, (population, order, rate, spread, phase) in enumerate(rows):
+        relative = number and phases.locked[0] and phases.locked[number]
         yield (
             str(number + 1),
-            one.name,
-            str(one.size),
+            population.name,
+            str(population.size),
             f"{order:.4f}",
             _number(rate, ".6g"),
             _number(spread, ".2g"),
@@ -58,9 +57,9 @@ def _number(value: float, form: str) -> str:
 
 
 def _motions(motions: tuple[SymmetricMotion, ...]) -> str:
-    names = list(dict.fromkeys(name for one in motions if one.orbit for name in one.names))
+    names = list(dict.fromkeys(name for motion in motions if motion.orbit for name in motion.names))
     head = ("motion", "ω (rad/s)", "largest angle (deg)", *(f"{name} (1/s)" for name in names), "stability")
-    rows = [row for one in motions for row in _motion_rows(one, names)]
+    rows = [row for motion in motions for row in _motion_rows(motion, names)]
     parts = [grid(rows, head, "text"), *map(_filled, _reasons(motions)), _filled(RATES)]
     return "\n\n".join(parts)
 
@@ -69,35 +68,41 @@ def _filled(words: str) -> str:
     return fill(words, line_width())
 
 
-def _motion_rows(one: SymmetricMotion, names: list[str]) -> Iterator[list[str]]:
-    name = one.pattern.name
-    if one.orbit is None or one.averaged is None:
+def _motion_rows(motion: SymmetricMotion, names: list[str]) -> Iterator[list[str]]:
+    name = motion.pattern.name
+    if motion.orbit is None or motion.averaged is None:
         yield [name, *[NOTHING] * (2 + len(names)), "none"]
         return
-    orbit = one.orbit.orbit
-    fate = "stable" if one.is_stable else "unstable"
-    yield [name, f"{orbit.omega:.6g}", f"{degrees(orbit.amplitude):.4g}", *_rates(one, one.orbit.growth, names), fate]
-    averaged = one.averaged
+    orbit = motion.orbit.orbit
+    fate = "stable" if motion.is_stable else "unstable"
+    yield [
+        name,
+        f"{orbit.omega:.6g}",
+        f"{degrees(orbit.amplitude):.4g}",
+        *_rates(motion, motion.orbit.growth, names),
+        fate,
+    ]
+    averaged = motion.averaged
     angle = f"{degrees(averaged.amplitude):.4g}"
-    yield ["  averaged", f"{averaged.omega:.6g}", angle, *_rates(one, averaged.growth, names), ""]
+    yield ["  averaged", f"{averaged.omega:.6g}", angle, *_rates(motion, averaged.growth, names), ""]
 
 
-def _rates(one: SymmetricMotion, growth: tuple[float, ...], names: list[str]) -> list[str]:
-    by_name = dict(zip(one.names, growth, strict=True))
+def _rates(motion: SymmetricMotion, growth: tuple[float, ...], names: list[str]) -> list[str]:
+    by_name = dict(zip(motion.names, growth, strict=True))
     return [f"{by_name[name]:.5g}" if name in by_name else NOTHING for name in names]
 
 
 def _reasons(motions: tuple[SymmetricMotion, ...]) -> Iterator[str]:
-    for one in motions:
-        if one.orbit is None:
-            yield f"{capital(one.pattern.name)}: {one.silent}."
+    for motion in motions:
+        if motion.orbit is None:
+            yield f"{capital(motion.pattern.name)}: {motion.silent}."
             continue
-        growing = [k for k, rate in enumerate(one.orbit.growth) if rate > 0]
+        growing = [k for k, rate in enumerate(motion.orbit.growth) if rate > 0]
         for k in growing:
-            why = one.reason(k)
-            yield f"{capital(one.pattern.name)} {leaves(one.names[k])}{': ' + why if why else ''}."
-        if not growing and (why := next(filter(None, map(one.reason, range(len(one.names)))), "")):
-            yield f"{capital(one.pattern.name)} lasts: {why}."
+            why = motion.reason(k)
+            yield f"{capital(motion.pattern.name)} {leaves(motion.names[k])}{': ' + why if why else ''}."
+        if not growing and (why := next(filter(None, map(motion.reason, range(len(motion.names)))), "")):
+            yield f"{capital(motion.pattern.name)} lasts: {why}."
 
 
 def leaves(sector: str) -> str:
@@ -109,98 +114,106 @@ def leaves(sector: str) -> str:
     )
 
 
-def population_record(found: PopulationPhases, motions: tuple[SymmetricMotion, ...], why: str) -> dict[str, Any]:
+def population_record(phases: PopulationPhases, motions: tuple[SymmetricMotion, ...], why: str) -> dict[str, Any]:
     """The JSON record of populations and of their symmetric motions."""
-    rows = zip(found.populations, found.late_order, found.rate, found.spread, found.phase, strict=True)
+    rows = zip(phases.populations, phases.late_order, phases.rate, phases.spread, phases.phase, strict=True)
     return {
-        "verdict": found.kind,
-        "verdict_words": found.verdict,
+        "verdict": phases.kind,
+        "verdict_words": phases.verdict,
         "populations": [
             {
-                "support": one.name,
-                "pendula": one.size,
+                "support": population.name,
+                "pendula": population.size,
                 "order_parameter": float(order),
                 "rate_rad_per_s": finite(rate),
                 "spread_rad_per_s": finite(spread),
                 "phase_deg": degrees(phase),
             }
-            for one, order, rate, spread, phase in rows
+            for population, order, rate, spread, phase in rows
         ],
         "symmetric_motions": list(map(_motion_record, motions)),
         "no_symmetric_motions": why or None,
     }
 
 
-def _motion_record(one: SymmetricMotion) -> dict[str, Any]:
-    if one.orbit is None or one.averaged is None:
-        return {"motion": one.pattern.name, "none": one.silent}
-    orbit = one.orbit.orbit
+def _motion_record(motion: SymmetricMotion) -> dict[str, Any]:
+    if motion.orbit is None or motion.averaged is None:
+        return {"motion": motion.pattern.name, "none": motion.silent}
+    orbit = motion.orbit.orbit
     return {
-        "motion": one.pattern.name,
+        "motion": motion.pattern.name,
         "omega_rad_per_s": orbit.omega,
         "amplitude_deg": degrees(orbit.amplitude),
-        "stable": one.is_stable,
-        "growth_per_s": dict(zip(one.names, one.orbit.growth, strict=True)),
-        "averaged_growth_per_s": dict(zip(one.names, one.averaged.growth, strict=True)),
-        "drained": one.drained,
+        "stable": motion.is_stable,
+        "growth_per_s": dict(zip(motion.names, motion.orbit.growth, strict=True)),
+        "averaged_growth_per_s": dict(zip(motion.names, motion.averaged.growth, strict=True)),
+        "drained": motion.drained,
         "residual": orbit.residual,
     }
 
 
-def diagram_text(found: PopulationDiagram) -> str:
+def diagram_text(diagram: PopulationDiagram) -> str:
     """One line for every symmetric motion, then one for every threshold, then their reasons."""
-    variation = found.variation
+    variation = diagram.variation
     values, unit = variation.values, variation.unit
     where = f"{variation.path} = {values[0]:.6g} to {values[-1]:.6g} {unit}".rstrip()
-    head = f"{counted(len(found.branches), 'symmetric motion', 'symmetric motions')} over {where}"
-    rows = [_branch_cells(found, one) for one in found.branches]
+    head = f"{counted(len(diagram.branches), 'symmetric motion', 'symmetric motions')} over {where}"
+    rows = [_branch_cells(diagram, threshold) for threshold in diagram.branches]
     headers = ("motion", "ω (rad/s)", "largest angle (°)", with_unit("exists", unit), with_unit("stable", unit))
     parts = [head, grid(rows, headers)]
-    if found.thresholds:
+    if diagram.thresholds:
         columns = (with_unit("averaged", unit), with_unit("exact", unit), "motion", "sector", "event")
-        parts += ["", grid([_threshold_cells(one) for one in found.thresholds], columns)]
-        for one in found.thresholds:
-            parts += ["", _filled(f"{capital(one.pattern)} at {one.value:.6g}: {one.reason}.")] if one.reason else []
+        parts += ["", grid([_threshold_cells(threshold) for threshold in diagram.thresholds], columns)]
+        for threshold in diagram.thresholds:
+            if threshold.reason:
+                words = f"{capital(threshold.pattern)} at {threshold.value:.6g}: {threshold.reason}."
+                parts += ["", _filled(words)]
         parts += ["", _filled(EXACT)]
     return "\n".join(parts) + "\n"
 
 
-def _branch_cells(found: PopulationDiagram, one: MotionBranch) -> tuple[str, ...]:
-    if not len(one.values):
-        return one.name, NOTHING, NOTHING, "nowhere", "nowhere"
-    stable = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in found.intervals(one)) or "nowhere"
-    exists = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in found.windows(one))
-    return one.name, _ends(one.omega), _ends(np.rad2deg(one.angle)), exists, stable
+def _branch_cells(diagram: PopulationDiagram, branch: MotionBranch) -> tuple[str, ...]:
+    if not len(branch.values):
+        return branch.name, NOTHING, NOTHING, "nowhere", "nowhere"
+    stable = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in diagram.intervals(branch)) or "nowhere"
+    exists = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in diagram.windows(branch))
+    return branch.name, _ends(branch.omega), _ends(np.rad2deg(branch.angle)), exists, stable
 
 
 def _ends(values: Any) -> str:
     return " → ".join(dict.fromkeys(f"{value:#.4g}".rstrip(".") for value in (values[0], values[-1])))
 
 
-def _threshold_cells(one: Threshold) -> tuple[str, ...]:
-    averaged = NOTHING if one.averaged is None else f"{one.averaged:.7g}"
-    return averaged, f"{one.value:.9g}", one.pattern, one.sector or NOTHING, threshold_words(one)
+def _threshold_cells(threshold: Threshold) -> tuple[str, ...]:
+    averaged = NOTHING if threshold.averaged is None else f"{threshold.averaged:.7g}"
+    return (
+        averaged,
+        f"{threshold.value:.9g}",
+        threshold.pattern,
+        threshold.sector or NOTHING,
+        threshold_words(threshold),
+    )
 
 
-def threshold_words(one: Threshold) -> str:
+def threshold_words(threshold: Threshold) -> str:
     """What happens there: loses stability (neighbours beat at 0.2 rad/s)."""
-    beats = f" (neighbours beat at {one.beat:.3g} rad/s)" if one.beat else ""
-    return (one.becomes or f"disturbances begin to {'grow' if one.rises else 'decay'}") + beats
+    beats = f" (neighbours beat at {threshold.beat:.3g} rad/s)" if threshold.beat else ""
+    return (threshold.becomes or f"disturbances begin to {'grow' if threshold.rises else 'decay'}") + beats
 
 
-def diagram_csv(found: PopulationDiagram) -> str:
+def diagram_csv(diagram: PopulationDiagram) -> str:
     """One row per motion, value and sector: frequency, stability, largest angle and growth rates."""
-    return as_csv(list(_diagram_rows(found)))
+    return as_csv(list(_diagram_rows(diagram)))
 
 
-def _diagram_rows(found: PopulationDiagram) -> Iterator[dict[str, Any]]:
-    for branch in found.branches:
+def _diagram_rows(diagram: PopulationDiagram) -> Iterator[dict[str, Any]]:
+    for branch in diagram.branches:
         numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist()
         for value, stable, omega, angle, motion in zip(*numbers, branch.motions, strict=True):
             if motion.orbit is None or motion.averaged is None:
                 continue
             for name, exact, averaged in zip(motion.names, motion.orbit.growth, motion.averaged.growth, strict=True):
                 columns = followed_columns(
-                    found.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=exact
+                    diagram.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=exact
                 )
                 yield {**columns, "averaged_growth_per_s": averaged, "motion": branch.name, "sector": name}

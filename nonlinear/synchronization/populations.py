@@ -48,7 +48,7 @@ class PopulationPhases(Displayed):
         z = self.phases.z[:, :, self.phases.leading]
         size = np.abs(z)
         turned = np.divide(z, size, out=np.zeros_like(z), where=size > 0)
-        return np.stack([turned[:, one.pendula].mean(axis=1) for one in self.populations], axis=1)
+        return np.stack([turned[:, population.pendula].mean(axis=1) for population in self.populations], axis=1)
 
     @cached_property
     def order(self) -> Floats:
@@ -71,12 +71,12 @@ class PopulationPhases(Displayed):
     @cached_property
     def rate(self) -> Floats:
         """The mean rate (rad/s) of every population, (P,)."""
-        return np.array([self.pendulum_rates[one.pendula].mean() for one in self.populations])
+        return np.array([self.pendulum_rates[population.pendula].mean() for population in self.populations])
 
     @cached_property
     def spread(self) -> Floats:
         """The standard deviation (rad/s) of its pendula's mean rates, (P,)."""
-        return np.array([self.pendulum_rates[one.pendula].std() for one in self.populations])
+        return np.array([self.pendulum_rates[population.pendula].std() for population in self.populations])
 
     @cached_property
     def phase(self) -> Floats:
@@ -126,7 +126,7 @@ class PopulationPhases(Displayed):
         """The same in words, with the populations and their phases."""
         numbers = np.arange(1, len(self.populations) + 1)
         if self.kind == CHIMERA:
-            held, loose = (_listed(numbers[own]) for own in (self.locked, ~self.locked))
+            held, loose = (_listed(numbers[rates]) for rates in (self.locked, ~self.locked))
             several = "populations" if self.locked.sum() > 1 else "population"
             return f"{several} {held} locked, {loose} not: a chimera"
         if self.kind == AT:

@@ -36,7 +36,7 @@ from modal.types import Floats
 from nonlinear.averaging import ASIDE, RelativeEquilibrium
 from nonlinear.orbits import Orbit, Special, growth
 from nonlinear.postprocessing import last
-from nonlinear.synchronization.continuation import Branch, Branches, Change
+from nonlinear.synchronization.continuation import Branches, Change, EquilibriumBranch
 from nonlinear.synchronization.modal_energy import Survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import ENDING
@@ -65,27 +65,123 @@ MOST_FREQUENCIES = 6
 MOST_LINES, MOST_UNSTABLE = 16, 8  # configurations in the table, and unstable ones where there are more
 
 
-def sync_text(found: SynchronizationStudy) -> str:
-    """The report for a terminal."""
-    require_type("found", found, "SynchronizationStudy")
-    parts = [headed(title_of(found.scene)), *_sections(found)]
+def sync_text(study: SynchronizationStudy, *, words: bool = False, elsewhere: str = "") -> str:
+    """The report for a terminal: the verdict, the steady motions, what both leave out, and the sentence `elsewhere`.
+
+    `words` adds everything about the prediction and the simulation in sentences.
+    """
+    require_type("study", study, "SynchronizationStudy")
+    parts = [headed(title_of(study.scene)), *_sections(study), elsewhere, *(_in_words(study) if words else ())]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def _sections(found: SynchronizationStudy) -> Iterator[str]:
-    if found.populations is not None:
-        yield from population_sections(found.populations, found.motions, found.motionless)
-    if found.theory is None:
-        yield f"No prediction: {found.silent}."
-    else:
-        yield "Steady motions by the averaged equations\n" + _table(found.theory)
-        yield _paragraph("Predicted from this start", _prediction(found.theory))
-    beside = ", and from a start nearby" if found.theory is not None and found.theory.prediction.unstable else ""
-    yield _paragraph(f"Simulated for {short(float(found.trajectory.times[-1]))} s{beside}", _simulation(found))
-    if found.scene.has_damping:
+def _sections(study: SynchronizationStudy) -> Iterator[str]:
+    yield "\n".join(fill(sentence, line_width()) for sentence in sync_verdict(study))
+    if study.populations is not None:
+        yield from population_sections(study.populations, study.motions, study.motionless)
+    if study.theory is not None:
+        yield "Steady motions by the averaged equations\n" + _table(study.theory)
+    if study.scene.has_damping:
         yield NUMBERED
-    if found.theory is not None:
+    if study.theory is not None:
         yield fill(NOT_COVERED, line_width())
+
+
+def _in_words(study: SynchronizationStudy) -> Iterator[str]:
+    if study.theory is not None:
+        yield _paragraph("Predicted from this start", _prediction(study.theory))
+    beside = ", and from a start nearby" if study.theory is not None and study.theory.prediction.unstable else ""
+    yield _paragraph(f"Simulated for {short(float(study.trajectory.times[-1]))} s{beside}", _simulation(study))
+
+
+def sync_verdict(study: SynchronizationStudy) -> list[str]:
+    """At most five sentences: which mode wins, predicted and simulated, from when on, and whether the pendula lock."""
+    sentences = [] if study.populations is None else [f"{capital(study.populations.verdict)}."]
+    if study.theory is None:
+        sentences.append(f"No prediction: {study.silent}.")
+    elif study.theory.prediction.unstable:
+        sentences.append(
+            f"This start keeps to a motion that is unstable: all else is for one {100 * ASIDE:.0f} % away."
+        )
+    sentences += [*_winner(study), *_since(study)]
+    phases = study.phases
+    if phases.z.shape[1] > 1 and study.populations is None:
+        sentences += _locked(study)
+    if study.theory is not None and (reasons := _reasons(study.theory)):
+        more = f"; {len(reasons) - 1} more doubts" if len(reasons) > 2 else "; and another" if len(reasons) > 1 else ""
+        sentences.append(f"The prediction is not certain: {reasons[0]}{more}.")
+    return sentences
+
+
+def _reasons(theory: Theory) -> list[str]:
+    """Reasons why the survivor is not certain, without the one that no mode wins, which is said first."""
+    return [reason for reason in theory.doubts if reason != theory.prediction.undecided]
+
+
+def _winner(study: SynchronizationStudy) -> Iterator[str]:
+    """Which mode holds the energy at the end, and whether that was predicted."""
+    survival, end = study.survival, f"{float(study.trajectory.times[-1]):.4g} s"
+    try:
+        share = percent(survival.survivor_share) if survival else ""
+        held = survival and f"mode {survival.number} holds {share} of the energy after {end}"
+    except ComputationError as error:
+        held = str(error)
+    if study.theory is None:
+        if held:
+            yield f"{capital(held)}."
+        return
+    prediction = study.theory.prediction
+    if prediction.motion.dies:
+        yield "The swing dies out, by the prediction: no drive keeps it up."
+        return
+    mode = f"mode {prediction.number} ({prediction.averaged.modes[prediction.row].family})"
+    most = f"No mode wins; {mode} holds most, {percent(prediction.share)}"
+    told = f"{capital(mode)} wins" if prediction.is_won else most
+    if not held:
+        yield f"{told}, by the prediction."
+    elif study.agrees:
+        yield f"{told}, as predicted: in the simulation it holds {share} of the energy after {end}."
+    elif study.agrees is None:
+        yield f"{told}, by the prediction; the simulation is too short to tell: {held}."
+    else:
+        yield f"The simulation differs from the prediction: {held}. Predicted: {told[:1].lower()}{told[1:]}."
+
+
+def _since(study: SynchronizationStudy) -> Iterator[str]:
+    """From when on all other modes hold next to nothing, where there are others."""
+    if study.survival and len(study.survival.row) == 1:
+        return
+    prediction = study.theory.prediction if study.theory else None
+    predicted = prediction.locking_time() if prediction and not prediction.motion.dies else None
+    try:
+        simulated = study.survival.locking_time() if study.survival else None
+    except ComputationError:
+        return
+    times = [(predicted, "predicted"), (simulated, "simulated")]
+    each = [f"{time:.4g} s ({how})" for time, how in times if time is not None]
+    if each:
+        from_start = not any(time for time, _ in times)
+        when = "from the start" if from_start else f"after {listed(each, len(each))}"
+        yield f"All other modes hold less than 1 % of the energy {when}."
+    elif study.survival and study.survival.beating:
+        yield _beating(study.survival)
+
+
+def _locked(study: SynchronizationStudy) -> Iterator[str]:
+    """Whether the pendula have one frequency."""
+    phases = study.phases
+    try:
+        frequencies = phases.frequency
+    except ComputationError:
+        return
+    if not np.all(np.isfinite(frequencies)) or phases.resolution > frequencies.max():
+        return
+    order = float(phases.order[last(study.trajectory.times, ENDING), phases.leading].mean())
+    if phases.locked:
+        yield f"The pendula are locked at {frequencies.mean():.6g} rad/s, with the order parameter R = {order:.4f}."
+    else:
+        low, high = f"{frequencies.min():.6g}", f"{frequencies.max():.6g}"
+        yield f"The pendula are not locked: their frequencies go from {low} to {high} rad/s (R = {order:.4f})."
 
 
 def _paragraph(title: str, sentences: Iterator[str]) -> str:
@@ -101,7 +197,7 @@ def _table(theory: Theory) -> str:
     rows = grid([_cells(*each[k]) for k in shown], HEAD, "text")
     notes = [f"Averaged alone: {theory.uncertified}."] * bool(theory.uncertified)
     notes += [EXACT] * any(theory.orbits) + [LEFT] * (None in theory.orbits and any(theory.orbits))
-    if any(one.copies > 1 for one, _ in each):
+    if any(state.copies > 1 for state, _ in each):
         notes.insert(0, COPIED)
     if more := len(each) - len(shown):
         notes.insert(0, f"{more} more, all unstable, are in the JSON form.")
@@ -114,33 +210,33 @@ def _each(theory: Theory) -> list[tuple[RelativeEquilibrium, Orbit | None]]:
 
 def _shown(theory: Theory) -> list[int]:
     """The places of the configurations with a line: of many all that may last and the first of the others."""
-    lasting = [orbit.is_stable if orbit else one.is_stable for one, orbit in _each(theory)]
+    lasting = [orbit.is_stable if orbit else state.is_stable for state, orbit in _each(theory)]
     unstable = [k for k, lasts in enumerate(lasting) if lasts is False]
     dropped = set(unstable[MOST_UNSTABLE:]) if len(lasting) > MOST_LINES else set()
     return [k for k in range(len(lasting)) if k not in dropped]
 
 
-def _cells(one: RelativeEquilibrium, orbit: Orbit | None) -> list[str]:
-    modes = one.averaged.modes
-    mode = modes[one.row]
-    angle = degrees(float(np.abs(own_amplitudes(one)).max()))
+def _cells(state: RelativeEquilibrium, orbit: Orbit | None) -> list[str]:
+    modes = state.averaged.modes
+    mode = modes[state.row]
+    angle = degrees(float(np.abs(own_amplitudes(state)).max()))
     return [
-        str(one.number),
+        str(state.number),
         mode.family,
-        agreement(one) + (f" ({one.copies} copies)" if one.copies > 1 else ""),
+        agreement(state) + (f" ({state.copies} copies)" if state.copies > 1 else ""),
         f"{angle:.4g}",
-        f"{one.omega:.6g}",
-        _fate(one, orbit),
+        f"{state.omega:.6g}",
+        _fate(state, orbit),
     ]
 
 
-def _fate(one: RelativeEquilibrium, orbit: Orbit | None) -> str:
-    if one.is_stable is None:
+def _fate(state: RelativeEquilibrium, orbit: Orbit | None) -> str:
+    if state.is_stable is None:
         return "neutral"
     if orbit:
         rate = growth(orbit)
         return f"{'stable' if orbit.is_stable else 'unstable'}, e-folding time {abs(1 / rate):.4g} s"
-    return f"{'stable' if one.is_stable else 'unstable'}, e-folding time {one.relaxation:.4g} s (averaged)"
+    return f"{'stable' if state.is_stable else 'unstable'}, e-folding time {state.relaxation:.4g} s (averaged)"
 
 
 def _prediction(theory: Theory) -> Iterator[str]:
@@ -152,14 +248,18 @@ def _prediction(theory: Theory) -> Iterator[str]:
         return
     mode = prediction.averaged.modes[prediction.row]
     share = percent(prediction.share)
-    yield f"Mode {prediction.number} survives ({mode.family}; {rad(mode.omega)}), with {share} of the energy."
+    which = f"({mode.family}; {rad(mode.omega)})"
+    if prediction.is_won:
+        yield f"Mode {prediction.number} survives {which}, with {share} of the energy."
+    else:
+        yield f"No mode wins: mode {prediction.number} {which} holds most, {share} of the energy."
     if theory.ending:
         size = float(np.abs(theory.ending.floquet.others).max())
         yield f"The orbit in which it ends is stable in the full equations: no multiplier exceeds {size:.6g}."
     if theory.uncertified:
         yield f"Its stability is that of the averaged equations alone ({theory.uncertified})."
-    if theory.doubts:
-        yield f"This is not certain: {'; '.join(theory.doubts)}."
+    if reasons := _reasons(theory):
+        yield f"This is not certain: {'; '.join(reasons)}."
     elif not theory.ending:
         yield "This is certain as far as the averaged equations reach."
     locking = prediction.locking_time()
@@ -167,7 +267,7 @@ def _prediction(theory: Theory) -> Iterator[str]:
         return
     yield f"All other modes hold less than 1 % of the energy after {short(locking)} s."
     if doubts := prediction.timing_doubts[len(prediction.doubts) :]:
-        yield f"That time is a guide: {'; '.join(doubts)}."
+        yield f"That time is approximate: {'; '.join(doubts)}."
 
 
 def _unstable(kept: RelativeEquilibrium) -> Iterator[str]:
@@ -179,15 +279,15 @@ def _unstable(kept: RelativeEquilibrium) -> Iterator[str]:
     )
 
 
-def _simulation(found: SynchronizationStudy) -> Iterator[str]:
-    yield from _survivor(found.survival) if found.survival else [f"No energies by modes: {found.unmeasured}."]
-    if found.agrees is not None:
-        share = ": the mode is, its share of the energy is not" if found.leads else ""
-        yield "As predicted." if found.agrees else f"This is not what was predicted{share}."
-    elif found.survival and found.too_short:
+def _simulation(study: SynchronizationStudy) -> Iterator[str]:
+    yield from _survivor(study.survival) if study.survival else [f"No energies by modes: {study.unmeasured}."]
+    if study.agrees is not None:
+        share = ": the mode is, its share of the energy is not" if study.leads else ""
+        yield "As predicted." if study.agrees else f"This is not what was predicted{share}."
+    elif study.survival and study.too_short:
         yield "The run ends before the predicted time: it cannot tell whether the prediction is right."
-    yield from _phases(found)
-    yield from _energies(found)
+    yield from _phases(study)
+    yield from _energies(study)
 
 
 def _survivor(survival: Survival) -> Iterator[str]:
@@ -222,8 +322,8 @@ def _beating(survival: Survival) -> str:
     )
 
 
-def _phases(found: SynchronizationStudy) -> Iterator[str]:
-    phases, late = found.phases, last(found.trajectory.times, ENDING)
+def _phases(study: SynchronizationStudy) -> Iterator[str]:
+    phases, late = study.phases, last(study.trajectory.times, ENDING)
     order = float(phases.order[late, phases.leading].mean())
     which = f"in fixed-base mode {phases.leading + 1}, mean of the last tenth"
     if phases.z.shape[1] > 1:
@@ -247,10 +347,10 @@ def _phases(found: SynchronizationStudy) -> Iterator[str]:
         yield f"Mean frequencies {words} rad/s: {fate} within {phases.resolution:.2g} rad/s."
 
 
-def _energies(found: SynchronizationStudy) -> Iterator[str]:
-    trajectory = found.trajectory
+def _energies(study: SynchronizationStudy) -> Iterator[str]:
+    trajectory = study.trajectory
     late = last(trajectory.times, ENDING)
-    pendula, cart = found.phases.energy[late].sum(axis=1).mean(), trajectory.mechanics.cart_kinetic[late].mean()
+    pendula, cart = study.phases.energy[late].sum(axis=1).mean(), trajectory.mechanics.cart_kinetic[late].mean()
     carrying = "cart" if trajectory.system.cart else "supports"
     has = trajectory.system.cart or trajectory.system.structure
     yield f"Energy at the end: pendula {pendula:.4g} J" + (f", {carrying} {cart:.3g} J." if has else ".")
@@ -273,41 +373,42 @@ def _others(system: System, work: float) -> str:
     return f", {what} took {-work:.6g} J" if system.dissipates else ""
 
 
-def sync_record(found: SynchronizationStudy) -> dict[str, Any]:
+def sync_record(study: SynchronizationStudy) -> dict[str, Any]:
     """The JSON record: modes are numbered as in the table; null where there is no value."""
-    require_type("found", found, "SynchronizationStudy")
-    theory = found.theory
+    require_type("study", study, "SynchronizationStudy")
+    theory = study.theory
     return {
-        "scene": describe(found.scene),
+        "scene": describe(study.scene),
         "configurations": [*map(_configuration_record, theory.configurations, theory.orbits)] if theory else None,
         "prediction": _prediction_record(theory) if theory else None,
-        "no_prediction": found.silent or None,
-        "simulation": _simulation_record(found),
-        "agrees": found.agrees,
-        **_populations_record(found),
+        "no_prediction": study.silent or None,
+        "verdict_sentences": sync_verdict(study),
+        "simulation": _simulation_record(study),
+        "agrees": study.agrees,
+        **_populations_record(study),
     }
 
 
-def _populations_record(found: SynchronizationStudy) -> dict[str, Any]:
-    if found.populations is None:
+def _populations_record(study: SynchronizationStudy) -> dict[str, Any]:
+    if study.populations is None:
         return {}
-    return population_record(found.populations, found.motions, found.motionless)
+    return population_record(study.populations, study.motions, study.motionless)
 
 
-def _configuration_record(one: RelativeEquilibrium, orbit: Orbit | None = None) -> dict[str, Any]:
+def _configuration_record(state: RelativeEquilibrium, orbit: Orbit | None = None) -> dict[str, Any]:
     """One configuration; `lasts` and `growth_rate_per_s` are those of its orbit where one was found."""
-    eta = own_amplitudes(one)
+    eta = own_amplitudes(state)
     return {
-        "mode": one.number,
-        "family": one.averaged.modes[one.row].family,
-        "pendula": agreement(one),
-        "copies": one.copies,
+        "mode": state.number,
+        "family": state.averaged.modes[state.row].family,
+        "pendula": agreement(state),
+        "copies": state.copies,
         "amplitudes_deg": np.rad2deg(np.abs(eta)).tolist(),
         "phases_deg": (np.rad2deg(np.angle(eta / eta[np.abs(eta).argmax()])) % 360).tolist(),
-        "omega_rad_per_s": one.omega,
-        "lasts": orbit.is_stable if orbit and one.is_stable is not None else one.is_stable,
-        "growth_rate_per_s": finite(growth(orbit) if orbit else one.growth),
-        "averaged_growth_rate_per_s": finite(one.growth),
+        "omega_rad_per_s": state.omega,
+        "lasts": orbit.is_stable if orbit and state.is_stable is not None else state.is_stable,
+        "growth_rate_per_s": finite(growth(orbit) if orbit else state.growth),
+        "averaged_growth_rate_per_s": finite(state.growth),
         "orbit": _orbit_record(orbit),
     }
 
@@ -319,7 +420,7 @@ def _orbit_record(orbit: Orbit | None) -> dict[str, Any] | None:
         "omega_rad_per_s": orbit.omega,
         "amplitude_deg": degrees(orbit.amplitude),
         "stable": orbit.is_stable,
-        "floquet": [[float(one.real), float(one.imag)] for one in orbit.floquet.all],
+        "floquet": [[float(multiplier.real), float(multiplier.imag)] for multiplier in orbit.floquet.all],
         "residual": orbit.residual,
     }
 
@@ -340,15 +441,15 @@ def _prediction_record(theory: Theory) -> dict[str, Any]:
     }
 
 
-def _simulation_record(found: SynchronizationStudy) -> dict[str, Any]:
-    trajectory, phases = found.trajectory, found.phases
+def _simulation_record(study: SynchronizationStudy) -> dict[str, Any]:
+    trajectory, phases = study.trajectory, study.phases
     late = last(trajectory.times, ENDING)
     return {
         "duration_s": float(trajectory.times[-1]),
-        **(_survival_record(found.survival) if found.survival else {"no_modes": found.unmeasured}),
+        **(_survival_record(study.survival) if study.survival else {"no_modes": study.unmeasured}),
         "own_mode": phases.leading + 1,
         "order_parameter": float(phases.order[late, phases.leading].mean()),
-        **_frequencies(found),
+        **_frequencies(study),
         "energy_of_pendula_J": phases.energy[late].mean(axis=0).tolist(),
         "kicks": len(trajectory.kicks.time),
         "energy_of_kicks_J": float(trajectory.kicks.energy.sum()),
@@ -382,31 +483,31 @@ def _beating_record(survival: Survival) -> list[dict[str, float]]:
     ]
 
 
-def _frequencies(found: SynchronizationStudy) -> dict[str, Any]:
+def _frequencies(study: SynchronizationStudy) -> dict[str, Any]:
     try:
-        frequencies = found.phases.frequency.tolist()
+        frequencies = study.phases.frequency.tolist()
     except ComputationError as error:
         return {"frequencies_rad_per_s": None, "no_frequencies": str(error)}
-    return {"frequencies_rad_per_s": [finite(one) for one in frequencies], "locked": found.phases.locked}
+    return {"frequencies_rad_per_s": [finite(omega) for omega in frequencies], "locked": study.phases.locked}
 
 
-def branches_text(found: Branches) -> str:
+def branches_text(diagram: Branches) -> str:
     """One line per branch, counted from 1, then one per critical value."""
-    variation = found.variation
+    variation = diagram.variation
     values, unit = variation.values, variation.unit
     where = f"{variation.path} = {values[0]:.6g} to {values[-1]:.6g} {unit}".rstrip()
-    head = f"{len(found.branches)} configurations over {where}"
-    rows = [_branch_cells(number, one) for number, one in enumerate(found.branches, start=1)]
+    head = f"{len(diagram.branches)} configurations over {where}"
+    rows = [_branch_cells(number, branch) for number, branch in enumerate(diagram.branches, start=1)]
     headers = ("", "pendula", "ω (rad/s)", "largest angle (°)", with_unit("exists", unit), with_unit("stable", unit))
     parts = [head, grid(rows, headers) or "no steady motion"]
-    if found.changes:
-        each = zip(found.changes, found.located, strict=True)
+    if diagram.changes:
+        each = zip(diagram.changes, diagram.located, strict=True)
         turns = [
             (f"{change.value:.7g}", _located(special), str(number + 1), change_words(change))
             for (change, number), special in each
         ]
         parts += ["", grid(turns, (with_unit("averaged", unit), with_unit("exact", unit), "", "event"))]
-        if any(found.located):
+        if any(diagram.located):
             parts += ["", fill(LOCATED, line_width())]
     return "\n".join(parts) + "\n"
 
@@ -416,17 +517,17 @@ def _located(special: Special | None) -> str:
     return NOTHING if value is None else f"{value:.7g}"
 
 
-def branches_csv(found: Branches) -> str:
+def branches_csv(diagram: Branches) -> str:
     """One row per branch and value: frequency, stability, largest angle, growth rate, and the pattern."""
-    return as_csv(list(_branch_rows(found)))
+    return as_csv(list(_branch_rows(diagram)))
 
 
-def _branch_rows(found: Branches) -> Iterator[dict[str, Any]]:
-    for number, branch in enumerate(found.branches, start=1):
+def _branch_rows(diagram: Branches) -> Iterator[dict[str, Any]]:
+    for number, branch in enumerate(diagram.branches, start=1):
         numbers = branch.values.tolist(), branch.is_stable, branch.omega.tolist(), branch.angle.tolist(), branch.states
         for value, stable, omega, angle, state in zip(*numbers, strict=True):
             columns = followed_columns(
-                found.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=state.growth
+                diagram.variation, value, omega, stable=bool(stable), angle_deg=degrees(angle), growth=state.growth
             )
             yield {**columns, "branch": number, "pendula": agreement(state)}
 
@@ -436,10 +537,10 @@ def change_words(change: Change) -> str:
     return change.kind + (f" (neighbours beat at {change.beat:.3g} rad/s)" if change.beat else "")
 
 
-def _branch_cells(number: int, one: Branch) -> tuple[str, ...]:
-    stable = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in one.intervals) or "nowhere"
-    exists = f"{one.values[0]:.7g} to {one.values[-1]:.7g}"
-    return str(number), one.words, _ends(one.omega), _ends(np.rad2deg(one.angle)), exists, stable
+def _branch_cells(number: int, branch: EquilibriumBranch) -> tuple[str, ...]:
+    stable = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in branch.intervals) or "nowhere"
+    exists = f"{branch.values[0]:.7g} to {branch.values[-1]:.7g}"
+    return str(number), branch.words, _ends(branch.omega), _ends(np.rad2deg(branch.angle)), exists, stable
 
 
 def _ends(values: Floats) -> str:

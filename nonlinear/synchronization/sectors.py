@@ -9,6 +9,7 @@ that of a free pendulum: half its energy is drained.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -39,7 +40,7 @@ class SymmetricMotion(Displayed):
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the sectors."""
-        return tuple(one.name for one in self.pattern.sectors)
+        return tuple(sector.name for sector in self.pattern.sectors)
 
     @property
     def is_stable(self) -> bool:
@@ -57,8 +58,10 @@ class SymmetricMotion(Displayed):
     @property
     def is_van_der_pol(self) -> bool:
         """Whether all pendula are single links with van der Pol drives."""
-        links = [one.pendulum.links for one in self.pattern.populations]
-        return all(len(own) == 1 and own[0].count == 1 and isinstance(own[0].drive, VanDerPol) for own in links)
+        links = [group.pendulum.links for group in self.pattern.populations]
+        return all(
+            len(drives) == 1 and drives[0].count == 1 and isinstance(drives[0].drive, VanDerPol) for drives in links
+        )
 
     def reason(self, sector: int) -> str:
         """Why disturbances of a sector within a population grow or just do not: the trace or the determinant."""
@@ -79,10 +82,20 @@ class SymmetricMotion(Displayed):
         return f"the trace of the within-block vanishes{share}"
 
 
-def symmetric_motions(scene: Scene) -> tuple[SymmetricMotion, ...]:
-    """The patterns of a structured scene with their growth rates; ComputationError where populations have none."""
+def symmetric_motions(
+    scene: Scene, report: Callable[[float], object] = lambda part: None
+) -> tuple[SymmetricMotion, ...]:
+    """The patterns of a structured scene with their growth rates; ComputationError where populations have none.
+
+    `report` is called with the part of them that is done.
+    """
     require_type("scene", scene, "Scene")
-    return tuple(symmetric_motion(pattern) for pattern in patterns_of(scene))
+    patterns = tuple(patterns_of(scene))
+    motions = []
+    for count, pattern in enumerate(patterns, start=1):
+        motions.append(symmetric_motion(pattern))
+        report(count / len(patterns))
+    return tuple(motions)
 
 
 def symmetric_motion(pattern: Pattern, beside: SymmetricMotion | None = None) -> SymmetricMotion:

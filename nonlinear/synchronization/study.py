@@ -30,6 +30,7 @@ SHARE = 0.05  # largest difference of the survivor's share of the energy from th
 USUAL, MOST = 200, 5000  # default and longest duration in periods
 FEW = 8  # pendula on a structure among which configurations are searched for one by one
 FOLDS, LONGEST = 10.0, 2000  # e-folding times of populations that a run lasts, and most periods of it
+SETTLING = 0.2  # part of a theory's time that the outcome of its start takes, roughly
 LOOSE = 1e-7  # tolerance of runs of populations
 
 
@@ -44,13 +45,13 @@ class Theory(Displayed):
     def orbits(self) -> tuple[Orbit | None, ...]:
         """The periodic orbit of every configuration in the full equations, None where none was found beside it."""
         scene = self.prediction.averaged.scene
-        return tuple(certified(scene, one) for one in self.configurations)
+        return tuple(certified(scene, state) for state in self.configurations)
 
     @cached_property
     def ending(self) -> Orbit | None:
         """The stable orbit of the full equations in which the predicted motion ends, None where none was found."""
-        one = self.prediction.ending
-        orbit = certified(self.prediction.averaged.scene, one) if one else None
+        state = self.prediction.ending
+        orbit = certified(self.prediction.averaged.scene, state) if state else None
         return orbit if orbit and orbit.is_stable else None
 
     @property
@@ -109,11 +110,18 @@ class SynchronizationStudy(Displayed):
         return locking is not None and float(self.trajectory.times[-1]) < locking
 
 
-def theory_of_scene(scene: Scene, start: State | None = None) -> Theory:
-    """The theory of a self-excited scene; ComputationError outside the scope of averaged equations."""
+def theory_of_scene(
+    scene: Scene, start: State | None = None, report: Callable[[float], object] = lambda part: None
+) -> Theory:
+    """The theory of a self-excited scene; ComputationError outside the scope of averaged equations.
+
+    `report` is called with the part that is done.
+    """
     validate_scene(scene)
     prediction = predict(scene, start)
-    return Theory(relative_equilibria(prediction.averaged), prediction)
+    report(SETTLING)
+    equilibria = relative_equilibria(prediction.averaged, lambda part: report(SETTLING + (1 - SETTLING) * part))
+    return Theory(equilibria, prediction)
 
 
 def usual_duration(scene: Scene, theory: Theory | None, motions: Sequence[SymmetricMotion] = ()) -> float:
@@ -121,10 +129,10 @@ def usual_duration(scene: Scene, theory: Theory | None, motions: Sequence[Symmet
 
     Of populations that is FOLDS times as long as the slowest of their growth rates needs, up to LONGEST periods.
     """
-    orbits = [one.orbit for one in motions if one.orbit]
+    orbits = [motion.orbit for motion in motions if motion.orbit]
     if orbits:
-        period = max(one.orbit.period for one in orbits)
-        slowest = min(abs(rate) for one in orbits for rate in one.growth)
+        period = max(motion.orbit.period for motion in orbits)
+        slowest = min(abs(rate) for motion in orbits for rate in motion.growth)
         return float(np.clip(FOLDS / slowest if slowest else np.inf, USUAL * period, LONGEST * period))
     if theory is None:
         return USUAL * 2 * pi / (estimate_timescales(scene).swing or 1.0)
@@ -141,24 +149,26 @@ def study_synchronization(
     *,
     start: State | None = None,
     report: Callable[[float, float], object] = lambda elapsed, duration: None,
+    predicting: Callable[[float], object] = lambda part: None,
     **options: Any,
 ) -> SynchronizationStudy:
     """Predict, simulate for `duration` seconds (by default as long as the prediction needs) and measure.
 
-    `start` replaces the initial condition of the scene file, `options` are those of `simulate`; `report` is called with
-    the simulated time and the duration.  A start that ends in an unstable state is replaced by a perturbed one, in
-    prediction and simulation.  KeyboardInterrupt where Ctrl-C cuts the run short.
+    `start` replaces the initial condition of the scene file, `options` are those of `simulate`; `predicting` is called
+    with the part of the prediction that is done, `report` with the simulated time and the duration.  A start that ends
+    in an unstable state is replaced by a perturbed one, in prediction and simulation.  KeyboardInterrupt where Ctrl-C
+    cuts the run short.
     """
     require(scene, "synchronization")
     silent = "; ".join(refusals(scene, "a prediction of synchronization"))
     motions: tuple[SymmetricMotion, ...] = ()
     motionless = silent
     if scene.is_structured and not silent:
-        motions, motionless = _tried(lambda: symmetric_motions(scene))
+        motions, motionless = _tried(lambda: symmetric_motions(scene, predicting))
         motions = motions or ()
         if scene.n_pendula > FEW:
             silent = f"among {scene.n_pendula} pendula on a structure steady motions are not searched for one by one"
-    theory, silent = (None, silent) if silent else _tried(lambda: theory_of_scene(scene, start))
+    theory, silent = (None, silent) if silent else _tried(lambda: theory_of_scene(scene, start, predicting))
     length = duration or usual_duration(scene, theory, motions)
     if scene.is_structured:
         options.setdefault("tolerance", LOOSE)
@@ -167,10 +177,10 @@ def study_synchronization(
     trajectory = simulate(scene, length, start=start, report=lambda elapsed: report(elapsed, length), **options)
     if trajectory.run.interrupted:
         raise KeyboardInterrupt
-    found, unmeasured = _tried(lambda: find_survival(trajectory, theory and theory.prediction.averaged.modes))
+    survival, unmeasured = _tried(lambda: find_survival(trajectory, theory and theory.prediction.averaged.modes))
     phases = phases_of(trajectory)
     told = population_phases(phases), motions, motionless
-    return SynchronizationStudy(scene, theory, silent, trajectory, phases, found, unmeasured, *told)
+    return SynchronizationStudy(scene, theory, silent, trajectory, phases, survival, unmeasured, *told)
 
 
 def _tried(action: Callable[[], Any]) -> tuple[Any, str]:

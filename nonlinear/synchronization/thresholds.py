@@ -67,30 +67,30 @@ class MotionBranch(Displayed):
 
     def growth(self, sector: str) -> Floats:
         """The growth rate (1/s) of a sector at every value, (K,); NaN where the motion has no such sector."""
-        return np.array([self._of(one, sector, one.orbit) for one in self.motions])
+        return np.array([self._of(motion, sector, motion.orbit) for motion in self.motions])
 
     def averaged_growth(self, sector: str) -> Floats:
         """The same by the averaged equations, (K,)."""
-        return np.array([self._of(one, sector, one.averaged) for one in self.motions])
+        return np.array([self._of(motion, sector, motion.averaged) for motion in self.motions])
 
-    def _of(self, one: SymmetricMotion, sector: str, found: object) -> float:
-        growth = getattr(found, "growth", None)
-        return growth[one.names.index(sector)] if growth is not None and sector in one.names else np.nan
+    def _of(self, read: SymmetricMotion, sector: str, column: object) -> float:
+        growth = getattr(column, "growth", None)
+        return growth[read.names.index(sector)] if growth is not None and sector in read.names else np.nan
 
     @cached_property
     def is_stable(self) -> tuple[bool, ...]:
         """Whether all disturbances decay, at every value."""
-        return tuple(one.is_stable for one in self.motions)
+        return tuple(motion.is_stable for motion in self.motions)
 
     @cached_property
     def angle(self) -> Floats:
         """The largest angle (rad) of any link, (K,)."""
-        return np.array([one.orbit.orbit.amplitude if one.orbit else np.nan for one in self.motions])
+        return np.array([motion.orbit.orbit.amplitude if motion.orbit else np.nan for motion in self.motions])
 
     @cached_property
     def omega(self) -> Floats:
         """The frequency (rad/s), (K,)."""
-        return np.array([one.orbit.orbit.omega if one.orbit else np.nan for one in self.motions])
+        return np.array([motion.orbit.orbit.omega if motion.orbit else np.nan for motion in self.motions])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,25 +103,26 @@ class PopulationDiagram(Displayed):
     thresholds: tuple[Threshold, ...]
 
     def _summary(self) -> Summary:
-        found = [(f"{one.pattern}, {one.sector or 'rest'}", f"{one.value:.9g}") for one in self.thresholds]
-        return Summary(f"{counted(len(found), 'threshold', 'thresholds')} along {self.variation.path}", found)
+        each = self.thresholds
+        rows = [(f"{threshold.pattern}, {threshold.sector or 'rest'}", f"{threshold.value:.9g}") for threshold in each]
+        return Summary(f"{counted(len(rows), 'threshold', 'thresholds')} along {self.variation.path}", rows)
 
     def windows(self, branch: MotionBranch) -> tuple[tuple[float, float], ...]:
         """The intervals in which a motion exists; of one that was not found everywhere in between, its ends."""
-        values, found = self.variation.values, list[tuple[float, float]]()
+        values, windows = self.variation.values, list[tuple[float, float]]()
         begin = float(values[0]) if branch.values[0] == values[0] else None
-        for one in self.thresholds:
-            if one.pattern == branch.name and not one.sector:
-                if not one.rises and begin is not None:
-                    found.append((begin, one.value))
-                begin = one.value if one.rises else None
+        for threshold in self.thresholds:
+            if threshold.pattern == branch.name and not threshold.sector:
+                if not threshold.rises and begin is not None:
+                    windows.append((begin, threshold.value))
+                begin = threshold.value if threshold.rises else None
         if begin is not None:
-            found.append((begin, float(branch.values[-1])))
-        return tuple(found) or ((float(branch.values[0]), float(branch.values[-1])),)
+            windows.append((begin, float(branch.values[-1])))
+        return tuple(windows) or ((float(branch.values[0]), float(branch.values[-1])),)
 
     def intervals(self, branch: MotionBranch) -> tuple[tuple[float, float], ...]:
         """The intervals in which a motion is stable."""
-        return tuple(own for low, high in self.windows(branch) for own in self._stable(branch, low, high))
+        return tuple(inside for low, high in self.windows(branch) for inside in self._stable(branch, low, high))
 
     def _stable(self, branch: MotionBranch, low: float, high: float) -> Iterator[tuple[float, float]]:
         """Those within one interval in which it exists."""
@@ -129,12 +130,12 @@ class PopulationDiagram(Displayed):
         growth = first.orbit.growth if first.orbit else ()
         growing = {name for name, rate in zip(first.names, growth, strict=True) if rate > 0}
         begin = None if growing else low
-        for one in self.thresholds:
-            if one.pattern == branch.name and one.sector and low < one.value < high:
-                growing = growing | {one.sector} if one.rises else growing - {one.sector}
+        for threshold in self.thresholds:
+            if threshold.pattern == branch.name and threshold.sector and low < threshold.value < high:
+                growing = growing | {threshold.sector} if threshold.rises else growing - {threshold.sector}
                 if growing and begin is not None:
-                    yield begin, one.value
-                begin = None if growing else one.value if begin is None else begin
+                    yield begin, threshold.value
+                begin = None if growing else threshold.value if begin is None else begin
         if begin is not None:
             yield begin, high
 
@@ -149,19 +150,21 @@ def follow_populations(scene: Scene, variation: Variation, report: Report = lamb
     require(scene, "a prediction of synchronization")
     walk = PopulationWalk(scene, variation)
     branches, thresholds = list[MotionBranch](), list[Threshold]()
-    for name in [one.name for one in patterns_of(walk.scene_at(variation.values[0]))]:
+    for name in [pattern.name for pattern in patterns_of(walk.scene_at(variation.values[0]))]:
         branch = walk.branch(name)
         crossings = sorted(walk.thresholds(name, branch), key=lambda pair: pair[0].value)
         branches.append(_joined(branch, crossings))
-        thresholds += [one for one, _ in crossings]
+        thresholds += [threshold for threshold, _ in crossings]
         report(len(branches))
-    return PopulationDiagram(scene, variation, tuple(branches), tuple(sorted(thresholds, key=lambda one: one.value)))
+    return PopulationDiagram(
+        scene, variation, tuple(branches), tuple(sorted(thresholds, key=lambda threshold: threshold.value))
+    )
 
 
 def _joined(branch: MotionBranch, crossings: list[tuple[Threshold, SymmetricMotion | None]]) -> MotionBranch:
     """The branch with the motions at its thresholds."""
     every = [*zip(branch.values.tolist(), branch.motions, strict=True)]
-    every += [(one.value, motion) for one, motion in crossings if motion is not None]
+    every += [(threshold.value, motion) for threshold, motion in crossings if motion is not None]
     every.sort(key=lambda pair: pair[0])
     values, motions = [value for value, _ in every], tuple(motion for _, motion in every)
     return MotionBranch(branch.name, branch.variation, np.array(values), motions)
@@ -179,7 +182,7 @@ class PopulationWalk:
 
     def motion(self, name: str, value: float, beside: SymmetricMotion | None) -> SymmetricMotion:
         """The motion of a name at a value."""
-        pattern = next(one for one in patterns_of(self.scene_at(value)) if one.name == name)
+        pattern = next(motion for motion in patterns_of(self.scene_at(value)) if motion.name == name)
         return symmetric_motion(pattern, beside if beside is not None and beside.orbit else None)
 
     def branch(self, name: str) -> MotionBranch:
@@ -197,20 +200,20 @@ class PopulationWalk:
         """All its thresholds, with the motions there."""
         there = dict(zip(branch.values.tolist(), branch.motions, strict=True))
         for a, b in pairwise(self.variation.values):
-            one, other = there.get(a), there.get(b)
-            if one and other and one.names == other.names and one.orbit and other.orbit:
-                for sector, (low, high) in enumerate(zip(one.orbit.growth, other.orbit.growth, strict=True)):
+            motion, other = there.get(a), there.get(b)
+            if motion and other and motion.names == other.names and motion.orbit and other.orbit:
+                for sector, (low, high) in enumerate(zip(motion.orbit.growth, other.orbit.growth, strict=True)):
                     if low * high < 0:
-                        yield self._crossing(name, sector, (a, one), (b, other))
+                        yield self._crossing(name, sector, (a, motion), (b, other))
         yield from self._ends(name, set(there))
 
     def _crossing(
         self, name: str, sector: int, low: tuple[float, SymmetricMotion], high: tuple[float, SymmetricMotion]
     ) -> tuple[Threshold, SymmetricMotion]:
         """Where the growth rate of a sector vanishes between two values."""
-        (a, one), (b, other) = low, high
-        orbits: list[PatternOrbit] = [found for found in (one.orbit,) if found]
-        assert other.orbit is not None
+        (a, before), (b, after) = low, high
+        orbits: list[PatternOrbit] = [orbit for orbit in (before.orbit,) if orbit]
+        assert after.orbit is not None
 
         def exact(value: float) -> float:
             pattern = orbits[-1].pattern.at(self.scene_at(value))
@@ -218,23 +221,23 @@ class PopulationWalk:
             return orbits[-1].growth[sector]
 
         at = float(scipy.optimize.brentq(exact, a, b, xtol=EXACT * abs(b), rtol=EXACT, maxiter=ITERATIONS))
-        motion = self.motion(name, at, one)
-        orbit = motion.orbit
-        assert orbit is not None
-        rises = other.orbit.growth[sector] > 0
-        others = max((rate for k, rate in enumerate(orbit.growth) if k != sector), default=-1.0)
+        motion = self.motion(name, at, before)
+        crossed = motion.orbit
+        assert crossed is not None
+        rises = after.orbit.growth[sector] > 0
+        others = max((rate for k, rate in enumerate(crossed.growth) if k != sector), default=-1.0)
         becomes = ("loses stability" if rises else "becomes stable") if others < 0 else ""
-        within = self._averaged(name, sector, (a, one), (b, other))
-        beat = orbit.beats[sector] if orbit.turns[sector] else 0.0
-        found = Threshold(at, within, name, motion.names[sector], rises, becomes, beat, motion.crossing(sector))
-        return found, motion
+        within = self._averaged(name, sector, (a, before), (b, after))
+        beat = crossed.beats[sector] if crossed.turns[sector] else 0.0
+        root = Threshold(at, within, name, motion.names[sector], rises, becomes, beat, motion.crossing(sector))
+        return root, motion
 
     def _averaged(
         self, name: str, sector: int, low: tuple[float, SymmetricMotion], high: tuple[float, SymmetricMotion]
     ) -> float | None:
         """The same by the averaged equations, within the range; None where there is none."""
-        (a, one), (b, _) = low, high
-        beside = one.averaged
+        (a, motion), (b, _) = low, high
+        beside = motion.averaged
         assert beside is not None
         first, last = self.variation.values[0], self.variation.values[-1]
 
@@ -256,7 +259,7 @@ class PopulationWalk:
             return
 
         def growth(value: float) -> float:
-            return rest_growth(next(one for one in patterns_of(self.scene_at(value)) if one.name == name))
+            return rest_growth(next(motion for motion in patterns_of(self.scene_at(value)) if motion.name == name))
 
         for a, b in pairwise(self.variation.values):
             low, high = growth(a), growth(b)

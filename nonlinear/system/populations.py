@@ -110,7 +110,7 @@ def representatives(scene: Scene) -> Scene:
     """
     require_type("scene", scene, "Scene")
     if reasons := list(unrepresented(scene)):
-        raise ComputationError(f"no few pendula stand for the others: {'; '.join(reasons)}")
+        raise ComputationError(f"no small set of pendula represents the others: {'; '.join(reasons)}")
     first = np.cumsum([0, *(pendulum.count for pendulum in scene.pendulum)])
     pendula = []
     for population in populations_of(scene):

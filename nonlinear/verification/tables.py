@@ -7,7 +7,19 @@ from math import ceil, degrees, floor, isfinite, isinf, log10
 from typing import Any
 
 from modal.modes.friction import stop_words
-from modal.report import NOTHING, Form, as_csv, as_json, digits, finite, grid, markdown, titled
+from modal.report import (
+    NOTHING,
+    Form,
+    as_csv,
+    as_json,
+    digits,
+    finite,
+    grid,
+    listed,
+    markdown,
+    percent,
+    titled,
+)
 from modal.scene import describe, left_out, title_of
 from modal.scene.doors import checked
 from nonlinear.postprocessing import PushingLink, words_of
@@ -18,6 +30,8 @@ from nonlinear.verification.motion import Comparison, ModeInMotion
 MODES = ("mode", "ω (rad/s)", "κ (1/rad²)", "measured", "rel. error ≤", "1 % at (°)", "measured (°)", "description")
 RUNS = ("mode", "angle (°)", "ω(a) (rad/s)", "rel. error ≤", "ω(a)/ω − 1", "orbit", "κa²", "outside")
 BEYOND = 1e-3  # of the error of κ: how far its digits go
+SMALL = 1e-4  # relative difference from which on it is given in per cent
+MOST_SHARES = 4  # modes whose energy is told
 HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 
 
@@ -29,17 +43,73 @@ def check_table(check: Check, form: Form) -> str:
             "scene": describe(check.scene),
             "modes": [_mode_record(row) for row in check.rows],
             "skipped": [{"mode": number, "reason": reason} for number, reason in check.skipped],
+            "verdict_sentences": check_verdict(check),
         }
         return as_json(whole)
     records = [_run_record(row, run) for row in check.rows for run in row.measurements]
     if form == "csv":
         return as_csv(records)
     parts = [
+        _paragraph(check_verdict(check), form),
         grid([_mode_cells(row) for row in check.rows], MODES, form),
         grid([_run_cells(row, run) for row in check.rows for run in row.measurements], RUNS, form),
         "\n\n".join(map(markdown, _notes(check))) if form == "markdown" else "\n".join(_notes(check)),
     ]
     return titled(title_of(check.scene), "the table of modes against the full motion", parts, form)
+
+
+def _paragraph(sentences: list[str], form: str) -> str:
+    """A sentence a line, or one paragraph of Markdown."""
+    return " ".join(map(markdown, sentences)) if form == "markdown" else "\n".join(sentences)
+
+
+def check_verdict(found: Check) -> list[str]:
+    """How right the table is: at the smallest angle, at the largest with and without κa², and its angles of 1 %."""
+    runs = [(row, run) for row in found.rows for run in row.measurements]
+    regular = [(row, run) for row, run in runs if not run.irregular]
+    sentences = []
+    several = len(found.rows) > 1
+    what = f"the frequencies of {len(found.rows)} modes are up to" if several else "the frequency is"
+    if regular:
+        small, large = (choose(run.amplitude for _, run in regular) for choose in (min, max))
+        off = max(abs(run.shift) for _, run in regular if run.amplitude == small)
+        sentences.append(f"At {degrees(small):.3g}° {what} {_off(off)} off the table.")
+        if large > small:
+            there = [(row, run) for row, run in regular if run.amplitude == large]
+            plain = max(abs(run.shift) for _, run in there)
+            mended = max(abs(run.shift - row.predicted(run)) for row, run in there)
+            they, up = ("they are", "up to ") if several else ("it is", "")
+            near = f"{up}{_off(mended)} off ω (1 + κa²)"
+            sentences.append(f"At {degrees(large):.3g}° {they} {up}{_off(plain)} off the table, and {near}.")
+    angles = [(row.mode.linear_to_1_percent_deg, row.one_percent_deg) for row in found.rows]
+    if misses := [abs(own / measured - 1) for own, measured in angles if isfinite(own) and isfinite(measured)]:
+        which = "angles at which a frequency is 1 % off are up to" if several else "angle at which it is 1 % off is"
+        sentences.append(f"The {which} {_off(max(misses))} off the table.")
+    if odd := sorted({row.mode.number for row, run in runs if run.irregular}):
+        modes = f"{'Mode' if len(odd) == 1 else 'Modes'} {listed(list(map(str, odd)), len(odd))}"
+        sentences.append(f"{modes}: irregular at large angles, where no single frequency describes the motion.")
+    return sentences or ["No mode was checked."]
+
+
+def _off(share: float) -> str:
+    """A relative difference, small ones as a power of ten."""
+    return percent(share) if share >= SMALL else f"{share:.1e}"
+
+
+def comparison_verdict(found: Comparison) -> list[str]:
+    """Which modes carry the energy, and how far their lines are from the table."""
+    rows = sorted((row for row in found.rows if isfinite(row.share)), key=lambda row: -row.share)
+    if not rows:
+        return ["Nothing moves."]
+    first, *others = rows[:MOST_SHARES]
+    each = "".join(f", mode {row.mode.number} {percent(row.share)}" for row in others)
+    rest = "" if len(rows) <= MOST_SHARES else f", {len(rows) - MOST_SHARES} others the rest"
+    sentences = [f"Mode {first.mode.number} holds {percent(first.share)} of the energy{each}{rest}."]
+    lines = [(row, row.lines[0]) for row in rows[:MOST_SHARES] if row.lines]
+    off = [abs(line.omega / row.mode.omega - 1) for row, line in lines if row.mode.omega]
+    if off:
+        sentences.append(f"The strongest line of each is up to {_off(max(off))} away from the frequency in the table.")
+    return sentences
 
 
 def _angle(degree: float) -> str:
@@ -146,8 +216,16 @@ def comparison_table(comparison: Comparison, form: Form) -> str:
     """A comparison as text, markdown, csv (one line for each line of the motion) or json, as `form` says."""
     if form == "json":
         coordinates = [_record(comparison, row) for row in comparison.rows]
+        verdict = comparison_verdict(comparison)
         scene = describe(comparison.modes.scene)
-        return as_json({"scene": scene, "coordinates": coordinates, "pushing": _pushing(comparison.pushing)})
+        return as_json(
+            {
+                "scene": scene,
+                "coordinates": coordinates,
+                "verdict_sentences": verdict,
+                "pushing": _pushing(comparison.pushing),
+            }
+        )
     if form == "csv":
         return as_csv(
             [
@@ -158,7 +236,8 @@ def comparison_table(comparison: Comparison, form: Form) -> str:
         )
     note = "lines: frequency (rad/s), amplitude, and difference from the nearest frequency of the table."
     words = words_of(comparison.pushing, comparison.modes.scene)
-    parts = [grid([_cells(comparison, row) for row in comparison.rows], HEADINGS, form), note, *words]
+    told = _paragraph(comparison_verdict(comparison), form)
+    parts = [told, grid([_cells(comparison, row) for row in comparison.rows], HEADINGS, form), note, *words]
     return titled(title_of(comparison.modes.scene), "the motion in modal coordinates", parts, form)
 
 

@@ -354,3 +354,31 @@ def test_latex_sets_matrices_units_and_words(capsys: pytest.CaptureFixture[str])
     assert r"Mode 3; $\omega = 12.5646\,\mathrm{rad\,s^{-1}}$, $\zeta = 0.0363967$:" in latex
     assert r"s = -0.457312 \pm 12.5563\, i" in latex
     assert r"$\det(s^{2} M + s D + K)$:" in latex
+
+
+def test_free_bodies_are_drawn_or_written(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for ending, head in (("svg", b"<?xml"), ("tikz", b"\\definecolor"), ("tex", b"\\definecolor")):
+        path = tmp_path / f"parts.{ending}"
+        printed(capsys, "derive", "cart:1", "--show", "freebody", "--names", "paper", "-o", str(path))
+        assert path.read_bytes().startswith(head)
+    balances = tmp_path / "balances.tex"
+    printed(capsys, "derive", "cart:1x2", "--show", "freebody", "--format", "latex", "-o", str(balances))
+    latex = balances.read_text(encoding="utf-8")
+    assert latex.isascii()
+    assert latex.count(r"\begin{equation*}") + latex.count(r"\begin{align*}") == 13
+    assert "13 equations for 13 unknowns" in latex
+
+
+def test_what_free_bodies_do_not_take_is_said(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    picture = str(tmp_path / "parts.png")
+    refusals = {
+        ("-o", picture): "free bodies alone are drawn",
+        ("--names", "paper"): "belongs to --show freebody",
+        ("--show", "freebody,modes"): "stands alone",
+        ("--show", "freebody", "--symbolic", "masses"): "all numbers of free bodies are symbols",
+        ("--show", "freebody", "--parts", "2"): "chooses what is drawn",
+        ("--show", "freebody", "--parts", "2:9", "-o", picture): "the scene has parts 1 to 3",
+    }
+    for words, message in refusals.items():
+        assert message in refused(capsys, 2, "derive", "chain:2", *words)
+    assert "at most 40" in refused(capsys, 2, "derive", "chain:50", "--show", "freebody")

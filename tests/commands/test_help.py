@@ -198,7 +198,7 @@ def test_the_words_are_those_of_the_packages() -> None:
     from modal.exports import FORMATS
     from modal.statespace.points import WAYS
     from modal.statespace.signals import INPUTS, OF_SPRINGS, OF_STRUCTURES, OUTPUTS, PUSHES
-    from modal.symbolic.derivation import SECTIONS
+    from modal.symbolic.derivation import ASKED_FOR, SECTIONS
     from modal.symbolic.system import SYMBOLIC
     from nonlinear.integration import FORMS
     from nonlinear.integration.methods import METHODS
@@ -208,7 +208,7 @@ def test_the_words_are_those_of_the_packages() -> None:
         return list(PAGES[command]._option_string_actions[option].completer(""))
 
     assert completion.shipped() == example_names()
-    assert offered("derive", "--show") == list(SECTIONS)
+    assert offered("derive", "--show") == [*SECTIONS, *ASKED_FOR, "freebody"]
     assert offered("derive", "--symbolic") == list(SYMBOLIC)
     inputs = {*INPUTS, *PUSHES, *(f"{way}:" for way in WAYS), "force[0]"}
     assert sorted(offered("export", "--input")) == sorted(inputs)

@@ -67,7 +67,7 @@ def test_pictures_are_written_in_both_themes(capsys: pytest.CaptureFixture[str],
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("hoist", "crane-hook"), "hoist: no link of this scene has one"),
+        (("hoist", "crane-hook"), "write hoist = { to = 6, duration = 10.0 } in pendulum[0].links[0]"),
         (("hoist", CRANE, "--over", "3"), "--over: needs --travel METRES"),
         (("hoist", CRANE, "-o", "a.doc"), "the name must end in"),
         (("export", CRANE, "--to", "json", "-o", "-"), "--to json: holds a constant model"),

@@ -167,6 +167,10 @@ def test_a_cart_on_a_spring_is_the_cart_that_has_it(stiffness: float) -> None:
         assert branch.strength == pytest.approx(theirs.strength, rel=1e-11)
         assert branch.splitting == pytest.approx(theirs.splitting, rel=1e-11)
         assert mine.mass == pytest.approx([theirs.mass], rel=1e-13)
+        assert other.effective_mass(mine, branch) == pytest.approx(theirs.mass, rel=1e-13)
+        share = theirs.exchange.most if theirs.exchange else None
+        assert other.share(mine) == (share and pytest.approx(share, rel=5e-3))
+        assert (other.beat(mine, branch) or 0.0) == pytest.approx(theirs.beat or 0.0, rel=1e-4)
     pairs = {(pair.first, pair.second): pair for pair in one.pairs}
     for pair in other.pairs:
         theirs = pairs[pair.first, pair.second]
@@ -213,6 +217,20 @@ def test_two_carts_with_three_bobs_each() -> None:
     # ε = μ/m with the dynamic mass 2 m_c − 2 k/ω² of both carts at ω² = g
     expected = sorted(3 / (5 - k / 9.81) for k in (30.0, 70.0))
     assert sorted(branch.strength for branch in family.branches) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_share_of_three_levels_is_that_of_all_modes() -> None:
+    """One of six bobs on two heavy carts, by superposition of every mode of the scene."""
+    heavy = [cart.replace(mass=200.0, stiffness=500.0) for cart in (LEFT, RIGHT)]
+    found = explained(CARTS.replace(support=heavy, spring=(BETWEEN.replace(stiffness=300.0),)))
+    (family,) = found.families
+    assert [found.effective_mass(family, branch) for branch in family.branches] == pytest.approx([6.0, 6.0], rel=1e-12)
+    written = matrices(found.scene)
+    squares, shapes = scipy.linalg.eigh(written.K, written.M)
+    bobs = shapes[-6:] * np.sqrt(np.diag(written.M)[-6:])[:, None]
+    times = np.linspace(0.0, max(found.beats(family)), 4001)
+    swinging = np.abs(np.exp(-1j * np.outer(times, np.sqrt(squares))) @ (bobs * bobs[0]).T) ** 2
+    assert found.share(family) == pytest.approx(swinging[:, 1:].sum(axis=1).max(), rel=0.03)
 
 
 @pytest.mark.parametrize("mass", [1e2, 1e10])

@@ -245,7 +245,7 @@ def test_members_without_a_start_begin_in_a_mode() -> None:
     assert np.degrees(np.abs(begun.links)).max(axis=1) == pytest.approx(5.0)
     assert np.all(found.values > 4.9)
     short = find_basins(UNSTARTED, 0.5, vary=grid, workers=1)
-    assert "none of these: at rest, still on the way" in basins_table(short, "text")
+    assert "none of these: at rest, not settled yet" in basins_table(short, "text")
 
 
 def test_the_usual_grid_is_fine_where_members_go_side_by_side() -> None:

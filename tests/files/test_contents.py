@@ -118,6 +118,10 @@ def test_a_file_of_the_largest_size_is_read_and_a_larger_one_is_not(tmp_path: Pa
 def test_text_that_is_none_and_names_that_are_none_have_their_sentence(tmp_path: Path) -> None:
     path = tmp_path / "data"
     path.write_bytes(b"ab\xff")
-    for name, words in ((path, "byte 2 is not text in UTF-8"), ("a\0b", "cannot be read"), ("none", "No such file")):
+    for name, words in (
+        (path, "is not a text file: byte 2 is not UTF-8"),
+        ("a\0b", "cannot be read"),
+        ("none", "No such file"),
+    ):
         with pytest.raises(SceneError, match=words):
             text_of(name)

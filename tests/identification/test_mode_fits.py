@@ -218,7 +218,7 @@ def test_a_file_is_read(tmp_path: Path) -> None:
         ("", "has no column mode"),
         ("mode,frequency,std_hz\n1,2,3\n", "has no column frequency_hz (did you mean frequency?)"),
         ("mode,frequency_hz,std_hz\n", "has no modes"),
-        ("mode,frequency_hz,std_hz\n1,2\n", "line 2 has not 3 cells"),
+        ("mode,frequency_hz,std_hz\n1,2\n", "line 2: must have 3 cells"),
         ("mode,frequency_hz,std_hz\n0,2,0.1\n", "mode = 0: must be a whole number from 1"),
         ("mode,frequency_hz,std_hz\n1,x,0.1\n", "frequency_hz = x: must be a number above 0"),
         ("mode,frequency_hz,std_hz\n1,2,0\n", "std_hz = 0: must be a number above 0"),

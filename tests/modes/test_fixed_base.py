@@ -106,13 +106,87 @@ def test_some_of_the_modes_have_the_same_as_all() -> None:
     assert every.sum() == pytest.approx(1000.0)
 
 
-@pytest.mark.parametrize(
-    "support", [{"stiffness": 1.0}, {"damping": 1.0}], ids=["a spring holds the cart", "a damper brakes it"]
-)
-def test_there_is_none_where_modes_do_not_belong_together(support: dict[str, float]) -> None:
-    scene = load("crane-hook").replace(support=Cart(mass=1000.0, **support))
+def test_there_is_none_where_modes_do_not_belong_together() -> None:
+    scene = load("crane-hook").replace(support=Cart(mass=1000.0, stiffness=1.0))
     assert np.isnan(fixed_base_masses(natural_modes(scene))).all()
     assert np.isnan(fixed_base_masses(natural_modes(load("cart-upright")))).all()
+
+
+# --------------------------------------------------------------------------------------------------- with dampers
+
+DAMPED = Scene(
+    gravity=9.81,
+    support=Cart(mass=5.0, stiffness=20.0, damping=0.3),
+    pendulum=[
+        Pendulum(links=[Bob(mass=1.0, length=1.0, damping=0.02), Rod(mass=0.5, length=0.6)], count=2),
+        Pendulum(links=[Bob(mass=0.7, length=0.5, drag=0.05)]),
+    ],
+)
+
+
+def test_light_dampers_leave_the_effective_masses() -> None:
+    """(φᵀMe)²/(φᵀMφ) of eigh(K, M) for every light mode, their sum, and nothing where the cart hardly swings."""
+    whole = matrices(DAMPED)
+    square, shapes = eigh(whole.K, whole.M)
+    expected = (shapes.T @ whole.M[:, 0]) ** 2
+    modes = natural_modes(DAMPED)
+    for mode in modes:
+        near = int(np.abs(np.sqrt(square) - mode.omega).argmin())
+        assert mode.effective_mass == pytest.approx(expected[near], rel=1e-9, abs=1e-12)
+        assert mode.effective_mass_share == pytest.approx(mode.effective_mass / 8.7, rel=1e-12)
+    assert modes.effective_mass.sum() == pytest.approx(8.7, rel=1e-9)
+    braked = natural_modes(DAMPED.replace(support=Cart(mass=5.0, stiffness=20.0, damping=6.0)))
+    light = np.isfinite(braked.effective_mass)
+    assert light.any()
+    assert not light.all()
+
+
+def test_what_is_light_is_judged_by_shape_and_damping_ratio() -> None:
+    """By the definition, |φᴴMψ|²/(φᴴMφ ψᵀMψ) of state-space eigenvectors, over scenes with ever more damping."""
+    seen = []
+    for damping in (0.1, 0.5, 1.0, 2.0, 4.0, 8.0):
+        scene = DAMPED.replace(support=Cart(mass=5.0, stiffness=20.0, damping=damping))
+        whole, modes = matrices(scene), natural_modes(scene)
+        n = len(whole.M)
+        inverse = np.linalg.inv(whole.M)
+        values, vectors = np.linalg.eig(
+            np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ whole.K, -inverse @ whole.D]])
+        )
+        psi = eigh(whole.K, whole.M)[1]
+        for row, value in enumerate(modes.eigenvalue.tolist()):
+            phi = vectors[:n, np.abs(values - value).argmin()]
+            alike = (np.abs(phi.conj() @ whole.M @ psi) ** 2 / (phi.conj() @ whole.M @ phi).real).max()
+            light = alike >= 0.99 and 0 <= modes.damping_ratio[row] < 0.1
+            seen.append(light)
+            assert np.isfinite(modes[row].effective_mass) == light
+    assert 0.2 < np.mean(seen) < 0.95
+
+
+def test_dampers_leave_the_fixed_base_masses_of_clocks() -> None:
+    found = fixed_base_masses(natural_modes(load("huygens")))
+    (mass,) = (own for own in found if own > 1e-12)
+    assert mass == pytest.approx(0.164, rel=1e-12)
+    assert np.isnan(found[1])
+
+
+def test_a_note_says_whose_masses_they_are() -> None:
+    modes = natural_modes(DAMPED)
+    assert "those of the modes without dampers" in table(modes, list(modes), "text")
+    bare = natural_modes(DAMPED.conservative)
+    assert "without dampers" not in table(bare, list(bare), "text")
+
+
+def test_a_cart_on_a_spring_tells_its_own_mode_from_the_pendulas() -> None:
+    """By the sign of x θ: below the pendula's frequency they swing with the cart, above it against it."""
+    for stiffness, expected in ((4.0, ["follow", "opposed"]), (4000.0, ["follow", "opposed"])):
+        pair = Pendulum(links=[Bob(mass=1.0, length=1.0)], count=2)
+        scene = Scene(gravity=9.81, support=Cart(mass=10.0, stiffness=stiffness), pendulum=[pair])
+        whole = matrices(scene)
+        _, shapes = eigh(whole.K, whole.M)
+        told = [mode.family for mode in natural_modes(scene) if mode.family.startswith("cart moves")]
+        assert told == [f"cart moves: pendula {word}" for word in expected]
+        moving = [shape for shape in shapes.T if abs(shape[0]) > 1e-9]
+        assert [shape[0] * shape[1] > 0 for shape in moving] == [True, False]
 
 
 # ------------------------------------------------------------------------------------------------------ columns
@@ -131,9 +205,7 @@ def test_columns_that_say_nothing_are_left_out() -> None:
     assert {"effective_mass_kg", "effective_mass_share"} < set(chain)
     assert not {"cart_participation", "fixed_base_effective_mass_kg", "multiplicity"} & set(chain)
     assert "multiplicity" in many
-    damped = keys("huygens")
-    assert "damping_ratio" in damped
-    assert not {"effective_mass_kg", "fixed_base_effective_mass_kg"} & set(damped)
+    assert {"damping_ratio", "fixed_base_effective_mass_kg"} < set(keys("huygens"))
 
 
 def test_columns_are_chosen_by_name() -> None:

@@ -148,7 +148,7 @@ def test_the_page_that_explains_has_the_tables_numbers(name: str) -> None:
         assert family["family"] == "ABCDEFGH"[number]
         if still := family["mode_cart_still"]:
             assert "cart still" in table[still - 1].family
-    text = coupling_report(explain(scene))
+    text = coupling_report(explain(scene), words=True)
     assert f"(mode {told['cart_modes'][0]['mode']})" in text if told["cart_modes"] else "(mode 1)" in text
     assert "Family A" in text
     assert "Family 1" not in text

@@ -15,6 +15,7 @@ from manual import PART, manual, mathjax
 pytestmark = [pytest.mark.site, pytest.mark.slow, BROWSER]
 
 LESSON = "tutorial/lessons/05_small_angles"
+EXPLANATION = "explanation/modes"
 LOOKS = usually([(360, True), (1280, False)], [(width, dark) for width in (360, 768, 1280) for dark in (False, True)])
 DRAWN = "(window.MathJax?.startup?.promise ?? Promise.resolve()).then(() => new Promise((on) => setTimeout(on, 50)))"
 WITHOUT = "{ exclude: [['mjx-container']] }"  # drawings, hidden from readers, beside MathML: thousands of elements
@@ -65,10 +66,10 @@ def show(browser: Chromium, page: Path, width: int, dark: bool = False) -> None:
     browser.run(DRAWN)
 
 
-@pytest.mark.parametrize("width", [360, 1280])
-def test_formulas_are_drawn_without_a_network(offline: Chromium, built: Path, width: int) -> None:
+@pytest.mark.parametrize(("page", "width"), [(LESSON, 360), (LESSON, 1280), (EXPLANATION, 360)])
+def test_formulas_are_drawn_without_a_network(offline: Chromium, built: Path, page: str, width: int) -> None:
     mathjax(built)
-    show(offline, built / f"{LESSON}.html", width)
+    show(offline, built / f"{page}.html", width)
     formulas: list[dict[str, Any]] = offline.run(FORMULAS)
     assert len(formulas) > 20
     for fault in ("drawn", "spoken", "high", "wide"):

@@ -152,7 +152,7 @@ def test_drives_have_the_common_period_of_their_frequencies() -> None:
     assert period.seconds == pytest.approx(1 / 0.3)
     assert (period.places, period.cycles) == (("support.motion.frequency_hz", "force[0].frequency_hz"), (2, 3))
     with pytest.raises(
-        SceneError, match=r"force\[1\].frequency_hz = 0.7071: is no ratio p/q of force\[0\].frequency_hz = 0.5"
+        SceneError, match=r"force\[1\].frequency_hz = 0.7071: is not a ratio p/q of force\[0\].frequency_hz = 0.5"
     ):
         drive_period(scene_with(SINE | on, SINE | on | {"frequency_hz": 0.7071}))
     with pytest.raises(SceneError, match="nothing drives this scene"):

@@ -121,17 +121,17 @@ MISTAKES = {
     "the ground": (pushed("ground"), 'force[0].on = "ground": the ground does not yield to a force'),
     "constant": (
         pushed("right") | {"force": [{"on": "right", "kind": "constant", "amplitude": 1.0}]},
-        'force[0].kind = "constant": constant forces do not act in a structure',
+        'force[0].kind = "constant": constant forces are not supported in a structure',
     ),
     "no support": (pushed("rihgt"), 'there is no support "rihgt" (did you mean right?)'),
     "space": (described(support=TILT | {"stiffness": 1.0}, space="space"), 'write space = "plane"'),
     "friction": (
         described(support=[LEFT | {"friction": 1.0}, RIGHT], pendulum=[hung(on="left")]),
-        "support[0].friction = 1.0: dry friction does not act in a structure",
+        "support[0].friction = 1.0: dry friction is not supported in a structure",
     ),
     "joints": (
         described(support=TILT, pendulum=[{"links": [BOB | {"friction": 0.1}]}]),
-        "pendulum[0].links[0].friction = 0.1: dry friction does not act in a structure",
+        "pendulum[0].links[0].friction = 0.1: dry friction is not supported in a structure",
     ),
     "massless": (described(support=[LEFT, RIGHT | {"mass": 0.0}]), "support[1].mass = 0.0: must be positive"),
     "inverted": (

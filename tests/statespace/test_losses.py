@@ -218,7 +218,7 @@ def test_models_leave_them_out_and_impulses_refuse_them() -> None:
         natural_modes(scene.lossless), state_space(scene.lossless, ("cart_force",), ("cart_position",))
     )
     assert transfer_functions(form)[0][0].zeros.tolist() == transfer_functions(plain)[0][0].zeros.tolist()
-    with pytest.raises(SceneError, match="an impulse response has no place for loss angles"):
+    with pytest.raises(SceneError, match="an impulse response does not support loss angles"):
         impulse_response(form, [1.0])
 
 

@@ -12,7 +12,7 @@ import mathematics
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PART = ("index", "play", "tutorial/index", "tutorial/lessons/05_small_angles", "reference/scene")
+PART = ("index", "play", "tutorial/index", "tutorial/lessons/05_small_angles", "explanation/modes", "reference/scene")
 """Pages of every kind: cards and a frame, tables, formulas and code."""
 
 

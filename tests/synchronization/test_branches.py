@@ -23,8 +23,8 @@ from nonlinear.averaging import RelativeEquilibrium
 from nonlinear.plotting import branches_figure, draw_branches
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import (
-    Branch,
     Branches,
+    EquilibriumBranch,
     Phases,
     agreement,
     branches_csv,
@@ -54,17 +54,17 @@ def followed(scene: Scene, text: str) -> Branches:
     return follow_branches(scene, parse_variations([text])[0])
 
 
-def named(found: Branches, words: str) -> Branch:
+def named(found: Branches, words: str) -> EquilibriumBranch:
     (one,) = [one for one in found.branches if one.words.startswith(words)]
     return one
 
 
-def critical(one: Branch, *kinds: str) -> float:
+def critical(one: EquilibriumBranch, *kinds: str) -> float:
     (value,) = [change.value for change in one.changes if change.kind in kinds]
     return value
 
 
-def near(one: Branch, scene: Scene, value: float) -> RelativeEquilibrium:
+def near(one: EquilibriumBranch, scene: Scene, value: float) -> RelativeEquilibrium:
     """The configuration there, or the last one before it is lost."""
     at = int(np.abs(one.values - value).argmin())
     moved = Walk(scene, one.variation).moved(one.states[at], value)

@@ -249,7 +249,7 @@ def test_reports_have_the_verdict_first() -> None:
     scene = swings.two_swings(0.22, count=5)
     found = study_synchronization(scene, 8.0)
     text, record = sync_text(found), sync_record(found)
-    assert "\n\nPopulation 1 locked, 2 not: a chimera.\n\npopulation" in text
+    assert "\n\nPopulation 1 locked, 2 not: a chimera.\n" in text
     assert "the trace of its within-block is positive, drained to 0.598" in text
     assert "10 pendula on a structure" in text
     assert record["verdict"] == "a chimera"

@@ -20,7 +20,7 @@ from modal.modes import table_numbers
 from modal.scene import Scene, scene_from
 from modal.scene.parameters import vary
 from multipendula.cli import main
-from nonlinear.averaging import RelativeEquilibrium, average, predict, relative_equilibria
+from nonlinear.averaging import Prediction, RelativeEquilibrium, average, predict, relative_equilibria
 from nonlinear.plotting import SECONDS, strobe
 from nonlinear.plotting.animation import APART
 from nonlinear.simulation import simulate
@@ -92,12 +92,34 @@ def test_the_predicted_locking_time_is_the_simulated_one() -> None:
 def test_the_words_hold_the_numbers() -> None:
     found = pair()
     assert found.survival
-    text = sync_text(found)
+    text = sync_text(found, words=True)
     assert "cart still: antiphase" in text
     assert "cart moves: in phase" in text
     assert f"{found.survival.locking_time():.6g} s" in text
     assert "As predicted." in text
     assert "They leave out" in text
+
+
+def test_the_verdict_of_a_study_comes_first() -> None:
+    found = pair()
+    _, told, table, *_ = sync_text(found).split("\n\n")
+    assert "wins, as predicted" in told
+    assert len(told.splitlines()) <= 5
+    assert table.startswith("Steady motions")
+    assert "Order parameter" not in sync_text(found)
+    assert " ".join(sync_record(found)["verdict_sentences"]) == " ".join(told.split())
+
+
+def test_where_no_mode_wins_none_is_said_to_survive(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = pair()
+    assert found.theory
+    monkeypatch.setattr(Prediction, "share", 0.509)
+    shared = replace(found.theory, prediction=replace(found.theory.prediction))
+    assert "no mode wins: the one that holds most has 50.9 % of the energy" in shared.prediction.doubts
+    text = " ".join(sync_text(replace(found, theory=shared), words=True).split())
+    assert "No mode wins: mode" in text
+    assert "survives" not in text
+    assert "no mode wins:" not in text
 
 
 def test_the_records_hold_the_same_numbers() -> None:
@@ -122,7 +144,7 @@ def test_a_start_that_only_symmetry_keeps_is_judged_by_one_beside() -> None:
     assert (said.unstable.row, said.row, found.survival.survivor) == (1, 2, 3)
     assert found.agrees is True
     assert 0 < abs(found.trajectory.motion.links[0] - np.radians([21.0, -21.0])).max() < np.radians(3.0)
-    text, told, number = sync_text(found), sync_record(found)["prediction"], table_numbers(scene)
+    text, told, number = sync_text(found, words=True), sync_record(found)["prediction"], table_numbers(scene)
     assert f"mode {number[1]} survives (antiphase), but that motion is unstable" in " ".join(text.split())
     assert "from a start nearby" in text
     assert (told["unstable"]["mode"], told["survivor"]) == (number[1], number[2])
@@ -156,7 +178,7 @@ def test_a_run_that_ends_before_the_predicted_time_proves_nothing() -> None:
     assert found.survival
     assert (found.theory.prediction.row, found.survival.survivor) == (2, 2)
     assert found.agrees is None
-    text = " ".join(sync_text(found).split())
+    text = " ".join(sync_text(found, words=True).split())
     assert "it cannot tell whether the prediction is right" in text
     assert "not what was predicted" not in text
 
@@ -171,10 +193,10 @@ def test_of_many_steady_motions_all_that_last_have_a_line() -> None:
         found = replace(pair(), theory=replace(theory, configurations=given))
         assert found.theory
         found.theory.__dict__["orbits"] = (None,) * len(given)
-        table = sync_text(found).partition("\n\n")[2].partition("\n\n")[0].splitlines()
+        table = sync_text(found).split("\n\n")[2].splitlines()
         assert len(table) == 3 + shown
         assert sum(", e-folding" in line and " stable" in line for line in table) == 2
-        assert ("32 more, all unstable, are in the JSON form." in sync_text(found)) == (given is many)
+        assert ("32 more, all unstable, are in the JSON form." in sync_text(found, words=True)) == (given is many)
         assert len(sync_record(found)["configurations"]) == len(given)
 
 
@@ -182,7 +204,7 @@ def test_what_does_not_excite_itself_has_no_prediction() -> None:
     found = study_synchronization(clocks(10.0, 4.0, drive=None), 60.0)
     assert found.theory is None
     assert found.agrees is None
-    assert "No prediction: nothing excites this scene" in sync_text(found)
+    assert "No prediction: nothing excites this scene" in sync_text(found, words=True)
     assert sync_record(found)["prediction"] is None
 
 
@@ -193,8 +215,8 @@ def test_a_swing_that_dies_out_is_said_to() -> None:
     assert found.theory
     assert found.theory.prediction.motion.dies
     assert found.agrees is None
-    assert "The swing dies out" in sync_text(found)
-    assert "none was found" in sync_text(found)
+    assert "The swing dies out" in sync_text(found, words=True)
+    assert "none was found" in sync_text(found, words=True)
 
 
 def test_a_start_at_rest_has_no_prediction() -> None:
@@ -208,7 +230,7 @@ def test_the_energy_balance_of_escapements_closes() -> None:
     kicks = found.trajectory.kicks
     assert len(kicks.time) > 15
     assert found.trajectory.energy_drift() < 1e-9
-    assert f"{len(kicks.time)} kicks fed {kicks.energy.sum():.6g} J" in sync_text(found)
+    assert f"{len(kicks.time)} kicks fed {kicks.energy.sum():.6g} J" in sync_text(found, words=True)
 
 
 @pytest.mark.slow
@@ -271,7 +293,7 @@ def test_the_command_draws_and_films(tmp_path: Path, capsys: pytest.CaptureFixtu
     picture, film = tmp_path / "sync.png", tmp_path / "sync.gif"
     code = main(["sync", written(tmp_path), "--duration", "3", "-o", str(picture), "--film", str(film)])
     assert code == 0
-    assert "Order parameter" in capsys.readouterr().out
+    assert "wins, by the prediction" in capsys.readouterr().out
     with Image.open(picture) as image, Image.open(film) as moving:
         assert np.asarray(image.convert("L")).std() > 5
         assert getattr(moving, "n_frames", 1) > 50
@@ -300,17 +322,17 @@ def test_a_scene_in_space_is_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_a_single_pendulum_locks_with_nobody() -> None:
-    words = sync_text(study_synchronization(clocks(10.0, mass=1e6, damping=0.0), 30.0))
+    words = sync_text(study_synchronization(clocks(10.0, mass=1e6, damping=0.0), 30.0), words=True)
     assert "Mean frequency 3.1" in words
     assert "locked" not in words
     assert "All other" not in words
 
 
 def test_still_pendula_and_short_runs_claim_no_frequency() -> None:
-    still = sync_text(study_synchronization(clocks(0.0, 0.0), 30.0))
+    still = sync_text(study_synchronization(clocks(0.0, 0.0), 30.0), words=True)
     assert "nan" not in still
     assert "no frequency" in still
-    assert "too short to tell whether they lock" in sync_text(study_synchronization(clocks(10.0, 4.0), 0.1))
+    assert "too short to tell whether they lock" in sync_text(study_synchronization(clocks(10.0, 4.0), 0.1), words=True)
 
 
 def of_run(found: SynchronizationStudy, scene: Scene) -> SynchronizationStudy:
@@ -328,13 +350,13 @@ def test_what_dampers_took_is_said_only_of_dampers() -> None:
     mixed = (scene.pendulum[0].model_copy(update={"links": (own,)}), scene.pendulum[1])
     found = study_synchronization(scene.model_copy(update={"pendulum": mixed}), 20.0)
     rest = float(found.trajectory.motion.work[-1] - found.trajectory.kicks.energy.sum())
-    assert f"van der Pol drives and dampers together did {rest:.6g} J" in sync_text(found)
-    assert "dampers took" not in sync_text(found)
-    assert "dampers took" in sync_text(of_run(found, scene))
+    assert f"van der Pol drives and dampers together did {rest:.6g} J" in sync_text(found, words=True)
+    assert "dampers took" not in sync_text(found, words=True)
+    assert "dampers took" in sync_text(of_run(found, scene), words=True)
     loose = scene.conservative
     kicked = [link.model_copy(update={"damping": 0.0}) for link in links]
     pendula = [one.model_copy(update={"links": (link,)}) for one, link in zip(loose.pendulum, kicked, strict=True)]
-    words = sync_text(of_run(found, loose.model_copy(update={"pendulum": tuple(pendula)})))
+    words = sync_text(of_run(found, loose.model_copy(update={"pendulum": tuple(pendula)})), words=True)
     assert "fed" in words
     assert "dampers took" not in words
 
@@ -345,5 +367,7 @@ def test_a_start_in_a_mode_counts_modes_as_the_page_does(capsys: pytest.CaptureF
     assert main(["sync", "huygens", "--start", "mode:2:6", "--duration", "10"]) == 2
     assert "--start mode:2: is a mode of the dampers alone" in capsys.readouterr().err
     assert main(["sync", "huygens", "--start", "mode:3:6", "--duration", "10"]) == 0
-    assert "Mode 3 holds 100 % of the energy at the end (cart still: antiphase)" in (said := capsys.readouterr().out)
+    assert "Mode 3 (cart still: antiphase) wins, as predicted: in the simulation it holds 100 %" in (
+        said := capsys.readouterr().out
+    )
     assert "Modes have their numbers in the table" in said

@@ -22,7 +22,7 @@ g, m_c = sp.symbols("g m_c")
 X, Y = coordinate("x"), coordinate("y")
 
 
-class Link(NamedTuple):
+class PaperLink(NamedTuple):
     """The symbols of one rod: x of its centre along ĵ, y along î, and the force (Rx, Ry) at its upper pivot."""
 
     m: Any
@@ -40,10 +40,10 @@ class Link(NamedTuple):
         return self.m * (self.l / 2) ** 2 / 3
 
 
-def double_pendulum(p: int) -> tuple[Link, Link]:
+def double_pendulum(p: int) -> tuple[PaperLink, PaperLink]:
     """The two links of pendulum p (counted from 1)."""
     first, second = (
-        Link(
+        PaperLink(
             *sp.symbols(f"m_{p}_{j} l_{p}_{j}"),
             *(coordinate(name, p, j) for name in ("theta", "x", "y")),
             *sp.symbols(f"v_{p}_{j} R_{pivot}x_{p} R_{pivot}y_{p}"),
@@ -53,7 +53,7 @@ def double_pendulum(p: int) -> tuple[Link, Link]:
     return first, second
 
 
-def links(n: int) -> list[Link]:
+def links(n: int) -> list[PaperLink]:
     """All 2n links, pendulum by pendulum."""
     return [link for p in range(1, n + 1) for link in double_pendulum(p)]
 

@@ -220,16 +220,22 @@ function energiesOf({ swing, aside }) {
   });
 }
 
-// How the pendula with a fair share of the energy agree, by their first links.
+// How the pendula with a fair share of the energy agree, by their first links; of a cart on a spring that moves, whether
+// they swing with it or against it, which tells its own mode from theirs.
 function agreementOf(system, kinds, head) {
   const energies = energiesOf(head);
-  if (energies.length === 1) return kinds[0].length > 1 ? "in phase" : "";
   const most = Math.max(...energies.map(({ energy }) => energy));
   const busy = energies.flatMap(({ energy, span }, i) => (energy >= FAIR * most ? [{ i, top: span[0] }] : []));
-  if (busy.length === 1) return `mostly ${named(system, kinds[busy[0].i])}`;
+  const several = system.chains.length > 1;
+  if (energies.length > 1 && busy.length === 1) return `mostly ${named(system, kinds[busy[0].i])}`;
   const tops = inPhase(busy.map(({ top }) => head.swing.x[top]), head.aside && busy.map(({ top }) => head.aside[top]));
-  if (tops.every((top) => top > 0) || tops.every((top) => top < 0)) return "in phase";
-  return head.still ? "antiphase" : "mixed phases";
+  if (!tops.every((top) => top > 0) && !tops.every((top) => top < 0) && energies.length > 1) return head.still ? "antiphase" : "mixed phases";
+  const alike = several ? "in phase" : "";
+  if (head.still || !system.cart?.stiffness) return energies.length === 1 && kinds[0].length === 1 ? "" : alike;
+  const signs = busy.map(({ top }) => Math.sign(head.swing.x[top] * head.swing.x[0] + (head.aside ? head.aside[top] * head.aside[0] : 0)));
+  if (signs.every((sign) => sign > 0)) return several ? "pendula follow" : "pendulum follows";
+  if (signs.every((sign) => sign < 0)) return several ? "pendula opposed" : "pendulum opposed";
+  return alike;
 }
 
 // How the links of the chain that moves most agree.

@@ -1,0 +1,191 @@
+"""The verdict on a coupling in at most five sentences: what couples, how strongly, how slowly it beats, what lasts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import isfinite
+
+from modal.coupling.analysis import Coupling
+from modal.coupling.exchange import STRONG, EnergyExchange
+from modal.coupling.exchange_words import collective
+from modal.coupling.families import FamilyRow
+from modal.coupling.structure_words import carrier_words
+from modal.coupling.structures import Exchanged
+from modal.coupling.wording import ROUGH, SLIGHT, AnyCoupling, left, member
+from modal.report import capital, counted, listed, short
+
+NEGLIGIBLE = 1e-12
+MOST_NUMBERS = 4
+MOST_LETTERS = 40
+"""Letters of the names of two pendula that a sentence has room for."""
+
+
+def verdict(coupling: AnyCoupling, rows: list[FamilyRow]) -> tuple[str, ...]:
+    """The sentences, from the table of families."""
+    sentences = [_coupled(coupling)]
+    if _is_coupled(coupling):
+        sentences += [*_strength(rows), *_beats(coupling, rows), *_between(coupling)]
+    return (*sentences, *_lasting(coupling))
+
+
+def _is_coupled(coupling: AnyCoupling) -> bool:
+    return (
+        coupling.on_cart if isinstance(coupling, Coupling) else bool(coupling.reduced.d or coupling.structure.springs)
+    )
+
+
+def _coupled(coupling: AnyCoupling) -> str:
+    scene = coupling.scene
+    pendula = counted(scene.n_pendula, "pendulum", "pendula")
+    if not _is_coupled(coupling):
+        why = "moves as prescribed" if scene.is_moved else "does not move"
+        if scene.n_pendula == 1:
+            return f"Nothing is coupled: one pendulum hangs from a support that {why}."
+        return f"Nothing couples the {pendula}: their support {why}, and each swings alone."
+    if isinstance(coupling, Coupling):
+        dynamic = coupling.dynamic
+        spring = f" on a spring of {short(dynamic.spring)} N/m" if dynamic.spring else ""
+        cart = f"a cart of {short(dynamic.cart)} kg{spring}" if dynamic.cart else f"a massless cart{spring}"
+        if scene.n_pendula == 1:
+            return f"{capital(cart)} shifts the frequencies of its one pendulum, which has no partner."
+        hanging = dynamic.with_cart(0.0).at_rest
+        return f"{capital(cart)} couples {pendula} ({short(hanging)} kg)."
+    joined = len(coupling.structure.springs)
+    springs = "a spring" if joined == 1 else f"{joined} springs"
+    parts = [carrier_words(coupling.structure)] * bool(coupling.reduced.d)
+    parts += [springs] * bool(coupling.structure.springs)
+    single = len(parts) == 1 and parts[0].startswith("a ")
+    verb = "couples" if single else "couple"
+    if scene.n_pendula == 1:
+        return f"One pendulum hangs from {parts[0]}: each shifts the frequencies of the other."
+    return f"{capital(' and '.join(parts))} {verb} {pendula}."
+
+
+def _strength(rows: list[FamilyRow]) -> Iterator[str]:
+    coupled = [row for row in rows if row.strength is not None and row.splitting is not None]
+    if not coupled:
+        return
+    most = max(coupled, key=lambda row: abs(row.strength or 0.0))
+    size = abs(most.strength or 0.0)
+    if not isfinite(size):
+        yield f"The coupling is rigid: nothing else resists family {most.family}."
+        return
+    kind = "weak" if size <= ROUGH else "moderate" if size <= STRONG else "strong"
+    largest = "at most " if len(coupled) > 1 else ""
+    yield f"The coupling is {kind}: its strength is {largest}{size:.3g} (family {most.family})."
+
+
+def _beats(coupling: AnyCoupling, rows: list[FamilyRow]) -> Iterator[str]:
+    """The slowest beat, or why there is none within families of several pendula."""
+    beating = [row for row in rows if row.beat is not None]
+    if not beating:
+        yield from _no_beats(coupling)
+        return
+    row = max(beating, key=lambda row: row.beat or 0.0)
+    most = ""
+    if row.share is not None:
+        held = "all" if row.share > 1 - SLIGHT else left(row.share)
+        most = f"; halfway, {'the other holds' if row.fold == 2 else 'the others hold'} {held} of the energy"
+        if coupling.scene.has_damping:
+            who = "the other never holds" if row.fold == 2 else "the others never hold"
+            most = f"; {who} more than {left(row.share)} of the energy"
+    slowest = "The slowest beat takes" if len(beating) > 1 else "The beat takes"
+    yield f"{slowest} {row.beat:.4g} s (family {row.family}){most}."
+
+
+def _no_beats(coupling: AnyCoupling) -> Iterator[str]:
+    """Why equal pendula do not beat, where there are any."""
+    if all(family.fold == 1 for family in coupling.families):
+        return
+    strong = "Equal pendula do not beat: the coupling is too strong, or another mode too near."
+    ended = isinstance(coupling, Coupling) and any(f.fold > 1 and f.is_first_order for f in coupling.families)
+    yield "Equal pendula do not beat: dampers end it." if ended else strong
+
+
+def _between(coupling: AnyCoupling) -> Iterator[str]:
+    """What pendula that differ exchange."""
+    if len(coupling.names) == 1:
+        return
+    if isinstance(coupling, Coupling) and (words := collective(coupling)):
+        yield words
+        return
+    pairs: list[EnergyExchange | Exchanged] = [pair for pair in coupling.pairs if _is_isolated(coupling, pair)]
+    if not pairs:
+        return
+    pair = max(pairs, key=lambda pair: pair.exchange.most)
+    names = [member(coupling, k) for k in (pair.first, pair.second)]
+    who = " and ".join(names) if sum(map(len, names)) <= MOST_LETTERS else "pendula of different kinds"
+    passed, tuned = pair.exchange, abs(pair.detuning) < 2 * abs(pair.coupling)
+    period = f" in {passed.period:.4g} s" if passed.beats else ""
+    why = (
+        ""
+        if tuned and (passed.lossless or passed.most > 0.5)
+        else ": dampers limit it"
+        if tuned
+        else ": detuning limits it"
+    )
+    yield f"{capital(who)} exchange {'at most ' if why else 'up to '}{left(passed.most)} of their energy{period}{why}."
+
+
+def _is_isolated(coupling: AnyCoupling, pair: EnergyExchange | Exchanged) -> bool:
+    """Whether a pair of different families, whose beats the table does not have, is a pair by itself."""
+    if any({pair.first, pair.second} <= set(family.members) for family in coupling.families):
+        return False
+    return pair.alone if isinstance(pair, EnergyExchange) else pair.strength <= STRONG and bool(pair.coupling)
+
+
+def _lasting(coupling: AnyCoupling) -> Iterator[str]:
+    """Which mode outlives the others, and what drives do."""
+    scene = coupling.scene
+    if scene.is_driven:
+        yield _driven(coupling)
+        return
+    if not scene.has_damping:
+        rubbed = scene.has_friction or scene.has_drag
+        else_ = " but friction or drag" if rubbed else ""
+        yield f"Nothing{else_} takes energy: every mode keeps its amplitude{' at small angles' if rubbed else ''}."
+        return
+    modes = coupling.damped
+    if not modes:
+        return
+    last, first = (choose(modes, key=lambda mode: mode.decay) for choose in (min, max))
+    spared = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay]
+    if spared:
+        who = capital(_called(coupling, [mode.omega for mode in spared]))
+        yield f"{who} not damped: in the end only {_it(spared)}."
+    else:
+        yield f"{capital(_name(coupling, last.omega))} lasts longest: it falls to 1/e in {1 / last.decay:.4g} s."
+
+
+def _it(modes: Sequence[object]) -> str:
+    return "this swings" if len(modes) == 1 else "these swing"
+
+
+def _driven(coupling: AnyCoupling) -> str:
+    growing = [mode.omega for mode in coupling.damped if mode.from_drives > mode.decay]
+    if growing:
+        several = len(set(map(coupling.number, growing))) > 1
+        return f"Drives make {_listed(coupling, growing)} grow from rest" + (
+            "; `sync` tells which of them wins." if several else "; `sync` tells how far."
+        )
+    if any(mode.from_drives for mode in coupling.damped):
+        return "No mode grows from rest: the drives feed each less than its dampers take."
+    return "Kicks sustain the swing, and have no rate at rest; `sync` tells which mode wins."
+
+
+def _name(coupling: AnyCoupling, omega: float) -> str:
+    number = coupling.number(omega)
+    return f"the mode at {short(omega)} rad/s" if number is None else f"mode {number}"
+
+
+def _listed(coupling: AnyCoupling, omegas: list[float]) -> str:
+    """Modes 3 and 4; of many how many they are."""
+    numbers = sorted({number for omega in omegas if (number := coupling.number(omega)) is not None})
+    if not numbers or len(numbers) > MOST_NUMBERS:
+        return f"{len(numbers) or len(omegas)} modes"
+    return f"mode{'s' if len(numbers) > 1 else ''} {listed(list(map(str, numbers)), len(numbers))}"
+
+
+def _called(coupling: AnyCoupling, omegas: list[float]) -> str:
+    words = _listed(coupling, omegas)
+    return f"{words} {'are' if words.startswith('modes') or words.endswith(' modes') else 'is'}"

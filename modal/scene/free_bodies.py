@@ -1,0 +1,302 @@
+"""A scene taken apart: the cart or the fixed support, and every link with the forces and moments that act on it.
+
+Each joint holds two parts together: what it exerts on the one it exerts reversed on the other.  x is along the rail and
+z down (y in paper 000), θ from the vertical towards +x, and moments are positive the way θ grows.  Names of letters are
+those of `modal.symbolic`: `F_1_2` with an index of pendulum and link, `xddot_1_2` for its second derivative.
+
+This is the one home of what acts on which part: `modal.symbolic.newton_euler` writes the balances of Newton and Euler
+from it, `modal.plotting.plot_free_body` the diagrams.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple
+
+from modal.errors import SceneError
+from modal.report import Displayed, Summary
+from modal.scene.capabilities import require
+from modal.scene.doors import checked
+from modal.scene.links import AnyLink, VanDerPol
+from modal.scene.model import Scene
+from modal.scene.points import places_of
+from modal.scene.titles import title_of
+
+LETTERS = ("own", "paper")
+"""Whose letters the parts have: the toolkit's own, or those of paper 000."""
+Where = Literal["centre", "upper", "lower", "point", "support"]
+
+
+class Effort(NamedTuple):
+    """A force or a moment on a part, at a place of it: its components by the names of their letters, "" for none.
+
+    They act as their letters say, along +x, down and the way θ grows, or reversed with `sign` −1.  `kind` is "weight",
+    "joint" (a joint's force or moment), "normal" (of the rail), "held" (of a spring, a damper and friction between cart
+    and rail), "drag" or "applied"; `pendulum` is the number, from 0, of that which acts on a support.  `below` is the
+    distance (m) of a "point" from the upper joint, `reach` the name of its letter.
+    """
+
+    kind: str
+    at: Where
+    sign: int
+    along: str = ""
+    down: str = ""
+    turning: str = ""
+    pendulum: int = 0
+    reach: str = ""
+    below: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FreeBody(Displayed):
+    """A part by its words, its kind ("cart", "fixed", "moved", "bob", "rod" or "body") and all that acts on it.
+
+    `index` is what its letters end in, `place` the numbers of its pendulum and its link from 0.  `mass`, `length`,
+    `centre` and `inertia` are names of letters, "" where it has none of its own; `link` is the link of the scene.
+    """
+
+    words: str
+    kind: str
+    index: tuple[int, ...]
+    place: tuple[int, int]
+    efforts: tuple[Effort, ...]
+    mass: str = ""
+    length: str = ""
+    centre: str = ""
+    inertia: str = ""
+    link: AnyLink | None = None
+    above: bool = False
+    """Whether it hangs from another link."""
+
+    def _summary(self) -> Summary:
+        rows = ((effort.kind, effort.at, _told(effort)) for effort in self.efforts)
+        title = f"{self.words[:1].upper()}{self.words[1:]}, taken apart"
+        return Summary(title, [("kind", self.kind)], ("what acts", "where", "letters"), rows, len(self.efforts))
+
+    def named(self, letter: str) -> str:
+        """A letter with its index."""
+        return "_".join((letter, *map(str, self.index)))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FreeBodies(Displayed):
+    """All parts of a scene, the support first, then link by link from the top of each pendulum.
+
+    `letters` tells whose letters they have; `downward` is that of the second axis, z or y.
+    """
+
+    scene: Scene
+    letters: str
+    parts: tuple[FreeBody, ...]
+
+    @property
+    def downward(self) -> str:
+        """The letter of the axis that points down."""
+        return "y" if self.letters == "paper" else "z"
+
+    @property
+    def support(self) -> FreeBody:
+        """The cart, or what stands still."""
+        return self.parts[0]
+
+    @property
+    def pendula(self) -> list[list[FreeBody]]:
+        """The links of every pendulum."""
+        chains: list[list[FreeBody]] = []
+        for part in self.parts[1:]:
+            if not part.above:
+                chains.append([])
+            chains[-1].append(part)
+        return chains
+
+    def of(self, part: FreeBody) -> FreeBody | None:
+        """The link below a link, None at the end."""
+        chain = self.pendula[part.place[0]]
+        return chain[part.place[1] + 1] if part.place[1] + 1 < len(chain) else None
+
+    def _summary(self) -> Summary:
+        rows = ((part.words, ", ".join(_told(effort) for effort in part.efforts)) for part in self.parts)
+        return Summary(f"{title_of(self.scene)}, taken apart", [], ("part", "acts on it"), rows, len(self.parts))
+
+
+def _told(effort: Effort) -> str:
+    signed = [name for name in (effort.along, effort.down, effort.turning) if name]
+    return ", ".join(f"{'-' if effort.sign < 0 else ''}{name}" for name in signed)
+
+
+@checked
+def free_bodies(scene: Scene, letters: str = "own") -> FreeBodies:
+    """The parts of a scene in the plane, with the letters of LETTERS.
+
+    Raises SceneError for what has no parts of this kind (`CAPABILITIES["a free-body diagram"]`).
+
+    >>> from modal import load
+    >>> from modal.scene import free_bodies
+    >>> bodies = free_bodies(load("paper-cart-1"), "paper")
+    >>> [part.words for part in bodies.parts]
+    ['cart', 'link 1', 'link 2']
+    >>> [(effort.sign, effort.along, effort.down) for effort in bodies.parts[2].efforts]
+    [(1, '', 'm_1_2 g'), (-1, 'R_Px_1', 'R_Py_1')]
+    """
+    if letters not in LETTERS:
+        raise SceneError([f"letters {letters}: must be one of {', '.join(LETTERS)}"])
+    require(scene, "a free-body diagram")
+    chains = [
+        [link for link in pendulum.links for _ in range(link.count)]
+        for pendulum in scene.pendulum
+        for _ in range(pendulum.count)
+    ]
+    numbered = len(chains) > 1 or letters == "paper"
+    parts = [
+        _link(scene, chain, p, i, (p + 1, i + 1) if numbered else (i + 1,), letters, len(chains) > 1)
+        for p, chain in enumerate(chains)
+        for i in range(len(chain))
+    ]
+    support = _support(scene, chains, letters, numbered)
+    acting = _applied(scene, [part.place for part in parts])
+    with_forces = (
+        replace(part, efforts=(*part.efforts, *acting.get(k, ()))) for k, part in enumerate((support, *parts), -1)
+    )
+    return FreeBodies(scene, letters, tuple(with_forces))
+
+
+def _applied(scene: Scene, places: list[tuple[int, int]]) -> dict[int, list[Effort]]:
+    """The forces and torques of a scene by the link that they act on, −1 for the support: F_1, F_2 and so on.
+
+    A torque on a joint acts reversed on what the link hangs from.
+    """
+    efforts: dict[int, list[Effort]] = {}
+    for number, force in enumerate(scene.force, 1):
+        name, spots = f"F_{number}", places_of(scene, force.on)
+        if not spots:
+            efforts.setdefault(-1, []).append(Effort("applied", "centre", 1, along=name))
+        for link, above, below in spots:
+            own = efforts.setdefault(link, [])
+            if force.direction == "torque":
+                own.append(Effort("applied", "upper" if below is None else "centre", 1, turning=name))
+                if below is None:
+                    at: Where = "lower" if above >= 0 else "support"
+                    pendulum = places[link][0]
+                    efforts.setdefault(above, []).append(Effort("applied", at, -1, turning=name, pendulum=pendulum))
+                continue
+            reach = {} if below is None else {"reach": f"s_{number}", "below": below}
+            at = "centre" if below is None else "point"
+            if force.direction == "horizontal":
+                own.append(Effort("applied", at, 1, along=name, **reach))  # type: ignore[arg-type]
+            else:
+                own.append(Effort("applied", at, -1, down=name, **reach))  # type: ignore[arg-type]
+    return efforts
+
+
+def force_names(letters: str, index: tuple[int, ...]) -> tuple[str, str, int]:
+    """The letters of a joint's force along the rail and down, and the sign with which it acts on the link below.
+
+    Paper 000 has R_B at the support, drawn on the first link, and R_P between links, drawn on the upper one; where a
+    pendulum has more links, R_P2, R_P3 and so on follow.
+    """
+    tail = "_".join(map(str, index))
+    if letters == "own":
+        return f"X_{tail}", f"Z_{tail}", 1
+    p, link = index
+    pivot = "B" if link == 1 else "P" if link == 2 else f"P{link - 1}"
+    return f"R_{pivot}x_{p}", f"R_{pivot}y_{p}", 1 if link == 1 else -1
+
+
+def has_moment(link: AnyLink) -> bool:
+    """Whether a moment acts at the upper joint of a link: of a spring, a damper, dry friction or a drive."""
+    return bool(link.stiffness or link.damping or link.friction or link.drive)
+
+
+def _joint(letters: str, index: tuple[int, ...], link: AnyLink, on_lower: bool, at: Where, p: int) -> Iterator[Effort]:
+    """The force and the moment of the joint above a link, on that link or reversed on what it hangs from."""
+    x, z, sign = force_names(letters, index)
+    yield Effort("joint", at, sign if on_lower else -sign, along=x, down=z, pendulum=p)
+    if has_moment(link):
+        tail = "_".join(map(str, index))
+        yield Effort("joint", at, 1 if on_lower else -1, turning=f"M_{tail}", pendulum=p)
+
+
+def _link(
+    scene: Scene, chain: list[AnyLink], p: int, i: int, index: tuple[int, ...], letters: str, several: bool
+) -> FreeBody:
+    link, tail = chain[i], "_".join(map(str, index))
+    efforts = [Effort("weight", "centre", 1, down=f"m_{tail} g"), *_joint(letters, index, link, True, "upper", p)]
+    if i + 1 < len(chain):
+        efforts += _joint(letters, (*index[:-1], i + 2), chain[i + 1], False, "lower", p)
+    if link.drag or link.quadratic_drag:
+        efforts.append(Effort("drag", "centre", 1, along=f"D_x_{tail}", down=f"D_{_down(letters)}_{tail}"))
+    words = f"link {i + 1} of pendulum {p + 1}" if several else f"link {i + 1}"
+    own = link.kind == "body"
+    return FreeBody(
+        words,
+        link.kind,
+        index,
+        (p, i),
+        tuple(efforts),
+        f"m_{tail}",
+        f"l_{tail}",
+        f"c_{tail}" if own else "",
+        f"I_{tail}" if own else "",
+        link,
+        i > 0,
+    )
+
+
+def _down(letters: str) -> str:
+    return "y" if letters == "paper" else "z"
+
+
+def _support(scene: Scene, chains: list[list[AnyLink]], letters: str, numbered: bool) -> FreeBody:
+    efforts: list[Effort] = []
+    cart = scene.cart
+    if cart is not None:
+        efforts = [Effort("weight", "centre", 1, down="m_c g"), Effort("normal", "support", -1, down=normal(letters))]
+        if cart.stiffness or cart.damping or cart.has_friction:
+            efforts.append(Effort("held", "centre", 1, along="H"))
+    for p, chain in enumerate(chains):
+        efforts += _joint(letters, (p + 1, 1) if numbered else (1,), chain[0], False, "support", p)
+    kind = "cart" if cart is not None else "moved" if scene.is_moved else "fixed"
+    words = {"cart": "cart", "moved": "moved support", "fixed": "fixed support"}[kind]
+    return FreeBody(words, kind, (), (-1, -1), tuple(efforts), "" if cart is None else "m_c")
+
+
+def normal(letters: str) -> str:
+    """The letter of the rail's push up on the cart, on all its wheels together."""
+    return "R" if letters == "paper" else "N"
+
+
+class JointLaw(NamedTuple):
+    """What makes the moment of a joint, each by the name of its letter, "" where it is not there.
+
+    M = −k γ − d γ' + e (1 − (γ/γ₀)²) γ' + f + K, γ the angle of the link less that of the one above and its value at
+    equilibrium (`upright`: how many half turns that is).  f is dry friction, at most `friction`; K the kicks.
+    """
+
+    spring: str
+    damper: str
+    drive: str
+    width: str
+    friction: str
+    kicks: str
+    upright: int
+
+
+def joint_law(bodies: FreeBodies, part: FreeBody) -> JointLaw | None:
+    """What makes the moment of the joint above a link; None where nothing does."""
+    link: Any = part.link
+    if link is None or not has_moment(link):
+        return None
+    pendula = [one for one in bodies.scene.pendulum for _ in range(one.count)]
+    ways = [int(way == "up") for way in pendula[part.place[0]].ways]
+    i = part.place[1]
+    drives = isinstance(link.drive, VanDerPol)
+    return JointLaw(
+        part.named("k") if link.stiffness else "",
+        part.named("d") if link.damping else "",
+        part.named("e") if drives else "",
+        part.named("gamma") if drives else "",
+        part.named("f") if link.friction else "",
+        part.named("K") if link.drive and not drives else "",
+        ways[i] - (ways[i - 1] if i else 0),
+    )
