@@ -40,7 +40,7 @@ GUARD = """<script>
       element("li", "Go online, or allow the page to load from that server, and reload."),
       element("li", "Or run it on your computer: ",
         link("download the notebook", `../files/${file}`, { download: file }), ", then ",
-        element("code", `pip install multipendula jupyterlab && jupyter lab ${file}`)),
+        element("code", `pip install . jupyterlab && jupyter lab ${file}`), " in a clone of multipendula"),
       element("li", "Or ", link("read the lesson with its results", `../../tutorial/lessons/${lesson}.html`), "."));
     const box = element("div", "", element("strong", "Python could not be loaded, so this lesson does not run here."),
       element("div", `It comes from ${server}, which does not answer: the network is off, or something blocks it.`),

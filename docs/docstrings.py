@@ -324,7 +324,8 @@ def _short(annotations: str | None) -> str | None:
 def _skip(app: Sphinx, what: str, name: str, thing: object, skip: bool, options: object) -> bool | None:
     """Leave out the constants of modules, and what is not to be read of named tuples and parts of scenes."""
     constant = what == "module" and not callable(thing)
-    return True if constant or name in {"fields", "model_config"} or type(thing).__name__ == "_tuplegetter" else None
+    hidden = name in {"fields", "internal", "machinery", "model_config"} or type(thing).__name__ == "_tuplegetter"
+    return True if constant or hidden else None
 
 
 def _dashed(app: Sphinx, doctree: nodes.document, docname: str) -> None:

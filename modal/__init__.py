@@ -80,4 +80,6 @@ if not TYPE_CHECKING:
         homes=("errors", "scene", "assembly", "modes"),
         later={"tune": "tuning"},
     )
-    __dir__ = __all__.copy
+
+    def __dir__() -> list[str]:
+        return sorted([*__all__, "tune"])

@@ -66,11 +66,20 @@ class MissingExtraError(MultipendulaError, ImportError):
 
     def __init__(self, package: str, extra: str) -> None:
         self.missing = package, extra
-        super().__init__(f'{package} is missing: pip install "multipendula[{extra}]"')
+        super().__init__(f"{package} is missing: {installing(extra)}")
 
     def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str]]:
         """The constructor's arguments."""
         return type(self), self.missing
+
+
+def installing(extra: str) -> str:
+    """How an extra is installed: from a clone, as long as no package index has it.
+
+    >>> installing("fast")
+    'pip install ".[fast]" in a clone of multipendula'
+    """
+    return f'pip install ".[{extra}]" in a clone of multipendula'
 
 
 def first_of(problems: Iterator[str], count: int) -> Iterator[str]:

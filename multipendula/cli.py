@@ -6,6 +6,7 @@ terminate.  Only the standard library is imported before `main` handles Ctrl-C.
 
 from __future__ import annotations
 
+import codecs
 import errno
 import os
 import re
@@ -31,6 +32,8 @@ os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 USER_ERRORS = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG}
 PLACE = re.compile(r"(pendulum\[|support\b|gravity\b)")
 ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGALRM")
+SPELLED = "multipendula.spelled"
+"""The error handler of `modal.report.spelling`, by its name: the module is loaded where a letter has to be spelled."""
 PATIENCE = 5.0
 """Seconds after which an interrupt that has not ended the command is raised again."""
 
@@ -92,6 +95,7 @@ def _remind(seconds: float) -> None:
 
 
 def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
+    _spell()
     parser = _parser()
     if "_ARGCOMPLETE" in os.environ:
         from multipendula.completion import complete
@@ -109,8 +113,6 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
         options.page.error(f"unrecognized arguments: {' '.join(strangers)}")
     if sys.stdout is None:
         return _refuse("standard output is closed", 1)
-    if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")
     try:
         with _channels(options), _reported(options):
             options.run(options)
@@ -120,6 +122,29 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
             raise KeyboardInterrupt from None
         return _answer(error, options)
     return 0
+
+
+def _spell() -> None:
+    """Text into a pipe or a file is UTF-8, unless PYTHONIOENCODING names an encoding; what that lacks is spelled."""
+    codecs.register_error(SPELLED, _spelled)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            if "PYTHONIOENCODING" not in os.environ and not stream.isatty():
+                stream.reconfigure(encoding="utf-8")
+            stream.reconfigure(errors=SPELLED)
+
+
+def _spelled(error: UnicodeError) -> tuple[str, int]:
+    """The spelling of letters that a stream lacks."""
+    from modal.report.spelling import spell
+
+    return spell(error)
+
+
+def _charset() -> str | None:
+    """The encoding of standard output if it lacks letters."""
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    return None if encoding.lower().startswith("utf") else encoding
 
 
 def _print_overview(parser: Page) -> int:
@@ -202,7 +227,7 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     written = any("-o" in action.option_strings and vars(options)[action.dest] is not None for action in files)
     words = _Aside(sys.stdout, quiet=options.quiet) if to_output or (options.quiet and written) else sys.stdout
     notes = StringIO() if options.quiet else sys.stderr
-    with fitted(_columns()), redirect_stdout(words), redirect_stderr(notes):
+    with fitted(_columns(), _charset()), redirect_stdout(words), redirect_stderr(notes):
         yield
 
 

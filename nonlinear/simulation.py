@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from modal.errors import SceneError
+from modal.report import silent
 from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Floats
@@ -18,7 +19,6 @@ from nonlinear.integration import (
     Trajectory,
     paced,
     sample_times,
-    silent,
     validate,
     validate_accuracy,
     validate_events,

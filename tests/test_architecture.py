@@ -65,15 +65,27 @@ def parsed(source: str) -> ast.Module:
 
 @cache
 def imports(path: Path) -> set[str]:
-    found = set()
+    modules = set()
     for node in ast.walk(parsed(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            found |= {name.name for name in node.names}
+            modules |= {name.name for name in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             known = sources()
             full = {f"{node.module}.{name.name}" for name in node.names}
-            found |= {name if name in known else node.module for name in full}
-    return found
+            modules |= {name if name in known else node.module for name in full}
+    return modules
+
+
+@cache
+def imported_at_run_time(path: Path) -> set[str]:
+    """The packages that a module imports for more than the type checker."""
+    tree = parsed(path.read_text(encoding="utf-8"))
+    guards = [node for node in ast.walk(tree) if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
+    told = {id(inner) for guard in guards for part in guard.body for inner in ast.walk(part)}
+    nodes = [node for node in ast.walk(tree) if id(node) not in told]
+    names = [name.name for node in nodes if isinstance(node, ast.Import) for name in node.names]
+    names += [f"{node.module}" for node in nodes if isinstance(node, ast.ImportFrom)]
+    return {name.partition(".")[0] for name in names}
 
 
 def upward(rooms: list[str], imported: dict[str, set[str]]) -> set[tuple[str, str]]:
@@ -157,11 +169,14 @@ def test_the_check_of_imports_bites(tmp_path: Path) -> None:
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"e"}, "e": {"numpy"}}) == {"a", "b", "c"}
     (tmp_path / "a.py").write_text("def f():\n    import matplotlib.pyplot\n")
     assert imports(tmp_path / "a.py") == {"matplotlib.pyplot"}
+    assert imported_at_run_time(tmp_path / "a.py") == {"matplotlib"}
+    (tmp_path / "b.py").write_text("if TYPE_CHECKING:\n    from matplotlib.figure import Figure\nimport numpy\n")
+    assert imported_at_run_time(tmp_path / "b.py") == {"numpy"}
 
 
 @pytest.mark.parametrize("name", sources())
 def test_heavy_packages_have_their_homes(name: str) -> None:
-    used = {target.partition(".")[0] for target in imports(sources()[name])}
+    used = imported_at_run_time(sources()[name])
     strangers = {
         heavy
         for heavy, homes in HEAVY.items()
@@ -232,7 +247,9 @@ def test_rooms_of_scipy_are_loaded_when_they_are_used(name: str) -> None:
     """`import scipy` loads none of them; numba's kernels alone extend a class of SciPy, and load more than that."""
     body = parsed(sources()[name].read_text(encoding="utf-8")).body
     rooms = [node.module for node in body if isinstance(node, ast.ImportFrom) and f"{node.module}".startswith("scipy")]
-    rooms += [own.name for node in body if isinstance(node, ast.Import) for own in node.names if "scipy." in own.name]
+    rooms += [
+        name.name for node in body if isinstance(node, ast.Import) for name in node.names if "scipy." in name.name
+    ]
     assert rooms == (["scipy.integrate"] if name == "nonlinear.integration.compiled" else [])
 
 
@@ -295,16 +312,16 @@ def turns_first_moments(source: str) -> bool:
     """Whether a product in a source has both a first moment and a sine or cosine for factors."""
     products = (node for node in ast.walk(parsed(source)) if isinstance(node, ast.BinOp))
     names = (set(_factors(node)) for node in products if isinstance(node.op, ast.Mult | ast.MatMult))
-    return any(own & FIRST_MOMENTS and own & DIRECTIONS for own in names)
+    return any(group & FIRST_MOMENTS and group & DIRECTIONS for group in names)
 
 
 def test_the_physics_of_links_is_written_once() -> None:
-    found = {
+    places = {
         name
         for name, path in sources().items()
         if name.startswith(("nonlinear", "multipendula")) and turns_first_moments(path.read_text(encoding="utf-8"))
     }
-    assert found == set(KEPT)
+    assert places == set(KEPT)
 
 
 def test_a_twin_by_hand_would_be_found() -> None:
@@ -335,7 +352,7 @@ def _rounded(value: float) -> str:
 def coefficients_in(source: str) -> list[str]:
     """What a source in Python has of DOP853's tableau: numbers, also in texts, and what it reads of SciPy's method."""
     tree, numbers = parsed(source), list[float]()
-    found = ["dop853_coefficients"] * ("dop853_coefficients" in source)
+    coefficients = ["dop853_coefficients"] * ("dop853_coefficients" in source)
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, float):
             numbers.append(node.value)
@@ -343,14 +360,14 @@ def coefficients_in(source: str) -> list[str]:
             numbers += map(float, NUMBER.findall(node.value))
         if isinstance(node, ast.Attribute) and node.attr in TABLEAU:
             alone = len(node.attr) > 1 and node.attr != "n_stages"
-            found += [node.attr] if alone or _name(node.value).endswith("DOP853") else []
-    return found + [repr(value) for value in numbers if _rounded(value) in tableau()]
+            coefficients += [node.attr] if alone or _name(node.value).endswith("DOP853") else []
+    return coefficients + [repr(value) for value in numbers if _rounded(value) in tableau()]
 
 
 def test_the_tableau_of_dop853_stands_in_one_module() -> None:
     """Neither read from SciPy's method anywhere else, nor written down."""
-    found = {name: coefficients_in(path.read_text(encoding="utf-8")) for name, path in sources().items()}
-    assert {name for name, own in found.items() if own} == {"nonlinear.integration.method"}
+    by_module = {name: coefficients_in(path.read_text(encoding="utf-8")) for name, path in sources().items()}
+    assert {name for name, literals in by_module.items() if literals} == {"nonlinear.integration.method"}
     for path in (ROOT / "multipendula" / "page" / "modules").glob("*.js"):
         written = map(float, NUMBER.findall(path.read_text(encoding="utf-8")))
         assert [value for value in written if _rounded(value) in tableau()] == [], path.name

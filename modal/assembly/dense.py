@@ -82,13 +82,16 @@ def joints(block: Block, column: int) -> Floats:
     return np.tril(np.tile(block.across[:, column] * block.length[:, column], (block.n, 1)))
 
 
-def displacements(columns: Columns, cart: CartNumbers | None, of: Callable[[Block, int], Floats] = centres) -> Floats:
-    """The displacement along the rail of the centre of every link, or of its lower joint, rows (links, size)."""
+def displacements(
+    columns: Columns, cart: CartNumbers | None, of: Callable[[Block, int], Floats] | None = None
+) -> Floats:
+    """The displacement along the rail of the centre of every link, or of what `of` tells, rows (links, size)."""
+    part = of or centres
     rows = np.zeros((sum(block.n for block, _ in columns), len(_zeros(columns, cart))))
     first = int(cart is not None)
     rows[:, :first] = 1.0
     for block, column, span in _placed(columns, cart):
-        rows[span.start - first : span.stop - first, span] = of(block, column)
+        rows[span.start - first : span.stop - first, span] = part(block, column)
     return rows
 
 

@@ -28,7 +28,7 @@ from modal.assembly.linearization import Matrices, coordinate_labels, matrices_o
 from modal.assembly.structure import Hanging, on_structure
 from modal.errors import SceneError
 from modal.scene import Bob, Scene, validate_scene
-from modal.scene.points import Point, parse_point
+from modal.scene.points import PendulumPoint, parse_point
 from modal.structure import bends
 from modal.types import Floats, Ints
 
@@ -311,7 +311,7 @@ def _refuse_springs(scene: Scene) -> None:
     for index, spring in enumerate(scene.spring if scene.is_hoisted else ()):
         for end, text in enumerate(spring.between):
             point = parse_point(text)
-            if spring.kind == "torsion" or not isinstance(point, Point):
+            if spring.kind == "torsion" or not isinstance(point, PendulumPoint):
                 continue
             if any(link.hoist for link in scene.pendulum[point.pendulum].links[: point.link + 1]):
                 at = f'spring[{index}].between[{end}] = "{text}"'

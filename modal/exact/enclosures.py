@@ -19,6 +19,7 @@ from modal.errors import ComputationError
 from modal.exact.balls import Ball, HungInBalls, Links, flint
 from modal.exact.characteristic import exact
 from modal.modes import natural_modes
+from modal.report import silent
 from modal.scene import Cart, Fixed, Pendulum, Scene, require
 from modal.scene.doors import checked, checked_index
 
@@ -43,7 +44,7 @@ class Enclosure:
 
 
 @checked
-def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = lambda done: None) -> list[Enclosure]:
+def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = silent) -> list[Enclosure]:
     """Every natural frequency, ascending, in an interval of relative width at most 10^−digits.
 
     Rows of different labels may overlap: no interval proves two frequencies equal.  The rigid translation of a free

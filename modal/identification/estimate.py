@@ -80,7 +80,7 @@ def read_estimate(scene: Scene, path: str | os.PathLike[str]) -> Estimate:
 
 def _content(name: str) -> Any:
     try:
-        return json.loads(text_of(name, "JSON text"))
+        return json.loads(text_of(name, "report"))
     except RecursionError:
         raise SceneError(["is not JSON: nested too deeply"]) from None
     except ValueError as error:

@@ -91,7 +91,7 @@ def read_modes(scene: Scene, path: str | os.PathLike[str]) -> MeasuredModes:
     """The measured modes in a file, of a scene that has the components of their shapes; SceneError lists mistakes."""
     name = os.fspath(path)
     try:
-        return _parsed(scene, name, text_of(path, "CSV text"))
+        return _parsed(scene, name, text_of(path, "table"))
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
 

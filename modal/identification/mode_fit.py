@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from modal.identification.parameters import Parameter, fitted_columns
 from modal.report import Displayed, Summary, brief, counted, deferred, tabulated
 from modal.scene import Scene, name_of
 from modal.types import Floats, Ints
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, repr=False)
@@ -87,9 +90,10 @@ class ModeFit(Solution):
         """A row for each number, (p,): its place, unit, what the scene gave, its value, its standard deviation."""
         return fitted_columns(self.parameters, self.values, self.stds, self.held)
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """A matplotlib figure of the fit beside what was measured."""
-        return deferred("modal.plotting.identification:mode_fit_figure")(self)
+        figure: Figure = deferred("modal.plotting.identification:mode_fit_figure")(self)
+        return figure
 
     def _summary(self) -> Summary:
         facts = [("measured modes", str(len(self.modes))), ("chi-square", f"{self.chi_square:.4g} of {self.freedom}")]

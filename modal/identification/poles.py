@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import degrees, pi, sqrt
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -32,6 +32,9 @@ from modal.identification.realization import Realization, modal_assurance, reali
 from modal.report import Displayed, Summary, brief, counted, deferred, percent, short, tabulated
 from modal.scene.doors import checked, checked_index
 from modal.types import Booleans, Complexes, Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 METHODS = ("era", "decrement")
 EXCITATIONS = ("free", "random")
@@ -127,9 +130,10 @@ class Identified(Displayed):
         }
         return {key: np.array([getattr(mode, name) for mode in self.modes]) for key, name in names.items()}
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """A matplotlib figure of the modes and of the poles of all orders."""
-        return deferred("modal.plotting.identification:poles_figure")(self)
+        figure: Figure = deferred("modal.plotting.identification:poles_figure")(self)
+        return figure
 
     def _summary(self) -> Summary:
         facts = [("method", self.method), ("excitation", self.excitation), ("order", str(self.order))]

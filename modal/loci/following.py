@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,11 +18,14 @@ from modal.errors import ComputationError, SceneError
 from modal.loci.crossings import CloseApproach, find_close_approaches
 from modal.loci.tracking import LociPoint, follow, solve_at
 from modal.modes import labelled
-from modal.report import Displayed, Summary, counted, csv_rows, deferred, grid, tabulated, with_unit
+from modal.report import Displayed, Summary, counted, csv_rows, deferred, grid, silent, tabulated, with_unit
 from modal.scene import Scene, left_out, name_of
 from modal.scene.doors import checked
 from modal.scene.parameters import Variation, find_places, number_at, validate_variations
 from modal.types import Floats, Ints
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MOST_SOLVED = 20_000
 DEEPEST = 200
@@ -59,9 +62,10 @@ class Loci(Displayed):
         loci = {f"omega_{name}_rad_per_s": omega for name, omega in zip(self.names, self.omega.T, strict=True)}
         return {self.variation.column: self.values, **loci}
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """A matplotlib figure of the loci."""
-        return deferred("modal.plotting.loci:loci_figure")(self)
+        figure: Figure = deferred("modal.plotting.loci:loci_figure")(self)
+        return figure
 
     def _summary(self) -> Summary:
         loci, met = counted(len(self.names), "locus", "loci"), counted(len(self.encounters), "encounter", "encounters")
@@ -70,7 +74,7 @@ class Loci(Displayed):
 
 
 @checked
-def follow_loci(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Loci:
+def follow_loci(scene: Scene, variation: Variation, report: Report = silent) -> Loci:
     """The loci of an undamped scene; `report` is called with the number of the variation's values done.
 
     >>> from modal import load

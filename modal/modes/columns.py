@@ -57,11 +57,11 @@ class Column:
         of_rows = self.of_rows
 
         @cache
-        def found() -> dict[int, float]:
+        def values() -> dict[int, float]:
             return dict(zip([row.number for row in rows], of_rows(modes, rows).tolist(), strict=True))
 
         def value(mode: Mode) -> float:
-            return found()[mode.number]
+            return values()[mode.number]
 
         return replace(self, value=value, shown=_digits(self.digits, value))
 
@@ -138,7 +138,7 @@ def _cumulative(modes: Modes, rows: Sequence[Mode]) -> Floats:
     """The share of the total mass in each of these modes and all below it."""
     indices = _indices(modes, rows)
     last = max(indices, default=-1) + 1
-    lower = np.full(last, nan) if modes.first else [one.effective_mass_share for one in modes.rows(range(last))]
+    lower = np.full(last, nan) if modes.first else [mode.effective_mass_share for mode in modes.rows(range(last))]
     return np.asarray(np.cumsum(lower)[indices])
 
 
@@ -306,13 +306,15 @@ def _asked(modes: Modes, chosen: str, every: Sequence[Column]) -> set[str]:
     there = [column for column in every if column.shown]
     if chosen == EVERY:
         return {column.key for column in there}
-    found, problems, hinted = set[str](), [], True
+    keys, problems, hinted = set[str](), [], True
     for name in dict.fromkeys(word.strip() for word in chosen.removeprefix("+").split(",") if chosen):
-        own = {column.key for column in there if name in {column.key, column.heading}}
+        matching = {column.key for column in there if name in {column.key, column.heading}}
         begun = [column for column in there if name and column.key.startswith(name)]
-        own = own or {column.key for column in begun if column.only_if(modes)} or {column.key for column in begun}
-        found |= own
-        if not own:
+        matching = (
+            matching or {column.key for column in begun if column.only_if(modes)} or {column.key for column in begun}
+        )
+        keys |= matching
+        if not matching:
             hint = meant(name, [column.key for column in there])
             hinted = hinted and bool(hint)
             problems.append(f"columns {name or chosen}: no such column{hint}")
@@ -320,7 +322,7 @@ def _asked(modes: Modes, chosen: str, every: Sequence[Column]) -> set[str]:
         names = ", ".join(column.key for column in there)
         known = [] if hinted else wrap(f"columns are {EVERY}, {names}", line_width() - INDENT)
         raise SceneError([*problems, *known])
-    return found
+    return keys
 
 
 def that_fit(
@@ -347,28 +349,28 @@ def _with_stds(stds: Stds) -> list[Column]:
         "frequency_hz": ("frequency_std_hz", 0, 1 / (2 * pi), "± (Hz)", r"$\pm$ (Hz)"),
         "damping_ratio": ("damping_ratio_std", 1, 1.0, "± ζ", r"$\pm\zeta$"),
     }
-    found = []
+    shown = []
     for column in COLUMNS:
-        found.append(column)
-        if own := beside.get(column.key):
-            key, which, factor, heading, latex = own
+        shown.append(column)
+        if std := beside.get(column.key):
+            key, which, factor, heading, latex = std
 
             def value(mode: Mode, column: Column = column, which: int = which, factor: float = factor) -> float:
                 return nan if column.value(mode) is None else factor * stds[mode.number][which]
 
-            found.append(_number(key, value, heading, latex, 2, column.only_if))
-    return found
+            shown.append(_number(key, value, heading, latex, 2, column.only_if))
+    return shown
 
 
 def _at_amplitude(modes: Modes, amplitude_deg: float) -> Column:
     """The damping ratio with dry friction and quadratic drag at a largest angle (deg)."""
     from modal.modes.friction import damping_ratios
 
-    found = damping_ratios(modes, radians(amplitude_deg))
+    ratios = damping_ratios(modes, radians(amplitude_deg))
     angle = f"{amplitude_deg:g}"
 
     def ratio(mode: Mode) -> float:
-        return found.get(mode.number, nan)
+        return ratios.get(mode.number, nan)
 
     heading = f"ζ({angle}°)", rf"$\zeta({angle}^\circ)$"
     return Column(f"damping_ratio_at_{angle}_deg", ratio, *heading, _digits(4, ratio))

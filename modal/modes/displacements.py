@@ -27,23 +27,24 @@ def centre_displacements(rig: Rig, value: complex, shape: Shape) -> list[Complex
     """
     angles = np.split(shape.angles, np.cumsum([copies * rig.blocks[block].n for block, _, copies in rig.members])[:-1])
     each = [
-        own.reshape(copies, rig.blocks[block].n) for own, (block, _, copies) in zip(angles, rig.members, strict=True)
+        chain.reshape(copies, rig.blocks[block].n)
+        for chain, (block, _, copies) in zip(angles, rig.members, strict=True)
     ]
-    member = int(np.argmax([np.abs(own).max() for own in each]))
+    member = int(np.argmax([np.abs(chain).max() for chain in each]))
     copy, link = np.unravel_index(np.abs(each[member]).argmax(), each[member].shape)
     with localcontext(Context(prec=DIGITS)):
         centres, turns = _excited(rig, value, rig.members[member][:2], int(link), moved=shape.cart != 0)
-        found = []
-        for own, (block, column, copies) in zip(each, rig.members, strict=True):
-            z = np.zeros((copies, own.shape[1]), dtype=np.complex128)
+        places = []
+        for chain, (block, column, copies) in zip(each, rig.members, strict=True):
+            z = np.zeros((copies, chain.shape[1]), dtype=np.complex128)
             for k in range(copies):
-                at = int(np.abs(own[k]).argmax())
-                if shape.cart != 0 or ((block, column) == rig.members[member][:2] and own[k, at] != 0):
+                at = int(np.abs(chain[k]).argmax())
+                if shape.cart != 0 or ((block, column) == rig.members[member][:2] and chain[k, at] != 0):
                     ratio = centres[block][:, column] / turns[block][at, column]
-                    z[k] = own[k, at] * np.array([complex(one) for one in ratio])
-            found.append(z)
-    assert found[member][copy].any() or not shape.cart
-    return found
+                    z[k] = chain[k, at] * np.array([complex(factor) for factor in ratio])
+            places.append(z)
+    assert places[member][copy].any() or not shape.cart
+    return places
 
 
 def _excited(rig: Rig, value: complex, kind: tuple[int, int], link: int, *, moved: bool) -> tuple[list[Any], list[Any]]:
@@ -56,8 +57,8 @@ def _excited(rig: Rig, value: complex, kind: tuple[int, int], link: int, *, move
     ahead = omega * (numbers.exact(np.array([1 + Decimal(1).scaleb(AWAY)])))
     for _ in range(STEPS):
         numbers.omega = omega
-        centres, turns, own = _loaded(rig, kind, link, numbers, moved=moved)
-        inverse = numbers.exact(np.array([Decimal(1)])) / own
+        centres, turns, turn = _loaded(rig, kind, link, numbers, moved=moved)
+        inverse = numbers.exact(np.array([Decimal(1)])) / turn
         if last is None:
             last, omega = (omega, inverse), ahead
             continue
@@ -79,23 +80,23 @@ def _loaded(
 ) -> tuple[list[Any], list[Any], Any]:
     """Centres (n, P) and angles with a torque on this link of every copy of a kind, and the turn of its joint (1,)."""
     loads = [[(TORQUE, link)] if block == kind[0] else [] for block in range(len(rig.blocks))]
-    every = [hung(block, own, rig.gravity, numbers) for block, own in zip(rig.blocks, loads, strict=True)]
+    every = [hung(block, load, rig.gravity, numbers) for block, load in zip(rig.blocks, loads, strict=True)]
     pivot: Any = None
     if moved and rig.cart:
         counts = [numbers.number(block.count[:, None]) for block in rig.blocks]
-        mass = np.sum([(count * one.mass).sum(0) for count, one in zip(counts, every, strict=True)], axis=0)
+        mass = np.sum([(count * hanging.mass).sum(0) for count, hanging in zip(counts, every, strict=True)], axis=0)
         _, inertial, _ = cart_of(rig.cart, mass, numbers)
         pivot = inertial * counts[kind[0]][kind[1]] * every[kind[0]].inertial[kind[1], 0]
     centres, turns = [], []
-    for number, (block, one) in enumerate(zip(rig.blocks, every, strict=True)):
+    for number, (block, hanging) in enumerate(zip(rig.blocks, every, strict=True)):
         zero = 0 * numbers.omega
-        y = one.joints[:, :, 0] * pivot if pivot is not None else one.joints[:, :, 0] * 0
-        theta = one.angles[:, :, 0] * pivot if pivot is not None else one.angles[:, :, 0] * 0
+        y = hanging.joints[:, :, 0] * pivot if pivot is not None else hanging.joints[:, :, 0] * 0
+        theta = hanging.angles[:, :, 0] * pivot if pivot is not None else hanging.angles[:, :, 0] * 0
         if number == kind[0]:
-            y[:, kind[1]] = y[:, kind[1]] + one.joints[:, kind[1], 1]
-            theta[:, kind[1]] = theta[:, kind[1]] + one.angles[:, kind[1], 1]
-            own = theta[link, kind[1]] - (theta[link - 1, kind[1]] if link else zero)
+            y[:, kind[1]] = y[:, kind[1]] + hanging.joints[:, kind[1], 1]
+            theta[:, kind[1]] = theta[:, kind[1]] + hanging.angles[:, kind[1], 1]
+            turn = theta[link, kind[1]] - (theta[link - 1, kind[1]] if link else zero)
         offset = numbers.number((block.sigma * block.centre)[..., None])
         centres.append((y[:-1] + offset * theta)[..., 0])
         turns.append(theta[..., 0])
-    return centres, turns, own
+    return centres, turns, turn

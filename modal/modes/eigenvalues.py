@@ -41,15 +41,15 @@ class Short(NamedTuple):
     @property
     def omega(self) -> Floats:
         """ω (R,) in rad/s, with that of a free cart."""
-        found: Floats = np.sqrt(self.squares) * self.units.rate
-        return np.concatenate(([0.0], found)) if self.is_free else found
+        swinging: Floats = np.sqrt(self.squares) * self.units.rate
+        return np.concatenate(([0.0], swinging)) if self.is_free else swinging
 
     @property
     def error(self) -> Floats:
         """Bounds on the relative errors of ω, (R,); that of a free cart is exact."""
-        found = np.full(len(self.squares) + self.is_free, structured_error(self.links, 1))
-        found[: self.is_free] = 0.0
-        return found
+        bounds = np.full(len(self.squares) + self.is_free, structured_error(self.links, 1))
+        bounds[: self.is_free] = 0.0
+        return bounds
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,8 +131,8 @@ class Eigenvalues:
     @cached_property
     def eigenvalue(self) -> NDArray[np.complex128]:
         """λ (R,) in rad/s: iω for undamped modes, −ζω + iω√(1−ζ²) for damped ones."""
-        found = self.short.omega * 1j if self.short else self.spectrum.eigenvalue * self.units.rate
-        return kept(found.astype(np.complex128, copy=False))
+        eigenvalues = self.short.omega * 1j if self.short else self.spectrum.eigenvalue * self.units.rate
+        return kept(eigenvalues.astype(np.complex128, copy=False))
 
     @cached_property
     def omega(self) -> Floats:
@@ -171,9 +171,9 @@ class Eigenvalues:
     @cached_property
     def period(self) -> Floats:
         """Periods 2π/|Im λ| (R,) in s; NaN for modes that do not oscillate."""
-        found, swings = np.full(len(self), np.nan), oscillating(self.omega, self.damping_ratio)
-        found[swings] = swing_period(self.omega[swings], self.damping_ratio[swings])
-        return kept(found)
+        periods, swings = np.full(len(self), np.nan), oscillating(self.omega, self.damping_ratio)
+        periods[swings] = swing_period(self.omega[swings], self.damping_ratio[swings])
+        return kept(periods)
 
     @cached_property
     def growth_rate(self) -> Floats:

@@ -31,7 +31,9 @@ def on_free_cart(rig: Rig) -> bool:
     return rig.cart is not None and not rig.cart.stiffness
 
 
-def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None, own: Sequence[float] | None = None) -> Floats:
+def fixed_base_masses(
+    modes: Modes, numbers: Sequence[int] | None = None, squares: Sequence[float] | None = None
+) -> Floats:
     """Modal effective mass in kg of the fixed-base mode that each mode belongs to, along the rail.
 
     Of the modes with these indices (from 0), by default all (R,).  On a fixed support that is the mode's own; NaN where
@@ -49,11 +51,11 @@ def fixed_base_masses(modes: Modes, numbers: Sequence[int] | None = None, own: S
         return np.asarray(masses.held[rows])
     if rig.structure or modes.scene.stands or rig.leans or (rig.cart and not on_free_cart(rig)):
         return np.full(len(rows), np.nan)
-    if own is not None and not rig.cart:
-        return np.asarray(own, dtype=np.float64)
+    if squares is not None and not rig.cart:
+        return np.asarray(squares, dtype=np.float64)
     with np.errstate(all="ignore"):
-        found = _own(modes, rows) if not rig.cart else _held(modes, rows)
-    return np.where(modes.error[rows] < UNCERTAIN, found * modes.units.mass, np.nan)
+        masses = _own(modes, rows) if not rig.cart else _held(modes, rows)
+    return np.where(modes.error[rows] < UNCERTAIN, masses * modes.units.mass, np.nan)
 
 
 def _own(modes: Modes, rows: Ints) -> Floats:
@@ -79,9 +81,9 @@ def _held(modes: Modes, rows: Ints) -> Floats:
             start, size = int(gathered.first[cluster]), int(gathered.size[cluster])
             owner += [at] * size
             groups += held.groups[start : start + size]
-    found: Floats = np.zeros(len(rows))
-    np.add.at(found, owner, _masses(held, groups))
-    return found
+    masses: Floats = np.zeros(len(rows))
+    np.add.at(masses, owner, _masses(held, groups))
+    return masses
 
 
 def _before(spectrum: ModalSpectrum) -> int:
@@ -97,10 +99,10 @@ def _along(parts: Iterable[SpectrumPart]) -> int:
 def _masses(spectrum: ModalSpectrum, groups: Sequence[Sequence[SpectrumPart]]) -> Floats:
     """The effective mass of each group of parts along the rail."""
     every = [(number, part) for number, parts in enumerate(groups) for part in parts if part.along]
-    found = np.zeros(len(groups))
+    masses = np.zeros(len(groups))
     for source in {part.source for _, part in every}:
         here = [(number, part) for number, part in every if part.source == source]
         mass = spectrum.details(source, [part.row for _, part in here]).effective_mass
-        for (number, part), own in zip(here, mass.tolist(), strict=True):
-            found[number] += own * part.along
-    return found
+        for (number, part), kg in zip(here, mass.tolist(), strict=True):
+            masses[number] += kg * part.along
+    return masses

@@ -77,55 +77,61 @@ def natural_frequencies(
         raise SceneError(["vary: the numbers of one scene can be varied, not those of several"])
     validate_scenes(scenes)
     pieces = _pieces(scenes[0], len(scenes)) if len(scenes) else []
-    return _joined([_of_scenes(scenes[own], limit) for own in pieces])
+    return _joined([_of_scenes(scenes[piece], limit) for piece in pieces])
 
 
-def _varied(scene: Scene, given: Vary, accuracy: float) -> Floats:
-    if not isinstance(given, Mapping):
-        axes, _ = parse_vary(scene, given)
+def _varied(scene: Scene, vary: Vary, accuracy: float) -> Floats:
+    if not isinstance(vary, Mapping):
+        axes, _ = parse_vary(scene, vary)
         meshed = np.meshgrid(*(axis.values for axis in axes), indexing="ij", sparse=True)
-        given = dict(zip((axis.path for axis in axes), meshed, strict=True))
-    variable, arrays = parse_arrays(scene, given)
+        vary = dict(zip((axis.path for axis in axes), meshed, strict=True))
+    variable, arrays = parse_arrays(scene, vary)
     validate_arrays(variable, arrays)
     try:
-        shape = np.broadcast_shapes(*(own.shape for own in arrays.values()))
+        shape = np.broadcast_shapes(*(values.shape for values in arrays.values()))
     except ValueError:
-        shapes = ", ".join(f"{own.shape} at {path}" for path, own in arrays.items())
+        shapes = ", ".join(f"{values.shape} at {path}" for path, values in arrays.items())
         raise SceneError([f"vary: arrays must have shapes that broadcast together, not {shapes}"]) from None
     if not (size := prod(shape)) or not arrays:
         alone = _one(scene, accuracy)
         return np.broadcast_to(alone, (*shape, len(alone))).copy()
     if size > MOST:
         raise SceneError([f"vary: at most {MOST} members, not {size}"])
-    whole = {path: own if own.shape == shape else np.broadcast_to(own, shape) for path, own in arrays.items()}
-    members = {path: own.ravel() for path, own in whole.items()}
-    return _joined([_of_numbers(variable, members, own, accuracy) for own in _pieces(scene, size)]).reshape(*shape, -1)
+    whole = {
+        path: values if values.shape == shape else np.broadcast_to(values, shape) for path, values in arrays.items()
+    }
+    members = {path: values.ravel() for path, values in whole.items()}
+    return _joined([_of_numbers(variable, members, piece, accuracy) for piece in _pieces(scene, size)]).reshape(
+        *shape, -1
+    )
 
 
 def _pieces(scene: Scene, size: int) -> list[slice]:
-    step = max(1, TOGETHER // sum(one.n_links for one in scene.pendulum))
+    step = max(1, TOGETHER // sum(pendulum.n_links for pendulum in scene.pendulum))
     return [slice(at, at + step) for at in range(0, size, step)]
 
 
 def _of_scenes(scenes: Sequence[Scene], accuracy: float) -> Floats:
-    found = _together(stacked(scenes), accuracy) if can_stack(scenes) else np.full((len(scenes), 1), np.nan)
-    return _completed(found, lambda missing: [scenes[k] for k in missing], accuracy)
+    omegas = _together(stacked(scenes), accuracy) if can_stack(scenes) else np.full((len(scenes), 1), np.nan)
+    return _completed(omegas, lambda missing: [scenes[k] for k in missing], accuracy)
 
 
 def _of_numbers(variable: Variable, members: Mapping[str, Floats], piece: slice, accuracy: float) -> Floats:
     """ω (S, R) of a scene with these numbers at its paths, a piece of them."""
-    values = {path: own[piece] for path, own in members.items()}
-    numbers = {place: own for path, own in values.items() for place in variable.places[path]}
+    values = {path: values_of[piece] for path, values_of in members.items()}
+    numbers = {place: values_of for path, values_of in values.items() for place in variable.places[path]}
     kept = keep_form(numbers)
-    stack = varied(variable.scene, numbers if kept.all() else {place: own[kept] for place, own in numbers.items()})
-    found = np.full((len(kept), 1), np.nan)
+    stack = varied(
+        variable.scene, numbers if kept.all() else {place: values_of[kept] for place, values_of in numbers.items()}
+    )
+    omegas = np.full((len(kept), 1), np.nan)
     if stack and kept.all():
-        found = _together(stack, accuracy)
+        omegas = _together(stack, accuracy)
     elif stack and kept.any():
         together = _together(stack, accuracy)
-        found = np.full((len(kept), together.shape[1]), np.nan)
-        found[kept] = together
-    return _completed(found, partial(_made, variable, values, piece.start), accuracy)
+        omegas = np.full((len(kept), together.shape[1]), np.nan)
+        omegas[kept] = together
+    return _completed(omegas, partial(_made, variable, values, piece.start), accuracy)
 
 
 def _made(variable: Variable, values: Mapping[str, Floats], first: int, missing: Sequence[int]) -> list[Scene]:
@@ -133,7 +139,7 @@ def _made(variable: Variable, values: Mapping[str, Floats], first: int, missing:
     scenes, problems = [], list[str]()
     for k in missing:
         try:
-            scenes.append(variable.at({path: float(own[k]) for path, own in values.items()}))
+            scenes.append(variable.at({path: float(column[k]) for path, column in values.items()}))
         except SceneError as error:
             problems += [f"member {first + k}: {problem}" for problem in error.problems]
     if problems:
@@ -141,17 +147,17 @@ def _made(variable: Variable, values: Mapping[str, Floats], first: int, missing:
     return scenes
 
 
-def _completed(found: Floats, scenes_of: Callable[[Sequence[int]], list[Scene]], accuracy: float) -> Floats:
+def _completed(omegas: Floats, scenes_of: Callable[[Sequence[int]], list[Scene]], accuracy: float) -> Floats:
     """The rows with those of NaN from their scenes, one by one."""
-    missing = np.flatnonzero(np.isnan(found[:, 0]))
+    missing = np.flatnonzero(np.isnan(omegas[:, 0]))
     if not missing.size:
-        return found
-    own = [_one(scene, accuracy) for scene in scenes_of(missing.tolist())]
-    if missing.size == len(found):
-        return _joined([row[None] for row in own])
-    _joined([found[:0], *(row[None] for row in own)])
-    found[missing] = own
-    return found
+        return omegas
+    completed = [_one(scene, accuracy) for scene in scenes_of(missing.tolist())]
+    if missing.size == len(omegas):
+        return _joined([row[None] for row in completed])
+    _joined([omegas[:0], *(row[None] for row in completed)])
+    omegas[missing] = completed
+    return omegas
 
 
 def _joined(pieces: Sequence[Floats]) -> Floats:
@@ -173,10 +179,10 @@ def _together(stack: Stack, accuracy: float) -> Floats:
     supports = len(stack.rate)
     try:
         with np.errstate(all="ignore"):
-            found = np.concatenate(list(_squares(stack, accuracy)))
-            if (found[1:] < found[:-1]).any():
-                found.sort(axis=0)
-            omega: Floats = np.sqrt(found) * stack.rate
+            squares = np.concatenate(list(_squares(stack, accuracy)))
+            if (squares[1:] < squares[:-1]).any():
+                squares.sort(axis=0)
+            omega: Floats = np.sqrt(squares) * stack.rate
     except ComputationError:
         return np.full((supports, 1), np.nan)
     omega[:, ~np.isfinite(omega).all(0)] = np.nan
@@ -187,12 +193,12 @@ def _squares(stack: Stack, accuracy: float) -> Iterator[Floats]:
     """ω² (R, S) with multiplicities."""
     held = stack.mass is not None and stack.stiffness is not None
     several = held and sum(len(group.count) for group in stack.groups) > 1
-    own = []
+    stretches = []
     for group in stack.groups:
         times = group.count * (1 + stack.spatial) - held
         if several or times.any():
             squares = _own_squares(group, 0.0 if several else accuracy)
-            own.append(squares)
+            stretches.append(squares)
             yield np.repeat(squares, times, axis=1).reshape(-1, len(stack.rate))
     if stack.mass is None or stack.stiffness is None:
         return
@@ -205,7 +211,7 @@ def _squares(stack: Stack, accuracy: float) -> Iterator[Floats]:
         yield np.zeros((1, len(stack.rate)))
     size = suspension.size + (not free)
     squares = squares_of(suspension, np.arange(size), size, accuracy).x
-    yield np.where(_meet(own) if several else False, np.nan, squares)
+    yield np.where(_meet(stretches) if several else False, np.nan, squares)
 
 
 def _own_squares(group: StackedGroup, accuracy: float) -> Floats:
@@ -215,7 +221,7 @@ def _own_squares(group: StackedGroup, accuracy: float) -> Floats:
     return squares_of(Suspension((chains,)), np.arange(n), n, accuracy).x.reshape(n, pendula, supports)
 
 
-def _meet(own: Sequence[Floats]) -> Booleans:
+def _meet(stretches: Sequence[Floats]) -> Booleans:
     """Whether two fixed-base frequencies of a scene are too close for a common treatment, (S,)."""
-    every = np.sort(np.concatenate([squares.reshape(-1, squares.shape[-1]) for squares in own]), axis=0)
+    every = np.sort(np.concatenate([squares.reshape(-1, squares.shape[-1]) for squares in stretches]), axis=0)
     return np.asarray((np.diff(every, axis=0) <= CLOSE * every[1:]).any(0))

@@ -57,7 +57,7 @@ def sliding_modes(scene: Scene) -> tuple[Sliding, ...]:
     """
     validate_scene(scene)
     still, table = natural_modes(scene.conservative), natural_modes(scene)
-    numbers, found = table_numbers(scene, still), []
+    numbers, sliding = table_numbers(scene, still), []
     joints, rail, weight, quadratic = _limits(scene)
     spans = _centres(still) if quadratic.any() else None
     for row, omega in enumerate(still.omega.tolist()):
@@ -74,8 +74,8 @@ def sliding_modes(scene: Scene) -> tuple[Sliding, ...]:
             moved = np.hypot(cart + spans[0] @ angles, spans[1] @ angles)
             air = float(4 * (quadratic @ moved**3) / (3 * pi * inertia))
         ratio = float(-table.eigenvalue[number - 1].real / table.omega[number - 1]) if scene.has_damping else 0.0
-        found.append(Sliding(number, omega, ratio, float(slid) / (omega**2 * inertia), air))
-    return tuple(found)
+        sliding.append(Sliding(number, omega, ratio, float(slid) / (omega**2 * inertia), air))
+    return tuple(sliding)
 
 
 def stop_of(sliding: Sliding, amplitude: float) -> Stop:
@@ -103,22 +103,23 @@ def stop_words(scene: Scene, amplitude_deg: float) -> list[str]:
     Friction on the rail alone stops the cart: its work ends there.
     """
     what, after = ("the cart", "; the swing goes on as on a fixed support") if scene.is_gripped else ("it", "")
-    found = []
-    for one in sliding_modes(scene) if scene.has_friction else ():
-        stop = stop_of(one, float(np.radians(amplitude_deg)))
+    words = []
+    for sliding in sliding_modes(scene) if scene.has_friction else ():
+        stop = stop_of(sliding, float(np.radians(amplitude_deg)))
         if np.isfinite(stop.time):
-            found.append(
-                f"mode {one.mode}: dry friction stops {what} after {stop.time:.4g} s ({stop.half_swings} half swings) "
-                f"from {amplitude_deg:g} deg, within {np.degrees(stop.within):.3g} deg of rest{after}."
+            words.append(
+                f"mode {sliding.mode}: dry friction stops {what} after {stop.time:.4g} s "
+                f"({stop.half_swings} half swings) from {amplitude_deg:g} deg, "
+                f"within {np.degrees(stop.within):.3g} deg of rest{after}."
             )
-    return found
+    return words
 
 
 def damping_ratios(modes: Modes, amplitude: float) -> dict[int, float]:
     """ζ(a) of the modes along the rail at a largest angle (rad), by their numbers in the table."""
     if not (scene := modes.scene).has_friction and not any(link.quadratic_drag for link in scene.links()):
         return {row.number: row.damping_ratio for row in modes if row.oscillates}
-    return {one.mode: one.damping_ratio(amplitude) for one in sliding_modes(scene)}
+    return {sliding.mode: sliding.damping_ratio(amplitude) for sliding in sliding_modes(scene)}
 
 
 def _limits(scene: Scene) -> tuple[np.ndarray, float, float, np.ndarray]:
@@ -140,13 +141,13 @@ def _limits(scene: Scene) -> tuple[np.ndarray, float, float, np.ndarray]:
 
 def _relative(scene: Scene, angles: np.ndarray) -> np.ndarray:
     """The angle of every link relative to the one above, (L,)."""
-    found, at = angles.copy(), 0
+    relative, at = angles.copy(), 0
     for pendulum in scene.pendulum:
         for _ in range(pendulum.count):
-            own = slice(at, at + pendulum.n_links)
-            found[own] = np.diff(angles[own], prepend=0.0)
+            links = slice(at, at + pendulum.n_links)
+            relative[links] = np.diff(angles[links], prepend=0.0)
             at += pendulum.n_links
-    return found
+    return relative
 
 
 def _centres(modes: Modes) -> np.ndarray:
@@ -154,13 +155,13 @@ def _centres(modes: Modes) -> np.ndarray:
     rig, size = modes.rig, modes.scene.n_links
     if size > 4000:
         raise ComputationError(f"the drag of {size} links on modes: at most 4000 links")
-    found, at = np.zeros((2, size, size)), 0
+    rows, at = np.zeros((2, size, size)), 0
     for block, column, count in rig.members:
         for _ in range(count):
             each = rig.blocks[block]
-            own = slice(at, at + each.n)
-            found[0, own, own] = centres(each, column)
+            links = slice(at, at + each.n)
+            rows[0, links, links] = centres(each, column)
             if each.sinking is not None:
-                found[1, own, own] = centres(each, column, each.sinking)
+                rows[1, links, links] = centres(each, column, each.sinking)
             at += each.n
-    return found
+    return rows

@@ -99,8 +99,8 @@ def _order(chain: NDArray[np.float64]) -> str:
 def _in_phase_with_largest(values: NDArray[np.inexact]) -> NDArray[np.float64]:
     largest = values[np.abs(values).argmax()]
     aligned = values * (np.conj(largest) / abs(largest)) if largest != 0 else values
-    found: NDArray[np.float64] = aligned.real
-    return found
+    phased: NDArray[np.float64] = aligned.real
+    return phased
 
 
 def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArray[np.float64]) -> str:
@@ -112,15 +112,15 @@ def moving_words(structure: Structure, eta: NDArray[np.inexact], inertia: NDArra
     if len(moved) > 1 and len(kinds) == 1 and (kind := kinds.pop()) in ALIKE:
         signs = np.sign(_in_phase_with_largest(eta[moved]))
         phase = "in phase" if (signs > 0).all() else "in antiphase" if len(moved) == 2 else "in mixed phases"
-        every = len(moved) == sum(own.kind == kind for own in structure.carriers)
+        every = len(moved) == sum(carrier.kind == kind for carrier in structure.carriers)
         if not every and len(moved) <= MOST_NAMED:
             return f"{_listed([_named(structure, owner) for owner in owners])} {phase}"
         count = COUNTED[len(moved)] if len(moved) < len(COUNTED) else str(len(moved))
         return f"{count} {ALIKE[kind]} {phase}"
     told: dict[int, list[str]] = {}
     for k, owner in zip(moved, owners, strict=True):
-        own = structure.carriers[owner]
-        verb = PLATFORM[k - structure.offsets[owner]] if own.kind == "platform" else VERBS[own.kind]
+        moving = structure.carriers[owner]
+        verb = PLATFORM[k - structure.offsets[owner]] if moving.kind == "platform" else VERBS[moving.kind]
         if verb not in told.setdefault(owner, []):
             told[owner].append(verb)
     if len(told) > MOST_NAMED:
@@ -154,8 +154,8 @@ def following(
 
 
 def _named(structure: Structure, owner: int) -> str:
-    own = structure.carriers[owner]
-    return UNNAMED.get(own.kind, own.name) if own.name == own.kind else own.name
+    carrier = structure.carriers[owner]
+    return UNNAMED.get(carrier.kind, carrier.name) if carrier.name == carrier.kind else carrier.name
 
 
 def _listed(words: list[str]) -> str:

@@ -89,16 +89,16 @@ def _loss(modes: Modes, index: int, losses: Sequence[Dissipator], alike: bool) -
         if np.iscomplexobj(column):
             mass = float((column.conj() @ modes.matrices.M @ column).real)
         columns.append(column / np.sqrt(mass))
-    strength = np.array([one.stiffness * float(loss_at(one.loss, np.array(omega))) for one in losses])
+    strength = np.array([lossy.stiffness * float(loss_at(lossy.loss, np.array(omega))) for lossy in losses])
     elongation = _elongations(losses, np.array(columns))
     return float(np.linalg.eigvalsh((elongation.conj() * strength) @ elongation.T)[-1] / omega**2)
 
 
 def _elongations(losses: Sequence[Dissipator], columns: Floats) -> Floats:
     """The rows of all losses times some shapes, (shapes, losses)."""
-    owner = np.repeat(np.arange(len(losses)), [len(one.row) for one in losses])
-    at = np.array([column for one in losses for column in one.row], dtype=np.int64)
-    entries = np.array([value for one in losses for value in one.row.values()])
-    found = np.zeros((len(columns), len(losses)), dtype=columns.dtype)
-    np.add.at(found.T, owner, (columns[:, at] * entries).T)
-    return found
+    owner = np.repeat(np.arange(len(losses)), [len(lossy.row) for lossy in losses])
+    at = np.array([column for lossy in losses for column in lossy.row], dtype=np.int64)
+    entries = np.array([value for lossy in losses for value in lossy.row.values()])
+    elongations = np.zeros((len(columns), len(losses)), dtype=columns.dtype)
+    np.add.at(elongations.T, owner, (columns[:, at] * entries).T)
+    return elongations

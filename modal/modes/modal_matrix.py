@@ -54,15 +54,15 @@ class ModalMatrix(Displayed):
 
 def stacked(each: list[list[NDArray[Any]]], across: Booleans, M: Floats) -> ModalMatrix:
     """The matrix of the columns of every mode, one list a mode."""
-    places = [(row, copy) for row, own in enumerate(each) for copy in range(len(own))]
+    places = [(row, copy) for row, vectors in enumerate(each) for copy in range(len(vectors))]
     row, copy = (np.array([place[part] for place in places], dtype=np.int64) for part in (0, 1))
-    return ModalMatrix(np.array([column for own in each for column in own]).T, row, copy, across, M)
+    return ModalMatrix(np.array([column for vectors in each for column in vectors]).T, row, copy, across, M)
 
 
 def all_shapes(modes: Eigenvalues) -> list[list[Shape]]:
     """`modes.shape(number, copy, "mass")` for every mode and copy."""
     groups, rows = modes.spectrum.groups, _rows(modes)
-    details = {source: modes.spectrum.details(source, list(own)) for source, own in rows.items()}
+    details = {source: modes.spectrum.details(source, list(places)) for source, places in rows.items()}
 
     def shape(part: SpectrumPart, copy: int, uncertain: bool) -> Shape:
         row = _row(details[part.source], rows[part.source][part.row_of(copy)])
@@ -76,18 +76,18 @@ def all_shapes(modes: Eigenvalues) -> list[list[Shape]]:
 
 def _rows(modes: Eigenvalues) -> dict[int, dict[int, int]]:
     """The required rows of every source, with their positions among these."""
-    found: dict[int, dict[int, int]] = {}
+    rows: dict[int, dict[int, int]] = {}
     for part in (part for parts in modes.spectrum.groups for part in parts):
-        own = found.setdefault(part.source, {})
+        places = rows.setdefault(part.source, {})
         for copy in range(part.along + part.across):
-            own.setdefault(part.row_of(copy), len(own))
-    return found
+            places.setdefault(part.row_of(copy), len(places))
+    return rows
 
 
 def _row(details: Details, at: int) -> Details:
     """One row of the details, the last axis of every array."""
-    one: dict[str, Any] = {}
+    single: dict[str, Any] = {}
     for field in fields(details):
         value = getattr(details, field.name)
-        one[field.name] = tuple(part[..., [at]] for part in value) if isinstance(value, tuple) else value[[at]]
-    return Details(**one)
+        single[field.name] = tuple(part[..., [at]] for part in value) if isinstance(value, tuple) else value[[at]]
+    return Details(**single)

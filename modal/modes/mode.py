@@ -127,12 +127,12 @@ class Mode(Displayed):
         >>> natural_modes(load("paper-cart-2"))[2].to_dict()["omega_rad_per_s"]
         2.7175491179815823
         """
-        found: dict[str, Any] = deferred("modal.modes.summary:record_of")(self)
-        return found
+        record: dict[str, Any] = deferred("modal.modes.summary:record_of")(self)
+        return record
 
     def _summary(self) -> Summary:
-        found: Summary = deferred("modal.modes.summary:summarize_mode")(self)
-        return found
+        summary: Summary = deferred("modal.modes.summary:summarize_mode")(self)
+        return summary
 
 
 def oscillating(omega: Any, ratio: Any) -> Any:
@@ -155,18 +155,18 @@ def resonances(omega: Floats, number: int, partners: Ints, first: int = 0) -> tu
 
     `first` is the index of ω[0] among all modes of the scene.
     """
-    own, others = omega[number], omega[partners]
-    if own == 0:
+    frequency, others = omega[number], omega[partners]
+    if frequency == 0:
         return ()
-    found: list[str] = []
+    words: list[str] = []
     for ratio, factor in RATIOS:
-        low, high = np.searchsorted(others, own * factor * np.array([1 - WIDTH, 1 + WIDTH]))
+        low, high = np.searchsorted(others, frequency * factor * np.array([1 - WIDTH, 1 + WIDTH]))
         near = [int(k) for k in partners[low : min(high, low + MOST_NAMED + 1)] if k != number][:MOST_NAMED]
         itself = low <= np.searchsorted(partners, number) < high
-        found += [f"{ratio} with mode {first + k + 1}" for k in near]
+        words += [f"{ratio} with mode {first + k + 1}" for k in near]
         more = int(high - low - itself) - len(near)
-        found += [f"{ratio} with {more} more"] if more > 0 else []
-    return tuple(found)
+        words += [f"{ratio} with {more} more"] if more > 0 else []
+    return tuple(words)
 
 
 def is_guide(angle: float, error: float, doubt: float) -> bool:
@@ -180,8 +180,8 @@ def is_guide(angle: float, error: float, doubt: float) -> bool:
 
 def answering(omega: Floats, number: int, partners: Ints) -> list[tuple[int, int]]:
     """(harmonic, partner) of modes that may respond to this mode; indices as in `resonances`."""
-    found, others = [], partners[partners != number]
+    pairs, others = [], partners[partners != number]
     for harmonic in DRIVEN if omega[number] else ():
         at = int(np.searchsorted(omega[others], harmonic * omega[number]))
-        found += [(harmonic, k) for k in others[max(at - NEAREST, 0) : at + NEAREST].tolist() if omega[k]]
-    return found
+        pairs += [(harmonic, k) for k in others[max(at - NEAREST, 0) : at + NEAREST].tolist() if omega[k]]
+    return pairs

@@ -27,6 +27,8 @@ from modal.types import Floats
 if TYPE_CHECKING:
     from os import PathLike
 
+    from matplotlib.figure import Figure
+
 GROWING = "Growing modes get nothing of the scene's damping_ratio, which belongs to modes that oscillate."
 SELECTED = "Only some of the modes were computed, and resonances among these alone."
 CHUNK, MOST_TOLD = 400_000, 8
@@ -51,23 +53,31 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     (2.68011401, 'cart still: antiphase, slow')
     """
 
+    internal = Displayed.internal | {
+        *("every", "first", "limits", "natural", "on_cart", "place", "rig", "selected", "short", "spectrum", "units"),
+        "which",
+    }
+
     @overload
     def __getitem__(self, index: int) -> Mode: ...
     @overload
     def __getitem__(self, index: slice) -> list[Mode]: ...
     def __getitem__(self, index: int | slice) -> Mode | list[Mode]:
+        if isinstance(index, slice):
+            return list(self.rows(range(len(self))[index]))
+        return next(self.rows([index]))
+
+    def place(self, index: int) -> int:
+        """An index from 0, negative ones from the end on; IndexError where there is no such mode."""
         try:
-            chosen = range(len(self))[index]
+            return range(len(self))[index]
         except IndexError:
-            raise IndexError(self._no_index(index)) from None
+            of_number = f"; mode {index} of the table is modes[{index - 1}]" if index == len(self) else ""
+            words = f"there is no mode of index {index}: {len(self)} modes have indices 0 to {len(self) - 1}{of_number}"
+            raise IndexError(words) from None
         except TypeError:
             words = f"modes[{index!r}]: modes have indices from 0; columns are attributes, such as modes.omega"
             raise TypeError(words) from None
-        return list(self.rows(chosen)) if isinstance(chosen, range) else next(self.rows([chosen]))
-
-    def _no_index(self, index: object) -> str:
-        of_number = f"; mode {index} of the table is modes[{index - 1}]" if index == len(self) else ""
-        return f"there is no mode of index {index}: {len(self)} modes have indices 0 to {len(self) - 1}{of_number}"
 
     def index_of(self, row: Mode) -> int:
         """The index of a row, from 0: its number counts all modes of the scene from 1, also where some were selected.
@@ -85,8 +95,9 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     def rows(self, numbers: Sequence[int]) -> Iterator[Mode]:
         """The modes with these indices (from 0), computed together, a bounded amount of memory at a time."""
         size = max(1, CHUNK // max(1, sum(block.mass.size for block in self.rig.blocks)))
-        for start in range(0, len(numbers), size):
-            chunk = numbers[start : start + size]
+        places = [self.place(number) for number in numbers]
+        for start in range(0, len(places), size):
+            chunk = places[start : start + size]
             with np.errstate(all="ignore"):
                 described_rows = dict(described(self, chunk))
             yield from (self._with_masses(number, described_rows[number]) for number in chunk)
@@ -175,8 +186,10 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     def matrix(self) -> ModalMatrix:
         """The modal matrix Φ of all modes and copies, in the order of the table."""
         each = all_shapes(self)
-        across = np.array([shape.across for own in each for shape in own], dtype=bool)
-        return stacked([[self.column(one) for one in own] for own in each], across, self.matrices.M)
+        across = np.array([shape.across for vectors in each for shape in vectors], dtype=bool)
+        return stacked(
+            [[self.column(shape_of_copy) for shape_of_copy in vectors] for vectors in each], across, self.matrices.M
+        )
 
     def column(self, shape: Shape) -> NDArray[Any]:
         """A shape as one vector (n,): the cart or the structure, then every link in the order of the file."""
@@ -194,7 +207,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         Where no digit of the frequency is certain, `Shape.uncertain` is set. Raises IndexError for a mode or
         copy that does not exist, ValueError for another normalisation.
         """
-        how, left = validate_normalisation(normalise), copy
+        how, left, number = validate_normalisation(normalise), copy, self.place(number)
         for part in self.spectrum.groups[number]:
             if 0 <= left < part.along + part.across:
                 details = self.spectrum.details(part.source, [part.row_of(left)])
@@ -207,10 +220,10 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     def notes(self) -> tuple[str, ...]:
         """What was omitted or approximated, and why."""
         with np.errstate(all="ignore"):
-            found = notes(self.natural, self.spectrum.sources)
+            of_routes = notes(self.natural, self.spectrum.sources)
         grows = self.scene.has_modal_damping and bool(((self.eigenvalue.real > 0) & (self.eigenvalue.imag == 0)).any())
         told = (*equilibrium_words(self.rig), *left_out(self.scene))
-        return *found, *[GROWING] * grows, *told, *[SELECTED] * self.selected
+        return *of_routes, *[GROWING] * grows, *told, *[SELECTED] * self.selected
 
     @cached_property
     def route(self) -> str:
@@ -230,8 +243,8 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         >>> print(modes.table("csv", modes[1:2])[:40])
         mode,omega_rad_per_s,frequency_hz,period
         """
-        found: str = deferred("modal.modes.tables:table")(self, self.every if rows is None else rows, form, **options)
-        return found
+        text: str = deferred("modal.modes.tables:table")(self, self.every if rows is None else rows, form, **options)
+        return text
 
     def to_dict(self) -> dict[str, NDArray[Any]]:
         """Every column of the table (R,) by its key in CSV and JSON, with its unit; NaN where there is no value.
@@ -242,10 +255,10 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         >>> natural_modes(load("chain-2")).to_dict()["frequency_hz"].round(4).tolist()
         [0.3815, 0.9211]
         """
-        found: dict[str, NDArray[Any]] = deferred("modal.modes.summary:table_of")(self)
-        return found
+        columns: dict[str, NDArray[Any]] = deferred("modal.modes.summary:table_of")(self)
+        return columns
 
-    def plot(self, numbers: Sequence[int] | None = None, **options: Any) -> Any:
+    def plot(self, numbers: Sequence[int] | None = None, **options: Any) -> Figure:
         """A matplotlib figure of the shapes of the modes with these indices (from 0), by default the first ones.
 
         `options` are those of `modal.plotting.shapes.shapes_figure`; matplotlib is imported at the first call.
@@ -254,18 +267,19 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         >>> len(natural_modes(load("chain-3")).plot(amplitude_deg=15.0).axes)
         3
         """
-        return deferred("modal.plotting.shapes:shapes_figure")(self, numbers, **options)
+        figure: Figure = deferred("modal.plotting.shapes:shapes_figure")(self, numbers, **options)
+        return figure
 
-    def animate(self, path: str | PathLike[str], numbers: Sequence[int] | None = None, **options: Any) -> Any:
+    def animate(self, path: str | PathLike[str], numbers: Sequence[int] | None = None, **options: Any) -> None:
         """Write a film of these modes (indices from 0) to a .gif, .mp4 or .html file, by default of the first ones.
 
-        `options` are those of `modal.plotting.modal_films.film_modes`, whose result is returned.
+        `options` are those of `modal.plotting.modal_films.film_modes`.
         """
-        return deferred("modal.plotting.modal_films:save_film")(self, path, numbers, **options)
+        deferred("modal.plotting.modal_films:save_film")(self, path, numbers, **options)
 
     def _summary(self) -> Summary:
-        found: Summary = deferred("modal.modes.summary:summarize")(self, TEXT_ROWS)
-        return found
+        summary: Summary = deferred("modal.modes.summary:summarize")(self, TEXT_ROWS)
+        return summary
 
     def _repr_html_(self) -> str:
         shown = self[:HTML_ROWS]
@@ -315,9 +329,9 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     limits = Limits(validate_accuracy(accuracy), _lowest(modes))
     if limits == EVERYTHING and modes is None and (short := Short.of(validate_scene(scene))):
         return Modes(scene, short=short)
-    found = Modes(scene, limits, modes)
-    _ = found.spectrum  # what cannot be computed is told here
-    return found
+    computed = Modes(scene, limits, modes)
+    _ = computed.spectrum  # what cannot be computed is told here
+    return computed
 
 
 def equilibrium_words(rig: Rig) -> tuple[str, ...]:
@@ -333,8 +347,8 @@ def equilibrium_words(rig: Rig) -> tuple[str, ...]:
         return ()
     sizes = [rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)]
     each = np.split(np.degrees(rig.rest_angles) + 0.0, np.cumsum(sizes)[:-1])
-    words = [", ".join([f"{angle:.1f}°" for angle in own[:MOST_TOLD].tolist()]) for own in each]
-    words = [f"{told}, …" if len(own) > MOST_TOLD else told for told, own in zip(words, each, strict=True)]
+    words = [", ".join([f"{angle:.1f}°" for angle in angles[:MOST_TOLD].tolist()]) for angles in each]
+    words = [f"{told}, …" if len(angles) > MOST_TOLD else told for told, angles in zip(words, each, strict=True)]
     runs = [(told, len(list(group))) for told, group in groupby(words)]
     told = [told if count == 1 else f"{told} ({count} times)" for told, count in runs[:MOST_TOLD]]
     told += ["…"] * (len(runs) > MOST_TOLD)

@@ -36,9 +36,9 @@ def table_numbers(scene: Scene, still: Modes | None = None) -> Ints:
     [1, 3, 4]
     """
     still = still or natural_modes(scene.conservative)
-    found = 1 + counterparts(still, natural_modes(scene)) if scene.has_damping else np.arange(1, len(still) + 1)
-    found.flags.writeable = False
-    return found
+    numbers = 1 + counterparts(still, natural_modes(scene)) if scene.has_damping else np.arange(1, len(still) + 1)
+    numbers.flags.writeable = False
+    return numbers
 
 
 @checked
@@ -46,21 +46,21 @@ def counterparts(modes: Modes, others: Modes, among: Sequence[int] | None = None
     """For every row (R,) of `modes` the index of the most similar row of `others` (one of `among`)."""
     chosen = np.arange(len(others)) if among is None else np.asarray(among, dtype=np.intp)
     alike = np.round(likeness(modes, others)[:, chosen], DIGITS)
-    found = paired(alike, np.ones(len(chosen), dtype=np.int64))
-    return np.asarray(chosen[np.where(found < 0, alike.argmax(axis=1), found)])
+    partners = paired(alike, np.ones(len(chosen), dtype=np.int64))
+    return np.asarray(chosen[np.where(partners < 0, alike.argmax(axis=1), partners)])
 
 
 def paired(alike: Floats, room: Ints) -> Ints:
     """A column for every row, the largest entries first, each column for at most `room` rows; −1 without one."""
-    found, left = np.full(len(alike), -1), room.copy()
+    partners, left = np.full(len(alike), -1), room.copy()
     missing = min(len(alike), int(room.sum()))
     for place in np.argsort(-alike, axis=None, kind="stable").tolist():
         row, column = divmod(place, alike.shape[1])
         if not missing:
             break
-        if found[row] < 0 and left[column]:
-            found[row], left[column], missing = column, left[column] - 1, missing - 1
-    return found
+        if partners[row] < 0 and left[column]:
+            partners[row], left[column], missing = column, left[column] - 1, missing - 1
+    return partners
 
 
 def labelled(numbers: Iterable[int]) -> tuple[str, ...]:
@@ -87,11 +87,11 @@ def likeness(modes: Modes, others: Modes) -> Floats:
     """The similarity w (R, S) of rows, over all coordinates where both have them, else over the links."""
     left_out = max(modes.rig.leading - others.rig.leading, 0)
     M = modes.matrices.M[left_out:, left_out:]
-    one, own = _stacked(modes, M)
+    left, owners = _stacked(modes, M)
     other, whose = _stacked(others, M)
-    found = np.zeros((len(modes), len(others)))
-    np.add.at(found, np.ix_(own, whose), np.abs(one.conj().T @ M @ other) ** 2)
-    return found
+    similarity = np.zeros((len(modes), len(others)))
+    np.add.at(similarity, np.ix_(owners, whose), np.abs(left.conj().T @ M @ other) ** 2)
+    return similarity
 
 
 def _stacked(modes: Modes, M: Floats) -> tuple[Complexes, Ints]:

@@ -34,7 +34,7 @@ LIGHTLY = 0.1
 """Damping ratio up to which a mode has an amplitude coefficient, as in `modal.eigen.matrix_source`."""
 
 
-class _Piece(NamedTuple):
+class _RowPart(NamedTuple):
     """A part of a row and its place in the details of its source."""
 
     part: SpectrumPart
@@ -57,7 +57,7 @@ class _Piece(NamedTuple):
         return float(self.details.effective_mass[self.at])
 
 
-def _head(pieces: list[_Piece]) -> _Piece:
+def _head(pieces: list[_RowPart]) -> _RowPart:
     """The piece that moves most of the scene."""
     return next((piece for piece in pieces if not piece.part.still), pieces[0])
 
@@ -67,28 +67,28 @@ def described(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int,
     structured = modes.scene.is_structured  # κ of structures is not known
     near = {n: () if structured else _resonances(modes, n) for n in numbers}
     asked = {n: [] if near[n] or structured else answering(modes.omega, n, _partners(modes, n)) for n in numbers}
-    pieces = _pieces(modes, sorted({*numbers, *(k for found in asked.values() for _, k in found)}))
+    pieces = _pieces(modes, sorted({*numbers, *(k for pairs in asked.values() for _, k in pairs)}))
     for n in numbers:
         mode = _mode(modes, n, pieces[n])
         answers = _answers(modes, n, asked[n], pieces) if mode.kappa and not near[n] else []
         yield n, replace(mode, resonances=(*near[n], *answers) if isfinite(mode.kappa) else ())
 
 
-def _pieces(modes: Eigenvalues, numbers: Sequence[int]) -> dict[int, list[_Piece]]:
+def _pieces(modes: Eigenvalues, numbers: Sequence[int]) -> dict[int, list[_RowPart]]:
     needed = sorted(
         ((part, n) for n in numbers for part in modes.spectrum.groups[n]),
         key=lambda entry: (entry[0].source, entry[0].row),
     )
-    pieces: dict[int, list[_Piece]] = {n: [] for n in numbers}
+    pieces: dict[int, list[_RowPart]] = {n: [] for n in numbers}
     for source, members in groupby(needed, key=lambda entry: entry[0].source):
-        found = list(members)
-        details = modes.spectrum.details(source, [part.row for part, _ in found])
-        for at, (part, n) in enumerate(found):
-            pieces[n].append(_Piece(part, details, at))
+        numbers_of = list(members)
+        details = modes.spectrum.details(source, [part.row for part, _ in numbers_of])
+        for at, (part, n) in enumerate(numbers_of):
+            pieces[n].append(_RowPart(part, details, at))
     return pieces
 
 
-def _mode(modes: Eigenvalues, number: int, pieces: list[_Piece]) -> Mode:
+def _mode(modes: Eigenvalues, number: int, pieces: list[_RowPart]) -> Mode:
     """One row: sums over its pieces, and the shape of the one that moves most of the scene."""
     head, unit = _head(pieces), modes.units.mass
     ratio = float(modes.damping_ratio[number])
@@ -115,7 +115,7 @@ def _mode(modes: Eigenvalues, number: int, pieces: list[_Piece]) -> Mode:
     )
 
 
-def _family(modes: Eigenvalues, number: int, head: _Piece, ratio: float) -> str:
+def _family(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> str:
     if np.isnan(ratio):
         return "beyond double precision"
     details, at = head.details, head.at
@@ -154,21 +154,21 @@ def moved_by(modes: Eigenvalues, number: int) -> tuple[Floats, Floats]:
     """
     structure = modes.rig.structure
     assert structure is not None
-    found, share, taken = np.zeros(structure.size), np.zeros(structure.size), False
+    motion, share, taken = np.zeros(structure.size), np.zeros(structure.size), False
     for part in (part for part in modes.spectrum.groups[number] if not part.still):
         details = modes.spectrum.details(part.source, [part.row])
-        eta = np.array([own[0] for own in details.eta])
+        eta = np.array([coordinates[0] for coordinates in details.eta])
         carried = modes.spectrum.sources[part.source].reduced.carried  # type: ignore[attr-defined]
         share = share + np.abs(eta) ** 2 / details.modal_mass[0] / carried.accelerances
         if not taken and eta.any():
             moved = eta * np.array(coordinate_units(structure, modes.units.length))
             angles = np.concatenate([details.angles[block][:, column, 0] for block, column, _ in modes.rig.members])
             leading = first_of_largest(angles) or moved[np.abs(moved).argmax()]
-            found, taken = (moved / leading).real, True
-    return found, share if not modes.rig.is_damped else np.full(structure.size, np.nan)
+            motion, taken = (moved / leading).real, True
+    return motion, share if not modes.rig.is_damped else np.full(structure.size, np.nan)
 
 
-def _on_structure(modes: Eigenvalues, number: int, head: _Piece, ratio: float) -> str:
+def _on_structure(modes: Eigenvalues, number: int, head: _RowPart, ratio: float) -> str:
     structure, details, at = modes.rig.structure, head.details, head.at
     assert structure is not None
     eta = np.array([part[at] for part in details.eta]) if not head.part.still else np.zeros(structure.size)
@@ -205,8 +205,8 @@ def _resonances(modes: Eigenvalues, number: int) -> tuple[str, ...]:
     """Resonances with modes that can exchange energy: on a cart all, on a fixed support the same pendulum's."""
     parts = modes.spectrum.groups[number]
     fold = modes.multiplicity[number] if modes.on_cart else 1 + any(part.along and part.across for part in parts)
-    own = (f"1:1 among its own {fold} shapes",) if fold > 1 else ()
-    return own + resonances(modes.omega, number, _partners(modes, number), modes.first)
+    among = (f"1:1 among its own {fold} shapes",) if fold > 1 else ()
+    return among + resonances(modes.omega, number, _partners(modes, number), modes.first)
 
 
 def _partners(modes: Eigenvalues, number: int) -> Ints:
@@ -218,7 +218,7 @@ def _partners(modes: Eigenvalues, number: int) -> Ints:
 
 
 def _answers(
-    modes: Eigenvalues, number: int, asked: list[tuple[int, int]], pieces: dict[int, list[_Piece]]
+    modes: Eigenvalues, number: int, asked: list[tuple[int, int]], pieces: dict[int, list[_RowPart]]
 ) -> list[str]:
     """The modes whose responses make a mode's angle of 1 % a guide, in words: those that change it most.
 
@@ -245,7 +245,7 @@ def _answers(
     return list(dict.fromkeys(named))
 
 
-def _swing(modes: Eigenvalues, number: int, piece: _Piece) -> ModeSwing:
+def _swing(modes: Eigenvalues, number: int, piece: _RowPart) -> ModeSwing:
     details, at = piece.details, [piece.at]
     angles = tuple(angle[:, :, at].real for angle in details.angles)
     largest = largest_angle(angles)

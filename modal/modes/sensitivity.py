@@ -109,18 +109,20 @@ def sensitivities(modes: Modes, number: int) -> Sensitivities:
     if value == 0:
         return _nothing(modes.scene.n_links)
     hung = list(_hung(modes, shape))
-    centres = [_centres(*found, shape.cart) for found in hung]
-    if sum(_lost(*found, shape.cart, z) for found, z in zip(hung, centres, strict=True)) > CANCELLED:
+    centres = [_centres(*chain, shape.cart) for chain in hung]
+    if sum(_lost(*chain, shape.cart, z) for chain, z in zip(hung, centres, strict=True)) > CANCELLED:
         centres = centre_displacements(modes.rig, value, shape)
-    chains = [_of_chains(*found, z, value, modes.scene.gravity) for found, z in zip(hung, centres, strict=True)]
+    chains = [_of_chains(*chain, z, value, modes.scene.gravity) for chain, z in zip(hung, centres, strict=True)]
     columns = [np.concatenate([np.ravel(values) for values in column]) for column in zip(*chains, strict=True)]
     cart, square, support = shape.cart**2, value**2, modes.rig.cart
     pencil = 2 * value
     if value.real:
-        own = cart * (2 * value * support.mass + support.damping) if support else 0.0
-        pencil = own + complex(columns.pop().sum())
+        of_cart = cart * (2 * value * support.mass + support.damping) if support else 0.0
+        pencil = of_cart + complex(columns.pop().sum())
     factor = -value.conjugate() / abs(value) / pencil
-    mass, length, centre, inertia, stiffness, gravity, damping, drag = ((factor * one).real for one in columns[:8])
+    mass, length, centre, inertia, stiffness, gravity, damping, drag = (
+        (factor * entries).real for entries in columns[:8]
+    )
     return Sensitivities(
         mass,
         length,
@@ -179,12 +181,12 @@ def _hung(modes: Modes, shape: Shape) -> Iterator[tuple[_Chain, Complexes]]:
     """Every pendulum as specified in the scene, with the angles (copies, n) of its copies."""
     angles, at = shape.angles.astype(np.complex128), 0
     for pendulum, (block, column, copies) in zip(modes.scene.pendulum, modes.rig.members, strict=True):
-        own = modes.rig.blocks[block]
-        m, l, c, I = (values[:, column] for values in (own.mass, own.length, own.centre, own.inertia))
-        sigma, damping, drag = (values[:, column] for values in (own.sigma, own.damping, own.drag))
-        size = copies * own.n
+        held = modes.rig.blocks[block]
+        m, l, c, I = (values[:, column] for values in (held.mass, held.length, held.centre, held.inertia))
+        sigma, damping, drag = (values[:, column] for values in (held.sigma, held.damping, held.drag))
+        size = copies * held.n
         chain = _Chain(m, l, c, I, sigma, damping, drag, _follows(pendulum))
-        yield chain, angles[at : at + size].reshape(copies, own.n)
+        yield chain, angles[at : at + size].reshape(copies, held.n)
         at += size
 
 

@@ -79,8 +79,8 @@ def _on_structure(modes: Modes, omega: float, number: int) -> Iterator[tuple[str
     """Those of every number above 0 that may change alone; a board that it would unbalance has none."""
     refuse(modes, number)
     value, phi = complex(modes.eigenvalue[number]), modes.column(modes.shape(number, 0, "mass"))
-    own = modes.matrices
-    pencil = phi @ (2 * value * own.M + own.D) @ phi
+    dense = modes.matrices
+    pencil = phi @ (2 * value * dense.M + dense.D) @ phi
     for place, (dM, dK, dD) in matrix_slopes(modes.scene).items():
         derivative = 0.0
         if value:
@@ -92,21 +92,24 @@ def _on_structure(modes: Modes, omega: float, number: int) -> Iterator[tuple[str
 @lru_cache(maxsize=2)
 def matrix_slopes(scene: Scene) -> dict[Place, Arrays]:
     """∂M, ∂K and ∂D by every number but 0 of a scene on a structure, by its place."""
-    found, own = {}, _matrices(scene)
+    by_path, matrices_here = {}, _matrices(scene)
     for place in _numbers(scene):
         try:
             slopes = differences(scene, place, 1.0, _matrices)
         except SceneError:
             continue
         size = abs(number_at(scene, place))
-        if any(size * np.abs(slope).max() > NOTHING_OF * np.abs(S).max() for slope, S in zip(slopes, own, strict=True)):
-            found[place] = slopes
-    return found
+        if any(
+            size * np.abs(slope).max() > NOTHING_OF * np.abs(S).max()
+            for slope, S in zip(slopes, matrices_here, strict=True)
+        ):
+            by_path[place] = slopes
+    return by_path
 
 
 def _matrices(scene: Scene) -> Arrays:
-    found = matrices(scene)
-    return found.M, found.K, found.D
+    dense = matrices(scene)
+    return dense.M, dense.K, dense.D
 
 
 def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
@@ -122,32 +125,32 @@ def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
         yield at
 
 
-def _places(modes: Modes, omega: float, found: Sensitivities) -> Iterator[tuple[str, Sensitivity]]:
+def _places(modes: Modes, omega: float, slopes: Sensitivities) -> Iterator[tuple[str, Sensitivity]]:
     scene, at = modes.scene, 0
     if (cart := scene.cart) is not None:
-        yield "support.mass", _sensitivity(cart.mass, found.cart_mass, omega)
-        yield from _one("support.damping", cart.damping, found.cart_damping, omega)
-        yield from _one("support.stiffness", cart.stiffness, found.cart_stiffness, omega)
+        yield "support.mass", _sensitivity(cart.mass, slopes.cart_mass, omega)
+        yield from _one("support.damping", cart.damping, slopes.cart_damping, omega)
+        yield from _one("support.stiffness", cart.stiffness, slopes.cart_stiffness, omega)
     for p, pendulum in enumerate(scene.pendulum):
-        own = slice(at, at + pendulum.count * pendulum.n_links)
-        at, first = own.stop, 0
+        members = slice(at, at + pendulum.count * pendulum.n_links)
+        at, first = members.stop, 0
         for i, link in enumerate(pendulum.links):
             run = slice(first, first + link.count)
             first = run.stop
 
-            def whole(values: Floats, own: slice = own, run: slice = run, n: int = pendulum.n_links) -> float:
-                return float(values[own].reshape(-1, n)[:, run].sum())
+            def whole(values: Floats, links: slice = members, run: slice = run, n: int = pendulum.n_links) -> float:
+                return float(values[links].reshape(-1, n)[:, run].sum())
 
             name = f"pendulum[{p}].links[{i}]"
-            yield from _one(f"{name}.mass", link.mass, whole(found.mass), omega)
-            yield from _one(f"{name}.length", link.length, whole(found.length), omega)
+            yield from _one(f"{name}.mass", link.mass, whole(slopes.mass), omega)
+            yield from _one(f"{name}.length", link.length, whole(slopes.length), omega)
             if isinstance(link, Body):
-                yield from _one(f"{name}.centre", link.centre, whole(found.centre), omega)
-                yield from _one(f"{name}.inertia", link.inertia, whole(found.inertia), omega)
-            yield from _one(f"{name}.damping", link.damping, whole(found.damping), omega)
-            yield from _one(f"{name}.stiffness", link.stiffness, whole(found.stiffness), omega)
-            yield from _one(f"{name}.drag", link.drag, whole(found.drag), omega)
-    yield from _one("gravity", scene.gravity, found.gravity, omega)
+                yield from _one(f"{name}.centre", link.centre, whole(slopes.centre), omega)
+                yield from _one(f"{name}.inertia", link.inertia, whole(slopes.inertia), omega)
+            yield from _one(f"{name}.damping", link.damping, whole(slopes.damping), omega)
+            yield from _one(f"{name}.stiffness", link.stiffness, whole(slopes.stiffness), omega)
+            yield from _one(f"{name}.drag", link.drag, whole(slopes.drag), omega)
+    yield from _one("gravity", scene.gravity, slopes.gravity, omega)
 
 
 def _one(path: str, number: float, derivative: float, omega: float) -> Iterator[tuple[str, Sensitivity]]:
@@ -169,16 +172,19 @@ def sensitivity_table(modes: Modes, rows: Sequence[Mode], form: str) -> str:
     if size > MOST_NUMBERS:
         raise ComputationError(f"{size} sensitivities are too many for a table: choose fewer modes")
     each = [of_mode(modes, row) for row in rows]
-    places = list(dict.fromkeys(place for one in each for place in one))
+    places = list(dict.fromkeys(place for by_place in each for place in by_place))
     cells = [
         [
             place,
-            *(_short(value) if value is not None else NOTHING for value in (_relative(one, place) for one in each)),
+            *(
+                _short(value) if value is not None else NOTHING
+                for value in (_relative(by_place, place) for by_place in each)
+            ),
         ]
         for place in places
     ]
     headings = ["number", *(f"mode {row.number}" for row in rows)]
-    lacking = [f"{row.number}" for row, one in zip(rows, each, strict=True) if not one]
+    lacking = [f"{row.number}" for row, by_place in zip(rows, each, strict=True) if not by_place]
     which = f"mode{'s' * (len(lacking) > 1)} {listed(lacking, len(lacking))}"
     why = f"No single derivative: {which} ({_WHY})." if lacking else ""
     if form == "text":
@@ -198,5 +204,5 @@ def _short(value: float) -> str:
     return f"{round(value, 4) + 0.0:.4f}"
 
 
-def _relative(found: dict[str, Sensitivity], place: str) -> float | None:
-    return found[place].relative if place in found else None
+def _relative(by_place: dict[str, Sensitivity], place: str) -> float | None:
+    return by_place[place].relative if place in by_place else None

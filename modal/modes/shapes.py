@@ -144,16 +144,18 @@ def _of_all(rig: Rig, details: Details) -> _Vector:
 
 def _of_copies(rig: Rig, part: SpectrumPart, kind: tuple[int, int], copy: int, details: Details) -> _Vector:
     weights = _weights(rig, part, kind, copy)
-    one, share = details.angles[0][:, 0, 0], details.shares[0][:, 0, 0]
+    copy_shape, share = details.angles[0][:, 0, 0], details.shares[0][:, 0, 0]
     angles, shares, used = [], [], 0
     for block, column, count in rig.members:
-        own = np.zeros(count)
+        amplitudes = np.zeros(count)
         if (block, column) == kind:
-            own = weights[used : used + count]
+            amplitudes = weights[used : used + count]
             used += count
         n = rig.blocks[block].n
-        angles.append(np.outer(own, one).ravel() if own.any() else np.zeros(count * n, one.dtype))
-        shares.append(np.outer(own**2, share).ravel() if own.any() else np.zeros(count * n))
+        angles.append(
+            np.outer(amplitudes, copy_shape).ravel() if amplitudes.any() else np.zeros(count * n, copy_shape.dtype)
+        )
+        shares.append(np.outer(amplitudes**2, share).ravel() if amplitudes.any() else np.zeros(count * n))
     single = copy >= part.along or not is_balanced(rig, part)
     momentum = details.momentum[0] if single or np.isnan(details.momentum[0]) else 0.0
     still = np.zeros(rig.structure.size if rig.structure else 0)

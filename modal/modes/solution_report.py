@@ -33,7 +33,7 @@ MOST_SHOWN = 6
 
 
 @dataclass(frozen=True)
-class Part:
+class ProblemGroup:
     """Problems of one form: their number, `unknowns` in each, and the number of modes of the scene from them."""
 
     what: str
@@ -61,7 +61,7 @@ class SolutionReport:
     """
 
     coordinates: int
-    parts: tuple[Part, ...]
+    parts: tuple[ProblemGroup, ...]
     matrices: tuple[Matrix, ...]
     complex_problem: bool
     left_out: tuple[str, ...]
@@ -113,28 +113,29 @@ def report_solution(modes: Modes) -> SolutionReport:
     )
 
 
-def _parts(spectrum: ModalSpectrum) -> tuple[Part, ...]:
+def _parts(spectrum: ModalSpectrum) -> tuple[ProblemGroup, ...]:
     """One part for each source, equal ones merged."""
     taken = Counter[int]()
     for part in (part for parts in spectrum.groups for part in parts):
         taken[part.source] += part.along + part.across
-    found: dict[tuple[str, str, int], tuple[int, int]] = {}
+    solved: dict[tuple[str, str, int], tuple[int, int]] = {}
     for index, source in enumerate(spectrum.sources):
         built = source.built
         kind = built.what, source.route, built.unknowns
-        problems, modes = found.get(kind, (0, 0))
-        found[kind] = problems + built.problems, modes + taken[index]
+        problems, modes = solved.get(kind, (0, 0))
+        solved[kind] = problems + built.problems, modes + taken[index]
     return tuple(
-        Part(what, route, problems, unknowns, modes) for (what, route, unknowns), (problems, modes) in found.items()
+        ProblemGroup(what, route, problems, unknowns, modes)
+        for (what, route, unknowns), (problems, modes) in solved.items()
     )
 
 
 def _matrices(spectrum: ModalSpectrum) -> tuple[Matrix, ...]:
     """The matrices, the largest first, equal ones merged."""
-    found = Counter[tuple[str, int]]()
+    counts = Counter[tuple[str, int]]()
     for name, order, number in (matrix for source in spectrum.sources for matrix in source.built.matrices):
-        found[name, order] += number
-    return tuple(Matrix(name, order, found[name, order]) for name, order in sorted(found, key=lambda key: -key[1]))
+        counts[name, order] += number
+    return tuple(Matrix(name, order, counts[name, order]) for name, order in sorted(counts, key=lambda key: -key[1]))
 
 
 def coordinates(rig: Rig) -> int:
@@ -166,14 +167,14 @@ def _solving_left_out(modes: Modes) -> Iterator[str]:
     if any(isinstance(source, Rigid) for source in sources):
         yield "no search for the free cart's own frequency: 0 exactly"
     why = "the scene's damping_ratio leaves the undamped shapes" if modes.is_classical else "nothing damps"
-    if not any(one.is_complex for one in built):
+    if not any(route.is_complex for route in built):
         yield f"no complex eigenproblem: {why}"
-    orders = [order for one in built for name, order, _ in one.matrices if name == "M"]
+    orders = [order for route in built for name, order, _ in route.matrices if name == "M"]
     if not orders:
-        seeded = any(name == "seeds" for one in built for name, *_ in one.matrices)
+        seeded = any(name == "seeds" for route in built for name, *_ in route.matrices)
         counts = "its counts confirm seeds" if seeded else "O(n) numbers"
         yield f"no M and K of {size} × {size}: frequencies come from the effective mass, {counts}"
-    elif not any(name == "D" for one in built for name, *_ in one.matrices):
+    elif not any(name == "D" for route in built for name, *_ in route.matrices):
         yield f"no damping matrix: {why}"
     if orders and max(orders) < size:
         yield f"no M and K of {size} × {size}: {max(orders)} × {max(orders)} are the largest"
@@ -191,7 +192,7 @@ def not_loaded() -> Iterator[str]:
         yield f"not imported: {', '.join(missing)}"
 
 
-def _row(part: Part) -> str:
+def _row(part: ProblemGroup) -> str:
     unknowns = f"{part.problems} × {part.unknowns}" if part.problems > 1 else str(part.unknowns)
     purpose = "" if part.modes else ", for what is coupled below"
     return f"{unknowns:>12}  {part.modes:>8}  {part.route:<16}  {part.what}{purpose}"

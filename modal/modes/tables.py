@@ -100,19 +100,19 @@ def _json(
 ) -> str:
     """JSON: the scene, its modes, the routes taken and notes."""
     records = _records(rows, columns)
-    found = [{**record, "resonances": list(row.resonances)} for record, row in zip(records, rows, strict=True)]
+    rows_of = [{**record, "resonances": list(row.resonances)} for record, row in zip(records, rows, strict=True)]
     if shapes:
         numbers = sum(row.multiplicity for row in rows) * modes.scene.n_links
         if numbers > MOST_SHAPE_NUMBERS:
             raise ComputationError(f"the requested shapes have {numbers} angles: choose fewer modes")
-        for record, row in zip(found, rows, strict=True):
+        for record, row in zip(rows_of, rows, strict=True):
             record["shapes"] = [_shape_record(modes, row, k) for k in range(row.multiplicity)]
     if sensitive:
         from modal.modes.sensitivity_table import of_mode
 
-        for record, row in zip(found, rows, strict=True):
-            record["sensitivities"] = {path: own.record() for path, own in of_mode(modes, row).items()}
-    whole = {"scene": describe(modes.scene), "modes": found, "route": modes.route, "notes": list(modes.notes)}
+        for record, row in zip(rows_of, rows, strict=True):
+            record["sensitivities"] = {path: slope.record() for path, slope in of_mode(modes, row).items()}
+    whole = {"scene": describe(modes.scene), "modes": rows_of, "route": modes.route, "notes": list(modes.notes)}
     return as_json(whole)
 
 
@@ -142,9 +142,9 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
     if any(row.growth_rate for row in rows):
         notes.append("unstable: the scene leaves this equilibrium; every growing mode is paired with a decaying one.")
     if modes.scene.has_losses:
-        own = set(sharing(modes)) & {row.number for row in rows}
-        if own:
-            numbers = ", ".join(map(str, sorted(own)))
+        marked = set(sharing(modes)) & {row.number for row in rows}
+        if marked:
+            numbers = ", ".join(map(str, sorted(marked)))
             notes.append(f"Q of modes {numbers} is approximate: they are closer together than their losses, and mix.")
     if any(row.indistinct for row in rows):
         notes.append("~ closer to the next frequency than the error bounds can distinguish.")
@@ -157,7 +157,7 @@ def _csv(modes: Modes, rows: Sequence[Mode], columns: Sequence[Column], *, sensi
         from modal.modes.sensitivity_table import of_mode
 
         for record, row in zip(records, rows, strict=True):
-            record |= {f"d_omega_d_{path}": finite(own.derivative) for path, own in of_mode(modes, row).items()}
+            record |= {f"d_omega_d_{path}": finite(slope.derivative) for path, slope in of_mode(modes, row).items()}
     keys = list(records[0]) if records else [column.key for column in columns]
     return csv_rows([keys, *(record.values() for record in records)])
 
@@ -216,19 +216,19 @@ _WRITERS: dict[str, Callable[[Modes, Sequence[Column], list[list[str]], list[str
 }
 
 
-def matrices_table(scene: Scene, found: Matrices, form: str) -> str:
+def matrices_table(scene: Scene, dense: Matrices, form: str) -> str:
     """M, K and D of a scene; `form` is text or json."""
-    named = {"M": found.M, "K": found.K, "D": found.D}
+    named = {"M": dense.M, "K": dense.K, "D": dense.D}
     if form == "json":
         whole = {
             "scene": describe(scene),
-            "coordinates": list(found.labels),
+            "coordinates": list(dense.labels),
             **{name: matrix.tolist() for name, matrix in named.items()},
         }
         return as_json(whole)
-    parts = [folded(f"coordinates ({len(found.labels)}): {', '.join(found.labels)}")]
+    parts = [folded(f"coordinates ({len(dense.labels)}): {', '.join(dense.labels)}")]
     for name, matrix in named.items():
-        parts.append(f"{name} = 0" if not matrix.any() else f"{name} =\n{_grid(matrix, found.labels)}")
+        parts.append(f"{name} = 0" if not matrix.any() else f"{name} =\n{_grid(matrix, dense.labels)}")
     return "\n\n".join(parts) + "\n"
 
 

@@ -25,9 +25,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, installing
 from modal.plotting.style import any_letters, colour, ink, paper
-from modal.report import html
+from modal.report import html, silent
 
 FORMS = ("gif", "mp4", "html")
 COLOURS, SAMPLED = 64, 6
@@ -35,9 +35,7 @@ COLOURS, SAMPLED = 64, 6
 NEARLY = 8
 """Largest distance of a colour from the background, of 255, at which it is drawn as background."""
 MOST_FRAMES = 20_000
-NO_FFMPEG = (
-    "mp4 needs ffmpeg: install it, or the extra `video` (pip install 'multipendula[video]'); gif and html do not"
-)
+NO_FFMPEG = f"mp4 needs ffmpeg: install it, or the extra `video` ({installing('video')}); gif and html do not"
 Report = Callable[[float], object]
 
 
@@ -107,7 +105,7 @@ def require_writer(form: str, frames: int) -> None:
         find_ffmpeg()
 
 
-def write_film(film: MovingFigure, stream: IO[bytes], form: str, report: Report = lambda done: None) -> None:
+def write_film(film: MovingFigure, stream: IO[bytes], form: str, report: Report = silent) -> None:
     """Write a film as "gif", "mp4" or "html"; `report` is called with the seconds of film done."""
 
     def shot(frame: int) -> Image.Image:

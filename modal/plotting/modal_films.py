@@ -34,6 +34,7 @@ from modal.plotting.shapes import (
     set_apart,
 )
 from modal.plotting.style import any_letters, colour, sheet
+from modal.report import silent
 from modal.scene import kind_of, title_of, whole_file
 
 LOOP = 2.4
@@ -202,7 +203,7 @@ def film_modes(
     *,
     amplitude_deg: float = AMPLITUDE_DEG,
     fps: float | None = None,
-    report: Report = lambda done: None,
+    report: Report = silent,
 ) -> ModalFilm:
     """Write a film of the modes with these indices (from 0), by default the first ones, as "gif", "mp4" or "html".
 

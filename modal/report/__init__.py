@@ -36,6 +36,7 @@ from modal.report.escaping import (
     visible,
 )
 from modal.report.fitting import breadth, broken, columns, fits, fitted, folded, padded
+from modal.report.progress import silent
 from modal.report.prose import WIDTH, capital, counted, line_width, listed, percent, rad, short, with_unit
 from modal.report.tables import (
     NOTHING,
@@ -101,6 +102,7 @@ __all__ = [
     "rad",
     "scrolled",
     "short",
+    "silent",
     "summary_of",
     "tabulated",
     "titled",

@@ -9,13 +9,14 @@ colours of its own, so that it suits a light and a dark page.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import partial
 from importlib import import_module
+from inspect import Signature, signature
 from itertools import accumulate, islice
 from numbers import Complex, Real
 from textwrap import wrap
-from typing import Any
+from typing import Any, ClassVar
 
 from modal.report.escaping import html, visible
 from modal.report.fitting import breadth, cut, padded
@@ -125,10 +126,32 @@ def _fitting(widths: Sequence[int]) -> int:
     return max(1, sum(end <= room for end in ends))
 
 
+class _ResultSignature:
+    """The `__signature__` of a class of results: a default that is made for each result is shown as it is made."""
+
+    def __get__(self, result: object, cls: type) -> Signature:
+        if result is not None or not is_dataclass(cls):
+            raise AttributeError("__signature__")
+        factories = {field.name: field.default_factory for field in fields(cls)}
+        parts = [
+            part.replace(default=made()) if (made := factories.get(part.name, MISSING)) is not MISSING else part
+            for part in list(signature(cls.__init__).parameters.values())[1:]
+        ]
+        return Signature(parts)
+
+
 class Displayed:
-    """A result that shows itself at the prompt and in notebooks; by default by its fields."""
+    """A result that shows itself at the prompt and in notebooks; by default by its fields.
+
+    `dir` and completion show what is public: no name that begins with an underscore, and none of `internal`.
+    """
 
     __slots__ = ()
+    __signature__ = _ResultSignature()
+    internal: ClassVar[frozenset[str]] = frozenset({"internal"})
+
+    def __dir__(self) -> list[str]:
+        return sorted(name for name in {*super().__dir__()} - self.internal if not name.startswith("_"))
 
     def _summary(self) -> Summary:
         """What is shown; override it where a result has more to say than its fields."""
@@ -248,5 +271,5 @@ def deferred(place: str) -> Callable[..., Any]:
     return partial(_call, *place.split(":"))
 
 
-def _call(module: str, name: str, /, *given: Any, **named: Any) -> Any:
-    return getattr(import_module(module), name)(*given, **named)
+def _call(module: str, name: str, /, *arguments: Any, **named: Any) -> Any:
+    return getattr(import_module(module), name)(*arguments, **named)

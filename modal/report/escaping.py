@@ -29,7 +29,7 @@ def visible(text: str) -> str:
     """
     if text.isascii() and text.isprintable():
         return text
-    joined = {found.start() for found in JOINERS.finditer(text)}
+    joined = {joiner.start() for joiner in JOINERS.finditer(text)}
     return "".join(
         ascii(letter)[1:-1] if category(letter) in HIDDEN and place not in joined else letter
         for place, letter in enumerate(text)
@@ -70,7 +70,7 @@ def json_text(whole: Any, indent: int | None = 2) -> str:
     """
     written = json.dumps(whole, indent=indent, ensure_ascii=False, allow_nan=False)
     hidden = {letter for letter in set(written) - {"\n"} if category(letter) in HIDDEN}
-    return written.translate({ord(letter): _unicode(letter) for letter in hidden})
+    return written.translate({ord(letter): unicode_escape(letter) for letter in hidden})
 
 
 def csv_cell(value: Any) -> Any:
@@ -102,10 +102,10 @@ def csv_comment(header: str) -> str:
     A spreadsheet splits the line at its separators; within a text, those before the beginning of a formula are escaped.
     """
     text, separator = re.compile(r'"(?:[^"\\]|\\.)*"'), re.compile(rf"[,;|](?={FORMULA.pattern})")
-    return text.sub(lambda found: separator.sub(lambda mark: _unicode(mark[0]), found[0]), header)
+    return text.sub(lambda quoted: separator.sub(lambda mark: unicode_escape(mark[0]), quoted[0]), header)
 
 
-def _unicode(letter: str) -> str:
+def unicode_escape(letter: str) -> str:
     """A letter as JSON escapes it, by one or two numbers of UTF-16."""
     code = letter.encode("utf-16-be", "surrogatepass").hex()
     return "".join(f"\\u{code[k : k + 4]}" for k in range(0, len(code), 4))

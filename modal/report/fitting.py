@@ -12,12 +12,20 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from unicodedata import category, east_asian_width
 
+from modal.report.spelling import spelled
+
 NARROWEST = 20
 """Columns below which text is as wide as it would be here."""
 _COLUMNS: ContextVar[int | None] = ContextVar("columns", default=None)
+_CHARSET: ContextVar[str | None] = ContextVar("charset", default=None)
 _RULE = re.compile(r"\s*([-=])\1+")
 _HANGING = re.compile(r"\s*(?:[-*] |\S+ {2,})?")
 """What stands before the text of a line: blanks, a bullet, or a name in a column of names."""
+
+
+def charset() -> str | None:
+    """The encoding for which text is laid out; None for one that has every letter."""
+    return _CHARSET.get()
 
 
 def columns() -> int | None:
@@ -32,19 +40,22 @@ def fits(width: int) -> bool:
 
 
 @contextmanager
-def fitted(to: int | None) -> Iterator[None]:
+def fitted(to: int | None, encoding: str | None = None) -> Iterator[None]:
     """Make text inside this block fit into so many columns, any number for None.
+
+    With an encoding, letters that it lacks take the columns of their spelling (`modal.report.spelling`).
 
     >>> with fitted(24):
     ...     print(folded("a line of more than twenty columns"))
     a line of more than
     twenty columns
     """
-    token = _COLUMNS.set(to and max(to, NARROWEST))
+    tokens = _COLUMNS.set(to and max(to, NARROWEST)), _CHARSET.set(encoding)
     try:
         yield
     finally:
-        _COLUMNS.reset(token)
+        _COLUMNS.reset(tokens[0])
+        _CHARSET.reset(tokens[1])
 
 
 def breadth(text: str) -> int:
@@ -53,7 +64,10 @@ def breadth(text: str) -> int:
     >>> breadth("ω"), breadth("振り子"), breadth("e\u0301")
     (1, 6, 1)
     """
-    return len(text) if text.isascii() else sum(map(_letter, text))
+    if text.isascii():
+        return len(text)
+    encoding = charset()
+    return sum(map(_letter, spelled(text, encoding) if encoding else text))
 
 
 def _letter(letter: str) -> int:
@@ -87,8 +101,8 @@ def _fold(line: str, most: int, mark: str) -> Iterator[str]:
     if _RULE.fullmatch(line):
         yield line[:most]
         return
-    found = _HANGING.match(line.removeprefix(mark))
-    hanging = len(found[0]) if found else 0
+    start = _HANGING.match(line.removeprefix(mark))
+    hanging = len(start[0]) if start else 0
     indent = mark + " " * (hanging if hanging <= most // 2 else 2)
     at = len(mark) + hanging if hanging <= most // 2 else 0
     yield from filled(line[at:], most, line[:at], indent)
@@ -135,5 +149,5 @@ def _pieces(word: str, most: int) -> Iterator[tuple[str, bool]]:
     if word.isascii() or breadth(word) <= most:
         yield word, False
         return
-    for number, found in enumerate(re.finditer(r"[\x00-\x7f]+|[^\x00-\x7f]", word)):
-        yield found[0], number > 0
+    for number, run in enumerate(re.finditer(r"[\x00-\x7f]+|[^\x00-\x7f]", word)):
+        yield run[0], number > 0

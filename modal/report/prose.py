@@ -31,9 +31,9 @@ def rad(omega: float) -> str:
     return "∞" if isinf(omega) else f"{omega:.9g} rad/s"
 
 
-def counted(number: int, one: str, many: str) -> str:
+def counted(number: int, noun: str, plural: str) -> str:
     """A number and its noun."""
-    return f"{number} {one if number == 1 else many}"
+    return f"{number} {noun if number == 1 else plural}"
 
 
 def listed(shown: Sequence[str], total: int) -> str:

@@ -142,7 +142,7 @@ def _lines(
     for row in (headings, ["-" * width for width in widths], *cells):
         pieces = [broken(cell, width) for cell, width in zip(row, widths, strict=True)]
         for number in range(max(map(len, pieces))):
-            line = (own[number] if number < len(own) else "" for own in pieces)
+            line = (piece[number] if number < len(piece) else "" for piece in pieces)
             whole = (padded(cell, width, side) for cell, width, side in zip(line, widths, align, strict=True))
             yield (" " * GAP).join(whole).rstrip()
 

@@ -126,11 +126,13 @@ HOISTING = {
     ("hoist", "damping_ratio"): "a hoist changes the modes that have damping ratios",
 }
 MINIMAL = ("form minimal", "form minimal takes it")
-UNRUBBED = {(one, name): "dry friction on structures is not solved" for one in sorted(STRUCTURED) for name in FRICTION}
+UNRUBBED = {
+    (kind, name): "dry friction on structures is not solved" for kind in sorted(STRUCTURED) for name in FRICTION
+}
 """What is refused together: dry friction, and structures or springs between points."""
 AIRLESS = {
-    (one, name): "Hill's equations on structures do not include drag"
-    for one in sorted(STRUCTURED)
+    (kind, name): "Hill's equations on structures do not include drag"
+    for kind in sorted(STRUCTURED)
     for name in sorted(DRAG)
 }
 EXCITED = {DRIVES: "nothing excites this scene: it has no steady oscillation; give a joint a drive"}
@@ -235,15 +237,15 @@ UNTOLD: Sentences = {**STRUCTURES, **IN_TIME}
 """What a capability refuses that says nothing else of structures and loss angles."""
 
 
-def _told(one: Capability) -> Capability:
+def _told(capability: Capability) -> Capability:
     """A capability with the entries of `UNTOLD` that it has none of its own for."""
-    more = {name: words for name, words in UNTOLD.items() if not one.entries(name)}
-    return replace(one, refuses={**one.refuses, **more})
+    more = {name: words for name, words in UNTOLD.items() if not capability.entries(name)}
+    return replace(capability, refuses={**capability.refuses, **more})
 
 
 CAPABILITIES: dict[str, Capability] = {
-    one.name: _told(one)
-    for one in (
+    capability.name: _told(capability)
+    for capability in (
         TABLE,
         replace(TABLE, name="mode shapes", takes=TABLE.takes - {"loss"}, leaves={**OMITTED, **LOSSLESS}),
         Capability(
@@ -564,19 +566,19 @@ CAPABILITIES: dict[str, Capability] = {
 def refusals(scene: Scene, capability: str, *more: str) -> list[str]:
     """A sentence for everything that a scene, with `more` features of a call, has and the capability refuses."""
     require_type("scene", scene, "Scene")
-    one, has = CAPABILITIES[capability], scene.features | set(more)
-    found = [f"{_place(scene, name)}: {one.name} {_why(one, name)}" for name in one.refuses if name in has]
-    found += [f"{_place(scene, a)}: {why}: remove {b}" for (a, b), why in one.apart.items() if {a, b} <= has]
-    return found + [why for wanted, why in one.needs.items() if not wanted & has]
+    held, has = CAPABILITIES[capability], scene.features | set(more)
+    reasons = [f"{_place(scene, name)}: {held.name} {_why(held, name)}" for name in held.refuses if name in has]
+    reasons += [f"{_place(scene, a)}: {why}: remove {b}" for (a, b), why in held.apart.items() if {a, b} <= has]
+    return reasons + [why for wanted, why in held.needs.items() if not wanted & has]
 
 
 def _met(sentences: Sentences, has: Names) -> Iterator[tuple[str, str]]:
     return ((name, why) for name, why in sentences.items() if name in has)
 
 
-def _why(one: Capability, name: str) -> str:
+def _why(capability: Capability, name: str) -> str:
     """Why a capability refuses a feature, and the way out."""
-    why, (other, words) = one.refuses[name], one.instead
+    why, (other, words) = capability.refuses[name], capability.instead
     more = f"; {words}" if other and name in CAPABILITIES[other].takes else ""
     return why if ": " in why else f"{why}: {FEATURES[name].mend}{more}"
 
@@ -594,8 +596,8 @@ def require(scene: Scene, capability: str, *more: str) -> None:
     ...
     modal.errors.SceneError: ...
     """
-    if found := refusals(scene, capability, *more):
-        raise SceneError(found)
+    if reasons := refusals(scene, capability, *more):
+        raise SceneError(reasons)
 
 
 def left_out(scene: Scene, capability: str = "the table of modes") -> tuple[str, ...]:

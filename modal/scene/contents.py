@@ -12,6 +12,7 @@ from stat import S_ISREG
 from typing import IO
 
 from modal.errors import SceneError
+from modal.scene.recognition import EXPECTED, as_text, recognize
 
 LARGEST_FILE = 256_000_000
 """Bytes of a scene, and of a file of data."""
@@ -20,6 +21,8 @@ SMALLEST_READ, LARGEST_READ = 1e-50, 1e50
 SIZES_READ = f"its size must be from {SMALLEST_READ:g} to {LARGEST_READ:g}, or 0"
 PIECE = 1 << 20
 """Bytes that are read at once: no memory is taken for what is not there."""
+NAMES = {"table": "CSV text", "report": "JSON text", "": "text"}
+"""What text is called of which a file of each kind consists."""
 LONGEST_HEAD = 1_000_000
 """Bytes within which a first line that is read alone must stand."""
 
@@ -29,21 +32,28 @@ def content_of(path: str | PathLike[str], largest: int = LARGEST_FILE) -> bytes:
     return _beginning(path, largest, whole=True)
 
 
-def text_of(path: str | PathLike[str], kind: str = "text") -> str:
-    """The text of a file in UTF-8, with or without a mark at its beginning; SceneError as of `content_of`.
+def text_of(path: str | PathLike[str], expected: str = "") -> str:
+    """The text of a file; SceneError as of `content_of` and `decoded`."""
+    return decoded(content_of(path), expected)
 
-    `kind` says what the file should have been: "CSV text".
-    """
+
+def decoded(content: bytes, expected: str = "") -> str:
+    """The text in bytes (`as_text`); SceneError where they are none, or a file of another kind than `expected`."""
+    kind = recognize(content)
+    if kind and (kind.kind not in EXPECTED[expected].kinds if expected else not kind.is_text):
+        raise SceneError([kind.problem(expected)])
     try:
-        return content_of(path).decode("utf-8-sig")
+        return as_text(content)
     except UnicodeDecodeError as error:
-        raise SceneError([f"is not a {kind} file: byte {error.start} is not UTF-8"]) from None
+        if expected == "scene":
+            raise SceneError([f"byte {error.start} is not UTF-8 text: save the file as UTF-8"]) from None
+        raise SceneError([f"is not a {NAMES[expected]} file: byte {error.start} is not UTF-8"]) from None
 
 
 def first_line(path: str | PathLike[str]) -> str:
     """The first line of a file of data that is no comment, "" where the file cannot be read or has none so early."""
     try:
-        text = _beginning(path, LONGEST_HEAD, whole=False).decode("utf-8-sig", errors="replace")
+        text = as_text(_beginning(path, LONGEST_HEAD, whole=False), errors="replace")
     except SceneError:
         return ""
     return next((line for line in text.splitlines() if not line.startswith("#")), "")

@@ -67,7 +67,7 @@ def problem_of(kind: str, value: object) -> str:
     >>> problem_of("Modes", "chain-2")
     'a Modes is required, not str: natural_modes(scene) gives them'
     """
-    if kind in [own.__name__ for own in type(value).__mro__]:
+    if kind in [cls.__name__ for cls in type(value).__mro__]:
         return ""
     way = WAYS.get(kind, "")
     if "{value}" in way:
@@ -131,18 +131,20 @@ class _Door:
     def names(self) -> tuple[str, ...]:
         """The parameters that can be given by position."""
         kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-        return tuple(name for name, one in inspect.signature(self.function).parameters.items() if one.kind in kinds)
+        return tuple(
+            name for name, parameter in inspect.signature(self.function).parameters.items() if parameter.kind in kinds
+        )
 
     @cached_property
     def checks(self) -> Mapping[str, Check]:
         """What is checked, by parameter."""
-        found = {}
-        for name, one in inspect.signature(self.function).parameters.items():
-            unbounded = isinstance(one.default, float) and not isfinite(one.default)
-            check = _check(str(one.annotation), self.function.__globals__, unbounded)
-            if check is not None and one.kind not in (one.VAR_POSITIONAL, one.VAR_KEYWORD):
-                found[name] = check
-        return found
+        checks = {}
+        for name, parameter in inspect.signature(self.function).parameters.items():
+            unbounded = isinstance(parameter.default, float) and not isfinite(parameter.default)
+            check = _check(str(parameter.annotation), self.function.__globals__, unbounded)
+            if check is not None and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
+                checks[name] = check
+        return checks
 
     def problems(self, arguments: Sequence[object], named: Mapping[str, object]) -> Iterator[str]:
         """What is wrong with the arguments of a call."""
@@ -230,7 +232,7 @@ def _list_of(each: Check) -> Check:
             return f"{_shown(value)}: must be a list: [{_shown(value)}]"
         if not isinstance(value, Sequence | np.ndarray):
             return f"{_shown(value)}: must be a list"
-        return next((f"has {words}" for one in value if (words := each(one))), "")
+        return next((f"has {words}" for item in value if (words := each(item))), "")
 
     return problem
 

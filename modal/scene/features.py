@@ -109,8 +109,8 @@ class Feature:
         return self.only(scene) and bool(
             (self.scene and has(getattr(scene, self.scene)))
             or (self.support and any(map(self._is_of, scene.supports)))
-            or (self.spring and any(has(getattr(one, self.spring)) for one in scene.spring))
-            or (self.pendulum and any(has(getattr(one, self.pendulum)) for one in scene.pendulum))
+            or (self.spring and any(has(getattr(part, self.spring)) for part in scene.spring))
+            or (self.pendulum and any(has(getattr(part, self.pendulum)) for part in scene.pendulum))
             or any(any(map(has, values(key))) for key in self.link)
         )
 
@@ -130,8 +130,8 @@ def _holds(links: tuple[AnyLink, ...]) -> bool:
     return next((link.inertia == 0 for link in links if link.inertia or link.centre == link.length), True)
 
 
-def _ratio(given: float | tuple[float, ...]) -> bool:
-    return any(given) if isinstance(given, tuple) else given > 0
+def _ratio(ratios: float | tuple[float, ...]) -> bool:
+    return any(ratios) if isinstance(ratios, tuple) else ratios > 0
 
 
 def _is_structure(scene: Described) -> bool:
@@ -234,14 +234,14 @@ def features(scene: Described) -> frozenset[str]:
     ['cart', 'dampers', 'escapement']
     """
     links = list(scene.links())
-    found: dict[str, set[Any]] = {}
+    present: dict[str, set[Any]] = {}
 
     def values(key: str) -> set[Any]:
-        if key not in found:
-            found[key] = {getattr(link, key) for link in links}
-        return found[key]
+        if key not in present:
+            present[key] = {getattr(link, key) for link in links}
+        return present[key]
 
-    return frozenset(name for name, one in FEATURES.items() if one.is_in(scene, values))
+    return frozenset(name for name, feature in FEATURES.items() if feature.is_in(scene, values))
 
 
 def varied_features(path: str) -> frozenset[str]:
@@ -253,10 +253,10 @@ def varied_features(path: str) -> frozenset[str]:
     first, key = path.partition(".")[0].partition("[")[0], path.rpartition(".")[2]
     if first == "support":
         whole = path.partition(".")[2] if ".damping." in path else key  # damping.sway of a platform
-        return frozenset(name for name, one in FEATURES.items() if whole.partition(".")[0] in one.support)
+        return frozenset(name for name, feature in FEATURES.items() if whole.partition(".")[0] in feature.support)
     if {"loss", "wire_loss"} & set(path.replace("[", ".").split(".")):  # also a number of a table
         return frozenset({"loss"})
     if ".links[" in path:
-        return frozenset(name for name, one in FEATURES.items() if key in one.link)
+        return frozenset(name for name, feature in FEATURES.items() if key in feature.link)
     part = "spring" if first == "spring" else "scene"
-    return frozenset(name for name, one in FEATURES.items() if getattr(one, part) == key)
+    return frozenset(name for name, feature in FEATURES.items() if getattr(feature, part) == key)

@@ -14,9 +14,10 @@ from threading import Timer
 from typing import IO, Any
 
 from modal.errors import SceneError, meant
-from modal.scene.contents import content_of, limited
+from modal.scene.contents import content_of, decoded, limited
 from modal.scene.doors import checked, require_type
 from modal.scene.model import Scene, describe, scene_from
+from modal.scene.toml_mistakes import told
 
 STANDARD = "-"
 """The name of standard input where a file is read, of standard output where one is written."""
@@ -70,13 +71,15 @@ def load(source: str | os.PathLike[str]) -> Scene:
 def parse(text: bytes, folder: Path = Path()) -> Scene:
     """The scene in a TOML document; files that it names are relative to `folder`."""
     try:
-        document = text.decode("utf-8-sig").replace("\r\n", "\n")
-        for found in _DEEP.finditer(document):
-            if found["deep"]:
-                raise SceneError([f"line {_line(found)}: a key of over {DEEPEST} parts"])
+        document = decoded(text, "scene").replace("\r\n", "\n")
+        for key in _DEEP.finditer(document):
+            if key["deep"]:
+                raise SceneError([f"line {_line(key)}: a key of over {DEEPEST} parts"])
         data = tomllib.loads(document)
-    except UnicodeDecodeError as error:
-        raise SceneError([f"byte {error.start} is not UTF-8 text"]) from None
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(told(document, error)) from None
+    except SceneError:
+        raise
     except ValueError as error:
         raise SceneError([f"broken TOML: {error}"]) from None
     except RecursionError:
@@ -88,8 +91,8 @@ def parse(text: bytes, folder: Path = Path()) -> Scene:
     return scene_from(data)
 
 
-def _line(found: re.Match[str]) -> int:
-    return found.string.count("\n", 0, found.start()) + 1
+def _line(match: re.Match[str]) -> int:
+    return match.string.count("\n", 0, match.start()) + 1
 
 
 def dumps(scene: Scene) -> str:
@@ -154,11 +157,11 @@ def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
 
 def schema() -> dict[str, Any]:
     """The JSON Schema of a scene file, for editors."""
-    found = Scene.model_json_schema()
+    document = Scene.model_json_schema()
     for name in ("RandomMotion", "RandomForce"):
-        random = found["$defs"][name]["properties"]
+        random = document["$defs"][name]["properties"]
         random["psd"] = {"anyOf": [random["psd"], {"type": "string"}], "title": "Psd"}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **document}
 
 
 def example_names() -> list[str]:
@@ -197,7 +200,7 @@ def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], before: str = ""
     name = os.fspath(path)
     kind = kinds[0] if name == STANDARD else os.path.splitext(name)[1].removeprefix(".").lower()
     if kind not in kinds:
-        endings = [f".{one}" for one in kinds]
+        endings = [f".{ending}" for ending in kinds]
         words = f"the name must end in {' or '.join(filter(None, [', '.join(endings[:-1]), endings[-1]]))}"
         raise SceneError([f"{before}{name}: {words}"])
     return kind

@@ -19,6 +19,7 @@ from typing import Any, Literal
 import numpy as np
 
 from modal.report import Displayed
+from modal.scene.stored import SeveralOrNone
 from modal.scene.validation import LARGEST, POSITIVE, REAL, UNREAD, Part, field, list_of, number, one_of, optional
 from modal.types import Floats
 
@@ -42,8 +43,8 @@ class Hoist(Part):
     profile: Profile = field(one_of("smooth", "trapezoidal"), default="smooth")
     ramp: float | None = field(optional(number(ge=1e-3, le=0.5)), default=None)
     file: str | None = field(optional({"type": "str", "max_length": 4096}), default=None)
-    time_s: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
-    length_m: tuple[float, ...] | None = field(optional(list_of(POSITIVE)), default=None)
+    time_s: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
+    length_m: SeveralOrNone[float] = field(optional(list_of(POSITIVE)), default=None)
 
     @property
     def is_recorded(self) -> bool:
@@ -52,13 +53,13 @@ class Hoist(Part):
 
     def problems(self) -> Iterator[str]:
         """Neither a length nor a record, both, a file that is not read, and a ramp of another profile."""
-        given = [name for name in ("to", "duration") if getattr(self, name) is not None]
+        keys = [name for name in ("to", "duration") if getattr(self, name) is not None]
         if self.is_recorded:
-            other = [*given, *["begin"] * (self.begin != 0), *["profile"] * (self.profile != "smooth")]
+            other = [*keys, *["begin"] * (self.begin != 0), *["profile"] * (self.profile != "smooth")]
             yield from (f".{name}: does not belong to a record" for name in other)
             yield from [f".file: {UNREAD}"] if self.file is not None else self._record_problems()
         else:
-            yield from (f".{name}: is required" for name in ("to", "duration") if name not in given)
+            yield from (f".{name}: is required" for name in ("to", "duration") if name not in keys)
         if self.ramp is not None and self.profile == "smooth":
             yield f'.ramp = {self.ramp}: needs profile = "trapezoidal"'
 
@@ -76,7 +77,7 @@ class Hoist(Part):
 
     def problems_from(self, length: float) -> Iterator[str]:
         """What is wrong with the way from `length` (m) on: another beginning, no positive or no finite lengths."""
-        key, own = ("length_m", f"a record that begins at {self.length_m[0]:g} m") if self.length_m else ("to", "it")
+        key, words = ("length_m", f"a record that begins at {self.length_m[0]:g} m") if self.length_m else ("to", "it")
         if self.length_m and abs(self.length_m[0] - length) > SAME * length:
             yield f".length_m: begins at {self.length_m[0]:g} m, and its link has length = {length:g}"
             return
@@ -86,7 +87,7 @@ class Hoist(Part):
             law = self.law(length)
             told = law.greatest <= LARGEST and abs(law.end - last) <= SAME * max(length, last)
         if not told:
-            yield f".{key}: {own} changes too fast or too slowly for double precision"
+            yield f".{key}: {words} changes too fast or too slowly for double precision"
         elif self.length_m and (shortest := law.extremes[0]) <= 0:
             yield f".length_m: the spline through it reaches a length of {shortest:g} m: must be positive"
 
@@ -161,15 +162,15 @@ class LengthLaw(Displayed):
     @cached_property
     def extremes(self) -> tuple[float, float]:
         """The shortest and the longest length (m)."""
-        found, spans, pieces = [*self(self.knots)[0].tolist()], np.diff(self.knots), self.coefficients
+        lengths, spans, pieces = [*self(self.knots)[0].tolist()], np.diff(self.knots), self.coefficients
         reach = np.sum(np.abs(pieces[:, 1:]) * spans[:, None] ** np.arange(1, pieces.shape[1]), axis=1)
-        beyond = (pieces[:, 0] - reach < min(found)) | (pieces[:, 0] + reach > max(found))
-        for span, own in zip(spans[beyond], pieces[beyond], strict=True):
-            slope = np.polynomial.Polynomial(own).deriv()
+        beyond = (pieces[:, 0] - reach < min(lengths)) | (pieces[:, 0] + reach > max(lengths))
+        for span, piece in zip(spans[beyond], pieces[beyond], strict=True):
+            slope = np.polynomial.Polynomial(piece).deriv()
             roots = slope.roots() if np.any(slope.coef[1:]) else np.empty(0)
             inside = roots.real[(abs(roots.imag) < SAME) & (roots.real > 0) & (roots.real < span)]
-            found += [float(np.polynomial.Polynomial(own)(root)) for root in inside]
-        return min(found), max(found)
+            lengths += [float(np.polynomial.Polynomial(piece)(root)) for root in inside]
+        return min(lengths), max(lengths)
 
 
 @lru_cache(maxsize=256)

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
+from modal.scene.stored import Several
 from modal.scene.validation import NON_NEGATIVE, Part, Schema, field, list_of, number
 
 
@@ -21,8 +22,8 @@ class LossTable(Part):
     (0.0001, 0.001)
     """
 
-    frequency_hz: tuple[float, ...] = field(list_of(number(ge=0, le=1e100)))
-    loss: tuple[float, ...] = field(list_of(NON_NEGATIVE))
+    frequency_hz: Several[float] = field(list_of(number(ge=0, le=1e100)))
+    loss: Several[float] = field(list_of(NON_NEGATIVE))
 
     def problems(self) -> Iterator[str]:
         """Lists that do not fit each other, frequencies that do not ascend."""

@@ -16,11 +16,20 @@ from unicodedata import category
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
 from modal.scene.features import DRAG, DRIVES, FRICTION, LOSS, features
-from modal.scene.links import AnyLink, Bob, Body, Rod
+from modal.scene.links import AnyLink, Bob, Body, Link, Rod
 from modal.scene.losses import is_lossy
-from modal.scene.motion import FORCE, ConstantForce, Force, Ground, Moved, SupportMotion
+from modal.scene.motion import FORCE, AppliedForce, ConstantForce, Force, Ground, Moved, SupportMotion
 from modal.scene.points import point_problems
 from modal.scene.springs import Spring
+from modal.scene.stored import (
+    OneOrSeveral,
+    OneOrSeveralKinds,
+    Pair,
+    PartSignature,
+    Several,
+    SeveralKinds,
+    SeveralOrNone,
+)
 from modal.scene.structures import force_problems, structure_problems
 from modal.scene.supports import (
     PAIR,
@@ -28,7 +37,7 @@ from modal.scene.supports import (
     Fixed,
     Heave,
     ModalSupport,
-    Pair,
+    Placed,
     Planar,
     Platform,
     Swing,
@@ -69,9 +78,9 @@ class InitialCondition(Part):
     (30.0, 0.0)
     """
 
-    angles_deg: tuple[float, ...] = field(list_of(REAL))
-    rates_deg: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
-    azimuths_deg: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    angles_deg: Several[float] = field(list_of(REAL))
+    rates_deg: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
+    azimuths_deg: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
     spread: bool = field({"type": "bool", "strict": True}, default=False)
 
 
@@ -88,12 +97,12 @@ class Pendulum(Part):
     (2, ('down', 'down'))
     """
 
-    links: tuple[AnyLink, ...] = field(parts(any_kind(Bob, Rod, Body)))
+    links: SeveralKinds[AnyLink, Link] = field(parts(any_kind(Bob, Rod, Body)))
     count: int = field(COUNT, default=1)
-    equilibrium: tuple[Way, ...] | None = field(optional(list_of(one_of("down", "up"))), default=None)
+    equilibrium: SeveralOrNone[Way] = field(optional(list_of(one_of("down", "up"))), default=None)
     start: InitialCondition | None = field(optional(InitialCondition.schema()), default=None)
     on: str | None = field(optional({"type": "str", "max_length": 100}), default=None)
-    position: Pair = field(PAIR, default=(0.0, 0.0))
+    position: Pair[float] = field(PAIR, default=(0.0, 0.0))
 
     @property
     def n_links(self) -> int:
@@ -164,17 +173,18 @@ class Scene(Displayed, Part):
     """
 
     __slots__ = ("_features",)
+    __signature__ = PartSignature()
 
     title: str = field(after(_one_line, {"type": "str", "max_length": 200}), default="")
     gravity: float = field(POSITIVE)
     space: Literal["plane", "space"] = field(one_of("plane", "space"), default="plane")
-    support: Support | Moved | tuple[Support | Moved, ...] = field(
+    support: OneOrSeveralKinds[Support | Moved, Placed | Moved] = field(
         after(_alone, one_or_list(any_kind(*SUPPORTS, Moved))), default=Fixed()
     )
-    damping_ratio: float | tuple[float, ...] = field(one_or_list(RATIO), default=0.0)
-    pendulum: tuple[Pendulum, ...] = field(parts(Pendulum.schema()))
-    force: tuple[Force, ...] = field(parts_or_none(FORCE), default=())
-    spring: tuple[Spring, ...] = field(parts_or_none(Spring.schema()), default=())
+    damping_ratio: OneOrSeveral[float] = field(one_or_list(RATIO), default=0.0)
+    pendulum: Several[Pendulum] = field(parts(Pendulum.schema()))
+    force: SeveralKinds[Force, AppliedForce] = field(parts_or_none(FORCE), default=())
+    spring: Several[Spring] = field(parts_or_none(Spring.schema()), default=())
     ground: Ground | None = field(optional(Ground.schema()), default=None)
 
     @property
@@ -203,7 +213,9 @@ class Scene(Displayed, Part):
     @property
     def motions(self) -> tuple[SupportMotion, ...]:
         """How the support or the ground moves as prescribed; none where both are at rest."""
-        return next((one.motions for one in (self.ground, self.support) if isinstance(one, Ground)), ())
+        return next(
+            (prescribed.motions for prescribed in (self.ground, self.support) if isinstance(prescribed, Ground)), ()
+        )
 
     @property
     def motion_places(self) -> tuple[tuple[str | int, ...], ...]:
@@ -218,10 +230,10 @@ class Scene(Displayed, Part):
     @property
     def features(self) -> frozenset[str]:
         """The names of what it has (`modal.scene.features`), found once."""
-        found: frozenset[str] | None = getattr(self, "_features", None)
-        if found is None:
-            object.__setattr__(self, "_features", found := features(self))
-        return found
+        known: frozenset[str] | None = getattr(self, "_features", None)
+        if known is None:
+            object.__setattr__(self, "_features", known := features(self))
+        return known
 
     @property
     def n_pendula(self) -> int:
@@ -287,8 +299,10 @@ class Scene(Displayed, Part):
     def at(self, time: float) -> Scene:
         """The same scene with all lengths fixed at their values at a time (s)."""
         pendula = tuple(
-            one.replace(links=tuple(link.replace(length=link.length_at(time), hoist=None) for link in one.links))
-            for one in self.pendulum
+            pendulum.replace(
+                links=tuple(link.replace(length=link.length_at(time), hoist=None) for link in pendulum.links)
+            )
+            for pendulum in self.pendulum
         )
         return self.replace(pendulum=pendula) if self.is_hoisted else self
 
@@ -312,7 +326,7 @@ class Scene(Displayed, Part):
     @property
     def unforced(self) -> Scene:
         """The same scene without forces that change in time."""
-        constant = tuple(one for one in self.force if isinstance(one, ConstantForce))
+        constant = tuple(force for force in self.force if isinstance(force, ConstantForce))
         return self.replace(force=constant) if "force" in self.features else self
 
     @property
@@ -325,7 +339,7 @@ class Scene(Displayed, Part):
         """The same scene without loss angles."""
         if not self.has_losses:
             return self
-        springs = tuple(one.replace(loss=0.0) for one in self.spring)
+        springs = tuple(spring.replace(loss=0.0) for spring in self.spring)
         return self._with(loss=0.0, wire_loss=0.0).replace(spring=springs)
 
     @property
@@ -337,19 +351,22 @@ class Scene(Displayed, Part):
     def conservative(self) -> Scene:
         """The same scene without drives, dampers, dry friction and drag."""
         loose = self.lossless._with(drive=None, damping=0.0, friction=0.0, drag=0.0, quadratic_drag=0.0)
-        springs = tuple(one.replace(damping=0.0) for one in loose.spring)
+        springs = tuple(spring.replace(damping=0.0) for spring in loose.spring)
         return loose.replace(damping_ratio=0.0, spring=springs)._with_supports(_undamped)
 
     @property
     def in_plane(self) -> Scene:
         """The same scene in the plane of the rail, without azimuths in its starts."""
-        pendula = (one.replace(start=one.start and one.start.replace(azimuths_deg=None)) for one in self.pendulum)
+        pendula = (
+            pendulum.replace(start=pendulum.start and pendulum.start.replace(azimuths_deg=None))
+            for pendulum in self.pendulum
+        )
         return self.replace(space="plane", pendulum=tuple(pendula))
 
     def _with(self, **joint: Any) -> Scene:
         """The same scene with these numbers at every joint."""
-        links = (tuple(link.replace(**joint) for link in one.links) for one in self.pendulum)
-        pendula = (one.replace(links=own) for one, own in zip(self.pendulum, links, strict=True))
+        links = (tuple(link.replace(**joint) for link in pendulum.links) for pendulum in self.pendulum)
+        pendula = (pendulum.replace(links=chain) for pendulum, chain in zip(self.pendulum, links, strict=True))
         return self.replace(pendulum=tuple(pendula))
 
     def _with_supports(self, change: Callable[[Support | Moved], Support | Moved]) -> Scene:
@@ -367,14 +384,14 @@ class Scene(Displayed, Part):
         return (link for pendulum in self.pendulum for link in pendulum.links)
 
     def _summary(self) -> Summary:
-        found: Summary = deferred("modal.scene.summary:summarize")(self)
-        return found
+        summary: Summary = deferred("modal.scene.summary:summarize")(self)
+        return summary
 
     def problems(self) -> Iterator[str]:
         """Too many links, what this space does not allow, supports and springs that do not fit; then what falls."""
-        own = list(self._own_problems())
-        yield from own
-        if self.is_structured and not own:
+        problems = list(self._own_problems())
+        yield from problems
+        if self.is_structured and not problems:
             unbalanced: Iterator[str] = deferred("modal.structure:unbalanced")(self)
             yield from (f".{words}" for words in unbalanced)
 
@@ -427,22 +444,22 @@ def _undamped(support: Support | Moved) -> Support | Moved:
     return _slippery(support).replace(damping=0.0) if isinstance(support, Cart | Swing | Tilt | Heave) else support
 
 
-def validate_scene(given: object) -> Scene:
+def validate_scene(scene: object) -> Scene:
     """The scene itself; SceneError for anything else, with a hint."""
-    if isinstance(given, Scene):
-        return given
-    meant = f': load("{fspath(given)}") gives one' if isinstance(given, str | PathLike) else ""
-    raise SceneError([f"a Scene is required, not {type(given).__name__}{meant}"])
+    if isinstance(scene, Scene):
+        return scene
+    meant = f': load("{fspath(scene)}") gives one' if isinstance(scene, str | PathLike) else ""
+    raise SceneError([f"a Scene is required, not {type(scene).__name__}{meant}"])
 
 
-def validate_scenes(given: object) -> Sequence[Scene]:
+def validate_scenes(scenes: object) -> Sequence[Scene]:
     """A list of scenes; SceneError for anything else, with the place of what is none."""
-    if isinstance(given, str) or not isinstance(given, Sequence):
-        raise SceneError([f"a list of Scenes is required, not {type(given).__name__}"])
-    wrong = [k for k, one in enumerate(given) if not isinstance(one, Scene)]
+    if isinstance(scenes, str) or not isinstance(scenes, Sequence):
+        raise SceneError([f"a list of Scenes is required, not {type(scenes).__name__}"])
+    wrong = [k for k, scene in enumerate(scenes) if not isinstance(scene, Scene)]
     if wrong:
-        raise SceneError([f"scenes[{wrong[0]}]: a Scene is required, not {type(given[wrong[0]]).__name__}"])
-    return given
+        raise SceneError([f"scenes[{wrong[0]}]: a Scene is required, not {type(scenes[wrong[0]]).__name__}"])
+    return scenes
 
 
 def scene_from(data: object) -> Scene:
@@ -452,12 +469,12 @@ def scene_from(data: object) -> Scene:
 
 def describe(part: Part) -> dict[str, Any]:
     """The mapping that `scene_from` reads back as an equal object: kinds first, without defaults."""
-    found: dict[str, Any] = {"kind": part.kind} if hasattr(part, "kind") else {}
-    for name, own in part.fields.items():
+    described: dict[str, Any] = {"kind": part.kind} if hasattr(part, "kind") else {}
+    for name, entry in part.fields.items():
         value = getattr(part, name)
-        if name != "kind" and value is not None and (own.is_required or value != own.default):
-            found[name] = _plain(value)
-    return found
+        if name != "kind" and value is not None and (entry.is_required or value != entry.default):
+            described[name] = _plain(value)
+    return described
 
 
 def _plain(value: Any) -> Any:

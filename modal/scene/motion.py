@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import Literal
 
 from modal.scene.points import parse_point
+from modal.scene.stored import OneOrSeveralKinds, Several, SeveralOrNone
 from modal.scene.validation import (
     NON_NEGATIVE,
     POSITIVE,
@@ -80,20 +81,20 @@ class RecordSignal(Part):
 
     kind: Literal["record"] = field(one_of("record"), default="record")
     file: str | None = field(optional({"type": "str", "max_length": 4096}), default=None)
-    time_s: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    time_s: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
 
     def recorded_problems(self, keys: tuple[str, ...]) -> Iterator[str]:
         """A file that is not read, missing or several quantities of these keys, and times that do not ascend."""
         if self.file is not None:
             yield f".file: {UNREAD}"
             return
-        given = [name for name in keys if getattr(self, name) is not None]
-        if len(given) != 1 or self.time_s is None:
+        recorded = [name for name in keys if getattr(self, name) is not None]
+        if len(recorded) != 1 or self.time_s is None:
             yield f": needs a file, or time_s and {'one of ' if len(keys) > 1 else ''}{', '.join(keys)}"
             return
-        times, values = self.time_s, getattr(self, given[0])
+        times, values = self.time_s, getattr(self, recorded[0])
         if len(times) != len(values):
-            yield f".{given[0]}: has {len(values)} values for {len(times)} times"
+            yield f".{recorded[0]}: has {len(values)} values for {len(times)} times"
         elif len(times) < FEWEST:
             yield f".time_s: has {len(times)} samples: at least {FEWEST} are needed"
         if any(later <= earlier for earlier, later in pairwise(times)):
@@ -110,8 +111,8 @@ class RandomSignal(Part):
     """
 
     kind: Literal["random"] = field(one_of("random"), default="random")
-    psd: tuple[float, ...] = field(before(_numbers, list_of(NON_NEGATIVE)))
-    frequency_hz: tuple[float, ...] | None = field(optional(list_of(number(ge=0, le=1e100))), default=None)
+    psd: Several[float] = field(before(_numbers, list_of(NON_NEGATIVE)))
+    frequency_hz: SeveralOrNone[float] = field(optional(list_of(number(ge=0, le=1e100))), default=None)
     seed: int = field({"type": "int", "strict": True, "ge": 0, "le": LARGEST_SEED})
     duration: float = field(POSITIVE)
 
@@ -159,9 +160,9 @@ class RecordMotion(RecordSignal, Movement):
     takes out the constant acceleration by which the velocity at the end differs from that at the beginning.
     """
 
-    displacement_m: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
-    velocity_m_per_s: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
-    acceleration_m_per_s2: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    displacement_m: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
+    velocity_m_per_s: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
+    acceleration_m_per_s2: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
     baseline: Literal["keep", "velocity"] = field(one_of("keep", "velocity"), default="keep")
 
     @property
@@ -206,7 +207,7 @@ class Ground(Part):
     1
     """
 
-    motion: SupportMotion | tuple[SupportMotion, ...] = field(one_or_list(MOTION))
+    motion: OneOrSeveralKinds[SupportMotion, Movement] = field(one_or_list(MOTION))
 
     @property
     def motions(self) -> tuple[SupportMotion, ...]:
@@ -216,7 +217,7 @@ class Ground(Part):
     def problems(self) -> Iterator[str]:
         """Several motions in one direction."""
         for direction in ("horizontal", "vertical"):
-            count = sum(one.direction == direction for one in self.motions)
+            count = sum(motion.direction == direction for motion in self.motions)
             if count > 1:
                 yield f'.motion: has {count} motions with direction = "{direction}": one of each direction is possible'
 
@@ -267,8 +268,8 @@ class SweepForce(SweepSignal, AppliedForce):
 class RecordForce(RecordSignal, AppliedForce):
     """Samples at `time_s` of a force (`force_n`) or a torque (`moment_nm`), joined by a spline; zero outside them."""
 
-    force_n: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
-    moment_nm: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    force_n: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
+    moment_nm: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
 
     @property
     def samples(self) -> tuple[float, ...]:

@@ -83,13 +83,13 @@ def find_places(scene: Scene, path: str) -> list[Place]:
     """Every number of a scene that a path denotes; SceneError where there is none or it is something else."""
     if not WRITTEN.fullmatch(path):
         raise SceneError([f"{path}: is not a place such as support.mass or pendulum[0].links[1].length"])
-    found: list[tuple[Place, Any]] = [((), scene)]
+    places: list[tuple[Place, Any]] = [((), scene)]
     for word in _by_index(scene, WORD.findall(path)):
-        found = [((*place, step), value) for place, at in found for step, value in _steps(at, word)]
-    missing = next((place for place, value in found if not _is_number(value)), None)
-    if missing is not None or not found:
+        places = [((*place, step), value) for place, at in places for step, value in _steps(at, word)]
+    missing = next((place for place, value in places if not _is_number(value)), None)
+    if missing is not None or not places:
         raise SceneError([_unknown(scene, path if missing is None else with_numbers(missing), path)])
-    return [place for place, _ in found]
+    return [place for place, _ in places]
 
 
 def _by_index(scene: Scene, words: list[str]) -> list[str]:
@@ -112,12 +112,12 @@ def unit_at(scene: Scene, place: Place) -> str:
     name = str(next(step for step in reversed(place) if isinstance(step, str)))
     if place[0] == "force" and name == "amplitude":  # N, or N m of a torque
         return ""
-    own: Mapping[str, str] = {}
+    units: Mapping[str, str] = {}
     if place[0] == "support" and "motion" not in place:
-        own = SUPPORT_UNITS.get(getattr(_at(scene, place[: 1 + isinstance(place[1], int)]), "kind", ""), {})
+        units = SUPPORT_UNITS.get(getattr(_at(scene, place[: 1 + isinstance(place[1], int)]), "kind", ""), {})
     elif place[0] == "spring" and _at(scene, place[:2]).kind == "linear":
-        own = CART_UNITS
-    return own.get(name) or own.get(".".join(map(str, place[-2:]))) or UNITS.get(name, "")
+        units = CART_UNITS
+    return units.get(name) or units.get(".".join(map(str, place[-2:]))) or UNITS.get(name, "")
 
 
 def number_at(scene: Scene, place: Place) -> float:
@@ -194,14 +194,14 @@ def _stepped(at: Any, step: Step) -> Any:
     return getattr(at, str(step)) if varied else None
 
 
-def _is_number(found: object) -> bool:
-    return isinstance(found, int | float)
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float)
 
 
 def _unknown(scene: Scene, name: str, path: str) -> str:
     numbers = sorted(map(with_numbers, _numbers(scene)))
     hint = meant(name, numbers, near=NEAR)
-    if ".start." in name and not any(".start." in own for own in numbers):
+    if ".start." in name and not any(".start." in place for place in numbers):
         hint = ": its file gives no pendulum a `start`"
     return f"{path}: " + ("" if name == path else f"{name} ") + "is not a number of this scene" + hint
 
@@ -274,16 +274,16 @@ def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:
     >>> parse_variations(["support.mass=1:100:3log"])
     (support.mass: 1, 10, 100 kg, logarithmic,)
     """
-    found: list[Variation] = []
+    variations: list[Variation] = []
     problems: list[str] = []
     for text in texts:
         try:
-            found.append(_parsed(text))
+            variations.append(_parsed(text))
         except SceneError as error:
             problems += error.problems
     if problems:
         raise SceneError(problems)
-    return tuple(found)
+    return tuple(variations)
 
 
 def _parsed(text: str) -> Variation:
@@ -343,23 +343,23 @@ def validate_variations(scene: Scene, variations: Sequence[Variation]) -> None:
     taken: set[Place] = set()
     for variation in variations:
         try:
-            own = find_places(scene, variation.path)
+            places = find_places(scene, variation.path)
         except SceneError as error:
             problems |= dict.fromkeys(error.problems)
             continue
-        problems |= dict.fromkeys(f"{with_numbers(place)}: is varied twice" for place in own if place in taken)
+        problems |= dict.fromkeys(f"{with_numbers(place)}: is varied twice" for place in places if place in taken)
         values = variation.values
-        telling = values if own[0][-1] == "count" else (values[0], values[-1])
-        problems |= dict.fromkeys(_refused(scene, variation.path, telling, own))
-        taken |= set(own)
-        object.__setattr__(variation, "scene_unit", unit_at(scene, own[0]))
+        telling = values if places[0][-1] == "count" else (values[0], values[-1])
+        problems |= dict.fromkeys(_refused(scene, variation.path, telling, places))
+        taken |= set(places)
+        object.__setattr__(variation, "scene_unit", unit_at(scene, places[0]))
     if problems:
         raise SceneError(tuple(problems))
 
 
-def _refused(scene: Scene, path: str, values: Iterable[float], own: Sequence[Place]) -> Iterator[str]:
+def _refused(scene: Scene, path: str, values: Iterable[float], places: Sequence[Place]) -> Iterator[str]:
     """The scene's objections to these values themselves."""
-    starts = tuple(with_numbers(place) + sign for place in own for sign in (" =", ":"))
+    starts = tuple(with_numbers(place) + sign for place in places for sign in (" =", ":"))
     for value in dict.fromkeys(values):
         try:
             vary(scene, {path: value})
@@ -367,47 +367,47 @@ def _refused(scene: Scene, path: str, values: Iterable[float], own: Sequence[Pla
             yield from (problem for problem in error.problems if problem.startswith(starts))
 
 
-def parse_vary(scene: Scene, given: Vary) -> tuple[tuple[Variation, ...], dict[str, Floats]]:
+def parse_vary(scene: Scene, vary: Vary) -> tuple[tuple[Variation, ...], dict[str, Floats]]:
     """The axes of a grid, or arrays of finite numbers by their places; SceneError names every mistake."""
-    if isinstance(given, Mapping):
-        return (), parse_arrays(scene, given)[1]
-    if not isinstance(given, list | tuple) or not all(isinstance(own, str | Variation) for own in given):
-        raise SceneError([f"vary {given!r}: must be a list of PLACE=VALUES, or a mapping of places to values"])
-    axes = tuple(own if isinstance(own, Variation) else parse_variations([own])[0] for own in given)
+    if isinstance(vary, Mapping):
+        return (), parse_arrays(scene, vary)[1]
+    if not isinstance(vary, list | tuple) or not all(isinstance(axis, str | Variation) for axis in vary):
+        raise SceneError([f"vary {vary!r}: must be a list of PLACE=VALUES, or a mapping of places to values"])
+    axes = tuple(axis if isinstance(axis, Variation) else parse_variations([axis])[0] for axis in vary)
     validate_variations(scene, axes)
     return axes, {}
 
 
-def parse_arrays(scene: Scene, given: Mapping[str, ArrayLike]) -> tuple[Variable, dict[str, Floats]]:
+def parse_arrays(scene: Scene, numbers: Mapping[str, ArrayLike]) -> tuple[Variable, dict[str, Floats]]:
     """Arrays of finite numbers by their places, and the scene that they vary; SceneError names every mistake."""
-    variable, found = Variable(scene, ()), dict[str, Floats]()
+    variable, arrays = Variable(scene, ()), dict[str, Floats]()
     problems: list[str] = []
     taken: set[Place] = set()
-    for path, own in given.items():
+    for path, values in numbers.items():
         try:
             places = find_places(scene, path)
-            found[path] = np.asarray(own, dtype=float)
+            arrays[path] = np.asarray(values, dtype=float)
         except SceneError as error:
             problems += error.problems
         except (TypeError, ValueError):
             problems.append(f"vary {path!r}: must be a place of the scene with its numbers")
         else:
             variable.places[path] = places
-            problems += [f"{path}: must be finite"] * (not np.isfinite(found[path]).all())
+            problems += [f"{path}: must be finite"] * (not np.isfinite(arrays[path]).all())
             problems += [f"{with_numbers(place)}: is varied twice" for place in places if place in taken]
             taken.update(places)
     if problems:
         raise SceneError(problems)
-    return variable, found
+    return variable, arrays
 
 
 def validate_arrays(variable: Variable, arrays: Mapping[str, Floats]) -> None:
     """SceneError that lists every number of arrays that the scene cannot have, whatever its other numbers are."""
     problems: dict[str, None] = {}
-    for path, own in arrays.items():
+    for path, values in arrays.items():
         places = variable.places[path]
-        if own.size and not (places[0][-1] in ANY_POSITIVE and own.min() >= SMALLEST and own.max() <= LARGEST):
-            problems |= dict.fromkeys(_refused(variable.scene, path, _telling(places[0][-1], own), places))
+        if values.size and not (places[0][-1] in ANY_POSITIVE and values.min() >= SMALLEST and values.max() <= LARGEST):
+            problems |= dict.fromkeys(_refused(variable.scene, path, _telling(places[0][-1], values), places))
     if problems:
         raise SceneError(tuple(problems))
 

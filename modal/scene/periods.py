@@ -42,9 +42,9 @@ def sines_of(scene: Scene) -> dict[str, SineMotion | SineForce]:
     moved = zip(scene.motion_places, scene.motions, strict=True)
     drives: dict[str, SupportMotion | Force] = {with_numbers(place): motion for place, motion in moved}
     drives |= {f"force[{k}]": force for k, force in enumerate(scene.force) if force.kind != "constant"}
-    sines = {at: one for at, one in drives.items() if isinstance(one, SINES)}
+    sines = {at: drive for at, drive in drives.items() if isinstance(drive, SINES)}
     if len(sines) < len(drives):
-        other = (at for at, one in drives.items() if not isinstance(one, SINES))
+        other = (at for at, drive in drives.items() if not isinstance(drive, SINES))
         raise SceneError([f'{at}.kind = "{drives[at].kind}": is not periodic: a sine is' for at in other])
     return sines
 

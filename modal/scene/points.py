@@ -35,7 +35,7 @@ GROUND = "ground"
 EXAMPLE = '"cart", "NAME@0.2,0.1" of a support or "pendulum[0].links[1]@0.5"'
 
 
-class Point(NamedTuple):
+class PendulumPoint(NamedTuple):
     """A point of links: `pendulum` and `link` index the entries of a scene, `copy` one of the copies (None: all).
 
     `below` (m) is the distance from the upper joint, None for the centre of mass.
@@ -72,11 +72,11 @@ class Place(NamedTuple):
     below: float | None
 
 
-def parse_point(text: str) -> Point | CarrierPoint | GroundPoint | None:
+def parse_point(text: str) -> PendulumPoint | CarrierPoint | GroundPoint | None:
     """The point that a text names, None for the cart; ValueError for any other text.
 
     >>> parse_point("pendulum[0].links[1]@0.5")
-    Point(pendulum=0, link=1, copy=None, below=0.5)
+    PendulumPoint(pendulum=0, link=1, copy=None, below=0.5)
     """
     if text == CART:
         return None
@@ -85,7 +85,7 @@ def parse_point(text: str) -> Point | CarrierPoint | GroundPoint | None:
         return _parse_placed(text)
     copy, below = written["copy"], written["below"]
     where = int(written["pendulum"]), int(written["link"])
-    return Point(*where, None if copy is None else int(copy), None if below is None else float(below))
+    return PendulumPoint(*where, None if copy is None else int(copy), None if below is None else float(below))
 
 
 def _parse_placed(text: str) -> CarrierPoint | GroundPoint:
@@ -119,7 +119,7 @@ def point_problems(scene: Described, text: str) -> Iterator[str]:
         return
     if isinstance(point, CarrierPoint):
         yield from _carrier_problems(scene, point)
-    if not isinstance(point, Point):
+    if not isinstance(point, PendulumPoint):
         return
     if point.pendulum >= len(scene.pendulum):
         yield f"the scene has {len(scene.pendulum)} entries of pendulum, numbered from 0"
@@ -156,7 +156,7 @@ def _carrier_problems(scene: Described, point: CarrierPoint) -> Iterator[str]:
 def points_at(scene: Described, text: str) -> int:
     """How many points a name means, one of every copy and of every link of a run."""
     point = parse_point(text)
-    if not isinstance(point, Point):
+    if not isinstance(point, PendulumPoint):
         return 1
     pendulum = scene.pendulum[point.pendulum]
     return int(pendulum.links[point.link].count * (pendulum.count if point.copy is None else 1))
@@ -165,9 +165,9 @@ def points_at(scene: Described, text: str) -> int:
 def places_of(scene: Described, text: str) -> list[Place]:
     """Every link at which a point is; none for points of supports."""
     point = parse_point(text)
-    if not isinstance(point, Point):
+    if not isinstance(point, PendulumPoint):
         return []
-    before = sum(one.n_links * one.count for one in scene.pendulum[: point.pendulum])
+    before = sum(earlier.n_links * earlier.count for earlier in scene.pendulum[: point.pendulum])
     pendulum = scene.pendulum[point.pendulum]
     first = sum(link.count for link in pendulum.links[: point.link])
     copies = range(pendulum.count) if point.copy is None else [point.copy]

@@ -83,12 +83,12 @@ def read_spectrum(path: str | PathLike[str], acts: bool = False, *, quoted: bool
     """The PSD in a file, of a force where it `acts`; SceneError, with the file's name, where it has no possible one."""
     table = _table(path, quoted)
     columns = table.columns
-    found = [(name, of) for name in columns if (of := _of_force(name) if acts else _quantity(name))]
-    if "frequency_hz" not in columns or len(found) != 1:
+    densities = [(name, of) for name in columns if (of := _of_force(name) if acts else _quantity(name))]
+    if "frequency_hz" not in columns or len(densities) != 1:
         asked = f"frequency_hz and one of {', '.join(FORCE_PSDS if acts else (*MOTION_PSDS,))}"
         hint = "" if "frequency_hz" in columns else meant("frequency_hz", columns)
         raise table.lacks(asked, hint)
-    name, of = found[0]
+    name, of = densities[0]
     frequencies, psd = columns["frequency_hz"], columns[name]
     problems = list(spectrum_problems(frequencies, psd))
     problems += [f".{name} = {value!r}: must not be negative" for value in psd if value < 0][:1]
@@ -112,7 +112,7 @@ def _quantity(name: str) -> Quantity | None:
 def _table(path: str | PathLike[str], quoted: bool) -> Table:
     name = fspath(path)
     try:
-        text = text_of(path, "CSV text")
+        text = text_of(path, "table")
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
     lines = [(at, line) for at, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
@@ -135,7 +135,7 @@ def _table(path: str | PathLike[str], quoted: bool) -> Table:
         return Table(name, dict.fromkeys(heads, ()), quoted)
     values = [_row(row, f"{name}: line {at}: ", heads, wanted, quoted) for at, row in rows[1:]]
     columns = zip(*values, strict=True) if values else [()] * len(wanted)
-    numbers = {heads[at]: tuple(own) for at, own in zip(wanted, columns, strict=True)}
+    numbers = {heads[at]: tuple(column) for at, column in zip(wanted, columns, strict=True)}
     return Table(name, dict.fromkeys(heads, ()) | numbers, quoted)
 
 

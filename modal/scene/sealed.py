@@ -21,6 +21,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.scene.contents import content_of
+from modal.scene.recognition import recognize
 from modal.types import Floats
 
 LARGEST = 1_500_000_000
@@ -36,6 +37,13 @@ NPY = re.compile(
 LONGEST_HEAD = 1024
 Source = bytes | str | os.PathLike[str]
 """A file: its bytes, or the path at which it is."""
+KINDS = {
+    "trajectory": ("run",),
+    "sweep": ("sweep", "run"),
+    "model": ("model", "json", "arrays"),
+    "NPZ file of M, K and points": ("arrays",),
+}
+"""The kinds of files (`modal.scene.recognition`) that a damaged one of these may be taken for."""
 UNREADABLE = (
     *(ValueError, KeyError, TypeError, AttributeError, IndexError, EOFError, RecursionError, OverflowError),
     *(NotImplementedError, RuntimeError, BadZipFile, zlib.error),
@@ -51,6 +59,9 @@ def reading(source: Source, what: str) -> Iterator[None]:
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
     except UNREADABLE:
+        kind = None if isinstance(source, bytes) else recognize(content_of(source))
+        if kind and kind.kind.partition(" ")[0] not in (*KINDS.get(what, ()), "damaged"):
+            raise SceneError([f"{name}: {kind.problem(f'a {what} saved by multipendula')}"]) from None
         raise SceneError([f"{name}: is incomplete, or is not a {what} saved by this version of multipendula"]) from None
 
 
@@ -73,14 +84,14 @@ def sealed(before: bytes, after: bytes = b"") -> bytes:
     return b"".join((before, checksum.hexdigest().encode(), after))
 
 
-def verify_whole(found: bytes, before: int) -> None:
+def verify_whole(content: bytes, before: int) -> None:
     """ValueError where no checksum follows these bytes, SceneError where it does not match."""
-    own, others = found[before : before + DIGITS], memoryview(found)
-    if not re.fullmatch(rb"[0-9a-f]{%d}" % DIGITS, own):
+    checksum_there, others = content[before : before + DIGITS], memoryview(content)
+    if not re.fullmatch(rb"[0-9a-f]{%d}" % DIGITS, checksum_there):
         raise ValueError
     checksum = sha256(others[:before])
     checksum.update(others[before + DIGITS :])
-    if checksum.hexdigest().encode() != own:
+    if checksum.hexdigest().encode() != checksum_there:
         raise SceneError(["is damaged: its checksum does not match"])
 
 
@@ -92,12 +103,12 @@ def sealed_text(before: str, after: str) -> bytes:
     return sealed(before.encode() + KEY, b'",' + after.encode())
 
 
-def verify_sealed_text(found: bytes, before: str) -> None:
+def verify_sealed_text(content: bytes, before: str) -> None:
     """ValueError or SceneError where a text is not what `sealed_text` made with the same `before`."""
     head = before.encode() + KEY
-    if not found.startswith(head):
+    if not content.startswith(head):
         raise ValueError
-    verify_whole(found, len(head))
+    verify_whole(content, len(head))
 
 
 # --------------------------------------------------------------------------------------------------------- arrays
@@ -113,13 +124,13 @@ def archive(arrays: Mapping[str, Any]) -> bytes:
     return sealed(stream.getvalue()[:-DIGITS])
 
 
-def unpacked(found: bytes, names: Collection[str] | None = None) -> dict[str, Any]:
+def unpacked(content: bytes, names: Collection[str] | None = None) -> dict[str, Any]:
     """The arrays of an .npz file that `archive` made, these and no others where `names` are given.
 
     Nothing is unpacked before the checksum, all sizes and all names have been checked.
     """
-    verify_whole(found, len(found) - DIGITS)
-    with ZipFile(BytesIO(found)) as zipped:
+    verify_whole(content, len(content) - DIGITS)
+    with ZipFile(BytesIO(content)) as zipped:
         members = {member.filename.removesuffix(".npy"): member for member in zipped.infolist()}
         _limit_size(sum(member.file_size for member in members.values()))
         if len(members) != len(zipped.infolist()) or (names is not None and members.keys() != set(names)):
@@ -157,22 +168,22 @@ def _head(stream: IO[bytes]) -> bytes:
 # ------------------------------------------------------------------------------------------------------- contents
 
 
-def require_keys(found: dict[str, Any], *known: str) -> None:
+def require_keys(mapping: dict[str, Any], *known: str) -> None:
     """ValueError for a mapping with other keys than these."""
-    if found.keys() != set(known):
+    if mapping.keys() != set(known):
         raise ValueError
 
 
-def finite_array(found: object, *shape: int) -> Floats:
+def finite_array(numbers: object, *shape: int) -> Floats:
     """Numbers of this shape; ValueError for others, for non-finite ones and for anything that is not a number."""
-    values = np.asarray(found)
+    values = np.asarray(numbers)
     if values.dtype.kind not in "fi" or values.shape != shape or not np.all(np.isfinite(values)):
         raise ValueError
     return values.astype(float, copy=False)
 
 
-def index(found: object, size: int) -> int:
+def index(number: object, size: int) -> int:
     """A whole number from 0 to below `size`; ValueError for anything else, True and False too."""
-    if type(found) is not int or not 0 <= found < size:
+    if type(number) is not int or not 0 <= number < size:
         raise ValueError
-    return found
+    return number

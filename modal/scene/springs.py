@@ -7,6 +7,7 @@ from typing import Literal
 
 from modal.scene.losses import LOSS_ANGLE, Loss, is_lossy
 from modal.scene.points import parse_point
+from modal.scene.stored import Pair
 from modal.scene.validation import NON_NEGATIVE, Part, after, field, one_of
 
 
@@ -30,7 +31,7 @@ class Spring(Part):
     """
 
     kind: Literal["linear", "torsion"] = field(one_of("linear", "torsion"), default="linear")
-    between: tuple[str, str] = field({"type": "tuple", "items_schema": [END, END]})
+    between: Pair[str] = field({"type": "tuple", "items_schema": [END, END]})
     stiffness: float = field(NON_NEGATIVE, default=0.0)
     damping: float = field(NON_NEGATIVE, default=0.0)
     loss: Loss = field(LOSS_ANGLE, default=0.0)

@@ -9,7 +9,15 @@ from typing import Any
 from modal.errors import meant
 from modal.scene.features import Described
 from modal.scene.motion import Ground, Moved
-from modal.scene.points import CarrierPoint, GroundPoint, Point, parse_point, places_of, point_problems, points_at
+from modal.scene.points import (
+    CarrierPoint,
+    GroundPoint,
+    PendulumPoint,
+    parse_point,
+    places_of,
+    point_problems,
+    points_at,
+)
 from modal.scene.supports import Cart, ModalSupport
 
 TURNING = ("tilt", "platform")
@@ -169,8 +177,8 @@ def _spring_problems(scene: Described, spring: Any, at: str) -> Iterator[str]:
         yield f"{at}.between: joins {first} points to {second}: as many of both, or one"
         return
     bodies = [_bodies(scene, text) for text in spring.between]
-    pairs = zip(*(own * (max(first, second) // len(own)) for own in bodies), strict=True)
-    if any(one == other for one, other in pairs):
+    pairs = zip(*(body * (max(first, second) // len(body)) for body in bodies), strict=True)
+    if any(first_body == other for first_body, other in pairs):
         at_rest = bodies[0][0] == ("ground", 0)
         yield f"{at}.between: both ends are " + ("at rest" if at_rest else "on one body") + ": it would do nothing"
 
@@ -183,7 +191,7 @@ def _end_problems(scene: Described, spring: Any, text: str) -> Iterator[str]:
         if torsion and point.place is not None:
             yield 'an angle has no place: write "ground"'
         return
-    if isinstance(point, Point):
+    if isinstance(point, PendulumPoint):
         if point.pendulum < len(scene.pendulum) and point.link < len(scene.pendulum[point.pendulum].links):
             if torsion and point.below is not None:
                 yield "an angle has no place: leave out @"
@@ -213,7 +221,7 @@ def _bodies(scene: Described, text: str) -> list[tuple[str, int]]:
     point = parse_point(text)
     if isinstance(point, GroundPoint):
         return [("ground", 0)]
-    if isinstance(point, Point):
+    if isinstance(point, PendulumPoint):
         return [("link", place.link) for place in places_of(scene, text)]
     support = _support(scene, point)
     if support is None or support.kind in {"fixed", "moved"}:
@@ -231,7 +239,7 @@ def force_problems(scene: Described, force: Any) -> Iterator[str]:
     if isinstance(point, GroundPoint):
         yield "the ground does not yield to a force: name a support or a link"
         return
-    if isinstance(point, Point) or any(True for _ in point_problems(scene, force.on)):
+    if isinstance(point, PendulumPoint) or any(True for _ in point_problems(scene, force.on)):
         return
     support = _support(scene, point)
     if support is None:

@@ -32,8 +32,8 @@ def _matrix_problems(M: Rows, K: Rows, D: Rows | None, points: tuple[Rows, ...])
     if not 0 < size <= MOST_COORDINATES:
         yield f".M: has {size} rows: from 1 to {MOST_COORDINATES} are possible"
         return
-    square = [(name, own) for name, own in (("M", M), ("K", K), ("D", D)) if own is not None]
-    wrong = [name for name, own in square if len(own) != size or any(len(row) != size for row in own)]
+    square = [(name, matrix) for name, matrix in (("M", M), ("K", K), ("D", D)) if matrix is not None]
+    wrong = [name for name, matrix in square if len(matrix) != size or any(len(row) != size for row in matrix)]
     yield from (f".{name}: must have {size} rows of {size} numbers, as M has rows" for name in wrong)
     if not 0 < len(points) <= MOST_POINTS:
         yield f".points: has {len(points)} points: from 1 to {MOST_POINTS} are possible"
@@ -42,23 +42,25 @@ def _matrix_problems(M: Rows, K: Rows, D: Rows | None, points: tuple[Rows, ...])
             yield f".points[{k}]: must be 2 lists of {size} numbers: displacements along and down"
             break
     if not wrong:
-        yield from _sign_problems({name: np.array(own) for name, own in square})
+        yield from _sign_problems({name: np.array(matrix) for name, matrix in square})
 
 
-def _sign_problems(given: Mapping[str, Floats]) -> Iterator[str]:
+def _sign_problems(matrices: Mapping[str, Floats]) -> Iterator[str]:
     """Matrices that are not symmetric, not positive definite, or not semidefinite."""
-    skew = [name for name, own in given.items() if np.abs(own - own.T).max() > SYMMETRIC * np.abs(own).max()]
+    skew = [
+        name for name, matrix in matrices.items() if np.abs(matrix - matrix.T).max() > SYMMETRIC * np.abs(matrix).max()
+    ]
     yield from (f".{name}: must be symmetric" for name in skew)
     if "M" in skew:
         return
     try:
-        inverse = np.linalg.inv(np.linalg.cholesky(given["M"]))
+        inverse = np.linalg.inv(np.linalg.cholesky(matrices["M"]))
     except np.linalg.LinAlgError:
         yield ".M: must be positive definite"
         return
-    for name, own in given.items():
+    for name, matrix in matrices.items():
         if name != "M" and name not in skew:
-            values = np.linalg.eigvalsh(inverse @ own @ inverse.T)
+            values = np.linalg.eigvalsh(inverse @ matrix @ inverse.T)
             if values[0] < -SYMMETRIC * max(values[-1], 0.0):
                 yield f".{name}: must be positive semidefinite"
 
@@ -81,7 +83,7 @@ def read_matrices(path: str | PathLike[str]) -> dict[str, Any]:
         arrays = members_of(zipped, ARRAYS, LARGEST_FILE)
         if missing := [name for name in ("M", "K", "points") if name not in arrays]:
             raise SceneError([f"has no array {', '.join(missing)}"])
-        for name, own in arrays.items():
-            if own.dtype.kind not in "fiu" or own.ndim != RANKS[name]:
+        for name, matrix in arrays.items():
+            if matrix.dtype.kind not in "fiu" or matrix.ndim != RANKS[name]:
                 raise SceneError([f"{name}: must be an array of real numbers with {RANKS[name]} axes"])
-        return {name: own.astype(float).tolist() for name, own in arrays.items()}
+        return {name: matrix.astype(float).tolist() for name, matrix in arrays.items()}

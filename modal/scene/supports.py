@@ -15,11 +15,11 @@ import re
 from collections.abc import Iterator
 from typing import Literal
 
+from modal.scene.stored import Pair, Rows, RowsOfPoints, Several, SeveralOrNone
 from modal.scene.support_arrays import matrix_problems
 from modal.scene.validation import NON_NEGATIVE, POSITIVE, REAL, UNREAD, Part, after, field, list_of, one_of, optional
 
 NAME = re.compile(r"[A-Za-z0-9_]+", re.ASCII)
-Pair = tuple[float, float]
 PAIR = {"type": "tuple", "items_schema": [REAL, REAL]}
 ROWS = list_of(list_of(REAL))
 
@@ -34,7 +34,7 @@ class Placed(Part):
     """What has a `name`, by which its points are called, and a `position` (along, below) of its origin (m)."""
 
     name: str = field(after(_name, {"type": "str", "max_length": 60}), default="")
-    position: Pair = field(PAIR, default=(0.0, 0.0))
+    position: Pair[float] = field(PAIR, default=(0.0, 0.0))
 
 
 class Fixed(Placed):
@@ -130,7 +130,7 @@ class Tilt(Placed):
     kind: Literal["tilt"] = field(one_of("tilt"), default="tilt")
     mass: float = field(POSITIVE)
     inertia: float = field(NON_NEGATIVE)
-    centre: Pair = field(PAIR, default=(0.0, 0.0))
+    centre: Pair[float] = field(PAIR, default=(0.0, 0.0))
     damping: float = field(NON_NEGATIVE, default=0.0)
     stiffness: float = field(NON_NEGATIVE, default=0.0)
     start: Turned | None = field(optional(Turned.schema()), default=None)
@@ -188,7 +188,7 @@ class Platform(Placed):
     kind: Literal["platform"] = field(one_of("platform"), default="platform")
     mass: float = field(POSITIVE)
     inertia: float = field(POSITIVE)
-    centre: Pair = field(PAIR, default=(0.0, 0.0))
+    centre: Pair[float] = field(PAIR, default=(0.0, 0.0))
     damping: Planar = field(Planar.schema(), default=Planar())
     stiffness: Planar = field(Planar.schema(), default=Planar())
     start: Adrift | None = field(optional(Adrift.schema()), default=None)
@@ -197,8 +197,8 @@ class Platform(Placed):
 class Combined(Part):
     """A start of a modal support: a value and a rate of each of its coordinates."""
 
-    displacements: tuple[float, ...] = field(list_of(REAL))
-    rates: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    displacements: Several[float] = field(list_of(REAL))
+    rates: SeveralOrNone[float] = field(optional(list_of(REAL)), default=None)
 
 
 class ModalSupport(Placed):
@@ -217,10 +217,10 @@ class ModalSupport(Placed):
 
     kind: Literal["modal"] = field(one_of("modal"), default="modal")
     file: str | None = field(optional({"type": "str", "max_length": 4096}), default=None)
-    M: tuple[tuple[float, ...], ...] | None = field(optional(ROWS), default=None)
-    K: tuple[tuple[float, ...], ...] | None = field(optional(ROWS), default=None)
-    D: tuple[tuple[float, ...], ...] | None = field(optional(ROWS), default=None)
-    points: tuple[tuple[tuple[float, ...], ...], ...] | None = field(optional(list_of(ROWS)), default=None)
+    M: Rows[float] = field(optional(ROWS), default=None)
+    K: Rows[float] = field(optional(ROWS), default=None)
+    D: Rows[float] = field(optional(ROWS), default=None)
+    points: RowsOfPoints[float] = field(optional(list_of(ROWS)), default=None)
     start: Combined | None = field(optional(Combined.schema()), default=None)
 
     def problems(self) -> Iterator[str]:

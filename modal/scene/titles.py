@@ -68,7 +68,7 @@ def _support(scene: Scene) -> str:
 
 def _supports(scene: Scene) -> str:
     if "structure" in scene.features:
-        counts = Counter(one.kind for one in scene.supports)
+        counts = Counter(support.kind for support in scene.supports)
         words = [f"a {WORDS[kind][0]}" if n == 1 else f"{_number(n)} {WORDS[kind][1]}" for kind, n in counts.items()]
         return listed(words, len(words))
     if (cart := scene.cart) is not None:
@@ -81,11 +81,11 @@ def _pendula(scene: Scene) -> str:
     """All pendula, equal sorts together."""
     counts: dict[str, tuple[str, int]] = {}
     for pendulum in scene.pendulum:
-        one, many = _sort(pendulum)
-        counts[one] = many, counts.get(one, (many, 0))[1] + pendulum.count
+        singular, many = _sort(pendulum)
+        counts[singular] = many, counts.get(singular, (many, 0))[1] + pendulum.count
     if len(counts) > MOST_SORTS:
         return f"{_number(scene.n_pendula)} pendula of {_number(scene.n_links)} links in all"
-    every = [one if count == 1 else f"{_number(count)} {many}" for one, (many, count) in counts.items()]
+    every = [singular if count == 1 else f"{_number(count)} {many}" for singular, (many, count) in counts.items()]
     return listed(every, len(every))
 
 
@@ -117,7 +117,7 @@ def _links(pendulum: Pendulum) -> str:
 
 def runs_of(links: Iterable[AnyLink]) -> list[tuple[str, int]]:
     """Links of one kind below each other as one: the kind in words, and their number."""
-    return [(kind, sum(link.count for link in own)) for kind, own in groupby(links, _kind_of)]
+    return [(kind, sum(link.count for link in run)) for kind, run in groupby(links, _kind_of)]
 
 
 def _kind_of(link: AnyLink) -> str:

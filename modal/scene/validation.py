@@ -17,6 +17,8 @@ from typing import Any, ClassVar, Self, cast, dataclass_transform
 from pydantic_core import SchemaValidator, ValidationError
 
 from modal.errors import SceneError, first_of, meant
+from modal.scene.stored import PartSignature
+from modal.scene.wording import OTHER_NAMES, as_table, in_brackets, number_in, suggestion
 
 LARGEST = 1e100
 SMALLEST = 1e-100
@@ -157,8 +159,10 @@ class Field:
     @property
     def full_schema(self) -> Schema:
         """The schema with the default."""
-        own = self.schema if self.is_required else {"type": "default", "schema": self.schema, "default": self.default}
-        return {"type": "model-field", "schema": own}
+        schema = (
+            self.schema if self.is_required else {"type": "default", "schema": self.schema, "default": self.default}
+        )
+        return {"type": "model-field", "schema": schema}
 
 
 def field(schema: Schema, *, default: Any = REQUIRED) -> Any:
@@ -175,20 +179,28 @@ class Part:
 
     __slots__ = ("__dict__", "__pydantic_extra__", "__pydantic_fields_set__", "__pydantic_private__")
     fields: ClassVar[dict[str, Field]] = {}
+    __signature__ = PartSignature()
+    machinery: ClassVar[frozenset[str]] = frozenset(
+        {
+            *("fields", "machinery", "model_config", "model_copy", "model_dump", "model_json_schema", "model_validate"),
+            *("copy", "problems", "schema"),
+        }
+    )
+    """What `dir` and completion leave out, with all names that begin with an underscore."""
     _made: ClassVar[SchemaValidator]
     model_config: ClassVar[dict[str, Any]] = {"extra": "forbid"}
 
     def __init_subclass__(cls) -> None:
         """Take the fields out of the class; register the keys and kinds of a new part."""
-        own = {name: value for name, value in vars(cls).items() if isinstance(value, Field)}
-        for name in own:
+        declared = {name: value for name, value in vars(cls).items() if isinstance(value, Field)}
+        for name in declared:
             delattr(cls, name)
         inherited = (vars(base).get("fields", {}) for base in reversed(cls.__mro__[1:]))
-        cls.fields = {name: one for fields in inherited for name, one in fields.items()} | own
+        cls.fields = {name: field for fields in inherited for name, field in fields.items()} | declared
         KEYS.update(cls.fields)
         TAGS.update(_kinds_of(cls))
-        kinds = {key: list(_kinds(one.schema)) for key, one in cls.fields.items() if key != "kind"}
-        KINDS.update({key: ", ".join(f'"{kind}"' for kind in found) for key, found in kinds.items() if found})
+        kinds = {key: list(_kinds(field.schema)) for key, field in cls.fields.items() if key != "kind"}
+        KINDS.update({key: ", ".join(f'"{kind}"' for kind in listed) for key, listed in kinds.items() if listed})
 
     def __init__(self, /, **data: Any) -> None:
         """Raises SceneError."""
@@ -212,7 +224,7 @@ class Part:
     @classmethod
     def schema(cls) -> Schema:
         """The schema by which it is checked."""
-        fields = {name: one.full_schema for name, one in cls.fields.items()}
+        fields = {name: field.full_schema for name, field in cls.fields.items()}
         inner = {"type": "model-fields", "fields": fields, "extra_behavior": "forbid"}
         return after(_consistent, {"type": "model", "cls": cls, "schema": inner})
 
@@ -227,11 +239,11 @@ class Part:
         """The JSON Schema of the mappings that `model_validate` accepts; descriptions leave out examples in Python."""
         from pydantic.json_schema import GenerateJsonSchema
 
-        found = GenerateJsonSchema().generate(_named(cls.schema()))
-        for part in (found, *found.get("$defs", {}).values()):
+        document = GenerateJsonSchema().generate(_named(cls.schema()))
+        for part in (document, *document.get("$defs", {}).values()):
             if "description" in part:
                 part["description"] = part["description"].partition("\n\n>>>")[0]
-        return found
+        return document
 
     def model_dump(self) -> dict[str, Any]:
         """All fields as nested mappings, which `model_validate` reads back."""
@@ -254,6 +266,10 @@ class Part:
     def copy(self, **options: Any) -> Self:
         """Another name of `model_copy`."""
         return self.model_copy(**options)
+
+    def __dir__(self) -> list[str]:
+        names = (name for name in super().__dir__() if name not in self.machinery)
+        return sorted(name for name in names if not name.startswith("_"))
 
     def __copy__(self) -> Self:
         return self
@@ -280,8 +296,8 @@ class Part:
 
     def __repr__(self) -> str:
         """As it is written in Python, without defaults; of long lists the beginning."""
-        own = ((name, value) for name, value in self if value != self.fields[name].default)
-        return f"{type(self).__name__}({', '.join(f'{name}={_written(value)}' for name, value in own)})"
+        written = ((name, value) for name, value in self if value != self.fields[name].default)
+        return f"{type(self).__name__}({', '.join(f'{name}={_written(value)}' for name, value in written)})"
 
 
 def _written(value: Any) -> str:
@@ -299,26 +315,26 @@ def _dumped(value: Any) -> Any:
 
 def _restored(cls: type[Part], values: dict[str, Any]) -> Part:
     """A part that has already been checked."""
-    found = cls.__new__(cls)
-    found.__dict__.update(values)
-    return found
+    part = cls.__new__(cls)
+    part.__dict__.update(values)
+    return part
 
 
 def _consistent(part: Part) -> Part:
     """The part itself; ValueError with one line per problem."""
-    if found := list(part.problems()):
-        raise ValueError("\n".join(found))
+    if problems := list(part.problems()):
+        raise ValueError("\n".join(problems))
     return part
 
 
 def _named(schema: Any) -> Any:
     """A schema whose parts have names to refer to, and defaults that JSON can write."""
     if isinstance(schema, list):
-        return [_named(one) for one in schema]
+        return [_named(inner) for inner in schema]
     if not isinstance(schema, dict):
         return schema.__dict__ if isinstance(schema, Part) else schema
-    found = {key: _named(value) for key, value in schema.items()}
-    return found | {"ref": f"scene.{schema['cls'].__name__}:0"} if schema.get("type") == "model" else found
+    named = {key: _named(value) for key, value in schema.items()}
+    return named | {"ref": f"scene.{schema['cls'].__name__}:0"} if schema.get("type") == "model" else named
 
 
 def _kinds_of(cls: type[Part]) -> list[str]:
@@ -338,9 +354,11 @@ def _kinds(schema: Schema) -> Iterator[str]:
 
 def problems_of(error: ValidationError) -> Iterator[str]:
     """One line per mistake, in the order of the file, and the number omitted where there are many."""
-    found = [one for one in error.errors(include_url=False) if one["type"] != "too_short" or not one["input"]]
-    lines = (_problem(one, words) for one in found for words in _words(one).splitlines())
-    yield from first_of(lines, sum(map(_size, found)))
+    findings = [
+        finding for finding in error.errors(include_url=False) if finding["type"] != "too_short" or not finding["input"]
+    ]
+    lines = (_problem(finding, words) for finding in findings for words in _words(finding).splitlines())
+    yield from first_of(lines, sum(map(_size, findings)))
 
 
 def _size(finding: Mapping[str, Any]) -> int:
@@ -387,30 +405,75 @@ def _key(name: str) -> str:
 def _words(finding: Mapping[str, Any]) -> str:
     kind, context = finding["type"], finding.get("ctx", {})
     if kind == "extra_forbidden":
-        key = str(finding["loc"][-1])
-        if key in KEYS:
-            return "does not belong here" + meant(key, KEYS - {key}, near=ALIKE)
-        if key in TAGS:
-            return f'is not a known key: write kind = "{key}"'
-        return "is not a known key" + meant(key, KEYS)
+        return _unknown(str(finding["loc"][-1]), is_table=isinstance(finding["input"], dict | list))
     if kind == "greater_than_equal":
         return _lower_bound(finding["input"], context["ge"])
     if kind == "less_than":
         return f"must be below {_bound(context['lt'])}"
     if kind == "less_than_equal":
         return f"must be at most {_bound(context['le'])}"
+    if kind in {"float_type", "int_type"} and isinstance(finding["input"], str | float):
+        return WORDS[kind] + _as_number(finding["input"], is_whole=kind == "int_type")
     if kind == "float_type" and isinstance(finding["input"], int) and not isinstance(finding["input"], bool):
         return "is too large"
     if kind == "tuple_type" and isinstance(finding["input"], Mapping):
         return f"must be a list: write {LISTS_OF_TABLES.get(str(finding['loc'][-1]), '[…]')}"
+    if kind == "tuple_type" and isinstance(finding["input"], str | int | float):
+        return f"must be a list: write {in_brackets(finding['input'], _shown(finding['input']))}"
+    if kind.startswith("model_"):
+        return WORDS[kind] + _as_part(str(next(reversed(_in_file(finding["loc"])), "")), finding["input"])
     if kind == "union_tag_not_found":
         key = next(part for part in reversed(_in_file(finding["loc"])) if isinstance(part, str))
-        return f"needs a kind, one of {KINDS[key]}"
+        other = next((word for word in ("type", "shape", "Kind") if word in dict(_items(finding["input"]))), "")
+        return f"needs a kind, one of {KINDS[key]}" + f": write kind in place of {other}" * bool(other)
     if kind in {"literal_error", "union_tag_invalid"}:
-        return f"must be one of {context.get('expected') or context['expected_tags']}".replace("'", '"')
+        listed = str(context.get("expected") or context["expected_tags"])
+        word = context.get("tag", finding["input"])
+        near = suggestion(word, re.findall("'([^']*)'", listed)) if isinstance(word, str) else ""
+        return f"must be one of {listed}".replace("'", '"') + near
     if kind == "value_error":
         return str(context["error"])
     return WORDS.get(kind, str(finding["msg"]))
+
+
+def _unknown(key: str, is_table: bool) -> str:
+    """What is wrong with a key that is not known where it stands."""
+    if key in KEYS:
+        return "does not belong here" + meant(key, KEYS - {key}, near=ALIKE)
+    kind = key if key in TAGS else OTHER_NAMES.get(key.lower(), "")
+    if key == "scene" and is_table:
+        return "is not a table: the keys of a scene stand at the top of the file"
+    if kind in TAGS and is_table and (table := as_table(kind, KINDS)):
+        return f"is not a table of a scene: write {table}"
+    if key in TAGS:
+        return f'is not a known key: write kind = "{key}"'
+    return "is not a known key" + suggestion(key, KEYS)
+
+
+def _as_number(value: str | float, is_whole: bool) -> str:
+    """How a number is written that stands as text, or with a point where it has to be whole."""
+    number = number_in(value) if isinstance(value, str) else f"{value:g}"
+    fits = number and (not is_whole or re.fullmatch(r"[-+]?\d+", number))
+    return f": write {number}" + " without quotation marks" * isinstance(value, str) if fits else ""
+
+
+def _items(value: object) -> Iterator[tuple[str, object]]:
+    return iter(value.items()) if isinstance(value, Mapping) else iter(())
+
+
+def _as_part(key: str, value: object) -> str:
+    """How a part is written of which the kind alone was given, or the angles of a start."""
+    if key == "start" and isinstance(value, int | float | list):
+        angles = value if isinstance(value, list) else [value]
+        return f": write start = {{ angles_deg = {_shown(angles)} }}"
+    return _as_kind(key, value) if isinstance(value, str) else ""
+
+
+def _as_kind(key: str, word: str) -> str:
+    """How a part is written of which the kind alone was given."""
+    kinds = re.findall('"([^"]*)"', KINDS.get(key, ""))
+    kind = word if word in kinds else OTHER_NAMES.get(word.lower(), "")
+    return f": write {as_table(kind, {key: KINDS[key]})}" if kind in kinds and key in KINDS else ""
 
 
 def _lower_bound(value: float, bound: float) -> str:

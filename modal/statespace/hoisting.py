@@ -25,7 +25,7 @@ from modal.errors import ComputationError, SceneError
 from modal.modes import labelled, natural_modes, table_numbers
 from modal.report import Displayed
 from modal.scene import Body, Fixed, Pendulum, Scene
-from modal.scene.points import Point, parse_point
+from modal.scene.points import PendulumPoint, parse_point
 from modal.statespace.model import fixed, refuse_no_inertia
 from modal.statespace.shapers import Drive, Kind, Shaper, drives_of, shaper_for
 from modal.statespace.varying import hoisting_times
@@ -112,7 +112,7 @@ def _uncoupled_on_structure(still: Scene) -> list[tuple[Scene, int]]:
         point.pendulum
         for pendulum in still.spring
         for end in pendulum.between
-        if isinstance(point := parse_point(end), Point)
+        if isinstance(point := parse_point(end), PendulumPoint)
     }
     together, alone = [], []
     for index, pendulum in enumerate(still.pendulum):

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,9 @@ from modal.scene.doors import checked
 from modal.statespace.model import StateSpace, fixed
 from modal.statespace.signals import DRIVES, SUPPORT, Signal
 from modal.types import Complexes, Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Numbers = NDArray[Any]
 DEFECTIVE = 1e-7
@@ -76,9 +79,10 @@ class ModalForm(Displayed):
         """Whether the cart's motion is prescribed, so that the modes are those on a fixed support."""
         return any(signal.name in DRIVES for signal in self.model.inputs)
 
-    def plot(self, **options: Any) -> Any:
+    def plot(self, **options: Any) -> Figure:
         """A matplotlib figure of magnitude and phase; `options` are those of `modal.plotting.bode_figure`."""
-        return deferred("modal.plotting.response:bode_figure")(self, **options)
+        figure: Figure = deferred("modal.plotting.response:bode_figure")(self, **options)
+        return figure
 
     def _summary(self) -> Summary:
         rows = (
@@ -153,7 +157,7 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     return ModalForm(driven_modes, model, tuple(blocks))
 
 
-def plot_model(model: StateSpace, **options: Any) -> Any:
+def plot_model(model: StateSpace, **options: Any) -> Figure:
     """The figure of `ModalForm.plot` of the whole model of a scene; ComputationError for any other."""
     if model.scene is None:
         raise ComputationError("only the whole model of a scene can be drawn: this one is sampled, reduced or read")

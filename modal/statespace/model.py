@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -55,6 +55,9 @@ from modal.statespace.signals import (
     validate_signals,
 )
 from modal.types import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LARGEST_STATE = 4000
 TRANSLATING = {"fixed", "cart", "swing", "platform"}
@@ -99,12 +102,13 @@ class StateSpace(Displayed):
         names = {side: [signal.name for signal in getattr(self, side)] for side in ("states", "inputs", "outputs")}
         return {"A": self.A, "B": self.B, "C": self.C, "D": self.D, **names, "dt_s": self.dt}
 
-    def plot(self, **options: Any) -> Any:
+    def plot(self, **options: Any) -> Figure:
         """A matplotlib figure of magnitude and phase; `options` are those of `modal.plotting.bode_figure`.
 
         Raises ComputationError for a model that is not the whole one of a scene, whose modes the figure needs.
         """
-        return deferred("modal.statespace.modal_form:plot_model")(self, **options)
+        figure: Figure = deferred("modal.statespace.modal_form:plot_model")(self, **options)
+        return figure
 
     def _summary(self) -> Summary:
         kind = f"sampled every {self.dt:g} s" if self.dt else "continuous"

@@ -25,7 +25,7 @@ from modal.errors import SceneError
 from modal.modes import Modes, natural_modes
 from modal.scene import Pendulum, Scene
 from modal.scene.doors import checked
-from modal.scene.points import Point, parse_point
+from modal.scene.points import PendulumPoint, parse_point
 from modal.statespace.gains import NOISE, without_noise
 from modal.statespace.modal_form import ModalBlock, ModalForm, block_diagonal, to_modal_form
 from modal.statespace.model import StateSpace, state_space
@@ -78,7 +78,7 @@ def fold_equals(scene: Scene) -> Folded:
 def _fold_copies(scene: Scene) -> Folded:
     """The copies of every pendulum on a structure as one, but of those that springs join to something."""
     ends = [parse_point(text) for spring in scene.spring for text in spring.between]
-    joined = {point.pendulum for point in ends if isinstance(point, Point)}
+    joined = {point.pendulum for point in ends if isinstance(point, PendulumPoint)}
     firsts: list[int] = []
     copies: list[int] = []
     passed = 1

@@ -9,7 +9,7 @@ the joints, which may be recorded symbols.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
@@ -54,7 +54,7 @@ class Scaffold:
     first: Ints
     unit: float
     gap: float = GAP
-    hanging: Mapping[int, Floats] = field(default_factory=dict)
+    hanging: Mapping[int, Floats] | None = None
 
     # ------------------------------------------------------------------------------------------- where things are
 
@@ -377,7 +377,7 @@ class Scaffold:
             level = self._bodies[carrier][2] if end.where == (0.0, 0.0) else float(end.where[1])  # type: ignore[union-attr]
             yield from self._to_wall(carrier, not damped, damped, eta, level)
         else:
-            drawn = {pendulum: place[None] for pendulum, place in self.hanging.items()}
+            drawn = {pendulum: place[None] for pendulum, place in (self.hanging or {}).items()}
             still = self._end(end, np.zeros((1, self.structure.size)), drawn, torsion=False)
             wall = (near if still is None else still)[0] + np.array([-WALL * self.unit, 0.0])
             yield Piece("ground", wall + np.array([[[0.0, -0.11], [0.0, 0.11]]]) * self.unit)

@@ -123,7 +123,7 @@ def _text(title: str, sections: list[Section]) -> str:
     lines = [visible(title), ""]
     for section in sections:
         heading = _readable(section.title)
-        lines += [heading, "-" * len(heading)]
+        lines += [heading, "-" * breadth(heading)]
         for words, formula in section.lines:
             lines.append(f"  {_readable(words)}" + (f":  {plain(formula)}" if formula is not None else ""))
         lines.append("")
@@ -186,6 +186,7 @@ def _inline(words: str) -> str:
 def _named(words: str) -> str:
     """Coordinates, other named symbols and letters with an index in words, as mathematics."""
     words = _NAME.sub(lambda found: f"${_tex(sp.Symbol(found[0]))}$" if found[0] not in "psxyzu" else found[0], words)
+    words = re.sub(r"\bof ([psxyzu])$", r"of $\1$", words)
     words = _INDEXED.sub(lambda found: f"${LETTERS.get(found[1], found[1])}_{{{found[2]}}}$", words)
     return words.replace("q''", r"$\ddot{q}$").replace("q'", r"$\dot{q}$")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import tau
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from modal.tuning.pieces import Pieces, Quantities
 from modal.tuning.quantities import Quantity
 from modal.tuning.worth import MassCase, Worth, worst_case, worths
 from modal.types import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 CURVE = 400
 NEAR = 24
@@ -183,9 +186,10 @@ class Tuned(Displayed):
             "after": self.objective.numbers(self.z),
         }
 
-    def plot(self, **options: Any) -> Any:
+    def plot(self, **options: Any) -> Figure:
         """A matplotlib figure of the curves before and after; `options` are those of `modal.plotting.tuning_figure`."""
-        return deferred("modal.plotting.tuning:tuning_figure")(self, **options)
+        figure: Figure = deferred("modal.plotting.tuning:tuning_figure")(self, **options)
+        return figure
 
     def _summary(self) -> Summary:
         aims = "; ".join(aim.words for aim in self.objective.aims)

@@ -10,6 +10,7 @@ import numpy as np
 
 from modal.assembly import differences, matrices
 from modal.errors import ComputationError, SceneError
+from modal.report import silent
 from modal.scene import Scene, validate_scene
 from modal.scene.parameters import Place
 from modal.scene.records import Spectrum, read_spectrum
@@ -54,7 +55,7 @@ def tune(
     over: float | None = None,
     kind: Kind | None = None,
     robust: bool = False,
-    report: Report = lambda words: None,
+    report: Report = silent,
 ) -> Tuned:
     """The numbers at the places `free`, each perhaps with bounds FROM:TO, that make quantities least or largest.
 

@@ -11,7 +11,7 @@ import numpy as np
 from modal.errors import SceneError
 from modal.scene import Moved, Scene, describe, refusals
 from modal.scene.parameters import with_numbers
-from modal.scene.points import Point, parse_point
+from modal.scene.points import PendulumPoint, parse_point
 from modal.structure import structure_of
 from modal.types import Floats
 from multipendula.page.prescribed import MOST_PIECES, long_ones
@@ -89,7 +89,7 @@ def _named_problems(scene: Scene) -> Iterator[str]:
     """Points of links that stand for several."""
     for place, text in _named_points(scene):
         point = parse_point(text)
-        if isinstance(point, Point) and scene.pendulum[point.pendulum].links[point.link].count > 1:
+        if isinstance(point, PendulumPoint) and scene.pendulum[point.pendulum].links[point.link].count > 1:
             yield f'{place} = "{text}": the live page cannot show what acts on all links of an entry with a count'
 
 
@@ -112,7 +112,7 @@ def _renumber(data: dict[str, Any], scene: Scene) -> None:
 
 def _renumbered(text: str, scene: Scene) -> str:
     point = parse_point(text)
-    if not isinstance(point, Point):
+    if not isinstance(point, PendulumPoint):
         return text
     number = sum(link.count for link in scene.pendulum[point.pendulum].links[: point.link])
     return text.replace(f".links[{point.link}]", f".links[{number}]")

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed
+from modal.report import Displayed, silent
 from modal.scene import Scene, require, validate_scene
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
@@ -102,7 +102,7 @@ def measure_work_precision(
     start: State | None = None,
     candidates: Sequence[Candidate] | None = None,
     patience: float = PATIENCE,
-    report: Callable[[float], object] = lambda done: None,
+    report: Callable[[float], object] = silent,
 ) -> WorkPrecision:
     """Run every candidate, or these, on a scene from its own start or another for `duration` seconds.
 

@@ -19,7 +19,7 @@ from itertools import chain, combinations, islice
 import numpy as np
 
 from modal.modes import table_numbers
-from modal.report import Displayed
+from modal.report import Displayed, silent
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.equations import STEP, AveragedEquations
 from nonlinear.averaging.slow_flow import settle_apart
@@ -116,7 +116,7 @@ class RelativeEquilibrium(Displayed):
 
 
 def relative_equilibria(
-    averaged: AveragedEquations, report: Callable[[float], object] = lambda part: None
+    averaged: AveragedEquations, report: Callable[[float], object] = silent
 ) -> tuple[RelativeEquilibrium, ...]:
     """The relative equilibria reached from each row of the mode table alone and from patterns of pendula.
 

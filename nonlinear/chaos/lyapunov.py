@@ -21,7 +21,7 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, visible
+from modal.report import Displayed, silent, visible
 from modal.scene import Scene, frequencies_of, require, title_of, validate_scene
 from modal.scene.doors import checked, checked_number
 from modal.types import Floats
@@ -240,7 +240,7 @@ def lyapunov_exponent(
     spread: float = 1e-3,
     tolerance: float = TOLERANCE,
     seed: int = 0,
-    report: Callable[[float], object] = lambda elapsed: None,
+    report: Callable[[float], object] = silent,
 ) -> Exponent:
     """λ of a plane scene from `duration` seconds, after a transient of half that length that is discarded.
 

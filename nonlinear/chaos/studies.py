@@ -12,7 +12,7 @@ from math import hypot
 
 import numpy as np
 
-from modal.report import Displayed
+from modal.report import Displayed, silent
 from modal.scene import Scene
 from modal.scene.doors import require_type
 from modal.types import Floats
@@ -60,7 +60,7 @@ class Finding(Displayed):
         return cases
 
 
-def measure(study: ChaosStudy, report: Callable[[float], object] = lambda done: None) -> Finding:
+def measure(study: ChaosStudy, report: Callable[[float], object] = silent) -> Finding:
     """The exponents of a study; `report` is called with the number of cases done."""
     require_type("study", study, "ChaosStudy")
     exponents = []

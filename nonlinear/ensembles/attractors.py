@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.report import Displayed, finite
+from modal.report import Displayed, finite, silent
 from modal.scene import Scene, drive_period
 from modal.scene.parameters import Variation
 from modal.types import Floats, Ints
@@ -71,7 +71,7 @@ def find_attractors(
     scene: Scene,
     axes: tuple[Variation, ...],
     duration: float | None = None,
-    report: Callable[[float], object] = lambda done: None,
+    report: Callable[[float], object] = silent,
     **options: Any,
 ) -> tuple[Ensemble, tuple[Attractor, ...], Floats]:
     """The members over a grid of starts, the attractors, and the number of each member's from 1, 0 for none, (S,).

@@ -12,12 +12,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from math import degrees, prod, sqrt
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, Form, Summary, as_csv, as_json, deferred, finite, grid, tabulated, titled
+from modal.report import Displayed, Form, Summary, as_csv, as_json, deferred, finite, grid, silent, tabulated, titled
 from modal.scene import InitialCondition, Pendulum, Scene, describe, name_of, require, title_of
 from modal.scene.doors import checked
 from modal.scene.parameters import Variation, parse_variations
@@ -33,6 +33,9 @@ from nonlinear.synchronization import agreement
 from nonlinear.synchronization.study import theory_of_scene
 from nonlinear.synchronization.study import usual_duration as sync_duration
 from nonlinear.system import has_start
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SIZE, WIDEST = 64, 170.0  # places along each angle, and how far from hanging (deg), where nobody says
 SIZE_ONE_BY_ONE = 12  # where each takes as long as a run of its own
@@ -79,9 +82,10 @@ class Basins(Displayed):
         columns = {axis.column: grid.ravel() for axis, grid in zip(self.axes, axes, strict=True)}
         return {**columns, self.column: self.values.ravel()}
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """A matplotlib figure of the map."""
-        return deferred("nonlinear.plotting.ensembles:basins_figure")(self)
+        figure: Figure = deferred("nonlinear.plotting.ensembles:basins_figure")(self)
+        return figure
 
     def _summary(self) -> Summary:
         shape = " × ".join(str(len(axis.values)) for axis in self.axes)
@@ -128,7 +132,7 @@ def find_basins(
     *,
     vary: Sequence[str] | Sequence[Variation] = (),
     measure: str | None = None,
-    report: Callable[[float], object] = lambda done: None,
+    report: Callable[[float], object] = silent,
     **options: Any,
 ) -> Basins:
     """The measure over two numbers of a scene, by default the first angles of its first two pendula or links.

@@ -9,12 +9,25 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
-from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, counted, deferred, finite, grid, titled
+from modal.report import (
+    Displayed,
+    Form,
+    Summary,
+    as_csv,
+    as_json,
+    by_column,
+    counted,
+    deferred,
+    finite,
+    grid,
+    silent,
+    titled,
+)
 from modal.scene import Scene, describe, drive_period, name_of, require, title_of, validate_scene
 from modal.scene.doors import checked
 from modal.scene.parameters import Variable, Variation, find_places, parse_variations, validate_variations
@@ -36,6 +49,9 @@ from nonlinear.ensembles.strobes import (
 from nonlinear.integration import validate
 from nonlinear.reduction import usual_start
 from nonlinear.system import System, system_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 AT_ONCE = 128  # members with periods of their own that are sampled at the times of all of them
 
@@ -84,9 +100,10 @@ class BifurcationDiagram(Displayed):
         """A row for each strobe: the value, after how many periods the motion repeats, the time and the state."""
         return by_column(_records(self))
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """A matplotlib figure of the diagram."""
-        return deferred("nonlinear.plotting.strobes:bifurcation_figure")(self)
+        figure: Figure = deferred("nonlinear.plotting.strobes:bifurcation_figure")(self)
+        return figure
 
     def _summary(self) -> Summary:
         values = counted(len(self.variation.values), "value", "values")
@@ -101,7 +118,7 @@ def find_bifurcations(
     phase_deg: float = 0.0,
     settle: float | None = None,
     of: Sequence[str] = (),
-    report: Callable[[float], object] = lambda done: None,
+    report: Callable[[float], object] = silent,
     **options: Any,
 ) -> BifurcationDiagram:
     """The last 50 strobes of a plane scene driven by sines at every value of one of its numbers.

@@ -20,7 +20,7 @@ from typing import Any, cast
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, Summary, counted
+from modal.report import Displayed, Summary, counted, silent
 from modal.scene import Scene, name_of, require
 from modal.scene.parameters import Vary
 from modal.types import Floats
@@ -187,7 +187,7 @@ def ensemble(
     share: tuple[int, int] | None = None,
     workers: int | None = None,
     crew: WorkerPool | None = None,
-    report: Report = lambda done: None,
+    report: Report = silent,
 ) -> Ensemble:
     """Members of a scene that differ in their starts, or in any of its numbers, integrated together.
 

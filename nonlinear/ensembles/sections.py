@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, deferred, finite, titled
+from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, deferred, finite, silent, titled
 from modal.scene import Scene, describe, name_of, require, title_of
 from modal.scene.doors import checked, checked_index, checked_number
 from modal.types import Floats
@@ -23,6 +23,9 @@ from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.ensembles.surfaces import energy_of, starts_at
 from nonlinear.reduction import usual_start
 from nonlinear.system import System, system_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ORBITS, PERIODS = 24, 200.0  # motions, and how long each goes on in sqrt(l/g), where nobody says
 MOST_ORBITS = 100_000
@@ -52,9 +55,10 @@ class PoincareSection(Displayed):
         """A row for each crossing: which motion from 1, the time, angles, rates and the cart."""
         return by_column(_records(self))
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """A matplotlib figure of the crossings."""
-        return deferred("nonlinear.plotting.ensembles:section_figure")(self)
+        figure: Figure = deferred("nonlinear.plotting.ensembles:section_figure")(self)
+        return figure
 
     def _summary(self) -> Summary:
         members = self.ensemble
@@ -88,7 +92,7 @@ def find_section(
     energy: float | None = None,
     at: str | None = None,
     orbits: int = ORBITS,
-    report: Callable[[float], object] = lambda done: None,
+    report: Callable[[float], object] = silent,
     **options: Any,
 ) -> PoincareSection:
     """The section of a conservative plane scene at an energy (J), by default that of its usual start.

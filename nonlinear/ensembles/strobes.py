@@ -12,13 +12,13 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, inf, isfinite, radians, sqrt
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
 from modal.modes import natural_modes
-from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, counted, deferred, finite, titled
+from modal.report import Displayed, Form, Summary, as_csv, as_json, by_column, counted, deferred, finite, silent, titled
 from modal.scene import Scene, describe, drive_period, name_of, require, title_of, validate_scene
 from modal.scene.doors import checked
 from modal.types import Floats, Ints
@@ -29,6 +29,9 @@ from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.integration import validate, validate_whole
 from nonlinear.reduction import usual_start
 from nonlinear.system import System, system_of, translations
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ORBITS, SPREAD, STROBES, SEED = 24, 10.0, 200, 7  # motions, degrees and strobes where nobody says
 KEPT, MOST = 50, 16  # strobes by which a settled motion is judged, and the longest period (T) that is told
@@ -174,9 +177,10 @@ class StroboscopicSection(Displayed):
         """A row for each strobe: which motion from 1, the time, angles, rates and the cart."""
         return by_column(_records(self))
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """A matplotlib figure of the section."""
-        return deferred("nonlinear.plotting.strobes:strobes_figure")(self)
+        figure: Figure = deferred("nonlinear.plotting.strobes:strobes_figure")(self)
+        return figure
 
     def _summary(self) -> Summary:
         facts = [
@@ -207,7 +211,7 @@ def find_strobes(
     orbits: int = ORBITS,
     of: Sequence[str] = (),
     seed: int = SEED,
-    report: Callable[[float], object] = lambda done: None,
+    report: Callable[[float], object] = silent,
     **options: Any,
 ) -> StroboscopicSection:
     """The stroboscopic section of a plane scene that is driven by sines, from many starts.

@@ -11,7 +11,7 @@ import numpy as np
 from modal.errors import SceneError, meant
 from modal.identification import scene_with
 from modal.identification.parameters import natural_unit
-from modal.report import Displayed
+from modal.report import Displayed, silent
 from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.scene.parameters import find_places, with_numbers
@@ -47,7 +47,7 @@ def compare(
     free: Sequence[str],
     names: Sequence[str],
     *,
-    report: Callable[[float], object] = lambda part: None,
+    report: Callable[[float], object] = silent,
     **options: object,
 ) -> list[ComparedLaw]:
     """The candidates, the best by BIC first; `options` are those of `fit`.  SceneError for an unknown law."""

@@ -22,6 +22,7 @@ from modal.identification import (
     find_parameters,
     starts_of,
 )
+from modal.report import silent
 from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.types import Booleans, Floats
@@ -80,7 +81,7 @@ def fit(
     scaled: bool = False,
     loss: str = "linear",
     window: float | None = None,
-    report: Report = lambda part: None,
+    report: Report = silent,
 ) -> Fit:
     """The numbers at the places `free` that fit a recording best, from the scene's values on.
 
@@ -157,7 +158,7 @@ class Search:
     """The search for the least squares."""
 
     def __init__(
-        self, problem: FitProblem, loss: str, report: Report = lambda part: None, look: Callable[[], str] = lambda: ""
+        self, problem: FitProblem, loss: str, report: Report = silent, look: Callable[[], str] = lambda: ""
     ) -> None:
         self.problem, self.loss, self.report = problem, loss, report
         self.look, self.mistake = look, ""

@@ -295,7 +295,7 @@ def _table(
 ) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The header of a file, and its rows with their line numbers."""
     try:
-        text = text_of(name, "CSV text")
+        text = text_of(name, "table")
         reader = csv.reader(line for line in io.StringIO(text, newline="") if not line.startswith("#"))
         header, *rows = [*enumerate(reader, 1)] or [(1, [])]
     except SceneError as error:

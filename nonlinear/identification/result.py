@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from modal.scene import Scene, name_of
 from modal.types import Floats, Ints
 from nonlinear.identification.problem import FitProblem
 from nonlinear.identification.records import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BLOCKS = 10  # of residuals in a series, at least
 POOR = 0.05  # of a reading's standard deviation: residuals that go on from sample to sample and are larger do not fit
@@ -132,9 +135,10 @@ class Fit(Displayed):
         """A row for each number, (p,): its place, unit, what the scene gave, its value, its standard deviation."""
         return fitted_columns(self.parameters, self.values, self.stds, self.held)
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """A matplotlib figure of the fit beside what was measured."""
-        return deferred("nonlinear.plotting.identification:fit_figure")(self)
+        figure: Figure = deferred("nonlinear.plotting.identification:fit_figure")(self)
+        return figure
 
     def _summary(self) -> Summary:
         facts = [

@@ -22,7 +22,7 @@ from nonlinear.integration.arguments import (
     validate_whole,
 )
 from nonlinear.integration.changes import names_in, switching_source
-from nonlinear.integration.driver import Drive, silent
+from nonlinear.integration.driver import Drive
 from nonlinear.integration.escapements import Escaping, escaping
 from nonlinear.integration.meeting import MEETING, meeting_source
 from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equations_of, taylor_takes, validate_method
@@ -68,7 +68,6 @@ __all__ = [
     "rounded",
     "sample_count",
     "sample_times",
-    "silent",
     "slightly",
     "switches_of",
     "switching_source",

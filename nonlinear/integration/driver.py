@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError
+from modal.report import silent
 from modal.types import Floats
 from nonlinear.dynamics import Arranged
 from nonlinear.integration.escapements import Due, Escapements
@@ -30,10 +31,6 @@ SILENT, AFTER = 1e-9, 0.02
 its side is that after this fraction of the time to the first look."""
 ASIDE, SHARP = 0.01, 1e-9
 """Fractions of the time between two looks: at which the slope is seen, and to which a turning point is sought."""
-
-
-def silent(time: float) -> None:
-    """A progress report that does nothing."""
 
 
 @dataclass

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from modal.errors import ComputationError
+from modal.report import silent
 from modal.scene import Scene, validate_scene
 from modal.types import Floats
 from nonlinear.dynamics import (
@@ -23,7 +24,7 @@ from nonlinear.dynamics import (
 )
 from nonlinear.dynamics.inputs import Inputs
 from nonlinear.integration.arguments import extent, shaken
-from nonlinear.integration.driver import Drive, RunRecord, silent
+from nonlinear.integration.driver import Drive, RunRecord
 from nonlinear.integration.escapements import escapements
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.friction import StickSlip

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from modal.scene import Scene, name_of
 from modal.types import Floats
 from nonlinear.dynamics import Mechanics
 from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, EventRecord, Friction, Kicks, Motion, State, System
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 NOISE = 1e-7
 QUICKLY = 200_000
@@ -183,7 +186,7 @@ class Trajectory(Displayed):
         """
         return deferred("nonlinear.postprocessing.datasets:dataset_of")(self)
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """A matplotlib figure: angles, the cart, energies, phase portrait and spectrum.
 
         >>> from modal import load
@@ -191,7 +194,8 @@ class Trajectory(Displayed):
         >>> len(simulate(load("chain-1"), 5.0).plot().axes)
         4
         """
-        return deferred("nonlinear.plotting.run:run_figure")(self)
+        figure: Figure = deferred("nonlinear.plotting.run:run_figure")(self)
+        return figure
 
     def _summary(self) -> Summary:
         times, run = self.times, self.run

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isclose
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from modal.types import Floats
 from nonlinear.orbits.continuation import OrbitPoint, OrbitProblem
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import Special
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Report = Callable[[float], object]
 
@@ -92,7 +95,7 @@ class Branch(Displayed):
             "residual": np.array([orbit.residual for orbit in self.orbits]),
         }
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """A matplotlib figure of the branch, beside the linear mode in which it begins.
 
         Raises ComputationError for a branch that goes along nothing and begins in no mode.
@@ -104,7 +107,8 @@ class Branch(Displayed):
                 raise ComputationError("this branch goes along no number and begins in no mode: nothing to draw")
             modes = natural_modes(scene)
             mode = modes[int(np.argmin(np.abs(modes.omega - self.linear)))]
-        return deferred("nonlinear.plotting.orbits:orbits_figure")(scene, [self], mode)
+        figure: Figure = deferred("nonlinear.plotting.orbits:orbits_figure")(scene, [self], mode)
+        return figure
 
     def _summary(self) -> Summary:
         along = f" along {self.variation.path}" if self.variation else ""

@@ -9,6 +9,7 @@ from itertools import islice
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
+from modal.report import silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_index, checked_number
 from modal.scene.parameters import Variation, validate_variations, vary
@@ -215,7 +216,7 @@ def follow_cycles(
     tolerance: float = TOLERANCE,
     longest: float = 0.1,
     most: int = MOST,
-    report: Report = lambda done: None,
+    report: Report = silent,
 ) -> tuple[Branch, ...]:
     """The limit cycles of a driven scene along a number, followed through their folds, within its range.
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, Summary
+from modal.report import Displayed, Summary, silent
 from modal.scene import Scene, drive_period, require
 from modal.scene.doors import checked
 from modal.scene.parameters import Variation, validate_variations, vary
@@ -130,7 +130,7 @@ def follow_forced(
     tolerance: float = TOLERANCE,
     longest: float = LONGEST,
     most: int = MOST,
-    report: Report = lambda done: None,
+    report: Report = silent,
 ) -> tuple[Branch, ...]:
     """The periodic motions of a scene under its drives along a number, followed through their folds, within its range.
 

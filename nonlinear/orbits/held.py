@@ -15,6 +15,7 @@ from math import degrees, radians
 import numpy as np
 
 from modal.errors import ComputationError
+from modal.report import silent
 from modal.scene import Scene
 from modal.scene.doors import checked
 from modal.scene.parameters import Variation, validate_variations, vary
@@ -88,7 +89,7 @@ def mode_along(
     amplitude: float = radians(30),
     *,
     tolerance: float = TOLERANCE,
-    report: Report = lambda reached: None,
+    report: Report = silent,
 ) -> Branch:
     """The orbits of mode `number` of the table with this largest angle (rad), along a number of the scene.
 

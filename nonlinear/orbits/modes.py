@@ -10,6 +10,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes, table_numbers
+from modal.report import silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked, checked_number
 from nonlinear.orbits.between import resolved
@@ -41,7 +42,7 @@ def nonlinear_mode(
     tolerance: float = TOLERANCE,
     most: int | None = None,
     locate: bool = True,
-    report: Report = lambda reached: None,
+    report: Report = silent,
 ) -> Branch:
     """The orbits from mode `number` of the table (from 1) up to a largest angle `to` (rad), which the last one has.
 
@@ -77,7 +78,7 @@ def _until(
     steps: Iterable[OrbitPoint],
     reached: Callable[[OrbitPoint], float],
     most: int,
-    report: Report = lambda reached: None,
+    report: Report = silent,
 ) -> tuple[list[OrbitPoint], bool]:
     """The points up to the one where a test function reaches 0, and whether it does."""
     points: list[OrbitPoint] = []

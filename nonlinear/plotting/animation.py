@@ -27,7 +27,7 @@ from modal.plotting import (
     write_film,
 )
 from modal.plotting.films import Report
-from modal.report import visible
+from modal.report import silent, visible
 from modal.scene import title_of
 from modal.types import Floats
 from nonlinear.integration import Trajectory
@@ -160,7 +160,7 @@ def animate(
     speed: float = 1.0,
     seconds: float | None = None,
     beside: Trajectory | None = None,
-    report: Report = lambda done: None,
+    report: Report = silent,
 ) -> Shown:
     """Write a film of a trajectory as "gif", "mp4" or "html".
 

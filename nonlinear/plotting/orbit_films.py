@@ -8,6 +8,7 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 
 from modal.modes import Modes
+from modal.report import silent
 from modal.types import Floats
 from nonlinear.integration import CLOSED, SolverInfo, Trajectory
 from nonlinear.plotting.animation import Shown, animate
@@ -27,7 +28,7 @@ def film_orbit(
     *,
     modes: Modes | None = None,
     row: int = 0,
-    report: Callable[[float], object] = lambda done: None,
+    report: Callable[[float], object] = silent,
 ) -> Shown:
     """Write a film of some periods of an orbit, beside the mode of index `row` at the same largest angle."""
     phase = np.linspace(0, 1, SAMPLES, endpoint=False)

@@ -48,12 +48,13 @@ def places_of(motion: Motion) -> Floats:
 
 
 @checked
-def extent_of(trajectory: Trajectory, measured: Measured = angles_of) -> Extent:
-    """The extremes of a quantity, of angles (rad) or of places of the cart (m), over the whole run.
+def extent_of(trajectory: Trajectory, measured: Measured | None = None) -> Extent:
+    """The extremes of a quantity, by default of the angles (rad), over the whole run.
 
     Between the samples they are known of motion without jumps of the rates, by an explicit method, whose samples are
     near enough to each other.
     """
+    measured = measured or angles_of
     values = measured(trajectory.motion)
     samples = Extent(float(values.min()), float(values.max()), between=False)
     if not _known(trajectory):

@@ -28,7 +28,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.modes import Modes
-from modal.report import Displayed
+from modal.report import Displayed, silent
 from modal.scene import Scene, refusals
 from modal.scene.doors import checked
 from modal.types import Floats, Ints
@@ -183,7 +183,7 @@ def simulate_truncated(
     tolerance: float = 1e-9,
     method: str = "DOP853",
     output: int | Sequence[float] | Floats | None = None,
-    report: Callable[[float], object] = lambda elapsed: None,
+    report: Callable[[float], object] = silent,
 ) -> Truncation:
     """The motion of a plane scene over `duration` seconds in the lowest `modes` of the table without dampers.
 
@@ -216,7 +216,7 @@ def in_modes(
     *,
     method: str = "DOP853",
     tolerance: float,
-    report: Callable[[float], object] = lambda elapsed: None,
+    report: Callable[[float], object] = silent,
 ) -> Truncation:
     """The motion of a survey's start at these times (T,) in s, in its lowest `modes`."""
     fewer = survey.columns(modes)

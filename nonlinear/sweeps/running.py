@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice, product
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.report import HTML_ROWS, Displayed, Summary, brief, deferred, grid, visible
+from modal.report import HTML_ROWS, Displayed, Summary, brief, deferred, grid, silent, visible
 from modal.scene import Scene, SineMotion, left_out, name_of
 from modal.scene.doors import checked, require_type
 from modal.scene.parameters import Place, Variable, Variation, find_places
@@ -27,6 +27,9 @@ from nonlinear.sweeps.checkpoint import Checkpoint
 from nonlinear.sweeps.energies import ENERGY, LYAPUNOV
 from nonlinear.sweeps.measures import FLOQUET, parse_measures
 from nonlinear.sweeps.study import Point, Points, Row, Study, SweepTask, measure_each, measure_points
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PATIENCE = 0.5
 """Seconds that this process works alone before it starts others: a small sweep is done by then."""
@@ -97,9 +100,10 @@ class Sweep(Displayed):
             values |= {places[place]: variation.values for place in varied}
         return tongues(study.scene, **values).boundaries
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """A matplotlib figure of the measures over the grid."""
-        return deferred("nonlinear.plotting.sweeps:sweep_figure")(self)
+        figure: Figure = deferred("nonlinear.plotting.sweeps:sweep_figure")(self)
+        return figure
 
     def _summary(self) -> Summary:
         facts = [
@@ -137,7 +141,7 @@ def sweep(
     journal: Checkpoint | None = None,
     workers: int | None = None,
     crew: WorkerPool | None = None,
-    report: Report = lambda done: None,
+    report: Report = silent,
 ) -> Sweep:
     """All points of a study: those already in a journal are taken from it, new ones are added to it.
 

@@ -34,6 +34,7 @@ from modal.report import (
     deferred,
     finite,
     grid,
+    silent,
     titled,
 )
 from modal.scene import Scene, describe, left_out, name_of, title_of
@@ -47,6 +48,8 @@ from nonlinear.sweeps.study import SweepTask, measure_each
 from nonlinear.system import State, system_of
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from modal.identification import Estimate
 
 MEMBERS, SAMPLES, SEED = 1000, 201, 5
@@ -166,9 +169,10 @@ class Spread(Displayed):
         columns = {f"omega_{number}_rad_per_s": omega for number, omega in enumerate(self.omega.T, 1)}
         return {**self.values, **columns, **{name: numbers for name, (_, numbers) in self.measured.items()}}
 
-    def plot(self) -> Any:
+    def plot(self) -> Figure:
         """A matplotlib figure of the frequencies and of the motion."""
-        return deferred("nonlinear.plotting.ensembles:spread_figure")(self)
+        figure: Figure = deferred("nonlinear.plotting.ensembles:spread_figure")(self)
+        return figure
 
     def _summary(self) -> Summary:
         title = f"Spread of {name_of(self.scene)}: {counted(self.size, 'member', 'members')} with {self.words}"
@@ -300,7 +304,7 @@ def find_spread(
     estimate: Estimate | None = None,
     start: State | None = None,
     measures: Sequence[str] = (),
-    report: Callable[[float], object] = lambda done: None,
+    report: Callable[[float], object] = silent,
     **options: Any,
 ) -> Spread:
     """Frequencies of so many members with numbers drawn within `tolerances`, and their motion over a duration (s).

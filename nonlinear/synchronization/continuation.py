@@ -22,7 +22,7 @@ from math import exp, log
 import numpy as np
 
 from modal.errors import SceneError
-from modal.report import Displayed
+from modal.report import Displayed, silent
 from modal.scene import Scene, require
 from modal.scene.doors import checked
 from modal.scene.parameters import Variation, validate_variations, vary
@@ -153,7 +153,7 @@ class Branches(Displayed):
 
 
 @checked
-def follow_branches(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Branches:
+def follow_branches(scene: Scene, variation: Variation, report: Report = silent) -> Branches:
     """The branches of a self-excited scene; `report` is called with the number followed so far.
 
     Configurations are searched for at both ends of the range and, up to MOST_SEARCHES times, at the next value beyond

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.report import Displayed, Summary, brief
+from modal.report import Displayed, Summary, brief, silent
 from modal.scene import Scene, VanDerPol
 from modal.scene.doors import require_type
 from nonlinear.averaging import AveragedPattern, Pattern, averaged_pattern, patterns_of
@@ -82,9 +82,7 @@ class SymmetricMotion(Displayed):
         return f"the trace of the within-block vanishes{share}"
 
 
-def symmetric_motions(
-    scene: Scene, report: Callable[[float], object] = lambda part: None
-) -> tuple[SymmetricMotion, ...]:
+def symmetric_motions(scene: Scene, report: Callable[[float], object] = silent) -> tuple[SymmetricMotion, ...]:
     """The patterns of a structured scene with their growth rates; ComputationError where populations have none.
 
     `report` is called with the part of them that is done.

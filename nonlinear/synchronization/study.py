@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.report import Displayed
+from modal.report import Displayed, silent
 from modal.scene import Scene, refusals, require, validate_scene
 from modal.scene.doors import checked
 from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relative_equilibria
@@ -110,9 +110,7 @@ class SynchronizationStudy(Displayed):
         return locking is not None and float(self.trajectory.times[-1]) < locking
 
 
-def theory_of_scene(
-    scene: Scene, start: State | None = None, report: Callable[[float], object] = lambda part: None
-) -> Theory:
+def theory_of_scene(scene: Scene, start: State | None = None, report: Callable[[float], object] = silent) -> Theory:
     """The theory of a self-excited scene; ComputationError outside the scope of averaged equations.
 
     `report` is called with the part that is done.
@@ -148,8 +146,8 @@ def study_synchronization(
     duration: float | None = None,
     *,
     start: State | None = None,
-    report: Callable[[float, float], object] = lambda elapsed, duration: None,
-    predicting: Callable[[float], object] = lambda part: None,
+    report: Callable[[float, float], object] = silent,
+    predicting: Callable[[float], object] = silent,
     **options: Any,
 ) -> SynchronizationStudy:
     """Predict, simulate for `duration` seconds (by default as long as the prediction needs) and measure.

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from modal.errors import ComputationError
-from modal.report import Displayed, Summary, counted
+from modal.report import Displayed, Summary, counted, silent
 from modal.scene import Scene, require
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
@@ -140,7 +140,7 @@ class PopulationDiagram(Displayed):
             yield begin, high
 
 
-def follow_populations(scene: Scene, variation: Variation, report: Report = lambda done: None) -> PopulationDiagram:
+def follow_populations(scene: Scene, variation: Variation, report: Report = silent) -> PopulationDiagram:
     """The symmetric motions of a scene along a number; `report` is called with the number followed so far.
 
     Raises SceneError for a variation of fewer than two values or of a count, ComputationError where nothing excites the

@@ -74,7 +74,7 @@ class Kicks(NamedTuple):
     energy: Floats
 
     def __repr__(self) -> str:
-        return summary_of(self).text()
+        return summary_of(self).text() if len(self.time) else "no kicks"
 
 
 class Friction(NamedTuple):
@@ -93,7 +93,7 @@ class Friction(NamedTuple):
     rest: float
 
     def __repr__(self) -> str:
-        return summary_of(self).text()
+        return summary_of(self).text() if len(self.places) else "no friction"
 
 
 NO_FRICTION = Friction(

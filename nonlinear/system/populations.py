@@ -16,7 +16,7 @@ from modal.errors import ComputationError
 from modal.report import Displayed, Summary, counted
 from modal.scene import Pendulum, Scene
 from modal.scene.doors import require_type
-from modal.scene.points import Point, parse_point
+from modal.scene.points import PendulumPoint, parse_point
 from modal.structure import Pivot, Structure, structure_of
 from modal.types import Ints
 
@@ -91,7 +91,7 @@ def unrepresented(scene: Scene) -> Iterator[str]:
     for population in populations_of(scene):
         if not population.are_alike:
             yield f"the pendula of {population.name} hang from points that move differently"
-    if any(isinstance(parse_point(end), Point) for spring in scene.spring for end in spring.between):
+    if any(isinstance(parse_point(end), PendulumPoint) for spring in scene.spring for end in spring.between):
         yield "springs end at pendula"
     if scene.has_modal_damping:
         yield "damping ratios belong to all modes together"

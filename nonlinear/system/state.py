@@ -125,7 +125,8 @@ class AppliedForces(NamedTuple):
     supports: Floats | None = None
 
     def __repr__(self) -> str:
-        return summary_of(self).text()
+        acts = self.cart or self.moments is not None or self.supports is not None
+        return summary_of(self).text() if acts else "no forces"
 
 
 Load = Callable[[float, State], AppliedForces]

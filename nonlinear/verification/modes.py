@@ -19,7 +19,7 @@ import numpy as np
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
-from modal.report import Displayed, Summary, brief, counted
+from modal.report import Displayed, Summary, brief, counted, silent
 from modal.scene import Scene, name_of, require
 from modal.scene.doors import checked, checked_index
 from modal.types import Floats
@@ -123,7 +123,7 @@ def check(
     *,
     periods: int = PERIODS,
     method: str = "auto",
-    report: Callable[[float], object] = lambda done: None,
+    report: Callable[[float], object] = silent,
 ) -> Check:
     """Check the modes with these indices (from 0; by default all) at these largest angles over this many periods.
 

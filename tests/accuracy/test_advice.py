@@ -64,12 +64,12 @@ def test_it_takes_few_times_the_derivatives_of_the_loosest_tolerance_that_would_
         advice = advise(scene, duration, accuracy, start=start, method="DOP853")
         sure = simulate(scene, duration, start=start, method="DOP853", tolerance=1e-13)
         for exponent in np.arange(-2.0, -13.0, -0.25):
-            found = simulate(scene, duration, start=start, method="DOP853", tolerance=float(10**exponent))
-            if apart(found.motion, sure.motion).max() < accuracy:
+            run = simulate(scene, duration, start=start, method="DOP853", tolerance=float(10**exponent))
+            if apart(run.motion, sure.motion).max() < accuracy:
                 break
         assert advice.met
         spent.append(sum(attempt.calls for attempt in advice.attempts))
-        needed.append(found.run.calls)
+        needed.append(run.run.calls)
     ratios = np.array(spent) / needed
     assert np.median(ratios) < 4
     assert ratios.max() < 6
@@ -235,13 +235,13 @@ def test_loads_events_and_times_go_with_an_accuracy() -> None:
 @pytest.mark.slow
 def test_in_space_and_with_equal_pendula() -> None:
     spatial = load("chain-spatial")
-    found = simulate(spatial, 3.0, accuracy=1e-5)
+    run = simulate(spatial, 3.0, accuracy=1e-5)
     sure = simulate(spatial, 3.0, tolerance=1e-12)
-    assert apart(found.motion, sure.motion).max() < 1e-5
+    assert apart(run.motion, sure.motion).max() < 1e-5
     pendulum = Pendulum(links=[Bob(mass=1.0, length=1.0)] * 2, count=50)
     many = Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=[pendulum])
-    one = simulate(many, 3.0, start=state_at_rest(many, [60.0, 20.0]), accuracy=1e-4)
-    assert one.run.reduced.startswith("1 of 50 pendula")
+    crowd = simulate(many, 3.0, start=state_at_rest(many, [60.0, 20.0]), accuracy=1e-4)
+    assert crowd.run.reduced.startswith("1 of 50 pendula")
 
 
 def test_bad_wishes_are_refused() -> None:
@@ -345,10 +345,10 @@ def test_no_error_below_rounding_is_promised() -> None:
     start = state_at_rest(scene, [60.0])
     k, omega = np.sin(start.links[0] / 2), np.sqrt(9.81)
     for duration in (1.0, 10.0):
-        found = advise(scene, duration, 1e-12, start=start, method="taylor", output=21)
-        sine = ellipj(ellipk(k * k) - omega * found.trajectory.times, k * k)[0]
-        true = np.abs(2 * np.arcsin(k * sine) - found.trajectory.motion.links[:, 0]).max()
-        assert max(true, 1e-15) < found.errors[-1]
+        advice = advise(scene, duration, 1e-12, start=start, method="taylor", output=21)
+        sine = ellipj(ellipk(k * k) - omega * advice.trajectory.times, k * k)[0]
+        true = np.abs(2 * np.arcsin(k * sine) - advice.trajectory.motion.links[:, 0]).max()
+        assert max(true, 1e-15) < advice.errors[-1]
 
 
 def test_what_was_interrupted_is_not_called_a_limit_of_the_digits() -> None:
@@ -366,18 +366,18 @@ def test_a_loose_run_that_gives_up_is_an_attempt_that_failed(monkeypatch: pytest
     whole, given_up = Request.run, []
 
     def loose(request: Request, choice: Choice) -> Trajectory:
-        found = whole(request, choice)
+        trajectory = whole(request, choice)
         if choice.tolerance < least:
-            return found
+            return trajectory
         given_up.append(choice.tolerance)
-        raise SimulationError("nonsense", found.at(found.times <= 0.5))
+        raise SimulationError("nonsense", trajectory.at(trajectory.times <= 0.5))
 
     monkeypatch.setattr(Request, "run", loose)
     start, least = state_at_rest(PAPER, [60.0, 0.0, 0.0, 0.0]), 1e-7
     advice = advise(PAPER, 1.0, 1e-3, start=start)
     assert advice.met
     assert 0 < len(given_up) < len(advice.attempts)
-    assert all(one.error == inf for one in advice.attempts if one.tolerance in given_up)
+    assert all(attempt.error == inf for attempt in advice.attempts if attempt.tolerance in given_up)
     least = 0.0
     with pytest.raises(SimulationError, match="nonsense"):
         advise(PAPER, 1.0, 1e-3, start=start)

@@ -58,11 +58,11 @@ def in_mode(number: int, degrees: float) -> State:
 
 def by_exponential(scene: Scene, start: State, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Q and v (T, n) of the linear equations, by the exponential of the state matrix."""
-    found, size = matrices(scene), scene.n_links + (scene.support.kind == "cart")
+    model, size = matrices(scene), scene.n_links + (scene.support.kind == "cart")
     A = np.block(
         [
             [np.zeros((size, size)), np.eye(size)],
-            [-np.linalg.solve(found.M, found.K), -np.linalg.solve(found.M, found.D)],
+            [-np.linalg.solve(model.M, model.K), -np.linalg.solve(model.M, model.D)],
         ]
     )
     z = np.concatenate([part[0] for part in deflection(scene, instant(start))])
@@ -84,8 +84,8 @@ def off_rest(scene: Scene, seed: int) -> State:
 @pytest.mark.parametrize("scene", [*map(motion_scene, range(12)), PAPER, TRANSLATING, load("cart-upright")])
 def test_the_linear_rung_is_the_exponential_of_the_state_matrix(scene: Scene) -> None:
     start, times = off_rest(scene, 5), np.linspace(0.0, 3.0, 7)
-    found = deflection(scene, superpose(scene, start, corrected=False)(times))
-    for ours, theirs in zip(found, by_exponential(scene, start, times), strict=True):
+    computed = deflection(scene, superpose(scene, start, corrected=False)(times))
+    for ours, theirs in zip(computed, by_exponential(scene, start, times), strict=True):
         assert np.abs(ours - theirs).max() < 1e-8 * np.abs(theirs).max()
         assert np.abs(ours - 1.001 * theirs).max() > 1e-8 * np.abs(theirs).max()
 
@@ -93,10 +93,10 @@ def test_the_linear_rung_is_the_exponential_of_the_state_matrix(scene: Scene) ->
 def test_the_corrected_rung_turns_at_its_own_frequency() -> None:
     for number in (1, 3):
         start, omega = in_mode(number, 6.0), MODES.omega[number]
-        own = omega * (1 + MODES[number].kappa * radians(6.0) ** 2)
-        found = superpose(PAPER, start, corrected=True)(np.array([0.0, 2 * pi / own, 2 * pi / omega]))
-        assert np.allclose(found.links[0], found.links[1], atol=1e-12)
-        assert np.abs(found.links[0] - found.links[2]).max() > 1e-7
+        shifted = omega * (1 + MODES[number].kappa * radians(6.0) ** 2)
+        motion = superpose(PAPER, start, corrected=True)(np.array([0.0, 2 * pi / shifted, 2 * pi / omega]))
+        assert np.allclose(motion.links[0], motion.links[1], atol=1e-12)
+        assert np.abs(motion.links[0] - motion.links[2]).max() > 1e-7
 
 
 def test_a_damped_correction_fades_with_the_amplitude() -> None:
@@ -106,12 +106,12 @@ def test_a_damped_correction_fades_with_the_amplitude() -> None:
     value, kappa, a = modes.eigenvalue[number], modes[number].kappa, 0.3
     start = start_in_mode(TRANSLATING, modes, number, 0, a)
     times = np.linspace(0.0, 20.0, 2001)
-    found = superpose(TRANSLATING, start, corrected=True)(times).links
+    links = superpose(TRANSLATING, start, corrected=True)(times).links
     speed = value.imag * (1 + kappa * (a * np.exp(value.real * times)) ** 2)
     phase = np.concatenate(([0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(times))))
     expected = np.outer(a * np.exp(value.real * times + 1j * phase), modes.shape(number).angles).real
-    assert np.abs(found - expected).max() < 1e-5
-    assert np.abs(found - superpose(TRANSLATING, start, corrected=False)(times).links).max() > 1e-2
+    assert np.abs(links - expected).max() < 1e-5
+    assert np.abs(links - superpose(TRANSLATING, start, corrected=False)(times).links).max() > 1e-2
 
 
 def test_modes_that_do_not_add_up_are_refused() -> None:
@@ -124,22 +124,22 @@ def test_the_error_of_the_linear_rung_grows_as_the_square_of_the_amplitude() -> 
     """Its motion is early by κ a² t, which the phase measures; the mean over the last fifth is 0.9 of the end."""
     shifts = []
     for degrees in (1.0, 2.0):
-        found = measure_work_precision(PAPER, 6.0, start=in_mode(1, degrees), candidates=ENDS)
-        shifts.append(found.rows[1].shift)
+        diagram = measure_work_precision(PAPER, 6.0, start=in_mode(1, degrees), candidates=ENDS)
+        shifts.append(diagram.rows[1].shift)
         assert shifts[-1] == pytest.approx(MODES[1].kappa * radians(degrees) ** 2 * 5.4, rel=0.03)
-        assert abs(found.rows[2].shift) < 0.02 * abs(shifts[-1])
+        assert abs(diagram.rows[2].shift) < 0.02 * abs(shifts[-1])
     assert shifts[1] / shifts[0] == pytest.approx(4.0, rel=0.01)
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
 def test_the_corrected_rung_beats_the_linear_one(number: int) -> None:
-    found = measure_work_precision(PAPER, 8.0, start=in_mode(number, 15.0 if number < 3 else 5.0), candidates=ENDS)
-    reference, linear, corrected = found.rows
+    diagram = measure_work_precision(PAPER, 8.0, start=in_mode(number, 15.0 if number < 3 else 5.0), candidates=ENDS)
+    reference, linear, corrected = diagram.rows
     assert corrected.error < 0.6 * linear.error
     assert abs(corrected.shift) < 0.1 * abs(linear.shift)
     assert reference.error == 0.0
     assert np.isnan(reference.shift)
-    assert found.reference.whole
+    assert diagram.reference.whole
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -184,21 +184,21 @@ def test_the_front_is_beaten_by_none(short: WorkPrecision) -> None:
         for t, e in [(1.0, 1e-2), (2.0, 1e-1), (3.0, 1e-3), (3.0, 1.0)]
     ]
     front = replace(short, rows=(short.rows[0], *made)).pareto
-    assert [(one.seconds, one.error) for one in front] == [(1.0, 1e-2), (3.0, 1e-3)]
+    assert [(point.seconds, point.error) for point in front] == [(1.0, 1e-2), (3.0, 1e-3)]
     equal = [replace(made[0], seconds=t, error=short.reference.floor * e) for t, e in [(1.0, 0.9), (2.0, 0.1)]]
     assert replace(short, rows=tuple(equal)).pareto == (equal[0],)
 
 
 @pytest.mark.slow
 def test_a_chaotic_run_is_compared_up_to_its_horizon_only() -> None:
-    found = measure_work_precision(PAPER, 60.0, candidates=(Candidate("minimal", "DOP853", 1e-9),))
-    reference = found.reference
+    diagram = measure_work_precision(PAPER, 60.0, candidates=(Candidate("minimal", "DOP853", 1e-9),))
+    reference = diagram.reference
     assert 5.0 < reference.horizon < 30.0
     assert not reference.whole
     assert reference.difference[-1] < 1e-8
     assert 0.3 < reference.exponent < 3.0
-    assert reference.floor < found.rows[1].error < 1.0
-    assert "are compared" in tradeoff_table(found, "text")
+    assert reference.floor < diagram.rows[1].error < 1.0
+    assert "are compared" in tradeoff_table(diagram, "text")
     longer = np.linspace(0.0, 2 * reference.horizon, 400)
     runs = [simulate(PAPER, longer[-1], output=longer, tolerance=tolerance) for tolerance in (1e-12, 3e-13)]
     gone = apart(runs[0].motion, runs[1].motion)
@@ -232,11 +232,11 @@ def test_a_late_motion_is_late() -> None:
 def test_what_no_shift_explains_is_not_late(short: WorkPrecision) -> None:
     """A motion that has died away, where an error over no velocity would be thousands of seconds."""
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0, damping=2 * np.sqrt(9.81)),), start={"angles_deg": [60.0]})
-    found = measure_work_precision(
+    diagram = measure_work_precision(
         Scene(gravity=9.81, pendulum=(pendulum,)), 10.0, candidates=(Candidate("minimal", "RK23", 1e-3),)
     )
-    assert found.rows[1].error > 1e-4
-    assert np.isnan(found.rows[1].shift)
+    assert diagram.rows[1].error > 1e-4
+    assert np.isnan(diagram.rows[1].shift)
     certain = [row.error > short.reference.floor for row in short.rows]
     assert not all(certain)
     assert not any(np.isfinite(row.shift) for row, sure in zip(short.rows, certain, strict=True) if not sure)
@@ -252,12 +252,12 @@ def test_a_long_chaotic_run_is_not_computed_beyond_its_horizon(monkeypatch: pyte
         return original(question)
 
     monkeypatch.setattr(module, "reference_of", listening)
-    found = measure_work_precision(PAPER, 1e300, candidates=(Candidate(LINEAR),))
+    diagram = measure_work_precision(PAPER, 1e300, candidates=(Candidate(LINEAR),))
     assert max(asked) < 200.0
-    assert 5.0 < found.reference.horizon < 30.0
-    assert len(found.reference.trajectory.times) > 100
-    assert found.reference.duration == 1e300
-    assert not found.reference.whole
+    assert 5.0 < diagram.reference.horizon < 30.0
+    assert len(diagram.reference.trajectory.times) > 100
+    assert diagram.reference.duration == 1e300
+    assert not diagram.reference.whole
 
 
 def test_a_reference_that_takes_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -301,8 +301,8 @@ def test_two_planes_and_back() -> None:
     assert np.allclose(back.link_rates[0], start.link_rates, atol=1e-14)
     rng = np.random.default_rng(3)
     flat = State(0.8 * rng.normal(size=3), rng.normal(size=3))
-    one, none = split(SPATIAL, of_plane(flat))
-    assert np.allclose([one.links, one.link_rates], [flat.links, flat.link_rates], atol=1e-14)
+    plane, none = split(SPATIAL, of_plane(flat))
+    assert np.allclose([plane.links, plane.link_rates], [flat.links, flat.link_rates], atol=1e-14)
     assert np.abs([none.links, none.link_rates]).max() < 1e-14
 
 
@@ -314,8 +314,8 @@ def test_noted_in_space_are_linear() -> None:
         p, rates = size * rng.normal(size=(2, 2, 3))
         moved = join(SPATIAL, *(instant(State(*parts)) for parts in zip(p, rates, strict=True)))[0]
         run = simulate(SPATIAL, 2.0, start=moved, output=41, tolerance=1e-11)
-        found = superpose(SPATIAL, moved, corrected=False)(run.times)
-        errors.append(apart(found, run.motion).max())
+        motion = superpose(SPATIAL, moved, corrected=False)(run.times)
+        errors.append(apart(motion, run.motion).max())
     assert errors[0] < 1e-3
     assert errors[0] / errors[1] == pytest.approx(8.0, rel=0.1)
 
@@ -326,11 +326,11 @@ def test_a_family_that_takes_too_long_is_left() -> None:
         *(Candidate("minimal", "RK23", t) for t in (1e-10, 1e-12)),
         Candidate(LINEAR),
     ]
-    found = measure_work_precision(PAPER, 1.0, candidates=candidates, patience=0.1)
-    assert [row.candidate.name for row in found.rows[1:]] == ["minimal RK23 0.001", LINEAR]
-    assert found.skipped[0][0] == "minimal RK23"
-    assert "given up after 0." in found.skipped[0][1]
-    assert not found.interrupted
+    diagram = measure_work_precision(PAPER, 1.0, candidates=candidates, patience=0.1)
+    assert [row.candidate.name for row in diagram.rows[1:]] == ["minimal RK23 0.001", LINEAR]
+    assert diagram.skipped[0][0] == "minimal RK23"
+    assert "given up after 0." in diagram.skipped[0][1]
+    assert not diagram.interrupted
 
 
 def test_an_interrupt_keeps_what_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -346,10 +346,10 @@ def test_an_interrupt_keeps_what_is_done(monkeypatch: pytest.MonkeyPatch) -> Non
         return original(candidate, *rest)
 
     monkeypatch.setattr(module, "measure", impatient)
-    found = measure_work_precision(PAPER, 1.0, candidates=asked, report=heard.append)
-    assert [row.candidate.name for row in found.rows[1:]] == [LINEAR]
-    assert found.interrupted
-    assert [name for name, _ in found.skipped] == [CORRECTED, "minimal RK45 0.001"]
+    diagram = measure_work_precision(PAPER, 1.0, candidates=asked, report=heard.append)
+    assert [row.candidate.name for row in diagram.rows[1:]] == [LINEAR]
+    assert diagram.interrupted
+    assert [name for name, _ in diagram.skipped] == [CORRECTED, "minimal RK45 0.001"]
     assert heard == [1, 2]
 
 
@@ -358,9 +358,9 @@ def test_an_interrupt_between_rungs_keeps_them_too() -> None:
         if done == 2:
             raise KeyboardInterrupt
 
-    found = measure_work_precision(PAPER, 1.0, candidates=ENDS, report=stopping)
-    assert [row.candidate.name for row in found.rows[1:]] == [LINEAR]
-    assert found.skipped == ((CORRECTED, "interrupted"),)
+    diagram = measure_work_precision(PAPER, 1.0, candidates=ENDS, report=stopping)
+    assert [row.candidate.name for row in diagram.rows[1:]] == [LINEAR]
+    assert diagram.skipped == ((CORRECTED, "interrupted"),)
 
 
 def test_tables(short: WorkPrecision) -> None:
@@ -411,13 +411,13 @@ def test_methods_are_compared_on_every_kind_of_scene(kind: str, refused: set[str
     asked = [Candidate(LINEAR), *tight, Candidate("maximal", "DOP853", 1e-9)]
     if find_spec("heyoka") or "minimal taylor" in refused:
         asked.append(Candidate("minimal", "taylor", 1e-9))
-    found = measure_work_precision(load(KINDS / f"{kind}.toml"), 0.5, candidates=asked, patience=60.0)
-    assert found.reference.whole
-    assert found.reference.floor < 1e-7
-    left = {family for family, _ in found.skipped} - {"minimal taylor"} | {"minimal taylor"} & refused
+    diagram = measure_work_precision(load(KINDS / f"{kind}.toml"), 0.5, candidates=asked, patience=60.0)
+    assert diagram.reference.whole
+    assert diagram.reference.floor < 1e-7
+    left = {family for family, _ in diagram.skipped} - {"minimal taylor"} | {"minimal taylor"} & refused
     assert left == refused
-    rows = [row for row in found.rows if row.candidate in tight]
+    rows = [row for row in diagram.rows if row.candidate in tight]
     assert [row.candidate for row in rows] == tight
     for row in rows:
-        assert found.judged(row) < 1e-7
+        assert diagram.judged(row) < 1e-7
         assert abs(row.drift) < 1e-7

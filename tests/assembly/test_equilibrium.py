@@ -115,10 +115,10 @@ def test_matrices_are_second_derivatives_of_the_lagrangian(name: str) -> None:
     scene = SCENES[name]
     q, v, T, V, R = lagrangian(scene)
     rest = dict(zip(q, rest_of(scene), strict=True))
-    slope = np.array([sp.diff(V, one).subs(rest) for one in q], dtype=float)
+    slope = np.array([sp.diff(V, coordinate).subs(rest) for coordinate in q], dtype=float)
     assert np.abs(slope).max() < 1e-12
-    found = matrices(scene)
-    for matrix, function, by in ((found.M, T, v), (found.K, V, q), (found.D, R, v)):
+    model = matrices(scene)
+    for matrix, function, by in ((model.M, T, v), (model.K, V, q), (model.D, R, v)):
         exact = np.array(sp.hessian(function, by).subs(rest), dtype=float)
         assert matrix == pytest.approx(exact, abs=1e-12)
 
@@ -126,7 +126,7 @@ def test_matrices_are_second_derivatives_of_the_lagrangian(name: str) -> None:
 @pytest.mark.parametrize("name", SCENES)
 def test_the_nonlinear_equations_rest_there_and_have_these_slopes(name: str) -> None:
     """Complex steps of the minimal form, and the Jacobian of its tape, against −M⁻¹K and −M⁻¹D."""
-    scene, found = SCENES[name], matrices(SCENES[name])
+    scene, model = SCENES[name], matrices(SCENES[name])
     system, rest = system_of(scene), rest_of(scene)
     first, half = int(scene.support.kind == "cart"), len(rest)
     equations = Minimal(system, tuple(map(Recursion, system.groups)))
@@ -136,12 +136,12 @@ def test_the_nonlinear_equations_rest_there_and_have_these_slopes(name: str) -> 
         return equations.begin(State(z[first:half], z[half + first :], cart, rate))
 
     y = begin(np.append(rest, np.zeros(half)))
-    order = np.array([begin(one) for one in np.eye(2 * half)]).T  # y = order z, perhaps with a place for work
+    order = np.array([begin(unit) for unit in np.eye(2 * half)]).T  # y = order z, perhaps with a place for work
     back = np.linalg.pinv(order)
     assert np.abs(equations.derivative(0.0, y)).max() < 1e-11
-    steps = [equations.derivative(0.0, y + 1e-30j * one).imag / 1e-30 for one in np.eye(len(y))]
+    steps = [equations.derivative(0.0, y + 1e-30j * unit).imag / 1e-30 for unit in np.eye(len(y))]
     complex_steps = back @ np.stack(steps, axis=1) @ order
-    exact = -np.linalg.solve(found.M, np.hstack((found.K, found.D)))
+    exact = -np.linalg.solve(model.M, np.hstack((model.K, model.D)))
     assert complex_steps[half:] == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
     written = Generated(system)
     module, rows, columns = jacobian_of(written.form)
@@ -154,9 +154,9 @@ def test_the_nonlinear_equations_rest_there_and_have_these_slopes(name: str) -> 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_modes_are_those_of_the_matrices(name: str) -> None:
-    modes, found = natural_modes(SCENES[name]), matrices(SCENES[name])
-    n = len(found.M)
-    state = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(found.M, np.hstack((found.K, found.D)))]])
+    modes, model = natural_modes(SCENES[name]), matrices(SCENES[name])
+    n = len(model.M)
+    state = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(model.M, np.hstack((model.K, model.D)))]])
     values = np.abs(eig(state)[0])
     for omega, bound in zip(modes.omega, modes.error, strict=True):
         apart = 1e-7 if omega == 0 else (bound + 1e-11) * omega
@@ -177,9 +177,9 @@ def exact_frequencies(scene: Scene) -> list[Any]:
     links = [link for link in scene.pendulum[0].links for _ in range(link.count)]
     n, mass = len(links), [mp.mpf(link.mass) for link in links]
     b = [mass[i] * links[i].centre + links[i].length * sum(mass[i + 1 :]) for i in range(n)]
-    own = [mass[i] * mp.mpf(links[i].centre) ** 2 + links[i].inertia for i in range(n)]
-    own = [own[i] + mp.mpf(links[i].length) ** 2 * sum(mass[i + 1 :]) for i in range(n)]
-    along, down = [mp.mpf(0)] * n, [mp.mpf(scene.gravity) * one for one in b]
+    moments = [mass[i] * mp.mpf(links[i].centre) ** 2 + links[i].inertia for i in range(n)]
+    moments = [moments[i] + mp.mpf(links[i].length) ** 2 * sum(mass[i + 1 :]) for i in range(n)]
+    along, down = [mp.mpf(0)] * n, [mp.mpf(scene.gravity) * below for below in b]
     for force in scene.force:
         point = parse_point(force.on)
         assert point is not None
@@ -194,7 +194,7 @@ def exact_frequencies(scene: Scene) -> list[Any]:
     for i in range(n):
         K[i, i] = mp.hypot(along[i], down[i])
         for j in range(n):
-            moment = own[i] if i == j else b[max(i, j)] * links[min(i, j)].length
+            moment = moments[i] if i == j else b[max(i, j)] * links[min(i, j)].length
             M[i, j] = moment * mp.cos(angle[i] - angle[j])
     return sorted(mp.sqrt(mp.re(square)) for square in mp.eig(M**-1 * K)[0])
 
@@ -244,7 +244,7 @@ def test_one_link_by_hand() -> None:
 def test_links_go_to_the_branch_of_their_direction() -> None:
     wind = constant("pendulum[0].links[0]", 3.0)
     hanging, standing = (pushed(wind, links=[ROD], equilibrium=[way]) for way in ("down", "up"))
-    down, up = (natural_modes(one).rig.rest_angles[0] for one in (hanging, standing))
+    down, up = (natural_modes(example).rig.rest_angles[0] for example in (hanging, standing))
     assert up - down == pytest.approx(pi)
     assert 0 < down < pi / 2
     assert natural_modes(standing).growth_rate[0] > 0
@@ -272,7 +272,7 @@ def test_where_there_is_no_equilibrium_that_is_told(scene: Scene, message: str) 
     for asked in (natural_modes, matrices):
         with pytest.raises(SceneError, match=message):
             asked(scene)
-    simulate(scene.replace(pendulum=tuple(started(one) for one in scene.pendulum)), 0.1)
+    simulate(scene.replace(pendulum=tuple(started(pendulum) for pendulum in scene.pendulum)), 0.1)
 
 
 def started(pendulum: Pendulum) -> Pendulum:

@@ -37,7 +37,7 @@ def slopes(scene: Scene, time: float) -> tuple[Floats, Floats]:
     """−∂q''/∂q and −∂q''/∂q' at rest."""
     oracle = Oracle(scene)
     n = len(oracle.rest)
-    found = []
+    jacobians = []
     for which in (0, 1):
         columns = []
         for k in range(n):
@@ -47,16 +47,16 @@ def slopes(scene: Scene, time: float) -> tuple[Floats, Floats]:
                 state[which][k] += sign * STEP
                 ends.append(oracle.accelerations(*state, time))
             columns.append([float((b - a) / (2 * STEP)) for a, b in zip(*ends, strict=True)])
-        found.append(np.array(columns).T)
-    return found[0], found[1]
+        jacobians.append(np.array(columns).T)
+    return jacobians[0], jacobians[1]
 
 
 @pytest.mark.parametrize("time", [0.0, 1.3, 2.9, 4.0])
 def test_the_equations_along_a_hoist_are_those_of_all_masses(time: float) -> None:
     scene, M = crane(), matrices_at(crane(), time)
-    for own, exact in zip((M.K, M.D), slopes(scene, time), strict=True):
-        given = np.linalg.solve(M.M, own)
-        assert np.abs(given - exact).max() < 1e-12 * np.abs(exact).max()
+    for matrix, exact in zip((M.K, M.D), slopes(scene, time), strict=True):
+        scaled = np.linalg.solve(M.M, matrix)
+        assert np.abs(scaled - exact).max() < 1e-12 * np.abs(exact).max()
 
 
 def test_what_moves_up_and_down_carries_the_changing_weight() -> None:

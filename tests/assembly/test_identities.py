@@ -64,15 +64,15 @@ def centres(scene: Scene, q: np.ndarray) -> list[tuple]:
     """(m, I, position (x, down), angle) of every link and of the cart."""
     cart = isinstance(scene.support, Cart)
     base = np.array([q[0] if cart else 0.0, 0.0], dtype=complex)
-    found = [(scene.support.mass, 0.0, base, 0j)] if isinstance(scene.support, Cart) else []
+    bodies = [(scene.support.mass, 0.0, base, 0j)] if isinstance(scene.support, Cart) else []
     at = int(cart)
     for links in chains(scene):
         joint = base.copy()
         for link in links:
             along = np.array([np.sin(q[at]), np.cos(q[at])])
-            found.append((link.mass, link.inertia, joint + link.centre * along, q[at] + 0j))
+            bodies.append((link.mass, link.inertia, joint + link.centre * along, q[at] + 0j))
             joint, at = joint + link.length * along, at + 1
-    return found
+    return bodies
 
 
 def springy(seed: int) -> Scene:
@@ -109,8 +109,8 @@ def test_K_is_the_hessian_of_the_potential_energy(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_M_and_K_equal_the_many_digit_ones(seed: int) -> None:
     scene = extreme_scene(seed, copies=seed % 2 == 0)
-    found, exact = matrices(scene), dense(scene)
-    for mine, theirs in ((found.M, exact.M), (found.K, exact.K)):
+    model, exact = matrices(scene), dense(scene)
+    for mine, theirs in ((model.M, exact.M), (model.K, exact.K)):
         np.testing.assert_allclose(mine, np.array(theirs, dtype=float), rtol=1e-14, atol=0)
 
 
@@ -132,8 +132,8 @@ def test_the_pair_runs_on_fractions_and_symbols_alike() -> None:
 
 
 def test_equal_pendula_are_one_kind_wherever_they_stand() -> None:
-    one, two = (Pendulum(links=(Rod(mass=m, length=1.0),), count=c) for m, c in ((1.0, 2), (2.0, 1)))
-    rig = rig_of(Scene(gravity=1.0, pendulum=(one, two, one)))
+    single, two = (Pendulum(links=(Rod(mass=m, length=1.0),), count=c) for m, c in ((1.0, 2), (2.0, 1)))
+    rig = rig_of(Scene(gravity=1.0, pendulum=(single, two, single)))
     assert rig.n_kinds == 2
     assert rig.members == ((0, 0, 2), (0, 1, 1), (0, 0, 2))
     assert rig.blocks[0].count.tolist() == [4, 1]
@@ -147,18 +147,18 @@ def test_a_body_that_equals_a_bob_is_one() -> None:
 
 def calls(job: Callable[[], object], *functions: Any) -> Counter[str]:
     """How often a job calls these functions."""
-    names, found = {unwrap(function).__code__: function.__name__ for function in functions}, Counter[str]()
+    names, counts = {unwrap(function).__code__: function.__name__ for function in functions}, Counter[str]()
 
     def see(frame: FrameType, event: str, _: object) -> None:
         if event == "call" and frame.f_code in names:
-            found[names[frame.f_code]] += 1
+            counts[names[frame.f_code]] += 1
 
     sys.setprofile(see)
     try:
         job()
     finally:
         sys.setprofile(None)
-    return found
+    return counts
 
 
 @pytest.mark.slow
@@ -169,10 +169,10 @@ def test_arrays_and_modes_are_handed_on() -> None:
     """
     counted = rig_of, system_of, natural_modes, choose
     double = load("paper-cart-2").replace(title="a scene of which nothing is kept")
-    found = calls(lambda: simulate(double, 1.0), *counted)
-    assert found == {"system_of": 1, "rig_of": 2, "natural_modes": 1, "choose": 1}
+    counts = calls(lambda: simulate(double, 1.0), *counted)
+    assert counts == {"system_of": 1, "rig_of": 2, "natural_modes": 1, "choose": 1}
     clocks = load("metronomes").replace(title="clocks of which nothing is kept")
-    found = calls(lambda: study_synchronization(clocks, 20.0), *counted)
-    assert found == {"system_of": 2, "rig_of": 4, "natural_modes": 2, "choose": 1}
+    counts = calls(lambda: study_synchronization(clocks, 20.0), *counted)
+    assert counts == {"system_of": 2, "rig_of": 4, "natural_modes": 2, "choose": 1}
     (settled,) = relative_equilibria(average(load("huygens")))
     assert calls(lambda: cycle_of(load("huygens"), settled), *counted)["system_of"] == 1

@@ -50,8 +50,8 @@ def double(drive: Drive | None = None) -> Scene:
 def test_one_van_der_pol_pendulum(angle: float) -> None:
     """q = a cos χ + Re A e^{3iχ}: the first harmonic of q³ is ¾a²(a + A), A = ρ₃/8Ω² follows the third one, a³/4."""
     e, d, gamma, omega = 0.03, 0.01, radians(2.0), sqrt(G)
-    found = average(bobs(1.0, drive=VanDerPol(strength=e, angle_deg=2.0), joint=d))
-    rate = found.flow(np.array([angle + 0j]), found.centre)[0] / angle
+    averaged = average(bobs(1.0, drive=VanDerPol(strength=e, angle_deg=2.0), joint=d))
+    rate = averaged.flow(np.array([angle + 0j]), averaged.centre)[0] / angle
     cubic = 1 + angle**2 * (-G / 24 + 1j * omega * e / (4 * gamma**2)) / (8 * omega**2)
     expected = (e - d) / 2 - angle**2 * cubic * (e / (8 * gamma**2) + 1j * omega / 16)
     assert rate.real == pytest.approx(expected.real, rel=1e-5)
@@ -63,22 +63,22 @@ def test_noted_decay_as_damped_modes_do(stiffness: float) -> None:
     link = Bob(mass=1.0, length=1.0, damping=0.01)
     pendula = (Pendulum(links=(link,), count=2), Pendulum(links=(Rod(mass=1.0, length=1.1, damping=0.02),)))
     scene = Scene(gravity=G, support=Cart(mass=5.0, damping=0.1, stiffness=stiffness), pendulum=pendula)
-    found = average(scene)
+    averaged = average(scene)
     for mode in explain(scene).damped:
         assert mode.exact is not None
-        turning = np.full(len(found.centre), mode.exact.imag)
-        values = np.linalg.eigvals(derivative(found.flow, np.zeros(len(found.omega), dtype=complex), turning))
+        turning = np.full(len(averaged.centre), mode.exact.imag)
+        values = np.linalg.eigvals(derivative(averaged.flow, np.zeros(len(averaged.omega), dtype=complex), turning))
         assert np.abs(values + 1j * mode.exact.imag - mode.exact).min() < 0.02 * mode.rate
 
 
 def test_a_braked_cart_slows_no_more_than_it_moves() -> None:
     scene = bobs(1.0, 1.0, mass=50.0, damping=150.0)
-    found = average(scene)
-    values = np.linalg.eigvals(derivative(found.flow, np.zeros(2, dtype=complex), found.centre))
+    averaged = average(scene)
+    values = np.linalg.eigvals(derivative(averaged.flow, np.zeros(2, dtype=complex), averaged.centre))
     still, moving = explain(scene).damped
     assert moving.exact is not None
-    first, own = -moving.rate, values[np.argmin(values.real)]
-    assert own.real == pytest.approx(moving.exact.real, rel=0.02)
+    first, eigenvalue = -moving.rate, values[np.argmin(values.real)]
+    assert eigenvalue.real == pytest.approx(moving.exact.real, rel=0.02)
     assert abs(first / moving.exact.real - 1) > 0.5
     assert still.rate == 0
 
@@ -88,17 +88,17 @@ def test_an_escapement_feeds_what_the_damper_takes() -> None:
     """Gravity takes −G/8 a²(a + A) in the first harmonic, A that of the kicks' third."""
     P, d, gamma = 0.015, 0.05, radians(4.0)
     scene = bobs(9.0, drive=Escapement(impulse=P, angle_deg=4.0), joint=d)
-    one = relative_equilibrium(average(scene), np.array([0.17 + 0j]))
-    assert one is not None
-    assert one.is_stable
-    corner = P / (2 * pi * one.omega)
+    equilibrium = relative_equilibrium(average(scene), np.array([0.17 + 0j]))
+    assert equilibrium is not None
+    assert equilibrium.is_stable
+    corner = P / (2 * pi * equilibrium.omega)
 
     def surplus(a: float) -> float:
         ahead = acos((gamma + corner) / a)
-        return P / pi * (sin(ahead) - G * a**2 / (8 * (9 * one.omega**2 - G)) * sin(3 * ahead)) - d * a / 2
+        return P / pi * (sin(ahead) - G * a**2 / (8 * (9 * equilibrium.omega**2 - G)) * sin(3 * ahead)) - d * a / 2
 
     balance = brentq(surplus, 0.15, 0.2)
-    assert abs(one.z[0]) == pytest.approx(balance, rel=5e-6)
+    assert abs(equilibrium.z[0]) == pytest.approx(balance, rel=5e-6)
     run = simulate(scene, 300.0, tolerance=1e-9, output=6001)
     assert np.abs(run.motion.links[-400:]).max() == pytest.approx(balance, rel=0.02)
 
@@ -106,25 +106,25 @@ def test_an_escapement_feeds_what_the_damper_takes() -> None:
 @pytest.mark.slow
 def test_kicks_follow_two_frequencies() -> None:
     """Against kicks counted one by one on a motion of two unrelated frequencies."""
-    found = average(double(Escapement(impulse=0.01, angle_deg=1.0)))
+    averaged = average(double(Escapement(impulse=0.01, angle_deg=1.0)))
     z = np.array([0.08, 0.01j])
-    gamma = found.shapes[0] * z
-    size, speed = np.abs(found.shapes[0] * z), np.abs(found.omega * found.shapes[0] * z)
+    gamma = averaged.shapes[0] * z
+    size, speed = np.abs(averaged.shapes[0] * z), np.abs(averaged.omega * averaged.shapes[0] * z)
     assert size[0] > size[1]
-    assert found.mixed(z[:, None], found.centre[:, None]) == pytest.approx(
+    assert averaged.mixed(z[:, None], averaged.centre[:, None]) == pytest.approx(
         speed[1] / speed[0] / sqrt(1 - (radians(1.0) / size[0]) ** 2)
     )
-    assert found.mixed(z[:, None], found.centre[:, None]) < 1
+    assert averaged.mixed(z[:, None], averaged.centre[:, None]) < 1
     times = np.linspace(0.0, 4000.0, 4_000_001)
-    waves = np.exp(1j * np.outer(found.omega, times))
-    angle, rate = (gamma @ waves).real, (1j * found.omega * gamma @ waves).real
+    waves = np.exp(1j * np.outer(averaged.omega, times))
+    angle, rate = (gamma @ waves).real, (1j * averaged.omega * gamma @ waves).real
     out = np.abs(angle) > radians(1.0)
     at = np.flatnonzero(~out[:-1] & out[1:] & (angle[1:] * rate[1:] > 0))
     at = at[np.diff(np.sign(angle[at]), prepend=0) != 0]
     pull = (np.sign(angle[at]) * 0.01 * waves[:, at].conj()).sum(axis=1) / times[-1]
-    expected = found.shapes[0] * pull / (1j * found.omega)
+    expected = averaged.shapes[0] * pull / (1j * averaged.omega)
     np.testing.assert_allclose(
-        (found.forced(z, found.centre) - found.smooth(z, found.centre)),
+        (averaged.forced(z, averaged.centre) - averaged.smooth(z, averaged.centre)),
         expected,
         rtol=0.05,
         atol=0.03 * abs(expected).max(),
@@ -134,22 +134,22 @@ def test_kicks_follow_two_frequencies() -> None:
 def test_a_strong_band_starves_a_weak_one_twice_as_much_as_itself() -> None:
     """γ = Σ|Γ_b| cos χ_b gives (γ²γ')_b = iωΓ_b (|Γ_b|² + 2|Γ_c|²)/4."""
     e, limit = 0.02, 1e-3
-    found = average(double(VanDerPol(strength=e, angle_deg=float(np.degrees(limit)))))
-    turns, z = found.shapes[0], np.array([2e-3, 1e-3j])
+    averaged = average(double(VanDerPol(strength=e, angle_deg=float(np.degrees(limit)))))
+    turns, z = averaged.shapes[0], np.array([2e-3, 1e-3j])
     sizes = np.abs(turns * z) ** 2
     expected = e / 2 * turns**2 * (1 - (sizes + 2 * sizes[::-1]) / (4 * limit**2))
-    np.testing.assert_allclose((found.flow(z, found.centre) / z).real, expected, rtol=1e-4)
+    np.testing.assert_allclose((averaged.flow(z, averaged.centre) / z).real, expected, rtol=1e-4)
 
 
 def test_frequencies_fall_as_kappa_says() -> None:
     for scene in (bobs(1.0, 1.0, mass=3.0), double()):
-        found, modes = average(scene), natural_modes(scene)
-        for place, row in enumerate(found.row):
-            z = np.where(np.arange(len(found.omega)) == place, 0.02 + 0j, 0.0)
-            rate = found.flow(z, np.full(len(found.centre), found.omega[place]))[place] / z[place]
+        averaged, modes = average(scene), natural_modes(scene)
+        for place, row in enumerate(averaged.row):
+            z = np.where(np.arange(len(averaged.omega)) == place, 0.02 + 0j, 0.0)
+            rate = averaged.flow(z, np.full(len(averaged.centre), averaged.omega[place]))[place] / z[place]
             kappa = modes[int(row)].kappa
             assert abs(rate.real) < 1e-12
-            assert rate.imag == pytest.approx(found.omega[place] * kappa * found.largest(z) ** 2, rel=0.01)
+            assert rate.imag == pytest.approx(averaged.omega[place] * kappa * averaged.largest(z) ** 2, rel=0.01)
 
 
 @pytest.mark.parametrize("count", range(1, MOST_BANDS + 1))
@@ -174,12 +174,12 @@ def test_few_phases_do_as_well_as_many(size: float, within: float) -> None:
 
 def test_amplitudes_give_the_motion_and_its_energy_back() -> None:
     scene, rng = double(), np.random.default_rng(4)
-    found, (q, v) = average(scene), rng.standard_normal((2, 2)) * 1e-3
-    z, equations = found.amplitudes(State(q, v)), matrices(scene)
-    np.testing.assert_allclose((found.shapes @ z).real, q)
-    np.testing.assert_allclose((found.shapes @ (1j * found.omega * z)).real, v)
-    assert found.energies(z).sum() == pytest.approx((v @ equations.M @ v + q @ equations.K @ q) / 2)
-    assert found.largest(z) >= np.abs(q).max()
+    averaged, (q, v) = average(scene), rng.standard_normal((2, 2)) * 1e-3
+    z, equations = averaged.amplitudes(State(q, v)), matrices(scene)
+    np.testing.assert_allclose((averaged.shapes @ z).real, q)
+    np.testing.assert_allclose((averaged.shapes @ (1j * averaged.omega * z)).real, v)
+    assert averaged.energies(z).sum() == pytest.approx((v @ equations.M @ v + q @ equations.K @ q) / 2)
+    assert averaged.largest(z) >= np.abs(q).max()
 
 
 # -------------------------------------------------------------------------------------- configurations, slow motion
@@ -190,36 +190,40 @@ def clocks(*angles: float, damping: float = 16.0) -> Scene:
 
 
 def test_two_pendula_keep_in_phase_or_in_antiphase() -> None:
-    found = average(clocks(5.0, -6.0))
-    states = relative_equilibria(found)
-    angles = [(found.shapes[1:] @ one.z) for one in states if one.share.max() > 0.999]
+    averaged = average(clocks(5.0, -6.0))
+    states = relative_equilibria(averaged)
+    angles = [(averaged.shapes[1:] @ state.z) for state in states if state.share.max() > 0.999]
     ratios = sorted(float((left / right).real) for left, right in angles)
     np.testing.assert_allclose(ratios, [-1.0, 1.0], atol=1e-6)
-    assert [one.is_stable for one in states if one.share.max() > 0.999] == [True, False]
-    apart = next(one for one in states if one.row == 1)
+    assert [state.is_stable for state in states if state.share.max() > 0.999] == [True, False]
+    apart = next(state for state in states if state.row == 1)
     assert apart.omega == pytest.approx(sqrt(G) * (1 - radians(8.0) ** 2 / 16), rel=1e-4)
 
 
 @pytest.mark.slow
 def test_many_pendula_in_antiphase_share_the_swing_in_many_ways_and_hold_it_all_the_same() -> None:
-    found = average(clocks(5.0, -6.0, 4.0, -7.0))
-    one = next(one for one in relative_equilibria(found) if one.row == 1 and one.share.max() > 0.999)
-    assert one.is_stable is None
-    assert one.hold > 0.1 * np.abs(one.rates.real).max()
+    averaged = average(clocks(5.0, -6.0, 4.0, -7.0))
+    state = next(
+        equilibrium
+        for equilibrium in relative_equilibria(averaged)
+        if equilibrium.row == 1 and equilibrium.share.max() > 0.999
+    )
+    assert state.is_stable is None
+    assert state.hold > 0.1 * np.abs(state.rates.real).max()
 
 
 def test_a_disturbance_falls_at_the_rate_of_its_configuration() -> None:
-    found = average(clocks(5.0, -6.0))
-    one = next(one for one in relative_equilibria(found) if one.row == 1)
-    angles = np.degrees((found.shapes[1:] @ one.z).real)
+    averaged = average(clocks(5.0, -6.0))
+    state = next(equilibrium for equilibrium in relative_equilibria(averaged) if equilibrium.row == 1)
+    angles = np.degrees((averaged.shapes[1:] @ state.z).real)
     size = 8.0 / max(abs(angles))
     scene = clocks(*(size * angles + 0.5))
-    run = find_survival(simulate(scene, 4 / one.hold, tolerance=1e-9, output=4001))
+    run = find_survival(simulate(scene, 4 / state.hold, tolerance=1e-9, output=4001))
     other = np.log(1 - run.share.max(axis=1))
-    inside = (run.times > 0.5 / one.hold) & (run.times < 3.5 / one.hold)
+    inside = (run.times > 0.5 / state.hold) & (run.times < 3.5 / state.hold)
     slope = np.polyfit(run.times[inside], other[inside], 1)[0]
-    assert slope == pytest.approx(-2 * one.hold, rel=0.1)
-    assert one.relaxation == 1 / abs(one.growth)
+    assert slope == pytest.approx(-2 * state.hold, rel=0.1)
+    assert state.relaxation == 1 / abs(state.growth)
 
 
 def test_slow_motion_is_that_of_the_run() -> None:
@@ -245,24 +249,24 @@ def test_steps_are_short_enough() -> None:
     """Eight times as many steps change nothing that is asked."""
     import nonlinear.averaging.slow_flow as slow
 
-    found = average(clocks(6.0, 4.0))
-    z = found.amplitudes(initial_state(found.scene))[:, None]
-    (usual,) = settle(found, z)
+    averaged = average(clocks(6.0, 4.0))
+    z = averaged.amplitudes(initial_state(averaged.scene))[:, None]
+    (usual,) = settle(averaged, z)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(slow, "GAIN", slow.GAIN / 8)
         patch.setattr(slow, "TURN", slow.TURN / 8)
         patch.setattr(slow, "MOST_STEPS", slow.MOST_STEPS * 8)
-        (fine,) = settle(found, z)
+        (fine,) = settle(averaged, z)
     assert usual.locking_time() == pytest.approx(fine.locking_time(), rel=1e-3)
 
 
 @pytest.mark.parametrize("row", [0, 1])
 def test_modes_that_are_left_out_set_no_pace(row: int) -> None:
-    found = average(load("huygens"))
-    kept = found.row == found.row[row]
+    averaged = average(load("huygens"))
+    kept = averaged.row == averaged.row[row]
     z = np.where(kept, 1.0 + 0.0j, 0.0)[:, None]
-    z = FIRST * z / found.largest(z)
-    alone = found.only(kept)
+    z = FIRST * z / averaged.largest(z)
+    alone = averaged.only(kept)
     other = replace(alone, omega=np.where(kept, alone.omega, 1.2 * alone.omega))
     assert _pace(other, z) == pytest.approx(_pace(alone, z), rel=1e-6)
 
@@ -270,27 +274,27 @@ def test_modes_that_are_left_out_set_no_pace(row: int) -> None:
 @pytest.mark.slow
 def test_what_grows_from_next_to_nothing_is_followed_into_its_cycle() -> None:
     """The beam of this scene swings slowly and decays: steps that fit it are far too long for the clocks it feeds."""
-    found = average(vary(load("clocks-double"), {"support.mass": 50.0}))
-    start = np.where(found.row == 0, FIRST / np.abs(found.shapes[1:, 0]).max(), 1e-12).astype(complex)
-    (motion,) = settle(found, start[:, None])
-    ending = relative_equilibrium(found, motion.z[:, -1])
+    averaged = average(vary(load("clocks-double"), {"support.mass": 50.0}))
+    start = np.where(averaged.row == 0, FIRST / np.abs(averaged.shapes[1:, 0]).max(), 1e-12).astype(complex)
+    (motion,) = settle(averaged, start[:, None])
+    ending = relative_equilibrium(averaged, motion.z[:, -1])
     assert ending is not None
     assert ending.is_stable
-    np.testing.assert_allclose(found.energies(motion.z[:, -1]).max(), found.energies(ending.z).max(), rtol=0.02)
+    np.testing.assert_allclose(averaged.energies(motion.z[:, -1]).max(), averaged.energies(ending.z).max(), rtol=0.02)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("nonlinear.averaging.slow_flow.MOST_STEPS", 1)
-        assert runs_away(found, settle(found, start[:, None], 10**6)[0].z)
+        assert runs_away(averaged, settle(averaged, start[:, None], 10**6)[0].z)
 
 
 @pytest.mark.slow
 def test_a_cart_that_is_stopped_at_once_makes_no_doubt_of_who_comes_back() -> None:
     """The damper takes its own mode, of a spring, at a rate of more than 10⁴ times that of a clock."""
     scene = bobs(5.0, -6.0, drive=VanDerPol(strength=1e-4, angle_deg=4.0), mass=8.0, stiffness=900.0, damping=40.0)
-    one = next(one for one in relative_equilibria(average(scene)) if one.row == 1)
-    assert np.abs(one.rates.real).max() > 1e4 * abs(one.growth)
-    assert one.growth == pytest.approx(-1e-4, rel=0.01)
-    assert one.recovery == pytest.approx(1e-4, rel=0.01)
-    assert one.is_stable is True
+    state = next(equilibrium for equilibrium in relative_equilibria(average(scene)) if equilibrium.row == 1)
+    assert np.abs(state.rates.real).max() > 1e4 * abs(state.growth)
+    assert state.growth == pytest.approx(-1e-4, rel=0.01)
+    assert state.recovery == pytest.approx(1e-4, rel=0.01)
+    assert state.is_stable is True
 
 
 # ----------------------------------------------------------------------------------------------------- predictions
@@ -358,8 +362,8 @@ def in_units(length: float, *angles: float, drive: Drive, cart: float = 10.0) ->
     """Driven bobs of 1 kg on a cart, as bobs of 1 m are at g = 9.81 m/s² but for the unit of length and of time."""
     unit = length**1.5
     name = "strength" if isinstance(drive, VanDerPol) else "impulse"
-    own = drive.model_copy(update={name: getattr(drive, name) * unit})
-    link = Bob(mass=1.0, length=length, damping=0.01 * unit, drive=own)
+    scaled = drive.model_copy(update={name: getattr(drive, name) * unit})
+    link = Bob(mass=1.0, length=length, damping=0.01 * unit, drive=scaled)
     pendula = tuple(Pendulum(links=(link,), start=InitialCondition(angles_deg=(angle,))) for angle in angles)
     return Scene(gravity=G, support=Cart(mass=cart, damping=0.1 * length**-0.5 if cart else 0.0), pendulum=pendula)
 
@@ -397,5 +401,5 @@ def test_rates_out_of_all_proportion_end_in_time(monkeypatch: pytest.MonkeyPatch
 def test_the_largest_angle_is_that_of_a_pendulum_not_of_its_modes_one_by_one() -> None:
     """One of eight aside: eight modes of one band add up to the angle it was released from."""
     scene = bobs(10.0, *[0.0] * 7, drive=FEED, mass=10.0)
-    found = average(scene)
-    assert found.largest(found.amplitudes(initial_state(scene))) == pytest.approx(radians(10.0), rel=1e-12)
+    averaged = average(scene)
+    assert averaged.largest(averaged.amplitudes(initial_state(scene))) == pytest.approx(radians(10.0), rel=1e-12)

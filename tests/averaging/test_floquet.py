@@ -20,7 +20,7 @@ WITHIN = 6e-4  # 1/s
 
 @cache
 def said(pair: floquet.Pair) -> dict[str, RelativeEquilibrium]:
-    return {agreement(one): one for one in relative_equilibria(average(pair.scene))}
+    return {agreement(equilibrium): equilibrium for equilibrium in relative_equilibria(average(pair.scene))}
 
 
 @cache
@@ -37,23 +37,23 @@ def test_antiphase_of_metronomes_grows_as_it_does(angle: float, told: float) -> 
     pair = floquet.metronomes(angle)
     growth = exact(pair, "antiphase").growth
     assert growth == pytest.approx(told, abs=1e-5)
-    one = said(pair)["antiphase"]
-    assert one.growth == pytest.approx(growth, abs=WITHIN)
-    assert one.is_stable is (told < 0)
+    state = said(pair)["antiphase"]
+    assert state.growth == pytest.approx(growth, abs=WITHIN)
+    assert state.is_stable is (told < 0)
 
 
 def test_strong_metronomes_on_a_heavy_beam_come_back_in_phase() -> None:
-    one, growth = said(STRONG)["in phase"], exact(STRONG, "in phase").growth
+    state, growth = said(STRONG)["in phase"], exact(STRONG, "in phase").growth
     assert growth == pytest.approx(-0.0102, abs=1e-4)
-    assert one.growth == pytest.approx(growth, abs=1e-3)
-    assert one.is_stable is True
+    assert state.growth == pytest.approx(growth, abs=1e-3)
+    assert state.is_stable is True
 
 
 def test_the_simulator_comes_back_at_the_same_rate() -> None:
-    one = said(STRONG)["in phase"]
-    q = one.averaged.shapes @ one.z
+    state = said(STRONG)["in phase"]
+    q = state.averaged.shapes @ state.z
     q[1:] *= np.exp(1j * np.array([0.02, -0.02]))
-    v = (1j * one.omega * q).real
+    v = (1j * state.omega * q).real
     start = State(q[1:].real, v[1:], float(q[0].real), float(v[0]))
     run = find_survival(simulate(STRONG.scene, 250.0, start=start, tolerance=1e-9, output=12_001))
     inside = (run.times > 50) & (run.times < 240)
@@ -73,10 +73,10 @@ def test_the_simulator_comes_back_at_the_same_rate() -> None:
     ],
 )
 def test_kicked_clocks_grow_as_they_do(pair: floquet.Pair, words: str, within: float) -> None:
-    one, motion = said(pair)[words], exact(pair, words)
-    assert one.growth == pytest.approx(motion.growth, abs=within)
-    assert one.is_stable is (motion.growth < 0)
-    assert one.omega == pytest.approx(2 * np.pi / motion.period, rel=1e-4)
+    state, motion = said(pair)[words], exact(pair, words)
+    assert state.growth == pytest.approx(motion.growth, abs=within)
+    assert state.is_stable is (motion.growth < 0)
+    assert state.omega == pytest.approx(2 * np.pi / motion.period, rel=1e-4)
 
 
 def test_volumes_shrink_as_the_equations_say() -> None:

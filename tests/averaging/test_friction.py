@@ -28,12 +28,12 @@ def test_a_swing_loses_a_constant_rate() -> None:
     scene = scene_from(
         {"gravity": G, "pendulum": [{"links": [{"kind": "bob", "mass": 1.0, "length": 1.0, "friction": 1e-3}]}]}
     )
-    found = average(scene)
+    averaged = average(scene)
     for angle in (1e-3, 3e-2):
-        z = found.amplitudes(State(np.array([angle]), np.zeros(1)))[:, None]
-        rate = found.forced(z, found.turning(z))
+        z = averaged.amplitudes(State(np.array([angle]), np.zeros(1)))[:, None]
+        rate = averaged.forced(z, averaged.turning(z))
         shrinking = float(np.real(rate[0, 0] * z[0, 0].conj()) / np.abs(z[0, 0]))
-        scale = abs(float(found.link_shapes[0, 0]))
+        scale = abs(float(averaged.link_shapes[0, 0]))
         assert shrinking * scale == pytest.approx(-2 * 1e-3 * np.sqrt(G) / (pi * G), rel=2e-3)
 
 
@@ -42,8 +42,8 @@ def test_two_frequencies_at_once_by_quadrature() -> None:
     swing, turning, limit = np.array([[[0.3 + 0.1j]], [[0.02 - 0.05j]]]), np.array([[2.0], [5.0]]), np.array([0.7])
     count = 400
     grid = 2 * pi * (np.arange(count) + 0.5) / count
-    one, other = (phase.ravel() for phase in np.meshgrid(grid, grid, indexing="ij"))
-    phases = np.exp(1j * np.array([one, other]))
+    slow, fast = (phase.ravel() for phase in np.meshgrid(grid, grid, indexing="ij"))
+    phases = np.exp(1j * np.array([slow, fast]))
     velocity = np.real(1j * turning * swing[:, 0] * phases).sum(0)
     torque = -limit[0] * np.sign(velocity)
     first, third = rubbed(limit, swing, turning, phases[:, ::7])
@@ -61,8 +61,8 @@ def test_the_amplitude_of_a_clock_with_friction() -> None:
     assert ending is not None
     omega = np.sqrt(G)
     expected = (2 * 1e-2 * omega - 4 * friction) / (pi * 0.05 * omega)
-    found = average(scene)
-    angle = found.largest(ending.z[:, None])
+    averaged = average(scene)
+    angle = averaged.largest(ending.z[:, None])
     assert angle == pytest.approx(expected, rel=0.02)
     run = simulate(scene, 60.0, start=State(np.array([angle]), np.zeros(1)), output=3001, tolerance=1e-7)
     late = run.motion.links[run.times > 55.0]
@@ -73,8 +73,8 @@ def test_linear_drag_damps_as_a_damper_does() -> None:
     rates = []
     for law in ({"drag": 0.02}, {"damping": 0.02}):
         link = {"kind": "bob", "mass": 1.0, "length": 1.0, **law}
-        found = average(scene_from({"gravity": G, "pendulum": [{"links": [link]}]}))
-        z = found.amplitudes(State(np.array([0.1]), np.zeros(1)))[:, None]
-        rates.append(found.forced(z, found.turning(z))[0, 0])
+        averaged = average(scene_from({"gravity": G, "pendulum": [{"links": [link]}]}))
+        z = averaged.amplitudes(State(np.array([0.1]), np.zeros(1)))[:, None]
+        rates.append(averaged.forced(z, averaged.turning(z))[0, 0])
     assert rates[0] == pytest.approx(rates[1], rel=1e-12)
     assert rates[0].real / np.abs(z[0, 0]) == pytest.approx(-0.01, rel=1e-2)

@@ -64,8 +64,8 @@ class Machine:
         start = np.concatenate([release, np.zeros(len(release))])
         times = np.linspace(0, period / 4, 200) if dense else None
         run = solve_ivp(self, (0, period / 4), start, "DOP853", times, rtol=1e-9, atol=1e-11)
-        found: Floats = run.y[: len(release)]
-        return found if dense else found[:, -1]
+        coordinates: Floats = run.y[: len(release)]
+        return coordinates if dense else coordinates[:, -1]
 
 
 @lru_cache
@@ -82,17 +82,17 @@ def true_angle(scene: Scene, number: int) -> float:
         def missed(z: Floats, ahead: Floats = ahead, here: Floats = here, step: float = step) -> Floats:
             return np.append(machine.quarter(z[:size], z[size] * linear), ahead @ (z - here) - step)
 
-        found = root(missed, here + step * ahead, tol=1e-9)
-        if np.abs(found.fun).max() > 1e-7:
+        solution = root(missed, here + step * ahead, tol=1e-9)
+        if np.abs(solution.fun).max() > 1e-7:
             step /= 2
             assert step > 1e-3, "the branch of orbits was lost"
             continue
-        if abs(1 / found.x[size] - 1) >= 0.01:
+        if abs(1 / solution.x[size] - 1) >= 0.01:
             break
-        behind, here = here, found.x
-    before, after = (1 / z[size] - 1 for z in (here, found.x))
+        behind, here = here, solution.x
+    before, after = (1 / z[size] - 1 for z in (here, solution.x))
     shift = np.copysign(0.01, after)
-    guess = here + (found.x - here) * (shift - before) / (after - before)
+    guess = here + (solution.x - here) * (shift - before) / (after - before)
     period = linear / (1 + shift)
     orbit = root(lambda q: machine.quarter(q, period), guess[:size], tol=1e-9)
     assert np.abs(orbit.fun).max() < 1e-7
@@ -185,7 +185,7 @@ def hung(*links: Bob | Rod) -> Pendulum:
 
 def far_from_resonance() -> tuple[Scene, Scene]:
     """Angles that another mode 31 % beside 1:1 changes by 7 %, and that several change by 4 % in all."""
-    one = Scene(
+    scene = Scene(
         gravity=17.033,
         support=Cart(mass=3.869),
         pendulum=(
@@ -202,7 +202,7 @@ def far_from_resonance() -> tuple[Scene, Scene]:
             hung(Bob(mass=2.7326, length=0.4595), Rod(mass=0.2411, length=1.307), Rod(mass=2.9373, length=1.9873)),
         ),
     )
-    return one, several
+    return scene, several
 
 
 @pytest.mark.parametrize(("which", "number", "truth"), [(0, 2, 18.12), (1, 1, 40.80)])

@@ -42,21 +42,25 @@ def equal(count: int) -> tuple[RelativeEquilibrium, ...]:
 def splay(states: tuple[RelativeEquilibrium, ...]) -> RelativeEquilibrium:
     """The stable state of three pendula a third of a swing apart."""
     return next(
-        one for one in states if one.is_stable and np.ptp(np.abs(links(one))) < 1e-6 and abs(links(one).sum()) < 0.1
+        state
+        for state in states
+        if state.is_stable and np.ptp(np.abs(links(state))) < 1e-6 and abs(links(state).sum()) < 0.1
     )
 
 
-def links(one: RelativeEquilibrium) -> Complexes:
-    return np.asarray(one.averaged.link_shapes @ one.z)
+def links(equilibrium: RelativeEquilibrium) -> Complexes:
+    return np.asarray(equilibrium.averaged.link_shapes @ equilibrium.z)
 
 
 def counted(states: Complexes) -> int:
     """How many of these rows (S, N) differ by more than a common phase."""
-    found: list[Complexes] = []
+    distinct: list[Complexes] = []
     for row in states:
-        if all(abs(abs(np.vdot(row, other)) - np.linalg.norm(row) * np.linalg.norm(other)) > 1e-7 for other in found):
-            found.append(row)
-    return len(found)
+        if all(
+            abs(abs(np.vdot(row, other)) - np.linalg.norm(row) * np.linalg.norm(other)) > 1e-7 for other in distinct
+        ):
+            distinct.append(row)
+    return len(distinct)
 
 
 def test_equal_pendula_are_told_from_others() -> None:
@@ -70,70 +74,70 @@ def test_equal_pendula_are_told_from_others() -> None:
 def test_copies_are_those_that_all_permutations_make(seed: int) -> None:
     averaged, random = equal(4)[0].averaged, np.random.default_rng(seed)
     phases = random.choice([1.0, 1j, -1.0, -1j], 4)
-    own = phases * random.choice([0.1, 0.2], 4)
-    rows = np.array([own[list(order)] for order in permutations(range(4))])
-    z = averaged.dual.T @ np.concatenate(([0.0], own))
+    amplitudes = phases * random.choice([0.1, 0.2], 4)
+    rows = np.array([amplitudes[list(order)] for order in permutations(range(4))])
+    z = averaged.dual.T @ np.concatenate(([0.0], amplitudes))
     assert count_copies(averaged, z) == counted(rows)
 
 
 def test_both_splay_states_are_one_that_has_two_copies() -> None:
-    one = splay(equal(3))
-    copies = [exchanged(one.averaged, one.z, np.array(order)) for order in permutations(range(3))]
-    assert one.copies == counted(np.array([one.averaged.link_shapes @ z for z in copies])) == 2
+    splayed = splay(equal(3))
+    copies = [exchanged(splayed.averaged, splayed.z, np.array(order)) for order in permutations(range(3))]
+    assert splayed.copies == counted(np.array([splayed.averaged.link_shapes @ z for z in copies])) == 2
     random = np.random.default_rng(3)
     turned = [z * np.exp(1j * random.uniform(0, 6.0)) for z in copies]
-    assert np.allclose(likeness(one, np.array(turned).T), 1.0, atol=1e-9)
-    again = [relative_equilibrium(one.averaged, z) for z in turned]
+    assert np.allclose(likeness(splayed, np.array(turned).T), 1.0, atol=1e-9)
+    again = [relative_equilibrium(splayed.averaged, z) for z in turned]
     assert all(
-        state and np.allclose(state.z, z, atol=1e-7) and same(one, state)
+        state and np.allclose(state.z, z, atol=1e-7) and same(splayed, state)
         for state, z in zip(again, turned, strict=True)
     )
-    assert not any(same(one, other) for other in equal(3) if other is not one)
+    assert not any(same(splayed, other) for other in equal(3) if other is not splayed)
 
 
 @pytest.mark.slow
 def test_unequal_pendula_have_both_states_listed() -> None:
     """Two attractors of equal energies by rows and nearly equal growth: 20.1, 18.1, 17.3° and 18.2, 20.1, 17.2°."""
-    found = relative_equilibria(average(metronomes(LENGTHS, DRIVES, 17.4823, 10.06)))
-    states = [one for one in found if one.is_stable]
-    spread = [np.rad2deg(np.abs(links(one))) for one in states if abs(links(one).sum()) < 0.1]
+    equilibria = relative_equilibria(average(metronomes(LENGTHS, DRIVES, 17.4823, 10.06)))
+    states = [state for state in equilibria if state.is_stable]
+    spread = [np.rad2deg(np.abs(links(state))) for state in states if abs(links(state).sum()) < 0.1]
     assert len(spread) == 2
     first, second = sorted(spread, key=lambda angles: -angles[0])
     assert first == pytest.approx([20.1, 18.1, 17.3], abs=0.06)
     assert second == pytest.approx([18.2, 20.1, 17.2], abs=0.06)
-    assert not same(*[one for one in states if abs(links(one).sum()) < 0.1])
+    assert not same(*[state for state in states if abs(links(state).sum()) < 0.1])
 
 
-def started(one: RelativeEquilibrium, order: Ints, turn: float) -> State:
+def started(equilibrium: RelativeEquilibrium, order: Ints, turn: float) -> State:
     """A state on a copy of the motion, which the full equations keep but for the error of averaging."""
-    averaged = one.averaged
-    z = exchanged(averaged, one.z, order) * np.exp(1j * turn)
-    q, v = (averaged.shapes @ z).real, (averaged.shapes @ (1j * one.omega * z)).real
+    averaged = equilibrium.averaged
+    z = exchanged(averaged, equilibrium.z, order) * np.exp(1j * turn)
+    q, v = (averaged.shapes @ z).real, (averaged.shapes @ (1j * equilibrium.omega * z)).real
     return State(q[1:], v[1:], float(q[0]), float(v[0]))
 
 
 @pytest.mark.slow
 def test_an_ensemble_recognizes_every_copy() -> None:
-    one = splay(equal(3))
-    starts = [started(one, np.array(order), 0.7) for order in permutations(range(3))]
-    found = ensemble(one.averaged.scene, 6.0, starts=starts, measures=["configuration"], engine="numpy")
-    assert found.to_dict()["configuration"].tolist() == [1.0] * len(starts)
+    state = splay(equal(3))
+    starts = [started(state, np.array(order), 0.7) for order in permutations(range(3))]
+    runs = ensemble(state.averaged.scene, 6.0, starts=starts, measures=["configuration"], engine="numpy")
+    assert runs.to_dict()["configuration"].tolist() == [1.0] * len(starts)
 
 
 def test_members_of_a_family_are_one_state_and_recognized_by_their_energies() -> None:
     """Four equal metronomes in antiphase: two pairs, at any angle to each other."""
-    family = next(one for one in equal(4) if one.is_family)
+    family = next(state for state in equal(4) if state.is_family)
     averaged = family.averaged
     size = np.abs(links(family)).mean()
     pairs = [size * np.array([1, -1, turn, -turn]) for turn in np.exp(1j * np.array([0.3, 1.0, 1.5]))]
     z = np.array(
         [
-            averaged.dual.T @ np.concatenate(([0.0], own[list(order)]))
-            for own in pairs
+            averaged.dual.T @ np.concatenate(([0.0], amplitudes[list(order)]))
+            for amplitudes in pairs
             for order in ((0, 1, 2, 3), (0, 2, 1, 3))
         ]
     )
     assert family.copies == 1
     assert np.all(likeness(family, z.T) > 0.99)
-    upright = next(one for one in equal(4) if not one.is_family)
+    upright = next(state for state in equal(4) if not state.is_family)
     assert np.all(likeness(upright, z.T) < 0.1)

@@ -56,16 +56,16 @@ def multipliers(gamma: float) -> Floats:
 def test_of_a_periodic_motion_it_is_the_logarithm_of_the_largest_multiplier(gamma: float) -> None:
     mu = multipliers(gamma)
     assert np.prod(mu).real == pytest.approx(np.exp(-2 * BETA), rel=1e-8)  # the sum of all exponents is −2β
-    found = lyapunov_exponent(textbook(gamma), 60.0, ensemble=2, spread=1e-6, tolerance=1e-9)
+    exponent = lyapunov_exponent(textbook(gamma), 60.0, ensemble=2, spread=1e-6, tolerance=1e-9)
     expected = np.log(np.abs(mu)).max()
     if np.iscomplex(mu).any():
         assert expected == pytest.approx(-BETA, rel=1e-8)
-        assert found.value == pytest.approx(expected, abs=0.02)  # |v| turns as it shrinks
+        assert exponent.value == pytest.approx(expected, abs=0.02)  # |v| turns as it shrinks
     else:
-        assert found.value == pytest.approx(expected, abs=1e-4)
-    assert found.is_negative
-    assert "a small error halves every" in found.text()
-    assert found.words().startswith("-")
+        assert exponent.value == pytest.approx(expected, abs=1e-4)
+    assert exponent.is_negative
+    assert "a small error halves every" in exponent.text()
+    assert exponent.words().startswith("-")
 
 
 def test_a_weak_drive_leaves_the_exponent_half_the_damping() -> None:
@@ -73,8 +73,8 @@ def test_a_weak_drive_leaves_the_exponent_half_the_damping() -> None:
     links = [Bob(mass=1.0, length=1.0, damping=0.6)]
     force = SineForce(on="pendulum[0].links[0]", direction="torque", amplitude=0.1, frequency_hz=0.8)
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=links, start={"angles_deg": [5.0]})], force=[force])
-    found = lyapunov_exponent(scene, 50.0, ensemble=2)
-    assert found.value == pytest.approx(-0.3, abs=0.01)
+    exponent = lyapunov_exponent(scene, 50.0, ensemble=2)
+    assert exponent.value == pytest.approx(-0.3, abs=0.01)
 
 
 def test_all_exponents_add_up_to_the_loss_of_area_in_chaos_too() -> None:
@@ -118,7 +118,7 @@ SHAKEN = {
 @pytest.mark.parametrize("name", SHAKEN)
 def test_of_members_it_is_that_of_two_near_runs(name: str) -> None:
     scene = SHAKEN[name]
-    found = ensemble(scene, 2.0, vary={"gravity": [9.81]}, engine="numpy", measures=["lyapunov"], workers=1, check=0)
+    runs = ensemble(scene, 2.0, vary={"gravity": [9.81]}, engine="numpy", measures=["lyapunov"], workers=1, check=0)
     v = np.random.default_rng(0).standard_normal(4)
     scale = np.array([1, 1, np.sqrt(9.81 / 0.7), np.sqrt(9.81 / 0.7)])
     begun, ends = np.append(np.radians([25.0, -40.0]), [0.0, 0.0]), []
@@ -127,7 +127,7 @@ def test_of_members_it_is_that_of_two_near_runs(name: str) -> None:
         run = simulate(scene, 3.0, start=State(y[:2], y[2:]), output=[0.0, 1.0, 3.0], tolerance=1e-12).motion
         ends.append(np.hstack((run.links, run.link_rates))[1:])
     early, late = np.linalg.norm((ends[0] - ends[1]) / 2e-5 / scale, axis=1)
-    assert found.column("lyapunov_per_s")[0] == pytest.approx(np.log(late / early) / 2.0, abs=1e-5)
+    assert runs.column("lyapunov_per_s")[0] == pytest.approx(np.log(late / early) / 2.0, abs=1e-5)
 
 
 def test_a_motion_that_does_not_repeat_is_refused() -> None:

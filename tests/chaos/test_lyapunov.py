@@ -83,20 +83,20 @@ def test_the_tangent_is_sympys_jacobian() -> None:
     exact = sp.Matrix([w, u, solved[a], solved[b]]).jacobian([x, t, w, u]).subs(numbers)
     scene = Scene(gravity=G, support=Cart(mass=1.9), pendulum=(Pendulum(links=(Bob(mass=0.7, length=1.3),)),))
     y = np.array([0.2, 0.9, -0.4, 2.1])[:, None]
-    _, found = Tangent(system_of(scene)).product(np.tile(y, 4), np.eye(4))
-    assert np.allclose(found, np.array(exact.tolist(), dtype=float), rtol=1e-13, atol=1e-13)
+    _, product = Tangent(system_of(scene)).product(np.tile(y, 4), np.eye(4))
+    assert np.allclose(product, np.array(exact.tolist(), dtype=float), rtol=1e-13, atol=1e-13)
 
 
 # -------------------------------------------------------------------------------------------- where λ is known
 
 
 def test_regular_motion_is_not_told_from_zero() -> None:
-    found = lyapunov_exponent(released(1, 90), 40.0, ensemble=8)
-    assert not found.is_positive
-    assert found.chaotic == 0
-    assert 0 < found.bound < 0.1
-    assert found.words().startswith("< ")
-    assert "not distinguishable from zero" in found.text()
+    exponent = lyapunov_exponent(released(1, 90), 40.0, ensemble=8)
+    assert not exponent.is_positive
+    assert exponent.chaotic == 0
+    assert 0 < exponent.bound < 0.1
+    assert exponent.words().startswith("< ")
+    assert "not distinguishable from zero" in exponent.text()
 
 
 @pytest.mark.parametrize(("links", "up"), [(1, 1), (2, 1), (2, 2), (3, 2)])
@@ -108,9 +108,9 @@ def test_at_a_standing_rest_it_is_the_fastest_growth_rate(links: int, up: int) -
     )
     rate = max(mode.growth_rate or 0.0 for mode in natural_modes(scene))
     assert links > 1 or rate == pytest.approx(np.sqrt(G), rel=1e-14)
-    found = lyapunov_exponent(scene, 7.0, ensemble=4, spread=0.0)
-    early, late = np.searchsorted(found.times, [14 / rate, 22 / rate])
-    grown = found.growth[early:late].sum(0) / (found.times[late] - found.times[early])
+    exponent = lyapunov_exponent(scene, 7.0, ensemble=4, spread=0.0)
+    early, late = np.searchsorted(exponent.times, [14 / rate, 22 / rate])
+    grown = exponent.growth[early:late].sum(0) / (exponent.times[late] - exponent.times[early])
     assert grown == pytest.approx([rate] * 4, rel=1e-6 if links == 1 else 1e-4)
 
 
@@ -120,8 +120,8 @@ def test_the_tangent_at_a_standing_rest_has_the_modes_of_the_table() -> None:
     _, jacobian = Tangent(system_of(scene)).product(np.tile(y, 6), np.eye(6))
     modes = natural_modes(scene)
     expected = sorted([*modes.eigenvalue, *-modes.eigenvalue], key=lambda s: (round(s.real, 6), s.imag))
-    found = sorted(np.linalg.eigvals(jacobian), key=lambda s: (round(s.real, 6), s.imag))
-    assert np.allclose(found, expected, rtol=0, atol=1e-10)
+    eigenvalues = sorted(np.linalg.eigvals(jacobian), key=lambda s: (round(s.real, 6), s.imag))
+    assert np.allclose(eigenvalues, expected, rtol=0, atol=1e-10)
 
 
 def test_dampers_make_it_the_slowest_decay() -> None:
@@ -132,11 +132,11 @@ def test_dampers_make_it_the_slowest_decay() -> None:
         support=Cart(mass=1.0, damping=1.0, stiffness=6.0),
         pendulum=(Pendulum(links=(Rod(**joint), Rod(**joint)), start=InitialCondition(angles_deg=(0.01, 0.01))),),
     )
-    found = lyapunov_exponent(scene, 60.0, ensemble=4)
-    assert found.value == pytest.approx(max(natural_modes(scene).eigenvalue.real), abs=1 / 60)
-    assert found.value < -0.1
-    assert not found.is_positive
-    assert np.isnan(found.energy_drift)
+    exponent = lyapunov_exponent(scene, 60.0, ensemble=4)
+    assert exponent.value == pytest.approx(max(natural_modes(scene).eigenvalue.real), abs=1 / 60)
+    assert exponent.value < -0.1
+    assert not exponent.is_positive
+    assert np.isnan(exponent.energy_drift)
 
 
 @pytest.mark.slow
@@ -182,12 +182,12 @@ def shadow_growth(y: np.ndarray, aside: np.ndarray, end: float) -> np.ndarray:
 def test_two_routes_agree_at_high_energy() -> None:
     """Over a time in which rounding does not yet choose another motion, start by start: no chaotic sample decides."""
     angles = np.radians(150) + np.random.default_rng(77).uniform(-0.1, 0.1, (4, 2))
-    found = lyapunov_exponent(chain(2), 6.4, starts=[State(a, np.zeros(2)) for a in angles], tolerance=1e-11, seed=3)
+    exponent = lyapunov_exponent(chain(2), 6.4, starts=[State(a, np.zeros(2)) for a in angles], tolerance=1e-11, seed=3)
     drawn = np.random.default_rng(0).standard_normal((4, 1))  # the same direction for all
     aside = np.tile(drawn * np.array([1.0, 1.0, np.sqrt(G), np.sqrt(G)])[:, None], 4)
-    expected = shadow_growth(np.concatenate((angles.T, np.zeros((2, 4)))), aside, found.times[-1])
+    expected = shadow_growth(np.concatenate((angles.T, np.zeros((2, 4)))), aside, exponent.times[-1])
     assert expected.max() > 8
-    assert found.growth.sum(0) == pytest.approx(expected, abs=1e-3)
+    assert exponent.growth.sum(0) == pytest.approx(expected, abs=1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -216,26 +216,26 @@ def test_independent_ensembles_agree_within_their_uncertainty(many: Exponent) ->
 
 def drawn(rng: np.random.Generator, ensemble: int, sticks: float) -> Exponent:
     """An exponent of 1/s whose starts differ by 0.2, and in time go on differing for so long."""
-    times, own = np.arange(0.0, 61.0), rng.standard_normal((60, ensemble))
+    times, growth = np.arange(0.0, 61.0), rng.standard_normal((60, ensemble))
     for k in range(1, 60):
-        own[k] = np.exp(-1 / sticks) * own[k - 1] + np.sqrt(-np.expm1(-2 / sticks)) * own[k]
-    return Exponent(chain(2), times, 1 + own, transient=20.0, energy_drift=0.0)
+        growth[k] = np.exp(-1 / sticks) * growth[k - 1] + np.sqrt(-np.expm1(-2 / sticks)) * growth[k]
+    return Exponent(chain(2), times, 1 + growth, transient=20.0, energy_drift=0.0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("ensemble", "sticks"), [(1, 2.0), (4, 2.0), (4, 10.0), (16, 10.0)])
 def test_intervals_hold_the_exponent_as_often_as_they_say(ensemble: int, sticks: float) -> None:
     rng = np.random.default_rng(11)
-    found = [drawn(rng, ensemble, sticks) for _ in range(600)]
-    assert 0.935 < np.mean([abs(one.value - 1) < one.half_width for one in found]) < 0.99
+    exponents = [drawn(rng, ensemble, sticks) for _ in range(600)]
+    assert 0.935 < np.mean([abs(exponent.value - 1) < exponent.half_width for exponent in exponents]) < 0.99
 
 
 def test_a_single_start_says_that_it_is_judged_by_blocks() -> None:
     rng = np.random.default_rng(2)
-    one, four = (drawn(rng, ensemble, 2.0) for ensemble in (1, 4))
-    assert one.error == pytest.approx(1.4 * one.blocks.std(ddof=1) / np.sqrt(10))
-    assert (one.coverage, four.coverage) == pytest.approx((2.262, 3.182), abs=1e-3)
-    assert "widened 1.4-fold: use 4 starts or more" in one.text()
+    single, four = (drawn(rng, ensemble, 2.0) for ensemble in (1, 4))
+    assert single.error == pytest.approx(1.4 * single.blocks.std(ddof=1) / np.sqrt(10))
+    assert (single.coverage, four.coverage) == pytest.approx((2.262, 3.182), abs=1e-3)
+    assert "widened 1.4-fold: use 4 starts or more" in single.text()
     assert "take 4" not in four.text()
     low, high = four.value - four.half_width, four.value + four.half_width
     assert f"95 % confidence interval: {low:.3g} to {high:.3g} 1/s" in four.text()
@@ -244,15 +244,15 @@ def test_a_single_start_says_that_it_is_judged_by_blocks() -> None:
 def test_a_constructed_growth_is_read_off_exactly() -> None:
     times, rng = np.arange(0.0, 61.0), np.random.default_rng(2)
     noise = rng.standard_normal((60, 200))
-    found = Exponent(chain(2), times, 0.7 + noise, transient=20.0, energy_drift=0.0)
-    assert found.duration == 40.0
-    assert found.value == pytest.approx(0.7 + noise[20:].mean(), rel=1e-12)
-    assert found.error == pytest.approx(1 / np.sqrt(40 * 200), rel=0.5)
-    assert found.running()[1][-1] == pytest.approx(found.members)
-    assert found.floor == pytest.approx((1 + np.log(60 * np.sqrt(G))) / 40)
-    assert not replace(found, growth=0 * found.growth).is_positive
+    exponent = Exponent(chain(2), times, 0.7 + noise, transient=20.0, energy_drift=0.0)
+    assert exponent.duration == 40.0
+    assert exponent.value == pytest.approx(0.7 + noise[20:].mean(), rel=1e-12)
+    assert exponent.error == pytest.approx(1 / np.sqrt(40 * 200), rel=0.5)
+    assert exponent.running()[1][-1] == pytest.approx(exponent.members)
+    assert exponent.floor == pytest.approx((1 + np.log(60 * np.sqrt(G))) / 40)
+    assert not replace(exponent, growth=0 * exponent.growth).is_positive
     linear = np.diff(np.log(np.maximum(times, 0.5)))[:, None]
-    assert not replace(found, growth=linear).is_positive
+    assert not replace(exponent, growth=linear).is_positive
 
 
 def test_regular_islands_are_told_from_the_chaos_around_them() -> None:
@@ -344,16 +344,16 @@ def test_a_study_is_measured_case_by_case() -> None:
 def test_progress_is_told_at_every_step() -> None:
     """Not only where v is brought back: ten thousand starts take a while until then."""
     seen: list[float] = []
-    found = lyapunov_exponent(released(1, 90), 7.0, ensemble=1, report=seen.append)
-    assert len(seen) > len(found.times)
+    exponent = lyapunov_exponent(released(1, 90), 7.0, ensemble=1, report=seen.append)
+    assert len(seen) > len(exponent.times)
     assert seen == sorted(seen)
     assert seen[-1] == pytest.approx(10.5)
 
 
 def test_starts_replace_the_scenes_own() -> None:
     state = State(np.array([3.0, 3.0]), np.zeros(2))
-    found = lyapunov_exponent(chain(2), 7.0, starts=[state, state])
-    assert found.ensemble == 2
+    exponent = lyapunov_exponent(chain(2), 7.0, starts=[state, state])
+    assert exponent.ensemble == 2
 
 
 @pytest.mark.slow

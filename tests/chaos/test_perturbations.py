@@ -59,12 +59,12 @@ def test_a_perturbation_goes_through_switches_as_in_the_flow_of_orbits(support: 
         return float(np.log(after / before))
 
     assert stretching(numbers, y[:, None], wanted)[0] == pytest.approx(gain(flow), abs=1e-7)
-    bare = {name: own for name, own in support.items() if name != "friction_coefficient"}
+    bare = {name: value for name, value in support.items() if name != "friction_coefficient"}
     without = Flow(system_of(hung(BOB, BOB, support=bare)))
     assert abs(gain(without) - gain(flow)) > 1e-2
     many = {"gravity": [9.81, 9.7]}
-    found = ensemble(scene, SECONDS, vary=many, measures=["lyapunov"], engine="numpy", workers=1, tolerance=1e-12)
-    assert found.column("lyapunov_per_s")[0] * SECONDS == pytest.approx(gain(flow), abs=1e-7)
+    runs = ensemble(scene, SECONDS, vary=many, measures=["lyapunov"], engine="numpy", workers=1, tolerance=1e-12)
+    assert runs.column("lyapunov_per_s")[0] * SECONDS == pytest.approx(gain(flow), abs=1e-7)
 
 
 def test_a_perturbation_feels_quadratic_drag_as_neighbours_do() -> None:
@@ -88,9 +88,9 @@ def test_a_perturbation_feels_quadratic_drag_as_neighbours_do() -> None:
 
 def test_a_clock_that_ticks_regularly_is_not_chaotic() -> None:
     """Along its motion a perturbation lasts, across it none does."""
-    found = lyapunov_exponent(hung({**BOB, "damping": 0.3, "drive": CLOCK}), 60.0, ensemble=4)
-    assert not found.is_positive
-    assert abs(found.value) < 0.02
+    exponent = lyapunov_exponent(hung({**BOB, "damping": 0.3, "drive": CLOCK}), 60.0, ensemble=4)
+    assert not exponent.is_positive
+    assert abs(exponent.value) < 0.02
 
 
 def test_what_comes_to_rest_forgets_how_fast_it_was() -> None:

@@ -23,9 +23,18 @@ def test_every_capability_has_one_entry_for_every_feature(name: str) -> None:
 
 
 def test_no_entry_is_of_a_feature_that_does_not_exist() -> None:
-    for one in CAPABILITIES.values():
-        named = {*one.takes, *one.leaves, *one.refuses, *one.singly, *one.unless, *one.beside}
-        named |= {name for pair in one.apart for name in pair} | {name for wanted in one.needs for name in wanted}
+    for capability in CAPABILITIES.values():
+        named = {
+            *capability.takes,
+            *capability.leaves,
+            *capability.refuses,
+            *capability.singly,
+            *capability.unless,
+            *capability.beside,
+        }
+        named |= {name for pair in capability.apart for name in pair} | {
+            name for wanted in capability.needs for name in wanted
+        }
         assert named <= FEATURES.keys()
 
 

@@ -109,8 +109,8 @@ def test_exponents_and_sections() -> None:
     plain, null = both(CART, lambda scene: find_section(scene, 4.0, orbits=2, workers=1, engine="numpy"))
     assert null.to_dict().keys() == plain.to_dict().keys()
     assert null.energy == pytest.approx(plain.energy, rel=1e-13)
-    for one, other in zip(null.points(), plain.points(), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-8)
+    for point, other in zip(null.points(), plain.points(), strict=True):
+        np.testing.assert_allclose(point, other, rtol=1e-8, atol=1e-8)
     options: dict[str, Any] = {"orbits": 2, "settle": 2.0, "workers": 1, "engine": "numpy"}
     plain, null = both(HELD, lambda scene: find_strobes(scene, 8.0, **options))
     np.testing.assert_allclose(null.states[0], plain.states[0], atol=1e-8)
@@ -144,7 +144,7 @@ def test_checks_and_comparisons() -> None:
     assert null.measurements[0].omega == pytest.approx(plain.measurements[0].omega, rel=1e-9)
     assert null.at_rest[0] == pytest.approx(plain.at_rest[0], rel=1e-5)
     plain, null = both(CART, lambda scene: compare(simulate(scene, 5.0, output=201)))
-    assert [one.share for one in null.rows] == pytest.approx([one.share for one in plain.rows], abs=1e-9)
+    assert [row.share for row in null.rows] == pytest.approx([row.share for row in plain.rows], abs=1e-9)
     runs = both(CART, lambda scene: simulate(scene, 2.0, output=81))
     assert late(runs[1].motion, runs[1]) == 0.0
 
@@ -195,8 +195,12 @@ def test_an_orbit_on_a_board_closes() -> None:
     orbit = mode_orbit(UNLIKE, 2, 0.3)
     run = simulate(UNLIKE.conservative, orbit.period, start=orbit.state, output=3, tolerance=1e-12)
     last = run.motion[-1]
-    for one, other in ((last.links, orbit.state.links), (last.supports, orbit.state.supports), (last.link_rates, 0.0)):
-        np.testing.assert_allclose(one, other, atol=1e-9)
+    for closed, other in (
+        (last.links, orbit.state.links),
+        (last.supports, orbit.state.supports),
+        (last.link_rates, 0.0),
+    ):
+        np.testing.assert_allclose(closed, other, atol=1e-9)
     middle = run.motion[1]
     assert np.abs(middle.link_rates).max() < 1e-9
     assert np.abs(middle.links + orbit.state.links).max() > 1e-4  # at rest as well, but no mirror image
@@ -204,8 +208,8 @@ def test_an_orbit_on_a_board_closes() -> None:
 
 def test_all_modes_are_the_whole_scene_and_closed_form_is_its_limit() -> None:
     start, whole = initial_state(UNLIKE), simulate(UNLIKE, 2.0, output=11)
-    found = simulate_truncated(UNLIKE, 2.0, 5, output=11)
-    np.testing.assert_allclose(found.trajectory.motion.supports, whole.motion.supports, atol=1e-8)
+    truncated = simulate_truncated(UNLIKE, 2.0, 5, output=11)
+    np.testing.assert_allclose(truncated.trajectory.motion.supports, whole.motion.supports, atol=1e-8)
     small = vary(UNLIKE, {"pendulum[*].start.angles_deg[0]": 0.01, "pendulum[0].start.angles_deg[1]": 0.01})
     start = initial_state(small)
     linear, true = superpose(small, start, corrected=False), simulate(small, 2.0, output=11)
@@ -234,10 +238,10 @@ def test_a_fit_reads_coordinates_of_supports(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "data.csv", rows, delimiter=",", header=header, comments="")
     wrong = vary(UNLIKE, {"support.left.mass": 2.1, "support.board.stiffness": 5.2})
     record = read_recording(UNLIKE, [tmp_path / "data.csv"])
-    assert [(one.name, one.unit) for one in record.sensors][:2] == [("board", "rad"), ("left", "m")]
-    found = fit(wrong, record, ["support.left.mass", "support.board.stiffness"])
-    assert np.all(np.abs(found.values - [2.0, 5.0]) < 4 * found.stds)
-    assert np.all(found.stds < 0.01)
+    assert [(sensor.name, sensor.unit) for sensor in record.sensors][:2] == [("board", "rad"), ("left", "m")]
+    fitted = fit(wrong, record, ["support.left.mass", "support.board.stiffness"])
+    assert np.all(np.abs(fitted.values - [2.0, 5.0]) < 4 * fitted.stds)
+    assert np.all(fitted.stds < 0.01)
 
 
 def test_both_ends_of_a_spring_meet_where_pendula_bring_them_together() -> None:

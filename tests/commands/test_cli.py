@@ -60,9 +60,9 @@ def strict(text: str) -> dict:
 
 @pytest.mark.parametrize("name", [name for name in example_names() if name not in {"rope", "thousand-pendula"}])
 def test_json_table(capsys: pytest.CaptureFixture[str], name: str) -> None:
-    found = strict(printed(capsys, "table", name, "--format", "json"))
-    assert parse(json_as_toml(found["scene"])) == load(name)
-    rows = found["modes"]
+    record = strict(printed(capsys, "table", name, "--format", "json"))
+    assert parse(json_as_toml(record["scene"])) == load(name)
+    rows = record["modes"]
     structure = structure_of(load(name)) if load(name).is_structured else None
     support = {"cart_participation"} if structure is None else set(structure.names)
     assert all(row.keys() >= KEYS | support for row in rows)
@@ -315,10 +315,10 @@ def test_matrices_say_once_what_they_leave_out(capsys: pytest.CaptureFixture[str
 
 
 def test_matrices(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    found = strict(printed(capsys, "matrices", "metronomes", "--format", "json"))
+    record = strict(printed(capsys, "matrices", "metronomes", "--format", "json"))
     exact = matrices(load("metronomes"))
-    assert found["coordinates"] == ["x", "theta[1,1]", "theta[2,1]"]
-    assert all(found[name] == getattr(exact, name).tolist() for name in "MKD")
+    assert record["coordinates"] == ["x", "theta[1,1]", "theta[2,1]"]
+    assert all(record[name] == getattr(exact, name).tolist() for name in "MKD")
     assert "D = 0" in printed(capsys, "matrices", "chain-3")
     long = tmp_path / "long.toml"
     long.write_text('gravity = 1\n[[pendulum]]\nlinks = [{ kind = "bob", mass = 1, length = 1, count = 4001 }]')
@@ -604,9 +604,9 @@ def test_errors_name_the_options_that_the_packages_do_not_know(
 
 def test_table_to_an_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
     asked = ("table", "rope", "--format", "json", "--modes", "1:3")
-    exact, found = (json.loads(printed(capsys, *asked, *more)) for more in ((), ("--relative-error", "1e-8")))
-    for one, other in zip(exact["modes"], found["modes"], strict=True):
-        assert other["omega_rad_per_s"] == pytest.approx(one["omega_rad_per_s"], rel=1e-8)
+    exact, approximate = (json.loads(printed(capsys, *asked, *more)) for more in ((), ("--relative-error", "1e-8")))
+    for mode, other in zip(exact["modes"], approximate["modes"], strict=True):
+        assert other["omega_rad_per_s"] == pytest.approx(mode["omega_rad_per_s"], rel=1e-8)
         assert 0 < other["relative_error_bound"] <= 1e-8
     assert exact["route"] == "effective mass"
 
@@ -616,8 +616,8 @@ def test_the_first_modes_of_a_very_long_chain(tmp_path: Path, capsys: pytest.Cap
     path = tmp_path / "long.toml"
     link = '{ kind = "rod", mass = 1.0, length = 1.0, count = 5000 }'
     path.write_text(f"gravity = 9.81\n[[pendulum]]\nlinks = [{link}]\n")
-    found = json.loads(printed(capsys, "table", str(path), "--modes", "2:3", "--format", "json"))
-    assert [mode["mode"] for mode in found["modes"]] == [2, 3]
+    record = json.loads(printed(capsys, "table", str(path), "--modes", "2:3", "--format", "json"))
+    assert [mode["mode"] for mode in record["modes"]] == [2, 3]
     assert "modes 1 to 5000" in refused(capsys, 2, "table", str(path), "--modes", "5001")
 
 
@@ -637,6 +637,6 @@ def test_an_option_given_again_adds_to_its_list(
     at = words.index("{}")
     again = [*words[: at - 1], *(word for value in options for word in (words[at - 1], value)), *words[at + 1 :]]
     texts = []
-    for given in ([",".join(options) if word == "{}" else word for word in words], again):
-        texts.append(printed(capsys, *given))
+    for arguments in ([",".join(options) if word == "{}" else word for word in words], again):
+        texts.append(printed(capsys, *arguments))
     assert texts[0] == texts[1]

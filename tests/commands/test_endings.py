@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import sweep_measures as own
+import sweep_measures
 from test_sweeps import SCRIPT
 
 from modal import SceneError, load
@@ -64,7 +64,9 @@ def is_there(process: int) -> bool:
 
 
 def slow_study() -> Study:
-    return Study(load("paper-cart-2"), parse_variations(["support.mass=1,2,3"]), (RequestedMeasure(own.PRODUCT, 1.0),))
+    return Study(
+        load("paper-cart-2"), parse_variations(["support.mass=1,2,3"]), (RequestedMeasure(sweep_measures.PRODUCT, 1.0),)
+    )
 
 
 def test_a_journal_has_one_sweep_at_a_time(tmp_path: Path) -> None:
@@ -86,10 +88,14 @@ def test_a_sweep_that_is_ended_leaves_no_workers_and_no_lock(number: int, tmp_pa
     path = tmp_path / "j"
     command = [sys.executable, str(tmp_path / "script.py"), str(path)]
     study = Study(
-        load("paper-cart-2"), parse_variations(["support.mass=1:400:400"]), (RequestedMeasure(own.SLOW, 0.05),)
+        load("paper-cart-2"),
+        parse_variations(["support.mass=1:400:400"]),
+        (RequestedMeasure(sweep_measures.SLOW, 0.05),),
     )
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
-        assert eventually(lambda: path.exists() and path.read_bytes().count(b"\n") > 1 and len(own.logged()) > 3)
+        assert eventually(
+            lambda: path.exists() and path.read_bytes().count(b"\n") > 1 and len(sweep_measures.logged()) > 3
+        )
         with pytest.raises(SceneError, match="another process"), open_checkpoint(path, study):
             pass
         workers = children(running.pid)

@@ -61,10 +61,10 @@ def test_a_fit_writes_a_scene_a_report_and_a_picture(folder: Path, capsys: pytes
     assert load("fitted.toml").gravity == pytest.approx(9.81, abs=1e-6)
     report = json.loads((folder / "fit.json").read_text())
     assert report.keys() >= KEYS
-    (one,) = report["parameters"]
-    assert one["place"] == "gravity"
-    assert one["value"] == load("fitted.toml").gravity
-    assert report["covariance"] == [[pytest.approx(one["std"] ** 2)]]
+    (parameter,) = report["parameters"]
+    assert parameter["place"] == "gravity"
+    assert parameter["value"] == load("fitted.toml").gravity
+    assert report["covariance"] == [[pytest.approx(parameter["std"] ** 2)]]
     (segment,) = report["segments"]
     assert segment["initial"]["theta_1_1_rad"] == pytest.approx(np.radians(10), abs=2e-3)
     assert (folder / "fit.png").stat().st_size > 10_000
@@ -105,6 +105,6 @@ def test_mistakes_are_one_message(
 @pytest.mark.parametrize("look", usually(["dark"], ["light", "dark"]))
 def test_the_picture_has_no_flaws(look: str, folder: Path) -> None:
     scene = load("arm.toml")
-    found = fit(scene, read_recording(scene, [SWING]))
+    fitted = fit(scene, read_recording(scene, [SWING]))
     with theme(look):
-        assert not flaws(fit_figure(found))
+        assert not flaws(fit_figure(fitted))

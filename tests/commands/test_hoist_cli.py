@@ -29,13 +29,13 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
 
 
 def test_csv_and_json_are_the_numbers_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
-    found = frequencies_along(load(CRANE), 3)
+    curve = frequencies_along(load(CRANE), 3)
     rows = list(csv.DictReader(io.StringIO(printed(capsys, "hoist", CRANE, "--samples", "3", "--format", "csv"))))
-    assert [float(row["omega_2_rad_per_s"]) for row in rows] == found.omega[:, 0].tolist()
-    assert [float(row["length_1_1_m"]) for row in rows] == found.lengths[:, 0].tolist()
-    assert [float(row["swing_3"]) for row in rows] == found.swing[:, 1].tolist()
+    assert [float(row["omega_2_rad_per_s"]) for row in rows] == curve.omega[:, 0].tolist()
+    assert [float(row["length_1_1_m"]) for row in rows] == curve.lengths[:, 0].tolist()
+    assert [float(row["swing_3"]) for row in rows] == curve.swing[:, 1].tolist()
     whole = json.loads(printed(capsys, "hoist", CRANE, "--samples", "3", "--format", "json"))
-    assert whole["omega_rad_per_s"] == found.omega.tolist()
+    assert whole["omega_rad_per_s"] == curve.omega.tolist()
     assert whole["modes"] == ["2", "3"]
     assert whole["links"] == [{"pendulum": 1, "link": 1}]
     assert whole["residual"] == []
@@ -51,7 +51,9 @@ def test_travel_is_that_of_the_package(capsys: pytest.CaptureFixture[str], tmp_p
     words = ("hoist", str(small), "--travel", "0.5", "--over", "1.5", "--samples", "2", "--format")
     left = travel_residuals(load(small), Travel(0.5, 0.0, 1.5))
     whole = json.loads(printed(capsys, *words, "json"))
-    assert [one["angle_deg"] for one in whole["residual"]] == [np.degrees(one.angle) for one in left]
+    assert [residual["angle_deg"] for residual in whole["residual"]] == [
+        np.degrees(residual.angle) for residual in left
+    ]
     comments = [line for line in printed(capsys, *words, "csv").splitlines() if line.startswith("# residual swing")]
     assert len(comments) == 4
 
@@ -88,8 +90,8 @@ def test_pictures_are_written_in_both_themes(capsys: pytest.CaptureFixture[str],
 def test_mistakes_are_refused_in_a_sentence(
     capsys: pytest.CaptureFixture[str], words: tuple[str, ...], message: str
 ) -> None:
-    found = refused(capsys, *words)
-    assert message in found
+    told = refused(capsys, *words)
+    assert message in told
 
 
 @pytest.mark.slow

@@ -40,9 +40,9 @@ def test_every_command_is_tried() -> None:
 
 @pytest.mark.parametrize("name", damage.kinds())
 def test_damaged_files(name: str) -> None:
-    found = [damage.case(name, number) for number in range(100_000, 100_000 + MANY)]
-    assert [fault for _, fault in found if fault] == []
-    assert damage.REFUSED in {became for became, _ in found}
+    cases = [damage.case(name, number) for number in range(100_000, 100_000 + MANY)]
+    assert [fault for _, fault in cases if fault] == []
+    assert damage.REFUSED in {became for became, _ in cases}
 
 
 @pytest.mark.slow

@@ -41,8 +41,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     places = {"pendulum[0].links[0].length": 0.4, "support.mass": 2.0}
     stds = np.array([0.002, 0.05])
     covariance = np.outer(stds, stds) * [[1.0, 0.3], [0.3, 1.0]]
-    own = [{"place": path, "value": value, "std": std} for (path, value), std in zip(places.items(), stds, strict=True)]
-    (tmp_path / "fit.json").write_text(json.dumps({"parameters": own, "covariance": covariance.tolist()}))
+    parameters = [
+        {"place": path, "value": value, "std": std} for (path, value), std in zip(places.items(), stds, strict=True)
+    ]
+    (tmp_path / "fit.json").write_text(json.dumps({"parameters": parameters, "covariance": covariance.tolist()}))
     return tmp_path
 
 
@@ -65,13 +67,13 @@ def test_a_record_becomes_modes_modes_become_numbers_and_these_a_table(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said(capsys, "simulate", "arms.toml", "--duration", "20", "-o", "run.csv")
-    found = json.loads(
+    identified = json.loads(
         said(capsys, "poles", "run.csv", "--identified-modes", "modes.csv", "-o", "p.png", "--format", "json")
     )
     table = json.loads(said(capsys, "table", "arms.toml", "--format", "json"))["modes"]
-    for mode, own in zip(found["modes"], table, strict=True):
-        assert mode["frequency_hz"] == pytest.approx(own["frequency_hz"], rel=1e-4)
-        assert mode["damping_ratio"] == pytest.approx(own["damping_ratio"], rel=1e-2)
+    for mode, row in zip(identified["modes"], table, strict=True):
+        assert mode["frequency_hz"] == pytest.approx(row["frequency_hz"], rel=1e-4)
+        assert mode["damping_ratio"] == pytest.approx(row["damping_ratio"], rel=1e-2)
     compared = json.loads(said(capsys, "mac", "arms.toml", "modes.csv", "-o", "m.svg", "--format", "json"))
     assert [(pair["measured"], pair["computed"]) for pair in compared["pairs"]] == [(1, 1), (2, 2)]
     assert min(pair["mac"] for pair in compared["pairs"]) > 0.9999
@@ -87,12 +89,12 @@ def test_a_record_becomes_modes_modes_become_numbers_and_these_a_table(
     assert report == json.loads((folder / "r.json").read_text())
     keys = {"parameters", "fixed", "combinations", "unidentifiable", "segments", "covariance", "verdict", "modes"}
     assert keys <= report.keys()
-    assert [one["value"] for one in report["parameters"]] == pytest.approx([0.3, 0.25], rel=1e-3)
+    assert [parameter["value"] for parameter in report["parameters"]] == pytest.approx([0.3, 0.25], rel=1e-3)
     again = json.loads(said(capsys, "table", "fitted.toml", "--covariance", "r.json", "--format", "json"))["modes"]
-    for own in again:
-        assert own["omega_std_rad_per_s"] > 0
-        assert own["frequency_std_hz"] == pytest.approx(own["omega_std_rad_per_s"] / (2 * np.pi))
-        assert own["damping_ratio_std"] > 0
+    for row in again:
+        assert row["omega_std_rad_per_s"] > 0
+        assert row["frequency_std_hz"] == pytest.approx(row["omega_std_rad_per_s"] / (2 * np.pi))
+        assert row["damping_ratio_std"] > 0
     assert {path.name for path in folder.iterdir()} >= {"p.png", "m.svg", "f.pdf"}
 
 
@@ -121,7 +123,7 @@ def test_a_growing_mode_has_a_standard_deviation_of_its_rate_but_of_no_frequency
 
 def test_responses_and_shapers_have_a_band(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ("response", "crane.toml", "--covariance", "fit.json", "--at", "0.3,1", "-o", "b.png", "--format", "json")
-    assert all(std > 0 for own in json.loads(said(capsys, *words))["magnitude_std"].values() for std in own)
+    assert all(std > 0 for stds in json.loads(said(capsys, *words))["magnitude_std"].values() for std in stds)
     assert (folder / "b.png").read_bytes().startswith(b"\x89PNG")
     assert "residual vibration" in said(capsys, "shaper", "crane.toml", "--covariance", "fit.json")
     told = refused(capsys, "response", "crane.toml", "--covariance", "fit.json", "--impulse", "-o", "b.png")
@@ -133,8 +135,8 @@ def test_motions_have_a_band(folder: Path, capsys: pytest.CaptureFixture[str]) -
     words = ("crane.toml", "--covariance", "fit.json", "--duration", "2")
     assert "band of 200 members" in said(capsys, "simulate", *words, "--band", "band.png")
     assert (folder / "band.png").exists()
-    found = json.loads(said(capsys, "spread", *words, "--members", "50", "--format", "json"))
-    assert found["fitted"] == ["pendulum[0].links[0].length", "support.mass"]
+    record = json.loads(said(capsys, "spread", *words, "--members", "50", "--format", "json"))
+    assert record["fitted"] == ["pendulum[0].links[0].length", "support.mass"]
     told = said(capsys, "simulate", *words, "--start", "angles:5")
     assert "band of 200 members" in told
 
@@ -143,14 +145,14 @@ def test_motions_have_a_band(folder: Path, capsys: pytest.CaptureFixture[str]) -
     ("words", "told"),
     [
         (("spread", "crane.toml"), "spread needs --uncertain PLACE=WIDTH or --covariance FIT.json"),
-        (("table", "crane.toml", "--covariance", "crane.toml"), "is not JSON"),
+        (("table", "crane.toml", "--covariance", "crane.toml"), "is a scene, not a JSON report of fit"),
         (("table", "arms.toml", "--covariance", "fit.json"), "is not a number of this scene"),
         (("simulate", "crane.toml", "--band", "b.png"), "--band: needs --covariance FIT.json"),
         (("simulate", "crane.toml", "--covariance", "fit.json", "--keep-modes", "1"), "cannot be combined"),
         (("simulate", "run.npz", "--covariance", "fit.json"), "is a saved run"),
-        (("poles", "crane.toml"), "has no column time_s"),
+        (("poles", "crane.toml"), "is a scene, not a CSV table: the scene comes first"),
         (("poles", "missing.csv"), "No such file"),
-        (("mac", "crane.toml", "fit.json"), "has no column mode"),
+        (("mac", "crane.toml", "fit.json"), "is JSON, not a CSV table"),
         (("fit", "crane.toml", "modes.csv", "--free", "gravity", "--scale"), "--scale: is for measured motions"),
         (("fit", "crane.toml", "modes.csv", "modes.csv", "--free", "gravity"), "from one file"),
     ],
@@ -159,9 +161,9 @@ def test_a_mistake_is_told_in_one_message(
     folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], told: str
 ) -> None:
     (folder / "modes.csv").write_text("mode,frequency_hz,std_hz\n2,0.9,0.01\n")
-    found = refused(capsys, *words)
-    assert told in found
-    assert "Traceback" not in found
+    printed = refused(capsys, *words)
+    assert told in printed
+    assert "Traceback" not in printed
 
 
 def test_relative_angles_are_summed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -170,5 +172,5 @@ def test_relative_angles_are_summed(folder: Path, capsys: pytest.CaptureFixture[
     rows = np.column_stack((times, upper, 0.5 * upper))
     np.savetxt(folder / "r.csv", rows, delimiter=",", header="time_s,theta_1_1_rad,theta_1_2_rad", comments="")
     for angles, ratio in (("absolute", 0.5), ("relative", 1.5)):
-        found = json.loads(said(capsys, "poles", "r.csv", "--angles", angles, "--format", "json"))["modes"][0]["shape"]
-        assert found[1][0] / found[0][0] == pytest.approx(ratio, rel=1e-6)
+        shape = json.loads(said(capsys, "poles", "r.csv", "--angles", angles, "--format", "json"))["modes"][0]["shape"]
+        assert shape[1][0] / shape[0][0] == pytest.approx(ratio, rel=1e-6)

@@ -27,16 +27,16 @@ def test_json_has_the_promised_keys_and_the_librarys_numbers(capsys: pytest.Capt
     record = json.loads(told(capsys, "chain-2", "--mode", "2", "--largest-angle", "70", "--format", "json"))
     branch = nonlinear_mode(load("chain-2"), 2, radians(70))
     assert list(record) == ["branches", "special"]
-    (own,) = record["branches"]
-    assert own["from"] == "mode 2"
+    (entry,) = record["branches"]
+    assert entry["from"] == "mode 2"
     keys = ["parameter", "amplitude_deg", "energy_J", "omega_rad_per_s", "stable", "floquet", "residual"]
-    assert all(list(point) == keys for point in own["points"])
-    assert [point["omega_rad_per_s"] for point in own["points"]] == pytest.approx(branch.omega.tolist(), rel=1e-12)
-    assert own["points"][-1]["amplitude_deg"] == pytest.approx(70, abs=1e-8)
-    last = [complex(*pair) for pair in own["points"][-1]["floquet"]]
+    assert all(list(point) == keys for point in entry["points"])
+    assert [point["omega_rad_per_s"] for point in entry["points"]] == pytest.approx(branch.omega.tolist(), rel=1e-12)
+    assert entry["points"][-1]["amplitude_deg"] == pytest.approx(70, abs=1e-8)
+    last = [complex(*pair) for pair in entry["points"][-1]["floquet"]]
     assert len(last) == 4
     assert np.prod(last).real == pytest.approx(1.0, abs=1e-7)
-    assert [point["stable"] for point in own["points"]] == list(branch.is_stable)
+    assert [point["stable"] for point in entry["points"]] == list(branch.is_stable)
     (special,) = record["special"]
     assert special["kind"] == "branch point"
     assert special["amplitude_deg"] == pytest.approx(61.95, abs=0.01)
@@ -48,7 +48,7 @@ def test_csv_has_a_line_for_every_orbit_along_a_number(capsys: pytest.CaptureFix
     rows = list(csv.DictReader(io.StringIO(text)))
     assert list(rows[0])[:5] == ["support.mass_kg", "omega_rad_per_s", "stable", "largest_angle_deg", "growth_per_s"]
     values = {number: [float(row["support.mass_kg"]) for row in rows if row["branch"] == number] for number in "12"}
-    assert all(min(own) == 0.5 and max(own) == pytest.approx(1.0) for own in values.values())
+    assert all(min(column) == 0.5 and max(column) == pytest.approx(1.0) for column in values.values())
     assert {row["stable"] for row in rows} == {"0", "1"}
 
 

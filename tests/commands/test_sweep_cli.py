@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-import sweep_measures as own
+import sweep_measures
 
 from modal import ComputationError, SceneError, load
 from modal.scene.parameters import parse_variations, vary
@@ -25,10 +25,10 @@ from nonlinear.sweeps import sweep as swept
 KAPITZA = str(Path(__file__).parents[2] / "examples" / "kapitza.toml")
 
 
-def options(*places: str, **given: Any) -> Namespace:
+def options(*places: str, **changes: Any) -> Namespace:
     usual = dict.fromkeys(("measure", "output", "picture", "scheduler", "phase_deg", "settle", "of", "members", "seed"))
     usual |= {"scene": "paper-cart-2", "vary": list(places), "loci": False, "strobe": False, "workers": 1}
-    return Namespace(theme="light", fresh=False, **usual | given)
+    return Namespace(theme="light", fresh=False, **usual | changes)
 
 
 def test_a_map_is_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -44,8 +44,8 @@ def test_ctrl_c_leaves_a_journal_that_the_same_command_goes_on_from(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("SWEEP_LOG", str(tmp_path / "log"))
-    monkeypatch.setitem(MEASURES, "interrupted", own.INTERRUPTED.measure)
-    monkeypatch.setitem(COMPUTATIONS, "interrupted", own.INTERRUPTED)
+    monkeypatch.setitem(MEASURES, "interrupted", sweep_measures.INTERRUPTED.measure)
+    monkeypatch.setitem(COMPUTATIONS, "interrupted", sweep_measures.INTERRUPTED)
     kept = tmp_path / "m.csv"
     asked = options("support.mass=1,2,3", measure=["interrupted:3"], output=str(kept))
     monkeypatch.setenv("SWEEP_INTERRUPTS", "1")
@@ -55,7 +55,7 @@ def test_ctrl_c_leaves_a_journal_that_the_same_command_goes_on_from(
     assert f"{kept}.journal" in capsys.readouterr().err
     monkeypatch.delenv("SWEEP_INTERRUPTS")
     sweep(asked)
-    assert own.logged() == ["1", "2", "3"]
+    assert sweep_measures.logged() == ["1", "2", "3"]
     assert np.array_equal(sweep_files.load(kept).values("product_kg"), [1, 2, 3])
     assert not (tmp_path / "m.csv.journal").exists()
 
@@ -72,7 +72,7 @@ def test_loci_are_told_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("changes", "words"),
     [
         ({"output": "m.txt"}, "must end in .npz, .csv or .json"),
         ({"picture": "m.bmp"}, "must end in .png"),
@@ -83,9 +83,9 @@ def test_loci_are_told_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixt
         ({"loci": True, "workers": None, "vary": ["gravity=1:2:3"] * 2}, "--loci: .*one --vary"),
     ],
 )
-def test_bad_options_are_refused(given: dict[str, Any], words: str) -> None:
+def test_bad_options_are_refused(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(SceneError, match=words):
-        sweep(options(**{"vary": ["support.mass=1:2:3"]} | given))
+        sweep(options(**{"vary": ["support.mass=1:2:3"]} | changes))
 
 
 def test_a_picture_that_cannot_be_drawn_is_refused_at_once(capsys: pytest.CaptureFixture[str]) -> None:
@@ -120,8 +120,8 @@ def test_points_without_a_start_begin_in_their_first_mode_that_swings(
     scene, kept = unstarted(tmp_path), tmp_path / "m.npz"
     sweep(options(f"support.mass=1:9:{count}", scene=scene, measure=["cart_travel:2"], output=str(kept)))
     assert "begins in the shape of its first mode that swings, its largest angle 5°" in capsys.readouterr().err
-    found = sweep_files.load(kept)
-    for mass, travel in zip(found.study.variations[0].values, found.values("cart_travel_m"), strict=True):
+    loaded = sweep_files.load(kept)
+    for mass, travel in zip(loaded.study.variations[0].values, loaded.values("cart_travel_m"), strict=True):
         point = vary(load(scene), {"support.mass": mass})
         cart = simulate(point, 2.0, start=usual_start(point), output=2001).motion.cart
         assert travel == pytest.approx(np.ptp(cart), rel=1e-4)
@@ -143,11 +143,11 @@ def test_tongues_are_kept_and_drawn(tmp_path: Path) -> None:
         *("largest_multiplier", "growth_rate_per_s", "kind"),
     ]
     assert told["data"]["kind"][:4] == [1, 1, 1, -1]
-    assert [(one["kind"], one["turns"]) for one in told["boundaries"]] == [("at the frequency", False)]
+    assert [(boundary["kind"], boundary["turns"]) for boundary in told["boundaries"]] == [("at the frequency", False)]
     assert drawn.read_bytes().startswith(b"\x89PNG")
     line = swept(Study(load(KAPITZA), parse_variations(grid[1:]), parse_measures(["floquet"])), workers=1)
     held = np.interp(0.02, told["boundaries"][0]["amplitude_m"][::-1], told["boundaries"][0]["frequency_hz"][::-1])
-    assert [one.frequency_hz.tolist() for one in line.boundaries] == [[pytest.approx(held, rel=1e-3)]]
+    assert [boundary.frequency_hz.tolist() for boundary in line.boundaries] == [[pytest.approx(held, rel=1e-3)]]
 
 
 def test_floquet_is_refused_before_anything_is_computed() -> None:
@@ -166,9 +166,9 @@ def test_chaos_against_energy_is_told_kept_and_drawn(tmp_path: Path, capsys: pyt
     text = capsys.readouterr().out
     assert "energy (J)" in text
     assert "At every energy 3 starts at random (seed 5)" in text
-    found = sweep_files.load(kept)
-    assert found.study.variations[0].column == "start.energy_J"
-    assert found.values("chaotic_share").tolist() == [0.0, 1.0]
+    loaded = sweep_files.load(kept)
+    assert loaded.study.variations[0].column == "start.energy_J"
+    assert loaded.values("chaotic_share").tolist() == [0.0, 1.0]
     assert drawn.read_bytes().startswith(b"\x89PNG")
     assert main(["sweep", "chain-2", "--vary", "gravity=1,2", "--members", "3"]) == 2
     assert "--members: needs --vary start.energy=VALUES" in capsys.readouterr().err

@@ -233,17 +233,17 @@ def test_a_real_terminal_of_80_columns_that_knows_only_ascii(folder: Path) -> No
     words = [sys.executable, "-m", "multipendula", "table", "paper-cart-2"]
     done = subprocess.Popen(words, stdout=terminal, stderr=terminal, stdin=terminal, env=variables)
     os.close(terminal)
-    found = b""
+    output = b""
     try:
         while part := os.read(main_end, 65536):
-            found += part
+            output += part
     except OSError:
         pass  # the terminal is closed
     assert done.wait() == 0
-    lines = found.decode("ascii").splitlines()
+    lines = output.decode("ascii").splitlines()
     assert max(map(len, lines)) <= 80
     assert any(line.startswith("left out to fit 80 columns") for line in lines)
-    assert "\x1b" not in found.decode("ascii")
+    assert "\x1b" not in output.decode("ascii")
 
 
 # ------------------------------------------------------------------------------------------------------- quiet
@@ -290,8 +290,8 @@ def test_where_there_is_a_file_its_option_is_output() -> None:
     from hostility.options import commands
 
     for name, page in commands().items():
-        own = page._option_string_actions["-o"]
-        assert own is page._option_string_actions["--output"], name
+        action = page._option_string_actions["-o"]
+        assert action is page._option_string_actions["--output"], name
 
 
 # ------------------------------------------------------------------------------------------- scenes without a start

@@ -31,19 +31,19 @@ def said(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
 
 
 def test_vibration_in_every_format(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    found = random_response(load(SUSPENSION), read_spectrum(GROUND))
+    response = random_response(load(SUSPENSION), read_spectrum(GROUND))
     text = said(capsys, "vibration", SUSPENSION, "--psd", GROUND)
-    assert f"{found.rms[0]:.5g}" in text
+    assert f"{response.rms[0]:.5g}" in text
     whole = json.loads(said(capsys, "vibration", SUSPENSION, "--psd", GROUND, "--format", "json"))
-    assert [one["rms"] for one in whole["outputs"]] == pytest.approx(found.rms.tolist())
-    psd = np.array([one["psd"] for one in whole["outputs"]])
-    assert psd == pytest.approx(found.psd(np.array(whole["frequency_hz"])))
-    assert np.trapezoid(psd[0], whole["frequency_hz"]) == pytest.approx(found.rms[0] ** 2, rel=0.2)
+    assert [output["rms"] for output in whole["outputs"]] == pytest.approx(response.rms.tolist())
+    psd = np.array([output["psd"] for output in whole["outputs"]])
+    assert psd == pytest.approx(response.psd(np.array(whole["frequency_hz"])))
+    assert np.trapezoid(psd[0], whole["frequency_hz"]) == pytest.approx(response.rms[0] ** 2, rel=0.2)
     to = tmp_path / "v.csv"
     said(capsys, "vibration", SUSPENSION, "--psd", GROUND, "--format", "csv", "-o", str(to))
     rows = list(csv.DictReader(io.StringIO(to.read_text())))
     rms = [float(row["value"]) for row in rows if row["quantity"] == "rms" and row["mode"] == "all"]
-    assert rms == pytest.approx(found.rms.tolist())
+    assert rms == pytest.approx(response.rms.tolist())
 
 
 def test_the_main_result_may_be_the_picture(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -56,9 +56,9 @@ def test_the_main_result_may_be_the_picture(capsys: pytest.CaptureFixture[str], 
 
 @pytest.mark.slow
 def test_shock_in_every_format(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    found = shock_response(load(SUSPENSION), RecordMotion(**read_record(QUAKE)))
+    response = shock_response(load(SUSPENSION), RecordMotion(**read_record(QUAKE)))
     text = said(capsys, "shock", SUSPENSION, QUAKE)
-    assert f"{found.peaks[0, 0]:.5g}" in text
+    assert f"{response.peaks[0, 0]:.5g}" in text
     assert "hold 90 % of the mass" in text
     assert 'baseline = "velocity"' in text
     whole = json.loads(said(capsys, "shock", SUSPENSION, QUAKE, "--format", "json", "--baseline", "velocity"))

@@ -42,7 +42,7 @@ HELD = scene(Cart(mass=5.0, stiffness=60.0), bob(1, 1, 2), bob(1, 0.8))
 SPRUNG = scene(Cart(mass=5.0), double(2, stiffness=1.5), bob(1, 0.8), double())
 COINCIDENT = scene(Cart(mass=20.0), bob(1, 1), bob(3, 1), bob(2, 1, 2), bob(1, 0.5))
 CARTS = {f"random {seed}": extreme_scene(seed, copies=True) for seed in range(60)}
-CARTS = {name: one for name, one in CARTS.items() if one.support.kind == "cart"}
+CARTS = {name: example for name, example in CARTS.items() if example.support.kind == "cart"}
 MILD = {"held": HELD, "sprung": SPRUNG, "coincident": COINCIDENT, "paper": load("paper-cart-3")}
 
 
@@ -62,15 +62,15 @@ def felt(exact: Dense, omega: float) -> mp.mpf:
 
 @pytest.mark.parametrize("name", [*list(CARTS)[:14], *MILD])
 def test_the_dynamic_mass_is_a_schur_complement(name: str) -> None:
-    one = {**CARTS, **MILD}[name]
-    found, exact = explain(one).dynamic, dense(one)
+    example = {**CARTS, **MILD}[name]
+    dynamic, exact = explain(example).dynamic, dense(example)
     mp.mp.prec = 300
-    poles = found.omega[:4]
+    poles = dynamic.omega[:4]
     for omega in (*np.sqrt(poles[1:] * poles[:-1]), poles[0] / 3, poles[-1] * 2.1, *poles * (1 + 1e-7)):
-        terms = np.abs(found.mass * found.omega**2 / (found.omega**2 - omega**2)).sum()
-        size = found.at_infinity + found.spring / omega**2 + terms
-        near = np.abs(found.omega / omega - 1).min()
-        assert abs(found([omega])[0] - float(felt(exact, omega))) <= 2e-14 * size * max(1.0, 0.1 / near)
+        terms = np.abs(dynamic.mass * dynamic.omega**2 / (dynamic.omega**2 - omega**2)).sum()
+        size = dynamic.at_infinity + dynamic.spring / omega**2 + terms
+        near = np.abs(dynamic.omega / omega - 1).min()
+        assert abs(dynamic([omega])[0] - float(felt(exact, omega))) <= 2e-14 * size * max(1.0, 0.1 / near)
 
 
 def test_next_to_a_pole_no_digit_is_lost() -> None:
@@ -89,26 +89,26 @@ def test_next_to_a_pole_no_digit_is_lost() -> None:
 @pytest.mark.parametrize("name", [*CARTS, *usually([*MILD][::3], [*MILD]), "thousand"])
 def test_zeros_and_still_modes_are_the_modes(name: str) -> None:
     """The secular equation against bisection of the count (and dense matrices where joints have springs)."""
-    one = {**CARTS, **MILD, "thousand": load("thousand-pendula")}[name]
-    found = explain(one)
-    still = np.repeat([f.omega for f in found.families], [f.fold - 1 for f in found.families])
-    moving = np.array([mode.omega for mode in found.cart_modes])
-    expected = np.sort(flat_omega(natural_modes(one)))
+    example = {**CARTS, **MILD, "thousand": load("thousand-pendula")}[name]
+    explanation = explain(example)
+    still = np.repeat([f.omega for f in explanation.families], [f.fold - 1 for f in explanation.families])
+    moving = np.array([mode.omega for mode in explanation.cart_modes])
+    expected = np.sort(flat_omega(natural_modes(example)))
     assert np.sort(np.concatenate([still, moving])) == pytest.approx(expected, rel=1e-12)
-    assert found.residual() < 1e-12
+    assert explanation.residual() < 1e-12
 
 
 def test_participation_is_that_of_the_table() -> None:
-    for one in (HELD, SPRUNG, COINCIDENT, scene(Cart(mass=0.0), bob(1, 1), bob(2, 0.7), bob(1, 0.4))):
-        modes = natural_modes(one)
+    for example in (HELD, SPRUNG, COINCIDENT, scene(Cart(mass=0.0), bob(1, 1), bob(2, 0.7), bob(1, 0.4))):
+        modes = natural_modes(example)
         shares = [mode.cart_participation for mode in modes if mode.omega and mode.cart_participation > 1e-12]
-        assert [mode.participation for mode in explain(one).cart_modes] == pytest.approx(shares, rel=1e-9)
+        assert [mode.participation for mode in explain(example).cart_modes] == pytest.approx(shares, rel=1e-9)
 
 
 def test_the_sum_rule_bites() -> None:
-    found = explain(load("paper-cart-2"))
-    wrong = replace(found, dynamic=replace(found.dynamic, mass=found.dynamic.mass * (1 + 1e-6)))
-    assert found.residual() < 1e-15
+    explanation = explain(load("paper-cart-2"))
+    wrong = replace(explanation, dynamic=replace(explanation.dynamic, mass=explanation.dynamic.mass * (1 + 1e-6)))
+    assert explanation.residual() < 1e-15
     assert wrong.residual() > 1e-7
 
 
@@ -116,12 +116,14 @@ def test_the_sum_rule_bites() -> None:
 
 
 def test_the_papers_cart() -> None:
-    found = explain(load("paper-cart-2"))
-    assert [f.omega for f in found.families] == pytest.approx([2.68011401, 7.18867087], abs=5e-9)
-    assert [mode.omega for mode in found.cart_modes] == pytest.approx([2.71754912, 7.20947810], abs=5e-9)
-    assert [f.beat for f in found.families] == pytest.approx([167.8, 302.0], abs=0.05)
-    omega = natural_modes(found.scene).omega
-    assert [f.splitting for f in found.families] == pytest.approx([omega[2] - omega[1], omega[4] - omega[3]], rel=1e-12)
+    explanation = explain(load("paper-cart-2"))
+    assert [f.omega for f in explanation.families] == pytest.approx([2.68011401, 7.18867087], abs=5e-9)
+    assert [mode.omega for mode in explanation.cart_modes] == pytest.approx([2.71754912, 7.20947810], abs=5e-9)
+    assert [f.beat for f in explanation.families] == pytest.approx([167.8, 302.0], abs=0.05)
+    omega = natural_modes(explanation.scene).omega
+    assert [f.splitting for f in explanation.families] == pytest.approx(
+        [omega[2] - omega[1], omega[4] - omega[3]], rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("mass", [1e-6, 0.3, 40.0, 1e12, 1e30])
@@ -137,24 +139,26 @@ def test_equal_simple_pendula_in_closed_form(mass: float) -> None:
         assert family.splitting == pytest.approx(family.strength * family.omega / 2, rel=1e-11)
 
 
-@pytest.mark.parametrize("one", [HELD, SPRUNG, COINCIDENT, load("paper-cart-3"), load("crane-hook")])
-def test_limits_are_other_scenes(one: Scene) -> None:
-    found = explain(one)
-    spring = one.support.stiffness
+@pytest.mark.parametrize("example", [HELD, SPRUNG, COINCIDENT, load("paper-cart-3"), load("crane-hook")])
+def test_limits_are_other_scenes(example: Scene) -> None:
+    explanation = explain(example)
+    spring = example.support.stiffness
     light, heavy = (
-        np.array([mode.omega for mode in explain(one.model_copy(update={"support": support})).cart_modes])
+        np.array([mode.omega for mode in explain(example.model_copy(update={"support": support})).cart_modes])
         for support in (Cart(mass=0.0, stiffness=spring), Cart(mass=1e15, stiffness=spring))
     )
-    given = np.array([mode.light for mode in found.cart_modes])
-    assert given[np.isfinite(given)] == pytest.approx(light, rel=1e-13)
-    massless = natural_modes(one.model_copy(update={"support": Cart(mass=0.0, stiffness=spring)}))
+    lights = np.array([mode.light for mode in explanation.cart_modes])
+    assert lights[np.isfinite(lights)] == pytest.approx(light, rel=1e-13)
+    massless = natural_modes(example.model_copy(update={"support": Cart(mass=0.0, stiffness=spring)}))
     assert set(np.round(light, 8)) <= set(np.round(massless.omega, 8))
-    assert [mode.heavy for mode in found.cart_modes] == pytest.approx(heavy, rel=1e-12, abs=1e-6)
-    fixed = flat_omega(natural_modes(one.model_copy(update={"support": Fixed()})))
-    assert np.repeat([f.omega for f in found.families], [f.fold for f in found.families]) == pytest.approx(
+    assert [mode.heavy for mode in explanation.cart_modes] == pytest.approx(heavy, rel=1e-12, abs=1e-6)
+    fixed = flat_omega(natural_modes(example.model_copy(update={"support": Fixed()})))
+    assert np.repeat([f.omega for f in explanation.families], [f.fold for f in explanation.families]) == pytest.approx(
         fixed, rel=1e-12
     )
-    assert found.swept(np.array([one.support.mass]))[0] == pytest.approx([m.omega for m in found.cart_modes], rel=1e-15)
+    assert explanation.swept(np.array([example.support.mass]))[0] == pytest.approx(
+        [m.omega for m in explanation.cart_modes], rel=1e-15
+    )
 
 
 def test_first_order_is_the_slope_of_the_splitting() -> None:
@@ -164,9 +168,9 @@ def test_first_order_is_the_slope_of_the_splitting() -> None:
             assert abs(family.splitting / (family.strength * family.omega / 2) - 1) < bound
 
 
-def swing(one: Scene, start: int, times: np.ndarray) -> np.ndarray:
+def swing(example: Scene, start: int, times: np.ndarray) -> np.ndarray:
     """θ̇² + ω²θ² of every simple pendulum, over that of pendulum `start`, released alone: (times, pendula)."""
-    written = matrices(one)
+    written = matrices(example)
     squares, shapes = scipy.linalg.eigh(written.K, written.M)
     omega = np.sqrt(np.abs(squares))
     first = np.zeros(len(squares))
@@ -174,18 +178,18 @@ def swing(one: Scene, start: int, times: np.ndarray) -> np.ndarray:
     weight = shapes.T @ written.M @ first
     theta = (np.cos(np.outer(times, omega)) * weight) @ shapes.T
     rate = (-omega * np.sin(np.outer(times, omega)) * weight) @ shapes.T
-    own = np.diag(written.K)[1:] / np.diag(written.M)[1:]
+    alone = np.diag(written.K)[1:] / np.diag(written.M)[1:]
     inertia = np.diag(written.M)[1:]
-    energy = (rate[:, 1:] ** 2 + own * theta[:, 1:] ** 2) * inertia
-    return energy / (own * inertia)[start]
+    energy = (rate[:, 1:] ** 2 + alone * theta[:, 1:] ** 2) * inertia
+    return energy / (alone * inertia)[start]
 
 
 @pytest.mark.parametrize("n", [2, 3, 5])
 def test_energy_is_back_after_a_beat(n: int) -> None:
-    one = scene(Cart(mass=2000.0), bob(1, 1, n))
-    beat = explain(one).families[0].beat
+    example = scene(Cart(mass=2000.0), bob(1, 1, n))
+    beat = explain(example).families[0].beat
     assert beat is not None
-    after, half = (swing(one, 0, np.linspace(0.999, 1.001, 201) * at)[:, 0] for at in (beat, beat / 2))
+    after, half = (swing(example, 0, np.linspace(0.999, 1.001, 201) * at)[:, 0] for at in (beat, beat / 2))
     assert after.max() == pytest.approx(1.0, abs=0.01)
     assert np.median(half) == pytest.approx((1 - 2 / n) ** 2, abs=0.01)
 
@@ -193,10 +197,10 @@ def test_energy_is_back_after_a_beat(n: int) -> None:
 @pytest.mark.parametrize(("m", "l"), [(1.0, 1.0008), (2.5, 1.0), (1.0, 1.003), (0.4, 0.998)])
 def test_pairs_exchange_what_is_said(m: float, l: float) -> None:
     """One bob of 1 kg and 1 m and another: the share and the time of the exchange in the motion itself."""
-    one = scene(Cart(mass=1000.0), bob(1, 1), bob(m, l))
-    (pair,) = explain(one).pairs
+    example = scene(Cart(mass=1000.0), bob(1, 1), bob(m, l))
+    (pair,) = explain(example).pairs
     times = np.linspace(0.0, 1.2 * pair.period, 20_001)
-    passed = swing(one, 0, times)[:, 1]
+    passed = swing(example, 0, times)[:, 1]
     assert passed.max() == pytest.approx(pair.share, rel=0.01, abs=1e-4)
     smooth = np.convolve(passed, np.ones(41) / 41, "same")
     assert times[smooth.argmax()] == pytest.approx(pair.period / 2, rel=0.05)
@@ -213,9 +217,9 @@ OCTAVES = scene(Cart(mass=10.0), bob(1, 16), bob(1, 4), bob(1, 1))
 NEAR = scene(Cart(mass=1.0), bob(1, 1), bob(1, 1.000001))
 
 
-def most_passed(one: Scene) -> np.ndarray:
+def most_passed(example: Scene) -> np.ndarray:
     """The most energy, over its own, that each simple pendulum under a heavy cart passes to each: (Σ |w_aj w_bj|)²."""
-    written = matrices(one)
+    written = matrices(example)
     shapes = scipy.linalg.eigh(written.K, written.M)[1]
     size = np.abs(shapes[1:]) * np.sqrt(np.diag(written.M)[1:])[:, None]
     return (size @ size.T) ** 2
@@ -228,12 +232,15 @@ def test_pairs_say_nothing_where_others_take_part() -> None:
         lengths = 1 + 10 ** rng.uniform(-4, -0.5) * rng.normal(size=rng.integers(3, 5))
         spring = float(rng.choice([0.0, 10 ** rng.uniform(1, 6)]))
         cart = Cart(mass=float(10 ** rng.uniform(2, 4)), stiffness=spring)
-        one = scene(cart, *(bob(rng.uniform(0.3, 3), l) for l in lengths.tolist()))
-        found, most = explain(one), most_passed(one)
-        for pair in found.pairs:
-            a, b = (int(found.names[found.fixed_base.kind[k]].split()[-1]) - 1 for k in (pair.first, pair.second))
+        example = scene(cart, *(bob(rng.uniform(0.3, 3), l) for l in lengths.tolist()))
+        explanation, most = explain(example), most_passed(example)
+        for pair in explanation.pairs:
+            a, b = (
+                int(explanation.names[explanation.fixed_base.kind[k]].split()[-1]) - 1
+                for k in (pair.first, pair.second)
+            )
             seen.append(pair.alone)
-            if pair.alone and max(found.fixed_base.mass) < 0.1 * abs(pair.cart_mass):
+            if pair.alone and max(explanation.fixed_base.mass) < 0.1 * abs(pair.cart_mass):
                 assert most[a, b] == pytest.approx(pair.share, rel=0.2, abs=0.03)
     assert 0.2 < np.mean(seen) < 0.8
     assert not any(pair.alone for pair in explain(CROWDED).pairs)
@@ -250,15 +257,15 @@ def test_a_pair_astride_a_third_pole_has_no_mass_between() -> None:
 
 
 @pytest.mark.parametrize(
-    "one", [NEAR, CROWDED, scene(Cart(mass=0.01), bob(1, 1), bob(0.1, 0.5)), load("metronomes"), HELD, COINCIDENT]
+    "example", [NEAR, CROWDED, scene(Cart(mass=0.01), bob(1, 1), bob(0.1, 0.5)), load("metronomes"), HELD, COINCIDENT]
 )
-def test_first_order_is_told_where_it_is_near(one: Scene) -> None:
-    found = explain(one)
-    for family, told in zip(found.families, page(found)["Families of modes"], strict=True):
+def test_first_order_is_told_where_it_is_near(example: Scene) -> None:
+    explanation = explain(example)
+    for family, told in zip(explanation.families, page(explanation)["Families of modes"], strict=True):
         near = abs(family.strength) <= 0.5 and family.first_order == pytest.approx(family.splitting, rel=0.2)
         assert ("to first order gives" in told) is near
         beats = near and family.fold > 1
-        assert ("recovers its energy" in told) is (beats and not found.scene.has_damping)
+        assert ("recovers its energy" in told) is (beats and not explanation.scene.has_damping)
         assert ("set swinging alone" in told) is beats
 
 
@@ -268,13 +275,15 @@ def test_beats_that_are_told_are_there() -> None:
     told = []
     for _ in range(60):
         others = (bob(rng.uniform(0.3, 3), 1 + 10 ** rng.uniform(-3.5, -0.5) * rng.normal()) for _ in range(2))
-        one = scene(Cart(mass=float(10 ** rng.uniform(1, 4))), bob(1, 1, 2), *others)
-        found, written = explain(one), matrices(one)
+        example = scene(Cart(mass=float(10 ** rng.uniform(1, 4))), bob(1, 1, 2), *others)
+        explanation, written = explain(example), matrices(example)
         squares, shapes = scipy.linalg.eigh(written.K, written.M)
         share = shapes[1] ** 2 * written.M[1, 1]
-        (family,) = (family for family in found.families if family.fold == 2)
+        (family,) = (family for family in explanation.families if family.fold == 2)
         told.append(family.beat is not None)
-        assert told[-1] is ("recovers its energy" in page(found)["Families of modes"][found.families.index(family)])
+        assert told[-1] is (
+            "recovers its energy" in page(explanation)["Families of modes"][explanation.families.index(family)]
+        )
         if family.beat is None:
             continue
         times = family.beat * np.concatenate((np.linspace(0.9, 1.1, 101), np.linspace(0.45, 0.55, 101)))
@@ -284,18 +293,18 @@ def test_beats_that_are_told_are_there() -> None:
     assert 0.2 < np.mean(told) < 0.9
 
 
-def decaying(one: Scene, start: int, step: float, steps: int) -> np.ndarray:
+def decaying(example: Scene, start: int, step: float, steps: int) -> np.ndarray:
     """As `swing`, of the scene with its dampers: exp(At) of the state matrix, averaged over some two seconds."""
-    written, n = matrices(one), 1 + one.n_links
+    written, n = matrices(example), 1 + example.n_links
     inverse = np.linalg.inv(written.M)
     state = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ written.K, -inverse @ written.D]])
     onwards, at = scipy.linalg.expm(state * step), np.eye(2 * n)[1 + start]
     states = np.array([at, *(at := onwards @ at for _ in range(steps))])
-    own, inertia = np.diag(written.K)[1:], np.diag(written.M)[1:]
-    energy = inertia * states[:, n + 1 :] ** 2 + own * states[:, 1:n] ** 2
+    stiffness, inertia = np.diag(written.K)[1:], np.diag(written.M)[1:]
+    energy = inertia * states[:, n + 1 :] ** 2 + stiffness * states[:, 1:n] ** 2
     width = max(1, round(2.0 / step))
     smooth = np.apply_along_axis(np.convolve, 0, energy, np.ones(width) / width, "same")
-    return smooth / own[start]
+    return smooth / stiffness[start]
 
 
 TWENTY = Cart(mass=20.0)
@@ -303,7 +312,7 @@ UNEVEN = scene(TWENTY, bob(1, 1, damping=1.0), bob(1, 1))
 
 
 @pytest.mark.parametrize(
-    "one",
+    "example",
     [
         scene(Cart(mass=200.0), bob(1, 1, 2, damping=0.01)),
         scene(Cart(mass=200.0, damping=20.0), bob(1, 1, 3)),
@@ -311,15 +320,15 @@ UNEVEN = scene(TWENTY, bob(1, 1, damping=1.0), bob(1, 1))
         scene(Cart(mass=200.0, damping=3000.0), bob(1, 1, 2)),
     ],
 )
-def test_dampers_leave_of_a_beat_what_is_said(one: Scene) -> None:
+def test_dampers_leave_of_a_beat_what_is_said(example: Scene) -> None:
     """What is back after a beat and the most that the others hold, in the motion of the state matrix."""
-    found = explain(one)
-    (family,) = found.families
+    explanation = explain(example)
+    (family,) = explanation.families
     passed = family.exchange
     assert passed is not None
-    seen = decaying(one, 0, 0.2, 20_000)
+    seen = decaying(example, 0, 0.2, 20_000)
     assert seen[20:-20, 1:].sum(axis=1).max() == pytest.approx(passed.most, abs=0.02)
-    told = page(found)["Families of modes"][0]
+    told = page(explanation)["Families of modes"][0]
     assert ("of its energy after a beat" in told) is passed.beats
     if passed.beats:
         assert seen[round(passed.period / 0.2), 0] == pytest.approx(passed.left, abs=0.03)
@@ -329,16 +338,16 @@ def test_dampers_leave_of_a_beat_what_is_said(one: Scene) -> None:
 
 
 @pytest.mark.parametrize(
-    "one", [UNEVEN, scene(Cart(mass=20.0, damping=2.0), bob(1, 1, damping=0.1), bob(1, 1, damping=0.05))]
+    "example", [UNEVEN, scene(Cart(mass=20.0, damping=2.0), bob(1, 1, damping=0.1), bob(1, 1, damping=0.05))]
 )
-def test_pairs_damped_apart_exchange_what_is_said(one: Scene) -> None:
-    (pair,) = explain(one).pairs
-    passed = [decaying(one, start, 0.05, 4000)[20:-20, 1 - start].max() for start in (0, 1)]
+def test_pairs_damped_apart_exchange_what_is_said(example: Scene) -> None:
+    (pair,) = explain(example).pairs
+    passed = [decaying(example, start, 0.05, 4000)[20:-20, 1 - start].max() for start in (0, 1)]
     assert passed == pytest.approx([pair.share] * 2, rel=0.15)
-    told = page(explain(one))["Exchange of energy between pendula"][0]
+    told = page(explain(example))["Exchange of energy between pendula"][0]
     assert "they exchange energy" not in told
     assert "damping suppresses the exchange" in told
-    assert "recovers its energy" not in coupling_report(explain(one), words=True)
+    assert "recovers its energy" not in coupling_report(explain(example), words=True)
 
 
 def test_no_beats_are_told_of_what_dampers_have_ended() -> None:
@@ -367,11 +376,11 @@ def test_near_families_make_beats_a_guide() -> None:
     """Halfway the others hold 89 % of a family that is alone, and 80 % beside one that is near."""
     told = []
     for apart in (0.003, 0.03):
-        one = scene(Cart(mass=2080.0), bob(1, 3.03, 3), bob(2, 3.03 * (1 - 2 * apart), 3))
-        family = next(family for family in explain(one).families if family.mass < 4)
+        example = scene(Cart(mass=2080.0), bob(1, 3.03, 3), bob(2, 3.03 * (1 - 2 * apart), 3))
+        family = next(family for family in explain(example).families if family.mass < 4)
         half = np.linspace(0.45, 0.55, 201) * family.exchange.period
-        held = np.median(swing(one, 0, half)[:, 1:3].sum(axis=1))
-        told.append("another family is near" in page(explain(one))["Families of modes"][0])
+        held = np.median(swing(example, 0, half)[:, 1:3].sum(axis=1))
+        told.append("another family is near" in page(explain(example))["Families of modes"][0])
         assert held == pytest.approx(family.exchange.most, abs=0.1 if told[-1] else 0.015)
     assert told == [True, False]
 
@@ -401,12 +410,12 @@ def test_rates_are_the_slope_of_the_damped_eigenvalues() -> None:
     """The state matrix written out: first order misses by the square of the damping, relative to it."""
     misses = []
     for size in (1e-1, 1e-2):
-        one = damped_scene(size)
-        written = matrices(one)
-        found = explain(one).damped
+        example = damped_scene(size)
+        written = matrices(example)
+        damped = explain(example).damped
         values = state_eigenvalues(written.M, written.D, written.K)
-        rates = np.sort(np.repeat([mode.rate for mode in found], [mode.fold for mode in found]))
-        exact = np.sort(np.repeat([mode.decay for mode in found], [mode.fold for mode in found]))
+        rates = np.sort(np.repeat([mode.rate for mode in damped], [mode.fold for mode in damped]))
+        exact = np.sort(np.repeat([mode.decay for mode in damped], [mode.fold for mode in damped]))
         assert exact == pytest.approx(np.sort(-values.real), rel=1e-9)
         misses.append(np.abs(rates / np.sort(-values.real) - 1).max())
     assert misses[0] < 1e-3
@@ -414,19 +423,19 @@ def test_rates_are_the_slope_of_the_damped_eigenvalues() -> None:
 
 
 def test_a_cart_damper_spares_antiphase() -> None:
-    one = scene(Cart(mass=10.0, damping=2.0), double(3))
-    found = explain(one).damped
-    assert [mode.still for mode in found] == [True, False, True, False]
-    assert all((mode.rate == 0) is mode.still and (mode.decay == 0) is mode.still for mode in found)
-    assert all(mode.fold == (2 if mode.still else 1) for mode in found)
-    assert "Huygens" in coupling_report(explain(one), words=True)
+    example = scene(Cart(mass=10.0, damping=2.0), double(3))
+    damped = explain(example).damped
+    assert [mode.still for mode in damped] == [True, False, True, False]
+    assert all((mode.rate == 0) is mode.still and (mode.decay == 0) is mode.still for mode in damped)
+    assert all(mode.fold == (2 if mode.still else 1) for mode in damped)
+    assert "Huygens" in coupling_report(explain(example), words=True)
 
 
 @pytest.mark.parametrize("cart", [0.0, 5.0])
 def test_a_drive_starts_the_mode_with_the_least_threshold(cart: float) -> None:
-    one = scene(Cart(mass=3.0, damping=0.01 * cart), double(2, damping=1e-4), bob(1, 0.9, damping=1e-4))
-    least = min(mode.threshold for mode in explain(one).damped)
-    written = matrices(one)
+    example = scene(Cart(mass=3.0, damping=0.01 * cart), double(2, damping=1e-4), bob(1, 0.9, damping=1e-4))
+    least = min(mode.threshold for mode in explain(example).damped)
+    written = matrices(example)
     tops = np.diag([1.0 if label.endswith(",1]") else 0.0 for label in written.labels])
     for share, grows in ((0.99, False), (1.01, True)):
         driven = state_eigenvalues(written.M, written.D - share * least * tops, written.K)
@@ -434,9 +443,9 @@ def test_a_drive_starts_the_mode_with_the_least_threshold(cart: float) -> None:
 
 
 def test_what_has_no_damped_eigenvalues_keeps_first_order() -> None:
-    found = explain(scene(Cart(mass=0.0, damping=1.0), bob(1, 1, damping=0.1), bob(1, 0.8)))
-    assert all(mode.exact is None and mode.rate > 0 for mode in found.damped)
-    assert "cannot be computed" in coupling_report(found, words=True)
+    explanation = explain(scene(Cart(mass=0.0, damping=1.0), bob(1, 1, damping=0.1), bob(1, 0.8)))
+    assert all(mode.exact is None and mode.rate > 0 for mode in explanation.damped)
+    assert "cannot be computed" in coupling_report(explanation, words=True)
     overdamped = coupling_report(explain(scene(Cart(mass=1.0), bob(1, 1, 2, damping=50.0))), words=True)
     assert "overdamped" in overdamped
     assert "first order no longer holds" in overdamped
@@ -445,9 +454,9 @@ def test_what_has_no_damped_eigenvalues_keeps_first_order() -> None:
 @pytest.mark.parametrize("d", [50.0, 1e3, 1e14])
 def test_an_overdamped_mode_ends_as_its_slow_root(d: float) -> None:
     slow = 2 * 9.81 / (d + np.sqrt(d * d - 4 * 9.81))
-    one = explain(scene(Fixed(), bob(1, 1, damping=d), bob(1, 1.1, damping=0.8)))
-    assert [mode.decay for mode in one.damped] == pytest.approx([0.8 / 1.21 / 2, slow], rel=1e-9)
-    told = " ".join(page(one)["Damping by family"])
+    explanation = explain(scene(Fixed(), bob(1, 1, damping=d), bob(1, 1.1, damping=0.8)))
+    assert [mode.decay for mode in explanation.damped] == pytest.approx([0.8 / 1.21 / 2, slow], rel=1e-9)
+    told = " ".join(page(explanation)["Damping by family"])
     assert "The slowest to decay is mode 1 at 3.13209195 rad/s (cart still, pendulum 1)" in told
     assert "A drive" not in told
     both = explain(scene(Cart(mass=10.0), bob(1, 1, 2, damping=d)))
@@ -460,8 +469,8 @@ def test_an_overdamped_mode_ends_as_its_slow_root(d: float) -> None:
 # -------------------------------------------------------------------------------------------- page and picture
 
 
-def page(found: Coupling) -> dict[str, tuple[str, ...]]:
-    return {section.title: section.sentences for section in sections(found)}
+def page(coupling: Coupling) -> dict[str, tuple[str, ...]]:
+    return {section.title: section.sentences for section in sections(coupling)}
 
 
 def test_the_page_of_the_papers_cart() -> None:
@@ -477,17 +486,17 @@ def test_the_page_of_the_papers_cart() -> None:
 @pytest.mark.parametrize("name", ["paper-cart-2", "clocks-double", "crane-two-loads", "two-bobs", "two-swings"])
 def test_the_verdict_comes_first_then_one_table(name: str) -> None:
     """At most five lines of a terminal, no formula in brackets but with words, and the same numbers as JSON."""
-    found = explain(load(name))
+    explanation = explain(load(name))
     with fitted(80):
-        _, told, table, *_ = coupling_report(found).split("\n\n")
+        _, told, table, *_ = coupling_report(explanation).split("\n\n")
     assert "couple" in told
     assert len(told.splitlines()) <= 5
     assert table.split()[:2] == ["family", "ω"]
-    assert "[" not in coupling_report(found)
-    assert "[" in coupling_report(found, words=True)
-    record = json.loads(coupling_report(found, "json"))
+    assert "[" not in coupling_report(explanation)
+    assert "[" in coupling_report(explanation, words=True)
+    record = json.loads(coupling_report(explanation, "json"))
     assert " ".join(record["verdict_sentences"]) == " ".join(told.split())
-    beats = [row.beat for row in found.rows() if row.beat]
+    beats = [row.beat for row in explanation.rows() if row.beat]
     assert not beats or f"{max(beats):.4g} s" in told
 
 
@@ -506,16 +515,16 @@ EVERY = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EVERY)
 def test_every_number_has_its_formula(name: str) -> None:
-    found = explain(EVERY[name])
-    told = page(found)
+    explanation = explain(EVERY[name])
+    told = page(explanation)
     for title, sentences in told.items():
         for sentence in sentences:
             assert "[" in sentence or "JSON form" in sentence or not any(map(str.isdigit, sentence)), (title, sentence)
             assert "nan" not in sentence
     assert sum(map(len, told.values())) < 45
-    record = json.loads(coupling_report(found, "json"))
-    assert len(record["families"]) == len(found.families)
-    assert record["families"][0]["omega_cart_still_rad_per_s"] == found.families[0].omega
+    record = json.loads(coupling_report(explanation, "json"))
+    assert len(record["families"]) == len(explanation.families)
+    assert record["families"][0]["omega_cart_still_rad_per_s"] == explanation.families[0].omega
 
 
 @pytest.mark.slow
@@ -564,10 +573,10 @@ def test_what_is_said_of_special_scenes() -> None:
 
 
 def test_masses_that_miss_their_sum_are_refused() -> None:
-    one, other = (
+    example, other = (
         scene(Cart(mass=10.0), Pendulum(links=[Bob(mass=1, length=1), Bob(mass=m, length=1)])) for m in (1e-16, 1e-32)
     )
-    assert explain(one).residual() < 1e-8
+    assert explain(example).residual() < 1e-8
     with pytest.raises(ComputationError, match="beyond double precision"):
         explain(other)
 
@@ -585,8 +594,8 @@ DRIVE = VanDerPol(strength=0.05, angle_deg=5.0)
 def test_the_scenes_own_drives_feed_what_their_torques_give_noted() -> None:
     driven = scene(Cart(mass=50.0, damping=1.0), bob(1, 1, 2, drive=DRIVE), bob(1, 1))
     still, moves = explain(driven).damped
-    found = matrices(driven)
-    phi = scipy.linalg.eigh(found.K, found.M)[1][:, -1]
+    model = matrices(driven)
+    phi = scipy.linalg.eigh(model.K, model.M)[1][:, -1]
     assert moves.from_drives == pytest.approx(0.05 * (phi[1] ** 2 + phi[2] ** 2) / 2, rel=1e-12)
     assert still.from_drives == pytest.approx(0.05 * 2 / 3 / 2, rel=1e-12)
 

@@ -84,52 +84,52 @@ MIXED = scene(
 
 
 @cache
-def explained(one: Scene) -> StructureCoupling:
-    found = explain(one)
-    assert isinstance(found, StructureCoupling)
-    return found
+def explained(scene: Scene) -> StructureCoupling:
+    explanation = explain(scene)
+    assert isinstance(explanation, StructureCoupling)
+    return explanation
 
 
-def every_omega(found: StructureCoupling) -> list[float]:
+def every_omega(coupling: StructureCoupling) -> list[float]:
     """All frequencies as often as there are modes."""
-    still = [family.omega for family in found.families for _ in range(family.still)]
-    moving = [branch.omega for family in found.families for branch in family.branches]
-    return sorted([*still, *moving, *(omega for omega, _ in found.structure_modes)])
+    still = [family.omega for family in coupling.families for _ in range(family.still)]
+    moving = [branch.omega for family in coupling.families for branch in family.branches]
+    return sorted([*still, *moving, *(omega for omega, _ in coupling.structure_modes)])
 
 
 # ------------------------------------------------------------------------------------------ beside dense matrices
 
 
-@pytest.mark.parametrize("one", [CARTS, MIXED], ids=["carts", "mixed"])
-def test_the_dynamic_stiffness_is_a_schur_complement(one: Scene) -> None:
+@pytest.mark.parametrize("scene", [CARTS, MIXED], ids=["carts", "mixed"])
+def test_the_dynamic_stiffness_is_a_schur_complement(scene: Scene) -> None:
     """The recursion's modes of each pendulum against elimination from M and K of the whole scene."""
-    found, dense = explained(one), matrices(one)
-    d = found.reduced.d
+    explanation, dense = explained(scene), matrices(scene)
+    d = explanation.reduced.d
     for omega in (0.7, 2.3, 4.1, 9.7):
         S = dense.K - omega**2 * dense.M
         expected = S[:d, :d] - S[:d, d:] @ np.linalg.solve(S[d:, d:], S[d:, :d])
-        assert found.stiffness(omega) == pytest.approx(expected, abs=1e-12 * np.abs(S).max())
-        push = found.basis.T @ expected @ found.basis
-        assert found.dynamic(omega) == pytest.approx(-push / omega**2, abs=1e-11 * np.abs(push).max())
+        assert explanation.stiffness(omega) == pytest.approx(expected, abs=1e-12 * np.abs(S).max())
+        push = explanation.basis.T @ expected @ explanation.basis
+        assert explanation.dynamic(omega) == pytest.approx(-push / omega**2, abs=1e-11 * np.abs(push).max())
 
 
-@pytest.mark.parametrize("one", [CARTS, BOBS, MIXED], ids=["carts", "bobs", "mixed"])
-def test_families_and_the_structure_have_all_modes(one: Scene) -> None:
-    dense = matrices(one)
+@pytest.mark.parametrize("scene", [CARTS, BOBS, MIXED], ids=["carts", "bobs", "mixed"])
+def test_families_and_the_structure_have_all_modes(scene: Scene) -> None:
+    dense = matrices(scene)
     expected = np.sqrt(scipy.linalg.eigh(dense.K, dense.M, eigvals_only=True))
-    assert every_omega(explained(one)) == pytest.approx(expected, rel=1e-10)
+    assert every_omega(explained(scene)) == pytest.approx(expected, rel=1e-10)
 
 
 def test_dampers_of_everything_are_in_the_exact_rates() -> None:
     """λ of the reduced coordinates, and of the copies, against those of the whole scene."""
-    found, dense = explained(MIXED), matrices(MIXED)
+    explanation, dense = explained(MIXED), matrices(MIXED)
     n = len(dense.M)
     whole = np.block(
         [[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(dense.M, dense.K), -np.linalg.solve(dense.M, dense.D)]]
     )
     values = np.linalg.eigvals(whole)
     values = values[values.imag > 0]
-    mine = np.array([mode.exact for mode in found.damped for _ in range(mode.fold)])
+    mine = np.array([mode.exact for mode in explanation.damped for _ in range(mode.fold)])
     for value in values:
         near = np.abs(mine - value).argmin()
         assert abs(mine[near] - value) <= 1e-9 * abs(value)
@@ -154,10 +154,10 @@ def test_a_cart_on_a_spring_is_the_cart_that_has_it(stiffness: float) -> None:
     pendula = (pendula[0].replace(links=[pendula[0].links[0].replace(drive=drive)]), *pendula[1:])
     cart = Cart(mass=500.0, damping=0.4, stiffness=stiffness)
     held = Spring(between=("cart", "ground"), stiffness=stiffness, damping=0.4)
-    one = explain(scene(cart, *pendula))
+    explanation = explain(scene(cart, *pendula))
     other = explained(scene(cart.replace(stiffness=0.0, damping=0.0), *pendula, springs=(held,)))
-    assert isinstance(one, Coupling)
-    for mine, theirs in zip(other.families, one.families, strict=True):
+    assert isinstance(explanation, Coupling)
+    for mine, theirs in zip(other.families, explanation.families, strict=True):
         (branch,) = mine.branches
         assert (mine.omega, mine.fold, mine.still) == (
             pytest.approx(theirs.omega, rel=1e-14),
@@ -171,13 +171,13 @@ def test_a_cart_on_a_spring_is_the_cart_that_has_it(stiffness: float) -> None:
         share = theirs.exchange.most if theirs.exchange else None
         assert other.share(mine) == (share and pytest.approx(share, rel=5e-3))
         assert (other.beat(mine, branch) or 0.0) == pytest.approx(theirs.beat or 0.0, rel=1e-4)
-    pairs = {(pair.first, pair.second): pair for pair in one.pairs}
+    pairs = {(pair.first, pair.second): pair for pair in explanation.pairs}
     for pair in other.pairs:
         theirs = pairs[pair.first, pair.second]
         assert abs(pair.coupling) == pytest.approx(theirs.coupling, rel=1e-12)
         assert pair.detuning == pytest.approx(theirs.detuning, rel=1e-9)
         assert pair.exchange.most == pytest.approx(theirs.exchange.most, rel=1e-3)
-    for mine, theirs in zip(other.damped, one.damped, strict=True):
+    for mine, theirs in zip(other.damped, explanation.damped, strict=True):
         names = ("omega", "fold", "from_cart", "from_joints", "from_drag", "from_drives", "fed", "exact")
         assert [getattr(mine, name) for name in names] == pytest.approx(
             [getattr(theirs, name) for name in names], rel=1e-8, abs=1e-12
@@ -194,8 +194,8 @@ def test_a_swing_is_a_cart_on_a_spring() -> None:
 
 
 def test_a_damping_ratio_damps_every_mode() -> None:
-    found = explained(CARTS.replace(damping_ratio=0.01))
-    for mode in found.damped:
+    explanation = explained(CARTS.replace(damping_ratio=0.01))
+    for mode in explanation.damped:
         assert mode.exact is not None
         assert -mode.exact.real / abs(mode.exact) == pytest.approx(0.01, rel=1e-9)
         assert mode.rate == pytest.approx(0.01 * mode.omega, rel=1e-12)
@@ -205,15 +205,15 @@ def test_a_damping_ratio_damps_every_mode() -> None:
 
 
 def test_two_carts_with_three_bobs_each() -> None:
-    found = explained(CARTS)
-    (family,) = found.families
+    explanation = explained(CARTS)
+    (family,) = explanation.families
     assert (family.fold, family.still) == (6, 4)
     assert [branch.omega for branch in family.branches] == pytest.approx([4.30318038, 4.89542514], abs=5e-9)
-    assert [omega for omega, _ in found.structure_modes] == pytest.approx([1.78287370, 2.39391159], abs=5e-9)
+    assert [omega for omega, _ in explanation.structure_modes] == pytest.approx([1.78287370, 2.39391159], abs=5e-9)
     # in phase the link is slack, in antiphase it counts twice; 3 bobs ride on each cart of 5 kg
-    assert [mode.omega for mode in found.modes] == pytest.approx(np.sqrt([30 / 8, 70 / 8]), rel=1e-14)
-    assert [mode.mass for mode in found.modes] == pytest.approx([16.0, 16.0], rel=1e-14)
-    assert found.fast == pytest.approx([10.0, 10.0], rel=1e-14)
+    assert [mode.omega for mode in explanation.modes] == pytest.approx(np.sqrt([30 / 8, 70 / 8]), rel=1e-14)
+    assert [mode.mass for mode in explanation.modes] == pytest.approx([16.0, 16.0], rel=1e-14)
+    assert explanation.fast == pytest.approx([10.0, 10.0], rel=1e-14)
     # ε = μ/m with the dynamic mass 2 m_c − 2 k/ω² of both carts at ω² = g
     expected = sorted(3 / (5 - k / 9.81) for k in (30.0, 70.0))
     assert sorted(branch.strength for branch in family.branches) == pytest.approx(expected, rel=1e-12)
@@ -222,15 +222,17 @@ def test_two_carts_with_three_bobs_each() -> None:
 def test_the_share_of_three_levels_is_that_of_all_modes() -> None:
     """One of six bobs on two heavy carts, by superposition of every mode of the scene."""
     heavy = [cart.replace(mass=200.0, stiffness=500.0) for cart in (LEFT, RIGHT)]
-    found = explained(CARTS.replace(support=heavy, spring=(BETWEEN.replace(stiffness=300.0),)))
-    (family,) = found.families
-    assert [found.effective_mass(family, branch) for branch in family.branches] == pytest.approx([6.0, 6.0], rel=1e-12)
-    written = matrices(found.scene)
+    explanation = explained(CARTS.replace(support=heavy, spring=(BETWEEN.replace(stiffness=300.0),)))
+    (family,) = explanation.families
+    assert [explanation.effective_mass(family, branch) for branch in family.branches] == pytest.approx(
+        [6.0, 6.0], rel=1e-12
+    )
+    written = matrices(explanation.scene)
     squares, shapes = scipy.linalg.eigh(written.K, written.M)
     bobs = shapes[-6:] * np.sqrt(np.diag(written.M)[-6:])[:, None]
-    times = np.linspace(0.0, max(found.beats(family)), 4001)
+    times = np.linspace(0.0, max(explanation.beats(family)), 4001)
     swinging = np.abs(np.exp(-1j * np.outer(times, np.sqrt(squares))) @ (bobs * bobs[0]).T) ** 2
-    assert found.share(family) == pytest.approx(swinging[:, 1:].sum(axis=1).max(), rel=0.03)
+    assert explanation.share(family) == pytest.approx(swinging[:, 1:].sum(axis=1).max(), rel=0.03)
 
 
 @pytest.mark.parametrize("mass", [1e2, 1e10])
@@ -249,20 +251,20 @@ def test_splittings_keep_their_digits_however_heavy_the_carts(mass: float) -> No
 
 
 def test_a_push_feels_nothing_where_the_scene_swings() -> None:
-    found = explained(CARTS)
-    omegas = np.array([branch.omega for branch in found.families[0].branches])
-    low, high = found.felt(omegas * (1 - 1e-6)), found.felt(omegas * (1 + 1e-6))
+    explanation = explained(CARTS)
+    omegas = np.array([branch.omega for branch in explanation.families[0].branches])
+    low, high = explanation.felt(omegas * (1 - 1e-6)), explanation.felt(omegas * (1 + 1e-6))
     assert (np.sign(low) != np.sign(high)).any(axis=1).all()
 
 
 def test_two_bobs_and_a_spring() -> None:
     """ω² = g/l and g/l + 2 k a²/(m l²); each alone, the other held, has half the shift."""
-    found = explained(BOBS.replace(support=Cart(mass=1e9, stiffness=1e15)))
-    (family,) = found.families
+    explanation = explained(BOBS.replace(support=Cart(mass=1e9, stiffness=1e15)))
+    (family,) = explanation.families
     assert [branch.omega for branch in family.branches] == pytest.approx([3.1320919527, 3.5085609586], abs=2e-9)
     assert family.omega == pytest.approx(np.sqrt(9.81 + 5.0 / 4), rel=1e-13)
     assert [branch.strength * family.omega**2 for branch in family.branches] == pytest.approx([-1.25, 1.25], rel=1e-6)
-    assert found.beats(family)[0] == pytest.approx(2 * np.pi / (3.5085609586 - 3.1320919527), rel=1e-6)
+    assert explanation.beats(family)[0] == pytest.approx(2 * np.pi / (3.5085609586 - 3.1320919527), rel=1e-6)
 
 
 def test_a_structure_that_falls_over_is_told() -> None:
@@ -275,8 +277,8 @@ def test_a_structure_that_falls_over_is_told() -> None:
 
 
 def test_words_name_what_moves_and_how() -> None:
-    found = explained(CARTS)
-    assert [found.words(mode.shape) for mode in found.modes] == [
+    explanation = explained(CARTS)
+    assert [explanation.words(mode.shape) for mode in explanation.modes] == [
         "two carts in phase",
         "two carts in antiphase",
     ]
@@ -285,18 +287,18 @@ def test_words_name_what_moves_and_how() -> None:
     assert told[:6] == ["board tilts", "deck sways", "deck heaves", "deck rolls", "seat moves", "lift heaves"]
 
 
-@pytest.mark.parametrize("one", [CARTS, MIXED], ids=["carts", "mixed"])
-def test_the_report_and_its_numbers(one: Scene) -> None:
-    found = explained(one)
-    assert {section.title for section in sections(found)} >= {
+@pytest.mark.parametrize("scene", [CARTS, MIXED], ids=["carts", "mixed"])
+def test_the_report_and_its_numbers(scene: Scene) -> None:
+    explanation = explained(scene)
+    assert {section.title for section in sections(explanation)} >= {
         "The structure alone",
         "Families of modes",
         "Damping by mode",
     }
-    record = json.loads(coupling_report(found, "json"))
-    assert record["coordinates"] == list(found.structure.names)
-    assert len(record["families"]) == len(found.families)
-    assert "nan" not in coupling_report(found)
+    record = json.loads(coupling_report(explanation, "json"))
+    assert record["coordinates"] == list(explanation.structure.names)
+    assert len(record["families"]) == len(explanation.families)
+    assert "nan" not in coupling_report(explanation)
 
 
 def test_the_picture_has_a_panel_for_each_mode_of_the_structure() -> None:

@@ -73,14 +73,14 @@ def test_accelerations_and_power_beside_a_hoist_are_those_of_free_bodies(
     scene = hoisting(linear, quadratic, support)
     system, state = system_of(scene), swinging(scene)
     written, free, on_cart = Generated(system), HoistedMaximal(system), scene.support.kind == "cart"
-    one = written.derivative(time, written.begin(state))
+    rates = written.derivative(time, written.begin(state))
     other = free.derivative(time, free.begin_at(state, time))
     size = free.pivots.size
     turned = other[size : 2 * size][2 * on_cart :].reshape(-1, 3)[:, 2]
-    assert one[-1 - scene.n_links : -1] == pytest.approx(turned, rel=1e-10, abs=1e-10)
-    assert one[-1] == pytest.approx(other[-1], rel=1e-10)
+    assert rates[-1 - scene.n_links : -1] == pytest.approx(turned, rel=1e-10, abs=1e-10)
+    assert rates[-1] == pytest.approx(other[-1], rel=1e-10)
     if on_cart:
-        assert one[written.layout.half] == pytest.approx(other[size], rel=1e-10)
+        assert rates[written.layout.half] == pytest.approx(other[size], rel=1e-10)
 
 
 @pytest.mark.parametrize(("linear", "quadratic"), LAWS)
@@ -99,12 +99,12 @@ def test_a_bob_on_a_rope_that_is_hauled_in_the_air(linear: float, quadratic: flo
     parts, y = [0.0, 0.2, 1.7, 3.0], [np.radians(50.0), 0.0]
     for begin, end in pairwise(parts):
         y = solve_ivp(rate, (begin, end), y, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
-    found = simulate(scene, 3.0, tolerance=1e-12)
-    assert found.motion.links[-1, 0] == pytest.approx(y[0], abs=1e-9)
-    assert abs(found.energy_drift()) < 1e-9
+    run = simulate(scene, 3.0, tolerance=1e-12)
+    assert run.motion.links[-1, 0] == pytest.approx(y[0], abs=1e-9)
+    assert abs(run.energy_drift()) < 1e-9
     start = scene.pendulum[0].start
     without = simulate(Scene(gravity=G, pendulum=(Pendulum(links=(bob.replace(hoist=None),), start=start),)), 3.0)
-    assert abs(found.motion.links[-1, 0] - without.motion.links[-1, 0]) > 1e-2
+    assert abs(run.motion.links[-1, 0] - without.motion.links[-1, 0]) > 1e-2
 
 
 @pytest.mark.parametrize(("linear", "quadratic"), LAWS)
@@ -114,14 +114,14 @@ def test_drag_on_a_moved_support_by_every_form(motion: object, linear: float, qu
     system, state = system_of(scene), swinging(scene)
     recursion = Minimal(system, tuple(Recursion(group) for group in system.groups))
     forms = [Generated(system), recursion, Small(system)]
-    one, *others = (form.derivative(0.7, form.begin(state)) for form in forms)
+    rates, *others = (form.derivative(0.7, form.begin(state)) for form in forms)
     for other in others:
-        assert other == pytest.approx(one, rel=1e-11, abs=1e-12)
+        assert other == pytest.approx(rates, rel=1e-11, abs=1e-12)
     free, canonical = Maximal(system), Hamiltonian(system)
-    found = free.derivative(0.7, free.begin(state))
-    assert found[free.pivots.size : 2 * free.pivots.size].reshape(-1, 3)[:, 2] == pytest.approx(one[2:4], rel=1e-10)
-    assert found[-1] == pytest.approx(one[-1], rel=1e-10)
-    assert canonical.derivative(0.7, canonical.begin(state))[-1] == pytest.approx(one[-1], rel=1e-10)
+    maximal = free.derivative(0.7, free.begin(state))
+    assert maximal[free.pivots.size : 2 * free.pivots.size].reshape(-1, 3)[:, 2] == pytest.approx(rates[2:4], rel=1e-10)
+    assert maximal[-1] == pytest.approx(rates[-1], rel=1e-10)
+    assert canonical.derivative(0.7, canonical.begin(state))[-1] == pytest.approx(rates[-1], rel=1e-10)
 
 
 @pytest.mark.parametrize(("linear", "quadratic"), LAWS)
@@ -143,9 +143,9 @@ def test_a_bob_in_still_air_under_a_shaken_pivot(motion: SineMotion, linear: flo
         return [y[1], float(across @ force) / (mass * length)]
 
     y = solve_ivp(rate, (0.0, seconds), [np.radians(20.0), 0.0], method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
-    found = simulate(scene, seconds, tolerance=1e-12)
-    assert found.motion.links[-1, 0] == pytest.approx(y[0], abs=1e-9)
-    assert abs(found.energy_drift()) < 1e-9
+    run = simulate(scene, seconds, tolerance=1e-12)
+    assert run.motion.links[-1, 0] == pytest.approx(y[0], abs=1e-9)
+    assert abs(run.energy_drift()) < 1e-9
 
 
 @pytest.mark.parametrize(("linear", "quadratic"), LAWS)
@@ -155,11 +155,11 @@ def test_in_the_plane_of_the_rail_space_is_the_plane(motion: SineMotion, linear:
     plane = Generated(flat)
     space = Spatial(solid, tuple(SpatialRecursion(group) for group in solid.groups))
     state = State(np.array([0.5, -0.9]), np.array([1.0, -2.0]))
-    one, other = plane.derivative(0.7, plane.begin(state)), space.derivative(0.7, space.begin(of_plane(state)))
+    rates, other = plane.derivative(0.7, plane.begin(state)), space.derivative(0.7, space.begin(of_plane(state)))
     sin, cosine = np.sin(state.links), np.cos(state.links)
     u = other[6:12].reshape(2, 3)
-    assert u[:, 0] * cosine - u[:, 2] * sin == pytest.approx(one[2:4], rel=1e-10)
-    assert other[-1] == pytest.approx(one[-1], rel=1e-10)
+    assert u[:, 0] * cosine - u[:, 2] * sin == pytest.approx(rates[2:4], rel=1e-10)
+    assert other[-1] == pytest.approx(rates[-1], rel=1e-10)
 
 
 @pytest.mark.parametrize(("linear", "quadratic"), LAWS)
@@ -174,19 +174,19 @@ def test_multipliers_are_those_of_the_full_equations(linear: float, quadratic: f
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
         each = y.reshape(4, 4)
-        found = equations.derivative(t, rest[:, None] + 1j * step * each)
-        return np.ravel(found.imag) / step
+        rates = equations.derivative(t, rest[:, None] + 1j * step * each)
+        return np.ravel(rates.imag) / step
 
     end = solve_ivp(rate, (0.0, period), np.eye(4).ravel(), method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
     expected = np.linalg.eigvals(end.reshape(4, 4))
-    found = parametric_stability(scene).multipliers
-    assert np.sort_complex(found) == pytest.approx(np.sort_complex(expected), abs=1e-8)
+    multipliers = parametric_stability(scene).multipliers
+    assert np.sort_complex(multipliers) == pytest.approx(np.sort_complex(expected), abs=1e-8)
 
 
 @pytest.mark.parametrize("motion", MOTIONS[:2], ids=["along", "vertical"])
 def test_reactions_in_the_wind_are_those_of_the_maximal_form(motion: SineMotion) -> None:
     run = simulate(moved(motion, 0.4, 0.3), 1.0, output=11)
     expected = Maximal(run.system).reactions(run.motion, run.times)
-    found = reaction_forces_of(run)
-    assert found.pivots == pytest.approx(expected.pivots, rel=1e-9, abs=1e-9)
-    assert found.normal == pytest.approx(expected.normal, rel=1e-9, abs=1e-9)
+    forces = reaction_forces_of(run)
+    assert forces.pivots == pytest.approx(expected.pivots, rel=1e-9, abs=1e-9)
+    assert forces.normal == pytest.approx(expected.normal, rel=1e-9, abs=1e-9)

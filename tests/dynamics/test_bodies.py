@@ -40,8 +40,8 @@ def random_y(equations: Minimal, seed: int = 0) -> Floats:
     return np.random.default_rng(seed).uniform(-3, 3, equations.layout.size)
 
 
-def apart(found: Floats, expected: Floats) -> float:
-    return float(np.max(np.abs(found - expected)) / np.max(np.abs(expected)))
+def apart(values: Floats, expected: Floats) -> float:
+    return float(np.max(np.abs(values - expected)) / np.max(np.abs(expected)))
 
 
 def exact(scene: Scene, y: Floats) -> Floats:
@@ -116,17 +116,17 @@ def energy(equations: Minimal, y: Any) -> Any:
     """T + V (J) from A and b."""
     system, half, first = equations.system, equations.layout.half, equations.layout.first
     x, speed = (y[0], y[half]) if system.cart else (0.0, 0.0)
-    found = (system.cart.mass * speed**2 + system.cart.stiffness * x**2) / 2 if system.cart else 0.0
+    total = (system.cart.mass * speed**2 + system.cart.stiffness * x**2) / 2 if system.cart else 0.0
     for group in system.groups:
         block, q, w = group.block, y[first:half][group.index], y[half + first :][group.index]
         A = np.array(pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia))
         turning = np.sum(A * np.cos(q[:, None] - q) * w[:, None] * w) / 2
         sliding = block.mass.sum() * speed**2 / 2 + speed * np.sum(block.b * np.cos(q) * w)
         bend = joints.relative(q) - group.bent
-        found += (
+        total += (
             turning + sliding + np.sum(block.stiffness * bend**2) / 2 - system.gravity * np.sum(block.b * np.cos(q))
         )
-    return found
+    return total
 
 
 @fast
@@ -158,16 +158,16 @@ def test_compiled_work_is_the_change_of_energy(seed: int) -> None:
     """The last component of y' is dE/dt along y', E from the pair, by a complex step."""
     equations = Compiled(system_of(long_scene(seed, 5)))
     y = random_y(equations, seed)
-    found = equations.derivative(0.0, y)
-    rate = energy(equations, y + 1e-30j * found).imag / 1e-30
-    power = found[-1] if equations.layout.works else 0.0
+    rates = equations.derivative(0.0, y)
+    rate = energy(equations, y + 1e-30j * rates).imag / 1e-30
+    power = rates[-1] if equations.layout.works else 0.0
     assert abs(rate - power) < 1e-11 * energy(equations, np.abs(y)).real
 
 
 def test_missing_numba_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compiled, "available", lambda: False)
     assert not compiled.available()
-    with pytest.raises(MissingExtraError, match=r"multipendula\[fast\]"):
+    with pytest.raises(MissingExtraError, match=r"\.\[fast\]"):
         Compiled(system_of(load("chain-1")))
 
 
@@ -258,9 +258,9 @@ def test_the_trap() -> None:
     expected = by_runge_kutta(equations, y0, 0.7)
 
     def at(first: float) -> float:
-        own = Generated(equations.system)
-        rates = taylor.expressions(module_of(own.form), own.layout.size)
-        alone = heyoka.taylor_adaptive(rates, y0, compact_mode=True, pars=own.constants)
+        written = Generated(equations.system)
+        rates = taylor.expressions(module_of(written.form), written.layout.size)
+        alone = heyoka.taylor_adaptive(rates, y0, compact_mode=True, pars=written.constants)
         assert alone.order % 4 == 0
         alone.step(max_delta_t=first)
         alone.propagate_until(0.7)
@@ -353,5 +353,5 @@ def test_series_refuse() -> None:
 
 def test_missing_heyoka_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "heyoka", None)
-    with pytest.raises(MissingExtraError, match=r"multipendula\[taylor\]"):
+    with pytest.raises(MissingExtraError, match=r"\.\[taylor\]"):
         TaylorStepper(minimal(chain(1)), np.zeros(2), 0.0, 1.0, 1e-15, Pace())

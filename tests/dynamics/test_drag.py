@@ -61,8 +61,8 @@ def test_every_form_of_the_equations_agrees() -> None:
     for other in (Generated(system), Small(system)):
         assert other.derivative(0.0, other.begin(state)) == pytest.approx(expected, rel=1e-10, abs=1e-10)
     maximal = Maximal(system)
-    found = maximal.derivative(0.0, maximal.begin(state))
-    assert found[-1] == pytest.approx(expected[-1])
+    rates = maximal.derivative(0.0, maximal.begin(state))
+    assert rates[-1] == pytest.approx(expected[-1])
     solid = Spatial(system_of(MIXED.replace(space="space")), tuple(SpatialRecursion(g) for g in system.groups))
     turned = of_plane(state)
     rate = solid.derivative(0.0, solid.begin(turned))
@@ -73,9 +73,9 @@ def test_every_form_of_the_equations_agrees() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["maximal", "hamiltonian"])
 def test_runs_in_other_forms_agree(form: str) -> None:
-    one, other = (simulate(MIXED, 1.5, form=name, tolerance=1e-11, output=16) for name in ("minimal", form))
-    assert other.motion.links == pytest.approx(one.motion.links, abs=1e-8)
-    for run in (one, other):
+    trajectory, other = (simulate(MIXED, 1.5, form=name, tolerance=1e-11, output=16) for name in ("minimal", form))
+    assert other.motion.links == pytest.approx(trajectory.motion.links, abs=1e-8)
+    for run in (trajectory, other):
         assert run.energy_drift() < 1e-9
         assert run.motion.work[-1] < -0.1
 
@@ -91,8 +91,12 @@ def test_runs_in_space_keep_the_books_and_the_plane() -> None:
 def test_linear_drag_of_a_bob_is_a_damper() -> None:
     """On a fixed support −c l θ' at the end of l is the torque −c l² θ', at any angle."""
     dragged, damped = (
-        simulate(scene_of({"links": [bob(length=0.7, **own)], "start": {"angles_deg": [140.0]}}), 10.0, tolerance=1e-11)
-        for own in ({"drag": 0.3}, {"damping": 0.3 * 0.7**2})
+        simulate(
+            scene_of({"links": [bob(length=0.7, **resistance)], "start": {"angles_deg": [140.0]}}),
+            10.0,
+            tolerance=1e-11,
+        )
+        for resistance in ({"drag": 0.3}, {"damping": 0.3 * 0.7**2})
     )
     assert dragged.motion.links == pytest.approx(damped.motion.links, abs=1e-8)
     assert dragged.run.method == damped.run.method
@@ -112,19 +116,19 @@ def test_quadratic_drag_between_two_turning_points() -> None:
         return exp(2 * kappa * theta) * (part(theta) - part(a))
 
     turned = float(brentq(squared, -a, -0.1))
-    found = simulate(scene, 2.0, tolerance=1e-12, output=4001)
-    assert found.motion.links.min() == pytest.approx(turned, abs=1e-6)
-    assert found.motion.link_rates[300, 0] ** 2 == pytest.approx(squared(float(found.motion.links[300, 0])), rel=1e-9)
+    run = simulate(scene, 2.0, tolerance=1e-12, output=4001)
+    assert run.motion.links.min() == pytest.approx(turned, abs=1e-6)
+    assert run.motion.link_rates[300, 0] ** 2 == pytest.approx(squared(float(run.motion.links[300, 0])), rel=1e-9)
 
 
 def test_forces_of_the_pivots_balance_weight_and_drag() -> None:
     """m a of a bob = tension + weight + drag, the tension along the rod."""
     scene = scene_of({"links": [bob(drag=0.5, quadratic_drag=0.2)], "start": {"angles_deg": [60.0]}})
-    found = simulate(scene, 2.0, output=21, tolerance=1e-11)
-    force, theta = reaction_forces_of(found).pivots[:, 0], found.motion.links[:, 0]
+    run = simulate(scene, 2.0, output=21, tolerance=1e-11)
+    force, theta = reaction_forces_of(run).pivots[:, 0], run.motion.links[:, 0]
     assert force[:, 0] * np.cos(theta) - force[:, 1] * np.sin(theta) == pytest.approx(0.0, abs=1e-8)
     tension = -(force[:, 0] * np.sin(theta) + force[:, 1] * np.cos(theta))
-    assert tension == pytest.approx(G * np.cos(theta) + found.motion.link_rates[:, 0] ** 2, rel=1e-8)
+    assert tension == pytest.approx(G * np.cos(theta) + run.motion.link_rates[:, 0] ** 2, rel=1e-8)
 
 
 # -------------------------------------------------------------------------------------------------------- linear
@@ -148,7 +152,7 @@ STANDING = scene_of(
 
 @pytest.mark.parametrize("scene", [LINEAR, STANDING], ids=["hanging", "standing"])
 def test_the_damping_matrix_is_that_of_the_full_equations(scene: Scene) -> None:
-    system, found = system_of(scene), matrices(scene)
+    system, model = system_of(scene), matrices(scene)
     equations = Small(system)
     half, size = equations.layout.half, 1e-6
 
@@ -158,15 +162,15 @@ def test_the_damping_matrix_is_that_of_the_full_equations(scene: Scene) -> None:
         return np.asarray(equations.derivative(0.0, y)[half : 2 * half])
 
     slope = np.array([(accelerations(size * e) - accelerations(-size * e)) / (2 * size) for e in np.eye(half)]).T
-    assert -found.M @ slope == pytest.approx(found.D, abs=1e-7)
-    assert pytest.approx(found.D.T) == found.D
+    assert -model.M @ slope == pytest.approx(model.D, abs=1e-7)
+    assert pytest.approx(model.D.T) == model.D
 
 
 @pytest.mark.parametrize("free", [False, True])
 def test_damped_modes_are_eigenvalues_of_the_matrices(free: bool) -> None:
     scene = LINEAR.replace(support=LINEAR.support.replace(stiffness=0.0, damping=0.0)) if free else LINEAR
-    found, n = matrices(scene), scene.n_links + 1
-    state = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(found.M, np.hstack([found.K, found.D]))]])
+    model, n = matrices(scene), scene.n_links + 1
+    state = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(model.M, np.hstack([model.K, model.D]))]])
     expected = np.linalg.eigvals(state)
     expected = np.sort_complex(expected[(expected.imag >= 0) & (abs(expected) > 1e-9)])
     values = natural_modes(scene).eigenvalue
@@ -189,8 +193,8 @@ def test_first_order_rates_approach_those_of_the_damped_modes() -> None:
         assert pendulum.links
     scaled = light.replace(
         pendulum=tuple(
-            one.replace(links=tuple(link.replace(drag=link.drag * 1e-3, damping=0.0) for link in one.links))
-            for one in light.pendulum
+            pendulum.replace(links=tuple(link.replace(drag=link.drag * 1e-3, damping=0.0) for link in pendulum.links))
+            for pendulum in light.pendulum
         )
     )
     rig = rig_of(scaled)
@@ -213,8 +217,8 @@ def test_a_prescribed_cart_drags_its_pendula() -> None:
 
 def test_residual_forces_of_a_solution_vanish() -> None:
     scene = MIXED
-    found = simulate(scene, 1.0, tolerance=1e-12, output=11)
-    system, motion = found.system, found.motion
+    run = simulate(scene, 1.0, tolerance=1e-12, output=11)
+    system, motion = run.system, run.motion
     equations = Small(system)
     rows = np.array([equations.derivative(0.0, equations.begin(motion[k])) for k in range(11)]).T
     half = equations.layout.half

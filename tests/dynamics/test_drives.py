@@ -100,7 +100,7 @@ def own_mass(scene: Scene, angles: Floats) -> Floats:
 
 def own_torques(scene: Scene, angles: Floats, rates: Floats) -> Floats:
     """The van der Pol torques on the absolute angles, link by link."""
-    found, at = np.zeros(len(angles)), 0
+    torques, at = np.zeros(len(angles)), 0
     for pendulum in scene.pendulum:
         above, turning_above, up = 0.0, 0.0, 0.0
         for number, link in enumerate(pendulum.links):
@@ -108,11 +108,11 @@ def own_torques(scene: Scene, angles: Floats, rates: Floats) -> Floats:
             gamma, rate = angles[at] - above - (rest - up), rates[at] - turning_above
             if isinstance(link.drive, VanDerPol):
                 torque = link.drive.strength * (1 - (gamma / math.radians(link.drive.angle_deg)) ** 2) * rate
-                found[at] += torque
+                torques[at] += torque
                 if number:
-                    found[at - 1] -= torque
+                    torques[at - 1] -= torque
             above, turning_above, up, at = angles[at], rates[at], rest, at + 1
-    return found
+    return torques
 
 
 # ------------------------------------------------------------------------------------------------- van der Pol
@@ -162,8 +162,8 @@ def test_the_limit_cycle_has_the_amplitude_of_the_averaged_equation(damping: flo
     link = Bob(mass=1.0, length=0.25, damping=damping, drive=VanDerPol(strength=e, angle_deg=gamma0))
     scene = Scene(gravity=G, pendulum=(Pendulum(links=(link,), start=InitialCondition(angles_deg=(start,))),))
     run = simulate(scene, 120.0, tolerance=1e-9, output=np.linspace(110, 120, 4001))
-    found = np.rad2deg(run.motion.links[1:].max())
-    assert found == pytest.approx(2 * gamma0 * math.sqrt(1 - damping / e), rel=2e-3)
+    amplitude = np.rad2deg(run.motion.links[1:].max())
+    assert amplitude == pytest.approx(2 * gamma0 * math.sqrt(1 - damping / e), rel=2e-3)
 
 
 @pytest.mark.slow
@@ -284,7 +284,7 @@ def test_the_record_of_kicks_holds_time_link_and_what_the_energy_jumps_by() -> N
 def own_kicks(impulse: float, angle: float, start: float, length: float, damping: float, seconds: float) -> list[float]:
     """Kicks of one bob of 1 kg released at rest outside the angle, by SciPy's own events."""
     bound = math.radians(angle)
-    side, found, time = -math.copysign(1.0, start), [], 0.0
+    side, kick_times, time = -math.copysign(1.0, start), [], 0.0
     y = np.array([math.radians(start), 0.0])
 
     def slope(time: float, y: Floats) -> list[float]:
@@ -298,10 +298,10 @@ def own_kicks(impulse: float, angle: float, start: float, length: float, damping
         passes.terminal, passes.direction = True, 1.0  # type: ignore[attr-defined]
         run = solve_ivp(slope, (time, seconds), y, method="DOP853", rtol=1e-12, atol=1e-14, events=passes, max_step=0.1)
         if not len(run.t_events[0]):
-            return found
+            return kick_times
         time, y = float(run.t_events[0][0]), np.array(run.y_events[0][0])
         y[1] += side * impulse / length**2
-        found, side = [*found, time], -side
+        kick_times, side = [*kick_times, time], -side
 
 
 THREE = ((0.05, 5.0, 20.0, 1.0, 0.0), (0.05, 5.2, 20.0, 1.01, 0.02), (0.02, 0.0, -15.0, 0.9, 0.01))
@@ -313,9 +313,9 @@ def test_kicks_come_when_an_integration_of_each_clock_alone_finds_them(method: s
     clocks = [clock(p, a, s, length=l, damping=d) for p, a, s, l, d in THREE]
     tolerance, bound = {"RK23": (1e-7, 1e-5), "BDF": (1e-8, 1e-5)}.get(method, (1e-10, 1e-8))
     run = simulate(Scene(gravity=G, pendulum=tuple(clocks)), 5.0, method=method, tolerance=tolerance)
-    for number, own in enumerate(THREE):
-        found = run.kicks.time[run.kicks.link == number]
-        np.testing.assert_allclose(found, own_kicks(*own, 5.0), atol=bound)
+    for number, numbers in enumerate(THREE):
+        times = run.kicks.time[run.kicks.link == number]
+        np.testing.assert_allclose(times, own_kicks(*numbers, 5.0), atol=bound)
     assert run.energy_drift() < 100 * bound
 
 
@@ -323,8 +323,8 @@ def test_kicks_come_when_an_integration_of_each_clock_alone_finds_them(method: s
 def test_kicks_without_any_damper_by_taylor_series() -> None:
     """Nothing works between kicks: the rate of work is a plain zero in the series."""
     scene = Scene(gravity=G, pendulum=(clock(0.05, 5, 20),))
-    found = simulate(scene, 5.0, method="taylor", tolerance=1e-14).kicks.time
-    np.testing.assert_allclose(found, own_kicks(0.05, 5, 20, 1.0, 0.0, 5.0), atol=1e-11)
+    times = simulate(scene, 5.0, method="taylor", tolerance=1e-14).kicks.time
+    np.testing.assert_allclose(times, own_kicks(0.05, 5, 20, 1.0, 0.0, 5.0), atol=1e-11)
 
 
 @pytest.mark.parametrize("angle", [22.35, 22.38, 22.41, 22.44])
@@ -334,8 +334,8 @@ def test_the_first_of_two_kicks_within_one_step_is_the_first(angle: float) -> No
     scene = Scene(gravity=G, pendulum=tuple(clock(p, a, s, length=l, damping=d) for p, a, s, l, d in both))
     for tolerance, bound in ((1e-5, 1e-4), (1e-6, 1e-5), (1e-8, 1e-7)):
         run = simulate(scene, 1.2, method="DOP853", tolerance=tolerance)
-        for number, own in enumerate(both):
-            np.testing.assert_allclose(run.kicks.time[run.kicks.link == number], own_kicks(*own, 1.2), atol=bound)
+        for number, numbers in enumerate(both):
+            np.testing.assert_allclose(run.kicks.time[run.kicks.link == number], own_kicks(*numbers, 1.2), atol=bound)
 
 
 @pytest.mark.parametrize("short_by", [1e-3, 1e-5, 1e-7, 1e-9, -1e-9, -1e-7, -1e-5, -1e-3])
@@ -365,8 +365,8 @@ def test_equal_clocks_are_kicked_together_and_nearly_equal_ones_too() -> None:
 def test_copies_have_their_own_escapements() -> None:
     three = clock(0.05, 5, 20, damping=0.02).model_copy(update={"count": 3})
     run = simulate(Scene(gravity=G, support=Cart(mass=4.0), pendulum=(three,)), 5.0, tolerance=1e-11)
-    one = Scene(gravity=G, support=Cart(mass=4.0), pendulum=(three.model_copy(update={"count": 1}),) * 3)
-    np.testing.assert_array_equal(simulate(one, 5.0, tolerance=1e-11).kicks.time, run.kicks.time)
+    singles = Scene(gravity=G, support=Cart(mass=4.0), pendulum=(three.model_copy(update={"count": 1}),) * 3)
+    np.testing.assert_array_equal(simulate(singles, 5.0, tolerance=1e-11).kicks.time, run.kicks.time)
     assert [int(np.sum(run.kicks.link == k)) for k in range(3)] == [len(run.kicks.time) // 3] * 3
 
 
@@ -435,8 +435,8 @@ def test_energy_closes_over_hundreds_of_kicks_with_dampers_everywhere() -> None:
     links = (Rod(mass=1.0, length=0.3, damping=0.005, drive=Escapement(impulse=0.01, angle_deg=3)),)
     low = Rod(mass=0.3, length=0.2, damping=0.002, drive=Escapement(impulse=0.001, angle_deg=1))
     two = Pendulum(links=(*links, low), start=InitialCondition(angles_deg=(12, 15)))
-    one = Pendulum(links=links, start=InitialCondition(angles_deg=(-9,)))
-    scene = Scene(gravity=G, support=Cart(mass=8.0, damping=0.5, stiffness=2.0), pendulum=(two, one))
+    single = Pendulum(links=links, start=InitialCondition(angles_deg=(-9,)))
+    scene = Scene(gravity=G, support=Cart(mass=8.0, damping=0.5, stiffness=2.0), pendulum=(two, single))
     run = simulate(scene, 50.0, tolerance=1e-12, output=101)
     assert len(run.kicks.time) >= 200
     assert run.energy_drift() < 1e-9
@@ -509,8 +509,8 @@ def test_kicks_on_disk(tmp_path: Path, kind: str) -> None:
     path = tmp_path / f"run.{kind}"
     recordings.save(run, path)
     back = recordings.load(path)
-    for one, other in zip(run.kicks, back.kicks, strict=True):
-        np.testing.assert_array_equal(one, other)
+    for column, other in zip(run.kicks, back.kicks, strict=True):
+        np.testing.assert_array_equal(column, other)
     assert back.scene == run.scene
     assert len(back.kicks.time) > 8
 
@@ -603,16 +603,16 @@ def test_tables_and_matrices_leave_drives_out_and_the_table_says_so() -> None:
     np.testing.assert_array_equal(driven.eigenvalue, bare.eigenvalue)
     assert any("Drives are left out" in note for note in driven.notes)
     assert not any("Drives are left out" in note for note in bare.notes)
-    one, other = matrices(scene), matrices(scene.undriven)
+    model, other = matrices(scene), matrices(scene.undriven)
     for name in ("M", "K", "D"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+        np.testing.assert_array_equal(getattr(model, name), getattr(other, name))
     assert scene_from(describe(scene)) == scene
 
 
 @pytest.mark.slow
 def test_a_check_leaves_drives_out_and_says_so() -> None:
     scene = beside_a_clock(damping=0.1)
-    driven, bare = (check(one, [2], (1.0, 10.0)) for one in (scene, scene.undriven))
+    driven, bare = (check(checked_scene, [2], (1.0, 10.0)) for checked_scene in (scene, scene.undriven))
     assert driven.rows[0].kappa == bare.rows[0].kappa
     assert "Drives are left out" in check_table(driven, "text")
     assert "drives" not in check_table(bare, "text")

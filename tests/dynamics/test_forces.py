@@ -48,8 +48,8 @@ FIXED = {"kind": "fixed"}
 def pushed(
     *forces: dict[str, Any], support: dict[str, Any] = FIXED, links: list[dict[str, Any]] | None = None, count: int = 2
 ) -> Scene:
-    own = links or [ROD, ROD | {"mass": 0.5, "damping": 0.1}]
-    pendulum = {"count": count, "links": own, "start": {"angles_deg": [30.0, -20.0][: len(own)]}}
+    chain = links or [ROD, ROD | {"mass": 0.5, "damping": 0.1}]
+    pendulum = {"count": count, "links": chain, "start": {"angles_deg": [30.0, -20.0][: len(chain)]}}
     return scene_from({"gravity": 9.81, "support": support, "pendulum": [pendulum], "force": [*forces]})
 
 
@@ -150,13 +150,13 @@ def test_members_are_single_runs(engine: str) -> None:
     values = [(1.5, 0.3, 3.0), (2.0, 0.4, -1.0)]
     varied = dict(zip(paths, map(list, zip(*values, strict=True)), strict=True))
     with interpreted() if engine == "numba" else nullcontext():
-        found = ensemble(scene, 1.5, vary=varied, engine=engine, workers=1, tolerance=1e-11)
+        runs = ensemble(scene, 1.5, vary=varied, engine=engine, workers=1, tolerance=1e-11)
     for member, (push, hz, lift) in enumerate(values):
         forces = list(scene.force)
         for at, change in ((0, {"amplitude": push}), (4, {"frequency_hz": hz}), (1, {"amplitude": lift})):
             forces[at] = forces[at].replace(**change)
         run = simulate(scene.replace(force=tuple(forces)), 1.5, tolerance=1e-11, output=2)
-        assert found.final.links[member] == pytest.approx(run.motion.links[-1], abs=1e-8)
+        assert runs.final.links[member] == pytest.approx(run.motion.links[-1], abs=1e-8)
 
 
 def test_taylor_series_follow_sines_and_constant_forces() -> None:

@@ -26,15 +26,15 @@ from nonlinear.system import AppliedForces, State, System, system_of
 
 def every_state(a: np.ndarray, G: np.ndarray, limit: np.ndarray) -> list[np.ndarray]:
     """All τ that satisfy Coulomb's law, found by trying every set of sticking and sliding contacts."""
-    found = []
+    torques = []
     for sign in product((-1.0, 0.0, 1.0), repeat=len(a)):
         s = np.array(sign)
         stuck, tau = s == 0, -s * limit
         if stuck.any():
             tau[stuck] = np.linalg.solve(G[np.ix_(stuck, stuck)], -(a + G @ tau)[stuck])
         if np.all(np.abs(tau) <= limit) and np.all((a + G @ tau) * s >= 0):
-            found.append(tau)
-    return found
+            torques.append(tau)
+    return torques
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -56,8 +56,8 @@ def scene(coefficient: float, **angles: float) -> Frictional:
         {"kind": "rod", "mass": 2.0, "length": 0.7, "friction": 0.1, "quadratic_drag": 0.1},
     ]
     support = {"kind": "cart", "mass": 0.5, "friction_coefficient": coefficient}
-    found = scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": links}]})
-    equations = equations_of(system_of(found), Choice("minimal", "RK45", False, ""))
+    scene = scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": links}]})
+    equations = equations_of(system_of(scene), Choice("minimal", "RK45", False, ""))
     assert isinstance(equations, Frictional)
     return equations
 
@@ -91,12 +91,12 @@ def test_a_rail_that_jams_has_no_state() -> None:
 
 def test_written_out_and_by_the_recursion_it_is_the_same() -> None:
     links = [{"kind": "rod", "mass": 1.0, "length": 0.5, "friction": 0.1, "count": 5}]
-    found = system_of(scene_from({"gravity": 9.81, "pendulum": [{"links": links}]}))
-    long = Frictional(Minimal(found, tuple(Recursion(group) for group in found.groups)), contacts_of(found))
+    system = system_of(scene_from({"gravity": 9.81, "pendulum": [{"links": links}]}))
+    long = Frictional(Minimal(system, tuple(Recursion(group) for group in system.groups)), contacts_of(system))
     rng = np.random.default_rng(3)
     y = long.begin(State(rng.normal(size=5), rng.normal(size=5)))
     long.release(0.0, y)
-    written = equations_of(found, Choice("minimal", "DOP853", False, ""))
+    written = equations_of(system, Choice("minimal", "DOP853", False, ""))
     assert isinstance(written, Switched)
     written.release(0.0, y)
     assert written.derivative(0.0, y) == pytest.approx(long.derivative(0.0, y), rel=1e-9, abs=1e-9)
@@ -134,7 +134,7 @@ BESIDE: dict[str, dict[str, Any]] = {
         "support": {**CART, "friction": 0.0, "friction_coefficient": 0.2},
     },
     "coefficient": {"links": LINKS, "support": {**CART, "friction": 0.0, "friction_coefficient": 0.2}},
-    "drag": {"links": [{**one, "drag": 0.3} for one in LINKS], "support": CART},
+    "drag": {"links": [{**link, "drag": 0.3} for link in LINKS], "support": CART},
     "damping ratio": {"links": LINKS, "support": CART, "damping_ratio": 0.05},
     "moved": {
         "links": LINKS,
@@ -185,9 +185,9 @@ def newton(system: System, time: float, y: np.ndarray, sign: np.ndarray, contact
     K[size, size], K[size, :half], r[size] = 1.0, -lift, weight
     if contacts.coefficient:
         K[:half, size] = sign[0] * contacts.coefficient * J[0]
-    found = np.linalg.solve(K, r)
-    assert not contacts.coefficient or found[-1] > 0
-    return found[:half]
+    solution = np.linalg.solve(K, r)
+    assert not contacts.coefficient or solution[-1] > 0
+    return solution[:half]
 
 
 def in_phase(equations: Switched, sign: np.ndarray, time: float, y: np.ndarray) -> None:
@@ -206,8 +206,8 @@ def in_phase(equations: Switched, sign: np.ndarray, time: float, y: np.ndarray) 
 @pytest.mark.parametrize("name", BESIDE)
 @pytest.mark.parametrize("written", [True, False])
 def test_every_set_of_sticking_contacts_obeys_newton(name: str, written: bool) -> None:
-    given = dict(BESIDE[name])
-    system = system_of(scene_from({"gravity": 9.81, "pendulum": [{"links": given.pop("links")}], **given}))
+    numbers = dict(BESIDE[name])
+    system = system_of(scene_from({"gravity": 9.81, "pendulum": [{"links": numbers.pop("links")}], **numbers}))
     contacts, free = contacts_of(system), Minimal(system, tuple(map(Recursion, system.groups)))
     if system.hoisting:
         free = Minimal(system, (None,))

@@ -21,7 +21,7 @@ STEP = 1e-30
 def dense_M(scene: Scene, q: np.ndarray) -> np.ndarray:
     """Σ m JᵀJ + I, with J from the positions of the centres by complex steps."""
     moved = [centres(scene, q + 1j * STEP * unit) for unit in np.eye(len(q))]
-    masses, inertias = (np.array([one[part] for one in moved[0]]) for part in (0, 1))
+    masses, inertias = (np.array([centre[part] for centre in moved[0]]) for part in (0, 1))
     J = np.array([[z.imag / STEP for _, _, z, _ in rows] for rows in moved])
     turns = np.array([[theta.imag / STEP for *_, theta in rows] for rows in moved])
     return np.einsum("k,iks,jks->ij", masses, J, J) + (inertias * turns) @ turns.T
@@ -29,16 +29,16 @@ def dense_M(scene: Scene, q: np.ndarray) -> np.ndarray:
 
 def potential(scene: Scene, q: np.ndarray) -> float:
     """Gravity and springs, each relaxed where its links rest."""
-    found = -sum(scene.gravity * m * z[1].real for m, _, z, _ in centres(scene, q))
+    total = -sum(scene.gravity * m * z[1].real for m, _, z, _ in centres(scene, q))
     at = 0
     if isinstance(scene.support, Cart):
-        found, at = found + scene.support.stiffness * q[0] ** 2 / 2, 1
-    for pendulum in (one for one in scene.pendulum for _ in range(one.count)):
+        total, at = total + scene.support.stiffness * q[0] ** 2 / 2, 1
+    for pendulum in (entry for entry in scene.pendulum for _ in range(entry.count)):
         above = 0.0
         for link, way in zip(pendulum.links, pendulum.ways, strict=True):
             lean = q[at] - (np.pi if way == "up" else 0.0)
-            found, above, at = found + link.stiffness * (lean - above) ** 2 / 2, lean, at + 1
-    return found
+            total, above, at = total + link.stiffness * (lean - above) ** 2 / 2, lean, at + 1
+    return total
 
 
 def vectors(system: System, state: State) -> tuple[np.ndarray, np.ndarray]:
@@ -67,8 +67,8 @@ def test_H_is_the_energy(seed: int) -> None:
     state = random_state(system, seed)
     q, v = vectors(system, state)
     kinetic = v @ dense_M(scene, q) @ v / 2
-    found = hamiltonian(system, state.cart, state.links, momenta(system, state))
-    assert found == pytest.approx(kinetic + potential(scene, q), rel=1e-11, abs=1e-12 * kinetic)
+    energy = hamiltonian(system, state.cart, state.links, momenta(system, state))
+    assert energy == pytest.approx(kinetic + potential(scene, q), rel=1e-11, abs=1e-12 * kinetic)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -85,27 +85,27 @@ def test_the_slopes_of_H_are_the_motion(seed: int) -> None:
 
     slopes = np.array([slope(unit) for unit in np.eye(2 * half)])
     equations = Hamiltonian(system)
-    found = equations.derivative(0.0, equations.begin(state))
+    rates = equations.derivative(0.0, equations.begin(state))
     scale = np.abs(slopes).max()
-    np.testing.assert_allclose(found[:half], slopes[half:], rtol=0, atol=1e-11 * scale)
-    lost = found[half : 2 * half] + slopes[:half]
+    np.testing.assert_allclose(rates[:half], slopes[half:], rtol=0, atol=1e-11 * scale)
+    lost = rates[half : 2 * half] + slopes[:half]
     np.testing.assert_allclose(lost, dampers(system, state), rtol=0, atol=1e-11 * scale)
     assert equations.layout.works == bool(dampers(system, state).any())
     if equations.layout.works:
-        assert found[-1] == pytest.approx(dampers(system, state) @ v, rel=1e-12, abs=1e-12)
+        assert rates[-1] == pytest.approx(dampers(system, state) @ v, rel=1e-12, abs=1e-12)
 
 
 def dampers(system: System, state: State) -> np.ndarray:
     """Minus the slope in the velocities of half the power lost: link by link."""
-    found, damping = np.zeros(system.n_links), system.by_link("damping")
+    torques, damping = np.zeros(system.n_links), system.by_link("damping")
     for group in system.groups:
         for column in group.index.T:
             for above, link in zip([None, *column[:-1]], column, strict=True):
                 turn = state.link_rates[link] - (0.0 if above is None else state.link_rates[above])
-                found[link] -= damping[link] * turn
+                torques[link] -= damping[link] * turn
                 if above is not None:
-                    found[above] += damping[link] * turn
-    return np.concatenate(([-system.cart.damping * state.cart_rate], found)) if system.cart else found
+                    torques[above] += damping[link] * turn
+    return np.concatenate(([-system.cart.damping * state.cart_rate], torques)) if system.cart else torques
 
 
 @pytest.mark.slow

@@ -126,9 +126,9 @@ def test_a_chain_of_bobs_obeys_cartesian_equations() -> None:
     for begin, end in pairwise([0.0, 0.3, 1.5, 2.0]):
         y = solve_ivp(rate, (begin, end), y, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
     run = simulate(scene, 2.0, start=State(theta, omega), tolerance=1e-12, output=2)
-    found = np.diff(y[:6].reshape(3, 2), axis=0, prepend=0.0)
-    assert np.abs(np.arctan2(*found.T) - run.final.links).max() < 1e-9
-    assert np.abs(np.linalg.norm(found, axis=1) - [0.6, 0.7, 1.4]).max() < 1e-9
+    spans = np.diff(y[:6].reshape(3, 2), axis=0, prepend=0.0)
+    assert np.abs(np.arctan2(*spans.T) - run.final.links).max() < 1e-9
+    assert np.abs(np.linalg.norm(spans, axis=1) - [0.6, 0.7, 1.4]).max() < 1e-9
 
 
 @pytest.mark.slow
@@ -168,13 +168,13 @@ def test_power_is_the_rate_of_energy() -> None:
         return float(Mechanics(system, equations.read(row[None]), np.array([time])).energy[0])
 
     slope = equations.derivative(0.8, y)
-    found = (energy(0.8 + step, y + step * slope) - energy(0.8 - step, y - step * slope)) / (2 * step)
-    assert found == pytest.approx(slope[-1], rel=1e-7)
+    power = (energy(0.8 + step, y + step * slope) - energy(0.8 - step, y - step * slope)) / (2 * step)
+    assert power == pytest.approx(slope[-1], rel=1e-7)
 
 
 def adiabatic(duration: float) -> float:
     """The largest relative change of E/ω of a pendulum over two phases of a swing, from 4 m to 1 m."""
-    found = []
+    changes = []
     for phase in (0.3, 1.9):
         scene = single(4.0, Hoist(to=1.0, duration=duration))
         omega = np.sqrt(G / np.array([4.0, 1.0]))
@@ -186,8 +186,8 @@ def adiabatic(duration: float) -> float:
                 (4.0, 1.0), omega, (start.links[0], end.links[0]), (start.link_rates[0], end.link_rates[0]), strict=True
             )
         ]
-        found.append(abs(action[1] / action[0] - 1))
-    return max(found)
+        changes.append(abs(action[1] / action[0] - 1))
+    return max(changes)
 
 
 @pytest.mark.slow
@@ -203,12 +203,12 @@ def test_splines_and_functions_are_laws() -> None:
     spline = CubicSpline(times, 1.0 + 0.2 * np.sin(times))
     exact = {(0, 0): lambda t: (spline(t), spline(t, 1), spline(t, 2))}
     start = State(np.array([0.5]), np.zeros(1))
-    one, other = (simulate(single(1.0), 2.0, start=start, hoist=hoist, tolerance=1e-11, output=20)
+    run, other = (simulate(single(1.0), 2.0, start=start, hoist=hoist, tolerance=1e-11, output=20)
                   for hoist in ({(0, 0): spline}, exact))  # fmt: skip
-    assert np.abs(one.motion.links - other.motion.links).max() < 1e-8
-    assert np.allclose(np.linalg.norm(one.mechanics.joints[:, 0], axis=1), spline(one.times), rtol=1e-12)
-    assert one.energy_drift() < 1e-9
-    more = resume(one, 0.1)
+    assert np.abs(run.motion.links - other.motion.links).max() < 1e-8
+    assert np.allclose(np.linalg.norm(run.mechanics.joints[:, 0], axis=1), spline(run.times), rtol=1e-12)
+    assert run.energy_drift() < 1e-9
+    more = resume(run, 0.1)
     assert more.system.hoisting is not None
 
 
@@ -250,8 +250,8 @@ def test_the_linear_equations_are_the_slope_of_the_full_ones() -> None:
     equations, n, step = Generated(system), scene.n_links + 1, 1e-6
     rest = np.concatenate(([0.0], system.rest, np.zeros(n + 1)))
     for time in (0.4, 0.8, 1.4):
-        found = matrices_at(scene, time)
-        exact = -np.linalg.solve(found.M, np.hstack((found.K, found.D)))
+        model = matrices_at(scene, time)
+        exact = -np.linalg.solve(model.M, np.hstack((model.K, model.D)))
         for column in range(2 * n):
             moved = np.zeros_like(rest)
             moved[column] = step

@@ -60,11 +60,11 @@ def test_kinks_are_what_truncated_powers_add() -> None:
     """x³ + 2 (x − 1)²₊ − 5 (x − 3)³₊ in pieces of 1, 2 and 2: half the longer neighbour away, 2·1² and 5·1³ more."""
     knots = np.array([0.0, 1.0, 3.0, 5.0])
     rows = [[0, 0, 0, 0], [0, 0, 0, 1], [1, 3, 5, 1], [35, 35, 11, -4], [141, 0, 0, 0]]
-    own = Polynomials(knots, np.array([0.0, 0.0, 1.0, 3.0]), np.array(rows[:4], dtype=float))
-    own = Polynomials(knots, np.append(own.origins, 5.0), np.array(rows, dtype=float))
-    assert own.kinks[1:3] == pytest.approx([2.0, 5.0], rel=1e-14)
-    assert own.kinks[0] == pytest.approx(0.5**3)
-    assert own.beside(np.array([-1.0, 2.0, 4.0, 9.0])) == pytest.approx([0.0, 10.0, 77.0, 141.0])
+    polynomials = Polynomials(knots, np.array([0.0, 0.0, 1.0, 3.0]), np.array(rows[:4], dtype=float))
+    polynomials = Polynomials(knots, np.append(polynomials.origins, 5.0), np.array(rows, dtype=float))
+    assert polynomials.kinks[1:3] == pytest.approx([2.0, 5.0], rel=1e-14)
+    assert polynomials.kinks[0] == pytest.approx(0.5**3)
+    assert polynomials.beside(np.array([-1.0, 2.0, 4.0, 9.0])) == pytest.approx([0.0, 10.0, 77.0, 141.0])
 
 
 def swinging(**link: object) -> Pendulum:
@@ -167,9 +167,9 @@ def test_hoists_on_a_moved_support_obey_newtons_law(motion: str, hoist: str) -> 
             lambda t, y, to=inside: rate(float(to(t)), y), (begin, end), y, "DOP853", rtol=1e-11, atol=1e-12
         )
         y = run.y[:, -1]
-    found = simulate(scene, 2.0, tolerance=1e-11, output=9)
-    assert found.motion.links[-1] == pytest.approx(y[:2], abs=1e-8)
-    assert found.energy_drift() < 1e-9
+    trajectory = simulate(scene, 2.0, tolerance=1e-11, output=9)
+    assert trajectory.motion.links[-1] == pytest.approx(y[:2], abs=1e-8)
+    assert trajectory.energy_drift() < 1e-9
 
 
 @pytest.mark.slow
@@ -190,10 +190,10 @@ def test_hoists_on_a_moved_support_go_side_by_side(engine: str) -> None:
     scene, masses = hoisted("sine", "smooth", drag=0.2), [0.5, 0.7]
     options = {"workers": 1, "check": 0, "output": 5, "tolerance": 1e-10}
     with interpreted() if engine == "numba" else nullcontext():
-        found = ensemble(scene, 1.0, vary={"pendulum[0].links[1].mass": masses}, engine=engine, **options)
+        runs = ensemble(scene, 1.0, vary={"pendulum[0].links[1].mass": masses}, engine=engine, **options)
     run = simulate(scene, 1.0, tolerance=1e-11, output=5)
-    assert found.engine == engine
-    assert found.column("links_rad")[1] == pytest.approx(run.motion.links, abs=2e-8)
+    assert runs.engine == engine
+    assert runs.column("links_rad")[1] == pytest.approx(run.motion.links, abs=2e-8)
 
 
 @pytest.mark.parametrize("name", RECORDS)
@@ -221,9 +221,9 @@ def test_a_bend_below_the_tolerance_ends_no_step() -> None:
     """Of a smooth record only its ends are breaks; of one with a jump those near it; of noise every knot."""
     counts = {}
     for name, values in RECORDS.items():
-        own = Inputs(system_of(shaken(0.01 * values)))
-        counts[name] = [len(own.breaks(accuracy)) for accuracy in (1e-6, TOLERANCE, 0.0)]
+        inputs = Inputs(system_of(shaken(0.01 * values)))
+        counts[name] = [len(inputs.breaks(accuracy)) for accuracy in (1e-6, TOLERANCE, 0.0)]
     assert counts["smooth"][0] == 2
     assert counts["noisy"][1:] == [397, 397]
     assert 2 < counts["steps"][0] < counts["steps"][1] < 300
-    assert {own[2] for own in counts.values()} == {397}
+    assert {row[2] for row in counts.values()} == {397}

@@ -31,30 +31,32 @@ class Spoken:
         exec(text, self.made)
 
     def __call__(self, name: str, p: list[float], y: Any, u: Any, v: Any = ()) -> list[float]:
-        found: dict[int, float] = {}
-        self.made[name](self.made["constants"](p), y, u, v, found)
-        return [found[k] for k in range(len(found))]
+        entries: dict[int, float] = {}
+        self.made[name](self.made["constants"](p), y, u, v, entries)
+        return [entries[k] for k in range(len(entries))]
 
 
 def chains(system: System) -> list[tuple[list[int], list[dict[str, float]]]]:
     """Of every pendulum the places of its links, and their numbers p by name."""
-    found = []
+    pairs = []
     for group in system.groups:
         block, drive = group.block, group.excitation
         for p in range(group.index.shape[1]):
             links = []
             for i in range(group.n):
                 names = ("mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "sigma")
-                own = {name: float(np.broadcast_to(getattr(block, name), group.index.shape)[i, p]) for name in names}
-                own |= {"strength": 0.0, "curb": 0.0, "quadratic": 0.0, "static": float(block.b[i, p])}
+                numbers = {
+                    name: float(np.broadcast_to(getattr(block, name), group.index.shape)[i, p]) for name in names
+                }
+                numbers |= {"strength": 0.0, "curb": 0.0, "quadratic": 0.0, "static": float(block.b[i, p])}
                 if drive is not None:
-                    own |= {"strength": float(drive.strength[i, p]), "curb": float(drive.curb[i, p])}
+                    numbers |= {"strength": float(drive.strength[i, p]), "curb": float(drive.curb[i, p])}
                 if group.quadratic_drag is not None:
-                    own["quadratic"] = float(group.quadratic_drag[i, p])
-                own |= {"rest": float(system.rest[group.index[i, p]]), "bent": float(group.bent[i, p])}
-                links.append(own | {"gravity": system.gravity})
-            found.append((group.index[:, p].tolist(), links))
-    return found
+                    numbers["quadratic"] = float(group.quadratic_drag[i, p])
+                numbers |= {"rest": float(system.rest[group.index[i, p]]), "bent": float(group.bent[i, p])}
+                links.append(numbers | {"gravity": system.gravity})
+            pairs.append((group.index[:, p].tolist(), links))
+    return pairs
 
 
 def stepped(system: System, y: Any, at_rest: bool = False) -> Any:
@@ -62,20 +64,20 @@ def stepped(system: System, y: Any, at_rest: bool = False) -> Any:
     links, support = Spoken(link_steps(linear=at_rest)), Spoken(support_steps(linear=at_rest))
     first, half, wide = system.first, system.n_links + system.first, 1 + at_rest
 
-    def step(name: str, numbers: dict[str, float], *given: Any) -> list[float]:
-        return links(name, [numbers[key] for key in LINK], *given)
+    def step(name: str, numbers: dict[str, float], *arguments: Any) -> list[float]:
+        return links(name, [numbers[key] for key in LINK], *arguments)
 
     q, v = y[:half], y[half : 2 * half]
     cart = (q[0], v[0]) if first else (0.0, 0.0)
     total, kept = np.zeros(13 * wide), []
     for places, numbers in chains(system):
         states, swung = [], [[0.0, 0.0] * at_rest + [cart[1], 0.0]]
-        for i, (place, own) in enumerate(zip(places, numbers, strict=True)):
+        for i, (place, constants) in enumerate(zip(places, numbers, strict=True)):
             above = [q[first + places[i - 1]], v[first + places[i - 1]]] if i else [0.0, 0.0]
             moving = [q[first + place], v[first + place], *above, *[0.0] * 5]
-            rest = [own["rest"], 0.0, numbers[i - 1]["rest"] if i else 0.0, *[0.0] * 6]
+            rest = [constants["rest"], 0.0, numbers[i - 1]["rest"] if i else 0.0, *[0.0] * 6]
             states.append([*rest, *moving] if at_rest else moving)
-            swung.append(step("swung", own, states[i], swung[i]))
+            swung.append(step("swung", constants, states[i], swung[i]))
         answers = [[0.0] * (13 * wide)]
         for i in reversed(range(len(places))):
             answers.insert(0, step("answered", numbers[i], states[i], answers[0], swung[i]))
@@ -85,14 +87,14 @@ def stepped(system: System, y: Any, at_rest: bool = False) -> Any:
     p = [held.mass, held.damping, held.stiffness, system.gravity] if held else [1.0, 0.0, 0.0, system.gravity]
     rail = [0.0] * 5 * at_rest + [*cart, 0.0, 0.0, 0.0]
     start = support("railed" if held else "held", p, rail, total.tolist())
-    found = np.zeros(half)
-    found[:first] = sum(start[::3])
+    accelerations = np.zeros(half)
+    accelerations[:first] = sum(start[::3])
     for places, numbers, states, answers in kept:
         fallen = start
         for i, place in enumerate(places):
             fallen = step("fallen", numbers[i], states[i], fallen, answers[i])
-            found[first + place] = sum(fallen[2::3])
-    return np.concatenate((v, found))
+            accelerations[first + place] = sum(fallen[2::3])
+    return np.concatenate((v, accelerations))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -122,17 +124,17 @@ def test_paired_links_are_the_matrices(seed: int) -> None:
     system, known = system_of(scene), matrices(scene)
     first, said = system.first, Spoken(link_steps())
     x, z = np.random.default_rng(seed).normal(size=(2, system.n_links + first))
-    found = np.zeros(3)
+    products = np.zeros(3)
     if cart := system.cart:
-        found += np.array([cart.mass, cart.stiffness, cart.damping]) * x[0] * z[0]
+        products += np.array([cart.mass, cart.stiffness, cart.damping]) * x[0] * z[0]
     for places, numbers in chains(system):
         pair, above = [x[0] * first, z[0] * first, 0.0, 0.0, 0.0], [0.0, 0.0]
-        for place, own in zip(places, numbers, strict=True):
+        for place, constants in zip(places, numbers, strict=True):
             here = [x[first + place], z[first + place]]
-            pair, above = said("paired", [own[key] for key in LINK], [*here, *above], pair), here
-        found += pair[2:]
+            pair, above = said("paired", [constants[key] for key in LINK], [*here, *above], pair), here
+        products += pair[2:]
     expected = [x @ matrix @ z for matrix in (known.M, known.K, known.D)]
-    assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    assert products == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 def test_stored_energies_are_those_of_mechanics() -> None:
@@ -143,15 +145,15 @@ def test_stored_energies_are_those_of_mechanics() -> None:
     known = Mechanics(system, equations.read(y[None]))
     for places, numbers in chains(system):
         stored, above = [v[0] * first, 0.0, 0.0, 0.0], 0.0
-        for place, own in zip(places, numbers, strict=True):
+        for place, constants in zip(places, numbers, strict=True):
             state = [q[first + place], v[first + place], above]
-            stored, above = said("stored", [own[key] for key in LINK], state, stored), q[first + place]
+            stored, above = said("stored", [constants[key] for key in LINK], state, stored), q[first + place]
         assert stored[2:] == pytest.approx([known.kinetic[0, places].sum(), known.potential[0, places].sum()])
 
 
 def aired(scene: Scene, drag: float = 0.2, quadratic_drag: float = 0.1) -> Scene:
     pendula = (
-        one.replace(links=tuple(link.replace(drag=drag, quadratic_drag=quadratic_drag) for link in one.links))
-        for one in scene.pendulum
+        pendulum.replace(links=tuple(link.replace(drag=drag, quadratic_drag=quadratic_drag) for link in pendulum.links))
+        for pendulum in scene.pendulum
     )
     return scene.replace(pendulum=tuple(pendula))

@@ -45,12 +45,12 @@ def test_accelerations_are_those_of_minimal_coordinates(seed: int, load: object)
 
 
 def paper_values(scene: Scene, state: State) -> dict[sp.Symbol, float]:
-    found = {g: scene.gravity, m_c: scene.support.mass}
+    values = {g: scene.gravity, m_c: scene.support.mass}
     rods = [rod for pendulum in scene.pendulum for rod in pendulum.links]
     for k, (mine, rod) in enumerate(zip(links(scene.n_pendula), rods, strict=True)):
-        found |= {mine.m: rod.mass, mine.l: rod.length}
-        found |= {mine.theta.q: state.links[k], mine.theta.v: state.link_rates[k]}
-    return found
+        values |= {mine.m: rod.mass, mine.l: rod.length}
+        values |= {mine.theta.q: state.links[k], mine.theta.v: state.link_rates[k]}
+    return values
 
 
 @pytest.mark.parametrize("n", [1, 2])
@@ -75,19 +75,23 @@ def test_a_fixed_support_has_five_unknowns_a_link() -> None:
     equations = Maximal(system)
     assert system.cart is None
     assert len(equations.unknowns(0.0, equations.begin(random_state(system, 0)))) == 5 * system.n_links
-    found = equations.reactions(minimal(system).read(minimal(system).begin(random_state(system, 0))[None]))
-    assert found.normal == pytest.approx(-found.R_B[:, :, 1].sum(1))
+    reactions = equations.reactions(minimal(system).read(minimal(system).begin(random_state(system, 0))[None]))
+    assert reactions.normal == pytest.approx(-reactions.R_B[:, :, 1].sum(1))
 
 
 def test_at_rest_the_ground_carries_all_and_every_pivot_what_hangs_below() -> None:
     scene = Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=double_rods(3, 5).pendulum)
     system = system_of(scene)
     equations = Maximal(system)
-    found = equations.reactions(equations.read(equations.begin(State(np.zeros(6), np.zeros(6)))[None]))
+    reactions = equations.reactions(equations.read(equations.begin(State(np.zeros(6), np.zeros(6)))[None]))
     masses = np.array([[rod.mass for rod in pendulum.links] for pendulum in scene.pendulum])
-    np.testing.assert_allclose(found.normal, [9.81 * (2.0 + masses.sum())], rtol=1e-14)
-    np.testing.assert_allclose(found.R_B[0], np.stack((np.zeros(3), -9.81 * masses.sum(1)), 1), rtol=1e-14, atol=1e-13)
-    np.testing.assert_allclose(found.R_P[0], np.stack((np.zeros(3), 9.81 * masses[:, 1]), 1), rtol=1e-14, atol=1e-13)
+    np.testing.assert_allclose(reactions.normal, [9.81 * (2.0 + masses.sum())], rtol=1e-14)
+    np.testing.assert_allclose(
+        reactions.R_B[0], np.stack((np.zeros(3), -9.81 * masses.sum(1)), 1), rtol=1e-14, atol=1e-13
+    )
+    np.testing.assert_allclose(
+        reactions.R_P[0], np.stack((np.zeros(3), 9.81 * masses[:, 1]), 1), rtol=1e-14, atol=1e-13
+    )
 
 
 def momentum_rates(scene: Scene, state: State) -> np.ndarray:
@@ -100,8 +104,8 @@ def momentum_rates(scene: Scene, state: State) -> np.ndarray:
     path = [q + s * step * v + (s * step) ** 2 / 2 * a for s in (-2, -1, 0, 1, 2)]
     positions = np.array([[z.real for _, _, z, _ in centres(scene, at)] for at in path])
     masses = np.array([m for m, *_ in centres(scene, q)])[:, None]
-    found = masses * np.tensordot([-1, 16, -30, 16, -1], positions, 1) / (12 * step**2)
-    return found if cart else np.vstack((np.zeros(2), found))
+    rates = masses * np.tensordot([-1, 16, -30, 16, -1], positions, 1) / (12 * step**2)
+    return rates if cart else np.vstack((np.zeros(2), rates))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -128,12 +132,12 @@ def test_sparse_is_dense(monkeypatch: pytest.MonkeyPatch) -> None:
     state = random_state(system, 1)
     equations = Maximal(system)
     y = equations.begin(state)
-    found = []
+    unknowns = []
     for limit in (0, 10_000):
         monkeypatch.setattr(maximal, "DENSE", limit)
-        found.append(equations.unknowns(0.0, y))
-    assert not np.array_equal(*found)
-    np.testing.assert_allclose(*found, rtol=0, atol=1e-12 * np.abs(found[0]).max())
+        unknowns.append(equations.unknowns(0.0, y))
+    assert not np.array_equal(*unknowns)
+    np.testing.assert_allclose(*unknowns, rtol=0, atol=1e-12 * np.abs(unknowns[0]).max())
 
 
 Piece = tuple[np.ndarray, float]
@@ -186,7 +190,7 @@ def test_drift_grows_unless_it_is_controlled(system: System) -> None:
     loose = 1e-7
     free, held = Maximal(system, controlled=False), Maximal(system)
     drifts = [free.drift(y) for y, _ in run(free, START, loose)]
-    reported = [found for _, found in run(free, START, loose)]
+    reported = [mended for _, mended in run(free, START, loose)]
     early, late = (np.mean([drift.position for drift in part]) for part in (drifts[:15], drifts[-15:]))
     assert late > 5 * early > 0
     assert late > 1e-9

@@ -65,9 +65,9 @@ def by_hand(scene: Scene, times: np.ndarray) -> np.ndarray:
     breaks = [t for t in moving.breaks if 0 < t < times[-1]]
     edges, y, rows = [0.0, *breaks, float(times[-1])], np.concatenate((state.links, state.link_rates)), []
     for low, high in pairwise(edges):
-        own = times[(times >= low) & ((times < high) | (high == times[-1]))]
+        inside = times[(times >= low) & ((times < high) | (high == times[-1]))]
         run = solve_ivp(rate, (low, high), y, "DOP853", rtol=1e-12, atol=1e-12, dense_output=True, max_step=0.05)
-        rows.append(run.sol(own).T)
+        rows.append(run.sol(inside).T)
         y = run.y[:, -1]
     return np.concatenate(rows)
 
@@ -103,10 +103,12 @@ def test_many_pendula_and_long_chains() -> None:
     """Recursion, bands and dense matrices: each pendulum moves as it does alone."""
     motion = SineMotion(amplitude=0.1, frequency_hz=1.1)
     start = InitialCondition(angles_deg=(20.0, -5.0))
-    own = double(motion).pendulum[0].replace(start=start)
+    pendulum = double(motion).pendulum[0].replace(start=start)
     chain = Pendulum(links=(Rod(mass=0.1, length=0.05, count=30),))
-    alone = simulate(double(motion).replace(pendulum=(own,)), 0.5, tolerance=1e-11, output=5)
-    many = simulate(double(motion).replace(pendulum=(own.replace(count=20), chain)), 0.5, tolerance=1e-11, output=5)
+    alone = simulate(double(motion).replace(pendulum=(pendulum,)), 0.5, tolerance=1e-11, output=5)
+    many = simulate(
+        double(motion).replace(pendulum=(pendulum.replace(count=20), chain)), 0.5, tolerance=1e-11, output=5
+    )
     assert many.run.reduced == ""
     assert many.motion.links[:, :2] == pytest.approx(alone.motion.links, abs=1e-7)
     assert many.motion.links[:, 38:40] == pytest.approx(alone.motion.links, abs=1e-7)

@@ -98,18 +98,18 @@ def test_in_the_plane_of_the_rail_space_is_the_plane(seed: int) -> None:
     equations, flat = spatial_of(scene, pushed_in_space), flat_of(scene, pushed)
     state = flat_state(equations, rng)
     state = State(unwound(equations, state.links), state.link_rates, state.cart, state.cart_rate)
-    found, expected = (
+    rates, expected = (
         equations.derivative(0.3, equations.begin(of_plane(state))),
         flat.derivative(0.3, flat.begin(state)),
     )
     half, first = flat.layout.half, flat.layout.first
     turning = expected[half + first : 2 * half, None] * velocities(state.links, 0.0, 1.0)
     turning -= (state.link_rates**2)[:, None] * unit_vectors(state.links, 0.0)
-    cart, links = parts(equations, found)
+    cart, links = parts(equations, rates)
     scale = np.abs(turning).max()
     np.testing.assert_allclose(links, turning, rtol=0, atol=1e-12 * scale)
     assert cart == pytest.approx(expected[half] if first else 0.0, abs=1e-12 * scale)
-    assert found[-1] == pytest.approx(expected[-1], rel=1e-12)
+    assert rates[-1] == pytest.approx(expected[-1], rel=1e-12)
 
 
 def pushed(time: float, state: State) -> AppliedForces:
@@ -124,14 +124,14 @@ def pushed_in_space(time: float, state: State) -> AppliedForces:
 
 def unwound(equations: Spatial, angles: np.ndarray) -> np.ndarray:
     """The same directions, each joint bent by less than half a turn, as every joint in space is."""
-    found = angles.copy()
+    continued = angles.copy()
     for group in equations.system.groups:
         above = 0.0
         for index, bent in zip(group.index, group.bent, strict=True):
-            bend = found[index] - above - bent
-            found[index] = above + bent + (bend + np.pi) % (2 * np.pi) - np.pi
-            above = found[index]
-    return found
+            bend = continued[index] - above - bent
+            continued[index] = above + bent + (bend + np.pi) % (2 * np.pi) - np.pi
+            above = continued[index]
+    return continued
 
 
 def test_extreme_masses_lose_nothing_in_the_plane_of_the_rail() -> None:
@@ -140,8 +140,8 @@ def test_extreme_masses_lose_nothing_in_the_plane_of_the_rail() -> None:
     scene = Scene(gravity=9.81, space="space", support=Cart(mass=10.0), pendulum=(hook,))
     equations, flat = spatial_of(scene), flat_of(scene)
     state = State(np.array([0.4, -0.3, 1.0]), np.array([0.5, 1.0, -2.0]), 0.0, 0.3)
-    found, expected = equations.derivative(0, equations.begin(of_plane(state))), flat.derivative(0, flat.begin(state))
-    across = np.sum(parts(equations, found)[1] * velocities(state.links, 0.0, 1.0), axis=1)
+    rates, expected = equations.derivative(0, equations.begin(of_plane(state))), flat.derivative(0, flat.begin(state))
+    across = np.sum(parts(equations, rates)[1] * velocities(state.links, 0.0, 1.0), axis=1)
     np.testing.assert_allclose(across, expected[5:], rtol=1e-12)
 
 
@@ -178,30 +178,30 @@ NUMBERS = ("mass", "length", "centre", "inertia")
 
 def joint_forces(equations: Spatial, u: np.ndarray, w: np.ndarray) -> np.ndarray:
     """−∂V/∂u − ∂R/∂w one component at a time, by complex steps."""
-    found, h = np.empty(u.shape), 1e-30
+    forces, h = np.empty(u.shape), 1e-30
     for at in np.ndindex(u.shape):
         du, dw = u.astype(complex), w.astype(complex)
         du[at] += 1j * h
         dw[at] += 1j * h
-        found[at] = -(springs(equations, du) + rayleigh(equations, u, dw)).imag / h
-    return found
+        forces[at] = -(springs(equations, du) + rayleigh(equations, u, dw)).imag / h
+    return forces
 
 
 def joints_of(equations: Spatial) -> list[tuple[int, int | None, float, float, float, float]]:
     """(link, link above, its σ, that of the one above, damper, spring), one joint after the other."""
-    found = []
+    joints = []
     for group in equations.system.groups:
         sigma, d, k = group.block.sigma, group.block.damping, group.block.stiffness
         for i, p in np.ndindex(group.index.shape):
             above = int(group.index[i - 1, p]) if i else None
-            found.append((int(group.index[i, p]), above, sigma[i, p], sigma[i - 1, p] if i else 1.0, d[i, p], k[i, p]))
-    return found
+            joints.append((int(group.index[i, p]), above, sigma[i, p], sigma[i - 1, p] if i else 1.0, d[i, p], k[i, p]))
+    return joints
 
 
 def springs(equations: Spatial, u: np.ndarray) -> Any:
     bends = (
-        (k, np.arccos(own * upper * u[i] @ (EZ if above is None else u[above])))
-        for i, above, own, upper, _, k in joints_of(equations)
+        (k, np.arccos(sign * upper * u[i] @ (EZ if above is None else u[above])))
+        for i, above, sign, upper, _, k in joints_of(equations)
     )
     return sum(k * bend**2 / 2 for k, bend in bends)
 
@@ -251,8 +251,8 @@ def test_on_a_fixed_support_no_azimuth_is_special(seed: int) -> None:
     R = np.array([[np.cos(phi), -np.sin(phi), 0], [np.sin(phi), np.cos(phi), 0], [0, 0, 1]])
     _, still = parts(equations, equations.derivative(0, equations.begin(state)))
     turned = State(state.links @ R.T, state.link_rates @ R.T)
-    _, found = parts(equations, equations.derivative(0, equations.begin(turned)))
-    np.testing.assert_allclose(found, still @ R.T, rtol=0, atol=1e-12 * np.abs(still).max())
+    _, accelerations = parts(equations, equations.derivative(0, equations.begin(turned)))
+    np.testing.assert_allclose(accelerations, still @ R.T, rtol=0, atol=1e-12 * np.abs(still).max())
 
 
 def energy(equations: Spatial, y: np.ndarray) -> Any:
@@ -267,9 +267,9 @@ def energy(equations: Spatial, y: np.ndarray) -> Any:
     )
     for group in system.groups:
         A = np.array(pair.inertia_matrix(*(getattr(group.block, name) for name in NUMBERS)))
-        own, speed = u[group.index], w[group.index]
+        directions, speed = u[group.index], w[group.index]
         total += np.einsum("ijp,ipk,jpk->", A, speed, speed) / 2 + v * np.sum(group.block.b * speed[..., 0])
-        total -= system.gravity * np.sum(group.block.b * own[..., 2])
+        total -= system.gravity * np.sum(group.block.b * directions[..., 2])
     return total
 
 
@@ -304,9 +304,9 @@ def spins(equations: Spatial, y: np.ndarray) -> np.ndarray:
 def test_trajectories_side_by_side_are_those_one_by_one(seed: int) -> None:
     equations, rng = spatial_of(spatial_scene(seed)), np.random.default_rng(seed)
     Y = np.stack([equations.begin(any_state(equations, rng)) for _ in range(4)], axis=1)
-    found = spatial_of(spatial_scene(seed), tail=1).derivative(0, Y)
+    rates = spatial_of(spatial_scene(seed), tail=1).derivative(0, Y)
     one_by_one = np.stack([equations.derivative(0, y) for y in Y.T], axis=1)
-    np.testing.assert_allclose(found, one_by_one, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(rates, one_by_one, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -350,19 +350,17 @@ def test_links_that_pass_level_cost_no_accuracy() -> None:
     )
     pendulum = Pendulum(links=(*links, tip), start=start)
     scene = Scene(gravity=9.81, space="space", support=Cart(mass=2), pendulum=(pendulum,))
-    found = simulate(scene, 0.8, tolerance=1e-10, output=17)
+    run = simulate(scene, 0.8, tolerance=1e-10, output=17)
     equations, still = spatial_of(scene), AppliedForces(0.0, np.zeros((3, 3)))
 
     def lagrange(time: float, y: np.ndarray) -> np.ndarray:
         return np.concatenate((y[10:], oracle(equations, equations.layout.state(y), still)))
 
-    exact = solve_ivp(
-        lagrange, (0, 0.8), equations.begin(found.motion[0]), "DOP853", found.times, rtol=1e-11, atol=1e-12
-    )
+    exact = solve_ivp(lagrange, (0, 0.8), equations.begin(run.motion[0]), "DOP853", run.times, rtol=1e-11, atol=1e-12)
     expected = equations.read(exact.y.T).links
-    assert np.ptp(np.sign(found.motion.links[..., 2]), axis=0).max() == 2
-    assert np.abs(found.motion.links - expected).max() < 2e-10
-    assert found.run.drift < 3e-11
+    assert np.ptp(np.sign(run.motion.links[..., 2]), axis=0).max() == 2
+    assert np.abs(run.motion.links - expected).max() < 2e-10
+    assert run.run.drift < 3e-11
 
 
 # what is written out
@@ -384,8 +382,8 @@ def acted_on(seed: int) -> tuple[Scene, Load | None]:
     elif seed % 2:
         drags: list[dict[str, float]] = [{"drag": 0.3}, {"quadratic_drag": 0.2}, {"drag": 0.1, "quadratic_drag": 0.4}]
         pendula = [
-            own.replace(links=tuple(link.replace(**drags[rng.integers(3)]) for link in own.links))
-            for own in scene.pendulum
+            pendulum.replace(links=tuple(link.replace(**drags[rng.integers(3)]) for link in pendulum.links))
+            for pendulum in scene.pendulum
         ]
         scene = scene.replace(pendulum=tuple(pendula))
     return scene, partial(blown, isinstance(scene.support, Cart)) if seed % 4 > 1 else None
@@ -396,8 +394,8 @@ def blown(on_cart: bool, time: float, state: State) -> AppliedForces:
     return AppliedForces(0.4 + time if on_cart else 0.0, None if time > 1 else moments)
 
 
-def near(found: np.ndarray, expected: np.ndarray) -> float:
-    return float(np.abs(found - expected).max() / np.abs(expected).max())
+def near(values: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.abs(values - expected).max() / np.abs(expected).max())
 
 
 @pytest.mark.parametrize("seed", range(24))
@@ -412,8 +410,8 @@ def test_what_is_written_out_is_the_recursion(seed: int) -> None:
         for each in (y, off):
             assert near(written.derivative(time, each), equations.derivative(time, each)) < 1e-13
     many = np.stack((y, off, 0.99 * y), axis=1)
-    found = written.derivative(0.3, many)
-    assert near(found, np.stack([written.derivative(0.3, one) for one in many.T], axis=1)) < 1e-13
+    rates = written.derivative(0.3, many)
+    assert near(rates, np.stack([written.derivative(0.3, column) for column in many.T], axis=1)) < 1e-13
 
 
 @pytest.mark.parametrize("seed", usually(range(0, 9, 2), range(9)))
@@ -422,19 +420,19 @@ def test_derivatives_of_what_is_written_are_complex_steps(seed: int) -> None:
     scene, _ = acted_on(seed)
     equations = spatial_of(scene)
     y = equations.begin(any_state(equations, np.random.default_rng(seed)))
-    steps = [equations.derivative(0.3, y + 1e-30j * one).imag / 1e-30 for one in np.eye(y.size)]
+    steps = [equations.derivative(0.3, y + 1e-30j * unit).imag / 1e-30 for unit in np.eye(y.size)]
     exact = np.stack(steps, axis=1)
     written = Generated(equations.system)
     module, rows, columns = jacobian_of(written.form)
     numbers = written.form.numbers(entries_of(equations.system), prescribed_of(equations.system))
     u = written.listed(0.3, y.tolist()) if written.listed else ()
-    found = module.function("jacobian", module.constants(numbers))(y.tolist(), u)
+    values = module.function("jacobian", module.constants(numbers))(y.tolist(), u)
     J = np.zeros_like(exact)
-    J[rows, columns] = found[y.size :]
+    J[rows, columns] = values[y.size :]
     assert near(J, exact) < 1e-11
     function = module_of(written.form).function("rates", written.constants, "complex")
     along = np.random.default_rng(seed + 1).normal(size=y.size)
-    slope = np.array([complex(one).imag / 1e-30 for one in function((y + 1e-30j * along).tolist(), u)])
+    slope = np.array([complex(entry).imag / 1e-30 for entry in function((y + 1e-30j * along).tolist(), u)])
     assert near(slope, exact @ along) < 1e-12
     assert near(written.derivative(0.3, (y + 1e-30j * along)[:, None]).imag[:, 0] / 1e-30, exact @ along) < 1e-12
 
@@ -447,11 +445,11 @@ def test_what_is_written_has_derivatives_where_a_joint_is_straight(side: float) 
     y = [0.0, 0.0, side, 0.0, 0.0, 0.0]
     assert written.rate(y) == pytest.approx([0.0] * 6)
     module, rows, columns = jacobian_of(written.form)
-    found = module.function(
+    values = module.function(
         "jacobian", module.constants(written.form.numbers(entries_of(written.system), prescribed_of(written.system)))
     )(y)
     J = np.zeros((6, 6))
-    J[rows, columns] = found[6:]
+    J[rows, columns] = values[6:]
     assert np.isfinite(J).all()
     if side > 0:
         expected = -9.81 / 0.5 - 0.3 / (2.0 * 0.25)
@@ -474,9 +472,9 @@ def test_a_run_in_floats_is_the_run_in_numpy(seed: int, monkeypatch: pytest.Monk
         if not push:
             assert (run.run.steps, run.run.drift) == (numbers.run.steps, pytest.approx(numbers.run.drift, rel=1e-3))
         for part in ("links", "link_rates", "cart", "work"):
-            one, other = getattr(run.motion, part), getattr(numbers.motion, part)
-            assert np.abs(one - other)[same].max() < 1e-10 * max(1.0, np.abs(other).max())
-            assert np.abs(one - other).max() < 1e-7 * max(1.0, np.abs(other).max())
+            floats, other = getattr(run.motion, part), getattr(numbers.motion, part)
+            assert np.abs(floats - other)[same].max() < 1e-10 * max(1.0, np.abs(other).max())
+            assert np.abs(floats - other).max() < 1e-7 * max(1.0, np.abs(other).max())
         assert np.abs(np.linalg.norm(run.motion.links, axis=-1) - 1).max() < 1e-15
         assert run.energy_drift() < 1.01 * numbers.energy_drift() + 1e-13
     assert 0 < written.run.drift < 1e-8
@@ -491,8 +489,8 @@ NEVER = Event("never", lambda state: 1.0)
 
 def run(equations: Spatial, state: State, until: float, **how: Any) -> State:
     y = equations.begin(state)
-    found = solve_ivp(equations.derivative, (0, until), y, "DOP853", rtol=1e-12, atol=1e-12, **how)
-    return equations.read(found.y.T)[-1]
+    solution = solve_ivp(equations.derivative, (0, until), y, "DOP853", rtol=1e-12, atol=1e-12, **how)
+    return equations.read(solution.y.T)[-1]
 
 
 @pytest.mark.parametrize("link", [Bob(mass=2, length=0.7), Rod(mass=2, length=0.7)])
@@ -523,8 +521,8 @@ def test_a_spherical_pendulum_keeps_energy_and_angular_momentum() -> None:
 def test_neither_rest_is_singular(side: float) -> None:
     equations, w = spatial_of(single(Bob(mass=1, length=0.5, damping=0.2, stiffness=0.3))), np.array([[0.6, -2.0, 0.0]])
     state = State(side * EZ[None], w)
-    _, found = parts(equations, equations.derivative(0, equations.begin(state)))
-    np.testing.assert_allclose(found, -(w**2).sum() * side * EZ[None] - 0.2 / 0.25 * w, rtol=1e-14)
+    _, accelerations = parts(equations, equations.derivative(0, equations.begin(state)))
+    np.testing.assert_allclose(accelerations, -(w**2).sum() * side * EZ[None] - 0.2 / 0.25 * w, rtol=1e-14)
 
 
 def test_over_the_top_and_through_the_bottom_in_an_oblique_plane() -> None:
@@ -615,9 +613,9 @@ def test_joints_in_the_plane_are_those_of_the_plane(seed: int) -> None:
     for group in equations.system.groups:
         u, w = gathered(state.links, group.index), gathered(state.link_rates, group.index)
         theta, rate = flat.links[group.index], flat.link_rates[group.index]
-        found, (expected, power) = ball_joints.moments(group, u, w), joints.joint_torques(group, theta, rate)
-        np.testing.assert_allclose(found[1], expected, rtol=1e-11, atol=1e-12)
-        assert not found[[0, 2]].any()
+        moments, (expected, power) = ball_joints.moments(group, u, w), joints.joint_torques(group, theta, rate)
+        np.testing.assert_allclose(moments[1], expected, rtol=1e-11, atol=1e-12)
+        assert not moments[[0, 2]].any()
         np.testing.assert_allclose(
             ball_joints.spring_energy(group, u), joints.spring_energy(group, theta), rtol=1e-11, atol=1e-13
         )
@@ -628,8 +626,8 @@ def test_joints_in_the_plane_are_those_of_the_plane(seed: int) -> None:
 def test_a_spring_straight_slightly_and_almost_fully_bent(angle: float, expected: float) -> None:
     group = system_of(single(Bob(mass=1, length=1, stiffness=2.0))).groups[0]
     u = unit_vectors(np.array([[angle]]), 0.0)
-    found = ball_joints.moments(group, gathered(u[0], np.array([[0]])), np.zeros((3, 1, 1)))
-    assert found[1, 0, 0] == pytest.approx(expected, rel=1e-9, abs=0)
+    moments = ball_joints.moments(group, gathered(u[0], np.array([[0]])), np.zeros((3, 1, 1)))
+    assert moments[1, 0, 0] == pytest.approx(expected, rel=1e-9, abs=0)
 
 
 def test_a_spring_bent_right_back_pulls_no_way() -> None:

@@ -105,7 +105,7 @@ def test_the_motion_is_that_of_H_by_diracs_brackets(seed: int) -> None:
 
 def undamped(scene: Scene) -> Scene:
     links = [[link.replace(damping=0.0) for link in pendulum.links] for pendulum in scene.pendulum]
-    pendula = [one.replace(links=tuple(own)) for one, own in zip(scene.pendulum, links, strict=True)]
+    pendula = [pendulum.replace(links=tuple(chain)) for pendulum, chain in zip(scene.pendulum, links, strict=True)]
     support = scene.support.replace(damping=0.0) if isinstance(scene.support, Cart) else scene.support
     return scene.replace(pendulum=tuple(pendula), support=support)
 

@@ -63,7 +63,7 @@ class Oracle:
             self.starts.append(at)
             at += {"fixed": 0, "platform": 3}.get(support.kind, 1) if support.kind != "modal" else len(support.M)
         self.size = at
-        self.pendula = [(p, copy) for p, one in enumerate(scene.pendulum) for copy in range(one.count)]
+        self.pendula = [(p, copy) for p, pendulum in enumerate(scene.pendulum) for copy in range(pendulum.count)]
         self.first = {}
         for p, copy in self.pendula:
             self.first[p, copy] = at
@@ -97,7 +97,7 @@ class Oracle:
 
     def carrier(self, name: str) -> int:
         """The number of a support by its name."""
-        return next(k for k, one in enumerate(self.scene.supports) if (one.name or one.kind) == name)
+        return next(k for k, support in enumerate(self.scene.supports) if (support.name or support.kind) == name)
 
     def pivot(self, p: int, q: Any) -> tuple[Any, Any, Any]:
         """Where a pendulum hangs."""
@@ -143,11 +143,13 @@ class Oracle:
             columns.append(np.imag(function(z)) / STEP)
         return np.stack(np.broadcast_arrays(*columns), axis=-1)
 
-    def own(self, k: int) -> tuple[list[float], list[float]]:
+    def constants(self, k: int) -> tuple[list[float], list[float]]:
         """Springs and dampers of a carrier."""
         support, ways = self.scene.supports[k], ("sway", "heave", "roll")
         if isinstance(support, Platform):
-            stiffness, damping = ([getattr(one, w) for w in ways] for one in (support.stiffness, support.damping))
+            stiffness, damping = (
+                [getattr(each_way, w) for w in ways] for each_way in (support.stiffness, support.damping)
+            )
             return stiffness, damping
         return [getattr(support, "stiffness", 0.0)], [getattr(support, "damping", 0.0)]
 
@@ -163,8 +165,8 @@ class Oracle:
         """The two ends of a spring, (x, z, angle) each, copies pairwise."""
         sides = [list(self.end(text)) for text in spring.between]
         count = max(map(len, sides))
-        one, other = (side * count if len(side) == 1 else side for side in sides)
-        for a, b in zip(one, other, strict=True):
+        left, other = (side * count if len(side) == 1 else side for side in sides)
+        for a, b in zip(left, other, strict=True):
             yield a or (lambda q, b=b: (*b(0.0 * q)[:2], 0.0)), b or (lambda q, a=a: (*a(0.0 * q)[:2], 0.0))
 
     def end(self, text: str) -> Iterator[Any]:
@@ -208,51 +210,51 @@ class Oracle:
                 yield link.stiffness, link.damping, bend
         for k, support in enumerate(self.scene.supports):
             if not isinstance(support, ModalSupport):
-                for j, (stiff, damp) in enumerate(zip(*self.own(k), strict=True)):
+                for j, (stiff, damp) in enumerate(zip(*self.constants(k), strict=True)):
                     if self.starts[k] + j < self.size:
                         yield stiff, damp, lambda q, at=self.starts[k] + j: q[at]
 
     def potential(self, q: Any) -> Any:
         """Gravity, springs, and what springs of carriers carry at the drawn rest."""
         drawn = np.zeros(self.half)
-        found = self.weight(q) + sum(k * strain(q) ** 2 / 2 for k, _, strain in self.strains(q))
+        total = self.weight(q) + sum(k * strain(q) ** 2 / 2 for k, _, strain in self.strains(q))
         carried = self.slopes(self.weight, drawn)
         for k, support in enumerate(self.scene.supports):
             at = self.starts[k]
             if isinstance(support, ModalSupport):
                 eta = q[at : at + len(support.M)]
-                found = found + eta @ np.array(support.K) @ eta / 2
-                found = found - carried[at : at + len(eta)] @ eta
+                total = total + eta @ np.array(support.K) @ eta / 2
+                total = total - carried[at : at + len(eta)] @ eta
                 continue
-            for j, stiff in enumerate(self.own(k)[0]):
+            for j, stiff in enumerate(self.constants(k)[0]):
                 if stiff:
-                    found = found - carried[at + j] * q[at + j]
-        return found
+                    total = total - carried[at + j] * q[at + j]
+        return total
 
     def residual(self, q: Floats, v: Floats, a: Floats) -> Floats:
         """Σ m r''·∂r/∂q + Σ I φ'' ∂φ/∂q + ∂V/∂q + forces of dampers and drag, (half,): 0 for a motion."""
-        jets = np.array([Jet(*own) for own in zip(q, v, a, strict=True)], dtype=object)
-        found = self.slopes(self.potential, q)
+        jets = np.array([Jet(*triple) for triple in zip(q, v, a, strict=True)], dtype=object)
+        forces = self.slopes(self.potential, q)
         for mass, moment, place in self.bodies():
             J = self.slopes(lambda z, place=place: np.array(place(z)), q)
             moved = [part if isinstance(part, Jet) else Jet(part) for part in place(jets)]
             for weight, row, part in zip((mass, mass, moment), J, moved, strict=True):
-                found = found + weight * part.a * row
+                forces = forces + weight * part.a * row
         for _, d, strain in self.strains(q):
             row = self.slopes(strain, q)
-            found = found + d * (row @ v) * row
+            forces = forces + d * (row @ v) * row
         for p, copy in self.pendula:
             for i, link in enumerate(self.links(p)):
                 if link.drag:
                     J = self.slopes(lambda z, p=p, c=copy, i=i: np.array(self.link(p, c, i, None, z)), q)
-                    found = found + link.drag * J.T @ (J @ v)
+                    forces = forces + link.drag * J.T @ (J @ v)
         for k, support in enumerate(self.scene.supports):
             if isinstance(support, ModalSupport):
-                own = slice(self.starts[k], self.starts[k] + len(support.M))
-                found[own] += np.array(support.M) @ a[own]
+                rows = slice(self.starts[k], self.starts[k] + len(support.M))
+                forces[rows] += np.array(support.M) @ a[rows]
                 if support.D is not None:
-                    found[own] += np.array(support.D) @ v[own]
-        return found
+                    forces[rows] += np.array(support.D) @ v[rows]
+        return forces
 
 
 # ----------------------------------------------------------------------------------------------------------- scenes
@@ -353,26 +355,26 @@ def test_accelerations_obey_newton_and_lagrange(seed: int) -> None:
 # ----------------------------------------------------------------------------------------------------------- engines
 
 
-def without(names: set[str], given: Any) -> Any:
+def without(names: set[str], entries: Any) -> Any:
     """A description without some keys."""
-    if isinstance(given, dict):
-        return {key: without(names, own) for key, own in given.items() if key not in names}
-    return [without(names, own) for own in given] if isinstance(given, list) else given
+    if isinstance(entries, dict):
+        return {key: without(names, entry) for key, entry in entries.items() if key not in names}
+    return [without(names, entry) for entry in entries] if isinstance(entries, list) else entries
 
 
 def varied(
     more: Callable[[dict[str, Any]], None] = lambda d: None, *, lossless: bool = False, modal: bool = True
 ) -> Scene:
     """The scene of everything with starts and changes."""
-    found = without({"damping", "drag", "D"} if lossless else set(), EVERYTHING)
+    entries = without({"damping", "drag", "D"} if lossless else set(), EVERYTHING)
     if not modal:
-        found["support"], found["pendulum"], found["spring"] = (
-            found[name][:-n] for name, n in (("support", 1), ("pendulum", 2), ("spring", 1))
+        entries["support"], entries["pendulum"], entries["spring"] = (
+            entries[name][:-n] for name, n in (("support", 1), ("pendulum", 2), ("spring", 1))
         )
-    for k, pendulum in enumerate(found["pendulum"]):
+    for k, pendulum in enumerate(entries["pendulum"]):
         pendulum["start"] = {"angles_deg": [20.0 + 5.0 * k] * len(pendulum["links"])}
-    more(found)
-    return scene_from(found)
+    more(entries)
+    return scene_from(entries)
 
 
 def test_what_is_written_equals_the_recursion() -> None:
@@ -403,19 +405,19 @@ def test_members_with_numbers_of_their_own() -> None:
     written = np.array(lanes.rates(lanes.numbers)(y))
     lanes.__dict__["is_written"] = False
     np.testing.assert_allclose(lanes.rates(lanes.numbers)(y), written, rtol=0, atol=1e-11)
-    own = system_with(system, [float(e[1]) if isinstance(e, np.ndarray) else e for e in entries])
-    np.testing.assert_allclose(plain(own).derivative(0.0, y[:, 1].copy()), written[:, 1], rtol=0, atol=1e-11)
+    member = system_with(system, [float(e[1]) if isinstance(e, np.ndarray) else e for e in entries])
+    np.testing.assert_allclose(plain(member).derivative(0.0, y[:, 1].copy()), written[:, 1], rtol=0, atol=1e-11)
 
 
 def test_jacobian_and_slope_of_the_energy_by_complex_steps() -> None:
     system = system_of(everything())
     equations = Variational(system)
     y, size = shaken(system, 2), equations.size
-    steps = [y + 1j * STEP * own for own in np.eye(size)]
-    J = np.array([plain(system).derivative(0.0, np.append(own, 0.0))[:size].imag / STEP for own in steps]).T
+    steps = [y + 1j * STEP * unit for unit in np.eye(size)]
+    J = np.array([plain(system).derivative(0.0, np.append(step, 0.0))[:size].imag / STEP for step in steps]).T
     np.testing.assert_allclose(equations.linearized(y)[1], J, rtol=0, atol=1e-12 * np.abs(J).max())
     half = size // 2
-    slope = np.array([np.imag(energy_on_carriers(system, own[:half], own[half:])) / STEP for own in steps])
+    slope = np.array([np.imag(energy_on_carriers(system, step[:half], step[half:])) / STEP for step in steps])
     np.testing.assert_allclose(equations.energy_slope(y), slope, rtol=0, atol=1e-12 * np.abs(slope).max())
 
 
@@ -469,8 +471,8 @@ def test_energy_is_kept_without_losses() -> None:
 @pytest.mark.skipif(not taylor.available(), reason="heyoka is not installed")
 def test_series_agree_with_steps() -> None:
     scene = load_scene("two-bobs")
-    one, other = (simulate(scene, 3.0, tolerance=1e-12, output=5, method=name) for name in ("taylor", "DOP853"))
-    np.testing.assert_allclose(one.motion.links, other.motion.links, rtol=0, atol=1e-10)
+    run, other = (simulate(scene, 3.0, tolerance=1e-12, output=5, method=name) for name in ("taylor", "DOP853"))
+    np.testing.assert_allclose(run.motion.links, other.motion.links, rtol=0, atol=1e-10)
 
 
 def test_loads_push_carriers() -> None:
@@ -499,9 +501,9 @@ def test_carriers_obey_newton_with_the_forces_of_their_pivots() -> None:
 def test_runs_are_read_back(suffix: str, tmp_path: Any) -> None:
     run = simulate(varied(), 0.5, output=4)
     save(run, tmp_path / f"run.{suffix}")
-    found = load_run(tmp_path / f"run.{suffix}")
+    loaded = load_run(tmp_path / f"run.{suffix}")
     for name in ("links", "supports", "support_rates", "work"):
-        np.testing.assert_array_equal(getattr(found.motion, name), getattr(run.motion, name))
+        np.testing.assert_array_equal(getattr(loaded.motion, name), getattr(run.motion, name))
     columns = run.to_dict()
     assert {"a_m", "b_rad", "c_heave_m", "c_roll_rad_per_s", "g_2", "spring_force_N[0]", "spring_torque_N_m[6]"} <= set(
         columns
@@ -515,13 +517,13 @@ def test_runs_are_read_back(suffix: str, tmp_path: Any) -> None:
 def test_a_swing_is_a_cart_for_small_motions() -> None:
     pendulum = {"count": 2, "links": [BOB], "start": {"angles_deg": [1e-3]}}
     stiffness = (5.0 + 2 * 0.6) * 9.81 / 2.0
-    one = scene_from(
+    swinging = scene_from(
         {"gravity": 9.81, "support": {"kind": "swing", "mass": 5.0, "length": 2.0}, "pendulum": [pendulum]}
     )
     other = scene_from(
         {"gravity": 9.81, "support": {"kind": "cart", "mass": 5.0, "stiffness": stiffness}, "pendulum": [pendulum]}
     )
-    swing, cart = (simulate(scene, 5.0, tolerance=1e-12, output=9) for scene in (one, other))
+    swing, cart = (simulate(scene, 5.0, tolerance=1e-12, output=9) for scene in (swinging, other))
     np.testing.assert_allclose(
         swing.motion.supports[:, 0], cart.motion.cart, rtol=0, atol=1e-9 * np.ptp(cart.motion.cart)
     )
@@ -536,9 +538,9 @@ def test_one_cart_with_a_spring_to_the_ground_is_a_cart_with_stiffness() -> None
     free = scene_from(
         {"gravity": 9.81, "support": {"kind": "cart", "mass": 2.0}, "pendulum": [pendulum], "spring": spring}
     )
-    one, other = (simulate(scene, 3.0, tolerance=1e-11, output=9) for scene in (held, free))
-    np.testing.assert_allclose(other.motion.supports[:, 0], one.motion.cart, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(other.motion.links, one.motion.links, rtol=0, atol=1e-7)
+    run, other = (simulate(scene, 3.0, tolerance=1e-11, output=9) for scene in (held, free))
+    np.testing.assert_allclose(other.motion.supports[:, 0], run.motion.cart, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(other.motion.links, run.motion.links, rtol=0, atol=1e-7)
 
 
 def test_starts_are_spread_over_the_phases_of_the_first_mode() -> None:
@@ -562,7 +564,7 @@ def test_supports_start_where_they_are_told() -> None:
 
 def test_members_side_by_side_are_runs_by_themselves() -> None:
     scene = varied(modal=False)
-    found = ensemble(
+    runs = ensemble(
         scene,
         1.0,
         vary={"support.b.stiffness": [30.0, 40.0], "spring[0].stiffness": [20.0, 10.0]},
@@ -570,6 +572,6 @@ def test_members_side_by_side_are_runs_by_themselves() -> None:
         workers=1,
         check=2,
     )
-    assert not found.failures
-    assert found.largest_difference < 1e-9
-    assert found.final.supports.shape == (2, 7)
+    assert not runs.failures
+    assert runs.largest_difference < 1e-9
+    assert runs.final.supports.shape == (2, 7)

@@ -26,24 +26,24 @@ def doubled(seed: int) -> Scene:
 @pytest.mark.parametrize("seed", range(5))
 def test_pendula_that_start_equally_move_as_one(seed: int) -> None:
     scene, duration = doubled(seed), 3.0
-    found = simulate(scene, duration, tolerance=1e-12, output=31)
+    run = simulate(scene, duration, tolerance=1e-12, output=31)
     system = system_of(scene)
     whole = simulate(scene, duration, tolerance=1e-12, output=31, load=lambda time, state: AppliedForces())
-    assert found.run.reduced == f"{len(scene.pendulum) - 1} of {system.n_pendula} pendula, the others moving with them"
+    assert run.run.reduced == f"{len(scene.pendulum) - 1} of {system.n_pendula} pendula, the others moving with them"
     assert whole.run.reduced == ""
-    assert np.abs(found.motion.links - whole.motion.links).max() < 1e-8
-    assert np.abs(found.motion.cart - whole.motion.cart).max() < 1e-8
-    assert found.energy_drift() < 1e-9
+    assert np.abs(run.motion.links - whole.motion.links).max() < 1e-8
+    assert np.abs(run.motion.cart - whole.motion.cart).max() < 1e-8
+    assert run.energy_drift() < 1e-9
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_smaller_equations_are_the_whole_ones(seed: int) -> None:
     scene = doubled(seed)
     system, start = system_of(scene), initial_state(scene)
-    (one,) = find_symmetries(system, start)
+    (symmetry,) = find_symmetries(system, start)
     choice = Choice("minimal", "", compiled=False, reason="")
-    small, whole = equations_of(one.system, choice), equations_of(system, choice)
-    rate = one.extend(small.read(small.derivative(0.0, small.begin(one.restrict(start)))[None]))
+    small, whole = equations_of(symmetry.system, choice), equations_of(system, choice)
+    rate = symmetry.extend(small.read(small.derivative(0.0, small.begin(symmetry.restrict(start)))[None]))
     sure = whole.read(whole.derivative(0.0, whole.begin(start))[None])
     for name in ("links", "link_rates", "cart", "cart_rate", "work"):
         expected = getattr(sure, name)
@@ -54,14 +54,14 @@ def test_the_smaller_equations_are_the_whole_ones(seed: int) -> None:
 def test_a_thousand_equal_pendula_are_integrated_as_one() -> None:
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0), Bob(mass=0.5, length=0.7)), count=1000)
     scene = Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=(pendulum,))
-    found = simulate(scene, 5.0, start=state_at_rest(scene, [60.0, -20.0]), output=11)
-    assert found.motion.links.shape == (11, 2000)
-    assert found.equations is not None
-    assert len(found.equations.begin(found.final)) == 2 * 3
+    run = simulate(scene, 5.0, start=state_at_rest(scene, [60.0, -20.0]), output=11)
+    assert run.motion.links.shape == (11, 2000)
+    assert run.equations is not None
+    assert len(run.equations.begin(run.final)) == 2 * 3
     apart = state_at_rest(scene, [60.0, -20.0])
     apart.links[1] += 1e-3
-    (one,) = find_symmetries(system_of(scene), apart)
-    assert one.system.n_pendula == 2
+    (symmetry,) = find_symmetries(system_of(scene), apart)
+    assert symmetry.system.n_pendula == 2
 
 
 def test_pendula_that_differ_or_start_elsewhere_stay_apart() -> None:
@@ -90,14 +90,14 @@ def spatial(scene: Scene, azimuth: float) -> Scene:
 @pytest.mark.parametrize("seed", usually(range(3), range(6)))
 def test_a_start_in_the_plane_of_the_rail_is_integrated_there(seed: int) -> None:
     scene = spatial(motion_scene(seed, sprung=False), 0.0)
-    found = simulate(scene, 1.0, tolerance=1e-12, output=11)
+    run = simulate(scene, 1.0, tolerance=1e-12, output=11)
     whole = simulate(scene, 1.0, tolerance=1e-12, output=11, form="spatial")
-    assert (found.run.form, found.run.reduced) == ("minimal", "one vertical plane of space")
+    assert (run.run.form, run.run.reduced) == ("minimal", "one vertical plane of space")
     assert (whole.run.form, whole.run.reduced) == ("spatial", "")
-    assert np.abs(found.motion.links - whole.motion.links).max() < 1e-8
-    assert np.abs(found.motion.link_rates - whole.motion.link_rates).max() < 1e-7
-    assert found.energy_drift() < 1e-9
-    forces, sure = reaction_forces_of(found), reaction_forces_of(whole)
+    assert np.abs(run.motion.links - whole.motion.links).max() < 1e-8
+    assert np.abs(run.motion.link_rates - whole.motion.link_rates).max() < 1e-7
+    assert run.energy_drift() < 1e-9
+    forces, sure = reaction_forces_of(run), reaction_forces_of(whole)
     assert np.allclose(forces.pivots, sure.pivots, rtol=1e-5, atol=1e-6 * np.abs(sure.pivots).max())
 
 
@@ -146,6 +146,6 @@ def test_events_and_loads_see_the_whole_scene() -> None:
 
     assert simulate(scene, 0.1, load=load_of).run.reduced == ""
     assert seen == {3}
-    found = simulate(scene, 3.0, events=[level_crossing(system_of(scene), "theta[3,1]")])
-    assert found.run.reduced
-    assert len(found.happenings) == 3
+    run = simulate(scene, 3.0, events=[level_crossing(system_of(scene), "theta[3,1]")])
+    assert run.run.reduced
+    assert len(run.happenings) == 3

@@ -49,9 +49,9 @@ def fourth_order_average(scene: Scene, phi: list[float], omega: float) -> mp.mpf
         )
 
     a = mp.mpf("1e-3")
-    rest, one, two, three = (average(k * a) for k in (0, 1, 2, 3))
+    rest, single, two, three = (average(k * a) for k in (0, 1, 2, 3))
     matrix = mp.matrix([[(k * a) ** p for p in (2, 4, 6)] for k in (1, 2, 3)])
-    return mp.lu_solve(matrix, mp.matrix([one - rest, two - rest, three - rest]))[1]
+    return mp.lu_solve(matrix, mp.matrix([single - rest, two - rest, three - rest]))[1]
 
 
 @pytest.mark.parametrize("seed", usually(range(5), range(10)))

@@ -54,7 +54,14 @@ def flipped(content: bytes) -> bytes:
 
 @pytest.mark.parametrize("ending", ["nbi", "nbc"])
 @pytest.mark.parametrize(
-    "damage", [lambda own: b"", lambda own: own[: len(own) // 2], lambda own: own[:-1], flipped, lambda own: own[::-1]]
+    "damage",
+    [
+        lambda content: b"",
+        lambda content: content[: len(content) // 2],
+        lambda content: content[:-1],
+        flipped,
+        lambda content: content[::-1],
+    ],
 )
 def test_a_damaged_file_is_dropped_and_made_anew(ending: str, damage: Callable[[bytes], bytes], tmp_path: Path) -> None:
     assert loaded(tmp_path)(3.0) == 7.0
@@ -69,9 +76,9 @@ def test_a_damaged_file_is_dropped_and_made_anew(ending: str, damage: Callable[[
     if damage is not flipped or ending == "nbc":
         assert sum(healed.stats.cache_misses.values()) == 1
         assert path.stat().st_size >= len(good) - 8
-        found = loaded(tmp_path)
-        assert found(3.0) == 7.0
-        assert sum(found.stats.cache_hits.values()) == 1
+        kernel = loaded(tmp_path)
+        assert kernel(3.0) == 7.0
+        assert sum(kernel.stats.cache_hits.values()) == 1
 
 
 def test_parts_of_a_compiled_function_are_in_its_files_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,7 +128,7 @@ def test_a_kernel_runs_its_own_text_and_no_bytecode_beside_it(tmp_path: Path) ->
     assert path.parent == tmp_path / ".cache" / "multipendula"
     assert fresh(TEXT).run(3.0) == 7.0
     if os.name == "posix":
-        assert [own.stat().st_mode & 0o777 for own in (path.parent, path)] == [0o700, 0o600]
+        assert [place.stat().st_mode & 0o777 for place in (path.parent, path)] == [0o700, 0o600]
     assert not [*path.parent.rglob("*.pyc")]
     foreign = path.parent / "__pycache__" / f"{path.stem}.{sys.implementation.cache_tag}.pyc"
     script = f"import py_compile; py_compile.compile(r'{tmp_path / 'foreign.py'}', cfile=r'{foreign}')"

@@ -28,8 +28,8 @@ def random_crowd(seed: int, size: int = 40) -> Scene:
 def problems(scene: Scene) -> tuple[CoupledPendula, CartProblem]:
     rig, _ = rig_of(scene).natural()
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
-    own = tuple(fixed_squares(block).x for block in rig.blocks)
-    return CoupledPendula(heavy, rig.cart, own, degenerate_modes(own)), CartProblem(heavy, rig.cart)
+    squares = tuple(fixed_squares(block).x for block in rig.blocks)
+    return CoupledPendula(heavy, rig.cart, squares, degenerate_modes(squares)), CartProblem(heavy, rig.cart)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -37,13 +37,13 @@ def test_two_routes_to_the_same_modes(seed: int) -> None:
     crowd, direct = problems(random_crowd(seed))
     x = crowd.squares
     np.testing.assert_allclose(x, direct.squares, rtol=1e-14)
-    one, two = crowd.shapes(np.arange(len(x))), direct.shapes(np.arange(len(x)))
+    by_crowd, two = crowd.shapes(np.arange(len(x))), direct.shapes(np.arange(len(x)))
     gap = np.diff(x, prepend=0, append=2 * x[-1])
     apart = np.minimum(gap[1:], gap[:-1]) / x
-    for a, b in zip((one.cart[None, None], *one.turns), (two.cart[None, None], *two.turns), strict=True):
-        scaled = [m * np.sign(s.cart) / np.sqrt(s.modal_mass) for m, s in ((a, one), (b, two))]
+    for a, b in zip((by_crowd.cart[None, None], *by_crowd.turns), (two.cart[None, None], *two.turns), strict=True):
+        scaled = [m * np.sign(s.cart) / np.sqrt(s.modal_mass) for m, s in ((a, by_crowd), (b, two))]
         assert np.all(np.abs(scaled[0] - scaled[1]).max((0, 1)) <= 1e-13 / apart * np.abs(scaled[1]).max())
-    assert one.residual.max() < 1e-13
+    assert by_crowd.residual.max() < 1e-13
 
 
 def many_digit_root(poles: Poles, anchor: int, offset: float) -> float:

@@ -34,24 +34,24 @@ def ends(family: Family) -> list[float]:
 @pytest.mark.parametrize("family", STRUCTURED, ids=lambda f: f.name)
 def test_the_structured_routes_keep_every_digit(family: Family) -> None:
     for parameter in ends(family):
-        found = case(family, parameter)
-        assert found.ours < EVERY_DIGIT, found
-        assert found.ours <= found.bound, found
+        example = case(family, parameter)
+        assert example.ours < EVERY_DIGIT, example
+        assert example.ours <= example.bound, example
 
 
 @pytest.mark.parametrize("name", ["joint damper", "cart damper", "near buckling"])
 def test_what_is_claimed_is_within_its_bound(name: str) -> None:
     """Every row either carries a bound that holds or is marked; a refusal claims nothing."""
     for parameter in NAMED[name].parameters[:: 3 if "damper" in name else 2]:
-        found = case(NAMED[name], parameter)
-        assert np.isnan(found.ours) or found.ours <= found.bound or found.bound == 0, found
+        example = case(NAMED[name], parameter)
+        assert np.isnan(example.ours) or example.ours <= example.bound or example.bound == 0, example
 
 
 @pytest.mark.parametrize("name", ["detuning", "detuning, heavy cart"])
 def test_splittings_are_right_to_what_the_bounds_leave(name: str) -> None:
     for parameter in NAMED[name].parameters[1:]:
-        found = case(NAMED[name], parameter)
-        assert found.ours <= found.bound, found
+        example = case(NAMED[name], parameter)
+        assert example.ours <= example.bound, example
 
 
 @pytest.mark.parametrize(("above", "uncertain"), [(1e-2, False), (1e-14, True)])
@@ -77,8 +77,8 @@ def test_where_float64_ends_the_row_is_marked() -> None:
 
 
 def test_the_rivals_lose_what_the_figure_shows() -> None:
-    found = case(NAMED["mass ratio"], 1e12)
-    assert found.eigh > 1e-6 > EVERY_DIGIT > found.ours
+    example = case(NAMED["mass ratio"], 1e12)
+    assert example.eigh > 1e-6 > EVERY_DIGIT > example.ours
     assert case(NAMED["extreme pendula"], 10).eigh > 1e-2
 
 
@@ -98,9 +98,9 @@ def test_two_oracles_agree(seed: int) -> None:
 def test_the_oracle_of_damped_scenes_solves_the_quadratic_problem() -> None:
     scene = damped_joints(3.0)
     with mp.workdps(100):
-        found = pencil(scene)
+        model = pencil(scene)
         for value in eigenvalues(scene):
-            singular = found.M * value**2 + found.D * value + found.K
+            singular = model.M * value**2 + model.D * value + model.K
             assert abs(mp.det(singular)) < mp.mpf(10) ** -60
 
 
@@ -119,7 +119,7 @@ def rescaled(scene: Scene, mass: float, length: float, gravity: float) -> tuple[
         spring = cart.stiffness * force / length
         cart = Cart(mass=cart.mass * mass, stiffness=spring, damping=cart.damping * mass * rate)
 
-    def link(one: Bob | Rod | Body) -> Bob | Rod | Body:
+    def link(link: Bob | Rod | Body) -> Bob | Rod | Body:
         factors = {
             "mass": mass,
             "length": length,
@@ -128,7 +128,7 @@ def rescaled(scene: Scene, mass: float, length: float, gravity: float) -> tuple[
             "damping": mass * length**2 * rate,
             "stiffness": force * length,
         }
-        return one.model_copy(update={k: getattr(one, k) * f for k, f in factors.items() if k in one.fields})
+        return link.model_copy(update={k: getattr(link, k) * f for k, f in factors.items() if k in link.fields})
 
     pendula = [p.model_copy(update={"links": tuple(map(link, p.links))}) for p in scene.pendulum]
     return Scene(gravity=scene.gravity * gravity, support=cart, pendulum=pendula), rate
@@ -246,18 +246,18 @@ def test_dampers_of_all_sizes_in_one_scene(seed: int) -> None:
 def test_a_long_chain_of_stiff_dampers() -> None:
     """Σ 1/λ = −tr(K⁻¹D), to which the slow ones contribute nearly all, and Σ λ = −tr(M⁻¹D), the fast ones."""
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Rod(mass=1.0, length=1.0, damping=1e8)] * 50)])
-    found, modes = matrices(scene), natural_modes(scene)
+    model, modes = matrices(scene), natural_modes(scene)
     assert np.all(modes.error < 1e-7)
     assert np.all(modes.eigenvalue.real < 0)
     assert len(modes) == 100
-    for sum_of, matrix in ((modes.eigenvalue, found.M), (1 / modes.eigenvalue, found.K)):
-        assert sum_of.sum() == pytest.approx(-np.trace(np.linalg.solve(matrix, found.D)), rel=1e-9)
+    for sum_of, matrix in ((modes.eigenvalue, model.M), (1 / modes.eigenvalue, model.K)):
+        assert sum_of.sum() == pytest.approx(-np.trace(np.linalg.solve(matrix, model.D)), rel=1e-9)
 
 
 @pytest.mark.parametrize("damping", [1e-16, 1e-12, 1e-8, 1e6, 1e8, 1e12])
 def test_damping_ratios_keep_their_digits_where_they_are_far_below_rounding(damping: float) -> None:
     scene = damped_joints(damping)
-    found = [v for v in natural_modes(scene).eigenvalue if v.imag]
+    oscillating = [v for v in natural_modes(scene).eigenvalue if v.imag]
     exact = [v for v in eigenvalues(scene) if mp.im(v)]
-    for ours, truth in zip(found, exact, strict=True):
+    for ours, truth in zip(oscillating, exact, strict=True):
         assert ours.real == pytest.approx(float(truth.real), rel=1e-7, abs=0)

@@ -44,10 +44,10 @@ def random_chain(n: int, spread: float, support: Fixed | Cart, seed: int) -> Sce
 def assert_bisection_agrees(scene: Scene) -> None:
     suspension, modes = suspended(scene)
     places = np.arange(modes)
-    found = squares_of(suspension, places, modes)
+    roots = squares_of(suspension, places, modes)
     expected = located(suspension, places, modes)
-    assert np.abs(bits(found.x) - bits(expected)).max(initial=0) <= ULPS
-    assert not found.error.any()
+    assert np.abs(bits(roots.x) - bits(expected)).max(initial=0) <= ULPS
+    assert not roots.error.any()
 
 
 @pytest.mark.parametrize("support", SUPPORTS, ids=lambda support: f"{support.kind} {getattr(support, 'mass', '')}")
@@ -148,16 +148,16 @@ def test_scalar_arithmetic_is_that_of_numpy(seed: int, scalar: str, supports: in
         with np.errstate(all="ignore"):
             expected = sturm._counted(hung, x, nudge)
         fine = np.isfinite(expected[1]) if scalar == "floats" else np.ones(expected[1].shape, dtype=bool)
-        for found, one in zip(by_numbers.count_and_mass(constants, x, nudge), expected, strict=True):
-            np.testing.assert_array_equal(found[fine], one[fine])
-        assert np.isfinite(found[fine]).all() or scalar == "compiled"
-        assert not np.isfinite(found[~fine]).any()
+        for computed, wanted in zip(by_numbers.count_and_mass(constants, x, nudge), expected, strict=True):
+            np.testing.assert_array_equal(computed[fine], wanted[fine])
+        assert np.isfinite(computed[fine]).all() or scalar == "compiled"
+        assert not np.isfinite(computed[~fine]).any()
     with np.errstate(all="ignore"):
         expected = rayleigh._mass_and_energy(hung, x)
     fine = np.isfinite(expected).all(0) if scalar == "floats" else np.ones(expected[1].shape, dtype=bool)
-    for found, one in zip(by_numbers.mass_and_energy((*constants, hung.q), x), expected, strict=True):
-        np.testing.assert_array_equal(found[fine], one[fine])
-        assert not np.isfinite(found[~fine]).any()
+    for computed, wanted in zip(by_numbers.mass_and_energy((*constants, hung.q), x), expected, strict=True):
+        np.testing.assert_array_equal(computed[fine], wanted[fine])
+        assert not np.isfinite(computed[~fine]).any()
 
 
 @pytest.mark.parametrize("n", [3, 40, 300])
@@ -165,11 +165,11 @@ def test_compiled_or_not_the_modes_are_the_same(n: int, monkeypatch: pytest.Monk
     pytest.importorskip("numba")
     from modal.eigen import compiled
 
-    scene, found = random_chain(n, 0.3, Cart(mass=2.0), n), []
+    scene, omegas = random_chain(n, 0.3, Cart(mass=2.0), n), []
     for used in (None, compiled):
         run_by(used, monkeypatch)
-        found.append(natural_modes(scene).omega)
-    np.testing.assert_array_max_ulp(*found, maxulp=2)
+        omegas.append(natural_modes(scene).omega)
+    np.testing.assert_array_max_ulp(*omegas, maxulp=2)
 
 
 def test_numba_is_loaded_once_it_would_have_paid(monkeypatch: pytest.MonkeyPatch) -> None:

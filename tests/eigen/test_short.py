@@ -43,14 +43,14 @@ def test_the_floats_are_those_of_the_general_route(support: Fixed | Cart, spread
     solved = 0
     for seed in range(8):
         scene = random_chain(seed, spread, support)
-        if (found := Short.of(scene)) is None:
+        if (short := Short.of(scene)) is None:
             continue
         solved += 1
         natural, units = rig_of(scene).natural()
         with np.errstate(all="ignore"):
             expected = find_spectrum(natural)
-        np.testing.assert_array_max_ulp(found.omega, np.abs(expected.eigenvalue * units.rate), ULPS)
-        np.testing.assert_array_equal(found.error, expected.error)
+        np.testing.assert_array_max_ulp(short.omega, np.abs(expected.eigenvalue * units.rate), ULPS)
+        np.testing.assert_array_equal(short.error, expected.error)
     usual = spread <= 0.3 and support != Cart(mass=1e12)  # a cart at rest in all modes says nothing of them
     assert solved >= (5 if usual else 1)
 

@@ -29,20 +29,20 @@ EXTREMES = (0.3, 3.0, 12.0)
 def signed(modes: Modes) -> tuple[np.ndarray, np.ndarray]:
     """±ω for ω² of either sign as often as its multiplicity, ascending, with bounds; no rigid translation."""
     value, error = (np.repeat(part, modes.multiplicity) for part in (modes.eigenvalue, modes.error))
-    found = np.where(value.real > 0, -1, 1) * np.abs(value)
-    order = np.argsort(found)
-    order = order[found[order] != 0]
-    return found[order], error[order]
+    omega = np.where(value.real > 0, -1, 1) * np.abs(value)
+    order = np.argsort(omega)
+    order = order[omega[order] != 0]
+    return omega[order], error[order]
 
 
 def assert_every_digit(scene: Scene) -> Modes:
     """Each ±ω is right to EVERY_DIGIT over what gravity and springs cancel, and its bound holds and is not far."""
     modes = natural_modes(scene)
     assert "dense" not in modes.route
-    found, bound = signed(modes)
+    frequencies, bound = signed(modes)
     exact = squares(scene, 300)
-    assert len(found) == len(exact)
-    for omega, error, square in zip(found.tolist(), bound.tolist(), exact, strict=True):
+    assert len(frequencies) == len(exact)
+    for omega, error, square in zip(frequencies.tolist(), bound.tolist(), exact, strict=True):
         off = abs(mp.sign(omega) * mp.mpf(omega) ** 2 / square - 1) / 2
         assert off <= error, (omega, float(off), error)
         assert off <= EVERY_DIGIT * max(1, error / 1e-14)
@@ -83,8 +83,8 @@ def test_bounds_are_close_whatever_the_spring(stiffness: float, support: Fixed |
 @pytest.mark.parametrize("above", [1e-3, 1e-6, 1e-9, -1e-3, -1e-6])
 def test_near_buckling_the_bound_follows_what_is_cancelled(above: float) -> None:
     scene = test_extremes_modes.near_buckling(above)
-    found, error = signed(assert_every_digit(scene))
-    assert (found[0] < 0) == (above < 0)
+    frequencies, error = signed(assert_every_digit(scene))
+    assert (frequencies[0] < 0) == (above < 0)
     assert 1e-16 < error[0] * abs(above) < 1e-13
     assert error[1:].max() < 1e-12
 
@@ -105,11 +105,11 @@ def test_without_springs_it_is_the_effective_mass(x: float) -> None:
 def test_long_chains_are_those_of_a_dense_solver(n: int) -> None:
     """A hanging rope with bending stiffness, beside `eigh` as far as that goes."""
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Rod(mass=1 / n, length=1 / n, stiffness=0.1 * n, count=n)])])
-    modes, found = natural_modes(scene), matrices(scene)
-    dense = np.sqrt(eigh(found.K, found.M, eigvals_only=True))
+    modes, model = natural_modes(scene), matrices(scene)
+    dense = np.sqrt(eigh(model.K, model.M, eigvals_only=True))
     np.testing.assert_allclose(modes.omega, dense, rtol=1e-16 * (dense[-1] / dense[0]) ** 2)
     phi = whole_basis(modes, "mass")
-    np.testing.assert_allclose(phi.T @ found.M @ phi, np.eye(n), atol=1e-9)
+    np.testing.assert_allclose(phi.T @ model.M @ phi, np.eye(n), atol=1e-9)
     assert modes.route == "mass and moment"
 
 
@@ -121,10 +121,10 @@ def test_different_pendula_of_equal_frequency_split_into_orthogonal_shapes() -> 
         pendula = [Pendulum(links=[first]), *bobs[1:]]
         modes = natural_modes(Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=pendula))
         assert modes.multiplicity.sum() == 5
-        found, phi = matrices(modes.scene), whole_basis(modes, "mass")
-        np.testing.assert_allclose(phi.T @ found.M @ phi, np.eye(5), atol=1e-14)
+        model, phi = matrices(modes.scene), whole_basis(modes, "mass")
+        np.testing.assert_allclose(phi.T @ model.M @ phi, np.eye(5), atol=1e-14)
         omega = np.repeat(modes.omega, modes.multiplicity)
-        np.testing.assert_allclose(phi.T @ found.K @ phi, np.diag(omega**2), atol=1e-12)
+        np.testing.assert_allclose(phi.T @ model.K @ phi, np.diag(omega**2), atol=1e-12)
     assert modes.route == "exact, mass and moment"
 
 
@@ -144,8 +144,8 @@ def test_equal_pendula_stay_one_problem() -> None:
 def test_a_wrong_spring_is_seen() -> None:
     """The comparison bites: one part in 1e11 of a spring that carries the mode."""
     scene, exact = (hung(stiffness) for stiffness in (3.0 * (1 + 1e-11), 3.0))
-    found, _ = signed(natural_modes(scene))
-    wrong = [abs(mp.mpf(o) ** 2 / x - 1) for o, x in zip(found.tolist(), squares(exact, 300), strict=True)]
+    frequencies, _ = signed(natural_modes(scene))
+    wrong = [abs(mp.mpf(o) ** 2 / x - 1) for o, x in zip(frequencies.tolist(), squares(exact, 300), strict=True)]
     assert max(wrong) > 100 * EVERY_DIGIT
 
 

@@ -53,11 +53,11 @@ def errors(scene: Scene) -> Iterator[tuple[float, float]]:
     bounds = np.repeat(spectrum.error, spectrum.multiplicity)
     squares = exact_squares(scene)
     assert len(omega) == len(squares)
-    for own, bound, square in zip(omega.tolist(), bounds.tolist(), squares, strict=True):
-        if own == 0:
+    for frequency, bound, square in zip(omega.tolist(), bounds.tolist(), squares, strict=True):
+        if frequency == 0:
             assert abs(square) < mp.mpf(10) ** (-DIGITS // 2) * squares[-1]
         else:
-            yield abs(float(own / mp.sqrt(abs(square)) - 1)), bound
+            yield abs(float(frequency / mp.sqrt(abs(square)) - 1)), bound
 
 
 @pytest.mark.parametrize("seed", usually(range(24), range(400)))
@@ -99,9 +99,9 @@ def test_each_tree_without_a_ground_spring_has_one_motion_at_rest() -> None:
 
 
 def dense(scene: Scene) -> Floats:
-    found = matrices(scene)
-    L = np.linalg.cholesky(found.M)
-    squares = np.linalg.eigvalsh(np.linalg.solve(L, np.linalg.solve(L, found.K).T))
+    model = matrices(scene)
+    L = np.linalg.cholesky(model.M)
+    squares = np.linalg.eigvalsh(np.linalg.solve(L, np.linalg.solve(L, model.K).T))
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
 
@@ -167,8 +167,8 @@ def test_ten_thousand_double_pendula_on_five_carts_are_fifteen_unknowns() -> Non
     assert coupled.built.unknowns == 15
     assert modes.multiplicity.sum() == 20_005
     assert sorted(modes.multiplicity.tolist())[-2:] == [9995, 9995]
-    one = natural_frequencies(Scene(gravity=9.81, pendulum=[Pendulum(links=links)]))
-    assert modes.omega[modes.multiplicity > 1].tolist() == one.tolist()
+    frequencies = natural_frequencies(Scene(gravity=9.81, pendulum=[Pendulum(links=links)]))
+    assert modes.omega[modes.multiplicity > 1].tolist() == frequencies.tolist()
 
 
 def test_combinations_are_orthonormal_and_leave_the_pivots() -> None:
@@ -224,9 +224,9 @@ def test_where_a_coordinate_falls_the_bound_says_so() -> None:
 
 
 def test_a_singular_inertia_and_too_many_coordinates_are_refused() -> None:
-    one, two = np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([[1.0, 1.0]])
+    rows, two = np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([[1.0, 1.0]])
     with pytest.raises(ComputationError, match="beyond double precision"):
-        product_modes(SquareSum(one, np.ones(2)), SquareSum(two, np.ones(1)))
+        product_modes(SquareSum(rows, np.ones(2)), SquareSum(two, np.ones(1)))
 
 
 # ------------------------------------------------------------------------------------------------ parts of the method
@@ -275,8 +275,8 @@ def test_pairs_that_springs_join_are_problems_of_their_own() -> None:
 def test_the_parts_of_a_rig_hold_all_of_it() -> None:
     carried = PartedRig(rig_of(STRUCTURED["mixed"]).natural()[0])
     components, balanced = carried.parted
-    assert sorted(int(k) for one in components for k in one.eta) == [0, 1, 2]
+    assert sorted(int(k) for component in components for k in component.eta) == [0, 1, 2]
     assert (
-        sum(ComponentMatrices(carried, one).size for one in components) == 6
+        sum(ComponentMatrices(carried, component).size for component in components) == 6
     )  # one bob, on the lift, swings for itself
     assert balanced == ()

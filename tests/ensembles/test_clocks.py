@@ -58,15 +58,15 @@ def test_members_side_by_side_are_the_runs_of_their_scenes(name: str, monkeypatc
     scene, ranges = SCENES[name]
     rng, size, seconds = np.random.default_rng(8), 4, 2.5
     values = {path: rng.uniform(*between, size) for path, between in ranges.items()}
-    found = ensemble(scene, seconds, vary=values, engine="numpy", workers=1, check=0, tolerance=1e-11)
-    assert not found.failures
-    assert found.energy_drift.max() < 1e-9
+    runs = ensemble(scene, seconds, vary=values, engine="numpy", workers=1, check=0, tolerance=1e-11)
+    assert not runs.failures
+    assert runs.energy_drift.max() < 1e-9
     for k in range(size):
         if k == size - 2:
             monkeypatch.setattr(methods, "RUBBED", -1)
-        own = vary(scene, {path: float(each[k]) for path, each in values.items()})
-        run = simulate(own, seconds, tolerance=1e-11, output=2)
-        assert np.abs(run.motion.links[-1] - found.final.links[k]).max() < 1e-8, k
+        varied = vary(scene, {path: float(each[k]) for path, each in values.items()})
+        run = simulate(varied, seconds, tolerance=1e-11, output=2)
+        assert np.abs(run.motion.links[-1] - runs.final.links[k]).max() < 1e-8, k
 
 
 def test_a_clock_at_its_angle_on_the_way_out_is_kicked_at_once() -> None:
@@ -74,11 +74,11 @@ def test_a_clock_at_its_angle_on_the_way_out_is_kicked_at_once() -> None:
     scene = scene_from(
         {"gravity": 9.81, "pendulum": [{"links": [link], "start": {"angles_deg": [3.0], "rates_deg": [10.0]}}]}
     )
-    found = ensemble(scene, 2.0, vary={"pendulum[0].start.rates_deg[0]": [10.0, 20.0]}, engine="numpy", workers=1)
+    runs = ensemble(scene, 2.0, vary={"pendulum[0].start.rates_deg[0]": [10.0, 20.0]}, engine="numpy", workers=1)
     run = simulate(scene, 2.0, output=2)
     assert run.kicks.time[0] == 0.0
-    assert found.final.links[0] == pytest.approx(run.motion.links[-1], abs=1e-8)
-    assert found.largest_difference < 1e-8
+    assert runs.final.links[0] == pytest.approx(run.motion.links[-1], abs=1e-8)
+    assert runs.largest_difference < 1e-8
 
 
 ENGINES = ["floats", "numpy", "numba"]
@@ -100,9 +100,9 @@ def ended(engine: str, scene: Scene, seconds: float) -> Floats:
 def test_switches_at_once_are_those_of_each_alone(engine: str) -> None:
     """Mirror images on a cart, which stands still: both are kicked, stop and stick at the same times as one alone."""
     link = {"kind": "bob", "mass": 1.0, "length": 1.0, "friction": 0.03, "drive": ESCAPEMENT}
-    one, other = ({"links": [link], "start": {"angles_deg": [angle]}} for angle in (20.0, -20.0))
-    both = ended(engine, scene_from({"gravity": 9.81, "support": CART, "pendulum": [one, other]}), 4.0)
-    alone = ended("floats", scene_from({"gravity": 9.81, "pendulum": [one]}), 4.0)
+    right, other = ({"links": [link], "start": {"angles_deg": [angle]}} for angle in (20.0, -20.0))
+    both = ended(engine, scene_from({"gravity": 9.81, "support": CART, "pendulum": [right, other]}), 4.0)
+    alone = ended("floats", scene_from({"gravity": 9.81, "pendulum": [right]}), 4.0)
     assert both == pytest.approx(np.hstack((alone, -alone)), abs=1e-9)
 
 
@@ -149,12 +149,12 @@ def assert_same(name: str, seconds: float, size: int) -> None:
     values = {path: rng.uniform(*between, size) for path, between in ranges.items()}
     options: dict[str, Any] = {"vary": values, "workers": 1, "check": 0, "tolerance": 1e-9, "measures": measures}
     times = [0.4 * seconds, seconds]
-    own, others = (ensemble(scene, seconds, output=times, engine=engine, **options) for engine in ("numba", "numpy"))
-    assert not own.failures
-    assert own.columns == others.columns
-    for column in own.columns:
+    runs, others = (ensemble(scene, seconds, output=times, engine=engine, **options) for engine in ("numba", "numpy"))
+    assert not runs.failures
+    assert runs.columns == others.columns
+    for column in runs.columns:
         np.testing.assert_allclose(
-            own.column(column),
+            runs.column(column),
             others.column(column),
             atol=1e-8 if column == "lyapunov_per_s" else 1e-9,
             rtol=1e-9,
@@ -184,9 +184,9 @@ def test_a_member_whose_friction_has_no_value_fails_alone(engine: str) -> None:
     scene = scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": links, "start": start}]})
     values = {"support.friction_coefficient": [0.1, 0.752]}
     with interpreted():
-        found = ensemble(scene, 1.0, vary=values, engine=engine, workers=1, check=0, tolerance=1e-6)
-    assert list(found.failures) == [1]
-    assert "stopped at" in found.failures[1]
+        runs = ensemble(scene, 1.0, vary=values, engine=engine, workers=1, check=0, tolerance=1e-6)
+    assert list(runs.failures) == [1]
+    assert "stopped at" in runs.failures[1]
     with pytest.raises(SimulationError):
         simulate(scene, 1.0)
 
@@ -213,8 +213,8 @@ def test_the_largest_angle_of_links_that_turn_over_is_that_at_the_end_of_a_step(
     options: dict[str, Any] = {"vary": {"pendulum[0].start.rates_deg[0]": np.linspace(400.0, 700.0, 40)}, "workers": 1}
     options |= {"check": 0, "measures": ("largest_angle",)}
     with interpreted():
-        own = ensemble(scene, 0.8, engine="numba", **options)
+        runs = ensemble(scene, 0.8, engine="numba", **options)
     others = ensemble(scene, 0.8, engine="numpy", **options)
     assert others.column("largest_angle_deg").max() > 360.0
-    assert own.column("largest_angle_deg") == pytest.approx(others.column("largest_angle_deg"), rel=1e-9)
-    assert own.energy_drift == pytest.approx(others.energy_drift, abs=1e-11)
+    assert runs.column("largest_angle_deg") == pytest.approx(others.column("largest_angle_deg"), rel=1e-9)
+    assert runs.energy_drift == pytest.approx(others.energy_drift, abs=1e-11)

@@ -13,7 +13,7 @@ import pytest
 from support.fresh import Process
 
 from modal import Bob, Pendulum, Scene, load
-from modal.errors import SceneError
+from modal.errors import SceneError, installing
 from modal.scene import refusals
 from nonlinear.dynamics import compiled as single
 from nonlinear.ensembles import (
@@ -48,9 +48,9 @@ def chosen(size: int, *measures: str, **more: object) -> str:
 
 
 def code(engine: str, *measures: str) -> Code:
-    found = code_of(engine, first_numbers(members(1)), 1e-9, measures)
-    assert found
-    return found
+    compiled = code_of(engine, first_numbers(members(1)), 1e-9, measures)
+    assert compiled
+    return compiled
 
 
 def test_an_engine_is_chosen_by_its_cost(process: Process) -> None:
@@ -111,8 +111,8 @@ def test_ensembles_in_a_loop_come_to_be_compiled(process: Process) -> None:
 
 def test_what_an_ensemble_has_taken_is_recorded(process: Process) -> None:
     process.install("numba")
-    found = ensemble(CHAIN, 5.0, starts=np.zeros((3, 2)), workers=1, check=0)
-    assert found.engine == "numpy"
+    runs = ensemble(CHAIN, 5.0, starts=np.zeros((3, 2)), workers=1, check=0)
+    assert runs.engine == "numpy"
     assert code("numba").saved > 0.0
     assert code("numba", "lyapunov").saved == 0.0
 
@@ -137,8 +137,8 @@ def test_a_folder_goes_on_by_the_engine_it_was_begun_by(tmp_path: Path, monkeypa
     ensemble(CHAIN, 0.2, folder=folder, engine="numpy", **options)
     (folder / "part-000001.npz").unlink()
     monkeypatch.setattr(costs, "best_of", lambda offers, **more: "numba")
-    found = ensemble(CHAIN, 0.2, folder=folder, **options)
-    assert (found.engine, found.reason) == ("numpy", "by which this folder was begun")
+    runs = ensemble(CHAIN, 0.2, folder=folder, **options)
+    assert (runs.engine, runs.reason) == ("numpy", "by which this folder was begun")
     assert engine_of_folder(folder) == "numpy"
     assert engine_of_folder(tmp_path) == ""
     for text in ("", "[]", "{}"):
@@ -166,12 +166,12 @@ def test_what_cannot_be_compiled_says_why(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(compiled, "available", lambda: False)
     monkeypatch.setitem(sys.modules, "heyoka", None)
     monkeypatch.setattr(taylor, "_COMPILED", taylor.Originals())
-    found = compile_engines(CHAIN)
-    assert [code.engine for code in found.codes] == ["numba", "heyoka"] * 2
-    assert [code.runs for code in found.codes] == ["one motion"] * 2 + ["many motions"] * 2
-    for code, extra in zip(found.codes, ["fast", "taylor"] * 2, strict=True):
+    chain = compile_engines(CHAIN)
+    assert [code.engine for code in chain.codes] == ["numba", "heyoka"] * 2
+    assert [code.runs for code in chain.codes] == ["one motion"] * 2 + ["many motions"] * 2
+    for code, extra in zip(chain.codes, ["fast", "taylor"] * 2, strict=True):
         assert code.action == code.kept_in == ""
-        assert f"multipendula[{extra}]" in code.why_not
+        assert installing(extra) in code.why_not
     long = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=33)])])
     assert "minutes" in compile_engines(long).codes[2].why_not
     clocks = compile_engines(HUYGENS)

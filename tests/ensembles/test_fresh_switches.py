@@ -45,10 +45,10 @@ def test_fresh_members_are_pieces_of_the_maximal_form(seed: int) -> None:
     rng = np.random.default_rng(seed)
     scene = fresh(rng)
     starts = rng.uniform(-0.8, 0.8, (MEMBERS, scene.n_links))
-    found = ensemble(scene, 2.0, starts=starts, engine="numpy", workers=1, check=0, tolerance=1e-12)
-    assert not found.failures
+    runs = ensemble(scene, 2.0, starts=starts, engine="numpy", workers=1, check=0, tolerance=1e-12)
+    assert not runs.failures
     events = 0
-    for start, end in zip(starts, found.final.links, strict=True):
+    for start, end in zip(starts, runs.final.links, strict=True):
         pieces = Pieces(scene)
         assert np.abs(pieces.end(State(start, 0 * start), 2.0).links - end).max() < 1e-8
         events += pieces.events

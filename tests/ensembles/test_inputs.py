@@ -65,23 +65,23 @@ MASSES = {"pendulum[0].links[1].mass": [0.4, 0.6, 1.3]}
 OPTIONS = {"workers": 1, "check": 0, "output": 7, "tolerance": 1e-10}
 
 
-def apart(found: Ensemble) -> float:
+def apart(runs: Ensemble) -> float:
     """The largest angle between members and runs by themselves."""
     most = 0.0
-    for k in range(found.size):
-        own = {path: float(values[k]) for path, values in found.members.values.items()}
-        run = simulate(vary(found.question.scene, own), 2.0, output=7, tolerance=1e-11)
-        most = max(most, float(np.abs(run.motion.links - found.column("links_rad")[k]).max()))
+    for k in range(runs.size):
+        numbers = {path: float(values[k]) for path, values in runs.members.values.items()}
+        run = simulate(vary(runs.question.scene, numbers), 2.0, output=7, tolerance=1e-11)
+        most = max(most, float(np.abs(run.motion.links - runs.column("links_rad")[k]).max()))
     return most
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_members_are_the_runs_of_their_scenes(name: str) -> None:
-    found = ensemble(SCENES[name], 2.0, vary=MASSES, engine="numpy", measures=["largest_angle"], **OPTIONS)
-    assert found.engine == "numpy"
-    assert not found.failures
-    assert apart(found) < 2e-8
-    assert found.energy_drift.max() < 1e-7
+    runs = ensemble(SCENES[name], 2.0, vary=MASSES, engine="numpy", measures=["largest_angle"], **OPTIONS)
+    assert runs.engine == "numpy"
+    assert not runs.failures
+    assert apart(runs) < 2e-8
+    assert runs.energy_drift.max() < 1e-7
 
 
 @pytest.mark.parametrize(
@@ -97,10 +97,10 @@ def test_members_are_the_runs_of_their_scenes(name: str) -> None:
     ],
 )
 def test_members_differ_in_the_numbers_of_a_feature(name: str, path: str, values: list[float]) -> None:
-    found = ensemble(SCENES[name], 2.0, vary={path: values}, engine="numpy", **OPTIONS)
-    assert not found.failures
-    assert apart(found) < 2e-8
-    links = found.column("links_rad")
+    runs = ensemble(SCENES[name], 2.0, vary={path: values}, engine="numpy", **OPTIONS)
+    assert not runs.failures
+    assert apart(runs) < 2e-8
+    links = runs.column("links_rad")
     assert min(np.abs(links[k] - links[k - 1]).max() for k in (1, 2)) > 1e-3
 
 
@@ -108,11 +108,11 @@ def test_members_are_those_of_the_maximal_form() -> None:
     """Which has positions and pivot forces for unknowns, and nothing of the text of the equations."""
     for name in ("sine", "smooth"):
         masses = [0.4, 1.3]
-        found = ensemble(SCENES[name], 1.2, vary={"pendulum[0].links[1].mass": masses}, engine="numpy", **OPTIONS)
+        runs = ensemble(SCENES[name], 1.2, vary={"pendulum[0].links[1].mass": masses}, engine="numpy", **OPTIONS)
         for k, mass in enumerate(masses):
             scene = vary(SCENES[name], {"pendulum[0].links[1].mass": mass})
             run = simulate(scene, 1.2, output=7, form="maximal", tolerance=1e-10)
-            np.testing.assert_allclose(found.column("links_rad")[k], run.motion.links, atol=3e-7)
+            np.testing.assert_allclose(runs.column("links_rad")[k], run.motion.links, atol=3e-7)
 
 
 @pytest.mark.parametrize(
@@ -124,12 +124,12 @@ def test_members_are_those_of_the_maximal_form() -> None:
     ],
 )
 def test_members_that_differ_in_their_laws_of_time_go_one_by_one(name: str, path: str, words: str) -> None:
-    given = {path: [0.8, 1.0]}
-    found = ensemble(SCENES[name], 0.2, vary=given, **{**OPTIONS, "output": "end"})
-    assert found.engine == "simulate"
-    assert words in found.reason
+    varied = {path: [0.8, 1.0]}
+    runs = ensemble(SCENES[name], 0.2, vary=varied, **{**OPTIONS, "output": "end"})
+    assert runs.engine == "simulate"
+    assert words in runs.reason
     with pytest.raises(SceneError, match=words):
-        ensemble(SCENES[name], 0.2, vary=given, engine="numpy", **OPTIONS)
+        ensemble(SCENES[name], 0.2, vary=varied, engine="numpy", **OPTIONS)
 
 
 @pytest.mark.parametrize("name", ["sine", "random", "trapezoidal", "sine and ratio"])
@@ -141,16 +141,16 @@ def test_many_links_go_by_the_recursion(name: str) -> None:
     large = scene.replace(pendulum=(first.replace(start=None), other))
     masses = MASSES["pendulum[0].links[1].mass"]
     scenes = [vary(large, {"pendulum[0].links[1].mass": mass}) for mass in masses]
-    dampers = [system_of(one).modal_damping for one in scenes] if scene.has_modal_damping else None
+    dampers = [system_of(scene).modal_damping for scene in scenes] if scene.has_modal_damping else None
     at = {("pendulum", 0, "links", 1, "mass"): np.array(masses)}
     lanes = Lanes(numbers_of(large, at, modal=None if dampers is None else np.array(dampers)))
     assert not lanes.is_written
     y = np.random.default_rng(1).standard_normal((lanes.layout.size, 3))
     times = np.array([0.25, 0.5, 1.1])
-    found = np.array(lanes.rates(lanes.numbers)(y, times))
-    for k, one in enumerate(scenes):
-        expected = Generated(system_of(one)).derivative(float(times[k]), y[:, k])
-        np.testing.assert_allclose(found[:, k], expected, rtol=1e-9, atol=1e-9)
+    rates = np.array(lanes.rates(lanes.numbers)(y, times))
+    for k, member in enumerate(scenes):
+        expected = Generated(system_of(member)).derivative(float(times[k]), y[:, k])
+        np.testing.assert_allclose(rates[:, k], expected, rtol=1e-9, atol=1e-9)
 
 
 MEASURED = ("largest_angle", "first_turn", "lyapunov", "section:theta[1,2]=0")
@@ -159,16 +159,16 @@ MEASURED = ("largest_angle", "first_turn", "lyapunov", "section:theta[1,2]=0")
 def alike(name: str, engine: str, within: float, measures: tuple[str, ...] = MEASURED, seconds: float = 2.0) -> None:
     """Whether members of an engine are those of lanes in NumPy, whatever is measured."""
     options = {**OPTIONS, "vary": MASSES, "measures": measures}
-    one, other = (ensemble(SCENES[name], seconds, engine=own, **options) for own in ("numpy", engine))
+    runs, other = (ensemble(SCENES[name], seconds, engine=chosen, **options) for chosen in ("numpy", engine))
     assert not other.failures
-    assert one.columns == other.columns
-    for column in one.columns:
+    assert runs.columns == other.columns
+    for column in runs.columns:
         if column not in {"energy_drift", "error_rad", "horizon_s"}:
-            expected = one.column(column)
+            expected = runs.column(column)
             most = 1e-8 if column == "lyapunov_per_s" else within  # whose transient is a run of its own
             np.testing.assert_allclose(other.column(column), expected, atol=most, rtol=within, err_msg=column)
     assert other.energy_drift.max() < 1e-8
-    ratio = other.column("error_rad") / one.column("error_rad")
+    ratio = other.column("error_rad") / runs.column("error_rad")
     assert np.all((ratio > 1e-3) & (ratio < 1e3))
 
 
@@ -186,7 +186,7 @@ def test_the_loop_that_numba_compiles_takes_the_steps_of_lanes(name: str) -> Non
 def test_compiled_members_are_those_of_lanes(name: str) -> None:
     """Tangent equations, a kernel of their own, in all of them or in `test_measures`."""
     pytest.importorskip("numba")
-    alike(name, "numba", 1e-9, usually(tuple(own for own in MEASURED if own != "lyapunov"), MEASURED))
+    alike(name, "numba", 1e-9, usually(tuple(measure for measure in MEASURED if measure != "lyapunov"), MEASURED))
 
 
 @pytest.mark.slow
@@ -200,7 +200,7 @@ def test_members_by_taylor_series_are_those_of_lanes(name: str) -> None:
 @pytest.mark.parametrize("name", [*usually((), ("smooth and drag",)), "sine and ratio", "sine and drag", "trapezoidal"])
 def test_a_run_by_taylor_series_is_that_of_dop853(name: str) -> None:
     pytest.importorskip("heyoka")
-    runs = [simulate(SCENES[name], 2.0, method=own, tolerance=1e-13, output=21) for own in ("taylor", "DOP853")]
+    runs = [simulate(SCENES[name], 2.0, method=method, tolerance=1e-13, output=21) for method in ("taylor", "DOP853")]
     assert np.abs(runs[0].motion.links - runs[1].motion.links).max() < 1e-12
     assert runs[0].energy_drift() < 1e-13
 
@@ -223,18 +223,21 @@ def test_polynomials_are_the_functions_of_time(name: str) -> None:
     inputs = Lanes(numbers_of(SCENES[name])).inputs
     times = np.random.default_rng(5).uniform(-0.5, 30.0, 400)
     assert inputs.polynomials
-    for one, expected in zip(inputs.polynomials, inputs.beside(times), strict=True):
-        t = times % one.period if np.isfinite(one.period) else times
-        at = np.searchsorted(one.knots, t, side="right")
-        found = sum(own * (t - one.origins[at]) ** k for k, own in enumerate(one.coefficients[at].T))
-        np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+    for polynomial, expected in zip(inputs.polynomials, inputs.beside(times), strict=True):
+        t = times % polynomial.period if np.isfinite(polynomial.period) else times
+        at = np.searchsorted(polynomial.knots, t, side="right")
+        value = sum(
+            coefficient * (t - polynomial.origins[at]) ** k
+            for k, coefficient in enumerate(polynomial.coefficients[at].T)
+        )
+        np.testing.assert_allclose(value, expected, atol=1e-12 * np.abs(expected).max())
 
 
 def test_a_ratio_is_that_of_each_member_where_their_modes_differ() -> None:
     """Alone in its first mode, each member loses 2 ζ ω of its amplitude."""
     masses = {"pendulum[0].links[1].mass": [0.2, 0.6, 3.0]}
-    found = ensemble(scene_of(Fixed(), ratio=0.05), 2.0, vary=masses, engine="numpy", **OPTIONS)
-    assert apart(found) < 2e-8
+    runs = ensemble(scene_of(Fixed(), ratio=0.05), 2.0, vary=masses, engine="numpy", **OPTIONS)
+    assert apart(runs) < 2e-8
 
 
 def test_the_order_of_hoisted_pendula_is_refused() -> None:
@@ -244,9 +247,9 @@ def test_the_order_of_hoisted_pendula_is_refused() -> None:
 
 def test_exponents_of_members_on_a_moved_support_are_those_of_two_near_runs() -> None:
     scene = SCENES["sine"]
-    found = ensemble(scene, 2.0, vary=MASSES, engine="numpy", measures=["lyapunov"], **OPTIONS)
+    runs = ensemble(scene, 2.0, vary=MASSES, engine="numpy", measures=["lyapunov"], **OPTIONS)
     for k, mass in enumerate(MASSES["pendulum[0].links[1].mass"]):
-        own = vary(scene, {"pendulum[0].links[1].mass": mass})
+        varied = vary(scene, {"pendulum[0].links[1].mass": mass})
         v = np.random.default_rng(0).standard_normal(4)
         l, g = 0.7, 9.81
         scale = np.array([1, 1, np.sqrt(g / l), np.sqrt(g / l)])
@@ -255,7 +258,7 @@ def test_exponents_of_members_on_a_moved_support_are_those_of_two_near_runs() ->
         ends = []
         for sign in (1, -1):
             y = begun + sign * 1e-5 * v * scale
-            run = simulate(own, 3.0, start=State(y[:2], y[2:]), output=[1.0, 3.0], tolerance=1e-12)
+            run = simulate(varied, 3.0, start=State(y[:2], y[2:]), output=[1.0, 3.0], tolerance=1e-12)
             ends.append(np.hstack((run.motion.links, run.motion.link_rates)))
         early, late = np.linalg.norm((ends[0] - ends[1]) / 2e-5 / scale, axis=1)[-2:]
-        assert found.column("lyapunov_per_s")[k] == pytest.approx(np.log(late / early) / 2.0, abs=1e-5)
+        assert runs.column("lyapunov_per_s")[k] == pytest.approx(np.log(late / early) / 2.0, abs=1e-5)

@@ -27,7 +27,7 @@ DURATION = 4.0
 
 
 @cache
-def found(engine: str = "numpy") -> Ensemble:
+def computed(engine: str = "numpy") -> Ensemble:
     measures = ["first_turn", "largest_angle", "lyapunov", "pendulum_energy", "section:theta[1,1]>10"]
     return ensemble(load("chain-2"), DURATION, starts=ANGLES, measures=measures, engine=engine, workers=1, output=9)
 
@@ -35,8 +35,8 @@ def found(engine: str = "numpy") -> Ensemble:
 def test_samples_are_those_of_runs() -> None:
     for k, angles in enumerate(ANGLES):
         run = simulate(load("chain-2"), DURATION, start=State(angles, 0 * angles), output=9)
-        np.testing.assert_allclose(found().column("links_rad")[k], run.motion.links, atol=2e-8)
-        np.testing.assert_allclose(found().column("link_rates_rad_per_s")[k], run.motion.link_rates, atol=2e-7)
+        np.testing.assert_allclose(computed().column("links_rad")[k], run.motion.links, atol=2e-8)
+        np.testing.assert_allclose(computed().column("link_rates_rad_per_s")[k], run.motion.link_rates, atol=2e-7)
 
 
 def test_first_turns_are_those_of_events() -> None:
@@ -48,10 +48,10 @@ def test_first_turns_are_those_of_events() -> None:
         run = simulate(load("chain-2"), DURATION, start=State(angles, 0 * angles), events=events)
         for link in range(2):
             times = [event.time for event in run.happenings if event.name == f"{link}"]
-            measured = found().column(f"first_turn_1_{link + 1}_s")[k]
+            measured = computed().column(f"first_turn_1_{link + 1}_s")[k]
             assert measured == pytest.approx(min(times, default=np.inf), abs=1e-7)
-    assert np.isfinite(found().column("first_turn_1_2_s")).any()
-    assert np.isinf(found().column("first_turn_1_1_s")).any()
+    assert np.isfinite(computed().column("first_turn_1_2_s")).any()
+    assert np.isinf(computed().column("first_turn_1_1_s")).any()
 
 
 def test_largest_angles_are_those_of_dense_runs() -> None:
@@ -59,16 +59,16 @@ def test_largest_angles_are_those_of_dense_runs() -> None:
         with reproducible():
             run = simulate(load("chain-2"), DURATION, start=State(angles, 0 * angles), output=4001)
         most = np.degrees(np.abs(extremes(run.times, run.motion.links, run.motion.link_rates)).max())
-        assert found().column("largest_angle_deg")[k] == pytest.approx(most, abs=1e-5)
+        assert computed().column("largest_angle_deg")[k] == pytest.approx(most, abs=1e-5)
 
 
 def test_crossings_are_those_of_dense_runs() -> None:
     """Counted and placed by where the whole turns beyond 10° rise between samples."""
-    members, times = (found().column(f"crossing_{name}") for name in ("member", "time_s"))
-    links = found().column("crossing_links_rad")
+    members, times = (computed().column(f"crossing_{name}") for name in ("member", "time_s"))
+    links = computed().column("crossing_links_rad")
     aside = np.degrees(links[:, 0]) - 10
     np.testing.assert_allclose(aside - 360 * np.round(aside / 360), 0.0, atol=1e-6)
-    assert np.all(found().column("crossing_link_rates_rad_per_s")[:, 0] > 0)
+    assert np.all(computed().column("crossing_link_rates_rad_per_s")[:, 0] > 0)
     for k, angles in enumerate(ANGLES):
         run = simulate(load("chain-2"), DURATION, start=State(angles, 0 * angles), output=8001)
         turns = np.floor((run.motion.links[:, 0] - np.radians(10)) / (2 * np.pi))
@@ -94,27 +94,27 @@ def test_the_exponent_is_that_of_tangent_vectors_of_the_complex_step() -> None:
         while stepper.time < end:
             stepper.step()
         gains.append(np.log(tangent.norm(stepper.y.reshape(2, 4, -1)[1])))
-    np.testing.assert_allclose(found().column("lyapunov_per_s"), (gains[1] - gains[0]) / DURATION, atol=1e-6)
+    np.testing.assert_allclose(computed().column("lyapunov_per_s"), (gains[1] - gains[0]) / DURATION, atol=1e-6)
 
 
 def test_energies_are_conserved_and_stated() -> None:
     system = system_of(load("chain-2"))
     b = np.concatenate([group.block.b[:, 0] for group in system.groups])
     expected = system.gravity * (1 - np.cos(ANGLES)) @ b
-    np.testing.assert_allclose(found().column("pendulum_1_energy_J"), expected, rtol=1e-6)
-    assert found().energy_drift.max() < 1e-7
+    np.testing.assert_allclose(computed().column("pendulum_1_energy_J"), expected, rtol=1e-6)
+    assert computed().energy_drift.max() < 1e-7
 
 
 @pytest.mark.slow
 def test_the_order_parameter_is_that_of_a_run() -> None:
     scene = load("huygens")
-    found = ensemble(scene, 20.0, vary={"pendulum[0].start.angles_deg[0]": [5.0, 20.0]}, measures=["order"], workers=1)
+    runs = ensemble(scene, 20.0, vary={"pendulum[0].start.angles_deg[0]": [5.0, 20.0]}, measures=["order"], workers=1)
     for k, angle in enumerate((5.0, 20.0)):
         first, *others = scene.pendulum
         start = first.start.replace(angles_deg=(angle, *first.start.angles_deg[1:]))
         other = scene.replace(pendulum=[first.replace(start=start), *others])
         expected = parse_measures(["order:20"])[0].of(other)["order"]
-        assert found.column("order")[k] == pytest.approx(expected, abs=1e-6)
+        assert runs.column("order")[k] == pytest.approx(expected, abs=1e-6)
 
 
 def test_estimated_errors_are_above_the_true_ones() -> None:
@@ -135,11 +135,11 @@ def test_estimated_errors_are_above_the_true_ones() -> None:
 @pytest.mark.slow
 def test_compiled_members_are_those_of_lanes() -> None:
     pytest.importorskip("numba")
-    for name in found().columns:
-        one, other = found().column(name), found("numba").column(name)
+    for name in computed().columns:
+        lanes, other = computed().column(name), computed("numba").column(name)
         kwargs = {"rtol": 0.1} if name in {"error_rad", "energy_drift"} else {"atol": 1e-8, "rtol": 1e-8}
         if name != "energy_drift":
-            np.testing.assert_allclose(other, one, **kwargs, err_msg=name)
+            np.testing.assert_allclose(other, lanes, **kwargs, err_msg=name)
 
 
 def test_what_no_engine_takes_goes_one_by_one() -> None:
@@ -158,11 +158,11 @@ def test_what_no_engine_takes_goes_one_by_one() -> None:
 @pytest.mark.slow
 def test_members_by_taylor_series_are_those_of_lanes() -> None:
     pytest.importorskip("heyoka")
-    for name in found().columns:
-        one, other = found().column(name), found("heyoka").column(name)
+    for name in computed().columns:
+        lanes, other = computed().column(name), computed("heyoka").column(name)
         if name not in {"energy_drift", "error_rad", "horizon_s"}:
-            np.testing.assert_allclose(other, one, atol=2e-6, rtol=2e-6, err_msg=name)
-    ratio = found("heyoka").column("error_rad") / found().column("error_rad")
+            np.testing.assert_allclose(other, lanes, atol=2e-6, rtol=2e-6, err_msg=name)
+    ratio = computed("heyoka").column("error_rad") / computed().column("error_rad")
     assert np.all((ratio > 1e-3) & (ratio < 1e3))
 
 
@@ -172,11 +172,11 @@ def test_small_motions_by_taylor_series_keep_their_relative_accuracy() -> None:
     pytest.importorskip("heyoka")
     starts = ANGLES * np.array([1.0, 1e-4, 1.0, 1e-6, 1e-3, 1.0])[:, None]
     options = {"starts": starts, "workers": 1, "check": 0, "output": "end", "measures": ["section:theta[1,1]>0"]}
-    one, other = (ensemble(load("chain-2"), DURATION, engine=name, **options) for name in ("numpy", "heyoka"))
+    runs, other = (ensemble(load("chain-2"), DURATION, engine=name, **options) for name in ("numpy", "heyoka"))
     size = np.abs(starts).max(axis=1, keepdims=True)
-    np.testing.assert_allclose(other.column("links_rad") / size, one.column("links_rad") / size, atol=1e-6)
-    np.testing.assert_array_equal(other.column("crossing_member"), one.column("crossing_member"))
-    np.testing.assert_allclose(other.column("crossing_time_s"), one.column("crossing_time_s"), atol=1e-6)
+    np.testing.assert_allclose(other.column("links_rad") / size, runs.column("links_rad") / size, atol=1e-6)
+    np.testing.assert_array_equal(other.column("crossing_member"), runs.column("crossing_member"))
+    np.testing.assert_allclose(other.column("crossing_time_s"), runs.column("crossing_time_s"), atol=1e-6)
 
 
 @pytest.mark.slow
@@ -196,9 +196,9 @@ def test_starts_after_many_turns_are_as_accurate_as_is_said(engine: str) -> None
 
 
 def test_horizons_that_nobody_estimates_are_not_counted() -> None:
-    found = ensemble(load("chain-2"), 0.2, starts=ANGLES[:1], engine="simulate", measures=["largest_angle"])
-    assert np.all(np.isnan(found.column("horizon_s")))
-    assert "horizons not estimated" in found.words()
+    runs = ensemble(load("chain-2"), 0.2, starts=ANGLES[:1], engine="simulate", measures=["largest_angle"])
+    assert np.all(np.isnan(runs.column("horizon_s")))
+    assert "horizons not estimated" in runs.words()
 
 
 @pytest.mark.slow
@@ -217,6 +217,6 @@ def test_what_is_compiled_is_ready_afterwards() -> None:
     pytest.importorskip("heyoka")
     first, second = (compile_engines(load("chain-2")) for _ in range(2))
     assert [code.action for code in second.codes] == ["was ready"] * 4
-    for found in (first, second):
-        assert all(Path(code.kept_in).is_dir() for code in found.codes)
+    for report in (first, second):
+        assert all(Path(code.kept_in).is_dir() for code in report.codes)
     assert "many motions  numba   was ready" in compilation_table(second, "text")

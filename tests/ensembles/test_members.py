@@ -33,9 +33,9 @@ def driven_scene(seed: int) -> Scene:
     def link(top: bool) -> Bob | Rod:
         mass, length, damping, stiffness = rng.uniform(0.2, 1.5, 4)
         drive = VanDerPol(strength=rng.uniform(0.05, 0.3), angle_deg=rng.uniform(10, 60)) if top else None
-        own = {"mass": mass, "length": length, "damping": 0.1 * damping * rng.integers(2)}
-        own["stiffness"] = stiffness * rng.integers(2)
-        return (Bob, Rod)[rng.integers(2)](**own, drive=drive)
+        numbers = {"mass": mass, "length": length, "damping": 0.1 * damping * rng.integers(2)}
+        numbers["stiffness"] = stiffness * rng.integers(2)
+        return (Bob, Rod)[rng.integers(2)](**numbers, drive=drive)
 
     pendula = [
         Pendulum(links=[link(k == 0) for k in range(rng.integers(1, 3))], count=int(rng.integers(1, 3)))
@@ -52,8 +52,8 @@ def test_equations_of_members_are_those_of_their_scenes() -> None:
         scene = plane_scene(seed) if seed % 2 else driven_scene(seed)
         values, size = drawn(scene, seed, 3), 3
         system = system_of(scene)
-        given = members_of(scene, None, values) if all(p.start for p in scene.pendulum) else None
-        assert given is None or given.size == size
+        members = members_of(scene, None, values) if all(p.start for p in scene.pendulum) else None
+        assert members is None or members.size == size
         at = {("gravity",): values["gravity"]}
         at |= {("pendulum", 0, "links", 0, name): values[f"pendulum[0].links[0].{name}"] for name in ("mass", "length")}
         numbers = numbers_of(scene, at, system)
@@ -67,9 +67,9 @@ def test_equations_of_members_are_those_of_their_scenes() -> None:
         )
         np.testing.assert_allclose(written, recursion.derivative(0.0, y), rtol=1e-10, atol=1e-10)
         for k in range(size):
-            one = vary(scene, {path: float(own[k]) for path, own in values.items()})
+            member = vary(scene, {path: float(column[k]) for path, column in values.items()})
             np.testing.assert_allclose(
-                written[:, k], Generated(system_of(one)).derivative(0.0, y[:, k]), rtol=1e-10, atol=1e-10
+                written[:, k], Generated(system_of(member)).derivative(0.0, y[:, k]), rtol=1e-10, atol=1e-10
             )
 
 
@@ -80,8 +80,8 @@ def test_tangent_equations_are_those_of_the_complex_step() -> None:
         equations, other = Lanes(numbers, tangent=True), system_of(scene)
         both = np.random.default_rng(seed).standard_normal((equations.size, 4))
         y, v = np.split(both, 2)
-        found = np.array(np.broadcast_arrays(*equations.rates(numbers)(both)))
-        np.testing.assert_allclose(found, np.concatenate(complex_step(other, y, v)), rtol=1e-9, atol=1e-9)
+        tangent = np.array(np.broadcast_arrays(*equations.rates(numbers)(both)))
+        np.testing.assert_allclose(tangent, np.concatenate(complex_step(other, y, v)), rtol=1e-9, atol=1e-9)
 
 
 def test_energies_of_members_are_those_of_runs() -> None:
@@ -91,10 +91,10 @@ def test_energies_of_members_are_those_of_runs() -> None:
         numbers = numbers_of(scene)
         layout = Lanes(numbers).layout
         rows = np.stack([layout.begin(run.motion[k]) for k in range(5)], axis=1)
-        found = Accounts(numbers, layout).energies(rows)
-        np.testing.assert_allclose(found.total, run.mechanics.energy, rtol=1e-12, atol=1e-12)
+        energies = Accounts(numbers, layout).energies(rows)
+        np.testing.assert_allclose(energies.total, run.mechanics.energy, rtol=1e-12, atol=1e-12)
         each = run.mechanics.of_pendula(run.mechanics.kinetic + run.mechanics.potential)
-        np.testing.assert_allclose((found.kinetic + found.potential).T, each, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose((energies.kinetic + energies.potential).T, each, rtol=1e-12, atol=1e-12)
 
 
 def random_state(scene: Scene, seed: int) -> State:
@@ -112,20 +112,20 @@ def test_members_agree_with_runs_by_themselves(first: int) -> None:
     for seed in range(first, first + 25):
         scene = plane_scene(seed) if seed % 4 == 0 else driven_scene(seed)
         states = [random_state(scene, seed + k) for k in range(2)]
-        found = ensemble(scene, 0.4, starts=states, engine="numpy", workers=1, check=0)
+        runs = ensemble(scene, 0.4, starts=states, engine="numpy", workers=1, check=0)
         run = simulate(scene, 0.4, start=states[1], method="DOP853", output=2)
-        assert apart(found.final.at([1]), run.motion.at([-1]))[0] < 1e-9
-        assert found.energy_drift.max() < 1e-6
+        assert apart(runs.final.at([1]), run.motion.at([-1]))[0] < 1e-9
+        assert runs.energy_drift.max() < 1e-6
 
 
 def test_members_with_other_numbers_agree_with_runs_of_those_scenes() -> None:
     scene = load("paper-cart-2")
     values = {"support.mass": [3.0, 50.0], "pendulum[0].links[0].length": [0.5, 1.5], "support.damping": [0.0, 2.0]}
-    found = ensemble(scene, 2.0, vary=values, engine="numpy", workers=1)
-    assert found.largest_difference < 1e-9
+    runs = ensemble(scene, 2.0, vary=values, engine="numpy", workers=1)
+    assert runs.largest_difference < 1e-9
     for k in range(2):
-        run = simulate(vary(scene, {path: own[k] for path, own in values.items()}), 2.0, output=2)
-        assert apart(found.final.at([k]), run.motion.at([-1]))[0] < 1e-9
+        run = simulate(vary(scene, {path: column[k] for path, column in values.items()}), 2.0, output=2)
+        assert apart(runs.final.at([k]), run.motion.at([-1]))[0] < 1e-9
 
 
 def test_a_grid_of_starts_goes_the_last_place_fastest() -> None:
@@ -133,8 +133,8 @@ def test_a_grid_of_starts_goes_the_last_place_fastest() -> None:
         pendulum=[load("chain-2").pendulum[0].replace(start=InitialCondition(angles_deg=(0.0, 0.0)))]
     )
     places = [f"pendulum[0].start.angles_deg[{k}]" for k in range(2)]
-    found = ensemble(scene, 1e-6, vary=[f"{places[0]}=-10:10:3", f"{places[1]}=0:30:4"], workers=1, check=0)
-    angles = np.degrees(found.grid("links_rad"))
+    runs = ensemble(scene, 1e-6, vary=[f"{places[0]}=-10:10:3", f"{places[1]}=0:30:4"], workers=1, check=0)
+    angles = np.degrees(runs.grid("links_rad"))
     assert angles.shape == (3, 4, 2)
     np.testing.assert_allclose(angles[2, 3], [10.0, 30.0], atol=1e-6)
     np.testing.assert_allclose(angles[0, 1], [-10.0, 10.0], atol=1e-6)
@@ -144,11 +144,11 @@ def test_a_member_that_cannot_be_has_its_reason_and_the_others_go_on() -> None:
     scene = load("chain-2")
     values = {"pendulum[0].links[0].mass": [1.0, -1.0, 2.0]}
     start = scene.replace(pendulum=[scene.pendulum[0].replace(start=InitialCondition(angles_deg=(20.0, 0.0)))])
-    found = ensemble(start, 0.5, vary=values, workers=1, check=0)
-    assert list(found.failures) == [1]
-    assert "mass = -1.0: must be" in found.failures[1]
-    assert np.isfinite(found.column("links_rad")[[0, 2]]).all()
-    assert np.isnan(found.column("links_rad")[1]).all()
+    runs = ensemble(start, 0.5, vary=values, workers=1, check=0)
+    assert list(runs.failures) == [1]
+    assert "mass = -1.0: must be" in runs.failures[1]
+    assert np.isfinite(runs.column("links_rad")[[0, 2]]).all()
+    assert np.isnan(runs.column("links_rad")[1]).all()
 
 
 @pytest.mark.parametrize(
@@ -184,9 +184,9 @@ WRONG = {
 
 @pytest.mark.parametrize(("name", "value"), [(name, value) for name, values in WRONG.items() for value in values])
 def test_a_wrong_argument_is_named_with_its_value(name: str, value: object) -> None:
-    given = {"starts": [[0.1, 0.2]], "workers": 1} if name not in {"vary", "starts"} else {"workers": 1}
+    options = {"starts": [[0.1, 0.2]], "workers": 1} if name not in {"vary", "starts"} else {"workers": 1}
     with pytest.raises(SceneError, match=f"^{name}") as told:
-        ensemble(load("chain-2"), 1.0, **given | {name: value})  # type: ignore[arg-type]
+        ensemble(load("chain-2"), 1.0, **options | {name: value})  # type: ignore[arg-type]
     assert name in {"vary", "starts"} or repr(value) in str(told.value)
 
 

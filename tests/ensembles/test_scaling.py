@@ -142,9 +142,9 @@ def test_what_dead_workers_leave_is_done_by_the_next_call(tmp_path: Path, alone:
     done = contents(tmp_path)
     assert 1 < len(done) < len(alone)
     assert done.items() <= alone.items()
-    found = run(tmp_path)
+    runs = run(tmp_path)
     assert contents(tmp_path) == alone
-    assert found.column("links_rad").shape == (60, 2)
+    assert runs.column("links_rad").shape == (60, 2)
 
 
 @pytest.mark.slow
@@ -182,23 +182,23 @@ def test_another_ensemble_does_not_go_into_the_same_folder(tmp_path: Path, alone
 
 
 def test_a_damaged_part_is_refused(tmp_path: Path) -> None:
-    found = run(tmp_path, starts=STARTS[:10])
+    runs = run(tmp_path, starts=STARTS[:10])
     path = tmp_path / "part-000001.npz"
     path.write_bytes(path.read_bytes()[:-40])
     with pytest.raises(SceneError, match="part-000001"):
-        found.column("energy_drift")
+        runs.column("energy_drift")
     with pytest.raises(SceneError, match="part-000001"):
         run(tmp_path, starts=STARTS[:10])
 
 
 def test_a_chunk_of_another_ensemble_is_refused(tmp_path: Path) -> None:
     """Or of another place, before anything is computed."""
-    one, other = tmp_path / "one", tmp_path / "other"
-    run(one, starts=STARTS[:14])
+    folder, other = tmp_path / "one", tmp_path / "other"
+    run(folder, starts=STARTS[:14])
     run(other, starts=STARTS[:14] / 2)
-    (one / "part-000001.npz").write_bytes((other / "part-000001.npz").read_bytes())
+    (folder / "part-000001.npz").write_bytes((other / "part-000001.npz").read_bytes())
     with pytest.raises(SceneError, match=r"part-000001\.npz: is a chunk of another ensemble: remove it"):
-        run(one, starts=STARTS[:14])
+        run(folder, starts=STARTS[:14])
     (other / "part-000001.npz").write_bytes((other / "part-000000.npz").read_bytes())
     with pytest.raises(SceneError, match=r"part-000001\.npz: holds members 0 to 6, not 7 to 13"):
         run(other, starts=STARTS[:14] / 2)
@@ -209,10 +209,10 @@ def test_a_chunk_that_was_altered_is_refused_with_one_sentence(tmp_path: Path) -
     run(tmp_path, starts=STARTS[:7])
     path = tmp_path / "part-000000.npz"
     header, columns = from_npz(path)
-    half = {name: own[:3] for name, own in columns.items()}
-    words = {name: np.array(["a"] * len(own)) for name, own in columns.items()}
+    half = {name: column[:3] for name, column in columns.items()}
+    words = {name: np.array(["a"] * len(column)) for name, column in columns.items()}
     numbers = [{"first": float("inf")}, {"reasons": {"99": "x"}}, {"differences_rad": {"3": "0x1p99999"}}]
-    forgeries = [(header, {}), (header, half), (header, words), *((header | own, columns) for own in numbers)]
+    forgeries = [(header, {}), (header, half), (header, words), *((header | changes, columns) for changes in numbers)]
     for content in (*(as_npz(*forgery) for forgery in forgeries), b"", path.read_bytes()[:-1]):
         path.write_bytes(content)
         with pytest.raises(SceneError, match=rf"^{path}: [^\n]*$"):
@@ -263,9 +263,9 @@ def test_ctrl_c_keeps_what_is_known() -> None:
         if done >= 14:
             raise KeyboardInterrupt
 
-    found = run(None, report=impatient)
-    assert found.interrupted
-    assert np.count_nonzero(np.isfinite(found.energy_drift)) == 14
+    runs = run(None, report=impatient)
+    assert runs.interrupted
+    assert np.count_nonzero(np.isfinite(runs.energy_drift)) == 14
 
 
 @pytest.fixture

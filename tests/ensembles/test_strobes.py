@@ -55,15 +55,15 @@ def shaken(t: float, y: Floats, hertz: float) -> list[float]:
 
 def driven(t: float, y: Floats, gamma: float, hertz: float = 1.0) -> list[float]:
     """The pendulum of the textbook: θ'' + 2β θ' + ω₀² sin θ = γ ω₀² cos ωt with ω₀ = 3π rad/s, β = ω₀/4."""
-    own = 3 * np.pi
-    return [y[1], -own / 2 * y[1] - own**2 * np.sin(y[0]) + gamma * own**2 * np.cos(2 * np.pi * hertz * t)]
+    omega = 3 * np.pi
+    return [y[1], -omega / 2 * y[1] - omega**2 * np.sin(y[0]) + gamma * omega**2 * np.cos(2 * np.pi * hertz * t)]
 
 
 def by_scipy(rates: Callable[..., list[float]], begun: list[float], times: Floats, *numbers: float) -> Floats:
-    found = solve_ivp(
+    solution = solve_ivp(
         rates, (0.0, times[-1]), begun, method="DOP853", t_eval=times, args=numbers, rtol=1e-11, atol=1e-11
     )
-    return np.asarray(found.y.T)
+    return np.asarray(solution.y.T)
 
 
 # ------------------------------------------------------------------------------------------------------- repetition
@@ -84,8 +84,8 @@ def test_after_how_many_strobes_motions_repeat() -> None:
     }
     strobes = np.array([np.stack([angle, 0.0 * k], axis=1) for angle, _, _ in motions.values()])
     period, turns = repetition(strobes, 1)
-    assert period.tolist() == [own[1] for own in motions.values()]
-    assert turns[:, 0].tolist() == [own[2] for own in motions.values()]
+    assert period.tolist() == [motion[1] for motion in motions.values()]
+    assert turns[:, 0].tolist() == [motion[2] for motion in motions.values()]
 
 
 def test_one_orbit_is_one_cluster_at_any_strobe_of_it_and_after_any_turns() -> None:
@@ -109,17 +109,17 @@ def test_strobes_come_at_their_phase_after_the_transient(phase: float, settle: f
 
 
 def test_strobes_are_those_of_the_equation() -> None:
-    found = find_strobes(
+    strobes = find_strobes(
         vary(DRIVEN, {"force[0].amplitude": 1.06}), 9.0, phase_deg=90.0, settle=2.0, orbits=3, workers=1
     )
-    assert found.times == pytest.approx(2.25 + np.arange(7))
-    begun = found.ensemble.question.members.states
+    assert strobes.times == pytest.approx(2.25 + np.arange(7))
+    begun = strobes.ensemble.question.members.states
     assert begun is not None
     assert begun.links[0, 0] == -np.pi / 2
     assert np.all(np.abs(begun.links + np.pi / 2) <= np.radians(10.0))
-    angles, rates = found.points(0)
+    angles, rates = strobes.points(0)
     for member, start in enumerate(begun.links[:, 0]):
-        expected = by_scipy(driven, [start, 0.0], found.times, 1.06)
+        expected = by_scipy(driven, [start, 0.0], strobes.times, 1.06)
         assert np.radians(rates[member]) == pytest.approx(expected[:, 1], abs=1e-6)
         assert np.exp(1j * np.radians(angles[member])) == pytest.approx(np.exp(1j * expected[:, 0]), abs=1e-7)
     other = find_strobes(DRIVEN, 9.0, orbits=3, seed=8, workers=1).ensemble.question.members.states
@@ -136,16 +136,16 @@ def test_strobes_of_two_links_on_a_cart_are_those_of_the_maximal_form() -> None:
     ]
     start = {"angles_deg": [30.0, -20.0]}
     scene = Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=[Pendulum(links=links, start=start)], force=forces)
-    found = find_strobes(
+    strobes = find_strobes(
         scene, 13.0, orbits=2, spread_deg=0.0, of=["theta_1_2", "theta_1_1"], engine="numpy", workers=1
     )
-    assert found.period == 4.0
-    assert found.shown == (1, 0)
+    assert strobes.period == 4.0
+    assert strobes.shown == (1, 0)
     run = simulate(scene, 13.0, form="maximal", output=[0.0, 4.0, 8.0, 12.0], tolerance=1e-10)
-    for own in (0, 1):
-        assert found.states[0][own] == pytest.approx(run.motion.links, abs=1e-6)
-        assert found.states[2][own] == pytest.approx(run.motion.cart, abs=1e-6)
-    rows = [*csv.reader(StringIO(strobes_table(found, "csv")))]
+    for member in (0, 1):
+        assert strobes.states[0][member] == pytest.approx(run.motion.links, abs=1e-6)
+        assert strobes.states[2][member] == pytest.approx(run.motion.cart, abs=1e-6)
+    rows = [*csv.reader(StringIO(strobes_table(strobes, "csv")))]
     assert rows[0][:3] == ["motion", "time_s", "theta_1_1_rad"]
     assert rows[0][-2:] == ["x_m", "x_dot_m_per_s"]
     assert len(rows) == 9
@@ -156,17 +156,17 @@ def test_a_weak_drive_ends_in_its_linear_response() -> None:
     force = SineForce(on=PUSH, direction="torque", amplitude=1e-4, frequency_hz=0.4, phase_deg=90.0)
     links = [Bob(mass=1.0, length=1.0, damping=0.8)]
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=links, start={"angles_deg": [1.0]})], force=[force])
-    found = find_strobes(scene, 100.0, settle=60.0, orbits=3, spread_deg=0.5, tolerance=1e-11, workers=1)
+    strobes = find_strobes(scene, 100.0, settle=60.0, orbits=3, spread_deg=0.5, tolerance=1e-11, workers=1)
     omega = 0.8 * np.pi
     expected = 1e-4 / (9.81 - omega**2 + 0.8j * omega)
-    assert found.states[0][..., 0] == pytest.approx(np.full((3, 17), expected.real), abs=1e-9)
-    assert found.states[1][..., 0] == pytest.approx(np.full((3, 17), (1j * omega * expected).real), abs=1e-8)
-    assert found.repeats.tolist() == [1, 1, 1]
-    told = json.loads(strobes_table(found, "json"))
+    assert strobes.states[0][..., 0] == pytest.approx(np.full((3, 17), expected.real), abs=1e-9)
+    assert strobes.states[1][..., 0] == pytest.approx(np.full((3, 17), (1j * omega * expected).real), abs=1e-8)
+    assert strobes.repeats.tolist() == [1, 1, 1]
+    told = json.loads(strobes_table(strobes, "json"))
     assert told["repeats_after_periods"] == [1, 1, 1]
     assert told["period_s"] == 2.5
     assert len(told["strobes"]) == 51
-    assert "3 motions have period 1" in strobes_table(found, "text")
+    assert "3 motions have period 1" in strobes_table(strobes, "text")
 
 
 # ------------------------------------------------------------------------------------------------------- attractors
@@ -182,7 +182,7 @@ def attractors_of(hertz: float) -> Basins:
 def test_small_and_large_swings_coexist_between_the_folds_alone() -> None:
     """Which lie at 0.466204506125 Hz, of 58.3115°, and at 0.483101024404 Hz, of 25.3866°."""
     below, between, above = (attractors_of(hertz) for hertz in (0.460, 0.475, 0.490))
-    assert [len(found.attractors) for found in (below, between, above)] == [1, 2, 1]
+    assert [len(strobes.attractors) for strobes in (below, between, above)] == [1, 2, 1]
     small, large = between.attractors
     assert below.attractors[0].largest_angle_deg < small.largest_angle_deg < 25.3866
     assert 25.3866 < above.attractors[0].largest_angle_deg < large.largest_angle_deg < 58.3115
@@ -196,7 +196,7 @@ def test_small_and_large_swings_coexist_between_the_folds_alone() -> None:
         assert np.degrees(np.abs(swing).max()) == pytest.approx(attractor.largest_angle_deg, abs=0.01)
     assert sum(between.shares().values()) == pytest.approx(1.0)
     record = json.loads(basins_table(between, "json"))
-    assert [one["period"] for one in record["attractors"]] == [1, 1]
+    assert [attractor["period"] for attractor in record["attractors"]] == [1, 1]
 
 
 def rotor() -> Scene:
@@ -208,13 +208,13 @@ def rotor() -> Scene:
 
 @pytest.mark.slow
 def test_links_that_turn_over_for_ever_are_told_by_their_turns() -> None:
-    found = find_basins(
+    basins = find_basins(
         rotor(), 75.0, vary=[f"{ANGLE}=-10,0", f"{RATE}=-720,0,720"], measure="attractor", workers=1, check=1
     )
-    assert set(found.names) >= {"period 1, turns 1 a period", "period 1, turns −1 a period"}
+    assert set(basins.names) >= {"period 1, turns 1 a period", "period 1, turns −1 a period"}
     for place, turns in ((0, (-1,)), (2, (1,))):
         for row in range(2):
-            assert found.attractors[int(found.values[row, place]) - 1].turns == turns
+            assert basins.attractors[int(basins.values[row, place]) - 1].turns == turns
 
     def rates(t: float, y: Floats) -> list[float]:
         omega = 4 * np.pi
@@ -229,8 +229,8 @@ def test_attractors_do_not_depend_on_who_computes_them() -> None:
     grid = [f"{ANGLE}=0", f"{RATE}=0,720"]
     names = []
     for options in ({"workers": 1}, {"workers": 2, "chunk": 1}, {"engine": "simulate", "workers": 1}):
-        found = find_basins(rotor(), 75.0, vary=grid, measure="attractor", check=0, **options)
-        names.append(([found.names[int(k)] for k in found.values.ravel()], found.names))
+        basins = find_basins(rotor(), 75.0, vary=grid, measure="attractor", check=0, **options)
+        names.append(([basins.names[int(k)] for k in basins.values.ravel()], basins.names))
     assert names[0] == names[1] == names[2]
     assert names[0][1] == ("none of these", "period 1, largest angle 0°", "period 1, turns 1 a period")
 
@@ -240,8 +240,8 @@ def test_the_usual_grid_of_one_driven_link_is_its_angle_and_its_rate() -> None:
     angle, rate = grid_of(scene)
     assert (angle.path, rate.path) == (ANGLE, RATE)
     assert rate.values[-1] == pytest.approx(np.degrees(2 * np.sqrt(9.81)), rel=5e-3)
-    found = find_basins(scene, 0.5, vary=[f"{ANGLE}=0,1", f"{RATE}=0,300"], measure="largest_angle", workers=1)
-    assert found.values[0, 1] > 10.0 > found.values[0, 0]
+    basins = find_basins(scene, 0.5, vary=[f"{ANGLE}=0,1", f"{RATE}=0,300"], measure="largest_angle", workers=1)
+    assert basins.values[0, 1] > 10.0 > basins.values[0, 0]
 
 
 @pytest.mark.parametrize(
@@ -275,45 +275,47 @@ def test_periods_double_where_they_are_known_to() -> None:
     doublings = np.array([1.0663728625, 1.0793139059, 1.0820843843])
     values = [1.062, *((doublings[1:] + doublings[:-1]) / 2), 1.0824, 1.105]
     text = f"force[0].amplitude={','.join(map(repr, map(float, values)))}"
-    found = find_bifurcations(DRIVEN, text, workers=1, engine=QUICK)
-    assert found.repeats.tolist() == [1, 2, 4, 8, 0]
-    assert found.settle.tolist() == [200.0] * 5
-    assert found.unit == "N m"
+    bifurcations = find_bifurcations(DRIVEN, text, workers=1, engine=QUICK)
+    assert bifurcations.repeats.tolist() == [1, 2, 4, 8, 0]
+    assert bifurcations.settle.tolist() == [200.0] * 5
+    assert bifurcations.unit == "N m"
     for k, count in enumerate([1, 2, 4, 8]):
-        assert len(np.unique(np.round(found.states[0][k, :, 0], 3))) == count
-    assert len(np.unique(np.round(found.states[0][4, :, 0], 3))) > 40
-    expected = by_scipy(driven, [-np.pi / 2, 0.0], found.times[2], found.variation.values[2])
-    assert np.sort(found.states[0][2, :, 0])[::13] == pytest.approx(np.sort(expected[:, 0])[::13], abs=1e-5)
-    rows = [*csv.reader(StringIO(bifurcation_table(found, "csv")))]
+        assert len(np.unique(np.round(bifurcations.states[0][k, :, 0], 3))) == count
+    assert len(np.unique(np.round(bifurcations.states[0][4, :, 0], 3))) > 40
+    expected = by_scipy(driven, [-np.pi / 2, 0.0], bifurcations.times[2], bifurcations.variation.values[2])
+    assert np.sort(bifurcations.states[0][2, :, 0])[::13] == pytest.approx(np.sort(expected[:, 0])[::13], abs=1e-5)
+    rows = [*csv.reader(StringIO(bifurcation_table(bifurcations, "csv")))]
     assert len(rows) == 1 + 5 * 50
     assert rows[0][:3] == ["force[0].amplitude", "repeats_after_periods", "time_s"]
-    assert "after a transient of 200 s" in bifurcation_table(found, "text")
+    assert "after a transient of 200 s" in bifurcation_table(bifurcations, "text")
 
 
 @pytest.mark.slow
 def test_every_frequency_has_its_own_strobes() -> None:
-    found = find_bifurcations(DRIVEN, "force[0].frequency_hz=0.9,1.0,1.3", phase_deg=180.0, settle=3.0, workers=1)
+    bifurcations = find_bifurcations(
+        DRIVEN, "force[0].frequency_hz=0.9,1.0,1.3", phase_deg=180.0, settle=3.0, workers=1
+    )
     for k, hertz in enumerate((0.9, 1.0, 1.3)):
-        assert found.times[k] == pytest.approx((np.ceil(3.0 * hertz - 0.5) + 0.5 + np.arange(50)) / hertz)
-        expected = by_scipy(driven, [-np.pi / 2, 0.0], found.times[k, :8], 1.105, hertz)
-        assert found.states[0][k, :8, 0] == pytest.approx(expected[:, 0], abs=1e-5)
+        assert bifurcations.times[k] == pytest.approx((np.ceil(3.0 * hertz - 0.5) + 0.5 + np.arange(50)) / hertz)
+        expected = by_scipy(driven, [-np.pi / 2, 0.0], bifurcations.times[k, :8], 1.105, hertz)
+        assert bifurcations.states[0][k, :8, 0] == pytest.approx(expected[:, 0], abs=1e-5)
     apart = find_bifurcations(
         DRIVEN, "force[0].frequency_hz=0.9,1.3", phase_deg=180.0, settle=3.0, workers=1, engine=QUICK
     )
-    assert apart.states[0][:, :8] == pytest.approx(found.states[0][::2, :8], abs=1e-5)
+    assert apart.states[0][:, :8] == pytest.approx(bifurcations.states[0][::2, :8], abs=1e-5)
 
 
 @pytest.mark.slow
 def test_values_without_a_common_period_fail_alone() -> None:
-    forces = [SineForce(on=PUSH, amplitude=1.0, frequency_hz=own) for own in (1.0, 0.5)]
+    forces = [SineForce(on=PUSH, amplitude=1.0, frequency_hz=hertz) for hertz in (1.0, 0.5)]
     scene = DRIVEN.replace(force=forces)
-    found = find_bifurcations(scene, "force[1].frequency_hz=0.5,0.6180339887,0.75", settle=5.0, workers=1)
-    assert list(found.reasons) == [1]
-    assert "no common period" in found.reasons[1]
-    assert np.isnan(found.states[0][1]).all()
-    assert np.isfinite(found.states[0][[0, 2]]).all()
-    assert found.times[2, 1] - found.times[2, 0] == pytest.approx(4.0)
-    told = json.loads(bifurcation_table(found, "json"))
+    bifurcations = find_bifurcations(scene, "force[1].frequency_hz=0.5,0.6180339887,0.75", settle=5.0, workers=1)
+    assert list(bifurcations.reasons) == [1]
+    assert "no common period" in bifurcations.reasons[1]
+    assert np.isnan(bifurcations.states[0][1]).all()
+    assert np.isfinite(bifurcations.states[0][[0, 2]]).all()
+    assert bifurcations.times[2, 1] - bifurcations.times[2, 0] == pytest.approx(4.0)
+    told = json.loads(bifurcation_table(bifurcations, "json"))
     assert told["unit"] == "Hz"
     assert told["settle_s"] == [5.0, None, 5.0]
     assert len(told["strobes"]) == 100

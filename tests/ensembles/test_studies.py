@@ -41,21 +41,21 @@ GRID = ["pendulum[0].start.angles_deg[0]=-170:170:8", "pendulum[0].start.angles_
 
 def test_the_map_of_first_turns_has_its_symmetry_and_agrees_with_runs() -> None:
     """Mirror images turn over at the same time; a start that cannot reach the top by its energy never does."""
-    found = find_basins(load("chain-2"), 3.0, vary=GRID, workers=1)
-    assert found.column == "first_turn_s"
-    np.testing.assert_allclose(found.values, found.values[::-1, ::-1], atol=1e-6)
+    basins = find_basins(load("chain-2"), 3.0, vary=GRID, workers=1)
+    assert basins.column == "first_turn_s"
+    np.testing.assert_allclose(basins.values, basins.values[::-1, ::-1], atol=1e-6)
     angles = np.radians(np.linspace(-170, 170, 8))
-    one, two = np.meshgrid(angles, angles, indexing="ij")
-    energy = 2 * (1 - np.cos(one)) + (1 - np.cos(two))
-    assert np.all(np.isinf(found.values[energy < 2]))
-    shares = found.shares()
+    upper, two = np.meshgrid(angles, angles, indexing="ij")
+    energy = 2 * (1 - np.cos(upper)) + (1 - np.cos(two))
+    assert np.all(np.isinf(basins.values[energy < 2]))
+    shares = basins.shares()
     assert sum(shares.values()) == pytest.approx(1.0)
-    assert shares["a link turns over"] == np.mean(np.isfinite(found.values))
-    record = json.loads(basins_table(found, "json"))
+    assert shares["a link turns over"] == np.mean(np.isfinite(basins.values))
+    record = json.loads(basins_table(basins, "json"))
     assert np.array(record["first_turn_s"], dtype=object).shape == (8, 8)
-    rows = [*csv.reader(StringIO(basins_table(found, "csv")))]
+    rows = [*csv.reader(StringIO(basins_table(basins, "csv")))]
     assert len(rows) == 65
-    assert float(rows[1 + 8 * 3 + 5][2]) == found.values[3, 5]
+    assert float(rows[1 + 8 * 3 + 5][2]) == basins.values[3, 5]
 
 
 @pytest.mark.slow
@@ -64,29 +64,29 @@ def test_basins_of_two_clocks_are_those_that_sync_finds() -> None:
     links = (Bob(mass=1.0, length=1.0, drive=VanDerPol(strength=0.2, angle_deg=5.0)),)
     scene = Scene(gravity=9.81, support=Cart(mass=20.0, damping=2.0), pendulum=[Pendulum(links=links)] * 2)
     grid = [f"pendulum[{p}].start.angles_deg[0]=-12,9" for p in range(2)]
-    found = find_basins(scene, 250.0, vary=grid, workers=1)
-    assert found.column == "configuration"
-    for i, one in enumerate((-12, 9)):
+    basins = find_basins(scene, 250.0, vary=grid, workers=1)
+    assert basins.column == "configuration"
+    for i, angle in enumerate((-12, 9)):
         for j, other in enumerate((-12, 9)):
-            start = State(np.radians([one, other]), np.zeros(2))
+            start = State(np.radians([angle, other]), np.zeros(2))
             study = study_synchronization(scene, 250.0, start=start)
-            words = found.names[int(found.values[i, j])].partition(",")[0]
+            words = basins.names[int(basins.values[i, j])].partition(",")[0]
             order = study.phases.order[-50:, 0].mean()
             assert words == ("in phase" if order > 0.9 else "antiphase" if order < 0.1 else "none of these")
-    assert sum(found.shares().values()) == pytest.approx(1.0)
+    assert sum(basins.shares().values()) == pytest.approx(1.0)
 
 
 def test_crossings_of_a_section_have_its_energy() -> None:
     scene = load("chain-2")
-    found = find_section(scene, 8.0, energy=12.0, orbits=5, workers=1)
-    links, rates = (found.ensemble.column(f"crossing_{name}") for name in ("links_rad", "link_rates_rad_per_s"))
+    section = find_section(scene, 8.0, energy=12.0, orbits=5, workers=1)
+    links, rates = (section.ensemble.column(f"crossing_{name}") for name in ("links_rad", "link_rates_rad_per_s"))
     np.testing.assert_allclose(np.sin(links[:, 0]), 0.0, atol=1e-7)
     assert np.all(rates[:, 0] > 0)
     speed = rates[:, 0] ** 2 + rates[:, 1] ** 2 / 2 + rates.prod(axis=1) * np.cos(links[:, 0] - links[:, 1])
     potential = 9.81 * (2 * (1 - np.cos(links[:, 0])) + 1 - np.cos(links[:, 1]))
     np.testing.assert_allclose(speed + potential, 12.0, rtol=1e-7)
-    assert len(csv.DictReader(StringIO(section_table(found, "csv"))).fieldnames or ()) == 8
-    assert len(json.loads(section_table(found, "json"))["crossings"]) == len(links)
+    assert len(csv.DictReader(StringIO(section_table(section, "csv"))).fieldnames or ()) == 8
+    assert len(json.loads(section_table(section, "json"))["crossings"]) == len(links)
 
 
 def test_a_section_downwards_has_other_crossings() -> None:
@@ -106,10 +106,10 @@ def test_the_spread_of_a_simple_pendulum_is_that_of_the_formula() -> None:
     """ω = √(g/l): (σ_ω/ω)² = ¼ ((σ_g/g)² + (σ_l/l)²), and each share in proportion."""
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=2.0)])])
     texts = ["gravity=1%", "pendulum[0].links[0].length=0.04", "pendulum[0].links[0].mass=0.9:1.1"]
-    found = find_spread(scene, texts, members=20_000)
+    spread = find_spread(scene, texts, members=20_000)
     mass = "pendulum[0].links[0].mass from 0.9 to 1.1 kg"
-    assert found.words == f"gravity = 9.81 ± 0.0981 m/s², pendulum[0].links[0].length = 2 ± 0.04 m, {mass}"
-    (record,) = found.frequencies
+    assert spread.words == f"gravity = 9.81 ± 0.0981 m/s², pendulum[0].links[0].length = 2 ± 0.04 m, {mass}"
+    (record,) = spread.frequencies
     expected = 0.5 * np.hypot(0.01, 0.02) * np.sqrt(9.81 / 2)
     assert record["standard_deviation_rad_per_s"] == pytest.approx(expected, rel=0.03)
     shares = record["shares"]
@@ -123,18 +123,18 @@ def test_the_spread_of_a_simple_pendulum_is_that_of_the_formula() -> None:
 
 def test_bands_of_motion_are_quantiles_of_runs() -> None:
     scene = load("paper-cart-1")
-    found = find_spread(scene, ["support.mass=80:120"], 1.0, members=9, workers=1)
-    masses = found.values["support.mass"]
+    spread = find_spread(scene, ["support.mass=80:120"], 1.0, members=9, workers=1)
+    masses = spread.values["support.mass"]
     angles = []
     for mass in masses:
         run = simulate(scene.replace(support=scene.support.replace(mass=float(mass))), 1.0, output=201)
         angles.append(np.degrees(run.motion.links))
-    np.testing.assert_allclose(found.bands, np.quantile(angles, (0.05, 0.5, 0.95), axis=0), atol=1e-6)
-    rows = [*csv.DictReader(StringIO(spread_table(found, "csv")))]
-    for row, own in zip(rows, angles, strict=True):
-        assert float(row["theta_1_1_at_0.25_s_deg"]) == pytest.approx(own[50, 0], abs=1e-6)
-        assert float(row["theta_1_1_at_1_s_deg"]) == pytest.approx(own[-1, 0], abs=1e-6)
-    assert json.loads(spread_table(found, "json"))["motion"]["time_s"][-1] == 1.0
+    np.testing.assert_allclose(spread.bands, np.quantile(angles, (0.05, 0.5, 0.95), axis=0), atol=1e-6)
+    rows = [*csv.DictReader(StringIO(spread_table(spread, "csv")))]
+    for row, angle in zip(rows, angles, strict=True):
+        assert float(row["theta_1_1_at_0.25_s_deg"]) == pytest.approx(angle[50, 0], abs=1e-6)
+        assert float(row["theta_1_1_at_1_s_deg"]) == pytest.approx(angle[-1, 0], abs=1e-6)
+    assert json.loads(spread_table(spread, "json"))["motion"]["time_s"][-1] == 1.0
 
 
 def test_tolerances_have_the_units_of_what_carries_them() -> None:
@@ -216,34 +216,34 @@ def test_nothing_is_wrong_with_pictures(name: str) -> None:
 def test_bands_in_space_are_of_angles_from_the_vertical() -> None:
     """A start in the plane of the rail: the same sizes as in the plane."""
     flat = load("chain-2")
-    own = [find_spread(one, ["gravity=1%"], 0.5, members=6) for one in (flat, flat.replace(space="space"))]
-    assert own[1].bands[1] == pytest.approx(np.abs(own[0].bands[1]), abs=1e-4)
-    assert "widest" in spread_table(own[1], "text")
+    spreads = [find_spread(example, ["gravity=1%"], 0.5, members=6) for example in (flat, flat.replace(space="space"))]
+    assert spreads[1].bands[1] == pytest.approx(np.abs(spreads[0].bands[1]), abs=1e-4)
+    assert "widest" in spread_table(spreads[1], "text")
 
 
 METRONOMES = vary(load("metronomes"), {"support.mass": 0.12})
-UNSTARTED = METRONOMES.replace(pendulum=tuple(one.replace(start=None) for one in METRONOMES.pendulum))
+UNSTARTED = METRONOMES.replace(pendulum=tuple(pendulum.replace(start=None) for pendulum in METRONOMES.pendulum))
 
 
 @pytest.mark.slow
 def test_starts_of_a_scene_without_one_run_as_long_as_sync_needs() -> None:
     """Not as long as at rest, where nothing begins."""
     grid = ["pendulum[0].start.angles_deg[0]=5,20", "pendulum[1].start.angles_deg[0]=10,15"]
-    found = find_basins(UNSTARTED, vary=grid, workers=1)
+    basins = find_basins(UNSTARTED, vary=grid, workers=1)
     theory = theory_of_scene(UNSTARTED, usual_start(UNSTARTED))
-    assert found.ensemble.question.duration == usual_duration(UNSTARTED, theory)
-    assert np.all(found.values == 1)
-    assert f"each simulated for {found.ensemble.question.duration:.4g} s\n" in basins_table(found, "text")
+    assert basins.ensemble.question.duration == usual_duration(UNSTARTED, theory)
+    assert np.all(basins.values == 1)
+    assert f"each simulated for {basins.ensemble.question.duration:.4g} s\n" in basins_table(basins, "text")
 
 
 def test_members_without_a_start_begin_in_a_mode() -> None:
     """Where no start is varied either: at rest nothing would move."""
     grid = ["support.mass=0.1,0.2", "gravity=9.8,9.9"]
-    found = find_basins(UNSTARTED, 1.0, vary=grid, measure="largest_angle", workers=1)
-    begun = found.ensemble.question.members.states
+    basins = find_basins(UNSTARTED, 1.0, vary=grid, measure="largest_angle", workers=1)
+    begun = basins.ensemble.question.members.states
     assert begun is not None
     assert np.degrees(np.abs(begun.links)).max(axis=1) == pytest.approx(5.0)
-    assert np.all(found.values > 4.9)
+    assert np.all(basins.values > 4.9)
     short = find_basins(UNSTARTED, 0.5, vary=grid, workers=1)
     assert "none of these: at rest, not settled yet" in basins_table(short, "text")
 
@@ -255,8 +255,8 @@ def test_the_usual_grid_is_fine_where_members_go_side_by_side() -> None:
 
 def test_the_usual_energy_of_a_section_is_that_of_the_usual_start() -> None:
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=0.15, length=0.25)] * 2)])
-    found = find_section(scene, 2.0, orbits=2, workers=1)
-    assert found.energy == pytest.approx(simulate(scene, 0.1, start=usual_start(scene)).mechanics.energy[0])
+    section = find_section(scene, 2.0, orbits=2, workers=1)
+    assert section.energy == pytest.approx(simulate(scene, 0.1, start=usual_start(scene)).mechanics.energy[0])
 
 
 @pytest.mark.parametrize(
@@ -265,13 +265,13 @@ def test_the_usual_energy_of_a_section_is_that_of_the_usual_start() -> None:
 def test_a_spread_of_frequencies_says_what_they_leave_out(numbers: dict[str, float], count: int) -> None:
     """In the words of the table, as do sweeps."""
     scene = vary(load("paper-cart-1"), numbers)
-    found = find_spread(scene, ["gravity=1%"], members=3)
+    spread = find_spread(scene, ["gravity=1%"], members=3)
     notes = [*natural_modes(scene).notes]
     assert len(notes) == count
-    assert json.loads(spread_table(found, "json"))["notes"] == notes
+    assert json.loads(spread_table(spread, "json"))["notes"] == notes
     swept = sweep_text(sweep(Study(scene, parse_variations(["gravity=9,10"]), parse_measures(["frequencies"]))))
     loci = loci_text(follow_loci(scene, parse_variations(["gravity=9,10"])[0]))
-    for text in (spread_table(found, "text"), swept, loci):
+    for text in (spread_table(spread, "text"), swept, loci):
         assert all(note in text for note in notes)
 
 

@@ -21,32 +21,32 @@ STARTS = np.random.default_rng(2).uniform(-3, 3, (48, 2))
 THREADS = 4
 
 
-def found(**options: object) -> bytes:
+def contents(**options: object) -> bytes:
     """Everything that an ensemble of STARTS finds."""
     measures = ["first_turn", "largest_angle", "lyapunov", "section:theta[1,2]=0"]
-    own = ensemble(load("chain-2"), 1.5, starts=STARTS, measures=measures, output="end", check=0, **options)  # type: ignore[arg-type]
-    return b"".join(own.column(name).tobytes() for name in own.columns)
+    runs = ensemble(load("chain-2"), 1.5, starts=STARTS, measures=measures, output="end", check=0, **options)  # type: ignore[arg-type]
+    return b"".join(runs.column(name).tobytes() for name in runs.columns)
 
 
 @pytest.mark.slow
 def test_ensembles_in_threads_are_those_of_one_thread() -> None:
     pytest.importorskip("heyoka")
-    alone = found(engine="heyoka", workers=1, chunk=12)
+    alone = contents(engine="heyoka", workers=1, chunk=12)
     with ThreadPoolExecutor(THREADS) as executor:
-        assert found(engine="heyoka", crew=WorkerPool(executor, THREADS), chunk=12) == alone
-        together = [executor.submit(found, engine="heyoka", workers=1, chunk=12) for _ in range(THREADS)]
-        assert {one.result() for one in together} == {alone}
+        assert contents(engine="heyoka", crew=WorkerPool(executor, THREADS), chunk=12) == alone
+        together = [executor.submit(contents, engine="heyoka", workers=1, chunk=12) for _ in range(THREADS)]
+        assert {future.result() for future in together} == {alone}
 
 
 def test_whoever_asks_for_a_compiled_series_has_it_alone() -> None:
     pytest.importorskip("heyoka")
     lanes = Lanes(numbers_of(load("chain-1")))
-    given = lanes.module, lanes.size
-    one, other = (taylor.batch_integrator(*given, 1e-9, ()) for _ in range(2))
-    one.state[:], one.pars[:] = 1.0, 2.0
+    arguments = lanes.module, lanes.size
+    integrator, other = (taylor.batch_integrator(*arguments, 1e-9, ()) for _ in range(2))
+    integrator.state[:], integrator.pars[:] = 1.0, 2.0
     assert not np.any(other.state)
     assert not np.any(other.pars)
-    assert taylor.evaluator(*given) is not taylor.evaluator(*given)
+    assert taylor.evaluator(*arguments) is not taylor.evaluator(*arguments)
 
 
 def test_a_thread_keeps_its_runs_while_another_begins() -> None:
@@ -56,7 +56,7 @@ def test_a_thread_keeps_its_runs_while_another_begins() -> None:
     kept = [run_of(scene, 1.0) for scene in scenes[:4]]
     with ThreadPoolExecutor(1) as executor:
         executor.submit(run_all_together, scenes[4:], [1.0]).result()
-    assert all(run_of(scene, 1.0) is own for scene, own in zip(scenes, kept, strict=False))
+    assert all(run_of(scene, 1.0) is trajectory for scene, trajectory in zip(scenes, kept, strict=False))
 
 
 def test_a_sweep_in_threads_is_that_of_one_thread() -> None:

@@ -68,8 +68,8 @@ def test_a_thousand_bobs() -> None:
 def test_determinant_of_equal_bobs(n: int) -> None:
     A = sp.Matrix(pair.inertia_matrix([1] * n, [1] * n, [1] * n, [0] * n))
     K = sp.diag(*pair.first_moments([1] * n, [1] * n, [1] * n))
-    found = sp.Poly((A + X * K).det(method="berkowitz"), X).all_coeffs()
-    assert tuple(found) == equal_bobs(n).coefficients
+    coefficients = sp.Poly((A + X * K).det(method="berkowitz"), X).all_coeffs()
+    assert tuple(coefficients) == equal_bobs(n).coefficients
     laguerre = sp.Poly((-1) ** n * sp.factorial(n) * sp.laguerre(n, X), X).all_coeffs()
     assert tuple(laguerre) == equal_bobs(n, "x").coefficients
 
@@ -148,8 +148,8 @@ def rational(value: Fraction) -> sp.Rational:
 
 
 def multiplied(factors: list[Factor]) -> sp.Poly:
-    one = sp.Poly(1, X, domain="QQ")
-    return prod((sp.Poly(f.polynomial.coefficients, X, domain="QQ") ** f.multiplicity for f in factors), start=one)
+    unit = sp.Poly(1, X, domain="QQ")
+    return prod((sp.Poly(f.polynomial.coefficients, X, domain="QQ") ** f.multiplicity for f in factors), start=unit)
 
 
 @pytest.mark.parametrize("seed", usually(range(20), range(60)))
@@ -174,8 +174,8 @@ def test_the_small_scenes_are_of_every_kind() -> None:
     carts = [s.support for s in scenes if isinstance(s.support, Cart)]
     assert {(cart.mass > 0, cart.stiffness > 0) for cart in carts} == {(a, b) for a in (0, 1) for b in (0, 1)}
     assert len(carts) < len(scenes)
-    assert {one.kind for s in scenes for one in s.links()} == {"bob", "rod", "body"}
-    assert any(one.stiffness > 0 for s in scenes for one in s.links())
+    assert {link.kind for s in scenes for link in s.links()} == {"bob", "rod", "body"}
+    assert any(link.stiffness > 0 for s in scenes for link in s.links())
     assert any(p.count > 1 for s in scenes for p in s.pendulum)
 
 
@@ -268,9 +268,9 @@ def test_intervals_hold_the_zeros_of_laguerre(n: int) -> None:
 
 def test_multiple_and_rational_roots() -> None:
     p = [int(c) for c in sp.Poly((X - 1) ** 3 * (X - 2) * X * (2 * X + 3), X).all_coeffs()]
-    found = isolate(p, Fraction(1, 1000))
-    assert [i.multiplicity for i in found] == [1, 1, 3, 1]
-    for interval, root in zip(found, (Fraction(-3, 2), 0, 1, 2), strict=True):
+    intervals = isolate(p, Fraction(1, 1000))
+    assert [i.multiplicity for i in intervals] == [1, 1, 3, 1]
+    for interval, root in zip(intervals, (Fraction(-3, 2), 0, 1, 2), strict=True):
         assert interval.low < root <= interval.high
         assert interval.high - interval.low <= Fraction(1, 1000)
     assert [above(p, Fraction(a)) for a in (-2, -1, 0, 1, 2)] == [6, 5, 4, 1, 0]
@@ -285,9 +285,9 @@ def test_roots_that_are_not_real_are_refused() -> None:
 
 @pytest.mark.parametrize("n", range(1, 6))
 def test_closed_forms_lie_in_their_intervals(n: int) -> None:
-    found = polynomial_roots(equal_bobs(n, "x"), Fraction(1, 10**20))
-    assert [float(root.high) for root in found] == pytest.approx(np.polynomial.laguerre.lagroots([0] * n + [1]))
-    for root in found:
+    roots = polynomial_roots(equal_bobs(n, "x"), Fraction(1, 10**20))
+    assert [float(root.high) for root in roots] == pytest.approx(np.polynomial.laguerre.lagroots([0] * n + [1]))
+    for root in roots:
         assert (root.exact is not None) == (n <= 3)
         if root.exact is not None:
             value = sp.N(root.exact, 40)
@@ -352,5 +352,5 @@ def test_five_unequal_bobs_against_the_determinant() -> None:
     lam, put = sp.Symbol("lambda"), dict(zip((*m, *l), (2, 3, 5, 7, 11, 13, 17, 19, 23, 29), strict=True))
     mass, length = [put[s] for s in m], [put[s] for s in l]
     A, b = pair.inertia_matrix(mass, length, length, [0] * 5), pair.first_moments(mass, length, length)
-    found = sp.Poly((sp.Matrix(A) + lam * sp.diag(*b)).det(method="berkowitz"), lam)
-    assert sp.Poly(symbolic(5, variable="lambda").subs(put), lam).primitive()[1] == found.primitive()[1]
+    polynomial = sp.Poly((sp.Matrix(A) + lam * sp.diag(*b)).det(method="berkowitz"), lam)
+    assert sp.Poly(symbolic(5, variable="lambda").subs(put), lam).primitive()[1] == polynomial.primitive()[1]

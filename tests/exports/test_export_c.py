@@ -78,11 +78,11 @@ def run(
     (n, m), p = model.B.shape, len(model.C)
     main = MAIN.format(n=n, m=m, p=p, name=name, NAME=name.upper(), dt=model.dt)
     program = compiled(folder, write_c(model), main, compilers)
-    given = "\n".join(" ".join(map(repr, row)) for row in inputs.T.tolist())
-    lines = subprocess.run([program], input=given, capture_output=True, text=True, check=True).stdout.splitlines()
+    text = "\n".join(" ".join(map(repr, row)) for row in inputs.T.tolist())
+    lines = subprocess.run([program], input=text, capture_output=True, text=True, check=True).stdout.splitlines()
     shapes = (n, n), (n, m), (p, n), (p, m)
-    found = [np.array(line.split(), dtype=float).reshape(shape) for line, shape in zip(lines, shapes, strict=False)]
-    return found, np.array([line.split() for line in lines[4:]], dtype=float).T
+    matrices = [np.array(line.split(), dtype=float).reshape(shape) for line, shape in zip(lines, shapes, strict=False)]
+    return matrices, np.array([line.split() for line in lines[4:]], dtype=float).T
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -107,8 +107,8 @@ def test_a_program_in_cpp_does_the_same(scene: str, tmp_path: Path) -> None:
     else:
         model = model_of(scene, DT)
     inputs = held_inputs(model, 50)
-    found, outputs = run(tmp_path, model, inputs, CPP)
-    assert_matrices(model, found)
+    matrices, outputs = run(tmp_path, model, inputs, CPP)
+    assert_matrices(model, matrices)
     assert outputs.tolist() == run(tmp_path, model, inputs)[1].tolist()
 
 
@@ -135,9 +135,9 @@ def test_every_signal_has_its_place_by_name(tmp_path: Path) -> None:
     program = compiled(
         tmp_path, write_c(model), f'#include <stdio.h>\n#include "model.h"\nint main(void){{{lines}return 0;}}'
     )
-    found = subprocess.run([program], capture_output=True, text=True, check=True).stdout.split()
+    printed = subprocess.run([program], capture_output=True, text=True, check=True).stdout.split()
     sizes = len(model.states), len(model.inputs), len(model.outputs)
-    assert [int(word) for word in found] == [k for size in sizes for k in range(size)]
+    assert [int(word) for word in printed] == [k for size in sizes for k in range(size)]
 
 
 def test_the_header_needs_nothing_and_may_stay_unused(tmp_path: Path) -> None:

@@ -60,12 +60,12 @@ def references(model: StateSpace, role: str) -> list[int]:
 
 def stepped(slave: Any, model: StateSpace, inputs: NDArray[np.float64], h: float) -> NDArray[np.float64]:
     """Outputs (p, steps), each read under its input before the step, as z[k] and u[k] give them."""
-    found = []
+    outputs = []
     for k, u in enumerate(inputs.T):
         slave.setReal(references(model, "input"), list(u))
-        found.append(slave.getReal(references(model, "output")))
+        outputs.append(slave.getReal(references(model, "output")))
         slave.doStep(currentCommunicationPoint=k * h, communicationStepSize=h)
-    return np.array(found).T
+    return np.array(outputs).T
 
 
 @EVERY_SCENE
@@ -76,17 +76,17 @@ def test_fmpy_finds_no_problem(scene: str, dt: float, tmp_path: Path) -> None:
     model = model_of(scene, dt)
     path = written(tmp_path, FORMATS["fmu"].write(model))
     assert validate_fmu(path) == []
-    found = fmpy.read_model_description(path)
+    description = fmpy.read_model_description(path)
     by_role: dict[str, list[Any]] = {"input": [], "local": [], "output": []}
-    for variable in found.modelVariables:
+    for variable in description.modelVariables:
         by_role[variable.causality].append(variable)
     for role, signals in zip(by_role, (model.inputs, model.states, model.outputs), strict=True):
         assert [v.name.removeprefix("state.") for v in by_role[role]] == names(signals)
         assert [v.unit for v in by_role[role]] == [s.unit.replace(" ", ".").replace("^", "") for s in signals]
-    assert [v.valueReference for v in found.modelVariables] == list(range(len(found.modelVariables)))
-    assert found.coSimulation.canHandleVariableCommunicationStepSize is (dt == 0)
-    assert float(found.defaultExperiment.stepSize) == DT
-    through = [[names(model.inputs).index(v.name) for v in unknown.dependencies] for unknown in found.outputs]
+    assert [v.valueReference for v in description.modelVariables] == list(range(len(description.modelVariables)))
+    assert description.coSimulation.canHandleVariableCommunicationStepSize is (dt == 0)
+    assert float(description.defaultExperiment.stepSize) == DT
+    through = [[names(model.inputs).index(v.name) for v in unknown.dependencies] for unknown in description.outputs]
     assert through == [list(np.flatnonzero(row)) for row in model.D]
 
 
@@ -97,10 +97,10 @@ def test_steps_of_the_default_length_are_controls(scene: str, dt: float, tmp_pat
     model = model_of(scene, dt)
     inputs = held_inputs(model, 300)
     with instance(tmp_path, model) as slave:
-        found = stepped(slave, model, inputs, DT)
+        outputs = stepped(slave, model, inputs, DT)
     held = model if dt else sample(model, DT)
     expected = control.forced_response(to_control(held), np.arange(300) * DT, inputs).outputs
-    assert_close(found, expected, 1e-11)
+    assert_close(outputs, expected, 1e-11)
 
 
 @EVERY_SCENE
@@ -110,9 +110,9 @@ def test_steps_of_any_length_are_exact_too(scene: str, h: float, tmp_path: Path)
     model = model_of(scene)
     inputs = held_inputs(model, 50)
     with instance(tmp_path, model) as slave:
-        found = stepped(slave, model, inputs, h)
+        outputs = stepped(slave, model, inputs, h)
     expected = control.forced_response(to_control(sample(model, h)), np.arange(50) * h, inputs).outputs
-    assert_close(found, expected, 1e-10)
+    assert_close(outputs, expected, 1e-10)
 
 
 @EVERY_SCENE
@@ -122,9 +122,9 @@ def test_the_series_is_exact_over_its_longest_piece(scene: str, tmp_path: Path) 
     h = 0.99 / reach(model.A)
     inputs = held_inputs(model, 20)
     with instance(tmp_path, model, 10 * h) as slave:
-        found = stepped(slave, model, inputs, h)
+        outputs = stepped(slave, model, inputs, h)
     expected = control.forced_response(to_control(sample(model, h)), np.arange(20) * h, inputs).outputs
-    assert_close(found, expected, 1e-12)
+    assert_close(outputs, expected, 1e-12)
 
 
 @EVERY_SCENE
@@ -133,19 +133,19 @@ def test_fmpy_simulates_a_constant_input_as_control_does(scene: str, tmp_path: P
     model = model_of(scene)
     path = written(tmp_path, fmu.write_fmu(model))
     start = {name: 1.0 + k for k, name in enumerate(names(model.inputs))}
-    found = fmpy.simulate_fmu(path, stop_time=2.0, step_size=DT, output_interval=DT, start_values=start)
-    times = found["time"]
+    simulated = fmpy.simulate_fmu(path, stop_time=2.0, step_size=DT, output_interval=DT, start_values=start)
+    times = simulated["time"]
     assert len(times) == 201
     constant = np.tile(np.array(list(start.values()))[:, None], len(times))
     expected = control.forced_response(to_control(model), np.arange(201) * DT, constant).outputs
-    assert_close([found[name] for name in names(model.outputs)], expected, 1e-8)
+    assert_close([simulated[name] for name in names(model.outputs)], expected, 1e-8)
 
 
 @needs_a_compiler
 def test_states_start_where_they_are_told(tmp_path: Path) -> None:
     model = state_space(load("crane-hook"))
     path = written(tmp_path, fmu.write_fmu(model))
-    found = fmpy.simulate_fmu(
+    simulated = fmpy.simulate_fmu(
         path,
         stop_time=5.0,
         output_interval=0.05,
@@ -154,9 +154,9 @@ def test_states_start_where_they_are_told(tmp_path: Path) -> None:
     )
     z0 = np.array([0.0, 0.1, 0.0, -0.2, 0.0, 0.0])
     expected = control.initial_response(to_control(model), np.arange(101) * 0.05, z0)
-    assert_close(found["theta_1_1"], expected.outputs[1], 1e-8)
-    assert_close(found["x"], expected.outputs[0], 1e-8)
-    assert_close(found["state.theta_dot_1_2"], expected.states[5], 1e-8)
+    assert_close(simulated["theta_1_1"], expected.outputs[1], 1e-8)
+    assert_close(simulated["x"], expected.outputs[0], 1e-8)
+    assert_close(simulated["state.theta_dot_1_2"], expected.states[5], 1e-8)
 
 
 @EVERY_SCENE
@@ -231,10 +231,10 @@ def test_a_slave_goes_back_to_a_kept_state(tmp_path: Path) -> None:
 @needs_a_compiler
 def test_another_models_guid_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path, fmu.write_fmu(model_of("chain-3")))
-    found = fmpy.read_model_description(path)
-    found.guid = "{another}"
+    description = fmpy.read_model_description(path)
+    description.guid = "{another}"
     with pytest.raises(Exception, match="instantiate"):
-        fmpy.instantiate_fmu(fmpy.extract(path, str(tmp_path / "unzipped")), found, "CoSimulation")
+        fmpy.instantiate_fmu(fmpy.extract(path, str(tmp_path / "unzipped")), description, "CoSimulation")
 
 
 @pytest.mark.slow
@@ -303,9 +303,9 @@ def test_two_hundred_links(tmp_path: Path) -> None:
     model = state_space(scene)
     inputs = held_inputs(model, 5)
     with instance(tmp_path, model) as slave:
-        found = stepped(slave, model, inputs, DT / 2)
+        outputs = stepped(slave, model, inputs, DT / 2)
     expected = control.forced_response(to_control(sample(model, DT / 2)), np.arange(5) * DT / 2, inputs).outputs
-    assert_close(found, expected, 1e-8)
+    assert_close(outputs, expected, 1e-8)
 
 
 def test_a_step_must_be_positive() -> None:
@@ -318,14 +318,14 @@ def test_matrices_in_the_source_are_the_models(monkeypatch: pytest.MonkeyPatch) 
     model = model_of("crane-hook")
     with ZipFile(BytesIO(fmu.write_fmu(model))) as archive:
         text = archive.read("sources/model.h").decode()
-    found = []
+    matrices = []
     for name, matrix in zip("ABCD", (model.A, model.B, model.C, model.D), strict=True):
         block = text.partition(f"double {name}[")[2].partition("= {")[2].partition("};")[0]
         assert "[" not in block
         numbers = block.replace("{", " ").replace("}", " ").replace(",", " ").split()
-        found.append(np.array(list(map(float.fromhex, numbers))).reshape(matrix.shape))
-    assert_matrices(model, found)
-    assert_poles(found[0], load("crane-hook"))
+        matrices.append(np.array(list(map(float.fromhex, numbers))).reshape(matrix.shape))
+    assert_matrices(model, matrices)
+    assert_poles(matrices[0], load("crane-hook"))
 
 
 def test_units_outside_the_grammar_are_left_out() -> None:
@@ -355,5 +355,5 @@ def test_inputs_are_held_and_the_description_says_so(tmp_path: Path) -> None:
         stairs.append(held.C @ z + held.D @ u)
         z = held.A @ z + held.B @ u
     with instance(tmp_path, model) as slave:
-        found = stepped(slave, model, ramp, h)
-    assert_close(found, np.array(stairs).T, 1e-9)
+        outputs = stepped(slave, model, ramp, h)
+    assert_close(outputs, np.array(stairs).T, 1e-9)

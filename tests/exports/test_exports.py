@@ -73,10 +73,10 @@ def everything(model: StateSpace) -> tuple[Any, ...]:
 @BOTH
 def test_json_and_npz_give_back_an_equal_model(scene: str, dt: float) -> None:
     model = model_of(scene, dt)
-    for found in (read_json(write_json(model)), read_npz(write_npz(model))):
-        assert_matrices(model, (found.A, found.B, found.C, found.D))
-        assert everything(found) == everything(model)
-        assert_poles(found.A, load(scene), dt)
+    for restored in (read_json(write_json(model)), read_npz(write_npz(model))):
+        assert_matrices(model, (restored.A, restored.B, restored.C, restored.D))
+        assert everything(restored) == everything(model)
+        assert_poles(restored.A, load(scene), dt)
 
 
 @EVERY_SCENE
@@ -145,18 +145,18 @@ def test_mat(scene: str, dt: float) -> None:
 def test_csv(scene: str, dt: float) -> None:
     model = model_of(scene, dt)
     rows = list(csv.DictReader(io.StringIO(FORMATS["csv"].write(model).decode())))
-    found = [np.full(matrix.shape, np.nan) for matrix in (model.A, model.B, model.C, model.D)]
+    matrices = [np.full(matrix.shape, np.nan) for matrix in (model.A, model.B, model.C, model.D)]
     sides = {"A": (model.states,) * 2, "B": (model.states, model.inputs)}
     sides |= {"C": (model.outputs, model.states), "D": (model.outputs, model.inputs)}
     for row in rows:
         if row["matrix"] not in sides:
             continue
         at = int(row["row"]) - 1, int(row["column"]) - 1
-        found["ABCD".index(row["matrix"])][at] = float(row["value"])
+        matrices["ABCD".index(row["matrix"])][at] = float(row["value"])
         for side, place, which in zip(sides[row["matrix"]], at, ("row", "column"), strict=True):
             assert (row[f"{which}_name"], row[f"{which}_unit"]) == side[place][:2]
-    assert_matrices(model, found)
-    assert_poles(found[0], load(scene), dt)
+    assert_matrices(model, matrices)
+    assert_poles(matrices[0], load(scene), dt)
     assert [row["value"] for row in rows if row["matrix"] in {"title", "dt"}] == [model.title, repr(dt)]
     kept = [(row["row_name"], float(row["value"])) for row in rows if row["matrix"] == "operating_point"]
     assert kept == [*model.operating_point]
@@ -281,12 +281,12 @@ def octave(folder: Path) -> dict[str, list[Any]]:
 @pytest.mark.parametrize("dt", [0.002, 0.05])
 def test_sampling_beside_scipy(scene: str, method: str, theirs: str, dt: float) -> None:
     model = model_of(scene)
-    found = sample(model, dt, method)
+    sampled = sample(model, dt, method)
     expected = scipy.signal.cont2discrete((model.A, model.B, model.C, model.D), dt, theirs)[:4]
-    for mine, other in zip((found.A, found.B, found.C, found.D), expected, strict=True):
+    for mine, other in zip((sampled.A, sampled.B, sampled.C, sampled.D), expected, strict=True):
         np.testing.assert_allclose(mine, other, rtol=1e-11, atol=1e-13 * abs(other).max())
-    assert found.dt == dt
-    assert everything(replace(found, dt=0.0)) == everything(model)
+    assert sampled.dt == dt
+    assert everything(replace(sampled, dt=0.0)) == everything(model)
 
 
 @EVERY_SCENE
@@ -298,9 +298,9 @@ def test_sampling_to_many_digits(scene: str) -> None:
         whole = mp.zeros(n + m)
         whole[:n, :n], whole[:n, n:] = mp.matrix(model.A.tolist()), mp.matrix(model.B.tolist())
         exact = np.array(mp.expm(whole * mp.mpf(DT)).tolist(), dtype=float)
-    found = sample(model, DT)
-    np.testing.assert_allclose(found.A, exact[:n, :n], rtol=1e-13, atol=1e-18)
-    np.testing.assert_allclose(found.B, exact[:n, n:], rtol=1e-13, atol=1e-18)
+    sampled = sample(model, DT)
+    np.testing.assert_allclose(sampled.A, exact[:n, :n], rtol=1e-13, atol=1e-18)
+    np.testing.assert_allclose(sampled.B, exact[:n, n:], rtol=1e-13, atol=1e-18)
 
 
 @EVERY_SCENE
@@ -309,8 +309,8 @@ def test_a_held_input_as_control_integrates_it(scene: str) -> None:
     times = np.arange(200) * DT
     constant = np.ones((len(model.inputs), len(times)))
     expected = control.forced_response(to_control(model), times, constant)
-    found = control.forced_response(to_control(sample(model, DT)), times, constant)
-    assert_close(found.outputs, expected.outputs, 1e-9)
+    response = control.forced_response(to_control(sample(model, DT)), times, constant)
+    assert_close(response.outputs, expected.outputs, 1e-9)
 
 
 @EVERY_SCENE
@@ -320,15 +320,15 @@ def test_a_first_order_hold_follows_lines_exactly(scene: str) -> None:
     inputs = held_inputs(model, 200)
     inputs[:, 0] = 0.0
     expected = control.forced_response(to_control(model), times, inputs)
-    found = control.forced_response(to_control(sample(model, DT, "foh")), times, inputs)
-    assert_close(found.outputs, expected.outputs, 1e-9)
+    response = control.forced_response(to_control(sample(model, DT, "foh")), times, inputs)
+    assert_close(response.outputs, expected.outputs, 1e-9)
 
 
 def test_tustin_is_the_bilinear_map_of_the_transfer_function() -> None:
     model = model_of("crane-hook")
-    found = to_control(sample(model, DT, "tustin"))
+    sampled = to_control(sample(model, DT, "tustin"))
     point = np.exp(1j * 0.7 * DT)
-    np.testing.assert_allclose(found(point), to_control(model)(2 / DT * (point - 1) / (point + 1)), rtol=1e-9)
+    np.testing.assert_allclose(sampled(point), to_control(model)(2 / DT * (point - 1) / (point + 1)), rtol=1e-9)
 
 
 def test_repeated_and_zero_modes_do_not_disturb_sampling() -> None:
@@ -348,12 +348,12 @@ def test_sampling_does_not_depend_on_the_units() -> None:
     """In kilometres and tonnes the same model, scaled: no digit is lost to large and small numbers side by side."""
     model = state_space(load("metronomes"), ("cart_force",))
     scale = np.array([2.0**-40, 1, 1, 2.0**-40, 1, 1])
-    found = sample(
+    sampled = sample(
         replace(model, A=scale[:, None] * model.A / scale, B=scale[:, None] * model.B, C=model.C / scale), DT
     )
     expected = sample(model, DT)
-    np.testing.assert_allclose(found.A, scale[:, None] * expected.A / scale, rtol=1e-13, atol=0)
-    np.testing.assert_allclose(found.B, scale[:, None] * expected.B, rtol=1e-13, atol=0)
+    np.testing.assert_allclose(sampled.A, scale[:, None] * expected.A / scale, rtol=1e-13, atol=0)
+    np.testing.assert_allclose(sampled.B, scale[:, None] * expected.B, rtol=1e-13, atol=0)
 
 
 @pytest.mark.parametrize("dt", [0.0, -1.0, np.nan, np.inf])
@@ -415,17 +415,17 @@ def test_long_chains_in_every_format(name: str) -> None:
 @pytest.mark.parametrize("size", [(0, 0, 0), (0, 2, 3), (2, 0, 3), (3, 2, 0), (1, 1, 1)])
 def test_empty_sides(size: tuple[int, int, int]) -> None:
     model = empty(*size)
-    for found in (read_json(write_json(model)), read_npz(write_npz(model))):
-        assert_matrices(model, (found.A, found.B, found.C, found.D))
-        assert everything(found) == everything(model)
+    for restored in (read_json(write_json(model)), read_npz(write_npz(model))):
+        assert_matrices(model, (restored.A, restored.B, restored.C, restored.D))
+        assert everything(restored) == everything(model)
     assert scipy.io.loadmat(io.BytesIO(write_mat(model)))["D"].shape == (size[2], size[1])
     assert all(form.write(model) for name, form in FORMATS.items() if name != "tf")
 
 
 def test_a_title_breaks_out_of_no_comment() -> None:
     model = replace(model_of("chain-3", DT), title=EVIL)
-    for found in (read_json(write_json(model)), read_npz(write_npz(model))):
-        assert found.title == EVIL
+    for restored in (read_json(write_json(model)), read_npz(write_npz(model))):
+        assert restored.title == EVIL
     space: dict[str, Any] = {}
     exec(compile(FORMATS["control"].write(model), "model.py", "exec"), space)
     assert space["system"].name == identifier(EVIL)
@@ -441,9 +441,9 @@ def test_a_title_breaks_out_of_no_comment() -> None:
 
 def test_identifiers_are_valid_and_unique() -> None:
     words = ["a b", "a_b", "2", "", "é", "a-b", "x" * 99, "x" * 98]
-    found = identifiers(words, taken=["e"])
-    assert found == ("a_b", "a_b_2", "n_2", "signal", "e_2", "a_b_3", "x" * LONGEST, "x" * LONGEST + "_2")
-    assert all(word.isidentifier() and word.isascii() for word in found)
+    names = identifiers(words, taken=["e"])
+    assert names == ("a_b", "a_b_2", "n_2", "signal", "e_2", "a_b_3", "x" * LONGEST, "x" * LONGEST + "_2")
+    assert all(word.isidentifier() and word.isascii() for word in names)
 
 
 def test_modelica_keywords_and_our_own_names_are_avoided() -> None:
@@ -481,7 +481,11 @@ def test_models_are_read_from_paths_as_from_bytes(tmp_path: Path) -> None:
         path = tmp_path / name
         path.write_bytes(write(model))
         for source in (path, str(path), path.read_bytes()):
-            found = read(source)
-            assert (found.A.tolist(), found.inputs, found.title) == (model.A.tolist(), model.inputs, model.title)
+            restored = read(source)
+            assert (restored.A.tolist(), restored.inputs, restored.title) == (
+                model.A.tolist(),
+                model.inputs,
+                model.title,
+            )
         with pytest.raises(SceneError, match=r"not there.*: cannot be read: No such file"):
             read(tmp_path / "not there")

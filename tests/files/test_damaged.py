@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-import sweep_measures as own
+import sweep_measures
 from forged import forged
 
 from modal import SceneError, load
@@ -48,7 +48,7 @@ def _journalled(path: Path) -> object:
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, Reader]]:
     """One of every kind, and what reads it."""
     folder = tmp_path_factory.mktemp("files")
-    run, found, model = (
+    run, swept, model = (
         simulate(load("paper-cart-1"), 0.1, output=4),
         sweep(STUDY, workers=1),
         state_space(load("chain-1")),
@@ -56,7 +56,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, Rea
     made: dict[str, tuple[Path, Reader]] = {}
     for kind in ("npz", "csv"):
         recordings.save(run, folder / f"run.{kind}")
-        sweep_files.save(found, folder / f"sweep.{kind}")
+        sweep_files.save(swept, folder / f"sweep.{kind}")
         made[f"run.{kind}"] = folder / f"run.{kind}", recordings.load
         made[f"sweep.{kind}"] = folder / f"sweep.{kind}", sweep_files.load
     (folder / "model.npz").write_bytes(write_npz(model))
@@ -64,7 +64,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, Rea
     made["model.npz"] = folder / "model.npz", lambda path: read_npz(path.read_bytes())
     made["model.json"] = folder / "model.json", lambda path: read_json(path.read_bytes())
     with open_checkpoint(folder / "journal", STUDY) as kept:
-        kept.add(found.rows)
+        kept.add(swept.rows)
     made["journal"] = folder / "journal", _journalled
     return made
 
@@ -103,11 +103,11 @@ def test_a_changed_journal_is_refused_or_only_shorter(files: Files, tmp_path: Pa
     for content in changed(good.read_bytes()):
         path.write_bytes(content)
         try:
-            found = read(path)
+            left = read(path)
         except SceneError as error:
             refused += bool(re.search("line [0-9]+ is damaged|another sweep|is not the journal", str(error)))
         else:
-            assert found == rows[: len(found)]  # type: ignore[arg-type, index]
+            assert left == rows[: len(left)]  # type: ignore[arg-type, index]
             shorter += 1
     assert refused + shorter == len(list(changed(good.read_bytes())))
     assert refused > 50
@@ -115,9 +115,9 @@ def test_a_changed_journal_is_refused_or_only_shorter(files: Files, tmp_path: Pa
 
 def test_a_line_of_another_journal_is_no_line_of_this_one(tmp_path: Path) -> None:
     other = Study(STUDY.scene, STUDY.variations, parse_measures(["frequencies:2"]))
-    for name, one in (("a", STUDY), ("b", other)):
-        with open_checkpoint(tmp_path / name, one) as kept:
-            kept.add(sweep(one, workers=1).rows[:2])
+    for name, study in (("a", STUDY), ("b", other)):
+        with open_checkpoint(tmp_path / name, study) as kept:
+            kept.add(sweep(study, workers=1).rows[:2])
     first, *_ = (tmp_path / "a").read_bytes().splitlines(keepends=True)
     (tmp_path / "a").write_bytes(first + (tmp_path / "b").read_bytes().splitlines(keepends=True)[1])
     with pytest.raises(SceneError, match="line 2 is damaged: remove it"):
@@ -127,7 +127,7 @@ def test_a_line_of_another_journal_is_no_line_of_this_one(tmp_path: Path) -> Non
 def test_a_removed_line_is_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SWEEP_LOG", str(tmp_path / "log"))
     study, path = (
-        Study(STUDY.scene, parse_variations(["support.mass=1,2,3"]), (RequestedMeasure(own.PRODUCT, 1.0),)),
+        Study(STUDY.scene, parse_variations(["support.mass=1,2,3"]), (RequestedMeasure(sweep_measures.PRODUCT, 1.0),)),
         tmp_path / "j",
     )
     with open_checkpoint(path, study) as kept:
@@ -136,7 +136,7 @@ def test_a_removed_line_is_measured_again(tmp_path: Path, monkeypatch: pytest.Mo
     path.write_bytes(b"".join(lines[:2] + lines[3:]))
     with open_checkpoint(path, study) as kept:
         assert sweep(study, journal=kept, workers=1).rows == whole.rows
-    assert own.logged() == ["1", "2", "3", "2"]
+    assert sweep_measures.logged() == ["1", "2", "3", "2"]
 
 
 # --------------------------------------------------------------------------------------------------------- forgery
@@ -194,7 +194,7 @@ def test_no_pickle_is_opened(tmp_path: Path) -> None:
     with zipfile.ZipFile(stream, "a") as zipped:
         zipped.comment = bytes(64)
     (tmp_path / "run.npz").write_bytes(forged(stream.getvalue()))
-    with pytest.raises(SceneError, match="is not a trajectory"):
+    with pytest.raises(SceneError, match="not a trajectory saved by"):
         recordings.load(tmp_path / "run.npz")
 
 
@@ -255,10 +255,10 @@ def test_the_command_says_so_and_leaves_with_2(
     files: Files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     content = files["run.csv"][0].read_bytes()
-    for words, one in (
+    for words, damaged in (
         ("is damaged", content[:-1]),
         ("is incomplete, or is not a trajectory", content[40:]),
     ):
-        (tmp_path / "run.csv").write_bytes(one)
+        (tmp_path / "run.csv").write_bytes(damaged)
         assert main(["simulate", str(tmp_path / "run.csv")]) == 2
         assert capsys.readouterr().err.startswith(f"multipendula: {tmp_path / 'run.csv'}: {words}")

@@ -30,11 +30,11 @@ def scene() -> Scene:
 def record(part: float = 0.003) -> dict[str, Any]:
     values = np.array([number_at(scene(), find_places(scene(), path)[0]) for path in PLACES])
     covariance = np.outer(part * values, part * values) * CORRELATIONS
-    own = [
+    parameters = [
         {"place": path, "value": float(value), "std": float(part * value)}
         for path, value in zip(PLACES, values, strict=True)
     ]
-    return {"parameters": own, "covariance": covariance.tolist()}
+    return {"parameters": parameters, "covariance": covariance.tolist()}
 
 
 def estimate(part: float = 0.003) -> Estimate:
@@ -43,35 +43,37 @@ def estimate(part: float = 0.003) -> Estimate:
 
 def test_members_have_the_covariance_they_are_drawn_by() -> None:
     drawn = estimate().drawn(40_000, np.random.default_rng(3))
-    found = np.cov(np.array([drawn[path] for path in PLACES]))
+    covariance = np.cov(np.array([drawn[path] for path in PLACES]))
     wanted = np.array(record()["covariance"])
     size = np.sqrt(np.diag(wanted))
-    assert np.abs((found - wanted) / np.outer(size, size)).max() < 0.03
+    assert np.abs((covariance - wanted) / np.outer(size, size)).max() < 0.03
 
 
 def test_a_singular_covariance_draws_on_its_line() -> None:
-    own = record()
-    stds = [one["std"] for one in own["parameters"]]
-    own["covariance"] = np.outer(stds, stds).tolist()
-    drawn = estimate_of(scene(), own).drawn(50, np.random.default_rng(0))
-    steps = [(drawn[one["place"]] - one["value"]) / one["std"] for one in own["parameters"]]
+    singular = record()
+    stds = [parameter["std"] for parameter in singular["parameters"]]
+    singular["covariance"] = np.outer(stds, stds).tolist()
+    drawn = estimate_of(scene(), singular).drawn(50, np.random.default_rng(0))
+    steps = [
+        (drawn[parameter["place"]] - parameter["value"]) / parameter["std"] for parameter in singular["parameters"]
+    ]
     assert np.allclose(steps[0], steps[1], atol=1e-6)
     assert np.std(steps[0]) > 0.5
 
 
 @pytest.mark.slow
 def test_standard_deviations_of_modes_are_those_of_monte_carlo() -> None:
-    modes, own = natural_modes(scene()), estimate()
+    modes, estimated = natural_modes(scene()), estimate()
     rows = [row for row in range(len(modes)) if modes.eigenvalue[row].imag > 0]
     members = 600
-    drawn = own.drawn(members, np.random.default_rng(1))
-    found = np.empty((members, len(rows)), dtype=complex)
+    drawn = estimated.drawn(members, np.random.default_rng(1))
+    eigenvalues = np.empty((members, len(rows)), dtype=complex)
     for k in range(members):
         values = natural_modes(vary(scene(), {path: drawn[path][k] for path in PLACES})).eigenvalue
-        found[k] = values[values.imag > 0]
-    stds = mode_stds(modes, own, rows)
-    assert np.allclose([one.omega for one in stds], np.abs(found).std(axis=0), rtol=0.1)
-    assert np.allclose([one.zeta for one in stds], (-found.real / np.abs(found)).std(axis=0), rtol=0.1)
+        eigenvalues[k] = values[values.imag > 0]
+    stds = mode_stds(modes, estimated, rows)
+    assert np.allclose([std.omega for std in stds], np.abs(eigenvalues).std(axis=0), rtol=0.1)
+    assert np.allclose([std.zeta for std in stds], (-eigenvalues.real / np.abs(eigenvalues)).std(axis=0), rtol=0.1)
     assert stds[0].frequency == pytest.approx(stds[0].omega / (2 * np.pi))
 
 
@@ -88,67 +90,67 @@ def test_standard_deviations_of_modes_are_those_of_monte_carlo() -> None:
 def test_responses_have_the_derivatives_of_their_differences(inputs: tuple[str, ...], outputs: tuple[str, ...]) -> None:
     omega = np.array([0.4, 1.7, 6.0])
 
-    def response(one: Scene) -> np.ndarray:
-        return frequency_response(to_modal_form(natural_modes(one), state_space(one, inputs, outputs)), omega)
+    def response(scene: Scene) -> np.ndarray:
+        return frequency_response(to_modal_form(natural_modes(scene), state_space(scene, inputs, outputs)), omega)
 
-    own = estimate()
-    G, slopes = response_slopes(state_space(scene(), inputs, outputs), own, omega)
+    estimated = estimate()
+    G, slopes = response_slopes(state_space(scene(), inputs, outputs), estimated, omega)
     assert np.allclose(G, response(scene()), rtol=1e-9, atol=1e-13 * np.abs(G).max())
     for k, path in enumerate(PLACES):
-        h = 1e-4 * own.values[k]
-        steps = [response(vary(scene(), {path: own.values[k] + n * h})) for n in (-2, -1, 1, 2)]
+        h = 1e-4 * estimated.values[k]
+        steps = [response(vary(scene(), {path: estimated.values[k] + n * h})) for n in (-2, -1, 1, 2)]
         expected = (steps[0] - 8 * steps[1] + 8 * steps[2] - steps[3]) / (12 * h)
         assert np.abs(slopes[..., k] - expected).max() < 1e-7 * np.abs(expected).max() + 1e-16
 
 
 @pytest.mark.slow
 def test_standard_deviations_of_magnitudes_are_those_of_monte_carlo() -> None:
-    omega, own = np.array([0.5, 3.0]), estimate()
-    drawn = own.drawn(250, np.random.default_rng(2))
-    found = []
+    omega, estimated = np.array([0.5, 3.0]), estimate()
+    drawn = estimated.drawn(250, np.random.default_rng(2))
+    magnitudes = []
     for k in range(250):
-        one = vary(scene(), {path: drawn[path][k] for path in PLACES})
-        found.append(np.abs(frequency_response(to_modal_form(natural_modes(one), state_space(one)), omega)))
-    std = magnitude_std(state_space(scene()), own, omega)
-    assert np.allclose(std, np.std(found, axis=0), rtol=0.16)
+        member = vary(scene(), {path: drawn[path][k] for path in PLACES})
+        magnitudes.append(np.abs(frequency_response(to_modal_form(natural_modes(member), state_space(member)), omega)))
+    std = magnitude_std(state_space(scene()), estimated, omega)
+    assert np.allclose(std, np.std(magnitudes, axis=0), rtol=0.16)
 
 
 @pytest.mark.slow
 def test_a_shaped_command_retains_what_monte_carlo_says() -> None:
-    own = estimate(0.01)
-    found = shaper_for(scene(), kind="zvd")
-    left = shaped_modes(found, own, "cart_acceleration", 1)[0]
-    drawn = own.drawn(250, np.random.default_rng(4))
+    estimated = estimate(0.01)
+    shaper = shaper_for(scene(), kind="zvd")
+    left = shaped_modes(shaper, estimated, "cart_acceleration", 1)[0]
+    drawn = estimated.drawn(250, np.random.default_rng(4))
     retained = []
     for k in range(250):
         swing = swings_of(vary(scene(), {path: drawn[path][k] for path in PLACES}))[0]
-        retained.append(float(residual_vibration(found, *swing)))
+        retained.append(float(residual_vibration(shaper, *swing)))
     assert left.rms == pytest.approx(np.sqrt(np.mean(np.square(retained))), rel=0.2)
     assert left.worst > left.rms
     assert "residual vibration" in left.words(1)
 
 
 def test_numbers_that_split_a_shared_frequency_leave_no_standard_deviation() -> None:
-    one = load("chain-2")
-    pair = one.replace(pendulum=(one.pendulum[0], one.pendulum[0]))
-    value = one.pendulum[0].links[0].length
-    own = {"parameters": [{"place": "pendulum[1].links[0].length", "value": value}], "covariance": [[1e-6]]}
-    assert np.isnan(mode_stds(natural_modes(pair), estimate_of(pair, own), [0])[0].omega)
+    scene = load("chain-2")
+    pair = scene.replace(pendulum=(scene.pendulum[0], scene.pendulum[0]))
+    value = scene.pendulum[0].links[0].length
+    numbers = {"parameters": [{"place": "pendulum[1].links[0].length", "value": value}], "covariance": [[1e-6]]}
+    assert np.isnan(mode_stds(natural_modes(pair), estimate_of(pair, numbers), [0])[0].omega)
 
 
 @pytest.mark.slow
 def test_members_of_a_spread_are_drawn_from_the_joint_distribution() -> None:
-    own = estimate()
-    found = find_spread(scene(), (), members=800, estimate=own)
-    assert set(found.values) == set(PLACES)
-    assert np.corrcoef(found.values[PLACES[0]], found.values[PLACES[1]])[0, 1] == pytest.approx(0.6, abs=0.08)
+    estimated = estimate()
+    spread = find_spread(scene(), (), members=800, estimate=estimated)
+    assert set(spread.values) == set(PLACES)
+    assert np.corrcoef(spread.values[PLACES[0]], spread.values[PLACES[1]])[0, 1] == pytest.approx(0.6, abs=0.08)
     modes = natural_modes(scene())
-    std = mode_stds(modes, own, [len(modes) - 1])[0]
-    last = found.frequencies[-1]
+    std = mode_stds(modes, estimated, [len(modes) - 1])[0]
+    last = spread.frequencies[-1]
     assert last["omega_rad_per_s"] == pytest.approx(modes.omega[-1])
     assert last["standard_deviation_rad_per_s"] == pytest.approx(std.omega, rel=0.1)
     with pytest.raises(SceneError, match="has a tolerance and is among the fitted numbers"):
-        find_spread(scene(), [f"{PLACES[0]}=1%"], members=5, estimate=own)
+        find_spread(scene(), [f"{PLACES[0]}=1%"], members=5, estimate=estimated)
 
 
 def spoiled(**changes: Any) -> dict[str, Any]:
@@ -156,13 +158,13 @@ def spoiled(**changes: Any) -> dict[str, Any]:
 
 
 def place(k: int, **changes: Any) -> dict[str, Any]:
-    own = record()
-    own["parameters"][k] |= changes
-    return own
+    changed = record()
+    changed["parameters"][k] |= changes
+    return changed
 
 
 @pytest.mark.parametrize(
-    ("own", "words"),
+    ("entries", "words"),
     [
         ([], "must be the report of a fit"),
         ({"parameters": []}, "must be the report of a fit"),
@@ -179,9 +181,9 @@ def place(k: int, **changes: Any) -> dict[str, Any]:
         (place(1, place="pendulum[0].links[0].length", value=12.0), "stands there twice"),
     ],
 )
-def test_every_mistake_is_named(own: Any, words: str) -> None:
+def test_every_mistake_is_named(entries: Any, words: str) -> None:
     with pytest.raises(SceneError) as caught:
-        estimate_of(scene(), own)
+        estimate_of(scene(), entries)
     assert words in str(caught.value)
 
 
@@ -195,10 +197,10 @@ def test_a_file_that_is_none_is_told_by_its_name(tmp_path: Path) -> None:
 
 
 def test_what_is_no_polynomial_in_its_numbers_is_refused() -> None:
-    one = scene()
-    ratios = estimate_of(one.replace(damping_ratio=0.01), record())
+    plain = scene()
+    ratios = estimate_of(plain.replace(damping_ratio=0.01), record())
     with pytest.raises(SceneError, match="damping_ratio"):
         mode_stds(natural_modes(ratios.scene), ratios, [1])
-    model = state_space(one, ("support_acceleration",))
+    model = state_space(plain, ("support_acceleration",))
     with pytest.raises(ComputationError, match="responses to support_acceleration have no standard deviations"):
         magnitude_std(model, estimate(), np.array([1.0]))

@@ -32,12 +32,12 @@ WORDS = ("scale of", "outlier", "jumps by a turn", "look", "counts the other way
 
 def scene_of(links: int, lengths: Floats | None = None) -> Scene:
     """The first links, with their own or these lengths."""
-    own = (
+    chain = (
         LINKS[:links]
         if lengths is None
-        else [one | {"length": x} for one, x in zip(LINKS[:links], lengths, strict=False)]
+        else [link | {"length": x} for link, x in zip(LINKS[:links], lengths, strict=False)]
     )
-    return scene_from({"gravity": 9.81, "pendulum": [{"links": own}]})
+    return scene_from({"gravity": 9.81, "pendulum": [{"links": chain}]})
 
 
 def recorded(scene: Scene, start: list[float], seed: int, *, seconds: float, rates: float = 0.0) -> Recording:
@@ -57,8 +57,8 @@ def clean(links: int) -> Recording:
 
 def changed(record: Recording, by: Callable[[Floats], Floats], time: float = 1.0) -> Recording:
     """With other values and a factor to its times."""
-    (one,) = record.segments
-    return replace(record, segments=(replace(one, times=time * one.times, values=by(one.values)),))
+    (segment,) = record.segments
+    return replace(record, segments=(replace(segment, times=time * segment.times, values=by(segment.values)),))
 
 
 def fitted(record: Recording, **more: Any) -> Fit:
@@ -77,9 +77,9 @@ def said(record: Recording) -> str:
 
 def kicked(values: Floats) -> Floats:
     """With 20 outliers."""
-    found = values.copy()
-    found[np.random.default_rng(3).choice(len(values), 20, replace=False), 0] += 0.3
-    return found
+    disturbed = values.copy()
+    disturbed[np.random.default_rng(3).choice(len(values), 20, replace=False), 0] += 0.3
+    return disturbed
 
 
 DEFECTS: dict[str, tuple[int, Callable[[Floats], Floats], float, str]] = {
@@ -109,28 +109,28 @@ def test_clean_records_have_no_findings(seed: int) -> None:
     links = 1 + seed % 2
     scene = scene_of(links, rng.uniform(0.3, 0.6, 2))
     record = recorded(scene, rng.uniform(-50, 50, links).tolist(), seed, seconds=1.2)
-    found = fit(scene_with(scene, {"pendulum[0].links[0].damping": 0.02}), record, ["pendulum[0].links[0].damping"])
-    assert found.fits
-    assert not [words for words in WORDS if words in " ".join(found.verdict)]
-    assert abs(found.values[0] - 0.01) < 4.5 * found.stds[0]
+    fitted = fit(scene_with(scene, {"pendulum[0].links[0].damping": 0.02}), record, ["pendulum[0].links[0].damping"])
+    assert fitted.fits
+    assert not [words for words in WORDS if words in " ".join(fitted.verdict)]
+    assert abs(fitted.values[0] - 0.01) < 4.5 * fitted.stds[0]
 
 
 @pytest.mark.slow
 def test_angles_of_atan2_are_continued(tmp_path: Path) -> None:
     """A pendulum that turns over: the file has angles between −π and π."""
     whole = recorded(scene_of(1), [90.0], 5, seconds=1.5, rates=9.0)
-    (one,) = whole.segments
-    assert np.ptp(one.values) > 2 * np.pi
+    (segment,) = whole.segments
+    assert np.ptp(segment.values) > 2 * np.pi
     wrapped = changed(whole, lambda v: (v + np.pi) % (2 * np.pi) - np.pi)
-    rows = "\n".join(f"{t},{v}" for t, (v,) in zip(one.times, wrapped.segments[0].values, strict=True))
+    rows = "\n".join(f"{t},{v}" for t, (v,) in zip(segment.times, wrapped.segments[0].values, strict=True))
     (tmp_path / "run.csv").write_text("time_s,theta_1_1_rad\n" + rows)
     read = read_recording(None, [tmp_path / "run.csv"])
     assert read.continued == ("theta_1_1",)
-    turns = (read.segments[0].values - one.values) / (2 * np.pi)
+    turns = (read.segments[0].values - segment.values) / (2 * np.pi)
     assert turns == pytest.approx(np.full_like(turns, np.round(turns[0])), abs=1e-12)
-    found = fitted(read)
-    assert found.values == pytest.approx([0.5], abs=1e-3)
-    assert "jumps by a turn" in found.verdict[0]
+    estimated = fitted(read)
+    assert estimated.values == pytest.approx([0.5], abs=1e-3)
+    assert "jumps by a turn" in estimated.verdict[0]
     assert "unwrapped()" in fitted(wrapped).verdict[0]
     assert whole.unwrapped() is whole
 
@@ -139,18 +139,18 @@ def test_angles_of_atan2_are_continued(tmp_path: Path) -> None:
 def test_a_fit_that_does_not_fit_draws_no_conclusions() -> None:
     """Two links with a record of one that is not theirs: no error bars, no covariance, nothing said of a damper."""
     record = changed(clean(1), lambda v: v + 0.3 * np.sin(np.linspace(0, 60, len(v)))[:, None])
-    found = fit(scene_of(1), record, ["pendulum[0].links[0].length", "pendulum[0].links[0].damping"])
-    assert not found.fits
-    assert np.isnan(found.stds).all()
-    assert np.isnan(found.bootstrap(2)).all()
-    assert "no sign" not in " ".join(found.verdict)
-    assert "±" not in fit_text(found)
-    report = json.loads(json.dumps(fit_record(found)))
+    fitted = fit(scene_of(1), record, ["pendulum[0].links[0].length", "pendulum[0].links[0].damping"])
+    assert not fitted.fits
+    assert np.isnan(fitted.stds).all()
+    assert np.isnan(fitted.bootstrap(2)).all()
+    assert "no sign" not in " ".join(fitted.verdict)
+    assert "±" not in fit_text(fitted)
+    report = json.loads(json.dumps(fit_record(fitted)))
     assert report["fits"] is False
     assert report["covariance"] is None
-    assert [one["std"] for one in report["parameters"]] == [None, None]
+    assert [parameter["std"] for parameter in report["parameters"]] == [None, None]
     with pytest.raises(SceneError, match="does not fit its record"):
-        estimate_of(found.scene, report)
+        estimate_of(fitted.scene, report)
 
 
 @pytest.mark.slow
@@ -163,22 +163,24 @@ def test_windows_find_the_right_minimum() -> None:
     record = recorded(true, [150.0, 120.0], 2, seconds=6.0)
     record = replace(
         record,
-        segments=tuple(replace(one, times=one.times[::2], values=one.values[::2]) for one in record.segments),
+        segments=tuple(
+            replace(segment, times=segment.times[::2], values=segment.values[::2]) for segment in record.segments
+        ),
     )
     places = [f"pendulum[0].links[{at}" for at in ("0].centre", "1].length", "0].damping")]
     off = scene_with(true, dict(zip(places, (0.26, 0.45, 0.012), strict=True)))
-    found = fit(off, record, places, window=1.5)
-    assert found.fits
-    truth = [number_at(true, one.place) for one in found.parameters]
-    assert np.abs((found.values - truth) / found.stds).max() < 4.5
+    fitted = fit(off, record, places, window=1.5)
+    assert fitted.fits
+    truth = [number_at(true, parameter.place) for parameter in fitted.parameters]
+    assert np.abs((fitted.values - truth) / fitted.stds).max() < 4.5
 
 
 @pytest.mark.slow
 def test_standard_deviations_beside_a_held_number_say_so() -> None:
     record = clean(2)
-    found = fit(scene_of(2), record, ["pendulum[0].links[*].mass", "pendulum[0].links[*].damping"])
-    (direction,) = found.undetermined
-    (words,) = (one for one in found.verdict if "exactly" in one)
+    fitted = fit(scene_of(2), record, ["pendulum[0].links[*].mass", "pendulum[0].links[*].damping"])
+    (direction,) = fitted.undetermined
+    (words,) = (sentence for sentence in fitted.verdict if "exactly" in sentence)
     assert all(place in words for place in direction.changes)
     assert f"{direction.held} = " in words
 
@@ -204,8 +206,8 @@ def test_columns_with_other_headings_units_and_signs(tmp_path: Path) -> None:
 def test_the_command_names_its_options(tmp_path: Path, monkeypatch: Any, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)
     dump(scene_of(1), "scene.toml")
-    (one,) = clean(1).segments
-    rows = "\n".join(f"{1000 * t},{1.03 * v}" for t, (v,) in zip(one.times, one.values, strict=True))
+    (segment,) = clean(1).segments
+    rows = "\n".join(f"{1000 * t},{1.03 * v}" for t, (v,) in zip(segment.times, segment.values, strict=True))
     Path("run.csv").write_text("time_s,theta_1_1_rad\n" + rows)
     words = ["fit", "scene.toml", "run.csv", "--free", "pendulum[0].links[0].length"]
     assert main(words) == 2

@@ -55,21 +55,26 @@ def made(scene: Scene, seed: int, *, noise: float = 1e-3, segments: int = 2, sec
     u[problem.layout.offsets] = rng.normal(0, 0.01, links)
     u[problem.layout.delays] = [0.0, *rng.uniform(0.0, 0.5, links - 1) * problem.late]
     read = [np.round((v + rng.normal(0, noise, v.shape)) / STEP) * STEP for v in problem.readings(u)]
-    return Recording(sensors, tuple(replace(one, values=v) for one, v in zip(blank, read, strict=True)))
+    return Recording(sensors, tuple(replace(segment, values=v) for segment, v in zip(blank, read, strict=True)))
 
 
 def wrong(scene: Scene, free: list[str], seed: int, size: float = 0.08) -> Scene:
     """The scene with other numbers at these places."""
     rng = np.random.default_rng(seed)
     parameters = find_parameters(scene, free)
-    z = np.array([one.start + size * rng.normal() * (1.0 if one.log else one.start) for one in parameters])
+    z = np.array(
+        [
+            parameter.start + size * rng.normal() * (1.0 if parameter.log else parameter.start)
+            for parameter in parameters
+        ]
+    )
     return scene_with(scene, numbers_at(parameters, z))
 
 
-def pulls(scene: Scene, found: Fit) -> Floats:
+def pulls(scene: Scene, fitted: Fit) -> Floats:
     """Errors over standard deviations, the held ones making up for nothing: they are true."""
-    true = np.array([number_at(scene, one.place) for one in found.parameters])
-    return np.array([(found.values[k] - true[k]) / found.stds[k] for k in found.fitted])
+    true = np.array([number_at(scene, parameter.place) for parameter in fitted.parameters])
+    return np.array([(fitted.values[k] - true[k]) / fitted.stds[k] for k in fitted.fitted])
 
 
 @pytest.mark.slow
@@ -80,27 +85,27 @@ def test_the_truth_is_within_the_error_bars(seed: int, support: dict[str, Any]) 
     """Lengths, dampers and friction; the masses are known."""
     scene = scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": TWO}]})
     free = [f"pendulum[0].links[*].{name}" for name in ("length", "damping", "friction")]
-    found = fit(wrong(scene, free, seed), made(scene, seed, seconds=2.0), free)
-    assert len(found.held) == 0
-    assert np.abs(pulls(scene, found)).max() < 4
-    assert np.mean(np.square(pulls(scene, found))) < 4
-    assert found.bootstrap(300)[found.fitted] == pytest.approx(found.stds[found.fitted], rel=0.35)
-    assert found.rms_all == pytest.approx(np.hypot(1e-3, STEP / np.sqrt(12)), rel=0.1)
-    assert found.problem.noise == pytest.approx([found.rms_all] * 2, rel=0.2)
+    fitted = fit(wrong(scene, free, seed), made(scene, seed, seconds=2.0), free)
+    assert len(fitted.held) == 0
+    assert np.abs(pulls(scene, fitted)).max() < 4
+    assert np.mean(np.square(pulls(scene, fitted))) < 4
+    assert fitted.bootstrap(300)[fitted.fitted] == pytest.approx(fitted.stds[fitted.fitted], rel=0.35)
+    assert fitted.rms_all == pytest.approx(np.hypot(1e-3, STEP / np.sqrt(12)), rel=0.1)
+    assert fitted.problem.noise == pytest.approx([fitted.rms_all] * 2, rel=0.2)
 
 
 @pytest.mark.slow
 def test_free_swings_never_give_the_absolute_mass() -> None:
-    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**own, "friction": 0.0} for own in TWO]}]})
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**link, "friction": 0.0} for link in TWO]}]})
     free = ["pendulum[0].links[*].mass", "pendulum[0].links[*].damping"]
     record = made(scene, 3, segments=1, seconds=2.0)
-    found = fit(scene, record, free)
-    (direction,) = found.undetermined
-    assert {direction.held, *direction.changes} == {one.path for one in found.parameters}
+    fitted = fit(scene, record, free)
+    (direction,) = fitted.undetermined
+    assert {direction.held, *direction.changes} == {parameter.path for parameter in fitted.parameters}
     assert [*direction.changes.values()] == pytest.approx([1.0] * 3, abs=1e-6)
-    assert found.values[found.held] == [number_at(scene, found.parameters[found.held[0]].place)]
-    report = fit_record(found)
-    assert [one["place"] for one in report["fixed"]] == [direction.held]
+    assert fitted.values[fitted.held] == [number_at(scene, fitted.parameters[fitted.held[0]].place)]
+    report = fit_record(fitted)
+    assert [number["place"] for number in report["fixed"]] == [direction.held]
     assert len(report["combinations"]) == len(report["parameters"]) == len(report["covariance"]) == 3
     known = fit(scene, record, free, priors=["pendulum[0].links[0].mass=1.0±0.01"])
     assert not len(known.held)
@@ -113,18 +118,18 @@ def test_a_sensors_scale_and_outliers_are_found() -> None:
     record = made(scene, 4, noise=5e-4)
     rng = np.random.default_rng(7)
     bent = []
-    for one in record.segments:
-        values = one.values.copy()
+    for segment in record.segments:
+        values = segment.values.copy()
         values[rng.choice(len(values), 12, replace=False)] += 1.0
         values[40:45] = np.nan
-        bent.append(replace(one, values=values))
+        bent.append(replace(segment, values=values))
     bad = replace(record, segments=tuple(bent))
-    found = fit(scene, bad, ["pendulum[0].links[0].length"], loss="soft_l1")
-    assert found.values == pytest.approx([0.4], abs=1e-3)
+    fitted = fit(scene, bad, ["pendulum[0].links[0].length"], loss="soft_l1")
+    assert fitted.values == pytest.approx([0.4], abs=1e-3)
     plain = fit(scene, bad, ["pendulum[0].links[0].length"])
     assert plain.rms_all > 0.1
-    assert plain.stds[0] > 10 * found.stds[0]
-    bent = [replace(one, values=1.05 * one.values) for one in record.segments]
+    assert plain.stds[0] > 10 * fitted.stds[0]
+    bent = [replace(segment, values=1.05 * segment.values) for segment in record.segments]
     scaled = fit(scene, replace(record, segments=tuple(bent)), scaled=True)
     (at,) = range(scaled.problem.layout.size)[scaled.problem.layout.scales]
     assert abs(scaled.unknowns[at] - 0.05) < 4 * np.sqrt(scaled.cov[at, at]) < 0.04
@@ -133,19 +138,19 @@ def test_a_sensors_scale_and_outliers_are_found() -> None:
 @pytest.mark.slow
 def test_a_chaotic_segment_is_fitted_in_windows_that_join() -> None:
     """A double pendulum that turns over, from lengths that are off by 3 %."""
-    links = [{**own, "friction": 0.0, "damping": 0.0} for own in TWO]
+    links = [{**link, "friction": 0.0, "damping": 0.0} for link in TWO]
     scene = scene_from({"gravity": 9.81, "pendulum": [{"links": links}]})
     times = np.arange(0, 4, 0.02)
     run = simulate(scene, 4.0, start=State(np.array([2.2, 2.6]), np.zeros(2)), output=times, tolerance=1e-12)
     values = run.motion.links + np.random.default_rng(8).normal(0, 2e-3, (len(times), 2))
     record = Recording((Sensor(1, 1), Sensor(1, 2)), (Segment("", "", times, values),))
     off = scene_with(scene, {"pendulum[0].links[0].length": 0.515, "pendulum[0].links[1].length": 0.388})
-    found = fit(off, record, ["pendulum[0].links[*].length"], window=1.0)
-    assert [one.continued for one in found.recording.segments] == [True, True, True, False]
-    assert found.rms_all == pytest.approx(2e-3, rel=0.1)
-    assert np.abs(pulls(scene, found)).max() < 4
-    problem = found.problem
-    gaps = problem.residuals(found.unknowns)[problem.recording.n_values :]
+    fitted = fit(off, record, ["pendulum[0].links[*].length"], window=1.0)
+    assert [segment.continued for segment in fitted.recording.segments] == [True, True, True, False]
+    assert fitted.rms_all == pytest.approx(2e-3, rel=0.1)
+    assert np.abs(pulls(scene, fitted)).max() < 4
+    problem = fitted.problem
+    gaps = problem.residuals(fitted.unknowns)[problem.recording.n_values :]
     assert gaps.size == 3 * problem.layout.width
     assert np.abs(gaps).max() < 4
 
@@ -158,28 +163,29 @@ def test_the_measured_arm_is_stopped_by_dry_friction() -> None:
     free = [f"pendulum[0].links[0].{name}" for name in ("inertia", "damping")]
     told = fit(viscous, record, free)
     assert any(
-        "turning points fall on a straight line, 0.0051 rad a half swing: try friction" in one for one in told.verdict
+        "turning points fall on a straight line, 0.0051 rad a half swing: try friction" in sentence
+        for sentence in told.verdict
     )
-    found = fit(viscous, record, [*free, "pendulum[0].links[0].friction"])
+    fitted = fit(viscous, record, [*free, "pendulum[0].links[0].friction"])
     (segment,) = record.segments
     begin = segment.times < segment.times[0] + 14
-    off = (found.readings[0] - segment.values)[begin]
+    off = (fitted.readings[0] - segment.values)[begin]
     assert np.sqrt(np.mean(off**2)) < 1e-3 < told.rms_all
     still = [
         times[np.flatnonzero(np.abs(v - v[-1]) > 5e-4)[-1]]
-        for times, v in ((segment.times, found.readings[0][:, 0]), (segment.times, segment.values[:, 0]))
+        for times, v in ((segment.times, fitted.readings[0][:, 0]), (segment.times, segment.values[:, 0]))
     ]
     assert still[0] == pytest.approx(still[1], abs=0.15)
     candidates = compare(viscous, record, free[:1], ["viscous", "coulomb"])
-    assert [one.name for one in candidates][-1] == "viscous"
+    assert [candidate.name for candidate in candidates][-1] == "viscous"
     assert candidates[-1].held_out_rms > 3 * candidates[0].held_out_rms
 
 
 def test_spectral_lines_are_the_frequencies() -> None:
     times = np.arange(0, 20, 0.01)
     values = (np.sin(4 * times) + 0.5 * np.cos(9 * times))[:, None]
-    found = spectral_lines(Recording((Sensor(1, 1),), (Segment("", "", times, values),)))
-    assert found == pytest.approx([4, 9], abs=0.02)
+    lines = spectral_lines(Recording((Sensor(1, 1),), (Segment("", "", times, values),)))
+    assert lines == pytest.approx([4, 9], abs=0.02)
 
 
 def test_turning_points_of_an_exponential_are_not_a_straight_line() -> None:
@@ -218,15 +224,15 @@ def test_numbers_of_clocks_cranes_and_shaken_scenes_are_found(name: str) -> None
     scene, true = load(KINDS / f"{name}.toml"), SWITCHED[name]
     run = simulate(scene_with(scene, true), 3.0, output=81)
     pendula = [(p + 1, k + 1) for p in range(scene.pendulum[0].count) for k in range(2)]
-    sensors, values = tuple(Sensor(*own) for own in pendula), run.motion.links
+    sensors, values = tuple(Sensor(*place) for place in pendula), run.motion.links
     if scene.support.kind == "cart":
         sensors, values = (Sensor(), *sensors), np.column_stack((run.motion.cart, values))
     values = values + 1e-3 * np.random.default_rng(2).standard_normal(values.shape)
-    found = fit(scene, Recording(sensors, (Segment("run", "", run.times, values),)), list(true))
-    off = (found.values - np.array([*true.values()])) / found.stds
-    assert len(found.fitted) == len(true)
+    fitted = fit(scene, Recording(sensors, (Segment("run", "", run.times, values),)), list(true))
+    off = (fitted.values - np.array([*true.values()])) / fitted.stds
+    assert len(fitted.fitted) == len(true)
     assert np.all(np.abs(off) < 4)
-    assert np.all(found.stds < 0.05 * np.array([*true.values()]))
+    assert np.all(fitted.stds < 0.05 * np.array([*true.values()]))
 
 
 def test_a_hoisted_length_is_not_free() -> None:

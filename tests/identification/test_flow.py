@@ -27,17 +27,17 @@ SCENES = {
     "cart": {"gravity": 9.81, "support": CART, "pendulum": [{"links": TWO}]},
     "friction": {
         "gravity": 9.81,
-        "pendulum": [{"links": [{**own, "friction": 0.05 - 0.04 * k} for k, own in enumerate(TWO)]}],
+        "pendulum": [{"links": [{**link, "friction": 0.05 - 0.04 * k} for k, link in enumerate(TWO)]}],
     },
     "rail": {"gravity": 9.81, "support": {**CART, "friction": 0.4}, "pendulum": [{"links": TWO}]},
     "drag": {
         "gravity": 9.81,
         "support": CART,
-        "pendulum": [{"links": [{**own, "drag": 0.1, "quadratic_drag": 0.3} for own in TWO]}],
+        "pendulum": [{"links": [{**link, "drag": 0.1, "quadratic_drag": 0.3} for link in TWO]}],
     },
     "all": {
         "gravity": 9.81,
-        "pendulum": [{"links": [{**own, "friction": 0.02, "drag": 0.1, "quadratic_drag": 0.3} for own in TWO]}],
+        "pendulum": [{"links": [{**link, "friction": 0.02, "drag": 0.1, "quadratic_drag": 0.3} for link in TWO]}],
     },
     "two": {
         "gravity": 9.81,
@@ -56,14 +56,14 @@ SCENES["recorded"] = {
         "kind": "moved",
         "motion": {"kind": "record", "time_s": np.linspace(-1.0, 4.0, 51).tolist(), "displacement_m": SHAKEN.tolist()},
     },
-    "pendulum": [{"links": [{**own, "quadratic_drag": 0.3} for own in TWO]}],
+    "pendulum": [{"links": [{**link, "quadratic_drag": 0.3} for link in TWO]}],
 }
 SCENES["struck"] = {
     "gravity": 9.81,
     "support": {**CART, "friction": 0.3},
     "pendulum": [
-        {"links": [{**own, "friction": 0.02, "drive": {"kind": "escapement", "impulse": 0.04, "angle_deg": angle}}]}
-        for own, angle in zip(TWO, (6.0, 3.0), strict=True)
+        {"links": [{**link, "friction": 0.02, "drive": {"kind": "escapement", "impulse": 0.04, "angle_deg": angle}}]}
+        for link, angle in zip(TWO, (6.0, 3.0), strict=True)
     ],
 }
 FREE = {
@@ -100,21 +100,21 @@ FREE = {
 
 
 def problem_of(scene: Scene, free: list[str], tolerance: float = 1e-11) -> FitProblem:
-    pendula = [own for own in scene.pendulum for _ in range(own.count)]
-    sensors = tuple(Sensor(p + 1, i + 1) for p, own in enumerate(pendula) for i in range(own.n_links))
+    pendula = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
+    sensors = tuple(Sensor(p + 1, i + 1) for p, pendulum in enumerate(pendula) for i in range(pendulum.n_links))
     if scene.support.kind == "cart":
         sensors = (Sensor(), *sensors)
     blank = Segment("", "", TIMES, np.zeros((len(TIMES), len(sensors))))
     parameters = find_parameters(scene, free)
-    found = FitProblem(scene, parameters, Recording(sensors, (blank,)), np.ones(len(sensors)), tolerance=tolerance)
-    later = replace(blank, times=TIMES + found.late)  # so that its motion begins at 0 s
-    return replace(found, recording=Recording(sensors, (later,)))
+    problem = FitProblem(scene, parameters, Recording(sensors, (blank,)), np.ones(len(sensors)), tolerance=tolerance)
+    later = replace(blank, times=TIMES + problem.late)  # so that its motion begins at 0 s
+    return replace(problem, recording=Recording(sensors, (later,)))
 
 
 def unknowns_of(problem: FitProblem) -> Floats:
     rng = np.random.default_rng(3)
     u = np.zeros(problem.layout.size)
-    u[: problem.layout.numbers] = [one.start for one in problem.parameters]
+    u[: problem.layout.numbers] = [parameter.start for parameter in problem.parameters]
     u[problem.layout.state(0)] = rng.normal(0, 0.4, problem.layout.width)
     return u
 
@@ -129,8 +129,8 @@ def test_readings_are_those_of_simulate(name: str) -> None:
     begun = State(state[on_cart:half], state[half + on_cart :], *cart)
     late = problem.late
     run = simulate(scene, float(TIMES[-1] + late), start=begun, output=np.append(0.0, TIMES + late), tolerance=1e-12)
-    own = np.column_stack((run.motion.cart, run.motion.links))[1:, 1 - on_cart :]
-    assert problem.readings(u)[0] == pytest.approx(own, abs=2e-8)
+    expected = np.column_stack((run.motion.cart, run.motion.links))[1:, 1 - on_cart :]
+    assert problem.readings(u)[0] == pytest.approx(expected, abs=2e-8)
 
 
 @pytest.mark.slow
@@ -152,16 +152,18 @@ def test_derivatives_are_those_of_differences(name: str) -> None:
 @pytest.mark.parametrize("name", ["cart", "drag", "struck"])
 def test_many_segments_have_the_derivatives_of_each_alone(name: str) -> None:
     """Wide columns are computed to first order, narrow ones as complex numbers."""
-    one = problem_of(scene_from(SCENES[name]), FREE[name], tolerance=1e-9)
-    u, count = unknowns_of(one), 40
-    segment = replace(one.recording.segments[0], times=one.recording.segments[0].times[:26], values=np.zeros((26, 3)))
-    one = replace(one, recording=replace(one.recording, segments=(segment,)))
-    many = replace(one, recording=replace(one.recording, segments=(segment,) * count))
-    v = np.concatenate((u[: one.layout.state(0).start], np.tile(u[one.layout.state(0)], count)))
-    alone = one.jacobian(u)
+    single = problem_of(scene_from(SCENES[name]), FREE[name], tolerance=1e-9)
+    u, count = unknowns_of(single), 40
+    segment = replace(
+        single.recording.segments[0], times=single.recording.segments[0].times[:26], values=np.zeros((26, 3))
+    )
+    single = replace(single, recording=replace(single.recording, segments=(segment,)))
+    many = replace(single, recording=replace(single.recording, segments=(segment,) * count))
+    v = np.concatenate((u[: single.layout.state(0).start], np.tile(u[single.layout.state(0)], count)))
+    alone = single.jacobian(u)
     J = many.jacobian(v).reshape(count, len(alone), -1)
     for s in (0, count - 1):
-        kept = np.r_[0 : one.layout.state(0).start, many.layout.state(s)]
+        kept = np.r_[0 : single.layout.state(0).start, many.layout.state(s)]
         assert J[s][:, kept] == pytest.approx(alone, abs=1e-8 * float(np.abs(alone).max()))
     assert not J[0][:, many.layout.state(1).start :].any()
 
@@ -184,9 +186,9 @@ def test_half_swings_lose_what_coulomb_says() -> None:
 
 def test_numbers_and_coordinates_go_both_ways() -> None:
     scene = scene_from(SCENES["drag"])
-    for one in find_parameters(scene, [*FREE["cart"], *FREE["drag"]]):
-        z = one.start + 0.3
-        assert one.z_of(one.at(z)) == pytest.approx(z)
-        assert one.slope(z) == pytest.approx((one.at(z + 1e-6) - one.at(z - 1e-6)) / 2e-6, rel=1e-6)
-        moved = scene_with(scene, numbers_at([one], np.array([z])))
-        assert find_parameters(moved, [one.path])[0].value == pytest.approx(one.at(z))
+    for parameter in find_parameters(scene, [*FREE["cart"], *FREE["drag"]]):
+        z = parameter.start + 0.3
+        assert parameter.z_of(parameter.at(z)) == pytest.approx(z)
+        assert parameter.slope(z) == pytest.approx((parameter.at(z + 1e-6) - parameter.at(z - 1e-6)) / 2e-6, rel=1e-6)
+        moved = scene_with(scene, numbers_at([parameter], np.array([z])))
+        assert find_parameters(moved, [parameter.path])[0].value == pytest.approx(parameter.at(z))

@@ -26,15 +26,15 @@ def test_a_common_factor_is_named_and_one_number_held() -> None:
     parameters = find_parameters(SCENE, MASSES)
     rng = np.random.default_rng(1)
     J = rng.normal(0, 100, (50, 3)) @ (np.eye(3) - np.ones((3, 3)) / 3)
-    found = find_determined(J, parameters, np.zeros(3))
-    (direction,) = found.directions
+    determined = find_determined(J, parameters, np.zeros(3))
+    (direction,) = determined.directions
     assert {direction.held, *direction.changes} == set(MASSES)
     assert [*direction.changes.values()] == pytest.approx([1.0, 1.0])
     assert "only ratios of" in direction.words
-    assert len(found.kept) == 2
-    combos = find_combinations(found, parameters, np.zeros(3), np.array([0.01, 0.02, 0.03]))
-    held = next(one.value for one in parameters if one.path == direction.held)
-    for k, combo in zip(found.kept, combos, strict=True):
+    assert len(determined.kept) == 2
+    combos = find_combinations(determined, parameters, np.zeros(3), np.array([0.01, 0.02, 0.03]))
+    held = next(parameter.value for parameter in parameters if parameter.path == direction.held)
+    for k, combo in zip(determined.kept, combos, strict=True):
         assert combo.words == f"{parameters[k].path} / {direction.held}"
         assert combo.value == pytest.approx(parameters[k].value / held)
         assert combo.std == pytest.approx([0.01, 0.02, 0.03][k] / held)
@@ -46,12 +46,12 @@ def test_two_directions_and_a_number_without_effect() -> None:
     along = np.array([[1.0, -0.5, 0, 0, 0], [0, 0, 0, 0, 1.0]])
     Q = np.linalg.qr(along.T)[0]
     J = rng.normal(0, 1000, (80, 5)) @ (np.eye(5) - Q @ Q.T)
-    found = find_determined(J, parameters, np.zeros(5))
-    assert len(found.kept) == 3
-    words = {one.held: one for one in found.directions}
+    determined = find_determined(J, parameters, np.zeros(5))
+    assert len(determined.kept) == 3
+    words = {direction.held: direction for direction in determined.directions}
     assert words["pendulum[0].links[0].length"].changes == {}
     assert "hardly any effect" in words["pendulum[0].links[0].length"].words
-    (other,) = (one for one in found.directions if one.changes)
+    (other,) = (direction for direction in determined.directions if direction.changes)
     (partner,) = other.changes
     assert {other.held, partner} == set(MASSES[:2])
     assert other.changes[partner] in (pytest.approx(-0.5), pytest.approx(-2.0))
@@ -60,8 +60,8 @@ def test_two_directions_and_a_number_without_effect() -> None:
 def test_noise_that_is_too_large_determines_nothing_and_held_ones_stay() -> None:
     parameters = find_parameters(SCENE, MASSES)
     J = np.diag([100.0, 10.0, 0.1])
-    found = find_determined(J, parameters, np.zeros(3))
-    assert found.held.tolist() == [2]
+    determined = find_determined(J, parameters, np.zeros(3))
+    assert determined.held.tolist() == [2]
     assert find_determined(J, parameters, np.zeros(3), held=[0]).held.tolist() == [0, 2]
     assert find_determined(J, parameters, np.zeros(3), vague=np.inf).held.tolist() == []
 
@@ -76,12 +76,12 @@ def test_standard_deviations_hold_for_correlated_noise() -> None:
     for k in range(1, count):
         noise[k] = phi * noise[k - 1] + rng.normal(0, 1, turns)
     true = (np.linalg.pinv(J) @ noise).std(axis=1)
-    own = noise[:, 0]
-    rho = autocorrelation([own])
+    column = noise[:, 0]
+    rho = autocorrelation([column])
     assert 5 < len(rho) < 60
-    found = np.sqrt(np.diag(covariance(influence(J), [(slice(0, count), float(np.mean(own**2)), rho)])))
-    assert found == pytest.approx(true, rel=0.35)
-    white = np.sqrt(np.diag(covariance(influence(J), [(slice(0, count), float(np.mean(own**2)), np.ones(1))])))
+    stds = np.sqrt(np.diag(covariance(influence(J), [(slice(0, count), float(np.mean(column**2)), rho)])))
+    assert stds == pytest.approx(true, rel=0.35)
+    white = np.sqrt(np.diag(covariance(influence(J), [(slice(0, count), float(np.mean(column**2)), np.ones(1))])))
     assert np.all(white[2] < true[2] / 2)
 
 
@@ -91,8 +91,8 @@ def test_white_residuals_have_no_correlation_and_the_usual_covariance() -> None:
     r = rng.normal(size=500)
     rho = autocorrelation([r[:250], r[250:]])
     assert rho.tolist() == [1.0]
-    found = covariance(influence(J), [(slice(0, 250), 2.0, rho), (slice(250, 500), 2.0, rho)])
-    assert found == pytest.approx(2.0 * np.linalg.inv(J.T @ J), rel=1e-10)
+    covariances = covariance(influence(J), [(slice(0, 250), 2.0, rho), (slice(250, 500), 2.0, rho)])
+    assert covariances == pytest.approx(2.0 * np.linalg.inv(J.T @ J), rel=1e-10)
 
 
 @pytest.mark.parametrize(

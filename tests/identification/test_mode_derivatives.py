@@ -33,7 +33,7 @@ def test_undamped_ones_are_the_sensitivities_in_closed_form(name: str) -> None:
     scene = load(name).conservative
     modes = natural_modes(scene)
     paths = ["gravity", "pendulum[0].links[0].mass", "pendulum[0].links[0].length"]
-    found = derived(scene, paths)
+    derivatives = derived(scene, paths)
     sizes = next(link.count for link in scene.pendulum[0].links)
     checked = 0
     for row in range(len(modes)):
@@ -41,9 +41,9 @@ def test_undamped_ones_are_the_sensitivities_in_closed_form(name: str) -> None:
             continue
         closed = sensitivities(modes, row)
         links = scene.pendulum[0].n_links
-        own = [k * links + i for k in range(scene.pendulum[0].count) for i in range(sizes)]
-        expected = [closed.gravity, closed.mass[own].sum(), closed.length[own].sum()]
-        slope, _ = polar(complex(modes.eigenvalue[row]), found.eigenvalue(row))
+        indices = [k * links + i for k in range(scene.pendulum[0].count) for i in range(sizes)]
+        expected = [closed.gravity, closed.mass[indices].sum(), closed.length[indices].sum()]
+        slope, _ = polar(complex(modes.eigenvalue[row]), derivatives.eigenvalue(row))
         assert np.allclose(slope, expected, rtol=1e-9, atol=1e-12 * modes.omega[row])
         checked += 1
     assert checked
@@ -51,8 +51,8 @@ def test_undamped_ones_are_the_sensitivities_in_closed_form(name: str) -> None:
 
 def exact_pair(scene: Scene, near: complex) -> tuple[mpmath.mpc, list[mpmath.mpc]]:
     """The eigenvalue nearest to one and its shape, scaled to 1 in the last coordinate, in 40 digits."""
-    found = matrices(scene)
-    M, K, D = (mpmath.matrix(part.tolist()) for part in (found.M, found.K, found.D))
+    model = matrices(scene)
+    M, K, D = (mpmath.matrix(part.tolist()) for part in (model.M, model.K, model.D))
     n, inverse = M.rows, M**-1
     A = mpmath.zeros(2 * n)
     for i in range(n):
@@ -66,7 +66,7 @@ def exact_pair(scene: Scene, near: complex) -> tuple[mpmath.mpc, list[mpmath.mpc
 @pytest.mark.parametrize("path", ["gravity", "pendulum[0].links[0].length", "pendulum[0].links[0].damping"])
 def test_damped_ones_are_those_of_forty_digits(path: str) -> None:
     scene = damped()
-    found, modes = derived(scene, [path]), natural_modes(scene)
+    derivatives, modes = derived(scene, [path]), natural_modes(scene)
     row = int(np.flatnonzero(modes.eigenvalue.imag > 0)[-1])
     value = number_at(scene, find_places(scene, path)[0])
     h = 2.0**-20 * value
@@ -76,11 +76,11 @@ def test_damped_ones_are_those_of_forty_digits(path: str) -> None:
         )
         slope = complex((high - low) / (2 * h))
         shape = np.array([complex((a - b) / (2 * h)) for a, b in zip(up, down, strict=True)])
-    assert abs(found.eigenvalue(row)[0] / slope - 1) < 1e-9
-    phi, by, by_value = found.shape(row)
+    assert abs(derivatives.eigenvalue(row)[0] / slope - 1) < 1e-9
+    phi, by, by_value = derivatives.shape(row)
     assert abs(by_value[0] / slope - 1) < 1e-9
-    own = by[:, 0] / phi[-1] - phi * by[-1, 0] / phi[-1] ** 2
-    assert np.abs(own - shape).max() < 1e-8 * np.abs(shape).max()
+    scaled = by[:, 0] / phi[-1] - phi * by[-1, 0] / phi[-1] ** 2
+    assert np.abs(scaled - shape).max() < 1e-8 * np.abs(shape).max()
 
 
 def test_a_frequency_shared_by_equal_pendula_has_a_derivative_by_all_of_them_and_splits_by_one() -> None:
@@ -102,23 +102,23 @@ def test_damped_sensitivities_in_closed_form_are_those_of_the_matrices() -> None
     first, second = ("mass", "length", "damping"), ("mass", "length", "drag")
     paths = [f"support.{name}" for name in cart] + [f"pendulum[0].links[0].{name}" for name in first]
     paths += [f"pendulum[0].links[1].{name}" for name in second] + ["gravity"]
-    found = derived(damped(), paths)
-    assert np.count_nonzero(found.modes.eigenvalue.real) == 3
+    derivatives = derived(damped(), paths)
+    assert np.count_nonzero(derivatives.modes.eigenvalue.real) == 3
     for row in range(1, 4):
-        own = sensitivities(found.modes, row)
-        closed = [own.cart_mass, own.cart_damping, *(getattr(own, name)[0] for name in first)]
-        closed += [*(getattr(own, name)[1] for name in second), own.gravity]
-        slope, ratio = polar(complex(found.modes.eigenvalue[row]), found.eigenvalue(row))
+        exact = sensitivities(derivatives.modes, row)
+        closed = [exact.cart_mass, exact.cart_damping, *(getattr(exact, name)[0] for name in first)]
+        closed += [*(getattr(exact, name)[1] for name in second), exact.gravity]
+        slope, ratio = polar(complex(derivatives.modes.eigenvalue[row]), derivatives.eigenvalue(row))
         sizes = np.abs([number_at(damped(), find_places(damped(), path)[0]) for path in paths])
-        np.testing.assert_allclose(sizes * closed, sizes * slope, rtol=1e-9, atol=1e-11 * found.modes.omega[row])
-        assert np.any(ratio) == (found.modes.eigenvalue[row].imag != 0)
+        np.testing.assert_allclose(sizes * closed, sizes * slope, rtol=1e-9, atol=1e-11 * derivatives.modes.omega[row])
+        assert np.any(ratio) == (derivatives.modes.eigenvalue[row].imag != 0)
 
 
 def test_difference_quotients_of_squares_are_exact_at_zero_and_elsewhere() -> None:
     scene = load("crane-hook")
 
-    def square(one: Scene) -> tuple[np.ndarray, ...]:
-        return (np.array([3 * one.support.damping**2 + 5 * one.support.damping + 1]),)
+    def square(scene: Scene) -> tuple[np.ndarray, ...]:
+        return (np.array([3 * scene.support.damping**2 + 5 * scene.support.damping + 1]),)
 
     place = find_places(scene, "support.damping")[0]
     assert differences(scene, place, 7.0, square)[0] == pytest.approx(5, rel=1e-14)
@@ -129,4 +129,4 @@ def test_difference_quotients_of_squares_are_exact_at_zero_and_elsewhere() -> No
 def test_a_count_is_no_number_with_a_derivative() -> None:
     scene = load("chain-3")
     with pytest.raises(SceneError, match="count"):
-        differences(scene, ("pendulum", 0, "links", 0, "count"), 1.0, lambda one: (np.zeros(1),))
+        differences(scene, ("pendulum", 0, "links", 0, "count"), 1.0, lambda varied: (np.zeros(1),))

@@ -40,19 +40,21 @@ def decay(samples: int = 1000, start: tuple[float, ...] = (0.1, 0.05, -0.1)) -> 
 
 
 def test_the_realization_alone_has_the_poles_of_a_linear_decay() -> None:
-    found, shapes = realize([decay()[1]], STEP, 4).poles(6)
+    poles, shapes = realize([decay()[1]], STEP, 4).poles(6)
     modes = natural_modes(scene())
-    assert np.allclose(found, modes.eigenvalue, rtol=1e-9)
-    own = modes.matrix.shapes
-    assert np.allclose(shapes / shapes[-1], own / own[-1], rtol=1e-7)
+    assert np.allclose(poles, modes.eigenvalue, rtol=1e-9)
+    exact = modes.matrix.shapes
+    assert np.allclose(shapes / shapes[-1], exact / exact[-1], rtol=1e-7)
 
 
 def test_the_poles_of_a_linear_decay_are_found_to_the_last_digits() -> None:
-    found = identify([decay()], NAMES)
+    identified = identify([decay()], NAMES)
     modes = natural_modes(scene())
-    assert np.allclose([one.pole for one in found.modes], modes.eigenvalue, rtol=1e-12)
-    assert np.allclose([one.damping_ratio for one in found.modes], [one.damping_ratio for one in modes], rtol=1e-9)
-    assert all(one.frequency_std < 1e-10 for one in found.modes)
+    assert np.allclose([mode.pole for mode in identified.modes], modes.eigenvalue, rtol=1e-12)
+    assert np.allclose(
+        [mode.damping_ratio for mode in identified.modes], [mode.damping_ratio for mode in modes], rtol=1e-9
+    )
+    assert all(mode.frequency_std < 1e-10 for mode in identified.modes)
 
 
 @pytest.mark.slow
@@ -62,26 +64,26 @@ def test_offsets_gaps_and_uneven_samples_change_nothing() -> None:
     kept = np.sort(rng.choice(len(times), 900, replace=False))
     values = values[kept] + np.array([0.2, -0.1, 0.05])
     values[rng.random(values.shape) < 0.02] = np.nan
-    found = identify([(times[kept] + 7.0, values)], NAMES)
-    assert np.allclose([one.pole for one in found.modes], natural_modes(scene()).eigenvalue, rtol=1e-9)
-    assert any("uneven or missing" in note for note in found.notes)
+    identified = identify([(times[kept] + 7.0, values)], NAMES)
+    assert np.allclose([mode.pole for mode in identified.modes], natural_modes(scene()).eigenvalue, rtol=1e-9)
+    assert any("uneven or missing" in note for note in identified.notes)
 
 
 @pytest.mark.slow
 def test_noise_lies_within_the_error_bars() -> None:
     times, values = decay()
     other = decay(700, (-0.03, 0.1, 0.02))
-    modes, rng, found = natural_modes(scene()), np.random.default_rng(1), []
+    modes, rng, deviations = natural_modes(scene()), np.random.default_rng(1), []
     noise = np.array([2e-3, 1e-3, 3e-3])
     for _ in range(10):
         segments = [(t, y + noise * rng.standard_normal(y.shape)) for t, y in ((times, values), other)]
-        own = identify(segments, NAMES)
-        assert len(own.modes) == 3
-        for one, mode in zip(own.modes, modes, strict=True):
-            found.append((one.frequency - mode.omega / (2 * np.pi)) / one.frequency_std)
-            found.append((one.damping_ratio - mode.damping_ratio) / one.damping_ratio_std)
-    assert 0.75 < np.std(found) < 1.25
-    assert np.mean(np.abs(found) < 1.96) > 0.88
+        identified = identify(segments, NAMES)
+        assert len(identified.modes) == 3
+        for measured, mode in zip(identified.modes, modes, strict=True):
+            deviations.append((measured.frequency - mode.omega / (2 * np.pi)) / measured.frequency_std)
+            deviations.append((measured.damping_ratio - mode.damping_ratio) / measured.damping_ratio_std)
+    assert 0.75 < np.std(deviations) < 1.25
+    assert np.mean(np.abs(deviations) < 1.96) > 0.88
 
 
 @pytest.mark.slow
@@ -116,26 +118,26 @@ def shaken(samples: int = 30_000) -> np.ndarray:
 @pytest.mark.slow
 def test_random_responses_give_the_poles_within_their_error_bars() -> None:
     values = shaken()
-    found = identify([(STEP * np.arange(len(values)), values)], NAMES, excitation="random")
+    identified = identify([(STEP * np.arange(len(values)), values)], NAMES, excitation="random")
     modes = natural_modes(scene())
-    assert len(found.modes) == 3
-    for one, mode in zip(found.modes, modes, strict=True):
-        assert abs(one.frequency - mode.omega / (2 * np.pi)) < 3.5 * one.frequency_std
-        assert abs(one.damping_ratio - mode.damping_ratio) < 3.5 * one.damping_ratio_std
-        assert one.frequency_std < 0.01 * one.frequency
-    assert any(pole.stable for pole in found.stabilization)
+    assert len(identified.modes) == 3
+    for measured, mode in zip(identified.modes, modes, strict=True):
+        assert abs(measured.frequency - mode.omega / (2 * np.pi)) < 3.5 * measured.frequency_std
+        assert abs(measured.damping_ratio - mode.damping_ratio) < 3.5 * measured.damping_ratio_std
+        assert measured.frequency_std < 0.01 * measured.frequency
+    assert any(pole.stable for pole in identified.stabilization)
 
 
 def test_the_decrement_of_one_mode_is_that_of_its_pole() -> None:
     times = 0.01 * np.arange(2000)
     pole = complex(-0.1, 3.0)
     values = 0.3 + 0.2 * np.exp(pole * times).real
-    found = log_decrement(times, values)
-    assert found.pole == pytest.approx(pole, rel=1e-4)
+    decrement = log_decrement(times, values)
+    assert decrement.pole == pytest.approx(pole, rel=1e-4)
     noisy = values + 1e-3 * np.random.default_rng(4).standard_normal(len(times))
-    own = identify([(times, noisy[:, None])], ("theta_1_1",), method="decrement").modes[0]
-    assert abs(own.damping_ratio - 0.1 / abs(pole)) < 4 * own.damping_ratio_std < 0.01
-    assert abs(own.frequency - abs(pole) / (2 * np.pi)) < 4 * own.frequency_std
+    mode = identify([(times, noisy[:, None])], ("theta_1_1",), method="decrement").modes[0]
+    assert abs(mode.damping_ratio - 0.1 / abs(pole)) < 4 * mode.damping_ratio_std < 0.01
+    assert abs(mode.frequency - abs(pole) / (2 * np.pi)) < 4 * mode.frequency_std
 
 
 def test_two_modes_have_no_decrement() -> None:
@@ -160,23 +162,23 @@ def test_a_frequency_that_changes_with_amplitude_is_no_second_mode() -> None:
     scene, run = swing(2, (-2.6, 2.2), 25.0, 0.03)
     parts = [(run.times, run.motion.links), (run.times[:300], run.motion.links[-300:])]
     for segments, sensors in ((parts[:1], 2), (parts[:1], 1), (parts, 2)):
-        found = identify([(times, values[:, :sensors]) for times, values in segments], NAMES[:sensors])
-        assert len(found.modes) == 2
-        fast, own = found.modes[1], natural_modes(scene)[1]
-        assert abs(fast.frequency - own.omega / (2 * np.pi)) < 3 * fast.frequency_std < 3e-3 * fast.frequency
-        assert fast.damping_ratio == pytest.approx(own.damping_ratio, rel=0.02)
+        identified = identify([(times, values[:, :sensors]) for times, values in segments], NAMES[:sensors])
+        assert len(identified.modes) == 2
+        fast, mode = identified.modes[1], natural_modes(scene)[1]
+        assert abs(fast.frequency - mode.omega / (2 * np.pi)) < 3 * fast.frequency_std < 3e-3 * fast.frequency
+        assert fast.damping_ratio == pytest.approx(mode.damping_ratio, rel=0.02)
         assert fast.frequency_shift is not None
         assert fast.frequency_shift < -1e-3 * fast.frequency
-    assert any("one mode whose frequency changes with amplitude" in note for note in found.notes)
+    assert any("one mode whose frequency changes with amplitude" in note for note in identified.notes)
 
 
 def test_the_change_of_a_single_pendulums_frequency_is_a_sixteenth_of_its_squared_angle() -> None:
     """ω = √(g/l) (1 − θ²/16 + …) (Landau & Lifshitz, Mechanics, §11)."""
     scene, run = swing(1, (3.0,), 100.0, 0.1)
-    (found,) = identify([(run.times, run.motion.links)], NAMES[:1]).modes
-    assert found.frequency == pytest.approx(natural_modes(scene)[0].omega / (2 * np.pi), rel=3e-6)
-    assert found.frequency_shift is not None
-    assert found.frequency_shift / found.frequency == pytest.approx(-(np.radians(3.0) ** 2) / 16, rel=0.02)
+    (mode,) = identify([(run.times, run.motion.links)], NAMES[:1]).modes
+    assert mode.frequency == pytest.approx(natural_modes(scene)[0].omega / (2 * np.pi), rel=3e-6)
+    assert mode.frequency_shift is not None
+    assert mode.frequency_shift / mode.frequency == pytest.approx(-(np.radians(3.0) ** 2) / 16, rel=0.02)
 
 
 @pytest.mark.slow
@@ -184,18 +186,18 @@ def test_close_modes_stay_two() -> None:
     """By their shapes, in phase and in antiphase on a heavy cart, or where one sensor sees them beat."""
     scene, run = swing(1, (2.5, 1.5), 30.0, 0.02)
     motion = np.column_stack((run.motion.links, run.motion.cart))
-    found = identify([(run.times, motion)], ("theta_1_1", "theta_2_1", "cart"))
-    own = [mode.omega / (2 * np.pi) for mode in natural_modes(scene) if mode.oscillates]
-    assert np.allclose([one.frequency for one in found.modes], own, rtol=3e-4)
-    assert own[1] / own[0] < 1.01
+    identified = identify([(run.times, motion)], ("theta_1_1", "theta_2_1", "cart"))
+    frequencies = [mode.omega / (2 * np.pi) for mode in natural_modes(scene) if mode.oscillates]
+    assert np.allclose([mode.frequency for mode in identified.modes], frequencies, rtol=3e-4)
+    assert frequencies[1] / frequencies[0] < 1.01
     times, rng = 2 * STEP * np.arange(1500), np.random.default_rng(6)
     for beats in (1.5, 4.0):
         poles = 2j * np.pi * np.array([1.0, 1.0 + beats / 60]) - np.array([0.01, 0.015])
         values = (np.exp(np.outer(times, poles)) @ np.array([0.04, 0.02 - 0.01j])).real
         for noise in (0.0, 1e-5):
             two = identify([(times, (values + noise * rng.standard_normal(1500))[:, None])], NAMES[:1]).modes
-            assert np.allclose([one.frequency for one in two], np.abs(poles) / (2 * np.pi), rtol=1e-4)
-            assert all(one.frequency_shift is None for one in two)
+            assert np.allclose([mode.frequency for mode in two], np.abs(poles) / (2 * np.pi), rtol=1e-4)
+            assert all(mode.frequency_shift is None for mode in two)
 
 
 def test_noise_alone_has_no_poles() -> None:
@@ -209,8 +211,8 @@ def test_noise_alone_has_no_poles() -> None:
 
 
 def test_tables_have_the_columns_of_measured_modes() -> None:
-    found = identify([decay()], NAMES)
-    header, first, *_ = poles_table(found, "csv").splitlines()
+    identified = identify([decay()], NAMES)
+    header, first, *_ = poles_table(identified, "csv").splitlines()
     assert header == "mode,frequency_hz,std_hz,damping_ratio,damping_ratio_std,theta_1_1,theta_1_2,theta_1_3,shape_std"
-    assert float(first.split(",")[1]) == pytest.approx(found.modes[0].frequency, rel=1e-15)
-    assert "eigensystem realization" in poles_table(found, "text", "run.csv")
+    assert float(first.split(",")[1]) == pytest.approx(identified.modes[0].frequency, rel=1e-15)
+    assert "eigensystem realization" in poles_table(identified, "text", "run.csv")

@@ -76,13 +76,13 @@ def test_units_gaps_segments_and_rows_to_use(tmp_path: Path) -> None:
         for k in range(5)
     ]
     text = "\n".join(["segment,use,time_s,theta_1_2_deg,theta_1_1_rad", *rows])
-    found = read(tmp_path / "run.csv", text, where=parse_where(["use=yes"]), angles="relative")
-    assert [one.name for one in found.segments] == ["a", "b"]  # type: ignore[attr-defined]
-    assert [sensor.name for sensor in found.sensors] == ["theta_1_1", "theta_1_2"]  # type: ignore[attr-defined]
-    values = found.segments[0].values  # type: ignore[attr-defined]
+    recording = read(tmp_path / "run.csv", text, where=parse_where(["use=yes"]), angles="relative")
+    assert [segment.name for segment in recording.segments] == ["a", "b"]  # type: ignore[attr-defined]
+    assert [sensor.name for sensor in recording.sensors] == ["theta_1_1", "theta_1_2"]  # type: ignore[attr-defined]
+    values = recording.segments[0].values  # type: ignore[attr-defined]
     assert values[:, 1] == pytest.approx(np.radians([0, 1, 4, 9, 16]))
     assert np.isnan(values[2, 0])
-    assert found.relative  # type: ignore[attr-defined]
+    assert recording.relative  # type: ignore[attr-defined]
     with pytest.raises(SceneError, match="column used: is missing"):
         read(tmp_path / "run.csv", text, where={"used": "yes"})
     with pytest.raises(SceneError, match="no rows with the values that were asked for"):

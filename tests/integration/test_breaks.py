@@ -34,7 +34,7 @@ def kick(seconds: float, first: float = BEGINS) -> Load:
 
 def stretches(seconds: float, times: Floats) -> Floats:
     """The angle of BOB let go at 5 degrees, each stretch of constant moment by SciPy alone."""
-    edges, y, found = [0.0, BEGINS, BEGINS + seconds, 10.0], [radians(5.0), 0.0], np.full(len(times), np.nan)
+    edges, y, angles = [0.0, BEGINS, BEGINS + seconds, 10.0], [radians(5.0), 0.0], np.full(len(times), np.nan)
     for moment, (begin, end) in zip((0.0, IMPULSE / seconds, 0.0), pairwise(edges), strict=True):
 
         def rate(_: float, y: Floats, moment: float = moment) -> list[float]:
@@ -42,15 +42,15 @@ def stretches(seconds: float, times: Floats) -> Floats:
 
         solved = solve_ivp(rate, (begin, end), y, "DOP853", rtol=1e-12, atol=1e-14, dense_output=True)
         within = (begin <= times) & (times <= end)
-        found[within], y = solved.sol(times[within])[0], solved.y[:, -1]
-    return found
+        angles[within], y = solved.sol(times[within])[0], solved.y[:, -1]
+    return angles
 
 
 def ends(scene: Scene, duration: float, **more: Any) -> tuple[Floats, Trajectory]:
     """Where the steps of a run end (s after its start), and the run."""
     heard: list[float] = []
-    found = simulate(scene, duration, output=3, report=heard.append, **more)
-    return np.array(heard), found
+    run = simulate(scene, duration, output=3, report=heard.append, **more)
+    return np.array(heard), run
 
 
 @pytest.mark.slow
@@ -60,12 +60,14 @@ def test_an_accuracy_is_met_under_a_short_load(accuracy: float, seconds: float, 
     told: dict[str, Any] = {"breaks": [BEGINS, BEGINS + seconds], "max_step": seconds}
     start, pushed = state_at_rest(BOB, [5.0]), kick(seconds)
     advice = advise(BOB, 10.0, accuracy, start=start, load=pushed, **{how: told[how]})
-    found = advice.trajectory
-    true = np.abs(found.motion.links[:, 0] - stretches(seconds, found.times)).max()
+    trajectory = advice.trajectory
+    true = np.abs(trajectory.motion.links[:, 0] - stretches(seconds, trajectory.times)).max()
     assert advice.met
-    assert true < found.run.error <= accuracy
-    missed = [simulate(BOB, 10.0, start=start, load=pushed, tolerance=t, output=found.times) for t in (4e-3, 1.3e-4)]
-    assert max(np.abs(run.motion.links[:, 0] - stretches(seconds, found.times)).max() for run in missed) > 0.1
+    assert true < trajectory.run.error <= accuracy
+    missed = [
+        simulate(BOB, 10.0, start=start, load=pushed, tolerance=t, output=trajectory.times) for t in (4e-3, 1.3e-4)
+    ]
+    assert max(np.abs(run.motion.links[:, 0] - stretches(seconds, trajectory.times)).max() for run in missed) > 0.1
 
 
 def test_an_accuracy_wants_to_know_how_soon_a_load_changes() -> None:
@@ -86,14 +88,14 @@ def test_steps_end_at_the_breaks_and_are_no_longer_than_asked(how: dict[str, Any
     cart = Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=BOB.pendulum)
     start = state_at_rest(cart, [60.0])
     for tolerance in (1e-3, 1e-9):
-        given = {**how, "start": start, "tolerance": tolerance, "start_time": 5.0}
-        heard, found = ends(cart, 1.0, breaks=[5.7, 0.0, 5.123, 5.7, 99.0], **given)
+        options = {**how, "start": start, "tolerance": tolerance, "start_time": 5.0}
+        heard, run = ends(cart, 1.0, breaks=[5.7, 0.0, 5.123, 5.7, 99.0], **options)
         assert {5.123 - 5.0, 5.7 - 5.0} <= set(heard)
-        heard, short = ends(cart, 1.0, max_step=0.01, **given)
+        heard, short = ends(cart, 1.0, max_step=0.01, **options)
         assert np.diff(heard, prepend=0.0).max() < 0.01 * (1 + 1e-9)
         assert short.run.steps >= 100
         sure = simulate(cart, 1.0, start=start, start_time=5.0, tolerance=1e-12, output=3)
-        for each in (found, short):
+        for each in (run, short):
             assert np.abs(each.motion.links - sure.motion.links).max() < 100 * tolerance
 
 
@@ -104,9 +106,9 @@ def test_series_end_at_the_breaks_and_are_no_longer_than_asked() -> None:
 
 def test_in_space_too() -> None:
     scene = load("chain-spatial")
-    heard, found = ends(scene, 0.5, breaks=[0.2], tolerance=1e-9)
+    heard, run = ends(scene, 0.5, breaks=[0.2], tolerance=1e-9)
     assert 0.2 in heard
-    assert np.abs(found.motion.links - simulate(scene, 0.5, tolerance=1e-12, output=3).motion.links).max() < 1e-7
+    assert np.abs(run.motion.links - simulate(scene, 0.5, tolerance=1e-12, output=3).motion.links).max() < 1e-7
 
 
 def test_a_load_is_seen_as_it_is_beside_a_break() -> None:
@@ -125,12 +127,12 @@ def test_a_load_is_seen_as_it_is_beside_a_break() -> None:
             return pushed(time, state)
 
         breaks = [BEGINS, BEGINS + seconds]
-        found = simulate(BOB, 10.0, start=start, load=seen, tolerance=1e-10, method="DOP853", breaks=breaks)
-        assert np.abs(found.motion.links[:, 0] - stretches(seconds, found.times)).max() < 1e-8
+        run = simulate(BOB, 10.0, start=start, load=seen, tolerance=1e-10, method="DOP853", breaks=breaks)
+        assert np.abs(run.motion.links[:, 0] - stretches(seconds, run.times)).max() < 1e-8
         assert not {BEGINS, BEGINS + seconds} & set(heard)
-        assert found.run.calls < 1.6 * free.run.calls + 200
+        assert run.run.calls < 1.6 * free.run.calls + 200
         blind = simulate(BOB, 10.0, start=start, load=pushed, tolerance=1e-10, method="DOP853", max_step=seconds)
-        assert blind.run.calls > 1.5 * found.run.calls
+        assert blind.run.calls > 1.5 * run.run.calls
 
 
 def test_events_and_kicks_between_breaks() -> None:

@@ -46,8 +46,8 @@ def process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Process:
 
 
 def chosen(scene: Scene, duration: float, tolerance: float = 1e-9) -> tuple[str, bool]:
-    found = choose(scene, duration, tolerance)
-    return found.method, found.compiled
+    choice = choose(scene, duration, tolerance)
+    return choice.method, choice.compiled
 
 
 def test_what_is_owed_depends_on_what_is_loaded_and_kept(process: Process) -> None:

@@ -29,8 +29,8 @@ PLAIN = Choice("minimal", "DOP853", False, "")
 ENOUGH = 1.5  # s, before chaos has had time
 
 
-def apart(found: Floats, expected: Floats) -> float:
-    return float(np.max(np.abs(found - expected)) / np.max(np.abs(expected)))
+def apart(values: Floats, expected: Floats) -> float:
+    return float(np.max(np.abs(values - expected)) / np.max(np.abs(expected)))
 
 
 def plain(system: System, body: Any = Recursion, **how: Any) -> Minimal:
@@ -84,14 +84,14 @@ def test_many_complex_y_go_through_what_is_written_as_through_the_recursion(seed
     """With a step along the imaginary axis, whose digits are those of a derivative; the work is left out."""
     system = system_of(motion_scene(seed))
     bodies = tuple(Recursion(group, tail=1) for group in system.groups)
-    expected, found = Minimal(system, bodies, counts_work=False), Generated(system, counts_work=False)
+    expected, equations = Minimal(system, bodies, counts_work=False), Generated(system, counts_work=False)
     size = 2 * (system.n_links + (system.cart is not None))
-    assert expected.layout.size == found.layout.size == size
+    assert expected.layout.size == equations.layout.size == size
     rng = np.random.default_rng(seed)
     y = rng.uniform(-3, 3, (size, 5)) + 1e-30j * rng.uniform(-1, 1, (size, 5))
-    one, other = found.derivative(0.0, y), expected.derivative(0.0, y)
-    assert apart(one.real, other.real) < 1e-11
-    assert apart(one.imag, other.imag) < 1e-10
+    rates, other = equations.derivative(0.0, y), expected.derivative(0.0, y)
+    assert apart(rates.real, other.real) < 1e-11
+    assert apart(rates.imag, other.imag) < 1e-10
 
 
 def test_energies_of_few_instants_at_once_are_those_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,8 +99,8 @@ def test_energies_of_few_instants_at_once_are_those_of_all(monkeypatch: pytest.M
     whole = run.mechanics.energies
     monkeypatch.setattr(mechanics, "AT_ONCE", 50)
     parts = Mechanics(run.system, run.motion).energies
-    for one, other in zip(parts, whole, strict=True):
-        assert np.abs(one - other).max() < 1e-14 * np.abs(other).max()
+    for part, other in zip(parts, whole, strict=True):
+        assert np.abs(part - other).max() < 1e-14 * np.abs(other).max()
     assert np.array_equal(run.mechanics.energy, sum(whole))
 
 
@@ -152,8 +152,8 @@ def both(
     equations = Generated(system) if engine == "floats" else Compiled(system)
     made: Any = FloatStepper if engine == "floats" else stepper_compiled()
     start = initial_state(scene) if any(each.start for each in scene.pendulum) else leaning(scene)
-    given = (0.0, equations.begin(start), duration, tolerance, 0.1 * tolerance * equations.scale, pace)
-    return made(equations, *given), SciPyStepper("DOP853", equations.derivative, *given)
+    arguments = (0.0, equations.begin(start), duration, tolerance, 0.1 * tolerance * equations.scale, pace)
+    return made(equations, *arguments), SciPyStepper("DOP853", equations.derivative, *arguments)
 
 
 def stepper_compiled() -> Any:
@@ -215,8 +215,8 @@ def test_samples_of_many_steps_at_once_are_those_of_each(name: str, pace: Pace, 
     assert isinstance(far, Sweeper)
     rows, ends = [far.y[None]], []
     while sum(map(len, rows)) < len(times):
-        found, passed, _ = far.sweep(times[sum(map(len, rows)) :])
-        rows.append(found)
+        samples, passed, _ = far.sweep(times[sum(map(len, rows)) :])
+        rows.append(samples)
         ends += passed
     for at, (time, y) in enumerate(ends):
         near.step()
@@ -233,22 +233,22 @@ def test_samples_of_many_steps_at_once_are_those_of_each(name: str, pace: Pace, 
 def test_a_run_is_the_run_in_numpy(name: str, tolerance: float, engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = mixed() if name == "mixed" else load(name)
     start = leaning(scene) if name == "mixed" else None
-    found = []
+    runs = []
     for compiled, written in ((engine == "compiled", 100), (False, 0)):
         way = Choice("minimal", "DOP853", compiled, "", tolerance)
         monkeypatch.setattr(methods, "WRITTEN", written)
         monkeypatch.setattr(Request, "choice", lambda self, tolerance, way=way: way)
-        found.append(simulate(scene, 2.0, start=start, tolerance=tolerance))
-    ours, theirs = found
-    inner: list[Any] = [each.equations for each in found]
+        runs.append(simulate(scene, 2.0, start=start, tolerance=tolerance))
+    ours, theirs = runs
+    inner: list[Any] = [each.equations for each in runs]
     kinds = [type(each.inner if isinstance(each, Reduced) else each).__name__ for each in inner]
     switched = name == "huygens" and engine == "floats"
     assert kinds == ["Switched" if switched else {"floats": "Generated", "compiled": "Compiled"}[engine], "Small"]
     assert switched or (ours.run.steps, ours.run.calls) == (theirs.run.steps, theirs.run.calls)
     assert len(ours.kicks.time) == len(theirs.kicks.time)
     for part in ("links", "link_rates", "cart", "work"):
-        one, other = getattr(ours.motion, part), getattr(theirs.motion, part)
-        assert np.max(np.abs(one - other)) < (10 * tolerance if switched else 1e-11) * max(
+        mine, other = getattr(ours.motion, part), getattr(theirs.motion, part)
+        assert np.max(np.abs(mine - other)) < (10 * tolerance if switched else 1e-11) * max(
             1.0, float(np.max(np.abs(other)))
         )
     assert ours.energy_drift() <= (2.0 if switched else 1.001) * theirs.energy_drift() + 1e-13
@@ -256,11 +256,11 @@ def test_a_run_is_the_run_in_numpy(name: str, tolerance: float, engine: str, mon
 
 def test_coefficients_are_those_of_scipy() -> None:
     def dense(rows: Sequence[Shares], columns: int) -> Floats:
-        found = np.zeros((len(rows), columns))
-        for row, shares in zip(found, rows, strict=True):
+        matrix = np.zeros((len(rows), columns))
+        for row, shares in zip(matrix, rows, strict=True):
             for stage, share in shares:
                 row[stage] = share
-        return found
+        return matrix
 
     assert np.array_equal(dense(method.ROWS, method.STAGES), [*DOP853.A, DOP853.B])
     assert np.array_equal(dense([method.FIFTH, method.THIRD], method.STAGES + 1), [DOP853.E5, DOP853.E3])
@@ -286,15 +286,15 @@ def test_a_report_that_ends_a_run_ends_it_at_its_step() -> None:
         if len(heard) == 40:
             raise KeyboardInterrupt
 
-    found = simulate(load("paper-cart-3"), 10.0, report=report, method="DOP853")
-    assert found.run.interrupted
-    assert found.run.steps == 40
-    assert found.times[-1] == heard[-1]
+    run = simulate(load("paper-cart-3"), 10.0, report=report, method="DOP853")
+    assert run.run.interrupted
+    assert run.run.steps == 40
+    assert run.times[-1] == heard[-1]
     whole = simulate(load("paper-cart-3"), heard[-1], method="DOP853", output=2)
-    assert np.abs(found.final.links - whole.final.links).max() < 1e-8
+    assert np.abs(run.final.links - whole.final.links).max() < 1e-8
 
 
 def test_angles_far_beyond_any_turn_end_in_words() -> None:
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
-    found = simulate(scene, 1e-3, start=state_at_rest(scene, [1e5]), output=3)
-    assert found.complete
+    run = simulate(scene, 1e-3, start=state_at_rest(scene, [1e5]), output=3)
+    assert run.complete

@@ -51,9 +51,9 @@ def test_a_mass_ratio_of_1e12_swings_right() -> None:
     """The light bob is on a taut string of two lengths: θ'' = −2 (g/l) (m2/m1) θ for tiny θ."""
     ratio, tiny = 1e12, 1e-12
     start = State(np.array([tiny, -tiny]), np.zeros(2))
-    found = simulate(chain(1.0, ratio), 2 * ratio**-0.5, start=start, output=9)
-    right = tiny * np.cos(np.sqrt(2 * 9.81 * ratio) * found.times)
-    assert found.motion.links[:, 0] == pytest.approx(right, abs=1e-8 * tiny)
+    run = simulate(chain(1.0, ratio), 2 * ratio**-0.5, start=start, output=9)
+    right = tiny * np.cos(np.sqrt(2 * 9.81 * ratio) * run.times)
+    assert run.motion.links[:, 0] == pytest.approx(right, abs=1e-8 * tiny)
 
 
 @pytest.mark.parametrize("body", [Small, Dense])
@@ -103,11 +103,11 @@ def springs_and_dampers(mass: float = 1.0, length: float = 1.0) -> Scene:
 )
 def test_another_second_changes_no_step(method: str, form: str) -> None:
     start, k = State(np.array([1.0, 0.5, -0.8]), np.zeros(3)), 9
-    one = simulate(springs_and_dampers(), 2.0, start=start, method=method, form=form, tolerance=1e-7, output=9)
+    run = simulate(springs_and_dampers(), 2.0, start=start, method=method, form=form, tolerance=1e-7, output=9)
     other = springs_and_dampers(4.0**-k, 4.0**k)
     same = simulate(other, 2.0 * 2**k, start=start, method=method, form=form, tolerance=1e-7, output=9)
-    assert (one.run.steps, one.run.calls) == (same.run.steps, same.run.calls)
-    assert one.motion.links == pytest.approx(same.motion.links, abs=1e-10)
+    assert (run.run.steps, run.run.calls) == (same.run.steps, same.run.calls)
+    assert run.motion.links == pytest.approx(same.motion.links, abs=1e-10)
 
 
 @pytest.mark.parametrize("form", ["minimal", "hamiltonian", "maximal"])
@@ -118,19 +118,19 @@ def test_far_units_change_nothing(kilograms: int, metres: int, form: str) -> Non
     links = [Rod(mass=mass, length=length), Rod(mass=0.5 * mass, length=0.7 * length, damping=c * mass * length**2)]
     far = Scene(gravity=9.81 * length, support=Cart(mass=3 * mass), pendulum=[Pendulum(links=links)])
     links = [Rod(mass=1.0, length=1.0), Rod(mass=0.5, length=0.7, damping=c)]
-    one = Scene(gravity=9.81, support=Cart(mass=3.0), pendulum=[Pendulum(links=links)])
-    found, right = (
+    metric = Scene(gravity=9.81, support=Cart(mass=3.0), pendulum=[Pendulum(links=links)])
+    run, right = (
         simulate(
             scene, 1.0, start=State(np.array([1.0, 0.5]), np.zeros(2), 0.3 * unit), form=form, output=5, method="DOP853"
         )
-        for scene, unit in ((far, length), (one, 1.0))
+        for scene, unit in ((far, length), (metric, 1.0))
     )
-    assert found.run.reduced == f"in units of 2^{kilograms + 1} kg and 2^{metres + 1} m"
+    assert run.run.reduced == f"in units of 2^{kilograms + 1} kg and 2^{metres + 1} m"
     assert right.run.reduced == ""
-    assert found.motion.links == pytest.approx(right.motion.links, abs=1e-12)
-    assert found.motion.cart / length == pytest.approx(right.motion.cart, abs=1e-12)
-    assert found.motion.work / mass / length**2 == pytest.approx(right.motion.work, abs=1e-12)
-    assert found.energy_drift() == pytest.approx(right.energy_drift(), rel=1e-3)
+    assert run.motion.links == pytest.approx(right.motion.links, abs=1e-12)
+    assert run.motion.cart / length == pytest.approx(right.motion.cart, abs=1e-12)
+    assert run.motion.work / mass / length**2 == pytest.approx(right.motion.work, abs=1e-12)
+    assert run.energy_drift() == pytest.approx(right.energy_drift(), rel=1e-3)
 
 
 @pytest.mark.parametrize(("mass", "length"), [(1e-50, 1e-50), (1.0, 1e-75), (1e50, 1e50)])

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, load
+from modal.report import silent
 from nonlinear.dynamics import Generated, form_of
-from nonlinear.integration import Pace, SimulationError, readiness, silent, taylor
+from nonlinear.integration import Pace, SimulationError, readiness, taylor
 from nonlinear.integration.steppers import Sweeper
 from nonlinear.integration.taylor import TaylorStepper
 from nonlinear.simulation import simulate
@@ -40,8 +41,8 @@ def test_samples_of_many_steps_are_those_of_each(name: str, pace: Pace) -> None:
     rows: list[Any] = []
     ends: list[float] = []
     while len(rows) < len(times):
-        found, passed, _ = far.sweep(times[len(rows) :])
-        rows += list(found)
+        samples, passed, _ = far.sweep(times[len(rows) :])
+        rows += list(samples)
         ends += [time for time, _ in passed]
         assert np.array_equal(passed[-1][1], far.y)
     for end in ends:
@@ -99,9 +100,9 @@ def test_a_series_serves_one_run_after_another_and_no_two_at_once(monkeypatch: p
     runs = [simulate(load("paper-cart-3"), 3.0, method="taylor", output=20) for _ in range(3)]
     assert len(copies) == 1
     assert all(np.array_equal(run.motion.links, runs[0].motion.links) for run in runs)
-    one, other = (stepper("paper-cart-3", Pace(0.05), 4.0) for _ in range(2))
-    one.step()
-    assert one.integrator is not other.integrator
+    first, other = (stepper("paper-cart-3", Pace(0.05), 4.0) for _ in range(2))
+    first.step()
+    assert first.integrator is not other.integrator
     assert other.time == 0.0
 
 
@@ -120,10 +121,10 @@ def test_a_series_that_breaks_down_on_the_way_keeps_what_it_has(report: Any) -> 
     start = state_at_rest(scene, [60.0])
     with pytest.raises(SimulationError, match=r"taylor stopped at [\d.]+ s") as caught:
         simulate(scene, 10.0, method="taylor", start=start, report=report)
-    found = caught.value.trajectory
-    assert 0.1 < found.times[-1] < 2.0
-    assert np.isfinite(found.motion.links).all()
-    assert found.run.steps > 5
+    trajectory = caught.value.trajectory
+    assert 0.1 < trajectory.times[-1] < 2.0
+    assert np.isfinite(trajectory.motion.links).all()
+    assert trajectory.run.steps > 5
 
 
 def test_what_leaves_the_finite_numbers_stops_in_words() -> None:

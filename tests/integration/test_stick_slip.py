@@ -44,42 +44,42 @@ def begun(x: float = 0.0, speed: float = 0.0) -> State:
 
 def coulomb(x: float, stuck: float, omega: float, times: np.ndarray) -> np.ndarray:
     """x(t) of a block on a spring let go at x: harmonic about ±stuck in turn until it is within (Lorenz 1902)."""
-    found, half = np.empty_like(times), pi / omega
+    positions, half = np.empty_like(times), pi / omega
     for k in range(1 + int(times[-1] / half)):
         here = (times >= k * half) & (times <= (k + 1) * half)
         if abs(x) <= stuck:
-            found[times >= k * half] = x
+            positions[times >= k * half] = x
             break
         centre = stuck * np.sign(x)
-        found[here] = centre + (x - centre) * np.cos(omega * (times[here] - k * half))
+        positions[here] = centre + (x - centre) * np.cos(omega * (times[here] - k * half))
         x = 2 * centre - x
-    return found
+    return positions
 
 
 def test_a_block_on_a_spring_follows_lorenz() -> None:
-    found = simulate(block(stiffness=4.0, friction=0.3), 20.0, start=begun(1.0), tolerance=1e-12, output=401)
-    assert found.motion.cart == pytest.approx(coulomb(1.0, 0.075, 2.0, found.times), abs=1e-10)
-    assert found.friction.begin == pytest.approx([7 * pi / 2], abs=1e-9)
-    assert found.friction.link.tolist() == [-1]
-    assert found.friction.work[0] == pytest.approx(-0.3 * sum(2 * (1 - 0.15 * k) - 0.15 for k in range(7)), rel=1e-9)
+    run = simulate(block(stiffness=4.0, friction=0.3), 20.0, start=begun(1.0), tolerance=1e-12, output=401)
+    assert run.motion.cart == pytest.approx(coulomb(1.0, 0.075, 2.0, run.times), abs=1e-10)
+    assert run.friction.begin == pytest.approx([7 * pi / 2], abs=1e-9)
+    assert run.friction.link.tolist() == [-1]
+    assert run.friction.work[0] == pytest.approx(-0.3 * sum(2 * (1 - 0.15 * k) - 0.15 for k in range(7)), rel=1e-9)
 
 
 def test_a_coefficient_stops_a_block_on_a_level_rail() -> None:
-    found = simulate(block(friction_coefficient=0.2), 3.0, start=begun(0.0, 2.0), tolerance=1e-11)
-    assert found.friction.begin == pytest.approx([2.0 / (0.2 * G)], rel=1e-9)
-    assert found.final.cart == pytest.approx(2.0**2 / (2 * 0.2 * G), rel=1e-9)
-    assert found.friction.work[0] == pytest.approx(-2.0, rel=1e-8)
+    run = simulate(block(friction_coefficient=0.2), 3.0, start=begun(0.0, 2.0), tolerance=1e-11)
+    assert run.friction.begin == pytest.approx([2.0 / (0.2 * G)], rel=1e-9)
+    assert run.final.cart == pytest.approx(2.0**2 / (2 * 0.2 * G), rel=1e-9)
+    assert run.friction.work[0] == pytest.approx(-2.0, rel=1e-8)
 
 
 def swings(amplitude: float, torque: float, weight: float) -> list[float]:
     """The turning angles of a pendulum: weight (cos a' − cos a) = torque (a + a'), exactly, until it is held."""
-    found = [amplitude]
-    while weight * sin(found[-1]) > torque:
-        a = found[-1]
-        found.append(
+    amplitudes = [amplitude]
+    while weight * sin(amplitudes[-1]) > torque:
+        a = amplitudes[-1]
+        amplitudes.append(
             brentq(lambda b, a=a: weight * (cos(b) - cos(a)) - torque * (a + b), a * (1e-7 - 1), a, xtol=1e-15)
         )
-    return found
+    return amplitudes
 
 
 @pytest.mark.parametrize("degrees", [170.0, 40.0, 2.0])
@@ -87,14 +87,14 @@ def test_turning_angles_of_a_pendulum(degrees: float) -> None:
     torque = 0.004 * degrees
     scene = scene_of(bob(friction=torque), angles=(degrees,))
     turn = turning_point(simulate_system(scene), "theta[1,1]")
-    found = simulate(scene, 60.0, tolerance=1e-12, events=[turn])
+    run = simulate(scene, 60.0, tolerance=1e-12, events=[turn])
     expected = swings(np.radians(degrees), torque, G)
-    turned = [abs(float(one.state.links[0])) for one in found.happenings]
+    turned = [abs(float(happening.state.links[0])) for happening in run.happenings]
     assert len(expected) > 5
     assert turned[: len(expected) - 2] == pytest.approx([abs(a) for a in expected[1:-1]], abs=1e-9)
-    assert abs(found.final.links[0]) == pytest.approx(abs(expected[-1]), abs=1e-9)
-    assert abs(G * sin(found.final.links[0])) <= torque
-    assert np.all(found.motion.links[found.times > found.friction.rest] == found.final.links)
+    assert abs(run.final.links[0]) == pytest.approx(abs(expected[-1]), abs=1e-9)
+    assert abs(G * sin(run.final.links[0])) <= torque
+    assert np.all(run.motion.links[run.times > run.friction.rest] == run.final.links)
 
 
 def simulate_system(scene: Scene) -> Any:
@@ -107,8 +107,8 @@ def simulate_system(scene: Scene) -> Any:
 def test_noted_lose_the_same_angle_each_time() -> None:
     torque = 1e-7
     scene = scene_of(bob(friction=torque), angles=(1e-4,))
-    found = simulate(scene, 25.0, tolerance=1e-12, events=[turning_point(simulate_system(scene), "theta[1,1]")])
-    turned = np.array([abs(one.state.links[0]) for one in found.happenings])
+    run = simulate(scene, 25.0, tolerance=1e-12, events=[turning_point(simulate_system(scene), "theta[1,1]")])
+    turned = np.array([abs(happening.state.links[0]) for happening in run.happenings])
     assert np.diff(turned[:-1]) == pytest.approx(-2 * torque / G, rel=1e-5)
 
 
@@ -143,15 +143,15 @@ def test_amplitude_and_boundary_of_den_hartog(beta: float) -> None:
 
 @pytest.mark.slow
 def test_hamel_slow_forcing_sticks_and_jumps_without_drift() -> None:
-    found = forced(0.1, 0.8, 8, 1e-11)
-    phases = found.friction
-    late = phases.begin > found.times[-1] / 2
+    run = forced(0.1, 0.8, 8, 1e-11)
+    phases = run.friction
+    late = phases.begin > run.times[-1] / 2
     assert np.count_nonzero(late) > 7
     period = 2 * pi / 0.1
-    early, after = found.motion.cart[200 * 4 : 200 * 5], found.motion.cart[200 * 7 : 200 * 8]
+    early, after = run.motion.cart[200 * 4 : 200 * 5], run.motion.cart[200 * 7 : 200 * 8]
     assert after == pytest.approx(early, abs=1e-4)
-    assert phases.begin[-1] < found.times[-1] < phases.begin[-1] + period
-    assert found.energy_drift() < 1e-9
+    assert phases.begin[-1] < run.times[-1] < phases.begin[-1] + period
+    assert run.energy_drift() < 1e-9
 
 
 # --------------------------------------------------------------------------------------- several contacts, smoothing
@@ -177,22 +177,22 @@ MANY = {
 @pytest.mark.parametrize("name", MANY)
 def test_books_close_and_what_sticks_is_at_rest(name: str) -> None:
     scene = MANY[name]
-    found = simulate(scene, 8.0, tolerance=1e-12)
-    assert found.energy_drift() < 1e-9
-    record, system = found.friction, found.system
+    run = simulate(scene, 8.0, tolerance=1e-12)
+    assert run.energy_drift() < 1e-9
+    record, system = run.friction, run.system
     above = np.concatenate([[-1], np.arange(system.n_links - 1)])
     for link, begin, end in zip(record.link, record.begin, record.end, strict=True):
-        inside = (found.times > begin) & (found.times < end)
-        rates = found.motion.link_rates[inside]
-        speed = found.motion.cart_rate[inside]
+        inside = (run.times > begin) & (run.times < end)
+        rates = run.motion.link_rates[inside]
+        speed = run.motion.cart_rate[inside]
         if link >= 0:
             speed = rates[:, link] - (rates[:, above[link]] if above[link] >= 0 else 0.0)
         assert not speed.any()
     if name != "coefficient" and name != "escapement":
-        assert record.work.sum() == pytest.approx(found.motion.work[-1], rel=1e-9)
+        assert record.work.sum() == pytest.approx(run.motion.work[-1], rel=1e-9)
     if name == "escapement":
-        assert record.work.sum() + found.kicks.energy.sum() == pytest.approx(found.motion.work[-1], abs=1e-9)
-        assert len(found.kicks.time) > 5
+        assert record.work.sum() + run.kicks.energy.sum() == pytest.approx(run.motion.work[-1], abs=1e-9)
+        assert len(run.kicks.time) > 5
 
 
 LONG = 2.5
@@ -228,13 +228,13 @@ def test_it_is_the_limit_of_smooth_laws() -> None:
 
 
 def test_friction_on_the_rail_is_the_coefficient_times_its_reaction() -> None:
-    found = simulate(MANY["coefficient"], 4.0, tolerance=1e-10, output=101)
-    equations = equations_of(found.system, Choice("minimal", "RK45", False, ""))
+    run = simulate(MANY["coefficient"], 4.0, tolerance=1e-10, output=101)
+    equations = equations_of(run.system, Choice("minimal", "RK45", False, ""))
     assert isinstance(equations, Frictional)
-    normal = reaction_forces_of(found).normal
-    system, mass = found.system, found.system.mass
+    normal = reaction_forces_of(run).normal
+    system, mass = run.system, run.system.mass
     for row in range(5, 101, 8):
-        state, time = found.motion[row], float(found.times[row])
+        state, time = run.motion[row], float(run.times[row])
         y = equations.begin(state)
         equations.release(time, y)
         friction = equations.settled(time, y, np.sign(equations.sliding(y)))
@@ -255,17 +255,17 @@ def test_a_run_goes_on_where_it_stopped() -> None:
 
 
 def test_a_start_within_the_limit_stays() -> None:
-    found = simulate(scene_of(bob(friction=1.0), angles=(5.0,)), 10.0)
-    assert found.friction.rest == 0.0
-    assert found.run.steps == 0
-    assert np.ptp(found.motion.links) == 0.0
+    run = simulate(scene_of(bob(friction=1.0), angles=(5.0,)), 10.0)
+    assert run.friction.rest == 0.0
+    assert run.run.steps == 0
+    assert np.ptp(run.motion.links) == 0.0
 
 
 def test_a_load_breaks_what_sticks_loose_when_it_exceeds_the_limit() -> None:
     push = lambda time, state: AppliedForces(0.1 * time)  # noqa: E731
-    found = simulate(block(friction=0.5), 8.0, start=begun(), load=push, tolerance=1e-11, output=81)
-    assert found.friction.end[0] == pytest.approx(5.0, abs=1e-9)
-    assert found.final.cart == pytest.approx(0.1 * 3.0**3 / 6, rel=1e-8)
+    run = simulate(block(friction=0.5), 8.0, start=begun(), load=push, tolerance=1e-11, output=81)
+    assert run.friction.end[0] == pytest.approx(5.0, abs=1e-9)
+    assert run.final.cart == pytest.approx(0.1 * 3.0**3 / 6, rel=1e-8)
 
 
 @pytest.mark.parametrize("cart", [None, {"friction": 1.5}, {"friction_coefficient": 0.08}])
@@ -273,10 +273,10 @@ def test_a_hoist_keeps_its_books_with_friction(cart: dict[str, float] | None) ->
     """The energy changes by the work of the winch, of friction and of drives alone, through many phases."""
     rope = bob(friction=1.2, mass=3.0, hoist={"to": 0.5, "begin": 0.5, "duration": 3.0})
     more = {"support": {"kind": "cart", "mass": 2.0, **cart}} if cart else {}
-    found = simulate(scene_of(rope, bob(friction=0.8, length=0.6), angles=(50.0, -30.0), **more), 6.0, tolerance=1e-12)
-    assert len(found.friction.begin) > 1
-    assert np.all(found.friction.work < 0)
-    assert found.energy_drift() < 1e-9
+    run = simulate(scene_of(rope, bob(friction=0.8, length=0.6), angles=(50.0, -30.0), **more), 6.0, tolerance=1e-12)
+    assert len(run.friction.begin) > 1
+    assert np.all(run.friction.work < 0)
+    assert run.energy_drift() < 1e-9
 
 
 def test_lowering_breaks_a_rope_loose_where_its_weight_exceeds_the_friction() -> None:
@@ -284,27 +284,27 @@ def test_lowering_breaks_a_rope_loose_where_its_weight_exceeds_the_friction() ->
     scene = scene_of(
         bob(friction=1.5 * G * sin(pi / 6), hoist={"to": 2.0, "begin": 0.5, "duration": 2.0}), angles=(30.0,)
     )
-    found = simulate(scene, 3.0, tolerance=1e-11)
-    assert found.friction.begin[0] == 0.0
-    assert found.friction.end[0] == pytest.approx(1.5, abs=1e-9)
-    assert np.isnan(found.friction.rest)
+    run = simulate(scene, 3.0, tolerance=1e-11)
+    assert run.friction.begin[0] == 0.0
+    assert run.friction.end[0] == pytest.approx(1.5, abs=1e-9)
+    assert np.isnan(run.friction.rest)
 
 
 def test_a_shaken_pivot_breaks_its_link_loose() -> None:
     """m l A ω² sin ωt = M, from rest."""
     shaken = {"kind": "moved", "motion": {"kind": "sine", "amplitude": 0.1, "frequency_hz": 1.0}}
-    found = simulate(scene_of(bob(friction=2.0), support=shaken), 1.0, tolerance=1e-11)
+    run = simulate(scene_of(bob(friction=2.0), support=shaken), 1.0, tolerance=1e-11)
     omega = 2 * pi
-    assert found.friction.end[0] == pytest.approx(np.arcsin(2.0 / (0.1 * omega**2)) / omega, abs=1e-9)
-    assert found.energy_drift() < 1e-9
+    assert run.friction.end[0] == pytest.approx(np.arcsin(2.0 / (0.1 * omega**2)) / omega, abs=1e-9)
+    assert run.energy_drift() < 1e-9
 
 
 def test_chatter_ends() -> None:
     """A load that exceeds the limit only by rounding, at its peak, and a mass that is pushed from both sides."""
     push = lambda time, state: AppliedForces(0.5 * sin(3 * time) * (1 + 1e-15))  # noqa: E731
-    found = simulate(block(friction=0.5), 20.0, start=begun(), load=push)
-    assert np.abs(found.motion.cart).max() < 1e-9
-    assert found.run.steps < 3000
+    run = simulate(block(friction=0.5), 20.0, start=begun(), load=push)
+    assert np.abs(run.motion.cart).max() < 1e-9
+    assert run.run.steps < 3000
 
 
 def test_who_cannot_take_friction_says_so() -> None:
@@ -322,11 +322,11 @@ def test_who_cannot_take_friction_says_so() -> None:
 
 @pytest.mark.slow
 def test_hundreds_of_phases_do_not_drift() -> None:
-    found = forced(0.5, 0.9, 50)
-    assert len(found.friction.link) > 95
-    cart = found.motion.cart.reshape(-1)[:-1].reshape(50, 200)
+    run = forced(0.5, 0.9, 50)
+    assert len(run.friction.link) > 95
+    cart = run.motion.cart.reshape(-1)[:-1].reshape(50, 200)
     assert cart[-1] == pytest.approx(cart[30], abs=1e-7)
-    assert found.energy_drift() < 1e-7
+    assert run.energy_drift() < 1e-7
 
 
 @pytest.mark.parametrize("kind", ["npz", "csv"])
@@ -335,11 +335,11 @@ def test_files_keep_what_friction_did(tmp_path: Any, kind: str) -> None:
 
     path = tmp_path / f"run.{kind}"
     for scene in (MANY["joints"], scene_of(bob(friction=1.0), angles=(5.0,))):
-        found = simulate(scene, 15.0, output=31)
-        files.save(found, path)
+        run = simulate(scene, 15.0, output=31)
+        files.save(run, path)
         read = files.load(path)
-        assert repr(read.friction) == repr(found.friction)
-        assert resume(read, 1.0).final.links == pytest.approx(found.final.links)
+        assert repr(read.friction) == repr(run.friction)
+        assert resume(read, 1.0).final.links == pytest.approx(run.final.links)
 
 
 @pytest.mark.slow
@@ -362,10 +362,10 @@ def test_random_scenes_keep_their_books(seed: int) -> None:
     cart = {"support": {"kind": "cart", "mass": 1.0, "friction": 1.5}} if seed % 2 else {}
     scene = scene_of(*links, angles=tuple(rng.uniform(-90, 90, len(links))), **cart)
     push = lambda time, state: AppliedForces(0.0, np.full(len(links), 0.3 * cos(4 * time)))  # noqa: E731
-    found = simulate(scene, 4.0, tolerance=1e-11, load=push if seed > 1 else None)
-    assert found.energy_drift() < 1e-9
-    assert np.all(found.friction.end >= found.friction.begin)
-    assert np.all(found.friction.work <= 0)
+    run = simulate(scene, 4.0, tolerance=1e-11, load=push if seed > 1 else None)
+    assert run.energy_drift() < 1e-9
+    assert np.all(run.friction.end >= run.friction.begin)
+    assert np.all(run.friction.work <= 0)
 
 
 def jamming() -> Scene:

@@ -65,11 +65,11 @@ def moved(
 
     def derivative(t: float, both: Any) -> Any:
         u = [*timed(t), *switches.inputs(state)]
-        own = rate([*both[:size]], u, ())
+        rates = rate([*both[:size]], u, ())
         columns = [
-            _sloped(lambda one: rate([*one], u, ()), both[:size], v) for v in np.reshape(both[size:], (-1, size))
+            _sloped(lambda values: rate([*values], u, ()), both[:size], v) for v in np.reshape(both[size:], (-1, size))
         ]
-        return np.concatenate([own, *columns])
+        return np.concatenate([rates, *columns])
 
     def passing(j: int) -> Callable[[float, Any], float]:
         def value(t: float, both: Any) -> float:
@@ -82,7 +82,7 @@ def moved(
     columns = np.array([] if V is None else V).ravel()
     events = [passing(j) for j in range(switches.count)]
     while True:
-        found = solve_ivp(
+        solution = solve_ivp(
             derivative,
             (t, end),
             [*y, *columns],
@@ -93,10 +93,10 @@ def moved(
             first_step=1e-5,
             dense_output=True,
         )
-        for before, now in pairwise(found.t.tolist()):
-            switches.passed(lambda times, inside=found.sol: inside(times).T[:, :size], before, now, state, timed)  # type: ignore[misc]
-        t, y, columns = found.t[-1], found.y[:size, -1].tolist(), found.y[size:, -1]
-        passed = [j for j, times in enumerate(found.t_events) if len(times)]
+        for before, now in pairwise(solution.t.tolist()):
+            switches.passed(lambda times, inside=solution.sol: inside(times).T[:, :size], before, now, state, timed)  # type: ignore[misc]
+        t, y, columns = solution.t[-1], solution.y[:size, -1].tolist(), solution.y[size:, -1]
+        passed = [j for j, times in enumerate(solution.t_events) if len(times)]
         if V is not None:
             V[:] = columns.reshape(-1, size).tolist()
         if not passed:
@@ -156,13 +156,13 @@ def test_two_joints_kicked_at_once_get_the_energy_of_both() -> None:
     y = [0.0, angle, -angle + 1e-14, 0.1, 0.4, -0.5, 0.0]
     state = switches.begin(0.0, [0.0] * 7)
     f = switches.function("rates")(y, (), ())
-    found = switches.change(0.0, 0, y, f, state)
+    changed = switches.change(0.0, 0, y, f, state)
     assert state == [-1.0, 1.0]
     M = np.array([[3.0, np.cos(y[1]), np.cos(y[2])], [np.cos(y[1]), 1.0, 0.0], [np.cos(y[2]), 0.0, 1.0]])
-    v, w = np.array(y[3:6]), np.array(found[3:6])
+    v, w = np.array(y[3:6]), np.array(changed[3:6])
     assert M @ (w - v) == pytest.approx([0.0, 0.05, -0.05], abs=1e-15)
-    assert found[6] == pytest.approx((w @ M @ w - v @ M @ v) / 2, rel=1e-13)
-    assert switches.kicked().energy.sum() == pytest.approx(found[6], rel=1e-13)
+    assert changed[6] == pytest.approx((w @ M @ w - v @ M @ v) / 2, rel=1e-13)
+    assert switches.kicked().energy.sum() == pytest.approx(changed[6], rel=1e-13)
 
 
 def test_a_side_that_was_kicked_waits_for_the_other() -> None:
@@ -221,9 +221,9 @@ def test_values_and_their_rates_of_many_are_those_of_each(name: str) -> None:
         assert np.subtract(*sides) / 2e-6 == pytest.approx(each[-1][1][1], rel=1e-6, abs=1e-6)
     side = np.array(states).T
     V, R = switches.values(rows.T, np.array([f for f, _ in each]).T, [*timed(0.3), *switches.inputs(side)], side)
-    for k, (_, own) in enumerate(each):
-        assert [np.broadcast_to(one, 5)[k] for one in V] == pytest.approx(own[0], rel=1e-13)
-        assert [np.broadcast_to(one, 5)[k] for one in R] == pytest.approx(own[1], rel=1e-12, abs=1e-12)
+    for k, (_, pair) in enumerate(each):
+        assert [np.broadcast_to(lane, 5)[k] for lane in V] == pytest.approx(pair[0], rel=1e-13)
+        assert [np.broadcast_to(lane, 5)[k] for lane in R] == pytest.approx(pair[1], rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -234,12 +234,12 @@ def test_columns_through_switches_are_differences_of_motions(name: str) -> None:
     direction = np.append(np.random.default_rng(2).normal(size=2 * at.half), 0.0)
     V = [direction[: at.size].tolist()]
     moved(switches, y, end, V)
-    switched = [one[1] for one in switches.happened]
+    switched = [happening[1] for happening in switches.happened]
     sides, h = [], 1e-5
     for s in (h, -h):
         switches.happened.clear()
         sides.append(moved(switches, (np.array(y) + s * direction[: at.size]).tolist(), end)[0])
-        assert [one[1] for one in switches.happened] == switched
+        assert [happening[1] for happening in switches.happened] == switched
     assert V[0] == pytest.approx(np.subtract(*sides) / (2 * h), rel=2e-5, abs=2e-5)
 
 
@@ -270,9 +270,9 @@ def test_the_source_for_numba_does_the_same(name: str) -> None:
     f = switches.function("sticking" if at.J else "rates")(y, switches.inputs(state), ())
     for j in range(switches.count):
         states, columns, happened = ([*state], [*state]), V.copy(), []
-        own, W = switches.change(0.5, j, y, f, states[0], V.tolist())
+        changed, W = switches.change(0.5, j, y, f, states[0], V.tolist())
         rest = (states[1], [*switches.numbers], switches.constants, [], columns, happened)
-        assert space["change"](0.5, j, y, f, *rest) == own  # type: ignore[operator]
+        assert space["change"](0.5, j, y, f, *rest) == changed  # type: ignore[operator]
         assert (states[1], columns.tolist()) == (states[0], W)
         assert happened == switches.happened[len(switches.happened) - len(happened) :]
 
@@ -293,6 +293,6 @@ def test_where_a_cubic_is_highest() -> None:
     ):
         x = highest(a, b, da, db)
         assert 0 < x < 1
-        values = [bent(one, a, b, da, db) for one in np.linspace(0, 1, 2001)]
+        values = [bent(part, a, b, da, db) for part in np.linspace(0, 1, 2001)]
         assert bent(x, a, b, da, db) == pytest.approx(max(values), abs=1e-6)
         assert bent(x, a, b, da, db) >= max(values) - 1e-15

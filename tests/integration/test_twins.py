@@ -52,7 +52,7 @@ def test_where_nothing_grows_the_twin_costs_one_more_run() -> None:
     assert calm.met
     assert not calm.parted
     free = advise(PAIR, 3.0, 1e-4, start=state_at_rest(PAIR, [10.0, -5.0, 10.0, -5.001]), method="DOP853")
-    spent, usual = (sum(one.calls for one in advice.attempts) for advice in (calm, free))
+    spent, usual = (sum(attempt.calls for attempt in advice.attempts) for advice in (calm, free))
     assert usual < spent < 3 * usual
 
 
@@ -61,7 +61,7 @@ def test_loads_do_not_hide_a_symmetry() -> None:
     asked = Request(PAIR, system_of(PAIR), LEVEL, np.linspace(0.0, 1.0, 11), load=lambda time, state: AppliedForces())
     twin = rounded(asked)
     assert twin is not None
-    whole, beside = (one.run(one.choice(1e-9)).motion.links for one in (asked, twin))
+    whole, beside = (request.run(request.choice(1e-9)).motion.links for request in (asked, twin))
     assert np.abs(whole[:, :2] - whole[:, 2:]).max() < 1e-12
     assert 0 < np.abs(beside - whole).max() < 1e-8
     assert np.abs(beside[0] - whole[0]).max() < 1e-14
@@ -105,15 +105,15 @@ def test_only_the_first_of_equal_pendula_is_put_aside() -> None:
 def test_the_growth_is_that_of_a_finer_run() -> None:
     scene, start = PAIR, LEVEL
     run = simulate(scene, 8.0, start=start, output=21)
-    found = departure(run)
-    assert found is not None
+    growth = departure(run)
+    assert growth is not None
     begun = aside(system_of(scene), start, ASIDE)
-    beside = simulate(scene, found.seconds, start=begun, tolerance=1e-12, output=400)
+    beside = simulate(scene, growth.seconds, start=begun, tolerance=1e-12, output=400)
     links = beside.motion.links.reshape(400, 2, 2)
     gone = np.abs(links[:, 0] - links[:, 1]).max(axis=1)
-    assert found.factor == pytest.approx(gone.max() / gone[0], rel=0.1)
-    assert found.factor * gone[0] == pytest.approx(GONE, rel=0.01)
-    assert found.words in text(run)
+    assert growth.factor == pytest.approx(gone.max() / gone[0], rel=0.1)
+    assert growth.factor * gone[0] == pytest.approx(GONE, rel=0.01)
+    assert growth.words in text(run)
 
 
 def test_noted_hardly_grow_and_whole_scenes_have_nothing_to_tell() -> None:
@@ -131,17 +131,17 @@ def test_noted_hardly_grow_and_whole_scenes_have_nothing_to_tell() -> None:
 def test_what_leaves_the_plane_of_the_rail_is_told() -> None:
     spatial = Scene(gravity=9.81, space="space", pendulum=[Pendulum(links=[ROD, ROD])])
     run = simulate(spatial, 2.0, start=state_at_rest(spatial, [150.0, 150.0]), output=11)
-    found = departure(run)
-    assert found is not None
+    growth = departure(run)
+    assert growth is not None
     assert run.run.reduced == "one vertical plane of space"
-    assert found.factor > 1.0
+    assert growth.factor > 1.0
 
 
 def test_a_stiff_twin_is_followed_for_a_while_only(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("nonlinear.integration.twins.STEPS", 20)
-    found = departure(simulate(PAIR, 12.0, start=LEVEL))
-    assert found is not None
-    assert 0.0 < found.seconds < 3.0
+    growth = departure(simulate(PAIR, 12.0, start=LEVEL))
+    assert growth is not None
+    assert 0.0 < growth.seconds < 3.0
 
 
 TWO = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)], count=2)])

@@ -46,22 +46,22 @@ def of(scene: Scene, text: str) -> Loci:
 
 
 def test_uncoupled_pendula_cross_where_their_lengths_are_equal() -> None:
-    found = of(pair(Fixed()), f"{LENGTH}=0.8:1.7:20")
-    (meeting,) = found.encounters
+    loci = of(pair(Fixed()), f"{LENGTH}=0.8:1.7:20")
+    (meeting,) = loci.encounters
     assert meeting.kind == "crossing"
     assert meeting.loci == (0, 1)
     assert meeting.value == pytest.approx(1.2, rel=1e-14)
     assert meeting.omega == pytest.approx(sqrt(G / 1.2), rel=1e-14)
     assert meeting.gap < 1e-14
     assert meeting.exchange < 1e-14
-    assert np.allclose(found.omega[:, 0], sqrt(G / 1.2), rtol=1e-14)
-    assert np.allclose(found.omega[:, 1], np.sqrt(G / found.values), rtol=1e-14)
+    assert np.allclose(loci.omega[:, 0], sqrt(G / 1.2), rtol=1e-14)
+    assert np.allclose(loci.omega[:, 1], np.sqrt(G / loci.values), rtol=1e-14)
 
 
 def test_a_crossing_on_a_value_of_the_grid_is_one_crossing() -> None:
-    found = of(pair(Fixed()), f"{LENGTH}=0.8,1.2,1.6")
-    assert [(m.kind, m.value, m.gap) for m in found.encounters] == [("crossing", 1.2, 0.0)]
-    assert np.allclose(found.omega[:, 1], np.sqrt(G / found.values), rtol=1e-14)
+    loci = of(pair(Fixed()), f"{LENGTH}=0.8,1.2,1.6")
+    assert [(m.kind, m.value, m.gap) for m in loci.encounters] == [("crossing", 1.2, 0.0)]
+    assert np.allclose(loci.omega[:, 1], np.sqrt(G / loci.values), rtol=1e-14)
 
 
 def test_meeting_at_an_end_is_no_crossing() -> None:
@@ -69,16 +69,16 @@ def test_meeting_at_an_end_is_no_crossing() -> None:
 
 
 def test_in_space_both_directions_go_together() -> None:
-    found = of(pair(Fixed(), space="space"), f"{LENGTH}=0.8:1.7:9")
-    assert found.multiplicity.tolist() == [2, 2]
-    assert [m.kind for m in found.encounters] == ["crossing"]
+    loci = of(pair(Fixed(), space="space"), f"{LENGTH}=0.8:1.7:9")
+    assert loci.multiplicity.tolist() == [2, 2]
+    assert [m.kind for m in loci.encounters] == ["crossing"]
 
 
 @pytest.mark.parametrize("mass", [30.0, 100.0, 1e4, 1e8, 1e12])
 def test_on_a_heavy_cart_they_veer_by_the_coupling(mass: float) -> None:
     """Equal pendula of 1 kg: ω_in² = ω_0² (1 + 2m/m_c), ω_anti = ω_0."""
-    found = of(pair(Cart(mass=mass)), f"{LENGTH}=0.8:1.7:8")
-    (meeting,) = found.encounters
+    loci = of(pair(Cart(mass=mass)), f"{LENGTH}=0.8:1.7:8")
+    (meeting,) = loci.encounters
     coupling = 2 / mass
     gap = sqrt(G / 1.2) * coupling / (1 + sqrt(1 + coupling))
     assert meeting.kind == "veering"
@@ -87,12 +87,12 @@ def test_on_a_heavy_cart_they_veer_by_the_coupling(mass: float) -> None:
     assert meeting.gap <= gap + 1e-15
     assert meeting.value == pytest.approx(1.2, rel=2 * coupling + 1e-8)
     assert meeting.exchange > 0.25
-    assert np.all(np.diff(found.omega, axis=1) > 0), "loci that veer keep their order"
+    assert np.all(np.diff(loci.omega, axis=1) > 0), "loci that veer keep their order"
 
 
 def dense_gap(scene: Scene, value: float) -> float:
-    found = matrices(vary(scene, {LENGTH: value}))
-    omega = np.sqrt(np.maximum(np.linalg.eigvals(np.linalg.solve(found.M, found.K)).real, 0))
+    model = matrices(vary(scene, {LENGTH: value}))
+    omega = np.sqrt(np.maximum(np.linalg.eigvals(np.linalg.solve(model.M, model.K)).real, 0))
     low, high = np.sort(omega)[1:]
     return float(high - low)
 
@@ -110,27 +110,27 @@ def test_the_smallest_gap_is_that_of_a_dense_scan() -> None:
 @pytest.mark.parametrize("seed", usually(range(0, 6, 2), range(6)))
 def test_loci_hold_all_frequencies_and_shapes_go_on(seed: int) -> None:
     scene = motion_scene(seed, damped=False, standing=False)
-    found = of(scene, f"{LENGTH}=0.2:4:7log")
-    for value in (found.variation.values[0], found.variation.values[3], found.variation.values[-1]):
+    loci = of(scene, f"{LENGTH}=0.2:4:7log")
+    for value in (loci.variation.values[0], loci.variation.values[3], loci.variation.values[-1]):
         modes = natural_modes(vary(scene, {LENGTH: value}))
-        mine = np.repeat(found.omega[np.flatnonzero(found.values == value)[0]], found.multiplicity)
+        mine = np.repeat(loci.omega[np.flatnonzero(loci.values == value)[0]], loci.multiplicity)
         assert np.allclose(np.sort(mine), np.repeat(modes.omega, modes.multiplicity), rtol=1e-12)
-    assert set(found.variation.values) <= set(found.values.tolist())
-    assert np.all(np.diff(found.values) > 0)
+    assert set(loci.variation.values) <= set(loci.values.tolist())
+    assert np.all(np.diff(loci.values) > 0)
 
 
 def test_antiphase_copies_cross_what_moves_the_cart() -> None:
     """Three equal pendula hold the cart still in two ways; their frequency passes those of the other pendula."""
     three = Pendulum(links=(Bob(mass=1.0, length=1.2),), count=3)
     scene = Scene(gravity=G, support=Cart(mass=50.0), pendulum=(three, Pendulum(links=(Rod(mass=1.0, length=1.0),))))
-    found = of(scene, f"{LENGTH}=0.3:3:9log")
-    double = int(np.flatnonzero(found.multiplicity == 2)[0])
-    assert np.allclose(found.omega[:, double], np.sqrt(G / found.values), rtol=1e-13)
-    kinds = {kind: [m for m in found.encounters if m.kind == kind] for kind in ("crossing", "veering")}
+    loci = of(scene, f"{LENGTH}=0.3:3:9log")
+    double = int(np.flatnonzero(loci.multiplicity == 2)[0])
+    assert np.allclose(loci.omega[:, double], np.sqrt(G / loci.values), rtol=1e-13)
+    kinds = {kind: [m for m in loci.encounters if m.kind == kind] for kind in ("crossing", "veering")}
     assert [double in m.loci for m in kinds["crossing"]] == [True]
     assert [double in m.loci for m in kinds["veering"]] == [False]
     other = next(k for k in kinds["crossing"][0].loci if k != double)
-    sides = [np.sign(found.omega[row, other] - found.omega[row, double]) for row in (0, -1)]
+    sides = [np.sign(loci.omega[row, other] - loci.omega[row, double]) for row in (0, -1)]
     assert sides[0] == -sides[1] != 0
 
 
@@ -138,19 +138,19 @@ def test_a_smallest_gap_without_exchange_of_shapes_is_no_veering() -> None:
     """A body's ω² = m g c/(I + m c²) is largest at c = √(I/m), here just below that of a free bob beside it."""
     body = Body(mass=1.0, length=1.0, centre=0.3, inertia=0.25)
     scene = Scene(gravity=G, pendulum=(Pendulum(links=(body,)), Pendulum(links=(Bob(mass=1.0, length=0.9),))))
-    found = of(scene, "pendulum[0].links[0].centre=0.1:2:20")
-    gap = np.abs(np.diff(found.omega, axis=1))[:, 0]
+    loci = of(scene, "pendulum[0].links[0].centre=0.1:2:20")
+    gap = np.abs(np.diff(loci.omega, axis=1))[:, 0]
     assert 0 < np.argmin(gap) < len(gap) - 1
     assert gap.min() < min(gap[0], gap[-1]) / 2
-    assert found.encounters == ()
+    assert loci.encounters == ()
 
 
 def test_only_neighbours_veer() -> None:
     """A spring on the trolley: its mode veers from the slower load's, no more."""
-    found = of(load("crane-two-loads"), "support.stiffness=0:5000:6")
-    gap = found.omega[:, 2] - found.omega[:, 0]
+    loci = of(load("crane-two-loads"), "support.stiffness=0:5000:6")
+    gap = loci.omega[:, 2] - loci.omega[:, 0]
     assert 0 < np.argmin(gap) < len(gap) - 1
-    assert [(m.kind, m.loci) for m in found.encounters] == [("veering", (0, 1))]
+    assert [(m.kind, m.loci) for m in loci.encounters] == [("veering", (0, 1))]
 
 
 def test_a_degenerate_space_is_followed_by_projection() -> None:
@@ -159,9 +159,9 @@ def test_a_degenerate_space_is_followed_by_projection() -> None:
     before, after = (solve_at(scene, LENGTH, value) for value in (1.15, 1.2))
     turn = np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
     mixed = after.reordered(np.arange(2), after.shapes @ turn)
-    found, sure = follow(before, mixed)
+    followed, sure = follow(before, mixed)
     assert sure
-    assert np.allclose(overlaps(before, found), np.eye(2), atol=1e-12)
+    assert np.allclose(overlaps(before, followed), np.eye(2), atol=1e-12)
     assert np.max(np.abs(overlaps(before, mixed) - np.eye(2))) > 0.2
 
 
@@ -213,9 +213,9 @@ def test_progress_is_told_value_by_value() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
 def test_a_picture_is_drawn(kind: str) -> None:
-    found = of(load("crane-two-loads"), f"{LENGTH}=5:20:4log")
+    loci = of(load("crane-two-loads"), f"{LENGTH}=5:20:4log")
     stream = io.BytesIO()
-    draw_loci(found, stream, kind)
+    draw_loci(loci, stream, kind)
     assert len(stream.getvalue()) > 5000
-    words = encounter_words(found.encounters[0], found)
+    words = encounter_words(loci.encounters[0], loci)
     assert words == "veering 2 · 3 at 10.083 m, gap 0.09444 rad/s"

@@ -67,20 +67,20 @@ UNKNOWNS = {
     list(product([False, True], [False, True], [EQUAL, DIFFERENT], [0.0, 0.01])),
 )
 def test_degrees_of_freedom(on_cart: bool, in_space: bool, pendula: tuple[tuple[int, int], ...], damped: float) -> None:
-    given = scene(
+    example = scene(
         *(rods(n, count, damping=damped) for n, count in pendula),
         cart=CART if on_cart else None,
         space="space" if in_space else "plane",
     )
-    modes = natural_modes(given)
-    found = report_solution(modes)
+    modes = natural_modes(example)
+    report = report_solution(modes)
     links = {EQUAL: 6, DIFFERENT: 7}[pendula]
-    assert found.coordinates == (2 if in_space else 1) * links + on_cart == modes.multiplicity.sum()
-    assert len(matrices(given).M) == links + on_cart
+    assert report.coordinates == (2 if in_space else 1) * links + on_cart == modes.multiplicity.sum()
+    assert len(matrices(example).M) == links + on_cart
     unneeded = 3 if on_cart and damped and not in_space and pendula == DIFFERENT else 0  # matrices ask for no poles
-    assert found.unknowns == UNKNOWNS[on_cart, pendula] - unneeded
-    assert sum(part.modes for part in found.parts) == found.coordinates
-    assert found.complex_problem == bool(damped)
+    assert report.unknowns == UNKNOWNS[on_cart, pendula] - unneeded
+    assert sum(part.modes for part in report.parts) == report.coordinates
+    assert report.complex_problem == bool(damped)
 
 
 # --------------------------------------------------------------------------------- what LAPACK was really handed
@@ -154,24 +154,24 @@ def test_lapack_gets_what_the_audit_tells(name: str, handed: list[tuple[str, int
 
     Seeds of structured routes are eigenvalues alone, of matrices as large as one problem, chains of one link apart.
     """
-    given, largest = ROUTES[name]
-    modes = natural_modes(given)
+    example, largest = ROUTES[name]
+    modes = natural_modes(example)
     list(modes)
-    found = report_solution(modes)
-    asked = [matrix for matrix in found.matrices if matrix.name not in {"own shapes", "seeds"}]
-    seeds = [matrix.order for matrix in found.matrices if matrix.name == "seeds"]
-    own = max((size for name, size, _ in handed if name == "eigvalsh"), default=0)
-    assert own == max(seeds, default=0) or given.has_damping
+    report = report_solution(modes)
+    asked = [matrix for matrix in report.matrices if matrix.name not in {"own shapes", "seeds"}]
+    seeds = [matrix.order for matrix in report.matrices if matrix.name == "seeds"]
+    order = max((size for name, size, _ in handed if name == "eigvalsh"), default=0)
+    assert order == max(seeds, default=0) or example.has_damping
     assert max((size for name, size, _ in handed if name != "eigvalsh"), default=0) <= largest
     assert max((matrix.order for matrix in asked), default=0) == largest
     solved = {kind: sum(m.number for m in asked if m.name == kind) for kind in ("symmetric", "state")}
     calls = [call for call, *_ in handed]
     assert solved == {"symmetric": calls.count("eigh"), "state": calls.count("eig")}
-    assert found.complex_problem == ("eig" in calls)
-    assert found.complex_problem == given.has_damping
-    assert given.has_damping or not any(is_complex for *_, is_complex in handed)
+    assert report.complex_problem == ("eig" in calls)
+    assert report.complex_problem == example.has_damping
+    assert example.has_damping or not any(is_complex for *_, is_complex in handed)
     shapes = [source.modes.shape for source in modes.spectrum.sources if source.route == "dense"]
-    assert all(np.iscomplexobj(shape) == found.complex_problem for shape in shapes)
+    assert all(np.iscomplexobj(shape) == report.complex_problem for shape in shapes)
 
 
 # --------------------------------------------------------------------------------------------- searches and bytes
@@ -187,9 +187,9 @@ def test_every_different_chain_is_searched_once(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(sources, "fixed_squares", watched)
     modes = natural_modes(scene(rods(2, 2), rods(2, length=2.0), cart=CART))
-    found = report_solution(modes)
-    assert sum(searched) == 2 == found.parts[0].problems
-    assert [part.modes for part in found.parts] == [2, 1, 4]
+    report = report_solution(modes)
+    assert sum(searched) == 2 == report.parts[0].problems
+    assert [part.modes for part in report.parts] == [2, 1, 4]
 
 
 def test_modes_that_nobody_takes_name_no_route() -> None:
@@ -211,7 +211,7 @@ def peak(job: Callable[[], object]) -> int:
 def test_a_thousand_equal_pendula_take_the_memory_of_two() -> None:
     two, thousand = (scene(rods(3, count), cart=CART) for count in (2, 1000))
     list(natural_modes(two))
-    few, many = (min(peak(lambda: list(natural_modes(one))) for _ in range(5)) for one in (two, thousand))  # noqa: B023
+    few, many = (min(peak(lambda: list(natural_modes(example))) for _ in range(5)) for example in (two, thousand))  # noqa: B023
     assert many < 1.2 * few
     different = scene(*(rods(3, length=1.0 + k / 1000) for k in range(1000)), cart=CART)
     assert peak(lambda: natural_modes(different)) > 10 * peak(lambda: natural_modes(two))
@@ -235,8 +235,8 @@ def test_a_long_chain_takes_memory_in_proportion(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.slow
 def test_rows_of_a_dense_scene_take_a_few_matrices() -> None:
-    given = scene(rods(120, stiffness=0.1), cart=Cart(mass=1.0, stiffness=1.0))
-    assert peak(lambda: list(natural_modes(given))) < 40 * 121**2 * 8
+    example = scene(rods(120, stiffness=0.1), cart=Cart(mass=1.0, stiffness=1.0))
+    assert peak(lambda: list(natural_modes(example))) < 40 * 121**2 * 8
 
 
 def test_shapes_of_a_crowd_piece_by_piece(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -293,8 +293,8 @@ def test_terms_that_cancel_in_an_upright_scene(cart: Cart | None, monkeypatch: p
     links = tuple(Body(mass=m, length=1.0, centre=0.4, inertia=0.1, stiffness=3.0) for m in (1.0, 2.0, 0.5))
     upright = Pendulum(links=links, equilibrium=("up", "down", "up"))
     other = Pendulum(links=links[:2], equilibrium=("down", "up"))
-    given = scene(upright, other, cart=cart) if cart else scene(upright)
-    rig = rig_of(given).natural()[0]
+    example = scene(upright, other, cart=cart) if cart else scene(upright)
+    rig = rig_of(example).natural()[0]
     assert len(matrix_source.FromMatrices(rig.blocks, tuple(b.count for b in rig.blocks), rig.cart).eigenvalue)
     hanging = [(replace(b, sigma=np.abs(b.sigma)), p) for b in rig.blocks for p in range(b.size)]
     np.testing.assert_allclose(handed[0], np.diag(assembled(hanging, rig.cart, 1.0)[1]), rtol=1e-14)
@@ -347,11 +347,11 @@ def test_one_plane_instead_of_two() -> None:
 
 def test_text_stays_short_and_holds_the_numbers() -> None:
     many = scene(*(rods(n, n % 3 + 1, damping=0.01) for n in range(1, 14)), space="space")
-    found = report_solution(natural_modes(many))
-    lines = found.text().splitlines()
+    report = report_solution(natural_modes(many))
+    lines = report.text().splitlines()
     assert len(lines) <= 25
     assert max(map(len, lines)) <= 110
-    assert lines[0] == f"Built: {sum(range(1, 14))} unknowns for a scene of {found.coordinates} coordinates"
+    assert lines[0] == f"Built: {sum(range(1, 14))} unknowns for a scene of {report.coordinates} coordinates"
     assert "        and 7 more" in lines
     crowded = found_in("crowd").text()
     assert re.search(r"matrices: .*own shapes 32×32, .*, and \d\d more\n", crowded)
@@ -360,14 +360,14 @@ def test_text_stays_short_and_holds_the_numbers() -> None:
 def test_shapes_of_a_crowd_count_as_matrices() -> None:
     every = found_in("crowd").matrices
     assert {m.name for m in every} == {"own shapes", "seeds"}
-    found = [matrix for matrix in every if matrix.name == "own shapes"]
-    assert sum(m.number * m.order for m in found) == sum(p.n_links for p in LONG) - 1
-    assert {m.order: m.number for m in found}[30] == 2
+    matrices = [matrix for matrix in every if matrix.name == "own shapes"]
+    assert sum(m.number * m.order for m in matrices) == sum(p.n_links for p in LONG) - 1
+    assert {m.order: m.number for m in matrices}[30] == 2
 
 
 def test_record_is_json() -> None:
-    found = found_in("damped")
-    record = json.loads(json.dumps(found.record()))
+    report = found_in("damped")
+    record = json.loads(json.dumps(report.record()))
     assert record["coordinates"] == 37
     assert record["unknowns"] == sum(part["problems"] * part["unknowns"] for part in record["parts"]) == 9
     assert {(m["name"], m["order"], m["number"]) for m in record["matrices"]} == {
@@ -375,7 +375,7 @@ def test_record_is_json() -> None:
         ("state", 8, 2),
     }
     assert record["complex_problem"] is True
-    assert record["modules"] == list(found.modules)
+    assert record["modules"] == list(report.modules)
 
 
 # --------------------------------------------------------------------------------------------------------- imports

@@ -53,9 +53,9 @@ def test_equal_bobs_and_the_toolkit_agree(n: int) -> None:
 
 @pytest.mark.parametrize("n", range(1, 31))
 def test_effective_masses_of_equal_bobs(n: int) -> None:
-    found = [mode.effective_mass for mode in equal_chain(n, Bob, mass=0.7)]
+    masses = [mode.effective_mass for mode in equal_chain(n, Bob, mass=0.7)]
     expected = closed_forms.equal_bob_effective_masses(n)
-    np.testing.assert_allclose(np.array(found) / 0.7, expected, rtol=1e-12)
+    np.testing.assert_allclose(np.array(masses) / 0.7, expected, rtol=1e-12)
     assert expected.sum() == pytest.approx(n, rel=1e-13)
 
 
@@ -65,9 +65,9 @@ def test_shapes_of_equal_bobs(n: int) -> None:
     modes, y = equal_chain(n, Bob), closed_forms.equal_bob_shapes(n)
     assert y.shape == (n, n)
     angles = -np.diff(y, axis=0, append=0.0)[::-1]
-    for number, found in enumerate(angles.T):
+    for number, shape in enumerate(angles.T):
         expected = modes.shape(number).angles
-        np.testing.assert_allclose(found / found[np.argmax(np.abs(expected))], expected, atol=1e-12)
+        np.testing.assert_allclose(shape / shape[np.argmax(np.abs(expected))], expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("n", [2, 3, 10])
@@ -85,10 +85,10 @@ def test_rods() -> None:
 
 def test_two_equal_rods_in_symbols() -> None:
     P, x = symbolic(2, "rod"), sp.Symbol("x")
-    ones = dict.fromkeys(P.free_symbols - {x}, 1)
-    found = sorted(sp.roots(P.subs(ones), x))
-    assert [sp.simplify(a - b) for a, b in zip(found, (3 - 6 / sp.sqrt(7), 3 + 6 / sp.sqrt(7)), strict=True)] == [0, 0]
-    np.testing.assert_allclose([float(root) for root in found], closed_forms.TWO_EQUAL_RODS, rtol=1e-15)
+    units = dict.fromkeys(P.free_symbols - {x}, 1)
+    roots = sorted(sp.roots(P.subs(units), x))
+    assert [sp.simplify(a - b) for a, b in zip(roots, (3 - 6 / sp.sqrt(7), 3 + 6 / sp.sqrt(7)), strict=True)] == [0, 0]
+    np.testing.assert_allclose([float(root) for root in roots], closed_forms.TWO_EQUAL_RODS, rtol=1e-15)
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 1000])
@@ -112,8 +112,8 @@ def test_simple_pendula_on_a_cart_in_symbols() -> None:
 def test_beat_period() -> None:
     """Of two light pendula on a heavy cart: about 2π/(ω_0 m/m_c); and of the paper's cart, 167.8 s."""
     light = closed_forms.simple_pendula_on_cart(2, mass=1e-6, length=1.0, cart_mass=1.0, gravity=G)
-    found = closed_forms.beat_period(light.antiphase, light.in_phase)
-    assert found == pytest.approx(4 * pi / (sqrt(G) * 2e-6), rel=1e-6)
+    period = closed_forms.beat_period(light.antiphase, light.in_phase)
+    assert period == pytest.approx(4 * pi / (sqrt(G) * 2e-6), rel=1e-6)
     assert closed_forms.beat_period(2.680114012253376, 2.7175491179815836) == pytest.approx(167.8, abs=0.05)
 
 
@@ -134,27 +134,27 @@ def errors(link: type[Bob] | type[Rod], count: int) -> np.ndarray:
     return np.array([equal_chain(int(n), link, length=1 / n).omega[:count] / rope - 1 for n in LONG])
 
 
-def order(found: np.ndarray) -> float:
+def order(values: np.ndarray) -> float:
     """The slope of log |error| over log n between the last two refinements."""
-    return float(np.diff(np.log(np.abs(found)))[-1] / np.diff(np.log(LONG))[-1])
+    return float(np.diff(np.log(np.abs(values)))[-1] / np.diff(np.log(LONG))[-1])
 
 
 @pytest.mark.parametrize("mode", [0, 1])
 def test_bobs_approach_the_rope_as_1_over_4n(mode: int) -> None:
-    found = errors(Bob, 4)[:, mode]
-    assert order(found) == pytest.approx(-1, abs=0.1)
-    extrapolated = 2 * found[-1] * LONG[-1] - found[-2] * LONG[-2]
+    gaps = errors(Bob, 4)[:, mode]
+    assert order(gaps) == pytest.approx(-1, abs=0.1)
+    extrapolated = 2 * gaps[-1] * LONG[-1] - gaps[-2] * LONG[-2]
     assert extrapolated == pytest.approx(-1 / 4, rel=1e-3)
     predicted = np.array([closed_forms.rope_error_of_bobs(int(n)) for n in LONG])
-    assert found[-1] / predicted[-1] == pytest.approx(1, abs=0.1)
+    assert gaps[-1] / predicted[-1] == pytest.approx(1, abs=0.1)
 
 
 @pytest.mark.parametrize("mode", range(4))
 def test_rods_approach_the_rope_as_1_over_n_squared(mode: int) -> None:
-    found = errors(Rod, 4)[:, mode]
+    gaps = errors(Rod, 4)[:, mode]
     predicted = np.array([closed_forms.rope_error_of_rods(int(n), 4)[mode] for n in LONG])
-    assert order(found) == pytest.approx(-2, abs=0.1)
-    ratio = found / predicted
+    assert order(gaps) == pytest.approx(-2, abs=0.1)
+    ratio = gaps / predicted
     assert ratio[-1] == pytest.approx(1, abs=1e-3)
     assert np.all(np.diff(np.abs(ratio - 1)) < 0)
 

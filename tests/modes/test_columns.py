@@ -134,20 +134,20 @@ def test_no_digit_of_an_uncertain_frequency_is_shown() -> None:
 
 def test_to_dict_has_every_column_of_the_csv() -> None:
     modes = modes_of("huygens")
-    found = modes.to_dict()
+    record = modes.to_dict()
     head, *lines = csv.reader(io.StringIO(modes.table("csv")))
-    assert list(found) == head
-    assert lines == [list(map(as_text, row)) for row in zip(*(found[key].tolist() for key in head), strict=True)]
+    assert list(record) == head
+    assert lines == [list(map(as_text, row)) for row in zip(*(record[key].tolist() for key in head), strict=True)]
 
 
 @pytest.mark.parametrize("name", ["huygens", "paper-cart-3", "cart-upright"])
 def test_a_mode_by_itself_has_its_row_of_the_columns(name: str) -> None:
     modes = modes_of(name)
-    found = modes.to_dict()
+    record = modes.to_dict()
     for k, mode in enumerate(modes):
         row = mode.to_dict()
-        assert list(row) == [key for key in found if key != "fixed_base_effective_mass_kg"]
-        assert [*map(as_text, row.values())] == [as_text(found[key][k]) for key in row]
+        assert list(row) == [key for key in record if key != "fixed_base_effective_mass_kg"]
+        assert [*map(as_text, row.values())] == [as_text(record[key][k]) for key in row]
         assert not any(value != value for value in row.values())
 
 
@@ -166,7 +166,7 @@ def test_a_data_frame_is_the_table() -> None:
 def test_frequencies_need_no_shape(monkeypatch: pytest.MonkeyPatch) -> None:
     """A hundred thousand pendula, and a rope of a thousand links, without the details of a single one."""
 
-    def never(self: ModalSpectrum, *given: object) -> object:
+    def never(self: ModalSpectrum, *arguments: object) -> object:
         raise AssertionError("a shape was computed")
 
     crowd = Scene(
@@ -191,9 +191,9 @@ def test_the_rows_are_computed_once_for_all_columns(monkeypatch: pytest.MonkeyPa
     modes, asked = modes_of("paper-cart-3"), []
     details = ModalSpectrum.details
 
-    def counted(self: ModalSpectrum, *given: Any) -> Any:
-        asked.append(given)
-        return details(self, *given)
+    def counted(self: ModalSpectrum, *arguments: Any) -> Any:
+        asked.append(arguments)
+        return details(self, *arguments)
 
     monkeypatch.setattr(ModalSpectrum, "details", counted)
     first = modes.family

@@ -38,8 +38,8 @@ SCENES = (
 )
 
 
-def scene_of(one: str | Scene) -> Scene:
-    return load(one) if isinstance(one, str) else one
+def scene_of(example: str | Scene) -> Scene:
+    return load(example) if isinstance(example, str) else example
 
 
 def clamped(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
@@ -49,45 +49,47 @@ def clamped(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return square, (shapes.T @ whole.M[1:, 0]) ** 2
 
 
-@pytest.mark.parametrize("one", SCENES, ids=str)
-def test_every_route_gives_the_same_mass(one: str | Scene) -> None:
-    scene = scene_of(one)
+@pytest.mark.parametrize("example", SCENES, ids=str)
+def test_every_route_gives_the_same_mass(example: str | Scene) -> None:
+    scene = scene_of(example)
     modes = natural_modes(scene)
-    found = fixed_base_masses(modes)
+    masses = fixed_base_masses(modes)
     dynamic = explain(scene).dynamic
     square, mass = clamped(scene)
-    assert np.allclose(np.sort(found[found > 1e-12]), np.sort(dynamic.mass[dynamic.mass > 1e-12]), rtol=1e-9)
-    for omega, own in zip(modes.omega, found, strict=True):  # the pole at or below the mode that has its mass
-        if own > 1e-12:
+    assert np.allclose(np.sort(masses[masses > 1e-12]), np.sort(dynamic.mass[dynamic.mass > 1e-12]), rtol=1e-9)
+    for omega, base_mass in zip(modes.omega, masses, strict=True):  # the pole at or below the mode that has its mass
+        if base_mass > 1e-12:
             r = np.flatnonzero(dynamic.omega <= omega * (1 + 1e-9))[-1]
-            assert own == pytest.approx(dynamic.mass[r], rel=1e-9)
-            assert own == pytest.approx(mass[np.isclose(square, dynamic.omega[r] ** 2, rtol=1e-9)].sum(), rel=1e-7)
-    hanging = sum(link.mass * link.count * one.count for one in scene.pendulum for link in one.links)
-    assert found.sum() + dynamic.residual == pytest.approx(hanging, rel=1e-12)
+            assert base_mass == pytest.approx(dynamic.mass[r], rel=1e-9)
+            assert base_mass == pytest.approx(
+                mass[np.isclose(square, dynamic.omega[r] ** 2, rtol=1e-9)].sum(), rel=1e-7
+            )
+    hanging = sum(link.mass * link.count * pendulum.count for pendulum in scene.pendulum for link in pendulum.links)
+    assert masses.sum() + dynamic.residual == pytest.approx(hanging, rel=1e-12)
 
 
-@pytest.mark.parametrize("one", SCENES, ids=str)
-def test_residues_of_the_dynamic_mass_are_these_masses(one: str | Scene) -> None:
-    scene = scene_of(one)
-    dynamic, found = explain(scene).dynamic, fixed_base_masses(natural_modes(scene))
+@pytest.mark.parametrize("example", SCENES, ids=str)
+def test_residues_of_the_dynamic_mass_are_these_masses(example: str | Scene) -> None:
+    scene = scene_of(example)
+    dynamic, masses = explain(scene).dynamic, fixed_base_masses(natural_modes(scene))
     step = 1e-7
     residues = [  # m_dyn ≈ μ ω_r²/(ω_r² − ω²) beside a pole: half the difference across it, where all else cancels
         float((dynamic([w * (1 - step)]) - dynamic([w * (1 + step)]))[0]) / 2 * (2 * step) for w in dynamic.omega
     ]
-    assert sum(residues) == pytest.approx(found.sum(), rel=1e-5)
+    assert sum(residues) == pytest.approx(masses.sum(), rel=1e-5)
 
 
-@pytest.mark.parametrize("one", SCENES[:5])
-def test_a_mode_goes_to_its_fixed_base_mode_as_the_cart_grows(one: str) -> None:
-    scene = load(one)
+@pytest.mark.parametrize("name", SCENES[:5])
+def test_a_mode_goes_to_its_fixed_base_mode_as_the_cart_grows(name: str) -> None:
+    scene = load(name)
     heavy = natural_modes(scene.replace(support=Cart(mass=1e9)))
-    found, base = fixed_base_masses(heavy), natural_modes(scene.replace(support=Fixed()))
-    assert np.allclose(found, fixed_base_masses(natural_modes(scene)), rtol=1e-9)
-    for omega, own in zip(heavy.omega, found, strict=True):
-        if own > 1e-12:
+    masses, base = fixed_base_masses(heavy), natural_modes(scene.replace(support=Fixed()))
+    assert np.allclose(masses, fixed_base_masses(natural_modes(scene)), rtol=1e-9)
+    for omega, base_mass in zip(heavy.omega, masses, strict=True):
+        if base_mass > 1e-12:
             row = int(np.abs(base.omega - omega).argmin())
             assert base.omega[row] == pytest.approx(omega, rel=1e-6)
-            assert base[row].effective_mass == pytest.approx(own, rel=1e-9)
+            assert base[row].effective_mass == pytest.approx(base_mass, rel=1e-9)
 
 
 def test_on_a_fixed_support_it_is_the_modes_own() -> None:
@@ -163,10 +165,10 @@ def test_what_is_light_is_judged_by_shape_and_damping_ratio() -> None:
 
 
 def test_dampers_leave_the_fixed_base_masses_of_clocks() -> None:
-    found = fixed_base_masses(natural_modes(load("huygens")))
-    (mass,) = (own for own in found if own > 1e-12)
+    masses = fixed_base_masses(natural_modes(load("huygens")))
+    (mass,) = (each for each in masses if each > 1e-12)
     assert mass == pytest.approx(0.164, rel=1e-12)
-    assert np.isnan(found[1])
+    assert np.isnan(masses[1])
 
 
 def test_a_note_says_whose_masses_they_are() -> None:
@@ -214,11 +216,11 @@ def test_columns_are_chosen_by_name() -> None:
     every = keys("crane-hook", "all")
     assert every == list(COLUMN_NAMES) == [column.key for column in COLUMNS if column.shown]
     assert keys("crane-hook", "omega,effective_mass_kg") == ["mode", "omega_rad_per_s", "effective_mass_kg"]
-    for name, own in (
+    for name, cumulative in (
         ("crane-hook", "cumulative_fixed_base_mass_share"),
         ("chain-3", "cumulative_effective_mass_share"),
     ):
-        assert set(keys(name, "+cumulative")) - set(keys(name)) == {own}
+        assert set(keys(name, "+cumulative")) - set(keys(name)) == {cumulative}
 
 
 @pytest.mark.parametrize(("chosen", "told"), [("+", "+"), (",", ","), ("omega,,nothing,nothing", "nothing")])
@@ -278,14 +280,16 @@ def test_sensitivities_are_those_of_the_numbers_in_the_file(name: str) -> None:
     scene = load(name)
     modes = natural_modes(scene)
     for k, row in enumerate(modes):
-        for path, own in of_mode(modes, row).items():
+        for path, derivative in of_mode(modes, row).items():
             (place, *_) = find_places(scene, path)
-            assert number_at(scene, place) == own.number
-            step = 1e-4 * own.number
-            above, below = (natural_modes(vary(scene, {path: own.number + s})).omega[k] for s in (step, -step))
-            assert own.derivative == pytest.approx((above - below) / (2 * step), rel=1e-5, abs=1e-7 / own.number)
+            assert number_at(scene, place) == derivative.number
+            step = 1e-4 * derivative.number
+            above, below = (natural_modes(vary(scene, {path: derivative.number + s})).omega[k] for s in (step, -step))
+            assert derivative.derivative == pytest.approx(
+                (above - below) / (2 * step), rel=1e-5, abs=1e-7 / derivative.number
+            )
             if row.omega:
-                assert own.relative == pytest.approx(own.number / row.omega * own.derivative)
+                assert derivative.relative == pytest.approx(derivative.number / row.omega * derivative.derivative)
 
 
 def test_sensitivities_in_every_format() -> None:
@@ -293,8 +297,8 @@ def test_sensitivities_in_every_format() -> None:
 
     modes = natural_modes(load("paper-cart-3"))
     rows = list(modes)
-    found = json.loads(table(modes, rows, "json", sensitive=True))["modes"]
-    assert [bool(one["sensitivities"]) for one in found] == [row.multiplicity == 1 for row in rows]
+    entries = json.loads(table(modes, rows, "json", sensitive=True))["modes"]
+    assert [bool(entry["sensitivities"]) for entry in entries] == [row.multiplicity == 1 for row in rows]
     assert "d_omega_d_gravity" in table(modes, rows, "csv", sensitive=True).splitlines()[0]
     for form in ("text", "markdown", "latex", "html"):
         text = table(modes, rows, form, sensitive=True)

@@ -15,8 +15,8 @@ from modal.scene.parameters import vary
 
 
 def rods(n: int, support: Cart | None = None) -> Scene:
-    given = {"support": support} if support else {}
-    return Scene(gravity=9.81, pendulum=[Pendulum(links=[Rod(mass=1.0, length=1.0, count=n)])], **given)
+    options = {"support": support} if support else {}
+    return Scene(gravity=9.81, pendulum=[Pendulum(links=[Rod(mass=1.0, length=1.0, count=n)])], **options)
 
 
 # ---------------------------------------------------------------------------------------------------- an accuracy
@@ -27,10 +27,10 @@ def rods(n: int, support: Cart | None = None) -> Scene:
 @pytest.mark.parametrize("seed", usually(range(5), range(12)))
 def test_modes_are_within_their_bounds_and_those_within_the_accuracy(seed: int, accuracy: float) -> None:
     for scene in (mild_scene(seed), extreme_scene(seed), long_scene(seed)):
-        exact, found = natural_modes(scene), natural_modes(scene, accuracy=accuracy)
-        far = np.abs(found.omega - exact.omega)
-        assert np.all(far <= (found.error + exact.error) * exact.omega)
-        assert np.all(found.error <= np.maximum(accuracy, exact.error) * (1 + 1e-9) + exact.error)
+        exact, modes = natural_modes(scene), natural_modes(scene, accuracy=accuracy)
+        far = np.abs(modes.omega - exact.omega)
+        assert np.all(far <= (modes.error + exact.error) * exact.omega)
+        assert np.all(modes.error <= np.maximum(accuracy, exact.error) * (1 + 1e-9) + exact.error)
 
 
 def test_the_route_is_told() -> None:
@@ -46,10 +46,10 @@ def test_the_route_is_told() -> None:
 @pytest.mark.slow
 def test_long_chains_prove_by_counts_what_no_bound_could(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(chains, "kernels", lambda seconds=0.0: None)
-    found = natural_modes(rods(400), accuracy=1e-10)
-    assert found.route == "dense seeds"
-    assert found.error.max() < 1.01e-10
-    np.testing.assert_allclose(found.omega, natural_modes(rods(400)).omega, rtol=1e-10)
+    modes = natural_modes(rods(400), accuracy=1e-10)
+    assert modes.route == "dense seeds"
+    assert modes.error.max() < 1.01e-10
+    np.testing.assert_allclose(modes.omega, natural_modes(rods(400)).omega, rtol=1e-10)
 
 
 @pytest.mark.parametrize("accuracy", [0.0, -1.0, 1.0, float("nan"), float("inf")])
@@ -79,9 +79,9 @@ def test_some_modes_are_those_rows_of_the_table(name: str, which: slice) -> None
 
 
 def test_equal_frequencies_of_different_pendula_are_whole_rows() -> None:
-    one, other = Pendulum(links=[Bob(mass=1.0, length=1.0)]), Pendulum(links=[Bob(mass=2.0, length=1.0)])
+    pendulum, other = Pendulum(links=[Bob(mass=1.0, length=1.0)]), Pendulum(links=[Bob(mass=2.0, length=1.0)])
     beside = Pendulum(links=[Rod(mass=1.0, length=0.3, count=3)])
-    scene = Scene(gravity=9.81, pendulum=[one, other, beside])
+    scene = Scene(gravity=9.81, pendulum=[pendulum, other, beside])
     whole, some = natural_modes(scene), natural_modes(scene, modes=slice(0, 2))
     np.testing.assert_array_equal(some.multiplicity, whole.multiplicity[:2])
     assert 2 in some.multiplicity
@@ -94,10 +94,10 @@ def test_a_step_is_not_possible() -> None:
 
 def test_three_of_many_links_are_searched_alone() -> None:
     """The first three of 20,000 rods follow a hanging chain's Bessel zeros; none of the others is looked for."""
-    found = natural_modes(rods(20_000), modes=slice(0, 3))
+    modes = natural_modes(rods(20_000), modes=slice(0, 3))
     zeros = np.array([2.404825557695773, 5.520078110286311, 8.653727912911013])
-    np.testing.assert_allclose(found.omega, zeros / 2 * np.sqrt(9.81 / 20_000), rtol=1e-4)
-    assert len(found.spectrum.order) == 3
+    np.testing.assert_allclose(modes.omega, zeros / 2 * np.sqrt(9.81 / 20_000), rtol=1e-4)
+    assert len(modes.spectrum.order) == 3
 
 
 # -------------------------------------------------------------------------------------------------- many scenes

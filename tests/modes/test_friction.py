@@ -23,14 +23,14 @@ def bob(**more: float) -> dict[str, object]:
     return {"kind": "bob", "mass": 1.0, "length": 1.0, **more}
 
 
-def one(**more: float) -> Scene:
+def single(**more: float) -> Scene:
     return scene_from({"gravity": G, "pendulum": [{"links": [bob(**more)]}]})
 
 
 def test_one_joint_by_hand() -> None:
-    found = sliding_modes(one(friction=0.05))[0]
-    assert found.stuck == pytest.approx(0.05 / G)
-    assert found.damping_ratio(0.1) == pytest.approx(4 * 0.05 * 0.1 / (4 * pi * G * 0.1**2 / 2))
+    mode = sliding_modes(single(friction=0.05))[0]
+    assert mode.stuck == pytest.approx(0.05 / G)
+    assert mode.damping_ratio(0.1) == pytest.approx(4 * 0.05 * 0.1 / (4 * pi * G * 0.1**2 / 2))
 
 
 def test_energy_lost_in_a_cycle_of_a_run() -> None:
@@ -49,7 +49,7 @@ def test_energy_lost_in_a_cycle_of_a_run() -> None:
 
 @pytest.mark.parametrize("damping", [0.0, 0.05])
 def test_when_it_stops(damping: float) -> None:
-    scene, degrees = one(friction=0.01, damping=damping), 3.0
+    scene, degrees = single(friction=0.01, damping=damping), 3.0
     stop = stop_of(sliding_modes(scene)[0], float(np.radians(degrees)))
     run = simulate(scene, 60.0, start=State(np.radians([degrees]), np.zeros(1)))
     assert run.friction.rest == pytest.approx(stop.time, rel=2e-4)
@@ -58,20 +58,20 @@ def test_when_it_stops(damping: float) -> None:
 
 
 def test_without_friction_nothing_stops() -> None:
-    assert stop_words(one(damping=0.1), 5.0) == []
-    assert stop_of(sliding_modes(one())[0], 0.1).time == np.inf
+    assert stop_words(single(damping=0.1), 5.0) == []
+    assert stop_of(sliding_modes(single())[0], 0.1).time == np.inf
 
 
 def test_a_coefficient_on_the_rail_counts_the_weight() -> None:
     cart = {"kind": "cart", "mass": 2.0, "friction_coefficient": 0.01, "stiffness": 30.0}
     scene = scene_from({"gravity": G, "support": cart, "pendulum": [{"links": [bob()]}]})
     force = scene.replace(support=scene.support.replace(friction_coefficient=0.0, friction=0.01 * 3.0 * G))
-    for own, other in zip(sliding_modes(scene), sliding_modes(force), strict=True):
-        assert own.stuck == pytest.approx(other.stuck)
+    for mode, other in zip(sliding_modes(scene), sliding_modes(force), strict=True):
+        assert mode.stuck == pytest.approx(other.stuck)
 
 
 def test_the_column_of_the_table() -> None:
-    scene = one(friction=0.05, damping=0.1)
+    scene = single(friction=0.05, damping=0.1)
     modes = natural_modes(scene)
     rows = list(csv.DictReader(io.StringIO(table(modes, list(modes), "csv", amplitude_deg=5.0))))
     expected = 0.1 / (2 * sqrt(G)) + 2 * 0.05 / (pi * G * np.radians(5.0))

@@ -25,10 +25,10 @@ from nonlinear.verification import check
 
 def quadratic(scene: Scene) -> np.ndarray:
     """The eigenvalues with Im λ > 0 of λ²M + λD + K, by SciPy's general solver, sorted by Im λ."""
-    found = matrices(scene)
-    n, zero = len(found.M), np.zeros_like(found.M)
-    one = np.block([[zero, np.eye(n)], [-found.K, -found.D]])
-    values = scipy.linalg.eigvals(one, scipy.linalg.block_diag(np.eye(n), found.M))
+    model = matrices(scene)
+    n, zero = len(model.M), np.zeros_like(model.M)
+    companion = np.block([[zero, np.eye(n)], [-model.K, -model.D]])
+    values = scipy.linalg.eigvals(companion, scipy.linalg.block_diag(np.eye(n), model.M))
     values = values[np.isfinite(values) & (values.imag > 1e-7)]
     return np.array(sorted(values, key=lambda value: value.imag))
 
@@ -42,10 +42,10 @@ def listed(scene: Scene) -> np.ndarray:
 
 def caughey(scene: Scene) -> np.ndarray:
     """M Φ diag(2 ζ ω) Φᵀ M with the Φ of SciPy, one ratio for all modes."""
-    found = matrices(scene.conservative)
-    square, phi = scipy.linalg.eigh(found.K, found.M)
+    model = matrices(scene.conservative)
+    square, phi = scipy.linalg.eigh(model.K, model.M)
     omega = np.sqrt(np.where(square > 1e-9 * square[-1], square, 0.0))
-    return found.M @ phi @ np.diag(2 * scene.damping_ratio * omega) @ phi.T @ found.M
+    return model.M @ phi @ np.diag(2 * scene.damping_ratio * omega) @ phi.T @ model.M
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -70,9 +70,9 @@ def test_the_matrix_is_that_of_scipys_modes(seed: int) -> None:
 def test_with_dampers_too_the_table_is_that_of_the_quadratic_problem(seed: int) -> None:
     scene = decimal_scene(seed, standing=False).replace(damping_ratio=0.03)
     if scene.has_dampers:
-        one, other = listed(scene), quadratic(scene)
-        assert len(one) == len(other)
-        assert np.allclose(one, other, rtol=1e-7, atol=1e-7 * np.abs(other).max(initial=0.0))
+        eigenvalues, other = listed(scene), quadratic(scene)
+        assert len(eigenvalues) == len(other)
+        assert np.allclose(eigenvalues, other, rtol=1e-7, atol=1e-7 * np.abs(other).max(initial=0.0))
 
 
 @pytest.mark.parametrize("name", ["paper-cart-3", "crane-hook", "chain-4", "huygens", "clocks-double"])
@@ -82,12 +82,12 @@ def test_ratios_by_number_belong_to_the_modes_of_the_table(name: str) -> None:
     ratios = [mode.damping_ratio for mode in natural_modes(scene)]
     wanted = [0.0, 0.02, 0.3, *[0.0] * (len(ratios) - 3)]
     assert np.allclose(ratios, wanted, rtol=0, atol=1e-14)
-    found = quadratic(scene)
+    eigenvalues = quadratic(scene)
     fold = natural_modes(still).multiplicity
     omega = natural_modes(still).omega
     exact = np.repeat(omega * (-np.array(wanted) + 1j * np.sqrt(1 - np.array(wanted) ** 2)), fold)
     exact = np.array(sorted(exact[omega.repeat(fold) > 0], key=lambda value: value.imag))
-    assert np.allclose(found, exact, rtol=0, atol=1e-9)
+    assert np.allclose(eigenvalues, exact, rtol=0, atol=1e-9)
 
 
 def test_a_wrong_list_and_wrong_numbers_are_named() -> None:
@@ -138,10 +138,10 @@ def test_thousand_pendula_cost_no_more_than_one_kind() -> None:
         pendulum=(Pendulum(links=(Bob(mass=0.1, length=1.0),), count=1000),),
         damping_ratio=0.02,
     )
-    found = matrices(scene).D
+    damping = matrices(scene).D
     small = matrices(scene.replace(pendulum=(scene.pendulum[0].replace(count=3),), support=Cart(mass=0.03))).D
-    assert np.allclose(found[1:, 1:] @ np.ones(1000), found[1:, 1:].sum(0), rtol=1e-12)
-    assert small[1, 1] - small[1, 2] == pytest.approx(found[1, 1] - found[1, 2], rel=1e-12)
+    assert np.allclose(damping[1:, 1:] @ np.ones(1000), damping[1:, 1:].sum(0), rtol=1e-12)
+    assert small[1, 1] - small[1, 2] == pytest.approx(damping[1, 1] - damping[1, 2], rel=1e-12)
     assert [mode.damping_ratio for mode in natural_modes(scene)][1:] == pytest.approx([0.02, 0.02], rel=1e-12)
 
 
@@ -159,10 +159,10 @@ def test_state_space_and_modal_form(name: str) -> None:
     scene = load(name).undriven.replace(damping_ratio=0.05)
     model, modes = state_space(scene), natural_modes(scene)
     assert to_modal_form(modes, model).residual() < 1e-13
-    found = np.linalg.eigvals(model.A)
+    eigenvalues = np.linalg.eigvals(model.A)
     for value in modes.eigenvalue:
         # a free cart's double 0 splits by the square root of the rounding
-        assert np.abs(found - value).min() < (1e-12 if value else 1e-6) * np.abs(found).max()
+        assert np.abs(eigenvalues - value).min() < (1e-12 if value else 1e-6) * np.abs(eigenvalues).max()
 
 
 def test_a_prescribed_cart_excites_the_modes_of_a_fixed_support_with_their_ratio() -> None:
@@ -182,7 +182,7 @@ def test_a_prescribed_cart_excites_the_modes_of_a_fixed_support_with_their_ratio
 def test_merged_pendula_keep_the_ratio_of_each_mode() -> None:
     scene = load("paper-cart-3").replace(damping_ratio=(0.0, 0.01, 0.02, 0.03))
     whole, small = state_space(scene), smaller(scene)
-    rows = [[one.name for one in whole.outputs].index(one.name) for one in small.outputs]
+    rows = [[signal.name for signal in whole.outputs].index(output.name) for output in small.outputs]
 
     def gain(model, s):
         return model.C @ np.linalg.solve(s * np.eye(len(model.A)) - model.A, model.B) + model.D
@@ -247,7 +247,7 @@ def test_what_knows_no_modal_damping_says_so() -> None:
 def test_members_of_an_ensemble_are_runs_by_themselves() -> None:
     scene = load("chain-2").replace(damping_ratio=0.05)
     starts = np.array([[0.3, 0.4], [0.1, -0.2]])
-    found = ensemble(scene, 0.5, starts=starts)
-    for start, end in zip(starts, found.final.links, strict=True):
+    runs = ensemble(scene, 0.5, starts=starts)
+    for start, end in zip(starts, runs.final.links, strict=True):
         run = simulate(scene, 0.5, start=State(start, np.zeros(2)), output=2)
         assert np.abs(run.final.links - end).max() < 1e-8

@@ -44,10 +44,10 @@ def whole_basis(modes: Modes, normalise: str) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(24))
 def test_mass_normalised_shapes_diagonalise_M_and_K(seed: int) -> None:
     modes = natural_modes(mild_scene(seed))
-    phi, found = whole_basis(modes, "mass"), matrices(modes.scene)
+    phi, model = whole_basis(modes, "mass"), matrices(modes.scene)
     omega = np.repeat(modes.omega, modes.multiplicity)
-    np.testing.assert_allclose(phi.T @ found.M @ phi, np.eye(len(phi)), atol=1e-11)
-    np.testing.assert_allclose(phi.T @ found.K @ phi, np.diag(omega**2), atol=1e-11 * omega.max() ** 2)
+    np.testing.assert_allclose(phi.T @ model.M @ phi, np.eye(len(phi)), atol=1e-11)
+    np.testing.assert_allclose(phi.T @ model.K @ phi, np.diag(omega**2), atol=1e-11 * omega.max() ** 2)
 
 
 @pytest.mark.parametrize("seed", range(24))
@@ -64,13 +64,13 @@ def test_sum_rules(seed: int) -> None:
     """Σ effective masses = bᵀA⁻¹b (fixed) or the total mass (cart); participations sum to 1, energy shares too."""
     modes = natural_modes(mild_scene(seed))
     rows = list(modes)
-    found = matrices(modes.scene)
+    model = matrices(modes.scene)
     if modes.rig.cart:
-        expected = found.M[0, 0]
+        expected = model.M[0, 0]
         assert sum(row.cart_participation for row in rows) == pytest.approx(1, rel=1e-12)
     else:
-        b = np.diag(found.K) / modes.scene.gravity
-        expected = b @ np.linalg.solve(found.M, b)
+        b = np.diag(model.K) / modes.scene.gravity
+        expected = b @ np.linalg.solve(model.M, b)
     assert sum(row.effective_mass for row in rows) == pytest.approx(expected, rel=1e-12)
     for number, row in enumerate(rows):
         vectors = [modes.shape(number, copy) for copy in range(row.multiplicity)]
@@ -192,10 +192,10 @@ def test_joint_springs_agree_with_the_many_digit_pencil(seed: int) -> None:
 def test_damped_modes_satisfy_the_quadratic_eigenproblem(seed: int) -> None:
     """Against the generalised companion pencil of the whole scene in SciPy."""
     scene = mild_scene(seed, damping=0.3)
-    modes, found = natural_modes(scene), matrices(scene)
-    n, eye, zero = len(found.M), np.eye(len(found.M)), np.zeros_like(found.M)
+    modes, model = natural_modes(scene), matrices(scene)
+    n, eye, zero = len(model.M), np.eye(len(model.M)), np.zeros_like(model.M)
     values = scipy.linalg.eigvals(
-        np.block([[zero, eye], [-found.K, -found.D]]), np.block([[eye, zero], [zero, found.M]])
+        np.block([[zero, eye], [-model.K, -model.D]]), np.block([[eye, zero], [zero, model.M]])
     )
     for number, (value, fold) in enumerate(zip(modes.eigenvalue, modes.multiplicity, strict=True)):
         if value:
@@ -274,8 +274,8 @@ def test_unstable_modes_are_recognised() -> None:
     from modal.modes.labels import FIXED, family
 
     dampers = Dampers(np.array([0.2]), np.array([-1]))
-    found = damped(np.eye(1), -np.eye(1), np.ones(1), dampers, free=False)
-    assert found.eigenvalue == pytest.approx([np.sqrt(1.01) - 0.1, -np.sqrt(1.01) - 0.1], rel=1e-14)
+    spectrum = damped(np.eye(1), -np.eye(1), np.ones(1), dampers, free=False)
+    assert spectrum.eigenvalue == pytest.approx([np.sqrt(1.01) - 0.1, -np.sqrt(1.01) - 0.1], rel=1e-14)
     assert family(where=FIXED, folds={"": 1}, motion="", ratio=-0.1) == "fixed support: unstable"
 
 
@@ -283,8 +283,8 @@ def test_units_of_powers_of_two_change_nothing() -> None:
     for seed in range(40):
         scene = extreme_scene(seed)
         scaled = rescaled(scene, mass=2.0**70, length=2.0**-40)
-        found, expected = natural_modes(scaled).omega, natural_modes(scene).omega * 2.0**20
-        np.testing.assert_allclose(found, expected, rtol=4e-16)
+        omega, expected = natural_modes(scaled).omega, natural_modes(scene).omega * 2.0**20
+        np.testing.assert_allclose(omega, expected, rtol=4e-16)
 
 
 def rescaled(scene: Scene, *, mass: float, length: float) -> Scene:
@@ -294,7 +294,9 @@ def rescaled(scene: Scene, *, mass: float, length: float) -> Scene:
             size |= {"centre": old.centre * length, "inertia": old.inertia * mass * length**2}
         return old.model_copy(update=size)
 
-    pendula = tuple(p.model_copy(update={"links": tuple(link(one) for one in p.links)}) for p in scene.pendulum)
+    pendula = tuple(
+        p.model_copy(update={"links": tuple(link(unscaled) for unscaled in p.links)}) for p in scene.pendulum
+    )
     support = scene.support
     if isinstance(support, Cart):
         support = support.model_copy(
@@ -437,11 +439,11 @@ def test_damped_participations_are_the_response_to_a_push(seed: int) -> None:
     if not isinstance(scene.support, Cart):
         scene = scene.model_copy(update={"support": Cart(mass=1.5, stiffness=1.0)})
     scene = scene.model_copy(update={"support": scene.support.model_copy(update={"damping": 0.7 * (seed % 2)})})
-    rows, found = list(natural_modes(scene)), matrices(scene)
+    rows, model = list(natural_modes(scene)), matrices(scene)
     assert sum(row.cart_participation for row in rows) == pytest.approx(1, rel=1e-9)
-    n = len(found.M)
-    inverse = np.linalg.inv(found.M)
-    state = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ found.K, -inverse @ found.D]])
+    n = len(model.M)
+    inverse = np.linalg.inv(model.M)
+    state = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ model.K, -inverse @ model.D]])
     values, left, right = scipy.linalg.eig(state, left=True)
     push = np.concatenate([np.zeros(n), inverse[:, 0]])
     shares = (left.conj().T @ push) * right[n] / np.einsum("ij,ij->j", left.conj(), right) / inverse[0, 0]
@@ -494,11 +496,11 @@ def test_an_immense_cart_leaves_equal_pendula_equal() -> None:
 def test_different_pendula_of_equal_frequency_keep_a_whole_basis(seed: int) -> None:
     """All vectors of all rows diagonalise M and K, and all but one of each set leave the cart exactly still."""
     scene = scaled_family(seed)
-    modes, found = natural_modes(scene), matrices(scene)
+    modes, model = natural_modes(scene), matrices(scene)
     assert_certified(modes, 1e-14)
     phi, omega = whole_basis(modes, "mass"), np.repeat(modes.omega, modes.multiplicity)
-    np.testing.assert_allclose(phi.T @ found.M @ phi, np.eye(len(phi)), atol=1e-11)
-    np.testing.assert_allclose(phi.T @ found.K @ phi, np.diag(omega**2), atol=1e-11 * omega.max() ** 2)
+    np.testing.assert_allclose(phi.T @ model.M @ phi, np.eye(len(phi)), atol=1e-11)
+    np.testing.assert_allclose(phi.T @ model.K @ phi, np.diag(omega**2), atol=1e-11 * omega.max() ** 2)
     free = scene.support.stiffness == 0
     kinds = {p.model_copy(update={"count": 1}) for p in scene.pendulum}
     depths = [len(p.links) for p in kinds]

@@ -23,7 +23,7 @@ DRIVEN = ("huygens", "metronomes", "clocks-double")
 
 def pair(d: tuple[float, float], c: float, mass: float = 20.0) -> Scene:
     """Two bobs with joint dampers under a cart with one."""
-    pendula = [Pendulum(links=[Bob(mass=1.0, length=1.0, damping=one)]) for one in d]
+    pendula = [Pendulum(links=[Bob(mass=1.0, length=1.0, damping=damping)]) for damping in d]
     return Scene(gravity=9.81, support=Cart(mass=mass, damping=c), pendulum=pendula)
 
 
@@ -42,12 +42,12 @@ SCENES = {
 
 def followed(scene: Scene) -> NDArray[np.complex128]:
     """The eigenvalues at which the undamped ones, in ascending order, arrive as the dampers are turned up slowly."""
-    found = matrices(scene)
-    n = len(found.M)
-    inverse = np.linalg.inv(found.M)
+    model = matrices(scene)
+    n = len(model.M)
+    inverse = np.linalg.inv(model.M)
 
     def upper(share: float) -> NDArray[np.complex128]:
-        A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ found.K, -share * inverse @ found.D]])
+        A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ model.K, -share * inverse @ model.D]])
         return np.linalg.eigvals(A)
 
     values = np.sort_complex(1j * upper(0.0)[upper(0.0).imag > 1e-6].imag)
@@ -80,13 +80,13 @@ def test_without_dampers_the_numbers_are_the_tables(name: str) -> None:
 def test_maps_have_the_tables_numbers(name: str) -> None:
     scene = load(name)
     study = Study(scene, parse_variations([f"gravity={scene.gravity}"]), parse_measures(["frequencies:9", "damping:9"]))
-    found, modes = sweep(study, workers=1), natural_modes(scene)
-    for column in found.columns:
+    swept, modes = sweep(study, workers=1), natural_modes(scene)
+    for column in swept.columns:
         kind, number = ("omega", 1) if column.startswith("omega") else ("damping_ratio", 2)
         mode = modes[int(column.split("_")[number].rstrip("bcdef")) - 1]
         assert mode.oscillates
-        assert found.values(column)[0] == pytest.approx(getattr(mode, kind), rel=1e-14, abs=1e-14)
-    assert "Modes are numbered as in the table" in sweep_text(found)
+        assert swept.values(column)[0] == pytest.approx(getattr(mode, kind), rel=1e-14, abs=1e-14)
+    assert "Modes are numbered as in the table" in sweep_text(swept)
 
 
 def test_numbers_stay_where_dampers_appear_and_frequencies_meet() -> None:
@@ -96,9 +96,9 @@ def test_numbers_stay_where_dampers_appear_and_frequencies_meet() -> None:
         parse_variations(["support.damping=0,1"]),
         parse_measures(["frequencies", "beat", "splitting:3"]),
     )
-    found = sweep(study, workers=1)
-    assert found.columns == ("omega_3_rad_per_s", "omega_4_rad_per_s", "beat_3_s", "splitting_3_rad_per_s")
-    assert np.isfinite([found.values(column) for column in found.columns]).all()
+    swept = sweep(study, workers=1)
+    assert swept.columns == ("omega_3_rad_per_s", "omega_4_rad_per_s", "beat_3_s", "splitting_3_rad_per_s")
+    assert np.isfinite([swept.values(column) for column in swept.columns]).all()
     bobs = [Pendulum(links=[Bob(mass=1.0, length=l)]) for l in (1.0, 1.1, 1.2)]
     three = Scene(gravity=9.81, support=Cart(mass=5.0), pendulum=bobs)
     asking = Study(three, parse_variations(["pendulum[*].links[0].length=1,1.1"]), parse_measures(["frequencies"]))
@@ -108,8 +108,8 @@ def test_numbers_stay_where_dampers_appear_and_frequencies_meet() -> None:
 
 
 def test_copies_have_letters() -> None:
-    found = parse_measures(["damping:9"])[0].of(load("paper-cart-3"))
-    assert list(found) == [f"damping_ratio_{name}" for name in ("2", "2b", "3", "4", "4b", "5")]
+    columns = parse_measures(["damping:9"])[0].of(load("paper-cart-3"))
+    assert list(columns) == [f"damping_ratio_{name}" for name in ("2", "2b", "3", "4", "4b", "5")]
     assert [lettered(k) for k in (0, 25, 26, 27, 701, 702)] == ["a", "z", "aa", "ab", "zz", "aaa"]
 
 
@@ -118,15 +118,15 @@ def test_loci_have_the_numbers_of_the_table_at_the_scenes_own_value() -> None:
     long, short = (Pendulum(links=[Bob(mass=1.0, length=l)]) for l in (3.0, 1.0))
     scene = Scene(gravity=9.81, pendulum=[long, short])
     (variation,) = parse_variations(["pendulum[0].links[0].length=0.5:4:8"])
-    found, table = follow_loci(scene, variation), natural_modes(scene)
-    assert found.numbered_at == 3.0
-    assert found.names == ("2", "1")
-    here = found.values.tolist().index(3.0)
-    for k, name in enumerate(found.names):
-        assert found.omega[here, k] == pytest.approx(table.omega[int(name) - 1], rel=1e-14)
-    assert "crossing  2 · 1" in loci_text(found)
-    assert "numbered as in the table at 3 m" in loci_text(found)
-    assert loci_csv(found).startswith("pendulum[0].links[0].length_m,omega_2_rad_per_s,omega_1_rad_per_s\n")
+    loci, table = follow_loci(scene, variation), natural_modes(scene)
+    assert loci.numbered_at == 3.0
+    assert loci.names == ("2", "1")
+    here = loci.values.tolist().index(3.0)
+    for k, name in enumerate(loci.names):
+        assert loci.omega[here, k] == pytest.approx(table.omega[int(name) - 1], rel=1e-14)
+    assert "crossing  2 · 1" in loci_text(loci)
+    assert "numbered as in the table at 3 m" in loci_text(loci)
+    assert loci_csv(loci).startswith("pendulum[0].links[0].length_m,omega_2_rad_per_s,omega_1_rad_per_s\n")
     outside = follow_loci(scene, parse_variations(["pendulum[0].links[0].length=0.5:0.9:3"])[0])
     assert (outside.numbered_at, outside.names) == (0.5, ("1", "2"))
 
@@ -137,9 +137,9 @@ def test_the_page_that_explains_has_the_tables_numbers(name: str) -> None:
     told, table = json.loads(coupling_report(explain(scene), "json")), natural_modes(scene)
     listed = [*told["cart_modes"], *told["damping"]]
     assert len(listed) >= 2
-    for one in listed:
-        mode = table[one["mode"] - 1]
-        omega = one.get("exact_omega_rad_per_s") or one["omega_rad_per_s"]
+    for row in listed:
+        mode = table[row["mode"] - 1]
+        omega = row.get("exact_omega_rad_per_s") or row["omega_rad_per_s"]
         assert mode.omega == pytest.approx(omega, rel=1e-3 if name in DRIVEN else 1e-12)
         assert mode.oscillates
     for mode in told["cart_modes"]:

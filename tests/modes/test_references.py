@@ -67,8 +67,8 @@ def test_rope_limit_and_its_rate() -> None:
     rope = natural_modes(load("rope"))
     np.testing.assert_allclose(rope.omega[:2], exact, rtol=2e-6)
     for n in (50, 100, 200):
-        found = modes_of(Bob(mass=1.0, length=1.0 / n, count=n)).omega[0]
-        assert (found / exact[0] - 1) * 4 * n == pytest.approx(-1, abs=3 / n)
+        omega = modes_of(Bob(mass=1.0, length=1.0 / n, count=n)).omega[0]
+        assert (omega / exact[0] - 1) * 4 * n == pytest.approx(-1, abs=3 / n)
 
 
 def test_simple_pendulum_amplitude_coefficient_is_that_of_the_elliptic_integral() -> None:

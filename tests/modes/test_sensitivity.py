@@ -96,8 +96,8 @@ def frequencies(scene: Scene) -> np.ndarray:
     return np.repeat(modes.omega, modes.multiplicity)
 
 
-def assert_close(found: float, expected: float, scale: float) -> None:
-    assert found == pytest.approx(expected, rel=1e-6, abs=1e-6 * scale)
+def assert_close(value: float, expected: float, scale: float) -> None:
+    assert value == pytest.approx(expected, rel=1e-6, abs=1e-6 * scale)
 
 
 @pytest.mark.slow
@@ -109,7 +109,7 @@ def test_links_agree_with_central_differences(seed: int, stiffness: float, stand
     links = [link for p in apart.pendulum for link in p.links]
     some = np.random.default_rng(seed).permutation(len(links))[:3]
     for number in simple(modes)[:4]:
-        found, rank = sensitivities(modes, number), int(modes.multiplicity[:number].sum())
+        derivatives, rank = sensitivities(modes, number), int(modes.multiplicity[:number].sum())
         for index in some:
             link = links[index]
             names = [
@@ -118,7 +118,7 @@ def test_links_agree_with_central_differences(seed: int, stiffness: float, stand
             for name in names:
                 value = getattr(link, name)
                 expected = difference(lambda v, i=index, n=name: with_link(apart, i, **{n: v}), value, rank)
-                assert_close(getattr(found, name)[index], expected, modes.omega[number] / value)
+                assert_close(getattr(derivatives, name)[index], expected, modes.omega[number] / value)
 
 
 @pytest.mark.parametrize("seed", usually(range(0, 12, 2), range(12)))
@@ -126,11 +126,11 @@ def test_cart_and_gravity_agree_with_central_differences(seed: int) -> None:
     scene = mixed(seed, stiffness=1.5 * (seed % 3 == 0))
     modes = natural_modes(scene)
     for number in simple(modes):
-        found, rank = sensitivities(modes, number), int(modes.multiplicity[:number].sum())
+        derivatives, rank = sensitivities(modes, number), int(modes.multiplicity[:number].sum())
         expected = difference(lambda v: scene.model_copy(update={"gravity": v}), scene.gravity, rank)
-        assert_close(found.gravity, expected, modes.omega[number] / scene.gravity)
+        assert_close(derivatives.gravity, expected, modes.omega[number] / scene.gravity)
         if isinstance(scene.support, Fixed):
-            assert (found.cart_mass, found.cart_stiffness) == (0.0, 0.0)
+            assert (derivatives.cart_mass, derivatives.cart_stiffness) == (0.0, 0.0)
             continue
         for name in ("mass", "stiffness"):
             if value := getattr(scene.support, name):
@@ -139,7 +139,7 @@ def test_cart_and_gravity_agree_with_central_differences(seed: int) -> None:
                     return scene.model_copy(update={"support": scene.support.model_copy(update={name: v})})
 
                 expected = difference(at, value, rank)
-                assert_close(getattr(found, f"cart_{name}"), expected, modes.omega[number] / value)
+                assert_close(getattr(derivatives, f"cart_{name}"), expected, modes.omega[number] / value)
 
 
 def test_the_comparison_bites() -> None:
@@ -166,9 +166,13 @@ def test_symbols_give_the_same(n: int, kind: Literal["bob", "rod"], cart: bool) 
     )
     exact = {symbol: sp.Rational(values[symbol.name]) for symbol in P.free_symbols - {x}}
     for number, root in enumerate(sorted(sp.Poly(P.subs(exact), x).nroots(n=40)), start=int(cart)):
-        found = sensitivities(modes, number)
-        mine = {"g": found.gravity, "m_c": found.cart_mass}
-        mine |= {f"{p}_{i}": v for p, row in (("m", found.mass), ("l", found.length)) for i, v in enumerate(row, 1)}
+        derivatives = sensitivities(modes, number)
+        mine = {"g": derivatives.gravity, "m_c": derivatives.cart_mass}
+        mine |= {
+            f"{p}_{i}": v
+            for p, row in (("m", derivatives.mass), ("l", derivatives.length))
+            for i, v in enumerate(row, 1)
+        }
         for symbol, value in exact.items():
             slope = -P.diff(symbol) / (2 * sp.sqrt(x) * P.diff(x))
             expected = float(slope.subs(exact).subs(x, root))
@@ -184,8 +188,8 @@ def test_units_impose_three_identities(seed: int, stiffness: float) -> None:
     scene = mixed(seed, stiffness)
     modes = natural_modes(scene)
     for number in simple(modes, gap=1e-9):
-        omega, found = modes.omega[number], sensitivities(modes, number)
-        terms = euler_terms(scene, found)
+        omega, derivatives = modes.omega[number], sensitivities(modes, number)
+        terms = euler_terms(scene, derivatives)
         size = max(np.abs(values).max() for values in terms.values())
         kilogram = sum(terms[name].sum() for name in ("m", "m_c", "I", "k", "k_c"))
         metre = sum(power * terms[name].sum() for name, power in {"l": 1, "c": 1, "I": 2, "k": 2, "g": 1}.items())
@@ -193,21 +197,21 @@ def test_units_impose_three_identities(seed: int, stiffness: float) -> None:
         assert (kilogram, metre, second) == pytest.approx((0, 0, -omega), abs=1e-12 * size)
 
 
-def euler_terms(scene: Scene, found: Sensitivities) -> dict[str, np.ndarray]:
+def euler_terms(scene: Scene, derivatives: Sensitivities) -> dict[str, np.ndarray]:
     """p ∂ω/∂p of everything; a rod's inertia and centre and a bob's centre follow their mass and length already."""
     links = [link for p in scene.pendulum for _ in range(p.count) for link in p.links for _ in range(link.count)]
-    own = np.array([link.kind == "body" for link in links])
+    bodies = np.array([link.kind == "body" for link in links])
     numbers = {name: np.array([getattr(link, name) for link in links]) for name in OF_A_LINK}
     cart = scene.support if isinstance(scene.support, Cart) else Cart(mass=0.0)
     return {
-        "m": numbers["mass"] * found.mass,
-        "l": numbers["length"] * found.length,
-        "c": numbers["centre"] * found.centre * own,
-        "I": numbers["inertia"] * found.inertia * own,
-        "k": numbers["stiffness"] * found.stiffness,
-        "m_c": np.array([cart.mass * found.cart_mass]),
-        "k_c": np.array([cart.stiffness * found.cart_stiffness]),
-        "g": np.array([scene.gravity * found.gravity]),
+        "m": numbers["mass"] * derivatives.mass,
+        "l": numbers["length"] * derivatives.length,
+        "c": numbers["centre"] * derivatives.centre * bodies,
+        "I": numbers["inertia"] * derivatives.inertia * bodies,
+        "k": numbers["stiffness"] * derivatives.stiffness,
+        "m_c": np.array([cart.mass * derivatives.cart_mass]),
+        "k_c": np.array([cart.stiffness * derivatives.cart_stiffness]),
+        "g": np.array([scene.gravity * derivatives.gravity]),
     }
 
 
@@ -219,20 +223,22 @@ def test_bobs_and_rods_scale_with_length(support: Fixed | Cart) -> None:
     every = [link for p in scene.pendulum for link in p.links for _ in range(link.count)]
     modes = natural_modes(scene)
     for number in simple(modes, gap=1e-9):
-        found = sensitivities(modes, number)
-        by_length = sum(link.length * slope for link, slope in zip(every, found.length, strict=True))
-        by_mass = sum(link.mass * slope for link, slope in zip(every, found.mass, strict=True))
+        derivatives = sensitivities(modes, number)
+        by_length = sum(link.length * slope for link, slope in zip(every, derivatives.length, strict=True))
+        by_mass = sum(link.mass * slope for link, slope in zip(every, derivatives.mass, strict=True))
         assert by_length == pytest.approx(-modes.omega[number] / 2, rel=1e-12)
-        assert by_mass + 2.0 * found.cart_mass == pytest.approx(0, abs=1e-12 * modes.omega[number])
+        assert by_mass + 2.0 * derivatives.cart_mass == pytest.approx(0, abs=1e-12 * modes.omega[number])
 
 
 def test_a_simple_pendulum() -> None:
-    found = sensitivities(natural_modes(Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=2.0, length=3.0)])])), 0)
+    derivatives = sensitivities(
+        natural_modes(Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=2.0, length=3.0)])])), 0
+    )
     omega = np.sqrt(9.81 / 3)
-    assert found.mass[0] == pytest.approx(0, abs=1e-16)
-    assert found.length[0] == pytest.approx(-omega / 6, rel=1e-14)
-    assert found.gravity == pytest.approx(omega / 2 / 9.81, rel=1e-14)
-    assert found.inertia[0] == pytest.approx(-omega / (2 * 2 * 9), rel=1e-14)
+    assert derivatives.mass[0] == pytest.approx(0, abs=1e-16)
+    assert derivatives.length[0] == pytest.approx(-omega / 6, rel=1e-14)
+    assert derivatives.gravity == pytest.approx(omega / 2 / 9.81, rel=1e-14)
+    assert derivatives.inertia[0] == pytest.approx(-omega / (2 * 2 * 9), rel=1e-14)
 
 
 def test_antiphase_of_two_answers_each_pendulum_by_half_its_own_derivative() -> None:
@@ -241,8 +247,8 @@ def test_antiphase_of_two_answers_each_pendulum_by_half_its_own_derivative() -> 
     pair = natural_modes(Scene(gravity=9.81, support=Cart(mass=3.0), pendulum=[Pendulum(links=links, count=2)]))
     for number in range(2):
         still = int(np.flatnonzero(pair.omega == alone.omega[number])[0])
-        one, two = sensitivities(alone, number), sensitivities(pair, still)
-        np.testing.assert_allclose(two.length, np.tile(one.length / 2, 2), rtol=1e-11)
+        derivatives, two = sensitivities(alone, number), sensitivities(pair, still)
+        np.testing.assert_allclose(two.length, np.tile(derivatives.length / 2, 2), rtol=1e-11)
         assert two.cart_mass == 0.0
 
 
@@ -258,10 +264,10 @@ def test_across_the_rail_the_cart_does_not_matter() -> None:
 
 def test_the_translation_of_a_free_cart_answers_nothing() -> None:
     modes = natural_modes(mixed(5).model_copy(update={"support": Cart(mass=1.0)}))
-    found = sensitivities(modes, 0)
+    derivatives = sensitivities(modes, 0)
     assert modes.omega[0] == 0
-    assert found.mass.shape == (modes.scene.n_links,)
-    assert all(not np.any(getattr(found, name)) for name in Sensitivities.__dataclass_fields__)
+    assert derivatives.mass.shape == (modes.scene.n_links,)
+    assert all(not np.any(getattr(derivatives, name)) for name in Sensitivities.__dataclass_fields__)
 
 
 def test_a_damper_that_an_antiphase_mode_does_not_feel() -> None:
@@ -292,11 +298,11 @@ def test_damped_modes_agree_with_central_differences() -> None:
     names |= {"c": "centre", "I": "inertia", "e": "drag"}
     modes = natural_modes(damped_crane())
     assert [mode.damping_ratio > 0 for mode in modes] == [False, True, True, True]
-    found = [sensitivities(modes, number) for number in range(1, 4)]
+    derivatives = [sensitivities(modes, number) for number in range(1, 4)]
     for key, value in GANTRY.items():
         high, low = (natural_modes(damped_crane(**{key: value * (1 + h)})).omega[1:] for h in (STEP, -STEP))
-        own = [np.atleast_1d(getattr(one, names[key])) for one in found]
-        derivative = [one[int(key in "McIe" and len(one) > 1)] * value for one in own]
+        parts = [np.atleast_1d(getattr(entry, names[key])) for entry in derivatives]
+        derivative = [part[int(key in "McIe" and len(part) > 1)] * value for part in parts]
         np.testing.assert_allclose(derivative, (high - low) / (2 * STEP), rtol=1e-6, atol=1e-8 * modes.omega[3])
 
 
@@ -327,7 +333,7 @@ def test_what_double_precision_does_not_give_has_no_derivative(monkeypatch: pyte
 
 def heavy_and_light() -> Scene:
     """Masses from 1e-4 to 1e4 kg: in the fastest modes heavy centres hardly move."""
-    one = (
+    chain = (
         Body(mass=0.000148, length=0.379, centre=0.2421, inertia=4.219e-07, stiffness=4.094),
         Bob(mass=5060.0, length=31.3, stiffness=1.153),
         Rod(mass=0.0803, length=41.8),
@@ -337,7 +343,7 @@ def heavy_and_light() -> Scene:
         Bob(mass=80.6, length=36.7, stiffness=58.48),
         Bob(mass=0.0169, length=0.0439),
     )
-    return Scene(gravity=3.7, support=Cart(mass=101.9), pendulum=(Pendulum(links=one), Pendulum(links=other)))
+    return Scene(gravity=3.7, support=Cart(mass=101.9), pendulum=(Pendulum(links=chain), Pendulum(links=other)))
 
 
 def test_a_centre_that_hardly_moves_keeps_its_digits() -> None:
@@ -353,27 +359,27 @@ def test_a_centre_that_hardly_moves_keeps_its_digits() -> None:
             phi, x = inverse.T * V[:, number], square[number]
             change = [(getattr(sides[0], part) - getattr(sides[1], part)) / (2 * h) for part in "KM"]
             true = (phi.T * (change[0] - x * change[1]) * phi)[0] * mp.mpf(0.379) / (2 * x)
-            found = of_mode(modes, modes[number])["pendulum[0].links[0].length"]
-            assert found.relative == pytest.approx(float(true), rel=1e-12, abs=1e-13)
+            sensitivity = of_mode(modes, modes[number])["pendulum[0].links[0].length"]
+            assert sensitivity.relative == pytest.approx(float(true), rel=1e-12, abs=1e-13)
 
 
 def test_centres_in_digits_are_the_running_sums_of_ordinary_scenes() -> None:
     links = (Rod(mass=1.0, length=0.7, damping=0.1), Bob(mass=0.4, length=1.1, stiffness=0.5))
-    two, one = Pendulum(links=links, count=2), Pendulum(links=(Bob(mass=2.0, length=0.9),))
-    on_cart = Scene(gravity=9.81, support=Cart(mass=3.0, damping=0.2), pendulum=(two, one))
+    two, single = Pendulum(links=links, count=2), Pendulum(links=(Bob(mass=2.0, length=0.9),))
+    on_cart = Scene(gravity=9.81, support=Cart(mass=3.0, damping=0.2), pendulum=(two, single))
     for scene in (
         on_cart,
         on_cart.conservative,
-        on_cart.replace(support=Fixed(), pendulum=(one, Pendulum(links=links))),
+        on_cart.replace(support=Fixed(), pendulum=(single, Pendulum(links=links))),
     ):
         modes, tried = natural_modes(scene), 0
         for number, value in enumerate(modes.eigenvalue.tolist()):
             if modes.multiplicity[number] > 1 or not value.imag:
                 continue
             shape = modes.shape(number, 0, "mass")
-            found = centre_displacements(modes.rig, value, shape)
-            for z, own in zip(found, _hung(modes, shape), strict=True):
-                assert np.abs(z - _centres(*own, shape.cart)).max() < 1e-10 * np.abs(own[1]).max() + 1e-12
+            displacements = centre_displacements(modes.rig, value, shape)
+            for z, hung in zip(displacements, _hung(modes, shape), strict=True):
+                assert np.abs(z - _centres(*hung, shape.cart)).max() < 1e-10 * np.abs(hung[1]).max() + 1e-12
             tried += 1
         assert tried >= 3
 
@@ -381,7 +387,7 @@ def test_centres_in_digits_are_the_running_sums_of_ordinary_scenes() -> None:
 def test_a_massless_cart_has_a_sensitivity_to_its_mass() -> None:
     scene = Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=[Pendulum(links=[Rod(mass=1.0, length=1.0)])])
     modes = natural_modes(scene)
-    found = of_mode(modes, modes[len(modes) - 1])["support.mass"]
+    sensitivity = of_mode(modes, modes[len(modes) - 1])["support.mass"]
     heavier = natural_modes(scene.replace(support=Cart(mass=1e-6)))
-    assert found.derivative == pytest.approx((heavier.omega[-1] - modes.omega[-1]) / 1e-6, rel=1e-4)
-    assert (found.number, found.relative) == (0.0, 0.0)
+    assert sensitivity.derivative == pytest.approx((heavier.omega[-1] - modes.omega[-1]) / 1e-6, rel=1e-4)
+    assert (sensitivity.number, sensitivity.relative) == (0.0, 0.0)

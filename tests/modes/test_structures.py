@@ -34,11 +34,11 @@ def carts(**scene: object) -> Scene:
 
 def same(scene: Scene, numbers: list[float], digits: float) -> None:
     """By the structured route, by dense matrices and by all masses in 50 digits."""
-    found, M = natural_frequencies(scene), matrices(scene)
+    frequencies, M = natural_frequencies(scene), matrices(scene)
     squares = np.linalg.eigvals(np.linalg.solve(M.M, M.K))
-    assert found.tolist() == pytest.approx(numbers, abs=digits)
-    assert np.allclose(np.sqrt(np.abs(np.sort(squares.real))), found, rtol=1e-9, atol=1e-7)
-    assert found.tolist() == pytest.approx([float(omega) for omega in Oracle(scene).frequencies()], rel=4e-15)
+    assert frequencies.tolist() == pytest.approx(numbers, abs=digits)
+    assert np.allclose(np.sqrt(np.abs(np.sort(squares.real))), frequencies, rtol=1e-9, atol=1e-7)
+    assert frequencies.tolist() == pytest.approx([float(omega) for omega in Oracle(scene).frequencies()], rel=4e-15)
 
 
 def test_two_bobs_and_a_spring() -> None:
@@ -92,7 +92,7 @@ def test_a_board_is_a_cart_where_nothing_turns_against_it() -> None:
     h, scene = 0.3, board(0.0)
     inertia = 1.5 + 6.0 * 0.4**2 + 1.0 * 0.4**2 + 2.0 * 0.2**2
     held = 2.0 + 6.0 * G * 0.4 + G * (1.0 + 2.0) * h
-    pendula = [Pendulum(links=one.links) for one in scene.pendulum]
+    pendula = [Pendulum(links=pendulum.links) for pendulum in scene.pendulum]
     cart = Scene(gravity=G, support=Cart(mass=inertia / h**2, stiffness=held / h**2), pendulum=pendula)
     same(scene, natural_frequencies(cart).tolist(), 1e-13)
     assert np.abs(natural_frequencies(board(1.0)) / natural_frequencies(cart) - 1).max() > 1e-3
@@ -101,8 +101,8 @@ def test_a_board_is_a_cart_where_nothing_turns_against_it() -> None:
 def test_the_beam_with_springs_at_its_joints() -> None:
     beam = load("beam")
     pendula = [
-        one.replace(position=(one.position[0], 0.6), links=[one.links[0].replace(stiffness=1.0)])
-        for one in beam.pendulum
+        pendulum.replace(position=(pendulum.position[0], 0.6), links=[pendulum.links[0].replace(stiffness=1.0)])
+        for pendulum in beam.pendulum
     ]
     same(beam.replace(pendulum=pendula).conservative, [5.92062, 6.87314, 13.97826], 5e-6)
 
@@ -177,11 +177,11 @@ def test_a_free_row_of_carts_has_all_of_the_mass_in_its_translation() -> None:
 
 
 def eigenvalues(scene: Scene) -> np.ndarray:
-    found = matrices(scene)
-    n = len(found.M)
+    model = matrices(scene)
+    n = len(model.M)
     A = np.zeros((2 * n, 2 * n))
     A[:n, n:] = np.eye(n)
-    A[n:, :n], A[n:, n:] = -np.linalg.solve(found.M, found.K), -np.linalg.solve(found.M, found.D)
+    A[n:, :n], A[n:, n:] = -np.linalg.solve(model.M, model.K), -np.linalg.solve(model.M, model.D)
     return np.linalg.eigvals(A)
 
 
@@ -216,7 +216,7 @@ def test_the_record_of_the_computation_knows_the_structure() -> None:
 
 
 def test_numbers_of_supports_and_springs_are_varied() -> None:
-    found = natural_frequencies(carts(), vary={"spring[0].stiffness": [20.0, 40.0]})
-    assert found[0].tolist() == natural_frequencies(carts()).tolist()
+    frequencies = natural_frequencies(carts(), vary={"spring[0].stiffness": [20.0, 40.0]})
+    assert frequencies[0].tolist() == natural_frequencies(carts()).tolist()
     stiffer = carts().replace(spring=[Spring(between=("left", "right"), stiffness=40.0)])
-    assert found[1].tolist() == natural_frequencies(stiffer).tolist()
+    assert frequencies[1].tolist() == natural_frequencies(stiffer).tolist()

@@ -36,7 +36,7 @@ def chain(support: Cart, links: tuple[Rod | Body | Bob, ...] = LINKS, **options:
 def one_by_one(scene: Scene, values: dict[str, Floats]) -> Floats:
     rows = []
     for k in range(len(next(iter(values.values())))):
-        modes = natural_modes(vary(scene, {path: float(own[k]) for path, own in values.items()}))
+        modes = natural_modes(vary(scene, {path: float(column[k]) for path, column in values.items()}))
         rows.append(np.repeat(modes.omega, modes.multiplicity))
     return np.array(rows)
 
@@ -79,9 +79,9 @@ def test_several_pendula_and_space(name: str) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_every_digit_is_that_of_many(seed: int) -> None:
-    values = {path: own[seed : seed + 2] for path, own in numbers(2.0).items()}
+    values = {path: column[seed : seed + 2] for path, column in numbers(2.0).items()}
     for k, row in enumerate(natural_frequencies(chain(Cart(mass=2.0)), vary=values)):
-        modes = natural_modes(vary(chain(Cart(mass=2.0)), {path: float(own[k]) for path, own in values.items()}))
+        modes = natural_modes(vary(chain(Cart(mass=2.0)), {path: float(column[k]) for path, column in values.items()}))
         assert_certified(modes, float(modes.error.max()))
         np.testing.assert_array_max_ulp(row, modes.omega, 4)
 
@@ -104,7 +104,7 @@ def test_two_counts_confirm_a_mode_of_a_scene(monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(bisection, "_reached", counted)
     monkeypatch.setattr(chains, "_otherwise", None)
-    values = {path: own[:6] for path, own in numbers(0.1).items()}
+    values = {path: column[:6] for path, column in numbers(0.1).items()}
     natural_frequencies(chain(Cart(mass=2.0)), vary=values)
     assert trials == [2 * 3 * 6]
     natural_frequencies(chain(Cart(mass=2.0)), 1e-8, vary=values)
@@ -113,10 +113,10 @@ def test_two_counts_confirm_a_mode_of_a_scene(monkeypatch: pytest.MonkeyPatch) -
 
 def test_shapes_broadcast_and_grids_have_an_axis_for_each_place() -> None:
     scene = load("paper-cart-2")
-    found = natural_frequencies(scene, vary={"support.mass": [[1.0], [100.0]], "gravity": [1.6, 9.8, 24.8]})
-    assert found.shape == (2, 3, 5)
+    frequencies = natural_frequencies(scene, vary={"support.mass": [[1.0], [100.0]], "gravity": [1.6, 9.8, 24.8]})
+    assert frequencies.shape == (2, 3, 5)
     np.testing.assert_array_equal(
-        found, natural_frequencies(scene, vary=["support.mass=1,100", "gravity=1.6,9.8,24.8"])
+        frequencies, natural_frequencies(scene, vary=["support.mass=1,100", "gravity=1.6,9.8,24.8"])
     )
     np.testing.assert_array_equal(natural_frequencies(scene, vary={}), natural_frequencies(scene))
     assert natural_frequencies(scene, vary={"gravity": 1.6}).shape == (5,)
@@ -125,9 +125,9 @@ def test_shapes_broadcast_and_grids_have_an_axis_for_each_place() -> None:
 
 def test_a_zero_is_another_form() -> None:
     scene, stiffness = chain(Cart(mass=2.0)), np.array([0.0, 1.0, 0.0, 4.0])
-    found = natural_frequencies(scene, vary={"support.stiffness": stiffness})
-    np.testing.assert_array_max_ulp(found, one_by_one(scene, {"support.stiffness": stiffness}), 2)
-    assert (found[:, 0] == 0).tolist() == [True, False, True, False]
+    frequencies = natural_frequencies(scene, vary={"support.stiffness": stiffness})
+    np.testing.assert_array_max_ulp(frequencies, one_by_one(scene, {"support.stiffness": stiffness}), 2)
+    assert (frequencies[:, 0] == 0).tolist() == [True, False, True, False]
 
 
 @pytest.mark.parametrize("path", ["pendulum[0].links[0].damping", "pendulum[0].links[0].stiffness", "damping_ratio"])
@@ -209,5 +209,5 @@ def test_a_mode_that_lanczos_misses_is_told_by_the_count(
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Rod(mass=1.0, length=1.0, count=300)])])
     expected = natural_modes(scene).omega[:3]
     monkeypatch.setattr(chains, "slow_seeds", second_on)
-    found = natural_modes(scene, modes=slice(0, 3), accuracy=accuracy)
-    np.testing.assert_allclose(found.omega, expected, rtol=accuracy or 4e-16)
+    modes = natural_modes(scene, modes=slice(0, 3), accuracy=accuracy)
+    np.testing.assert_allclose(modes.omega, expected, rtol=accuracy or 4e-16)

@@ -70,8 +70,8 @@ def test_near_one_to_three_shifts_and_the_angle_of_1_percent(
     further = nonlinear_mode(scene, 1, radians(32), longest=0.2, locate=False)
     off = further.omega / linear - 0.99
     at = int(np.flatnonzero(off < 0)[0])
-    found = located(quarter_of(scene, 1e-12), *further.points[at - 1 : at + 1], lambda p: p.orbit.omega / linear - 0.99)
-    assert np.rad2deg(found.orbit.amplitude) == pytest.approx(truth, abs=0.01)
+    point = located(quarter_of(scene, 1e-12), *further.points[at - 1 : at + 1], lambda p: p.orbit.omega / linear - 0.99)
+    assert np.rad2deg(point.orbit.amplitude) == pytest.approx(truth, abs=0.01)
 
 
 @pytest.mark.slow

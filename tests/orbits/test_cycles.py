@@ -25,18 +25,20 @@ DETUNED = "pendulum[1].links[0].inertia"
 
 @cache
 def cycle(pair: floquet.Pair, words: str) -> tuple[Orbit, floquet.Orbit]:
-    one = next(one for one in relative_equilibria(average(pair.scene)) if agreement(one) == words)
-    return cycle_of(pair.scene, one), floquet.near(pair, one)
+    state = next(
+        equilibrium for equilibrium in relative_equilibria(average(pair.scene)) if agreement(equilibrium) == words
+    )
+    return cycle_of(pair.scene, state), floquet.near(pair, state)
 
 
 @pytest.mark.parametrize(("angle", "told"), [(6.0, -0.01932), (8.0, -0.00461), (9.0, 0.00396), (11.0, 0.02321)])
 def test_antiphase_of_metronomes_grows_at_the_published_rate(angle: float, told: float) -> None:
-    own, other = cycle(floquet.metronomes(angle), "antiphase")
-    rates = np.log(np.abs(own.floquet.others)) / own.period
+    orbit, other = cycle(floquet.metronomes(angle), "antiphase")
+    rates = np.log(np.abs(orbit.floquet.others)) / orbit.period
     drift = np.abs(rates + other.pair.drift).argmin()
     assert np.delete(rates, drift).max() == pytest.approx(told, abs=1e-5)
-    assert own.is_stable is (told < 0)
-    assert own.floquet.neutral == 2
+    assert orbit.is_stable is (told < 0)
+    assert orbit.floquet.neutral == 2
 
 
 PAIRS = [(floquet.metronomes(10.0, 3.0, 6e-5), "in phase"), (floquet.huygens(10.0), "antiphase")]
@@ -47,21 +49,21 @@ PAIRS += [(floquet.huygens(10.0, 10.0), "in phase")]
 @pytest.mark.slow
 @pytest.mark.parametrize(("pair", "words"), PAIRS)
 def test_cycles_and_multipliers_are_those_of_other_equations_kicks_included(pair: floquet.Pair, words: str) -> None:
-    own, other = cycle(pair, words)
-    assert own.period == pytest.approx(other.period, rel=1e-10)
-    found = np.log(own.floquet.others) / own.period
+    orbit, other = cycle(pair, words)
+    assert orbit.period == pytest.approx(other.period, rel=1e-10)
+    exponents = np.log(orbit.floquet.others) / orbit.period
     for exponent in other.exponents:
-        at = np.abs(found - exponent).argmin()
-        assert found[at] == pytest.approx(exponent, abs=1e-7)
-        found = np.delete(found, at)
-    assert found == pytest.approx([-pair.drift], rel=1e-3)
+        at = np.abs(exponents - exponent).argmin()
+        assert exponents[at] == pytest.approx(exponent, abs=1e-7)
+        exponents = np.delete(exponents, at)
+    assert exponents == pytest.approx([-pair.drift], rel=1e-3)
 
 
 @pytest.mark.slow
 def test_multipliers_of_kicked_clocks_are_those_of_a_perturbed_run() -> None:
     """Central differences of runs of the simulator over one period, projected on the phase's complement."""
     scene = floquet.Pair(0.082, 0.14, 0.14, 0.0, 1.35e-4, 10.0, 4.0, floquet.huygens(1).drive, extra=2e-6).scene
-    orbit = next(one for one in limit_cycles(scene) if one.is_stable)
+    orbit = next(cycle for cycle in limit_cycles(scene) if cycle.is_stable)
     layout, size, scale = orbit.flow.equations.layout, len(orbit.y), orbit.flow.scale
     ends = []
     for sign in (1, -1):
@@ -90,8 +92,8 @@ def divergence(orbit: Orbit) -> float:
 
 @pytest.mark.slow
 def test_the_product_of_multipliers_is_the_exponential_of_the_divergence() -> None:
-    own, _ = cycle(floquet.metronomes(9.0), "antiphase")
-    assert np.prod(own.floquet.all).real == pytest.approx(exp(divergence(own)), rel=1e-8)
+    orbit, _ = cycle(floquet.metronomes(9.0), "antiphase")
+    assert np.prod(orbit.floquet.all).real == pytest.approx(exp(divergence(orbit)), rel=1e-8)
 
 
 DRIVEN = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, damping=0.2)])])
@@ -155,15 +157,17 @@ def test_branches_leave_at_a_branch_point_where_two_clocks_in_phase_lose_their_s
     branch, special = next((branch, special) for branch in branches for special in branch.special)
     assert special.kind == "branch point"
     assert special.orbit.value == pytest.approx(26.68, abs=0.01)
-    below, above = (one.is_stable for one in (branch.orbits[special.after], branch.orbits[special.after + 1]))
+    below, above = (
+        neighbour.is_stable for neighbour in (branch.orbits[special.after], branch.orbits[special.after + 1])
+    )
     assert below is not above
     leaving = entered(branch, special, most=2)
-    one = leaving.orbits[-1]
-    angles = one.amplitudes
+    orbit = leaving.orbits[-1]
+    angles = orbit.amplitudes
     assert abs(angles[0] - angles[1]) > 1e-4
-    assert one.residual < 1e-10
-    run = simulate(one.scene, one.period, start=one.state, output=[0.0, one.period], tolerance=1e-12)
-    assert run.motion.links[-1] == pytest.approx(one.state.links, abs=1e-9)
+    assert orbit.residual < 1e-10
+    run = simulate(orbit.scene, orbit.period, start=orbit.state, output=[0.0, orbit.period], tolerance=1e-12)
+    assert run.motion.links[-1] == pytest.approx(orbit.state.links, abs=1e-9)
 
 
 def test_what_has_no_limit_cycles_is_refused() -> None:

@@ -46,9 +46,9 @@ def test_on_the_branch_that_leaves_the_links_no_longer_turn_back_together() -> N
 
 @pytest.mark.slow
 def test_at_a_period_doubling_a_branch_of_twice_the_period_leaves() -> None:
-    first = next(one for one in uneven().special if one.kind == "branch point")
+    first = next(special_point for special_point in uneven().special if special_point.kind == "branch point")
     second = entered(uneven(), first, most=40, step=0.15)
-    doubling = next(one for one in second.special if one.kind == "period doubling")
+    doubling = next(special_point for special_point in second.special if special_point.kind == "period doubling")
     assert np.abs(doubling.orbit.floquet.others + 1).min() < 1e-3
     leaving = entered(second, doubling, most=4)
     orbit = leaving.orbits[-1]
@@ -63,7 +63,7 @@ def test_a_branch_leaves_on_a_free_cart_too() -> None:
     pendula = [Pendulum(links=(Bob(mass=1.0, length=length),)) for length in (1.0, 0.7)]
     scene = Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=pendula)
     branch = nonlinear_mode(scene, 3, radians(95), longest=0.3)
-    point = next(one for one in branch.special if one.kind == "branch point")
+    point = next(special_point for special_point in branch.special if special_point.kind == "branch point")
     orbit = entered(branch, point, most=4).orbits[-1]
     assert orbit.residual < 1e-10
     assert returns(orbit) < 1e-6

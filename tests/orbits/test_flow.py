@@ -81,7 +81,7 @@ def test_the_flow_is_that_of_scipy_with_derivatives_by_complex_steps(scene: Scen
     system = system_of(scene)
     flow = Flow(system, 1e-12)
     y = flow.equations.begin(random_state(system, 1))
-    found, size = flow(y, np.eye(len(y)), 0.4), len(y)
+    flown, size = flow(y, np.eye(len(y)), 0.4), len(y)
 
     def rate(_: float, both: Floats) -> Floats:
         z, V = both[:size], both[size:].reshape(size, size)
@@ -91,9 +91,9 @@ def test_the_flow_is_that_of_scipy_with_derivatives_by_complex_steps(scene: Scen
     end = solve_ivp(rate, (0, 0.4), np.concatenate((y, np.eye(size).ravel())), "DOP853", rtol=1e-12, atol=1e-12).y[
         :, -1
     ]
-    assert found.y == pytest.approx(end[:size], rel=1e-9, abs=1e-9)
+    assert flown.y == pytest.approx(end[:size], rel=1e-9, abs=1e-9)
     V = end[size:].reshape(size, size)
-    assert pytest.approx(found.V, rel=1e-8, abs=1e-9 * np.abs(V).max()) == V
+    assert pytest.approx(flown.V, rel=1e-8, abs=1e-9 * np.abs(V).max()) == V
 
 
 def test_derivatives_of_kicked_flows_are_those_of_differences() -> None:
@@ -125,10 +125,10 @@ def test_small_orbits_under_drag_and_damping_ratios_lose_what_the_modes_lose() -
     orbit = periodic_orbit(
         RESISTED, start, 2.0, force=lambda time: np.array([0.0, 1e-4 * np.cos(np.pi * time), 0.0]), tolerance=1e-15
     )
-    one = matrices(RESISTED)
-    M, K, C = one.M, one.K, one.D
-    none, own = np.zeros((3, 3)), np.eye(3)
-    s = np.linalg.eigvals(np.block([[none, own], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]]))
+    model = matrices(RESISTED)
+    M, K, C = model.M, model.K, model.D
+    none, identity = np.zeros((3, 3)), np.eye(3)
+    s = np.linalg.eigvals(np.block([[none, identity], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]]))
     assert np.poly(orbit.floquet.others) == pytest.approx(np.poly(np.exp(2.0 * s)).real, abs=1e-8)
 
 
@@ -187,12 +187,12 @@ def test_derivatives_by_a_number_of_the_scene_are_those_of_differences(path: str
     problem = shooting(RESISTED, variation=variation)
     flow, y = problem.flow_at(value), np.array([0.1, 0.9, -0.5, 0.2, 0.4, 1.0])
     assert flow.change is not None
-    found = flow(y, np.eye(6), 1.1).V
-    one, other = (problem.flow_at(value + step)(y, none, 1.1).y for step in (-1e-5, 1e-5))
-    slope = (other - one) / 2e-5
-    assert found[:, -1] == pytest.approx(slope, rel=1e-7, abs=1e-8 * np.abs(slope).max())
+    slopes = flow(y, np.eye(6), 1.1).V
+    before, other = (problem.flow_at(value + step)(y, none, 1.1).y for step in (-1e-5, 1e-5))
+    slope = (other - before) / 2e-5
+    assert slopes[:, -1] == pytest.approx(slope, rel=1e-7, abs=1e-8 * np.abs(slope).max())
     plain = Flow(flow.system, flow.tolerance)(y, np.eye(6), 1.1).V
-    assert found[:, :-1] == pytest.approx(plain, rel=1e-12, abs=1e-12)
+    assert slopes[:, :-1] == pytest.approx(plain, rel=1e-12, abs=1e-12)
 
 
 KICKED = {
@@ -227,15 +227,15 @@ def test_derivatives_by_a_number_go_through_kicks_and_contacts(path: str) -> Non
     problem = shooting(scene_from(KICKED), variation=variation, tolerance=1e-13)
     flow, y = problem.flow_at(value), np.array([0.05, 0.3, -0.25, 0.1, -0.4, 0.5])
     assert flow.change is not None
-    found = flow(y, np.eye(6), 2.5)
+    flown = flow(y, np.eye(6), 2.5)
     assert flow.switched is not None
-    kinds = {int(one[1]) for one in flow.switched.switches.happened}
+    kinds = {int(happening[1]) for happening in flow.switched.switches.happened}
     assert kinds & {0, 1}
     assert kinds - {0, 1}
     step = 1e-5 * value
     ends = {k: problem.flow_at(value + k * step)(y, none, 2.5).y for k in (-2, -1, 1, 2)}
     slope = (8 * (ends[1] - ends[-1]) - (ends[2] - ends[-2])) / (12 * step)
-    assert found.V[:, -1] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(slope).max())
+    assert flown.V[:, -1] == pytest.approx(slope, rel=1e-5, abs=1e-6 * np.abs(slope).max())
 
 
 @pytest.mark.parametrize("spacing", ["", "log"])

@@ -89,9 +89,9 @@ def test_an_orbit_of_a_branch_takes_few_flows(monkeypatch: pytest.MonkeyPatch) -
     """Newton's steps from the tangent, two mostly, and the orbit itself, of one period each."""
     count, flow = [0], Flow.__call__
 
-    def counted(self: Flow, *given: Any, **more: Any) -> Any:
+    def counted(self: Flow, *arguments: Any, **more: Any) -> Any:
         count[0] += 1
-        return flow(self, *given, **more)
+        return flow(self, *arguments, **more)
 
     monkeypatch.setattr(Flow, "__call__", counted)
     (branch,) = followed(shaken([BOB | {"damping": 0.05}]), f"{HERTZ}=0.47:0.48:2", longest=0.05)
@@ -118,9 +118,9 @@ def test_a_drawn_branch_is_smooth_and_goes_through_the_range() -> None:
     branch = resonance()
     assert branch.complete
     assert branch.value[[0, -1]] == pytest.approx([0.40, 0.55])
-    for one, other in pairwise(branch.orbits):
-        assert abs(other.amplitude / one.amplitude - 1) <= 0.02
-        assert abs(np.angle(np.exp(1j * (other.phase - one.phase)))) <= 0.1
+    for before, after in pairwise(branch.orbits):
+        assert abs(after.amplitude / before.amplitude - 1) <= 0.02
+        assert abs(np.angle(np.exp(1j * (after.phase - before.phase)))) <= 0.1
     fates = [orbit.is_stable for orbit in branch.orbits]
     assert [a for a, b in pairwise([*fates, None]) if a is not b] == [True, False, True]
     for orbit in branch.orbits[::30]:
@@ -140,7 +140,7 @@ def test_a_range_between_the_folds_has_two_branches_and_says_where_one_turns_bac
     lower, upper = followed(shaken([BOB | {"damping": 0.05}]), f"{HERTZ}=0.475:0.49:2")
     assert lower.returns
     assert not upper.returns
-    assert [one.kind for one in lower.special] == ["fold"]
+    assert [special_point.kind for special_point in lower.special] == ["fold"]
     assert upper.special == ()
     assert upper.value[-1] == pytest.approx(lower.value[0])
     assert upper.amplitude[-1] > lower.amplitude[-1] > lower.amplitude[0]
@@ -166,10 +166,16 @@ def driven() -> list[Branch]:
     torque = {"on": "pendulum[0].links[0]", "direction": "torque", "kind": "sine", "amplitude": UNIT}
     scene = scene_of([link], force=[torque | {"frequency_hz": 1.0, "phase_deg": 90.0}])
     (branch,) = followed(scene, f"force[0].amplitude={0.98 * UNIT!r}:{1.09 * UNIT!r}:2")
-    found = [branch]
+    branches = [branch]
     for kind in ("branch point", "period doubling", "period doubling"):
-        found.append(entered(found[-1], next(one for one in found[-1].special if one.kind == kind), most=40))
-    return found
+        branches.append(
+            entered(
+                branches[-1],
+                next(special_point for special_point in branches[-1].special if special_point.kind == kind),
+                most=40,
+            )
+        )
+    return branches
 
 
 @pytest.mark.slow
@@ -177,7 +183,7 @@ def test_a_driven_pendulum_loses_its_symmetry_and_doubles_its_period() -> None:
     told = (("branch point", 1.00431948), ("period doubling", 1.0663728625))
     told += (("period doubling", 1.0793139059), ("period doubling", 1.0820843843))
     for k, ((kind, gamma), branch) in enumerate(zip(told, driven(), strict=True)):
-        special = next(one for one in branch.special if one.kind == kind)
+        special = next(special_point for special_point in branch.special if special_point.kind == kind)
         cycles, sign = max(1, 2 ** (k - 1)), 1.0 if k == 0 else -1.0
         assert special.orbit.value == pytest.approx(gamma * UNIT, abs=6e-9 * UNIT)
         assert special.orbit.cycles == cycles
@@ -195,15 +201,15 @@ def double(t: float, y: Any, hertz: float) -> Any:
     s = -0.02 * rate**2 * np.sin(rate * t)
     c, d = np.cos(a - b), np.sin(a - b)
     lower = 0.03 * (q - p)
-    one = -2 * 9.81 * np.sin(a) - 2 * s * np.cos(a) - d * q * q - 0.03 * p + lower
+    first = -2 * 9.81 * np.sin(a) - 2 * s * np.cos(a) - d * q * q - 0.03 * p + lower
     two = -9.81 * np.sin(b) - s * np.cos(b) + d * p * p - lower
-    return np.array([p, q, (one - c * two) / (2 - c * c), (2 * two - c * one) / (2 - c * c)])
+    return np.array([p, q, (first - c * two) / (2 - c * c), (2 * two - c * first) / (2 - c * c)])
 
 
 @pytest.mark.slow
 def test_folds_of_a_shaken_double_pendulum() -> None:
     (branch,) = followed(shaken([BOB | {"damping": 0.03}] * 2), f"{HERTZ}=0.34:0.385:2")
-    assert [one.kind for one in branch.special] == ["fold", "fold"]
+    assert [special_point.kind for special_point in branch.special] == ["fold", "fold"]
     for special, hertz in zip(branch.special, (0.37281333449, 0.34181686637), strict=True):
         assert special.orbit.value == pytest.approx(hertz, abs=1e-10)
         assert is_special(double, special, 1.0, hertz)
@@ -373,7 +379,7 @@ def test_bad_input_gets_one_clear_message(scene: Scene, words: str, message: str
 def test_an_end_of_the_range_without_a_motion_is_named() -> None:
     (branch,) = followed(shaken([BOB | {"damping": 0.05}]), "support.motion.amplitude=0.001:0.0011:2")
     cut = replace(branch, points=branch.points[:-1], complete=False)
-    texts = [" ".join(orbits_text(branch.orbits[0].scene, [one]).split()) for one in (branch, cut)]
+    texts = [" ".join(orbits_text(branch.orbits[0].scene, [shown]).split()) for shown in (branch, cut)]
     assert "at support.motion.amplitude = 0.0011 m no motion was found" in texts[1]
     assert "was followed no further than support.motion.amplitude = 0.00" in texts[1]
     assert "no motion was found" not in texts[0]

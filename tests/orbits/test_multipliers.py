@@ -69,11 +69,11 @@ def characteristic(multipliers: Complexes) -> Floats:
 def test_multipliers_are_those_of_a_perturbed_run(seed: int) -> None:
     orbit = orbit_of(seed)
     brute = np.linalg.eigvals(perturbed(orbit))
-    found, expected = characteristic(orbit.floquet.all), characteristic(brute)
-    assert found == pytest.approx(expected, abs=2e-7 * np.abs(expected).max())
-    for own in orbit.floquet.others:
-        near = np.abs(brute - own).min()
-        assert near < 2e-5 * max(1.0, abs(own))
+    coefficients, expected = characteristic(orbit.floquet.all), characteristic(brute)
+    assert coefficients == pytest.approx(expected, abs=2e-7 * np.abs(expected).max())
+    for multiplier in orbit.floquet.others:
+        near = np.abs(brute - multiplier).min()
+        assert near < 2e-5 * max(1.0, abs(multiplier))
 
 
 @pytest.mark.parametrize("seed", usually(range(1, 30, 2), range(30)))
@@ -119,9 +119,9 @@ def branch(to: float) -> Branch:
 @pytest.mark.parametrize("to", [24.0, 29.0])
 def test_bubbles_of_instability_do_not_depend_on_where_the_branch_ends(to: float) -> None:
     special = branch(to).special
-    assert [one.kind for one in special] == ["collision"] * 4
-    assert np.degrees([one.orbit.amplitude for one in special]) == pytest.approx(EDGES, abs=2e-3)
-    before = [branch(to).is_stable[one.after] for one in special]
+    assert [special_point.kind for special_point in special] == ["collision"] * 4
+    assert np.degrees([special_point.orbit.amplitude for special_point in special]) == pytest.approx(EDGES, abs=2e-3)
+    before = [branch(to).is_stable[special_point.after] for special_point in special]
     assert before == [True, False, True, False]
     assert sum(not stable for stable in branch(to).is_stable) == 2
 
@@ -140,7 +140,7 @@ def test_the_simulator_leaves_the_orbits_of_a_bubble_and_stays_beside_those_arou
 def test_equal_pendula_that_lose_stability_together_do_so_at_a_branch_point() -> None:
     links = (Bob(mass=1.0, length=1.0),)
     scene = Scene(gravity=9.81, support=Cart(mass=10.0), pendulum=(Pendulum(links=links, count=3),))
-    found = nonlinear_mode(scene, 2, radians(40), longest=0.3)
-    stable = found.is_stable
-    changes = sum(one is not other for one, other in pairwise(stable))
-    assert changes == len({one.after for one in found.special})
+    mode = nonlinear_mode(scene, 2, radians(40), longest=0.3)
+    stable = mode.is_stable
+    changes = sum(before is not other for before, other in pairwise(stable))
+    assert changes == len({special_point.after for special_point in mode.special})

@@ -52,10 +52,10 @@ def test_derivatives_through_sticking_and_slipping_are_those_of_differences(name
 
 
 def test_a_flow_goes_on_in_the_state_in_which_it_ended() -> None:
-    flow, y, own = Flow(system_of(RUBBING)), np.array([0.6, -0.3, 0.2, 0.5]), np.eye(4)
-    first = flow(y, own, 1.1)
+    flow, y, identity = Flow(system_of(RUBBING)), np.array([0.6, -0.3, 0.2, 0.5]), np.eye(4)
+    first = flow(y, identity, 1.1)
     second = flow(first.y, first.V, 2.0, first.state, 1.1)
-    whole = flow(y, own, 3.1)
+    whole = flow(y, identity, 3.1)
     assert second.y == pytest.approx(whole.y, abs=1e-10)
     assert pytest.approx(whole.V, abs=1e-8) == second.V
 
@@ -69,7 +69,7 @@ def test_a_clock_that_rubs_settles_on_its_limit_cycle_by_its_multiplier() -> Non
     assert np.ptp(run.motion.links) < 1e-8
     moved = simulate(CLOCK, times[-1], start=begun, output=2, tolerance=TOLERANCE)
     near = simulate(CLOCK, times[-2], start=begun, output=2, tolerance=TOLERANCE)
-    energies = [own.mechanics.energy[-1] - run.mechanics.energy[0] for own in (moved, near)]
+    energies = [trajectory.mechanics.energy[-1] - run.mechanics.energy[0] for trajectory in (moved, near)]
     assert energies[0] / energies[1] == pytest.approx(multiplier, rel=1e-2)
     fed = run.kicks.energy[-2:].sum()
     assert fed == pytest.approx(4 * 0.02 * orbit.amplitude + 0.1 * _square(run, orbit.period), rel=1e-3)

@@ -89,11 +89,11 @@ def phone() -> Iterator[Chromium]:
 
 def test_no_formula_of_the_manual_is_wrong_or_wider_than_a_phone(phone: Chromium, folder: Path) -> None:
     pages = [page for page in DOCS.rglob("*.md") if not {"_build", "lessons"} & set(page.relative_to(DOCS).parts)]
-    wanted = [one for page in sorted(pages) for one in formulas(page.read_text(encoding="utf-8"))]
+    wanted = [formula for page in sorted(pages) for formula in formulas(page.read_text(encoding="utf-8"))]
     assert sum(tex.startswith("\\[") for tex, _ in wanted) > 80
     answers = seen(phone, folder, wanted)
-    assert [(one["tex"], one["wrong"]) for one in answers if one["wrong"] or not one["drawn"]] == []
-    assert [(one["tex"], one["over"]) for one in answers if one["over"] > 1] == []
+    assert [(answer["tex"], answer["wrong"]) for answer in answers if answer["wrong"] or not answer["drawn"]] == []
+    assert [(answer["tex"], answer["over"]) for answer in answers if answer["over"] > 1] == []
 
 
 def test_what_is_wrong_or_too_wide_is_seen(phone: Chromium, folder: Path) -> None:
@@ -114,7 +114,7 @@ def test_derivations_are_right_for_mathjax(phone: Chromium, folder: Path, tmp_pa
     system, scene = target(str(path) if name == "damped" else name)
     document = typeset("A scene", derive(system, scene=scene), "latex")
     displays = re.findall(r"(\\begin\{(equation|align)\*\}.*?\\end\{\2\*\})", document, flags=re.DOTALL)
-    inline = [f"\\({one}\\)" for one in INLINE.findall(document)]
-    answers = seen(phone, folder, [(tex, 3 * PHONE) for tex in [*(one for one, _ in displays), *inline]])
+    inline = [f"\\({formula}\\)" for formula in INLINE.findall(document)]
+    answers = seen(phone, folder, [(tex, 3 * PHONE) for tex in [*(formula for formula, _ in displays), *inline]])
     assert len(answers) > 10
-    assert [(one["tex"], one["wrong"]) for one in answers if one["wrong"] or not one["drawn"]] == []
+    assert [(answer["tex"], answer["wrong"]) for answer in answers if answer["wrong"] or not answer["drawn"]] == []

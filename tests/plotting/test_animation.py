@@ -45,10 +45,10 @@ def single(title: str = "One", angle: float = 40.0, count: int = 1, **support: A
 def test_frames_agree_with_a_denser_simulation(name: str) -> None:
     at = np.linspace(0, 2, 61)
     coarse, dense = run(name, 2.0, output=101), run(name, 2.0, output=at)
-    found = resample(coarse.times, coarse.motion, at)
-    for got, true, most in zip(vectors(found), vectors(dense.motion), (1e-4, 1e-2), strict=True):
-        assert 1e-9 < np.abs(got - true).max() < most
-    assert np.abs(found.cart - dense.motion.cart).max() < 1e-6
+    resampled = resample(coarse.times, coarse.motion, at)
+    for vector, true, most in zip(vectors(resampled), vectors(dense.motion), (1e-4, 1e-2), strict=True):
+        assert 1e-9 < np.abs(vector - true).max() < most
+    assert np.abs(resampled.cart - dense.motion.cart).max() < 1e-6
 
 
 def test_resampling_is_of_fourth_order() -> None:
@@ -220,8 +220,8 @@ def test_lengths_are_drawn_true_and_the_scale_is_equal() -> None:
     for actor in stage_of(trajectory, at).actors:
         assert np.linalg.norm(np.diff(actor.joints, axis=1), axis=-1) == pytest.approx(1.0, abs=1e-12)
     axis = Film(trajectory, at, 6.0, 1.0).scenery.axis
-    zero, one = axis.transData.transform([(0, 0), (1, 1)])
-    assert one[0] - zero[0] == pytest.approx(one[1] - zero[1])
+    zero, unit = axis.transData.transform([(0, 0), (1, 1)])
+    assert unit[0] - zero[0] == pytest.approx(unit[1] - zero[1])
 
 
 def test_the_camera_follows_a_cart_that_leaves() -> None:
@@ -262,11 +262,11 @@ def test_a_crowd_is_thinned_out_and_said_so() -> None:
 @pytest.mark.parametrize("name", ["paper-cart-3", "chain-spatial", "metronomes"])
 def test_energies_of_the_bars_are_those_of_the_run(name: str) -> None:
     trajectory = run(name, 1.0)
-    found, mechanics = energies_of(trajectory, trajectory.times[::40]), trajectory.mechanics
-    assert found.kinetic.sum(1) == pytest.approx(found.whole[0])
-    whole = found.whole[0] + found.whole[1]
+    energies, mechanics = energies_of(trajectory, trajectory.times[::40]), trajectory.mechanics
+    assert energies.kinetic.sum(1) == pytest.approx(energies.whole[0])
+    whole = energies.whole[0] + energies.whole[1]
     assert whole - whole[0] == pytest.approx((mechanics.energy - mechanics.energy[0])[::40], abs=1e-9 * whole[0])
-    assert np.all(found.potential >= -1e-12)
+    assert np.all(energies.potential >= -1e-12)
 
 
 def test_picked_links_move_as_they_did() -> None:

@@ -162,12 +162,12 @@ def test_profiles_are_the_shapes_of_the_dense_matrices() -> None:
     drawn: dict[str, np.ndarray] = {}
     for line in figure.axes[0].lines:
         if len(line.get_xydata()) == 13:
-            own = drawn.setdefault(line.get_color(), np.full(13, np.nan))
+            profile = drawn.setdefault(line.get_color(), np.full(13, np.nan))
             y = np.array(line.get_ydata(), dtype=float)
-            own[np.isfinite(y)] = y[np.isfinite(y)]
+            profile[np.isfinite(y)] = y[np.isfinite(y)]
     assert list(drawn) == [colour_of(0), colour_of(1)]
-    found = np.column_stack(list(drawn.values())).ravel()
-    assert found == pytest.approx(25 * angles * np.sign(angles @ found), abs=1e-9)
+    profiles = np.column_stack(list(drawn.values())).ravel()
+    assert profiles == pytest.approx(25 * angles * np.sign(angles @ profiles), abs=1e-9)
     assert figure.axes[0].get_xlabel() == "number of the pendulum (–)"
 
 
@@ -194,8 +194,8 @@ def test_an_overdamped_mode_does_not_swing() -> None:
 
 
 def bob(ratio: float) -> Scene:
-    given = {"damping_ratio": ratio} if ratio else {}
-    return Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),)),), **given)
+    options = {"damping_ratio": ratio} if ratio else {}
+    return Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),)),), **options)
 
 
 def bode(scene: Scene, band: tuple[float, float] | None = None) -> Figure:
@@ -251,7 +251,7 @@ def test_labels_name_input_output_and_units() -> None:
 
 def single(count: int, mass: float) -> Scene:
     links = [(Bob(mass=1.0, length=1.0 + 0.1 * k / count),) for k in range(count)]
-    return Scene(gravity=9.81, support=Cart(mass=mass), pendulum=tuple(Pendulum(links=one) for one in links))
+    return Scene(gravity=9.81, support=Cart(mass=mass), pendulum=tuple(Pendulum(links=chain) for chain in links))
 
 
 def test_of_one_pendulum_the_rise_with_a_light_cart_is_seen() -> None:
@@ -268,12 +268,12 @@ def test_of_one_pendulum_the_rise_with_a_light_cart_is_seen() -> None:
 
 
 def test_of_a_hundred_pendula_the_poles_are_a_band_beside_the_mode_outside_it() -> None:
-    found = explain(single(100, 10.0))
+    explanation = explain(single(100, 10.0))
     with theme("light"):
-        axis = coupling_figure(found).axes[-1]
+        axis = coupling_figure(explanation).axes[-1]
     curves = [line for line in axis.lines if len(line.get_xydata()) > 20]
     assert len(curves) == 1
-    assert curves[0].get_ydata().min() >= found.dynamic.omega[-1]
+    assert curves[0].get_ydata().min() >= explanation.dynamic.omega[-1]
     words = [text.get_text() for text in axis.texts]
     assert "band: 100 poles, with 99 modes that move the cart between them" in words
 
@@ -324,7 +324,7 @@ def test_two_lines_at_the_resolution_are_two_peaks() -> None:
 def test_an_output_that_the_input_does_not_reach_is_drawn_as_nothing(outputs: list[int]) -> None:
     """Two pendula on a fixed support: the torque on one leaves the other at rest."""
     links = ((Bob(mass=1.0, length=1.0),), (Bob(mass=1.0, length=2.0),))
-    scene = Scene(gravity=9.81, pendulum=tuple(Pendulum(links=one) for one in links))
+    scene = Scene(gravity=9.81, pendulum=tuple(Pendulum(links=chain) for chain in links))
     with theme("light"):
         figure = bode_figure(to_modal_form(natural_modes(scene), state_space(scene)), outputs=outputs)
     figure.draw_without_rendering()

@@ -82,10 +82,10 @@ def test_action_and_reaction_point_in_opposite_directions() -> None:
     ways: dict[str, list[tuple[int, int]]] = {}
     for diagram in shown:
         arrows = [stroke for stroke in diagram.strokes if stroke.kind == "arrow" and stroke.look == "joint"]
-        words = [one for one in diagram.words if one.look == "joint"]
-        for arrow, one in zip(arrows, words, strict=True):
+        words = [label for label in diagram.words if label.look == "joint"]
+        for arrow, label in zip(arrows, words, strict=True):
             (x0, y0), (x1, y1) = arrow.points
-            ways.setdefault(one.text, []).append((round(x1 - x0, 6), round(y1 - y0, 6)))
+            ways.setdefault(label.text, []).append((round(x1 - x0, 6), round(y1 - y0, 6)))
     assert len(ways) == 4
     for first, second in ways.values():
         assert first[0] == -second[0]
@@ -110,7 +110,7 @@ def test_tikz_has_the_same_letters_and_balanced_braces() -> None:
     text = free_body_tikz(scene, "paper")
     with theme("light"):
         figure = plot_free_body(scene, letters="paper")
-    theirs = sorted(one.get_text() for axis in figure.axes for one in axis.texts)
+    theirs = sorted(text.get_text() for axis in figure.axes for text in axis.texts)
     assert sorted(re.findall(r"text=fb\w+\] at \([^)]*\) \{(.*)\};", text)) == theirs
     assert text.count("{") == text.count("}")
     assert text.count(r"\begin{scope}") == text.count(r"\end{scope}") == len(figure.axes)

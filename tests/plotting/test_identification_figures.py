@@ -30,13 +30,13 @@ from modal.statespace import state_space, to_modal_form
 
 def measured(*, shapes: bool) -> MeasuredModes:
     modes = natural_modes(load("chain-3"))
-    own = [
+    measured_modes = [
         MeasuredMode(k + 1, w / (2 * np.pi) * (1.02 - 0.01 * k), 0.004, 0.01, 0.002, modes.matrix.shapes[:, k] * shapes)
         for k, w in enumerate(modes.omega.tolist())
     ]
     if not shapes:
-        own = [MeasuredMode(one.number, one.frequency, one.std) for one in own]
-    return MeasuredModes("m.csv", tuple(own), ((1, 1), (1, 2), (1, 3)) if shapes else ())
+        measured_modes = [MeasuredMode(mode.number, mode.frequency, mode.std) for mode in measured_modes]
+    return MeasuredModes("m.csv", tuple(measured_modes), ((1, 1), (1, 2), (1, 3)) if shapes else ())
 
 
 def poles() -> Figure:

@@ -32,8 +32,10 @@ def film_of(modes: Modes, numbers: list[int], rate: float = 10.0, amplitude_deg:
 
 def lines(film: ModalFilm, panel: int = 0) -> list[np.ndarray]:
     """The points of the chains that a panel draws now."""
-    drawn = [one for one in film.panels[panel].drawn if hasattr(one, "get_xydata") and one.get_zorder() >= 2]
-    return [one.get_xydata() for one in drawn if one.get_linestyle() == "-" and one.get_marker() == "None"]
+    drawn = [
+        artist for artist in film.panels[panel].drawn if hasattr(artist, "get_xydata") and artist.get_zorder() >= 2
+    ]
+    return [line.get_xydata() for line in drawn if line.get_linestyle() == "-" and line.get_marker() == "None"]
 
 
 def test_bobs_are_where_the_mode_has_them() -> None:
@@ -44,8 +46,8 @@ def test_bobs_are_where_the_mode_has_them() -> None:
         film.show(frame)
         turned = angles * np.cos(2 * np.pi * frame / film.count)
         expected = np.cumsum([[0.0, 0.0], *np.column_stack((np.sin(turned), -np.cos(turned)))], axis=0)
-        found = lines(film)[0]
-        assert min(np.abs(found - expected).max(), np.abs(found * [-1, 1] - expected).max()) < 1e-12
+        points = lines(film)[0]
+        assert min(np.abs(points - expected).max(), np.abs(points * [-1, 1] - expected).max()) < 1e-12
 
 
 def test_a_damped_shape_turns_with_its_phases() -> None:
@@ -76,14 +78,14 @@ def test_the_loop_has_no_seam(name: str) -> None:
         if row.omega == 0:
             continue
         s = np.linspace(0, 1, 401)
-        at = np.array([motion(row, one) for one in s])
+        at = np.array([motion(row, phase) for phase in s])
         assert abs(at[-1] - at[0]) < 1e-12
         assert np.abs(np.diff(at)).max() < 0.035
     film = film_of(modes, list(range(len(modes))), rate=5.0)
     images = [film.image(frame) for frame in range(film.count)]
     steps = [
-        np.asarray(ImageChops.difference(one, other), dtype=float).sum()
-        for one, other in zip(images, [*images[1:], images[0]], strict=True)
+        np.asarray(ImageChops.difference(image, other), dtype=float).sum()
+        for image, other in zip(images, [*images[1:], images[0]], strict=True)
     ]
     assert 0 < steps[-1] <= 1.3 * max(steps[:-1])
     assert film.count == round(LOOP * 5.0)
@@ -92,14 +94,14 @@ def test_the_loop_has_no_seam(name: str) -> None:
 def test_an_overdamped_mode_decays_and_a_growing_one_grows() -> None:
     overdamped = modes_of("huygens")[1]
     s = np.linspace(0, DECAYING, 9)
-    decay = np.array([motion(overdamped, one) for one in s])
+    decay = np.array([motion(overdamped, phase) for phase in s])
     assert overdamped.is_overdamped
     assert not overdamped.oscillates
     np.testing.assert_allclose(np.log(decay), -FOLDS * s / DECAYING, atol=1e-12)
     growing = modes_of("cart-upright")[3]
     assert growing.growth_rate
     assert not growing.is_overdamped
-    grown = np.array([motion(growing, one) for one in 1 - s])
+    grown = np.array([motion(growing, phase) for phase in 1 - s])
     np.testing.assert_allclose(grown, decay, rtol=1e-12)
 
 

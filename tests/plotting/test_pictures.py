@@ -77,7 +77,9 @@ STYLES = Path(modal.__file__).parent / "plotting"
 def hung(count: int, *, cart: float | None = None, length: float = 1.0, mass: float = 1.0, title: str = "") -> Scene:
     """Pendula of slightly different lengths."""
     links = [(Bob(mass=mass, length=length * (1 + 0.05 * k)),) for k in range(count)]
-    pendula = tuple(Pendulum(links=one, start=InitialCondition(angles_deg=(20.0 + k,))) for k, one in enumerate(links))
+    pendula = tuple(
+        Pendulum(links=chain, start=InitialCondition(angles_deg=(20.0 + k,))) for k, chain in enumerate(links)
+    )
     return Scene(title=title, gravity=9.81, pendulum=pendula, **({} if cart is None else {"support": Cart(mass=cart)}))
 
 
@@ -168,8 +170,10 @@ def claimed(paper_number: str, rates: list[float]) -> Figure:
     short, times = study(paper_number, quick=True), np.arange(0.0, 1501.0)
     wave = np.tile([1.0, -1.0], 5).repeat(100) / 30
     growth = [np.concatenate((np.zeros(500), rate + wave))[:, None] for rate in rates]
-    found = (Exponent(case.scene, times, one, 500.0, 0.0) for case, one in zip(short.cases, growth, strict=True))
-    return finding_figure(Finding(short, tuple(found)))
+    exponents = (
+        Exponent(case.scene, times, series, 500.0, 0.0) for case, series in zip(short.cases, growth, strict=True)
+    )
+    return finding_figure(Finding(short, tuple(exponents)))
 
 
 def synced(scene: str | Scene, duration: float) -> Figure:
@@ -316,9 +320,9 @@ def test_no_curve_is_hidden_under_others(kind: str) -> None:
 
 @pytest.mark.slow
 def test_branches_upon_each_other_all_show() -> None:
-    found = branching()
+    branches = branching()
     with theme("light"):
-        hidden = hidden_curves(branches_figure(replace(found, branches=found.branches[:1] * 3)))
+        hidden = hidden_curves(branches_figure(replace(branches, branches=branches.branches[:1] * 3)))
     assert [problem for problem in hidden if "child" not in problem] == []  # rings of one value are one ring
 
 
@@ -532,8 +536,8 @@ def lab(linear: np.ndarray) -> np.ndarray:
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
 
-def linear(one: str) -> np.ndarray:
-    rgb = np.array(mpl.colors.to_rgb(one))
+def linear(colour: str) -> np.ndarray:
+    rgb = np.array(mpl.colors.to_rgb(colour))
     return np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
 
 
@@ -542,11 +546,11 @@ def test_colours_stand_out_and_are_told_apart_by_everybody(name: str) -> None:
     """Between any two colours at least 12 of ΔE*; about 2 can just be told apart side by side."""
     with theme(name):
         colours = [colour(k) for k in range(HUES)]
-        assert all(contrast(one, paper()) >= LEAST for one in colours)
+        assert all(contrast(colour, paper()) >= LEAST for colour in colours)
         assert min(contrast(ink(), paper()), contrast(muted(), paper())) >= 4.5
         assert paper() == mpl.colors.to_hex(mpl.rcParams["figure.facecolor"])
     for matrix in (np.eye(3), *map(np.array, DICHROMATS.values())):
-        seen = [lab(matrix @ linear(one)) for one in colours]
+        seen = [lab(matrix @ linear(colour)) for colour in colours]
         assert min(np.linalg.norm(a - b) for a, b in combinations(seen, 2)) > 12
 
 

@@ -29,8 +29,8 @@ def run(name: str, seconds: float = 8.0, **options: Any) -> Trajectory:
 
 
 def panel(figure: Figure, title: str) -> Axes:
-    (found,) = [axis for axis in figure.axes if title in axis.get_title(loc="left")]
-    return found
+    (chosen,) = [axis for axis in figure.axes if title in axis.get_title(loc="left")]
+    return chosen
 
 
 @pytest.mark.slow
@@ -56,11 +56,11 @@ def test_every_panel_has_curves_units_and_room(name: str) -> None:
 
 def test_the_spectrum_of_a_small_swing_stands_on_the_tables_frequency() -> None:
     scene = modal.load("chain-1")
-    found = simulate(scene, 60.0, start=state_at_rest(scene, [1.0]), method="DOP853")
-    omega, power = power_spectrum(found.times, np.rad2deg(found.motion.links[:, 0]))
+    run = simulate(scene, 60.0, start=state_at_rest(scene, [1.0]), method="DOP853")
+    omega, power = power_spectrum(run.times, np.rad2deg(run.motion.links[:, 0]))
     expected = modal.natural_modes(scene).omega[0]
     assert abs(omega[np.argmax(power)] - expected) <= omega[1]
-    marks = [line for line in panel(run_figure(found), "Spectrum").lines if line.get_linestyle() == ":"]
+    marks = [line for line in panel(run_figure(run), "Spectrum").lines if line.get_linestyle() == ":"]
     assert [line.get_xdata()[0] for line in marks] == pytest.approx([expected])
 
 
@@ -77,8 +77,8 @@ def test_the_spectrum_says_what_its_modes_do_not_know_of() -> None:
     hoisted = run("hoisting-crane", 3.0)
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, friction=0.01)])])
     rubbed = simulate(scene, 3.0, start=state_at_rest(scene, [5.0]))
-    for found, words in ((hoisted, "modes before the hoist"), (rubbed, "modes without dry friction")):
-        assert words in panel(run_figure(found), "Spectrum").get_title(loc="left")
+    for trajectory, words in ((hoisted, "modes before the hoist"), (rubbed, "modes without dry friction")):
+        assert words in panel(run_figure(trajectory), "Spectrum").get_title(loc="left")
 
 
 def test_the_power_spectrum_keeps_the_mean_square() -> None:
@@ -127,8 +127,8 @@ def test_crowds_standstill_and_few_samples_can_be_drawn() -> None:
 def test_of_a_large_crowd_one_may_swing_almost_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where no modes are marked, the spectrum reaches as far as those that swing."""
     monkeypatch.setattr("nonlinear.plotting.run.MOST_MODES", 1)
-    one, other = (Pendulum(links=(Bob(mass=1e-6, length=length),)) for length in (1.0, 1.3))
-    pair = Scene(gravity=9.81, support=Cart(mass=1e6), pendulum=(one, other))
+    pendulum, other = (Pendulum(links=(Bob(mass=1e-6, length=length),)) for length in (1.0, 1.3))
+    pair = Scene(gravity=9.81, support=Cart(mass=1e6), pendulum=(pendulum, other))
     figure = run_figure(simulate(pair, 8.0, start=state_at_rest(pair, [0, 10]), method="DOP853"))
     assert 2.7 < panel(figure, "Spectrum").get_xlim()[1] < 20
 
@@ -145,9 +145,9 @@ def test_a_hundred_swings_have_no_corners() -> None:
 
 def test_a_single_instant_is_refused() -> None:
     scene = modal.load("chain-2")
-    one = simulate(scene, 1.0, output=[0])
+    run = simulate(scene, 1.0, output=[0])
     with pytest.raises(ComputationError, match="single sample"):
-        run_figure(one)
+        run_figure(run)
 
 
 @pytest.mark.parametrize("words", ["Metronomes with weights " * 8, "$a$ and $b"])

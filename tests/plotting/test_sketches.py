@@ -77,15 +77,15 @@ def crossed(figure: Figure) -> list[str]:
     """The symbols through which a line goes."""
     (axis,) = figure.axes
     figure.draw_without_rendering()
-    found = []
+    words = []
     for line in axis.lines:
         ends = axis.transData.transform(np.array(line.get_xydata()))
-        points = np.concatenate([np.linspace(one, two, 200) for one, two in itertools.pairwise(ends)] or [ends])
+        points = np.concatenate([np.linspace(begin, end, 200) for begin, end in itertools.pairwise(ends)] or [ends])
         for text in axis.texts:
             box = text.get_window_extent().shrunk(0.8, 0.7)
             if text.get_text() != "$m_c$" and np.any(np.all((points > box.min) & (points < box.max), axis=1)):
-                found.append(text.get_text())
-    return found
+                words.append(text.get_text())
+    return words
 
 
 @pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
@@ -106,11 +106,11 @@ def test_symbols_keep_apart_at_other_angles(tilt: float) -> None:
 
 
 def test_every_coordinate_length_mass_and_force_has_its_symbol() -> None:
-    found = Counter(symbols(sketch_figure(SCENES["three on a cart"], push="F")))
-    assert found.keys() == {"g", "m_c", "x", "F", *(f"\\theta_{{{k}}}" for k in (1, 2, 3)), "l"} | {
+    counts = Counter(symbols(sketch_figure(SCENES["three on a cart"], push="F")))
+    assert counts.keys() == {"g", "m_c", "x", "F", *(f"\\theta_{{{k}}}" for k in (1, 2, 3)), "l"} | {
         f"m_{{{k}}}g" for k in (1, 2, 3)
     }
-    assert found["l"] == 3
+    assert counts["l"] == 3
     double = symbols(sketch_figure(modal.load("paper-cart-2")))
     assert {r"\theta_{1,1}", r"\theta_{2,2}", "l", "c", "mg"} <= set(double)
     assert "s" in symbols(sketch_figure(SCENES["a shaken support"]))

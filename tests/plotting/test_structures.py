@@ -39,9 +39,9 @@ def run(name: str) -> Trajectory:
 
 
 def scaffold(name: str) -> Scaffold:
-    found = layout_of(modes(name)).scaffold
-    assert found is not None
-    return found
+    scaffold = layout_of(modes(name)).scaffold
+    assert scaffold is not None
+    return scaffold
 
 
 def of_role(pieces: list[Piece], role: str) -> list[Piece]:
@@ -77,11 +77,11 @@ def test_bodies_are_rigid_and_turn_about_their_axis() -> None:
 @pytest.mark.parametrize("name", ["ship-crane", "beam", "two-bobs"])
 def test_pendula_of_a_film_hang_where_the_equations_have_them(name: str) -> None:
     """The stage's joints against positions from the mechanics of the run."""
-    found = run(name)
-    at = np.linspace(0.0, found.times[-1], 7)
-    stage = stage_of(found, at)
+    trajectory = run(name)
+    at = np.linspace(0.0, trajectory.times[-1], 7)
+    stage = stage_of(trajectory, at)
     assert not stage.apart
-    exact = Mechanics(found.system, resample(found.times, found.motion, at), at)
+    exact = Mechanics(trajectory.system, resample(trajectory.times, trajectory.motion, at), at)
     for k, actor in enumerate(stage.actors):
         ends = exact.joints[:, k] * (1.0, -1.0)
         assert actor.joints[:, 1] == pytest.approx(ends, abs=1e-12)
@@ -89,8 +89,8 @@ def test_pendula_of_a_film_hang_where_the_equations_have_them(name: str) -> None
 
 
 def test_a_spring_between_pendula_ends_on_them() -> None:
-    found = run("two-bobs")
-    stage = stage_of(found, np.linspace(0.0, 2.0, 7))
+    trajectory = run("two-bobs")
+    stage = stage_of(trajectory, np.linspace(0.0, 2.0, 7))
     (spring,) = of_role(list(stage.pieces), "spring")
     for end, actor in ((0, stage.actors[0]), (-1, stage.actors[1])):
         assert spring.points[:, end] == pytest.approx(actor.joints.mean(1), abs=1e-12)

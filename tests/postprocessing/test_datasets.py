@@ -35,45 +35,45 @@ def test_columns_are_those_of_the_csv(tmp_path: Path) -> None:
     with (tmp_path / "run.csv").open(encoding="utf-8") as stream:
         next(stream)
         head, *rows = csv.reader(stream)
-    found = run.to_dict()
-    assert list(found) == head
-    np.testing.assert_array_equal(np.array(list(found.values())).T, np.array(rows, dtype=float))
-    np.testing.assert_array_equal(found["theta_4_3_rad"], run.motion.links[:, 6])
+    columns = run.to_dict()
+    assert list(columns) == head
+    np.testing.assert_array_equal(np.array(list(columns.values())).T, np.array(rows, dtype=float))
+    np.testing.assert_array_equal(columns["theta_4_3_rad"], run.motion.links[:, 6])
 
 
 def test_a_data_set_has_the_motion_by_time_pendulum_and_link() -> None:
     pytest.importorskip("xarray")
     run = uneven()
-    found, columns = run.to_xarray(), run.to_dict()
-    assert dict(found.sizes) == {"time": 6, "pendulum": 4, "link": 3}
-    assert found["angle"].dims == ("time", "pendulum", "link")
+    data, columns = run.to_xarray(), run.to_dict()
+    assert dict(data.sizes) == {"time": 6, "pendulum": 4, "link": 3}
+    assert data["angle"].dims == ("time", "pendulum", "link")
     for pendulum, links in enumerate((2, 1, 1, 3), start=1):
         for link in range(1, 4):
-            angle = found["angle"].sel(pendulum=pendulum, link=link)
+            angle = data["angle"].sel(pendulum=pendulum, link=link)
             if link <= links:
                 np.testing.assert_array_equal(angle, columns[f"theta_{pendulum}_{link}_rad"])
             else:
                 assert np.isnan(angle).all()
-    np.testing.assert_array_equal(found["cart"], columns["x_m"])
-    assert found["time"].attrs["units"] == "s"
-    assert found["angular_rate"].attrs["units"] == "rad/s"
-    assert found["work"].attrs["units"] == "J"
+    np.testing.assert_array_equal(data["cart"], columns["x_m"])
+    assert data["time"].attrs["units"] == "s"
+    assert data["angular_rate"].attrs["units"] == "rad/s"
+    assert data["work"].attrs["units"] == "J"
 
 
 def test_a_data_set_in_space_has_unit_vectors() -> None:
     pytest.importorskip("xarray")
     run = simulate(modal.load("chain-spatial"), 0.5, output=5)
-    found = run.to_xarray()
-    assert found["direction"].dims == ("time", "pendulum", "link", "axis")
-    assert found["axis"].values.tolist() == ["x", "y", "z"]
-    np.testing.assert_allclose((found["direction"] ** 2).sum("axis"), 1.0, rtol=1e-12)
-    np.testing.assert_array_equal(found["direction"].sel(axis="y", link=2, pendulum=1), run.to_dict()["uy_1_2"])
-    assert "cart" not in found
+    data = run.to_xarray()
+    assert data["direction"].dims == ("time", "pendulum", "link", "axis")
+    assert data["axis"].values.tolist() == ["x", "y", "z"]
+    np.testing.assert_allclose((data["direction"] ** 2).sum("axis"), 1.0, rtol=1e-12)
+    np.testing.assert_array_equal(data["direction"].sel(axis="y", link=2, pendulum=1), run.to_dict()["uy_1_2"])
+    assert "cart" not in data
 
 
 def test_without_xarray_its_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(MissingExtraError, match=r'xarray is missing: pip install "multipendula\[xarray\]"'):
+    with pytest.raises(MissingExtraError, match=r'xarray is missing: pip install "\.\[xarray\]"'):
         uneven().to_xarray()
 
 

@@ -24,18 +24,18 @@ def test_a_spherical_pendulum_reaches_the_roots_of_its_cubic(across: float) -> N
     energy, spin = v @ v / 2 - 9.81 * n[2], np.cross(n, v)[2]
     roots = np.roots([-2 * 9.81, -2 * energy, 2 * 9.81, 2 * energy - spin**2])
     expected = np.sort(np.arccos(roots[np.abs(roots) <= 1]))
-    found = extent_of(run)
-    assert found.between
-    np.testing.assert_allclose(found[:2], expected, atol=1e-6)
-    assert largest_angle(run) == found.high
+    extent = extent_of(run)
+    assert extent.between
+    np.testing.assert_allclose(extent[:2], expected, atol=1e-6)
+    assert largest_angle(run) == extent.high
 
 
 def test_extremes_in_the_plane_and_of_the_cart_are_those_of_dense_samples() -> None:
     scene = load("paper-cart-1")
     run, dense = simulate(scene, 10.0, output=301), simulate(scene, 10.0, output=200_001)
-    for found, values in ((extent_of(run), dense.motion.links), (extent_of(run, places_of), dense.motion.cart)):
-        assert found.between
-        np.testing.assert_allclose(found[:2], (values.min(), values.max()), atol=1e-7)
+    for extent, values in ((extent_of(run), dense.motion.links), (extent_of(run, places_of), dense.motion.cart)):
+        assert extent.between
+        np.testing.assert_allclose(extent[:2], (values.min(), values.max()), atol=1e-7)
 
 
 def test_extremes_of_the_samples_are_told_as_such() -> None:
@@ -48,8 +48,8 @@ def test_extremes_of_the_samples_are_told_as_such() -> None:
 def test_every_measure_of_the_largest_angle_in_space_says_the_same() -> None:
     scene, start = SPHERICAL, State(np.array([[0.0, np.sin(2.9), np.cos(2.9)]]), np.array([[0.1, 3.0, 0.0]]))
     expected = np.degrees(extent_of(simulate(scene, 3.0, start=start, output=2001)).high)
-    found = ensemble(scene, 3.0, starts=[start], measures=["largest_angle"], workers=1)
-    assert found.column("largest_angle_deg")[0] == pytest.approx(expected, abs=1e-4)
+    runs = ensemble(scene, 3.0, starts=[start], measures=["largest_angle"], workers=1)
+    assert runs.column("largest_angle_deg")[0] == pytest.approx(expected, abs=1e-4)
     started = load("chain-2").replace(space="space")
     swept = parse_measures(["largest_angle:1"])[0].of(started)["largest_angle_deg"]
     assert swept == pytest.approx(np.degrees(largest_angle(simulate(started, 1.0))), abs=1e-6)

@@ -18,7 +18,7 @@ def several(rng: np.random.Generator, noise: float) -> tuple[np.ndarray, np.ndar
     omega = [rng.uniform(16 * np.pi / T, 0.4 * np.pi * (N - 1) / T)]
     for _ in range(rng.integers(0, 4)):
         other = rng.uniform(16 * np.pi / T, 0.9 * np.pi * (N - 1) / T)
-        if min(abs(other - one) for one in omega) * T / 2 > 6 * np.pi:
+        if min(abs(other - frequency) for frequency in omega) * T / 2 > 6 * np.pi:
             omega.append(other)
     size = [1.0, *(10 ** rng.uniform(-6, -0.1, len(omega) - 1))]
     phase = rng.uniform(0, 6, len(omega))
@@ -33,10 +33,10 @@ def test_the_error_that_is_claimed_holds_and_is_not_idle(noise: float) -> None:
     ratios = []
     for _ in range(30):
         t, f, omega, _ = several(rng, noise)
-        found = line(t, f)
-        error = abs(found.omega - omega[0])
-        assert error <= found.error
-        ratios.append(found.error / max(error, 4e-16 * omega[0]))
+        estimate = line(t, f)
+        error = abs(estimate.omega - omega[0])
+        assert error <= estimate.error
+        ratios.append(estimate.error / max(error, 4e-16 * omega[0]))
     assert np.median(ratios) < 100
     assert np.percentile(ratios, 90) < 1000
 
@@ -46,33 +46,33 @@ def test_every_line_of_an_exact_signal() -> None:
     rng = np.random.default_rng(4)
     for _ in range(30):
         t, f, omega, size = several(rng, 0.0)
-        found = {one.omega: one for one in lines(t, f, 4)}
-        assert len(found) == len(omega)
+        by_omega = {line.omega: line for line in lines(t, f, 4)}
+        assert len(by_omega) == len(omega)
         for w, a in zip(omega, size, strict=True):
-            nearest = found[min(found, key=lambda other: abs(other - w))]
+            nearest = by_omega[min(by_omega, key=lambda other: abs(other - w))]
             assert abs(nearest.omega - w) <= nearest.error < 1e-8 * w
             assert nearest.amplitude == pytest.approx(a, rel=1e-9, abs=1e-13)
 
 
 def test_amplitude_and_phase_at_time_zero() -> None:
     t = np.linspace(3.0, 50.0, 1200)
-    found = line(t, 0.7 * np.cos(5 * t - 2.1))
-    assert (found.omega, found.amplitude, found.phase) == pytest.approx((5.0, 0.7, -2.1), rel=1e-12)
+    estimate = line(t, 0.7 * np.cos(5 * t - 2.1))
+    assert (estimate.omega, estimate.amplitude, estimate.phase) == pytest.approx((5.0, 0.7, -2.1), rel=1e-12)
 
 
 def test_a_neighbour_no_window_resolves_is_owned_up_to() -> None:
     """Two lines a third of 2π/T apart: the frequency between them is off by far more than rounding, and says so."""
     t = np.linspace(0, 120.0, 4000)
-    found = line(t, np.cos(3 * t) + 0.3 * np.cos(3.02 * t + 1))
-    assert 1e-4 < abs(found.omega - 3) <= found.error
+    estimate = line(t, np.cos(3 * t) + 0.3 * np.cos(3.02 * t + 1))
+    assert 1e-4 < abs(estimate.omega - 3) <= estimate.error
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("decay", [1e-4, 1e-3, 1e-2])
 def test_a_decay_shifts_nothing(decay: float) -> None:
     t = np.linspace(0, 120.0, 4000)
-    found = line(t, np.exp(-decay * t) * np.cos(3 * t + 0.4))
-    assert abs(found.omega - 3) < min(found.error, 1e-10)
+    estimate = line(t, np.exp(-decay * t) * np.cos(3 * t + 0.4))
+    assert abs(estimate.omega - 3) < min(estimate.error, 1e-10)
 
 
 def test_the_line_near_a_frequency() -> None:
@@ -97,10 +97,10 @@ def test_the_simple_pendulum_and_the_elliptic_integral(degrees: float) -> None:
     a, g, l = np.radians(degrees), 9.81, 0.7
     exact = np.pi / 2 * np.sqrt(g / l) / ellipk(np.sin(a / 2) ** 2)
     t = np.linspace(0, 40 * 2 * np.pi / exact, 4001)
-    found = solve_ivp(
+    solution = solve_ivp(
         lambda t, y: [y[1], -g / l * np.sin(y[0])], (0, t[-1]), [a, 0], "DOP853", t, rtol=3e-14, atol=1e-14
     )
-    assert line(t, found.y[0]).omega == pytest.approx(exact, rel=1e-9)
+    assert line(t, solution.y[0]).omega == pytest.approx(exact, rel=1e-9)
     assert np.sqrt(g / l) != pytest.approx(exact, rel=1e-9)
 
 

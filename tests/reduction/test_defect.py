@@ -53,8 +53,8 @@ def against_simulation(scene: Scene, start: State, duration: float) -> None:
     """Both estimates beside the true errors, to which no other estimate fits."""
     run = simulate(scene, duration, start=start, tolerance=1e-12, output=600)
     closed = superpose(scene, start, corrected=True)
-    for one in (closed, closed.linear):
-        estimate, true = defect_error(one, duration), apart(one(run.times), run.motion).max()
+    for form in (closed, closed.linear):
+        estimate, true = defect_error(form, duration), apart(form(run.times), run.motion).max()
         assert estimate is not None
         assert estimate.trustworthy
         assert true < estimate.bounds[-1] == SAFETY * estimate.error
@@ -65,12 +65,12 @@ def against_simulation(scene: Scene, start: State, duration: float) -> None:
 def test_a_simple_pendulum_is_late_as_the_series_says() -> None:
     """By hand: e = a³/16 ωt sin ωt + a³/192 (cos ωt − cos 3ωt) to third order in a."""
     a, omega = 0.02, np.sqrt(9.81 / 0.7)
-    found = defect_error(superpose(SIMPLE, State(np.array([a]), np.zeros(1)), corrected=False), 30.0)
-    phase = omega * found.times
+    defect = defect_error(superpose(SIMPLE, State(np.array([a]), np.zeros(1)), corrected=False), 30.0)
+    phase = omega * defect.times
     series = a**3 * (phase * np.sin(phase) / 16 + (np.cos(phase) - np.cos(3 * phase)) / 192)
-    assert found.at == pytest.approx(np.maximum.accumulate(np.abs(series)), rel=5e-3, abs=1e-2 * a**3)
-    assert found.error == pytest.approx(np.abs(series).max(), rel=2e-3)
-    assert found.trustworthy
+    assert defect.at == pytest.approx(np.maximum.accumulate(np.abs(series)), rel=5e-3, abs=1e-2 * a**3)
+    assert defect.error == pytest.approx(np.abs(series).max(), rel=2e-3)
+    assert defect.trustworthy
 
 
 def test_small_motions_are_linear() -> None:
@@ -98,10 +98,10 @@ def test_the_estimate_is_the_error_in_space(scene: Scene) -> None:
 
 
 def test_what_is_too_large_is_not_trusted() -> None:
-    found = defect_error(superpose(PAPER, State(np.full(4, 1.2), np.zeros(4)), corrected=False), 60.0)
-    assert not found.trustworthy
-    assert found.bounds[-1] == inf
-    assert found.error > 0.1
+    defect = defect_error(superpose(PAPER, State(np.full(4, 1.2), np.zeros(4)), corrected=False), 60.0)
+    assert not defect.trustworthy
+    assert defect.bounds[-1] == inf
+    assert defect.error > 0.1
 
 
 @pytest.mark.parametrize("shape", ["plane", "space"])
@@ -117,10 +117,10 @@ def test_the_residual_does_the_work_that_the_energy_gains(shape: str) -> None:
     flat = [plane[:2].transpose(0, 2, 1) for plane in planes]
     rest = rest_angles(scene)
     (q, v), cart = flat[0], (flat[0][0, :, 0], flat[0][1, :, 0])
-    found = motion(q[:, 1:] + rest, v[:, 1:], *cart)
+    moved = motion(q[:, 1:] + rest, v[:, 1:], *cart)
     if shape == "space":
-        found = join(scene, found, motion(flat[1][0] + rest, flat[1][1]))
-    energy = Mechanics(system_of(scene), found).energy
+        moved = join(scene, moved, motion(flat[1][0] + rest, flat[1][1]))
+    energy = Mechanics(system_of(scene), moved).energy
     forces = residual_forces(system_of(scene), planes)
     power = sum(float(force[:, 1] @ plane[1, :, 1]) for force, plane in zip(forces, planes, strict=True))
     assert (energy[2] - energy[0]) / (2 * h) == pytest.approx(power, rel=1e-6)
@@ -161,13 +161,13 @@ def test_the_running_sum_is_the_recursion() -> None:
 @pytest.mark.parametrize("seed", [1, 4, 5])
 def test_a_step_is_that_of_a_first_order_hold(seed: int) -> None:
     scene, step = motion_scene(seed, standing=False), 0.2
-    found = matrices(scene)
-    n, inverse = len(found.M), np.linalg.inv(found.M)
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ found.K, -inverse @ found.D]])
+    model = matrices(scene)
+    n, inverse = len(model.M), np.linalg.inv(model.M)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ model.K, -inverse @ model.D]])
     B, identity = np.vstack((np.zeros((n, n)), inverse)), np.eye(2 * n)
     E, hold, *_ = cont2discrete((A, B, identity, np.zeros((2 * n, n))), step, "zoh")
     _, mixed, _, ramp, _ = cont2discrete((A, B, identity, np.zeros((2 * n, n))), step, "foh")
-    ours = StepResponse.of(found, step)
+    ours = StepResponse.of(model, step)
     assert np.allclose(ours.E, E, rtol=1e-10, atol=1e-12)
     assert np.allclose(ours.hold, hold, rtol=1e-10, atol=1e-12)
     assert np.allclose(ours.ramp, ramp, rtol=1e-10, atol=1e-12)

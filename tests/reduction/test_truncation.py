@@ -50,8 +50,8 @@ def start_of(scene: Scene, seed: int) -> State:
     return State(q[-scene.n_links :], np.zeros(scene.n_links), float(q[0]) if len(q) > scene.n_links else 0.0)
 
 
-def apart(one: object, other: object) -> float:
-    return float(np.abs(one.motion.links - other.motion.links).max())  # type: ignore[attr-defined]
+def apart(run: object, other: object) -> float:
+    return float(np.abs(run.motion.links - other.motion.links).max())  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -69,14 +69,14 @@ def test_the_reduced_equations_are_the_scenes_own_projected(seed: int) -> None:
     if equations.size < 2:
         eta[1] = v[0] / q[0]
     whole = minimal(system, load)
-    found, theirs = equations.derivative(0.3, eta), whole.derivative(0.3, whole.begin(state))
+    rates, theirs = equations.derivative(0.3, eta), whole.derivative(0.3, whole.begin(state))
     M, half = dense_M(scene, q), len(q)
     expected = np.linalg.solve(shapes.T @ M @ shapes, shapes.T @ M @ theirs[half : 2 * half])
     np.testing.assert_allclose(
-        found[equations.size : 2 * equations.size], expected, rtol=1e-7, atol=1e-8 * abs(expected).max()
+        rates[equations.size : 2 * equations.size], expected, rtol=1e-7, atol=1e-8 * abs(expected).max()
     )
     if equations.works:
-        assert found[-1] == pytest.approx(theirs[-1], rel=1e-12)
+        assert rates[-1] == pytest.approx(theirs[-1], rel=1e-12)
 
 
 @pytest.mark.slow
@@ -87,11 +87,11 @@ def test_all_modes_are_the_whole_scene(seed: int) -> None:
     system = system_of(scene)
     start = random_state(system, seed)
     everything = len(natural_modes(scene.conservative))
-    found = simulate_truncated(scene, 0.3, everything, start=start, tolerance=1e-11, output=20)
+    truncated = simulate_truncated(scene, 0.3, everything, start=start, tolerance=1e-11, output=20)
     whole = simulate(scene, 0.3, start=start, tolerance=1e-12, output=20)
-    assert apart(found.trajectory, whole) < 1e-8
-    assert found.outside == 0
-    assert found.trajectory.energy_drift() < 1e-9
+    assert apart(truncated.trajectory, whole) < 1e-8
+    assert truncated.outside == 0
+    assert truncated.trajectory.energy_drift() < 1e-9
 
 
 @pytest.mark.parametrize("count", [1, 3, 6])
@@ -99,16 +99,16 @@ def test_all_modes_are_the_whole_scene(seed: int) -> None:
 def test_energy_is_kept_by_any_number_of_modes(count: int, support: Fixed | Cart) -> None:
     scene = chain(3, 8, support)
     start = State(np.linspace(0.5, 1.5, 8), np.linspace(-1.0, 1.0, 8))
-    found = simulate_truncated(scene, 1.5, count, start=start, tolerance=1e-13, output=30)
-    assert np.ptp(found.trajectory.mechanics.energy) < 1e-10 * found.trajectory.energy_scale
+    truncated = simulate_truncated(scene, 1.5, count, start=start, tolerance=1e-13, output=30)
+    assert np.ptp(truncated.trajectory.mechanics.energy) < 1e-10 * truncated.trajectory.energy_scale
 
 
 def test_dampers_take_what_the_energy_loses() -> None:
     damped = chain(1, 5, Cart(mass=2.0, damping=0.5))
     start = State(np.linspace(0.2, 0.6, 5), np.zeros(5))
-    found = simulate_truncated(damped, 5.0, 3, start=start, tolerance=1e-12, output=50).trajectory
-    assert found.motion.work[-1] < -1e-3 * found.energy_scale
-    assert found.energy_drift() < 1e-10
+    trajectory = simulate_truncated(damped, 5.0, 3, start=start, tolerance=1e-12, output=50).trajectory
+    assert trajectory.motion.work[-1] < -1e-3 * trajectory.energy_scale
+    assert trajectory.energy_drift() < 1e-10
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -132,9 +132,9 @@ def test_the_backbone_is_right_with_any_number_of_modes(count: int, number: int)
     modes = natural_modes(scene)
     period, kappa = 2 * np.pi / modes.omega[number], modes[number].kappa
     start = start_in_mode(scene, modes, number, amplitude=a)
-    found = simulate_truncated(scene, 0.8 * period, count, start=start, tolerance=1e-13, output=4001).trajectory
+    trajectory = simulate_truncated(scene, 0.8 * period, count, start=start, tolerance=1e-13, output=4001).trajectory
     survey = survey_of(scene)
-    eta, t = found.motion.links @ survey.dual[:, number], found.times
+    eta, t = trajectory.motion.links @ survey.dual[:, number], trajectory.times
     at = np.flatnonzero(eta[1:] * eta[:-1] < 0)
     zeros = t[at] - eta[at] * (t[at + 1] - t[at]) / (eta[at + 1] - eta[at])
     omega = np.pi / (zeros[1] - zeros[0])
@@ -149,9 +149,9 @@ def test_the_stated_error_is_honest() -> None:
         scene = chain(seed, 4 + seed % 6, support)
         start = start_of(scene, seed)
         few = None if seed % 5 else 3
-        found = simulate_truncated(scene, 2.0, few, start=start, tolerance=1e-7, output=60)
+        truncated = simulate_truncated(scene, 2.0, few, start=start, tolerance=1e-7, output=60)
         whole = simulate(scene, 2.0, start=start, tolerance=1e-10, output=60)
-        ratios.append(found.error / apart(found.trajectory, whole))
+        ratios.append(truncated.error / apart(truncated.trajectory, whole))
     assert np.sum(np.array(ratios) < 1) <= 1
     assert np.median(ratios) < 10
 
@@ -167,13 +167,13 @@ def test_a_left_out_mode_at_three_times_the_frequency_is_seen() -> None:
     modes = natural_modes(TUNED)
     assert modes.omega[2] / modes.omega[0] == pytest.approx(3.0005, abs=5e-5)
     start = start_in_mode(TUNED, modes, 0, 0, np.deg2rad(20.0))
-    found = simulate_truncated(TUNED, 25.0, 1, start=start, output=251, tolerance=1e-7)
+    truncated = simulate_truncated(TUNED, 25.0, 1, start=start, output=251, tolerance=1e-7)
     whole = simulate(TUNED, 25.0, start=start, tolerance=1e-11, output=251)
-    true = np.maximum.accumulate(np.abs(found.trajectory.motion.links - whole.motion.links).max(axis=1))
-    assert np.all(found.errors >= true)
-    assert found.error == found.trajectory.run.error < 4 * true[-1]
+    true = np.maximum.accumulate(np.abs(truncated.trajectory.motion.links - whole.motion.links).max(axis=1))
+    assert np.all(truncated.errors >= true)
+    assert truncated.error == truncated.trajectory.run.error < 4 * true[-1]
     assert true[-1] > 3 * true[50]
-    assert found.errors[-1] > 2 * found.errors[50]
+    assert truncated.errors[-1] > 2 * truncated.errors[50]
 
 
 def crowd(support: Fixed | Cart) -> Scene:
@@ -199,12 +199,12 @@ def test_the_error_is_that_of_the_pendulum_that_moves_whoever_comes_next_in_the_
     """By the whole scene, and by the shapes that the kept ones excite."""
     monkeypatch.setattr(Survey, "cheap", lambda *_: cheap)
     start, whole = whole_crowd(support, number)
-    found = simulate_truncated(crowd(support), 20.0, number + 1, start=start, output=1001, tolerance=1e-6)
-    true = np.maximum.accumulate(np.abs(found.trajectory.motion.links - whole.motion.links).max(axis=1))
+    truncated = simulate_truncated(crowd(support), 20.0, number + 1, start=start, output=1001, tolerance=1e-6)
+    true = np.maximum.accumulate(np.abs(truncated.trajectory.motion.links - whole.motion.links).max(axis=1))
     assert true[-1] == pytest.approx(off, abs=1e-3)
-    assert np.all(found.errors >= true)
-    assert found.error < 3 * true[-1]
-    assert ("whole scene" in found.trajectory.run.reason) == cheap
+    assert np.all(truncated.errors >= true)
+    assert truncated.error < 3 * true[-1]
+    assert ("whole scene" in truncated.trajectory.run.reason) == cheap
 
 
 def test_on_a_fixed_support_other_pendula_do_not_judge() -> None:
@@ -226,12 +226,12 @@ def test_what_left_out_shapes_do_is_what_they_do_in_the_whole_scene(support: Fix
     start, times = start_in_mode(scene, modes, first, 0, 0.1), np.linspace(0, 4, 801)
     survey = survey_of(scene, start)
     run = simulate_truncated(scene, 4.0, first + 1, start=start, output=times).trajectory
-    left, found = survey.excitation(run, np.arange(first + 1), times)
+    left, responses = survey.excitation(run, np.arange(first + 1), times)
     whole = simulate(scene, 4.0, start=start, tolerance=1e-13, output=times).motion
     q = whole.links if not first else np.column_stack((whole.cart, whole.links))
     eta = np.abs(q @ survey.dual[:, left])
-    np.testing.assert_allclose(found.peaks[-1], eta.max(axis=0), rtol=0.05)
-    assert np.all(found.sum(times) * 1.05 >= np.abs(whole.links - run.motion.links).max(axis=1) - 1e-3)
+    np.testing.assert_allclose(responses.peaks[-1], eta.max(axis=0), rtol=0.05)
+    assert np.all(responses.sum(times) * 1.05 >= np.abs(whole.links - run.motion.links).max(axis=1) - 1e-3)
 
 
 @pytest.mark.parametrize("samples", [2, 3, 40])
@@ -245,10 +245,10 @@ def test_few_samples_are_judged_as_many(samples: int) -> None:
 @pytest.mark.parametrize("seed", usually([710003, 710007, 710012], [710003, 710006, 710007, 710010, 710012, 710016]))
 def test_no_error_is_stated_below_the_true_one(seed: int) -> None:
     """A share of `benchmarks/few_modes.py`: chains in and out of resonance, at every instant."""
-    found = few_modes.judged(replace(few_modes.held(seed), duration=8.0))
-    assert found.certain
-    assert found.least > 1.0
-    assert found.stated < 10 * found.true
+    judged = few_modes.judged(replace(few_modes.held(seed), duration=8.0))
+    assert judged.certain
+    assert judged.least > 1.0
+    assert judged.stated < 10 * judged.true
 
 
 def test_what_lies_outside_is_what_is_left_out() -> None:
@@ -258,8 +258,8 @@ def test_what_lies_outside_is_what_is_left_out() -> None:
     low, high = (start_in_mode(scene, modes, number, amplitude=1e-3) for number in (0, 5))
     mixed = State(low.links + high.links, low.link_rates)
     shares = np.array([0.5 * natural_modes(scene).shape(n).modal_mass * (modes.omega[n] * 1e-3) ** 2 for n in (0, 5)])
-    found = simulate_truncated(scene, 0.5, 3, start=mixed, output=30)
-    assert found.outside == pytest.approx(shares[1] / shares.sum(), rel=1e-9)
+    truncated = simulate_truncated(scene, 0.5, 3, start=mixed, output=30)
+    assert truncated.outside == pytest.approx(shares[1] / shares.sum(), rel=1e-9)
     assert simulate_truncated(scene, 0.5, 3, start=high, output=30).outside == pytest.approx(1.0)
     assert simulate_truncated(scene, 0.5, 3, start=high, output=30).error >= 1e-3
     assert simulate_truncated(scene, 0.5, start=low, output=30).outside < 1e-20
@@ -269,22 +269,22 @@ def test_copies_stay_together_and_a_free_cart_keeps_its_translation() -> None:
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0), Bob(mass=1.0, length=0.5)), count=3)
     scene = Scene(gravity=9.81, support=Cart(mass=5.0), pendulum=(pendulum,))
     start = State(np.linspace(-0.3, 0.2, 6), np.zeros(6), cart_rate=0.7)
-    found = simulate_truncated(scene, 3.0, 2, start=start, output=30)
-    assert found.kept == (Kept(1, 1), Kept(2, 1), Kept(2, 2))
-    assert found.omega == pytest.approx(natural_modes(scene).omega[[0, 1, 1]])
-    assert found.frozen == pytest.approx(2 * np.pi / natural_modes(scene).omega[1])
-    assert found.trajectory.momentum_drift() < 1e-9
-    total = found.trajectory.system.total_mass
-    assert found.trajectory.mechanics.momentum[0] == pytest.approx(0.7 * total, rel=1e-12)
+    truncated = simulate_truncated(scene, 3.0, 2, start=start, output=30)
+    assert truncated.kept == (Kept(1, 1), Kept(2, 1), Kept(2, 2))
+    assert truncated.omega == pytest.approx(natural_modes(scene).omega[[0, 1, 1]])
+    assert truncated.frozen == pytest.approx(2 * np.pi / natural_modes(scene).omega[1])
+    assert truncated.trajectory.momentum_drift() < 1e-9
+    total = truncated.trajectory.system.total_mass
+    assert truncated.trajectory.mechanics.momentum[0] == pytest.approx(0.7 * total, rel=1e-12)
     assert simulate_truncated(scene, 3.0, 1, start=start, output=30).frozen == np.inf
 
 
 def test_a_scene_at_rest_stays_there() -> None:
     scene = chain(0, 5)
-    found = simulate_truncated(scene, 1.0, start=State(np.zeros(5), np.zeros(5)), output=10)
-    assert found.outside == 0
-    assert found.error == 0
-    assert np.all(found.trajectory.motion.links == 0)
+    truncated = simulate_truncated(scene, 1.0, start=State(np.zeros(5), np.zeros(5)), output=10)
+    assert truncated.outside == 0
+    assert truncated.error == 0
+    assert np.all(truncated.trajectory.motion.links == 0)
 
 
 @pytest.mark.parametrize(
@@ -302,9 +302,9 @@ def test_a_scene_at_rest_stays_there() -> None:
     ],
 )
 def test_what_cannot_be_is_refused(changes: dict[str, object], words: str) -> None:
-    given = {"duration": 1.0, "start": State(np.zeros(5), np.zeros(5))} | changes
+    options = {"duration": 1.0, "start": State(np.zeros(5), np.zeros(5))} | changes
     with pytest.raises(SceneError, match=words):
-        simulate_truncated(chain(0, 5), **given)  # type: ignore[arg-type]
+        simulate_truncated(chain(0, 5), **options)  # type: ignore[arg-type]
 
 
 def test_space_is_refused() -> None:
@@ -328,11 +328,11 @@ def test_without_its_second_run_nothing_is_stated() -> None:
             raise KeyboardInterrupt
 
     start = State(np.full(3, 0.2), np.zeros(3))
-    found = simulate_truncated(chain(0, 3), 1.0, 1, start=start, output=10, report=stop)
-    assert found.trajectory.complete
-    assert found.error == np.inf
-    assert "not judged" in found.trajectory.run.reason
-    assert "nothing has judged" in summary.text(found.trajectory)
+    truncated = simulate_truncated(chain(0, 3), 1.0, 1, start=start, output=10, report=stop)
+    assert truncated.trajectory.complete
+    assert truncated.error == np.inf
+    assert "not judged" in truncated.trajectory.run.reason
+    assert "nothing has judged" in summary.text(truncated.trajectory)
 
 
 def test_modes_are_found_once_for_the_times_and_the_coordinates_of_a_run() -> None:

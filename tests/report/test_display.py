@@ -41,21 +41,21 @@ SCALARS = ("float", "int", "str", "bool", "complex")
 
 
 def public_classes() -> dict[str, type]:
-    found = {}
+    classes = {}
     for package in (modal, nonlinear):
-        rooms = [f"{package.__name__}.{one.name}" for one in iter_modules(package.__path__)]
+        rooms = [f"{package.__name__}.{module.name}" for module in iter_modules(package.__path__)]
         for room in (package.__name__, *rooms):
             home = import_module(room)
             for name in getattr(home, "__all__", ()):
                 thing = getattr(home, name)
                 if isinstance(thing, type):
-                    found[f"{thing.__module__}.{thing.__name__}"] = thing
-    return found
+                    classes[f"{thing.__module__}.{thing.__name__}"] = thing
+    return classes
 
 
-def may_be_long(one: type) -> bool:
-    return is_dataclass(one) and any(
-        part.strip() not in {*SCALARS, "None"} for field in fields(one) for part in str(field.type).split("|")
+def may_be_long(kind: type) -> bool:
+    return is_dataclass(kind) and any(
+        part.strip() not in {*SCALARS, "None"} for field in fields(kind) for part in str(field.type).split("|")
     )
 
 
@@ -63,8 +63,8 @@ def long_winded(classes: dict[str, type]) -> set[str]:
     """Public dataclasses that hold more than some numbers and leave showing them to dataclasses."""
     return {
         name
-        for name, one in classes.items()
-        if may_be_long(one) and not issubclass(one, Displayed) and (name in RESULTS or not name.startswith(MACHINERY))
+        for name, kind in classes.items()
+        if may_be_long(kind) and not issubclass(kind, Displayed) and (name in RESULTS or not name.startswith(MACHINERY))
     }
 
 
@@ -102,8 +102,8 @@ def test_what_is_imported_late_is_there() -> None:
 
 
 def many(count: int, title: str = "") -> Scene:
-    own = [Pendulum(links=[Bob(mass=1.0, length=1 + k / count, damping=0.1)]) for k in range(count)]
-    return Scene(title=title, gravity=9.81, support=Cart(mass=5.0), pendulum=own)
+    pendula = [Pendulum(links=[Bob(mass=1.0, length=1 + k / count, damping=0.1)]) for k in range(count)]
+    return Scene(title=title, gravity=9.81, support=Cart(mass=5.0), pendulum=pendula)
 
 
 @pytest.mark.parametrize("name", ["paper-cart-2", "rope", "thousand-pendula", "huygens", "cart-upright"])
@@ -209,14 +209,14 @@ def test_named_tuples_with_arrays_are_short() -> None:
 
 
 def test_records_by_column() -> None:
-    found = by_column([{"x": 1.0, "y": "a"}, {"x": 2.0, "y": "b"}])
-    assert found["x"].tolist() == [1.0, 2.0]
-    assert found["y"].tolist() == ["a", "b"]
+    columns = by_column([{"x": 1.0, "y": "a"}, {"x": 2.0, "y": "b"}])
+    assert columns["x"].tolist() == [1.0, 2.0]
+    assert columns["y"].tolist() == ["a", "b"]
     assert by_column([]) == {}
 
 
 def test_scenes_show_themselves_and_still_compare_and_hash() -> None:
-    one, other = modal.load("paper-cart-2"), modal.load("paper-cart-2")
-    assert one == other
-    assert hash(one) == hash(other)
-    assert repr(one) == repr(other) != repr(one.replace(gravity=1.0))
+    scene, other = modal.load("paper-cart-2"), modal.load("paper-cart-2")
+    assert scene == other
+    assert hash(scene) == hash(other)
+    assert repr(scene) == repr(other) != repr(scene.replace(gravity=1.0))

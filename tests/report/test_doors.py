@@ -50,10 +50,18 @@ def doors() -> Iterator[tuple[str, Callable[..., Any], dict[str, Any]]]:
             first, *rest = [*inspect.signature(function).parameters.values(), None]
             if first is None or first.annotation not in OF:
                 continue
-            needed = [one for one in rest if one and one.default is one.empty and one.kind is one.POSITIONAL_OR_KEYWORD]
+            needed = [
+                parameter
+                for parameter in rest
+                if parameter
+                and parameter.default is parameter.empty
+                and parameter.kind is parameter.POSITIONAL_OR_KEYWORD
+            ]
             named = {
-                one.name: next((own for kind, own in OTHERS.items() if kind in str(one.annotation)), [])
-                for one in needed
+                parameter.name: next(
+                    (stand_in for kind, stand_in in OTHERS.items() if kind in str(parameter.annotation)), []
+                )
+                for parameter in needed
             }
             yield f"{function.__module__}.{name}", function, named
 
@@ -65,9 +73,9 @@ def test_a_wrong_first_argument_is_one_error_at_every_door() -> None:
         for value in ("chain-2", None, {}, 3):
             count += 1
             try:
-                found = function(value, **others)
-                if inspect.isgenerator(found):
-                    next(found)
+                returned = function(value, **others)
+                if inspect.isgenerator(returned):
+                    next(returned)
                 wrong.append(f"{name}({value!r}): answers")
             except MultipendulaError:
                 pass
@@ -104,7 +112,7 @@ def test_arguments_of_the_right_types_go_through() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("arguments", "words"),
     [
         ({"size": nan}, "size nan: must be a finite number"),
         ({"size": inf}, "size inf: must be a finite number"),
@@ -122,9 +130,9 @@ def test_arguments_of_the_right_types_go_through() -> None:
         ({"count": 1.5, "size": nan}, "size nan: must be a finite number\ncount 1.5: must be a whole number"),
     ],
 )
-def test_what_is_wrong_is_named_with_its_value(given: dict[str, Any], words: str) -> None:
+def test_what_is_wrong_is_named_with_its_value(arguments: dict[str, Any], words: str) -> None:
     with pytest.raises(SceneError, match=f"^{words}"):
-        asked(SCENE, **{"size": 1.0} | given)
+        asked(SCENE, **{"size": 1.0} | arguments)
 
 
 def test_numbers_and_places_have_bounds() -> None:

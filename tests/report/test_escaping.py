@@ -175,9 +175,9 @@ class Tags(HTMLParser):
 @EVERY_TITLE
 def test_pages_in_html_have_the_tags_of_any_other_title(title: str) -> None:
     modes, plain = natural_modes(titled(title)), natural_modes(titled("x"))
-    found, expected = (Tags(tables.table(one, list(one), "html")) for one in (modes, plain))
-    assert found.tags == expected.tags
-    assert escaping.visible(title) in found.words
+    tags, expected = (Tags(tables.table(listed, list(listed), "html")) for listed in (modes, plain))
+    assert tags.tags == expected.tags
+    assert escaping.visible(title) in tags.words
     slider = Tags(slide(lambda value: Figure(), [1.0], label=title).html())
     assert "script" not in slider.tags
 

@@ -114,25 +114,25 @@ PLAIN = {"mechanics"}
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in RESULTS]
 )
 def test_a_result_shows_itself(name: str) -> None:
-    found = RESULTS[name]()
-    assert_shown(found)
-    assert not repr(found).startswith(f"{type(found).__name__}\n") or name in PLAIN
-    if hasattr(found, "to_dict") and name != "state space":
-        columns = found.to_dict()
+    shown = RESULTS[name]()
+    assert_shown(shown)
+    assert not repr(shown).startswith(f"{type(shown).__name__}\n") or name in PLAIN
+    if hasattr(shown, "to_dict") and name != "state space":
+        columns = shown.to_dict()
         assert len(columns) > 0
         assert len({len(values) for values in columns.values()}) == 1
-    if hasattr(found, "plot"):
-        assert isinstance(found.plot(), Figure)
+    if hasattr(shown, "plot"):
+        assert isinstance(shown.plot(), Figure)
 
 
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in RESULTS]
 )
 def test_a_result_can_be_copied_and_pickled(name: str) -> None:
-    found = RESULTS[name]()
-    for other in (copy(found), deepcopy(found), pickle.loads(pickle.dumps(found))):
-        assert type(other) is type(found)
-        assert repr(other) == repr(found)
+    original = RESULTS[name]()
+    for other in (copy(original), deepcopy(original), pickle.loads(pickle.dumps(original))):
+        assert type(other) is type(original)
+        assert repr(other) == repr(original)
 
 
 @pytest.mark.parametrize(
@@ -153,18 +153,18 @@ def test_a_pickled_run_leaves_its_equations() -> None:
 
 
 def test_a_fit_shows_its_numbers() -> None:
-    found = fit(modal.load("chain-1"), recording(), ["gravity"])
-    assert_shown(found, "gravity", "m/s²")
-    columns = found.to_dict()
+    fitted = fit(modal.load("chain-1"), recording(), ["gravity"])
+    assert_shown(fitted, "gravity", "m/s²")
+    columns = fitted.to_dict()
     assert columns["number"].tolist() == ["gravity"]
-    assert columns["fitted"][0] == found.values[0] == pytest.approx(9.81, rel=1e-6)
-    assert columns["std"][0] == found.stds[0]
-    assert isinstance(found.plot(), Figure)
+    assert columns["fitted"][0] == fitted.values[0] == pytest.approx(9.81, rel=1e-6)
+    assert columns["std"][0] == fitted.stds[0]
+    assert isinstance(fitted.plot(), Figure)
 
 
 def test_an_exponent_shows_itself() -> None:
-    found = lyapunov_exponent(modal.load("chain-2"), duration=20.0, ensemble=2)
-    assert_shown(found)
+    exponent = lyapunov_exponent(modal.load("chain-2"), duration=20.0, ensemble=2)
+    assert_shown(exponent)
 
 
 def test_a_model_without_its_scene_is_not_drawn() -> None:
@@ -175,12 +175,12 @@ def test_a_model_without_its_scene_is_not_drawn() -> None:
 
 
 def test_columns_of_a_sweep_are_its_points() -> None:
-    found = small_sweep()
-    columns = found.to_dict()
-    for row in found.rows:
-        assert columns["gravity_m_per_s2"][row.index] == found.study.point(row.index)["gravity"]
+    swept = small_sweep()
+    columns = swept.to_dict()
+    for row in swept.rows:
+        assert columns["gravity_m_per_s2"][row.index] == swept.study.point(row.index)["gravity"]
         assert all(columns[name][row.index] == value for name, value in row.numbers.items())
-    assert "… 9 more" in repr(found)
+    assert "… 9 more" in repr(swept)
 
 
 def test_columns_of_a_branch_are_its_orbits() -> None:
@@ -193,16 +193,16 @@ def test_columns_of_a_branch_are_its_orbits() -> None:
 
 
 def test_columns_of_basins_are_the_map() -> None:
-    found = RESULTS["basins"]()
-    columns = found.to_dict()
-    y, x = found.axes
-    for i, one in enumerate(y.values):
+    basins = RESULTS["basins"]()
+    columns = basins.to_dict()
+    y, x = basins.axes
+    for i, value in enumerate(y.values):
         for j, other in enumerate(x.values):
-            row = (columns[y.column] == one) & (columns[x.column] == other)
-            np.testing.assert_array_equal(columns[found.column][row], found.values[i, j])
+            row = (columns[y.column] == value) & (columns[x.column] == other)
+            np.testing.assert_array_equal(columns[basins.column][row], basins.values[i, j])
 
 
 def test_columns_of_members_are_what_was_varied() -> None:
-    found = ensemble(modal.load("chain-1"), 0.2, vary=["gravity=9:10:3"], engine="numpy", workers=1, check=0)
-    assert found.to_dict()["gravity"].tolist() == [9.0, 9.5, 10.0]
-    assert "varied gravity" in repr(found)
+    runs = ensemble(modal.load("chain-1"), 0.2, vary=["gravity=9:10:3"], engine="numpy", workers=1, check=0)
+    assert runs.to_dict()["gravity"].tolist() == [9.0, 9.5, 10.0]
+    assert "varied gravity" in repr(runs)

@@ -10,7 +10,7 @@ import pytest
 from modal import SceneError, load
 from modal.scene import ConstantForce, SineForce, drive_period, dumps, parse, places_of, scene_from
 from modal.scene.parameters import vary
-from modal.scene.points import Point, parse_point
+from modal.scene.points import PendulumPoint, parse_point
 
 LINK = {"kind": "bob", "mass": 1.0, "length": 1.0}
 SINE = {"kind": "sine", "amplitude": 1.0, "frequency_hz": 0.5}
@@ -25,7 +25,7 @@ def scene_with(*forces: dict[str, Any], **more: Any) -> Any:
 
 def test_points_are_read() -> None:
     assert parse_point("cart") is None
-    assert parse_point("pendulum[2].copies[1].links[0]@1.5e-1") == Point(2, 0, 1, 0.15)
+    assert parse_point("pendulum[2].copies[1].links[0]@1.5e-1") == PendulumPoint(2, 0, 1, 0.15)
     for text in (
         "",
         "left right",

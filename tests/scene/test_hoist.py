@@ -45,11 +45,11 @@ def test_a_trapezoid_spends_its_ramps_and_its_speed() -> None:
 
 def test_records_are_scipys_clamped_spline() -> None:
     times, lengths = np.array([0.0, 1.0, 2.5, 3.0, 4.7]), np.array([5.0, 4.5, 4.8, 6.0, 3.0])
-    found, other, at = spline(times, lengths), CubicSpline(times, lengths, bc_type="clamped"), np.linspace(0, 4.69, 50)
-    for order, values in enumerate(found(at)):
+    curve, other, at = spline(times, lengths), CubicSpline(times, lengths, bc_type="clamped"), np.linspace(0, 4.69, 50)
+    for order, values in enumerate(curve(at)):
         assert np.allclose(values, other(at, order), rtol=1e-12, atol=1e-12)
     fine = other(np.linspace(0, 4.7, 100_001))
-    assert found.extremes == pytest.approx((fine.min(), fine.max()), rel=1e-8)
+    assert curve.extremes == pytest.approx((fine.min(), fine.max()), rel=1e-8)
     two = spline(np.array([0.0, 2.0]), np.array([1.0, 3.0]))
     assert two(1.0) == pytest.approx((2.0, 1.5, 0.0), abs=1e-15)
 
@@ -80,8 +80,8 @@ def test_a_scene_holds_its_record_and_the_changed_file_is_another_scene(tmp_path
     save(run, tmp_path / "run.npz")
     written(tmp_path, "time_s,length_m\n0,5\n2,4\n")
     again = load(path)
-    assert [one.at(2.0).pendulum[0].links[0].length for one in (scene, again)] == [3.0, 4.0]
-    assert [system_of(one).hoisting.at(2.0)[0].item() for one in (scene, again)] == [3.0, 4.0]
+    assert [version.at(2.0).pendulum[0].links[0].length for version in (scene, again)] == [3.0, 4.0]
+    assert [system_of(version).hoisting.at(2.0)[0].item() for version in (scene, again)] == [3.0, 4.0]
     other = simulate(again, 3.0, output=4)
     assert abs(other.motion.links[-1, 0] - run.motion.links[-1, 0]) > 1e-3
     (tmp_path / "record.csv").unlink()
@@ -145,9 +145,9 @@ def test_a_missing_record_is_named(tmp_path: Path) -> None:
     ],
 )
 def test_mistakes_are_named_with_their_places(hoist: dict[str, object], words: str) -> None:
-    with pytest.raises(SceneError) as found:
+    with pytest.raises(SceneError) as caught:
         Bob(mass=1.0, length=2.0, hoist=hoist)
-    assert words in str(found.value)
+    assert words in str(caught.value)
 
 
 def test_only_bobs_are_hoisted_and_not_with_damping_ratios() -> None:

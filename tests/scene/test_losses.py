@@ -21,8 +21,8 @@ def hung(**numbers: Any) -> Scene:
 
 
 def test_a_table_is_straight_over_logarithms_and_constant_beyond_its_ends() -> None:
-    found = loss_at(TABLE, tau * np.array([0.5, 1.0, 10.0, 100.0, 150.0, 200.0, 1e4]))
-    np.testing.assert_allclose(found, [5e-5, 1e-4, 1e-3, 1e-2, 5e-3, 0.0, 0.0], rtol=1e-12)
+    losses = loss_at(TABLE, tau * np.array([0.5, 1.0, 10.0, 100.0, 150.0, 200.0, 1e4]))
+    np.testing.assert_allclose(losses, [5e-5, 1e-4, 1e-3, 1e-2, 5e-3, 0.0, 0.0], rtol=1e-12)
     assert loss_at(LossTable(frequency_hz=[3.0], loss=[0.2]), np.array([1.0, 50.0])).tolist() == [0.2, 0.2]
 
 

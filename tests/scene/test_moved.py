@@ -47,11 +47,11 @@ def test_a_record_is_read_beside_the_scene_and_travels_in_it(tmp_path: Path, hea
     wide = "other" in head
     text = "# a comment\n" + head + "\n" + "\n".join(f"{t},x,{v}" if wide else f"{t}, {v}" for t, v in rows) + "\n"
     scene = load(written(tmp_path, 'kind = "record", file = "quake.csv", direction = "vertical"', quake=text))
-    found = motion_of(scene)
-    assert isinstance(found, RecordMotion)
-    assert found.time_s == (0.0, 0.1, 0.2, 0.3, 0.4)
-    assert getattr(found, key) == (0.0, -1.0, 2.0, -3.0, 4.0)
-    assert found.direction == "vertical"
+    motion = motion_of(scene)
+    assert isinstance(motion, RecordMotion)
+    assert motion.time_s == (0.0, 0.1, 0.2, 0.3, 0.4)
+    assert getattr(motion, key) == (0.0, -1.0, 2.0, -3.0, 4.0)
+    assert motion.direction == "vertical"
     (tmp_path / "quake.csv").unlink()
     assert scene_from(describe(scene)) == parse(dumps(scene).encode()) == scene
 
@@ -60,9 +60,9 @@ def test_a_psd_is_read_or_given(tmp_path: Path) -> None:
     text = "frequency_hz,displacement_psd_m2_per_hz\n1,2\n3,4\n"
     random = 'kind = "random", seed = 1, duration = 10.0'
     read = motion_of(load(written(tmp_path, f'{random}, psd = "ground.csv"', ground=text)))
-    given = f'{random}, psd = [2.0, 4.0], frequency_hz = [1.0, 3.0], of = "displacement"'
+    inline = f'{random}, psd = [2.0, 4.0], frequency_hz = [1.0, 3.0], of = "displacement"'
     assert isinstance(read, RandomMotion)
-    assert read == motion_of(load(written(tmp_path, given)))
+    assert read == motion_of(load(written(tmp_path, inline)))
 
 
 GOOD = "time_s,displacement\n0,0\n1,1\n2,2\n3,4\n"

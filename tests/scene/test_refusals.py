@@ -31,9 +31,9 @@ def problems(text: str) -> list[str]:
     return str(caught.value).splitlines()
 
 
-def refused(capsys: pytest.CaptureFixture[str], code: int, *given: str) -> list[str]:
+def refused(capsys: pytest.CaptureFixture[str], code: int, *words: str) -> list[str]:
     try:
-        left = main(given)
+        left = main(words)
     except SystemExit as leaving:
         left = leaving.code
     assert left == code
@@ -49,8 +49,8 @@ def refused(capsys: pytest.CaptureFixture[str], code: int, *given: str) -> list[
 def test_a_key_without_end_is_not_followed(key: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its parts cost time and memory by their square, 40 s and 1.6 GB for these: the parser never sees it."""
     monkeypatch.setattr("modal.scene.files.tomllib.loads", lambda text: pytest.fail("parsed"))
-    assert problems(f"{GOOD}{key} = 1") == [f"broken TOML: line 4: a key of over {DEEPEST} parts"]
-    assert problems(f"x = {{ {key.splitlines()[0].strip('[]')} = 1 }}")[0].startswith("broken TOML: line 1: a key")
+    assert problems(f"{GOOD}{key} = 1") == [f"line 4: a key of over {DEEPEST} parts"]
+    assert problems(f"x = {{ {key.splitlines()[0].strip('[]')} = 1 }}")[0].startswith("line 1: a key")
 
 
 def test_what_only_looks_like_a_deep_key_is_none() -> None:
@@ -87,10 +87,10 @@ def test_mistakes_that_come_together_are_counted_each() -> None:
 
 
 @pytest.mark.parametrize(
-    "given", ["table chain-1 --format=--", "sweep chain-1 --vary=--", "shapes chain-1 --output=--"]
+    "option", ["table chain-1 --format=--", "sweep chain-1 --vary=--", "shapes chain-1 --output=--"]
 )
-def test_an_option_with_dashes_for_its_value_has_none(given: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert any("expected one argument" in line for line in refused(capsys, 2, *given.split()))
+def test_an_option_with_dashes_for_its_value_has_none(option: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert any("expected one argument" in line for line in refused(capsys, 2, *option.split()))
 
 
 def test_a_name_that_no_file_can_have_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
@@ -99,10 +99,10 @@ def test_a_name_that_no_file_can_have_is_refused(capsys: pytest.CaptureFixture[s
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
-@pytest.mark.parametrize("given", ["--help", "table --help", "--version", "table chain-1", "scenes"])
-def test_what_cannot_be_printed_is_no_success(given: str) -> None:
+@pytest.mark.parametrize("arguments", ["--help", "table --help", "--version", "table chain-1", "scenes"])
+def test_what_cannot_be_printed_is_no_success(arguments: str) -> None:
     with open("/dev/full", "w", encoding="utf-8") as full:
-        command = [sys.executable, "-m", "multipendula", *given.split()]
+        command = [sys.executable, "-m", "multipendula", *arguments.split()]
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert done.returncode == 1
     assert done.stderr == "multipendula: cannot write: No space left on device\n"
@@ -132,10 +132,10 @@ def test_links_that_one_double_cannot_hold_are_named_with_their_file(
 ) -> None:
     path = tmp_path / "far.toml"
     light = '{ kind = "rod", mass = 1e-50, length = 1e-50 }'
-    one, two = "{ kind = 'rod', mass = 1.0, length = 1.0 }", "{ kind = 'rod', mass = 2.0, length = 1.0 }"
+    first, second = "{ kind = 'rod', mass = 1.0, length = 1.0 }", "{ kind = 'rod', mass = 2.0, length = 1.0 }"
     path.write_text(
-        f"gravity = 9.81\n[[pendulum]]\nlinks = [{one}]\nstart = {{ angles_deg = [1] }}\n"
-        f"[[pendulum]]\nlinks = [{two}, {light}]\nstart = {{ angles_deg = [1, 1] }}\n"
+        f"gravity = 9.81\n[[pendulum]]\nlinks = [{first}]\nstart = {{ angles_deg = [1] }}\n"
+        f"[[pendulum]]\nlinks = [{second}, {light}]\nstart = {{ angles_deg = [1, 1] }}\n"
     )
     (told,) = refused(capsys, 2, "simulate", str(path), "--duration", "0.01")
     assert told.startswith(f"multipendula: {path}: pendulum[1].links[1]: m l² goes from 1e-150 kg m² here to 2 kg m²")
@@ -183,7 +183,7 @@ def test_models_at_the_edge_are_right_or_refused() -> None:
 
 def extremes() -> list[Scene]:
     """A hundred scenes of parameters over two hundred decades, each from its own seed."""
-    found = []
+    scenes = []
     for seed in range(100):
         rng = np.random.default_rng(seed)
 
@@ -193,14 +193,14 @@ def extremes() -> list[Scene]:
         def link(rng: np.random.Generator = rng) -> Bob | Rod | Body:
             joint = {"damping": rng.choice([0.0, any_size(rng)]), "stiffness": rng.choice([0.0, any_size(rng)])}
             kind = rng.choice([Bob, Rod, Body])
-            own = {"centre": any_size(rng), "inertia": any_size(rng)} if kind is Body else {}
-            found: Bob | Rod | Body = kind(mass=any_size(rng), length=any_size(rng), **joint, **own)
-            return found
+            body_numbers = {"centre": any_size(rng), "inertia": any_size(rng)} if kind is Body else {}
+            made: Bob | Rod | Body = kind(mass=any_size(rng), length=any_size(rng), **joint, **body_numbers)
+            return made
 
         pendula = [Pendulum(links=[link() for _ in range(rng.integers(1, 4))]) for _ in range(rng.integers(1, 4))]
         cart = Cart(mass=any_size(), damping=rng.choice([0.0, any_size()]), stiffness=rng.choice([0.0, any_size()]))
-        found.append(Scene(gravity=any_size(), support=cart if seed % 3 else Fixed(), pendulum=pendula))
-    return found
+        scenes.append(Scene(gravity=any_size(), support=cart if seed % 3 else Fixed(), pendulum=pendula))
+    return scenes
 
 
 @pytest.mark.slow
@@ -208,7 +208,7 @@ def test_extremes_are_told_or_refused_without_a_warning() -> None:
     """Warnings are errors here."""
     told = 0
     for scene in extremes():
-        told += not outcome(lambda scene=scene: table(found := natural_modes(scene), list(found), "text"))  # type: ignore[misc]
+        told += not outcome(lambda scene=scene: table(modes := natural_modes(scene), list(modes), "text"))  # type: ignore[misc]
         told += not outcome(lambda scene=scene: coupling_report(explain(scene), "text"))  # type: ignore[misc]
     assert told > 20
 

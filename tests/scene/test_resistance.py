@@ -21,8 +21,8 @@ from nonlinear.system import initial_state
 
 def data(cart: dict[str, Any] | None = None, **link: Any) -> dict[str, Any]:
     link = {"kind": "bob", "mass": 1.0, "length": 1.0, **link}
-    found = {"gravity": 9.81, "pendulum": [{"links": [link], "start": {"angles_deg": [5.0]}}]}
-    return found | ({"support": {"kind": "cart", "mass": 1.0, **cart}} if cart is not None else {})
+    entries = {"gravity": 9.81, "pendulum": [{"links": [link], "start": {"angles_deg": [5.0]}}]}
+    return entries | ({"support": {"kind": "cart", "mass": 1.0, **cart}} if cart is not None else {})
 
 
 RUBBING = scene_from(data(friction=0.1))
@@ -30,7 +30,7 @@ AIRY = scene_from(data(quadratic_drag=0.1))
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("numbers", "words"),
     [
         (data(friction=-1.0), "pendulum[0].links[0].friction = -1.0: must not be negative"),
         (data(drag=-1.0), "pendulum[0].links[0].drag = -1.0: must not be negative"),
@@ -47,9 +47,9 @@ AIRY = scene_from(data(quadratic_drag=0.1))
         ),
     ],
 )
-def test_mistakes_are_named(given: dict[str, Any], words: str) -> None:
+def test_mistakes_are_named(numbers: dict[str, Any], words: str) -> None:
     with pytest.raises(SceneError) as raised:
-        scene_from(given)
+        scene_from(numbers)
     assert words in str(raised.value)
 
 

@@ -278,14 +278,18 @@ def test_a_variation_by_name_is_one_by_index_and_matrices_are_not_varied() -> No
 def potential(scene: Scene, eta: np.ndarray) -> complex:
     """−g Σ m z of all that a structure carries, from places alone."""
     structure = structure_of(scene)
-    parts = [(k, own.centre, own.mass) for k, own in enumerate(structure.carriers) if own.size and own.M is None]
+    parts = [
+        (k, carrier.centre, carrier.mass)
+        for k, carrier in enumerate(structure.carriers)
+        if carrier.size and carrier.M is None
+    ]
     parts += [
         (pivot.carrier, pivot.where, mass) for pivot, mass in zip(structure.pivots, hung_masses(scene), strict=True)
     ]
     total = 0.0 + 0.0j
     for carrier, where, mass in parts:
-        own = structure.own(carrier, eta)
-        total -= scene.gravity * mass * structure.carriers[carrier].moving(where, own, own).place[1]
+        coordinates = structure.own(carrier, eta)
+        total -= scene.gravity * mass * structure.carriers[carrier].moving(where, coordinates, coordinates).place[1]
     return total
 
 
@@ -300,11 +304,11 @@ def test_weights_are_slopes_of_the_potential() -> None:
     hanging = [hung(on=name, position=[0.4, 0.2], count=2) for name in "abcd"] + [hung(on="e[0]")]
     scene = scene_from(described(support=supports, pendulum=hanging))
     structure = structure_of(scene)
-    found = np.array([weight.force for weight in weights(structure, hung_masses(scene), scene.gravity)])
+    forces = np.array([weight.force for weight in weights(structure, hung_masses(scene), scene.gravity)])
     steps = 1e-30j * np.eye(structure.size)
     expected = np.array([-potential(scene, step).imag / 1e-30 for step in steps])
-    assert found == pytest.approx(expected, rel=1e-14, abs=1e-14)
-    assert np.abs(found).max() > 40
+    assert forces == pytest.approx(expected, rel=1e-14, abs=1e-14)
+    assert np.abs(forces).max() > 40
     assert list(unbalanced(scene)) == []
 
 

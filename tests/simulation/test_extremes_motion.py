@@ -23,8 +23,8 @@ ALLOWED = 2e-8  # relative error at the default tolerance of 1e-9
 @pytest.mark.parametrize("degrees", [1e-9, 30.0, 179.0])
 def test_the_digits_are_the_elliptic_functions(degrees):
     angle, times = float(np.deg2rad(degrees)), [0.4, 1.0]
-    found = digits.motion(hung(bob()), at_rest([angle]), times)[:, 0]
-    assert found == pytest.approx(elliptic.angles(angle, 9.81, times), rel=1e-15, abs=0)
+    angles = digits.motion(hung(bob()), at_rest([angle]), times)[:, 0]
+    assert angles == pytest.approx(elliptic.angles(angle, 9.81, times), rel=1e-15, abs=0)
 
 
 @pytest.mark.slow
@@ -32,77 +32,77 @@ def test_the_digits_are_those_of_two_routes():
     scene, start = hung(bob(), bob(mass=1e-6, length=0.1), cart=Cart(mass=0.3)), at_rest([0.7, -0.4])
     right = digits.motion(scene, start, [0.5])[0]
     for form in ("minimal", "hamiltonian", "maximal"):
-        found = simulate(scene, 0.5, start=start, output=[0.5], form=form, method="DOP853", tolerance=1e-13)
-        assert found.final.links == pytest.approx(right, abs=1e-11)
+        run = simulate(scene, 0.5, start=start, output=[0.5], form=form, method="DOP853", tolerance=1e-13)
+        assert run.final.links == pytest.approx(right, abs=1e-11)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("family", FAST)
 def test_the_default_holds_to_the_ends(family):
-    for one in getattr(families, family)(quick=True):
-        if one.family.startswith("massless"):
+    for example in getattr(families, family)(quick=True):
+        if example.family.startswith("massless"):
             continue
-        found, said, _ = extremes.ours(one)
+        run, said, _ = extremes.ours(example)
         assert said == "ran"
-        assert extremes._error(found.motion.links[1:], one.reference()) < ALLOWED, (one.family, one.parameter)
-        assert found.energy_drift() < ALLOWED
+        assert extremes._error(run.motion.links[1:], example.reference()) < ALLOWED, (example.family, example.parameter)
+        assert run.energy_drift() < ALLOWED
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1e-16, 1e-8, 1.0, 1e4])
 def test_light_links_below_heavy_ones(ratio):
-    one = next(each for each in families.masses(quick=False) if each.parameter == pytest.approx(ratio))
-    found, _, _ = extremes.ours(one)
-    assert extremes._error(found.motion.links[1:], one.reference()) < ALLOWED
+    example = next(each for each in families.masses(quick=False) if each.parameter == pytest.approx(ratio))
+    run, _, _ = extremes.ours(example)
+    assert extremes._error(run.motion.links[1:], example.reference()) < ALLOWED
 
 
 @pytest.mark.parametrize("degrees", [1e-12, 1e-6, 1.0])
 def test_noted_keep_their_digits_and_the_textbook_does_not(degrees):
-    one = next(each for each in families.amplitudes(quick=False) if each.parameter == degrees)
-    found, _, _ = extremes.ours(one)
-    right = one.reference()
-    assert extremes._error(found.motion.links[1:], right) < 5e-9
-    textbook = rival.run(one.scene, one.start, one.times, patience=math.inf, **extremes.FINE)
+    example = next(each for each in families.amplitudes(quick=False) if each.parameter == degrees)
+    run, _, _ = extremes.ours(example)
+    right = example.reference()
+    assert extremes._error(run.motion.links[1:], right) < 5e-9
+    textbook = rival.run(example.scene, example.start, example.times, patience=math.inf, **extremes.FINE)
     assert extremes._error(textbook.angles, right) > 1e-7
 
 
 @pytest.mark.parametrize("damping", [1e6, 1e9, 1e12])
 def test_syrup_creeps(damping):
-    one = next(each for each in families.dampers(quick=False) if each.parameter == damping)
-    found, said, _ = extremes.ours(one)
-    assert (found.run.method, said) == ("Radau", "ran")
-    assert extremes._error(found.motion.links[1:], one.reference()) < 1e-9
+    example = next(each for each in families.dampers(quick=False) if each.parameter == damping)
+    run, said, _ = extremes.ours(example)
+    assert (run.run.method, said) == ("Radau", "ran")
+    assert extremes._error(run.motion.links[1:], example.reference()) < 1e-9
 
 
 def test_a_stiff_damper_makes_two_links_one():
-    one = next(each for each in families.dampers(quick=True) if "joint" in each.family)
-    found, _, _ = extremes.ours(one)
-    assert extremes._error(found.motion.links[1:], one.reference()) < 1e-7
+    example = next(each for each in families.dampers(quick=True) if "joint" in each.family)
+    run, _, _ = extremes.ours(example)
+    assert extremes._error(run.motion.links[1:], example.reference()) < 1e-7
 
 
 def test_a_massless_cart_of_a_bob_says_where_it_stops():
-    one = next(each for each in families.carts(quick=True) if each.family == "massless cart of a bob")
-    found, said, _ = extremes.ours(one)
+    example = next(each for each in families.carts(quick=True) if each.family == "massless cart of a bob")
+    run, said, _ = extremes.ours(example)
     assert re.match(r"SimulationError: \w+ stopped at 0\.157", said)
     assert "give it a mass" in said
-    assert not found.complete
+    assert not run.complete
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["minimal", "hamiltonian", "maximal"])
 @pytest.mark.parametrize("factors", ["masses by 2^40", "the same second"])
 def test_powers_of_two_change_no_step_and_no_bit(factors, form):
-    found = units.compared(factors, form, "DOP853")
-    assert found.steps[0] == found.steps[1]
+    comparison = units.compared(factors, form, "DOP853")
+    assert comparison.steps[0] == comparison.steps[1]
     pivots_elsewhere = (factors, form) == ("the same second", "minimal")
-    assert found.apart < 1e-13 if pivots_elsewhere else found.identical
+    assert comparison.apart < 1e-13 if pivots_elsewhere else comparison.identical
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["minimal", "hamiltonian"])
 def test_other_units_stay_within_the_tolerance(form):
-    found = units.compared("g, mm, ms", form, "DOP853")
-    assert 0 < found.apart < 2e-8
+    comparison = units.compared("g, mm, ms", form, "DOP853")
+    assert 0 < comparison.apart < 2e-8
 
 
 def test_a_cart_far_away_changes_nothing_for_scipy():
@@ -115,6 +115,6 @@ def test_a_cart_far_away_changes_nothing_for_scipy():
 
 
 def test_an_error_that_is_there_is_seen():
-    one = next(iter(families.gravities(quick=True)))
-    loose = one._replace(options={"tolerance": 1e-3, "method": "RK23"})
-    assert extremes._error(extremes.ours(loose)[0].motion.links[1:], one.reference()) > 1e-4
+    example = next(iter(families.gravities(quick=True)))
+    loose = example._replace(options={"tolerance": 1e-3, "method": "RK23"})
+    assert extremes._error(extremes.ours(loose)[0].motion.links[1:], example.reference()) > 1e-4

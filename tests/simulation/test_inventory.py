@@ -55,12 +55,12 @@ def run_of(scene: Scene, **how: object) -> Trajectory:
 )
 def test_degrees_of_freedom(how: dict[str, object], coordinates: int, integrated: int, numbers: int) -> None:
     trajectory = run_of(scene_of(**how))  # type: ignore[arg-type]
-    found = run_inventory(trajectory)
-    assert (found.coordinates, found.integrated, found.numbers) == (coordinates, integrated, numbers)
+    inventory = run_inventory(trajectory)
+    assert (inventory.coordinates, inventory.integrated, inventory.numbers) == (coordinates, integrated, numbers)
     assert trajectory.equations is not None
     assert len(trajectory.equations.begin(trajectory.final)) == numbers
-    assert ("no cart coordinate: the support is fixed" in found.left_out) == (trajectory.system.cart is None)
-    assert ("no work: nothing damps or drives" in found.left_out) == (not how.get("damping"))
+    assert ("no cart coordinate: the support is fixed" in inventory.left_out) == (trajectory.system.cart is None)
+    assert ("no work: nothing damps or drives" in inventory.left_out) == (not how.get("damping"))
 
 
 @pytest.mark.parametrize(
@@ -92,22 +92,24 @@ def test_matrices_are_those_that_are_really_solved(
     monkeypatch.setattr(scipy.linalg.lapack, "dposv", counted(scipy.linalg.lapack.dposv))
     how = {"load": lambda time, state: AppliedForces()} if form == "driven" else {"form": form}
     with reproducible():
-        found = run_inventory(run_of(scene, **how))
+        inventory = run_inventory(run_of(scene, **how))
     assert set(solved) == set(expected)
-    assert sorted(matrix[0] for matrix in found.matrices) == sorted(shape[-1] for shape in expected)
-    assert sum(number for _, number in found.matrices) == sum(shape[0] if len(shape) == 3 else 1 for shape in expected)
+    assert sorted(matrix[0] for matrix in inventory.matrices) == sorted(shape[-1] for shape in expected)
+    assert sum(number for _, number in inventory.matrices) == sum(
+        shape[0] if len(shape) == 3 else 1 for shape in expected
+    )
     if not expected:
         how_instead = "O(n) steps along the chains" if links > 2 else "the equations are written out"
         size = links * pendula + 1
-        assert f"no matrix of {size} × {size}: {how_instead}" in found.left_out
+        assert f"no matrix of {size} × {size}: {how_instead}" in inventory.left_out
 
 
 def test_equal_pendula_few_modes_and_closed_forms_leave_out_the_rest() -> None:
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0),), count=1000)
     scene = Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=(pendulum,))
-    found = run_inventory(simulate(scene, 1.0, start=state_at_rest(scene, [20.0]), output=3))
-    assert (found.coordinates, found.integrated, found.numbers) == (1001, 2, 4)
-    assert "all but 1 of 1000 pendula, the others moving with them" in found.left_out
+    inventory = run_inventory(simulate(scene, 1.0, start=state_at_rest(scene, [20.0]), output=3))
+    assert (inventory.coordinates, inventory.integrated, inventory.numbers) == (1001, 2, 4)
+    assert "all but 1 of 1000 pendula, the others moving with them" in inventory.left_out
     chain = scene_of(links=12)
     modes = natural_modes(chain)
     start = start_in_mode(chain, modes, 0, 0, 0.05)
@@ -124,9 +126,9 @@ def test_a_saved_run_does_not_tell(tmp_path) -> None:  # type: ignore[no-untyped
 
 
 def test_a_driven_run_counts_its_work() -> None:
-    found = run_inventory(run_of(scene_of(), load=lambda time, state: AppliedForces()))
-    assert found.numbers == 5
-    assert not any("work" in sentence for sentence in found.left_out)
+    inventory = run_inventory(run_of(scene_of(), load=lambda time, state: AppliedForces()))
+    assert inventory.numbers == 5
+    assert not any("work" in sentence for sentence in inventory.left_out)
 
 
 @pytest.mark.slow

@@ -22,11 +22,11 @@ TAYLOR = pytest.mark.skipif(find_spec("heyoka") is None, reason="an hour needs t
 @pytest.mark.parametrize("count", usually([2], [1, 2, 3]))
 def test_ten_seconds_by_two_forms_of_the_equations(count: int) -> None:
     scene = modal.load(f"paper-cart-{count}")
-    one = simulate(scene, 10, tolerance=1e-13, method="DOP853", output=101)
+    run = simulate(scene, 10, tolerance=1e-13, method="DOP853", output=101)
     other = simulate(scene, 10, tolerance=1e-13, form="hamiltonian", method="DOP853", output=101)
-    assert abs(one.motion.links - other.motion.links).max() < 1e-8
-    assert one.energy_drift() < 1e-11
-    assert one.momentum_drift() < 1e-11
+    assert abs(run.motion.links - other.motion.links).max() < 1e-8
+    assert run.energy_drift() < 1e-11
+    assert run.momentum_drift() < 1e-11
 
 
 @pytest.mark.slow

@@ -50,14 +50,14 @@ def test_accelerations_solve_lagranges_equations_from_cartesian_positions(seed: 
     scene = motion_scene(seed, longest=2)
     state, equations = random_state(system_of(scene), seed), minimal(scene)
     rate = equations.derivative(0.0, equations.begin(state))
-    found, exact = equations.read(rate[None])[0], derive_lagrangian(of_scene(scene))
+    slope, exact = equations.read(rate[None])[0], derive_lagrangian(of_scene(scene))
     on_cart = scene.support.kind == "cart"
     values: dict[Any, float] = {}
     for coordinate, q, v, a in zip(
         exact.coordinates,
         [*([state.cart] if on_cart else []), *state.links],
         [*([state.cart_rate] if on_cart else []), *state.link_rates],
-        [*([found.cart_rate] if on_cart else []), *found.link_rates],
+        [*([slope.cart_rate] if on_cart else []), *slope.link_rates],
         strict=True,
     ):
         values |= {coordinate.q: q, coordinate.v: v, coordinate.a: a}
@@ -171,13 +171,11 @@ def test_turning_points_are_those_of_the_release_and_can_end_a_run() -> None:
 def test_a_stop_does_not_stop_the_run_that_goes_on_from_it(method: str, form: str) -> None:
     scene = modal.load("chain-1")
     stop = level_crossing(system_of(scene), "theta[1,1]", stop=True)
-    found = simulate(
-        scene, 20, start=state_at_rest(scene, [30]), events=[stop], tolerance=1e-8, method=method, form=form
-    )
-    ends = [found.times[-1]]
+    run = simulate(scene, 20, start=state_at_rest(scene, [30]), events=[stop], tolerance=1e-8, method=method, form=form)
+    ends = [run.times[-1]]
     for _ in range(3):
-        found = resume(found, 20, events=[stop])
-        ends.append(found.times[-1])
+        run = resume(run, 20, events=[stop])
+        ends.append(run.times[-1])
     half = 2 * math.sqrt(1 / 9.81) * ellipk(math.sin(math.radians(15)) ** 2)
     assert np.diff(ends) == pytest.approx(half, rel=1e-5)
 
@@ -185,9 +183,9 @@ def test_a_stop_does_not_stop_the_run_that_goes_on_from_it(method: str, form: st
 def test_two_events_within_one_step_are_found_in_their_order() -> None:
     scene = modal.load("chain-1")
     levels = [level_crossing(system_of(scene), "theta[1,1]", level) for level in (0.1, 0.11, 0.12)]
-    found = simulate(scene, 3, start=state_at_rest(scene, [20]), tolerance=1e-4, events=levels[::-1]).happenings
-    assert [h.name for h in found[:3]] == [f"theta[1,1] = {level}" for level in (0.12, 0.11, 0.1)]
-    assert [h.time for h in found] == sorted(h.time for h in found)
+    happenings = simulate(scene, 3, start=state_at_rest(scene, [20]), tolerance=1e-4, events=levels[::-1]).happenings
+    assert [h.name for h in happenings[:3]] == [f"theta[1,1] = {level}" for level in (0.12, 0.11, 0.1)]
+    assert [h.time for h in happenings] == sorted(h.time for h in happenings)
 
 
 def test_an_event_may_look_at_anything() -> None:
@@ -237,8 +235,8 @@ def test_loads_that_do_not_fit(push: Any, message: str) -> None:
 @pytest.mark.slow
 def test_long_damped_chains_simulate() -> None:
     scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, damping=1e-4, count=600),)),))
-    found = simulate(scene, 0.05, start=state_at_rest(scene, [10.0] * 600), tolerance=1e-6, output=3)
-    assert found.energy_drift() < 1e-6
+    run = simulate(scene, 0.05, start=state_at_rest(scene, [10.0] * 600), tolerance=1e-6, output=3)
+    assert run.energy_drift() < 1e-6
 
 
 def test_right_runs_of_hardly_any_motion_have_small_drifts() -> None:
@@ -291,11 +289,11 @@ def test_an_event_that_is_no_number_says_so() -> None:
 def test_quick_events_need_more_looks() -> None:
     scene = modal.load("chain-1")
 
-    def found(looks: int) -> int:
+    def seen(looks: int) -> int:
         quick = Event("quick", lambda state: math.sin(200 * state.links[0] + 0.3), looks=looks)
         return len(simulate(scene, 3, start=state_at_rest(scene, [40]), events=[quick], method="DOP853").happenings)
 
-    assert found(4) < found(64) == found(128)
+    assert seen(4) < seen(64) == seen(128)
 
 
 def test_ctrl_c_keeps_what_was_computed() -> None:
@@ -303,11 +301,11 @@ def test_ctrl_c_keeps_what_was_computed() -> None:
         if elapsed > 3:
             raise KeyboardInterrupt
 
-    found = simulate(modal.load("paper-cart-3"), 10, report=report)
-    assert found.run.stopped.startswith("interrupted at 3.")
-    assert 2.9 < found.times[-1] < 3.2
-    assert len(found.times) == len(found.motion.links)
-    assert found.energy_drift() < 1e-7
+    run = simulate(modal.load("paper-cart-3"), 10, report=report)
+    assert run.run.stopped.startswith("interrupted at 3.")
+    assert 2.9 < run.times[-1] < 3.2
+    assert len(run.times) == len(run.motion.links)
+    assert run.energy_drift() < 1e-7
 
 
 def test_a_failure_says_how_far_it_came_and_keeps_that() -> None:
@@ -331,7 +329,7 @@ def test_samples_are_where_they_were_asked_for() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("options", "message"),
     [
         ({"duration": math.nan}, "duration nan: must be a positive number of seconds"),
         ({"duration": -1.0}, "duration -1.0: must be"),
@@ -356,9 +354,9 @@ def test_samples_are_where_they_were_asked_for() -> None:
         ({"start": State(np.zeros(2), np.zeros(2), cart=1.0)}, "start.cart: the support of this scene is fixed"),
     ],
 )
-def test_what_is_refused(given: dict[str, Any], message: str) -> None:
+def test_what_is_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(SceneError, match=message):
-        simulate(modal.load("chain-2"), **{"duration": 10.0, **given})
+        simulate(modal.load("chain-2"), **{"duration": 10.0, **options})
 
 
 def test_starts() -> None:
@@ -407,9 +405,9 @@ def test_the_choice_says_why() -> None:
 def test_what_hangs_at_rest_weighs_on_the_rail() -> None:
     scene = modal.load("paper-cart-2")
     still = simulate(scene, 1, start=State(np.zeros(4), np.zeros(4)), output=3)
-    found = reaction_forces_of(still)
-    assert found.normal == pytest.approx(104 * 9.81, rel=1e-14)
-    assert found.pivots[0, :, 1] == pytest.approx([-2 * 9.81, -9.81] * 2, rel=1e-14)
+    forces = reaction_forces_of(still)
+    assert forces.normal == pytest.approx(104 * 9.81, rel=1e-14)
+    assert forces.pivots[0, :, 1] == pytest.approx([-2 * 9.81, -9.81] * 2, rel=1e-14)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -418,14 +416,14 @@ def test_forces_from_outside_change_the_momentum(seed: int) -> None:
     scene = motion_scene(seed)
     times = 1 + 1e-4 * np.arange(-2, 3)
     trajectory = simulate(scene, 2, tolerance=1e-13, output=times, method="DOP853")
-    m, motion, found = trajectory.mechanics, trajectory.motion, reaction_forces_of(trajectory)
+    m, motion, forces = trajectory.mechanics, trajectory.motion, reaction_forces_of(trajectory)
     cart = trajectory.system.cart
     down = m.speeds[1:, :, 1] @ trajectory.system.mass
     along = m.momentum[1:]
     rate = np.array([1, -8, 0, 8, -1]) / 12e-4
     weight = (trajectory.system.mass.sum() + (cart.mass if cart else 0.0)) * scene.gravity
-    scale = weight + abs(found.pivots).max()
-    assert abs(rate @ down - (weight - found.normal[3])) < 1e-7 * scale
+    scale = weight + abs(forces.pivots).max()
+    assert abs(rate @ down - (weight - forces.normal[3])) < 1e-7 * scale
     if cart:
         held = -cart.stiffness * motion.cart[3] - cart.damping * motion.cart_rate[3]
         assert abs(rate @ along - held) < 1e-7 * scale
@@ -446,11 +444,11 @@ def test_newtons_law_and_the_papers_own_equations_give_the_same_forces(count: in
 @pytest.mark.slow
 def test_a_chain_of_a_thousand_links_simulates() -> None:
     scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(Rod(mass=0.01, length=0.01, count=1000),)),))
-    found = simulate(scene, 0.05, start=state_at_rest(scene, [30.0] * 1000), tolerance=1e-6, output=3, method="DOP853")
-    assert found.complete
-    assert found.energy_drift() < 1e-5
-    assert found.final.links[0] < math.radians(29)
-    assert found.final.links[-1] == pytest.approx(math.radians(30), abs=1e-3)
+    run = simulate(scene, 0.05, start=state_at_rest(scene, [30.0] * 1000), tolerance=1e-6, output=3, method="DOP853")
+    assert run.complete
+    assert run.energy_drift() < 1e-5
+    assert run.final.links[0] < math.radians(29)
+    assert run.final.links[-1] == pytest.approx(math.radians(30), abs=1e-3)
 
 
 @pytest.mark.slow
@@ -459,10 +457,10 @@ def test_thousands_of_double_pendula_on_one_cart_simulate() -> None:
     scene = Scene(gravity=9.81, support=Cart(mass=3e3), pendulum=(double,))
     links = np.random.default_rng(0).normal(scale=0.5, size=6_000)
     start = State(links, np.zeros(6_000))
-    found = simulate(scene, 0.3, start=start, tolerance=1e-7, output=3, method="DOP853")
-    assert found.energy_drift() < 1e-6
-    assert found.momentum_drift() < 1e-6
-    assert abs(found.final.cart) > 1e-6
+    run = simulate(scene, 0.3, start=start, tolerance=1e-7, output=3, method="DOP853")
+    assert run.energy_drift() < 1e-6
+    assert run.momentum_drift() < 1e-6
+    assert abs(run.final.cart) > 1e-6
 
 
 @pytest.mark.parametrize(

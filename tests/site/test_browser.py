@@ -129,7 +129,7 @@ def test_a_lesson_says_where_pyodide_cannot_be_reached_and_what_to_do(served: tu
     said = shown(address + path, 600)
     assert "does not run here" in said
     assert address.removeprefix("http://") in said
-    assert "pip install multipendula jupyterlab && jupyter lab 02_simple_chain.ipynb" in said
+    assert "pip install . jupyterlab && jupyter lab 02_simple_chain.ipynb" in said
     assert f"{address}/browser/files/02_simple_chain.ipynb" in said
     assert f"{address}/tutorial/lessons/02_simple_chain.html" in said
     (folder / "browser" / "lab" / "index.html").write_text(browser.guarded(page, "http://127.0.0.1:9/pyodide.mjs"))

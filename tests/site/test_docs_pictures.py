@@ -84,7 +84,7 @@ def test_every_scene_of_the_gallery_is_drawn_within_its_frame() -> None:
     for name, (scene, _) in playing.pages().items():
         drawn = ElementTree.fromstring(playing.sketch(scene))
         lines = [line.get("points", "").split() for line in drawn.iter("polyline")]
-        count = sum(one.count for one in scene.pendulum)
+        count = sum(pendulum.count for pendulum in scene.pendulum)
         assert len(lines) == (count if scene.is_structured else min(playing.MOST, count)), name
         assert len(lines[0]) == 1 + sum(link.count for link in scene.pendulum[0].links)
         points = [tuple(map(float, point.split(","))) for line in lines for point in line]

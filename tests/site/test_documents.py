@@ -136,7 +136,7 @@ print(x + 1)
 ```console
 $ multipendula shaper chain-9 --count 1
 multipendula: chain-9: no such …
-$ multipendula schema > schema.json
+$ multipendula schema -o schema.json
 ```
 
 With `pip install ".[fast]"` and `multipendula table SCENE --modes 1:3`, ω² = g/l:

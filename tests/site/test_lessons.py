@@ -36,13 +36,13 @@ def cells(twin: Path, kind: str) -> list[str]:
 
 def imported(code: str) -> set[str]:
     """The packages that a piece of Python imports."""
-    found: set[str] = set()
+    modules: set[str] = set()
     for node in ast.walk(ast.parse(code)):
         if isinstance(node, ast.Import):
-            found |= {name.name for name in node.names}
+            modules |= {name.name for name in node.names}
         elif isinstance(node, ast.ImportFrom):
-            found.add(node.module or "")
-    return {name.partition(".")[0] for name in found}
+            modules.add(node.module or "")
+    return {name.partition(".")[0] for name in modules}
 
 
 def test_each_has_a_number_of_its_own() -> None:
@@ -87,13 +87,13 @@ def named_rooms() -> set[str]:
 
 def entered(code: str) -> set[str]:
     """The modules of this project from which a piece of Python imports."""
-    found: set[str] = set()
+    names: set[str] = set()
     for node in ast.walk(ast.parse(code)):
         if isinstance(node, ast.Import):
-            found |= {name.name for name in node.names}
+            names |= {name.name for name in node.names}
         elif isinstance(node, ast.ImportFrom):
-            found.add(node.module or "")
-    return {name for name in found if name.partition(".")[0] in {"modal", "nonlinear"}}
+            names.add(node.module or "")
+    return {name for name in names if name.partition(".")[0] in {"modal", "nonlinear"}}
 
 
 @NUMBERED

@@ -96,10 +96,10 @@ def leads_somewhere(target: str, text: str, folder: Path) -> bool:
         return True
     if not path:
         return anchor in anchors(text)
-    found = (folder / path).resolve()
-    if found.is_relative_to(PICTURES) and not PICTURES.is_dir():
+    file = (folder / path).resolve()
+    if file.is_relative_to(PICTURES) and not PICTURES.is_dir():
         return True
-    return found.exists() and (not anchor or anchor in anchors(text_of(found)))
+    return file.exists() and (not anchor or anchor in anchors(text_of(file)))
 
 
 @pytest.mark.parametrize("page", pages(), ids=lambda page: str(page.relative_to(ROOT)))
@@ -116,11 +116,11 @@ def test_what_is_broken_is_seen() -> None:
 :class: only-light
 ```
 """
-    found = broken(page, DOCS)
-    assert len(found) == 6
-    assert "leads nowhere: #gallery" in found
-    assert sum("no alt text: pictures/shapes.png" in one for one in found) == 2
-    assert sum("leads nowhere" in one for one in found) == 4
+    flaws = broken(page, DOCS)
+    assert len(flaws) == 6
+    assert "leads nowhere: #gallery" in flaws
+    assert sum("no alt text: pictures/shapes.png" in flaw for flaw in flaws) == 2
+    assert sum("leads nowhere" in flaw for flaw in flaws) == 4
 
 
 def contents(page: Path) -> list[Path]:

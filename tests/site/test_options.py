@@ -20,12 +20,12 @@ Use = tuple[str, argparse.Action]
 
 def uses(pages: dict[str, argparse.ArgumentParser]) -> dict[str, list[Use]]:
     """The commands that take each option, which goes by its long name."""
-    found: dict[str, list[Use]] = defaultdict(list)
+    by_flag: dict[str, list[Use]] = defaultdict(list)
     for command, page in pages.items():
         for action in page._actions:
             for flag in (word for word in action.option_strings if word.startswith("--")):
-                found[flag].append((command, action))
-    return found
+                by_flag[flag].append((command, action))
+    return by_flag
 
 
 def kind_of(action: argparse.Action) -> tuple[object, ...]:
@@ -136,5 +136,5 @@ def test_every_command_has_its_functions() -> None:
 def test_the_pages_hold_every_entry() -> None:
     page = combinations()
     assert all(f"## {at}. {name}" in page for at, name in enumerate(CAPABILITIES, 1))
-    assert all(f"\n| {one.words} |" in page for one in FEATURES.values())
+    assert all(f"\n| {feature.words} |" in page for feature in FEATURES.values())
     assert all(f"`{flag}" in options() for flag in FLAGS)

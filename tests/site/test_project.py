@@ -29,10 +29,10 @@ WITHOUT_EXAMPLE: dict[str, str] = {}
 
 def group(name: str) -> set[str]:
     """The requirements of a dependency group, with those of the groups that it includes."""
-    found: set[str] = set()
-    for one in PROJECT["dependency-groups"][name]:
-        found |= {one} if isinstance(one, str) else group(one["include-group"])
-    return found
+    requirements: set[str] = set()
+    for requirement in PROJECT["dependency-groups"][name]:
+        requirements |= {requirement} if isinstance(requirement, str) else group(requirement["include-group"])
+    return requirements
 
 
 def test_one_version_and_the_same_authors_everywhere() -> None:
@@ -47,21 +47,28 @@ def test_the_group_dev_is_the_extra() -> None:
 
 def test_every_extra_is_tested() -> None:
     extras = METADATA["optional-dependencies"]
-    needed = {re.split(r"[><=;\[]", one)[0] for name in extras.keys() - {"dev", "docs"} for one in extras[name]}
-    assert needed <= {re.split(r"[><=;\[]", one)[0] for one in extras["dev"]}
+    needed = {
+        re.split(r"[><=;\[]", requirement)[0]
+        for name in extras.keys() - {"dev", "docs"}
+        for requirement in extras[name]
+    }
+    assert needed <= {re.split(r"[><=;\[]", requirement)[0] for requirement in extras["dev"]}
 
 
 def test_every_requirement_has_a_lowest_version() -> None:
     listed = [
         *METADATA["dependencies"],
-        *(one for extra in METADATA["optional-dependencies"].values() for one in extra),
+        *(requirement for extra in METADATA["optional-dependencies"].values() for requirement in extra),
     ]
-    assert [one for one in listed if ">=" not in one] == []
+    assert [requirement for requirement in listed if ">=" not in requirement] == []
 
 
 def test_conda_asks_for_what_the_wheel_asks_for() -> None:
     wheel = {"python" + METADATA["requires-python"], *METADATA["dependencies"]}
-    conda = {one.replace(" ", "").replace("matplotlib-base", "matplotlib") for one in RECIPE["requirements"]["run"]}
+    conda = {
+        requirement.replace(" ", "").replace("matplotlib-base", "matplotlib")
+        for requirement in RECIPE["requirements"]["run"]
+    }
     assert conda == wheel
     assert {f"{name} = {door}" for name, door in METADATA["scripts"].items()} == set(
         RECIPE["build"]["python"]["entry_points"]
@@ -75,7 +82,7 @@ def test_workflows_test_the_lowest_and_the_newest_python_on_every_system() -> No
     newest = max(named, key=lambda version: int(version[2:]))
     assert matrix["python"] == [METADATA["requires-python"].removeprefix(">="), newest]
     assert {"macos-latest", "windows-latest"} == set(matrix["os"])
-    assert {one["python"] for one in matrix["include"]} | set(matrix["python"]) == named
+    assert {job["python"] for job in matrix["include"]} | set(matrix["python"]) == named
     assert ".ci/run" in [step.get("run") for step in jobs["everything"]["steps"]]
 
 
@@ -84,7 +91,7 @@ def test_actions_are_those_that_were_read(name: str) -> None:
     """By their hash: a tag can be moved."""
     used = re.findall(r"uses: (\S+)", WORKFLOWS[name])
     assert used
-    assert [one for one in used if not re.fullmatch(r"[\w/-]+@[0-9a-f]{40}", one)] == []
+    assert [action for action in used if not re.fullmatch(r"[\w/-]+@[0-9a-f]{40}", action)] == []
 
 
 def test_every_exception_from_the_review_has_its_reason() -> None:
@@ -120,8 +127,8 @@ def without_example(package: object) -> set[str]:
 @pytest.mark.parametrize("package", [modal, nonlinear], ids=["modal", "nonlinear"])
 def test_every_public_name_has_an_example(package: object) -> None:
     name = package.__name__  # type: ignore[attr-defined]
-    assert {f"{name}.{one}" for one in without_example(package)} == {
-        one for one in WITHOUT_EXAMPLE if one.startswith(f"{name}.")
+    assert {f"{name}.{member}" for member in without_example(package)} == {
+        member for member in WITHOUT_EXAMPLE if member.startswith(f"{name}.")
     }
 
 
@@ -133,7 +140,7 @@ def test_examples_are_in_the_docstring_of_the_thing_itself() -> None:
     """A class without one would show that of its base."""
     for package in (modal, nonlinear):
         classes = [getattr(package, name) for name in package.__all__ if inspect.isclass(getattr(package, name))]
-        assert all("__doc__" in vars(one) and vars(one)["__doc__"] for one in classes)
+        assert all("__doc__" in vars(kind) and vars(kind)["__doc__"] for kind in classes)
 
 
 # ------------------------------------------------------------------------------------------------ how we know
@@ -157,8 +164,8 @@ def missing(page: str, folder: Path) -> list[str]:
 
 def rows(page: str) -> list[list[str]]:
     """The rows of a page's tables of two columns, without heads."""
-    found = re.findall(r"^\| ([^|]+) \| ([^|]+) \|$", page, flags=re.MULTILINE)
-    return [[claim.strip(), proof.strip()] for claim, proof in found if claim != "claim"]
+    claims = re.findall(r"^\| ([^|]+) \| ([^|]+) \|$", page, flags=re.MULTILINE)
+    return [[claim.strip(), proof.strip()] for claim, proof in claims if claim != "claim"]
 
 
 def test_every_claim_has_its_proof_and_the_proof_is_there() -> None:

@@ -39,8 +39,8 @@ def form_of(scene: Scene, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> 
 
 def apart(form: ModalForm, omega: float, tolerance: float = 1e-12) -> float:
     """The largest relative error of all entries at ω."""
-    given, read = ([one.name for one in every] for every in (form.model.inputs, form.model.outputs))
-    true = np.array(Oracle(form.modes.scene).response(given, read, omega).tolist(), dtype=np.complex128)
+    inputs, read = ([signal.name for signal in every] for every in (form.model.inputs, form.model.outputs))
+    true = np.array(Oracle(form.modes.scene).response(inputs, read, omega).tolist(), dtype=np.complex128)
     return float(np.max(np.abs(frequency_response(form, omega, tolerance=tolerance)[..., 0] / true - 1)))
 
 
@@ -77,16 +77,16 @@ def test_every_response_of_random_scenes_keeps_its_digits(seed: int) -> None:
 
 
 def low() -> Scene:
-    one = Pendulum(links=(Rod(mass=1.19885, length=0.714675), Bob(mass=0.326798, length=1.12092)))
+    pendulum = Pendulum(links=(Rod(mass=1.19885, length=0.714675), Bob(mass=0.326798, length=1.12092)))
     other = Pendulum(links=(Rod(mass=1.9273, length=0.317374),))
-    return Scene(gravity=9.81, support=Cart(mass=2.57491), pendulum=(one, other))
+    return Scene(gravity=9.81, support=Cart(mass=2.57491), pendulum=(pendulum, other))
 
 
 def test_a_torque_does_not_push_the_translation() -> None:
     form = form_of(low(), ("joint_torques",), ("cart_position", "cart_velocity"))
-    found = frequency_response(form, 2 * np.pi * np.array([0.0, 1e-15, 1e-9, 1e-3]))
-    assert found[0, 0].real == pytest.approx([-0.0169109] * 3 + [-0.016911], rel=1e-5)
-    assert found[1, 0, 0] == 0
+    response = frequency_response(form, 2 * np.pi * np.array([0.0, 1e-15, 1e-9, 1e-3]))
+    assert response[0, 0].real == pytest.approx([-0.0169109] * 3 + [-0.016911], rel=1e-5)
+    assert response[1, 0, 0] == 0
     for omega in (1e-9, 1e-4):
         assert apart(form, omega) < 1e-13
 
@@ -103,7 +103,9 @@ def test_digits_are_those_of_floats() -> None:
 
 def test_noise_far_above_the_modes_is_that_of_the_isolation() -> None:
     """∫ |T|² S df with T = Π k/(k − mω² + …), and not the rounding of a sum of modes."""
-    found = random_response(stages(QUAD), Spectrum((50.0, 200.0), (1.0, 1.0), "acceleration"), ("tip_accelerations",))
+    response = random_response(
+        stages(QUAD), Spectrum((50.0, 200.0), (1.0, 1.0), "acceleration"), ("tip_accelerations",)
+    )
     f = np.geomspace(50.0, 200.0, 20_001)
     H, s = np.ones_like(f), np.zeros_like(f)
     below = 0.0
@@ -111,8 +113,8 @@ def test_noise_far_above_the_modes_is_that_of_the_isolation() -> None:
         below += m
         k, s = 9.80665 * below / l, s - m * (2 * np.pi * f) ** 2
         H, s = H * k / (k + s), k * s / (k + s)
-    assert found.rms[0] == pytest.approx(np.sqrt(trapezoid(H**2, f)), rel=1e-6, abs=0)
-    assert found.psd(f[:1])[0, 0] == pytest.approx(H[0] ** 2, rel=1e-11, abs=0)
+    assert response.rms[0] == pytest.approx(np.sqrt(trapezoid(H**2, f)), rel=1e-6, abs=0)
+    assert response.psd(f[:1])[0, 0] == pytest.approx(H[0] ** 2, rel=1e-11, abs=0)
 
 
 def test_a_transfer_function_with_a_far_zero() -> None:
@@ -124,18 +126,18 @@ def test_a_transfer_function_with_a_far_zero() -> None:
     pendula = (Pendulum(links=links), Pendulum(links=(Bob(mass=4.1364, length=0.6393, damping=5.038),)))
     scene = Scene(gravity=1.62, support=Cart(mass=4.0, damping=0.7), pendulum=pendula)
     form, oracle = form_of(scene, ("cart_force",), ("angles", "pivot_forces")), Oracle(scene)
-    for (found,) in transfer_functions(form):
+    for (function,) in transfer_functions(form):
         for omega in (1e-4, 0.7, 2e3):
-            true = complex(oracle.response(["cart_force"], [found.output.name], omega)[0, 0])
-            assert found.at(1j * omega)[0] == pytest.approx(true, rel=2e-12, abs=0)
+            true = complex(oracle.response(["cart_force"], [function.output.name], omega)[0, 0])
+            assert function.at(1j * omega)[0] == pytest.approx(true, rel=2e-12, abs=0)
 
 
 def test_a_transfer_function_carries_an_isolation_that_matrices_cannot() -> None:
     form = form_of(stages(QUAD), ("support_displacement",), ("tip_positions",))
-    ((found,),) = transfer_functions(form)
-    assert (len(found.zeros), len(found.poles)) == (0, 8)
+    ((function,),) = transfer_functions(form)
+    assert (len(function.zeros), len(function.poles)) == (0, 8)
     s, model = 2j * np.pi * np.array(list(HERTZ)), form.model
-    assert np.abs(found.at(s)) == pytest.approx(list(HERTZ.values()), rel=5e-12, abs=0)
+    assert np.abs(function.at(s)) == pytest.approx(list(HERTZ.values()), rel=5e-12, abs=0)
     direct = [(model.C @ np.linalg.solve(x * np.eye(8) - model.A, model.B) + model.D)[0, 0] for x in s]
     assert abs(direct[3]) != pytest.approx(HERTZ[100], rel=0.05, abs=0)
 
@@ -156,6 +158,6 @@ def test_an_impulse_response_is_written_in_numbers(to: str, tmp_path, capsys: py
 
 def test_a_fixed_support_has_the_pendula_apart() -> None:
     scene = low().replace(support=Fixed())
-    found = frequency_response(form_of(scene, ("link_forces",), ("angles",)), 3.0)[..., 0]
-    assert found[2, :2].tolist() == [0, 0]
-    assert found[:2, 2].tolist() == [0, 0]
+    response = frequency_response(form_of(scene, ("link_forces",), ("angles",)), 3.0)[..., 0]
+    assert response[2, :2].tolist() == [0, 0]
+    assert response[:2, 2].tolist() == [0, 0]

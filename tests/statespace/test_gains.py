@@ -29,8 +29,8 @@ def test_nearly_equal_loads_are_barely_reached() -> None:
     """20 m against 19.99 m: full rank, and a gain of 2e-5; the same from SciPy's pencil."""
     scene = crane(20.0, 19.99)
     gains = modal_gains(natural_modes(scene), state_space(scene))
-    found = matrices(scene)
-    _, phi = scipy.linalg.eigh(found.K, found.M)
+    model = matrices(scene)
+    _, phi = scipy.linalg.eigh(model.K, model.M)
     assert gains.inputs.gain[1, 0] == pytest.approx(1.77e-5, rel=2e-3)
     assert gains.inputs.gain[1:, 0] == pytest.approx(np.abs(phi[0, 1:]), rel=1e-9)
     assert gains.inputs.relative[1, 0] < BARELY
@@ -46,15 +46,15 @@ def test_undamped_gains_are_the_pencils(name: str) -> None:
     scene = SCENES[name]
     model = state_space(scene, ("cart_force", "joint_torques"), ("cart_position", "angles", "rates"))
     gains = modal_gains(natural_modes(scene), model)
-    found = matrices(scene)
-    x, phi = scipy.linalg.eigh(found.K, found.M)
+    system = matrices(scene)
+    x, phi = scipy.linalg.eigh(system.K, system.M)
     size = len(x)
-    F = found.M @ model.B[size:]
+    F = system.M @ model.B[size:]
     for number, omega in enumerate(gains.modes.omega):
-        own = phi[:, np.abs(x - omega**2) < 1e-8 * x.max()]
-        assert own.shape[1] == gains.modes.multiplicity[number]
-        assert gains.inputs.gain[number] == pytest.approx(np.linalg.norm(own.T @ F, axis=0), rel=1e-7, abs=1e-10)
-        seen = np.linalg.norm((model.C[:, :size] + 1j * omega * model.C[:, size:]) @ own, axis=1)
+        shapes = phi[:, np.abs(x - omega**2) < 1e-8 * x.max()]
+        assert shapes.shape[1] == gains.modes.multiplicity[number]
+        assert gains.inputs.gain[number] == pytest.approx(np.linalg.norm(shapes.T @ F, axis=0), rel=1e-7, abs=1e-10)
+        seen = np.linalg.norm((model.C[:, :size] + 1j * omega * model.C[:, size:]) @ shapes, axis=1)
         if omega:
             assert gains.outputs.gain[number] == pytest.approx(seen, rel=1e-7, abs=1e-10)
 
@@ -94,8 +94,8 @@ def test_copies_reached_are_the_rank(name: str, drive: str) -> None:
     scene = SCENES[name]
     model = state_space(scene, (drive,))
     gains = modal_gains(natural_modes(scene), model)
-    own = {"cart_force": 0, "cart_acceleration": 2, "cart_velocity": 1}[drive]
-    assert rank(model) == own + 2 * int(gains.inputs.copies.sum())
+    added = {"cart_force": 0, "cart_acceleration": 2, "cart_velocity": 1}[drive]
+    assert rank(model) == added + 2 * int(gains.inputs.copies.sum())
 
 
 def test_many_equal_pendula_need_as_many_sensors() -> None:

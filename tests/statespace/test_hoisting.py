@@ -36,18 +36,18 @@ def crane(mass: float = 1e9, **hoist: object) -> Scene:
 
 
 def test_frequencies_and_swing_of_one_pendulum() -> None:
-    found = frequencies_along(crane(), 7, "cart_acceleration")
-    assert np.allclose(found.omega[:, 0], np.sqrt(G / found.lengths[:, 0]), rtol=1e-12)
-    assert np.allclose(found.swing[:, 0], (found.lengths[:, 0] / 4.0) ** -0.75, rtol=1e-12)
-    assert found.lengths[[0, -1], 0] == pytest.approx([4.0, 1.0])
-    assert found.names == ("1",)
+    curve = frequencies_along(crane(), 7, "cart_acceleration")
+    assert np.allclose(curve.omega[:, 0], np.sqrt(G / curve.lengths[:, 0]), rtol=1e-12)
+    assert np.allclose(curve.swing[:, 0], (curve.lengths[:, 0] / 4.0) ** -0.75, rtol=1e-12)
+    assert curve.lengths[[0, -1], 0] == pytest.approx([4.0, 1.0])
+    assert curve.names == ("1",)
 
 
 def test_frequencies_are_those_of_the_table_at_each_length() -> None:
     scene = load("hoisting-crane")
-    found = frequencies_along(scene, 5)
-    assert found.names == ("2", "3")
-    for time, omega in zip(found.times.tolist(), found.omega, strict=True):
+    curve = frequencies_along(scene, 5)
+    assert curve.names == ("2", "3")
+    for time, omega in zip(curve.times.tolist(), curve.omega, strict=True):
         assert np.allclose(omega, natural_modes(scene.at(time)).omega[1:], rtol=1e-11)
     rail = scene.replace(support=scene.support.replace(damping=40.0))
     damped = frequencies_along(rail, 3)
@@ -71,15 +71,15 @@ def test_a_slow_hoist_changes_the_swing_as_the_adiabatic_invariant_says() -> Non
 
 def test_the_model_of_one_pendulum_is_the_textbook_equation() -> None:
     scene = crane()
-    found = varying_model(scene, inputs=("cart_acceleration",))
+    varying = varying_model(scene, inputs=("cart_acceleration",))
     law = scene.pendulum[0].links[0].hoist.law(4.0)
-    length, speed, _ = law(found.times)
-    assert found.A.shape == (201, 4, 4)
-    assert found.B.shape == (201, 4, 1)
-    assert np.allclose(found.A[:, 3, 1], -G / length, rtol=1e-12)
-    assert np.allclose(found.A[:, 3, 3], -2 * speed / length, rtol=1e-12, atol=1e-15)
-    assert np.allclose(found.B[:, 3, 0], -1 / length, rtol=1e-12)
-    assert found.C.shape == (2, 4)
+    length, speed, _ = law(varying.times)
+    assert varying.A.shape == (201, 4, 4)
+    assert varying.B.shape == (201, 4, 1)
+    assert np.allclose(varying.A[:, 3, 1], -G / length, rtol=1e-12)
+    assert np.allclose(varying.A[:, 3, 3], -2 * speed / length, rtol=1e-12, atol=1e-15)
+    assert np.allclose(varying.B[:, 3, 0], -1 / length, rtol=1e-12)
+    assert varying.C.shape == (2, 4)
     assert varying_model(scene, outputs=("tip_positions",)).C.ndim == 3
 
 
@@ -102,7 +102,7 @@ def test_lewins_pendulum_is_the_solution_of_the_model() -> None:
 @pytest.mark.slow
 def test_travel_is_that_of_the_full_equations_at_small_angles() -> None:
     scene, travel = crane(), Travel(0.01, 0.0, 4.0)
-    found = {one.words: one.angle for one in travel_residuals(scene, travel)}
+    residuals = {residual.words: residual.angle for residual in travel_residuals(scene, travel)}
     heavy = scene.support.mass
 
     def push(time: float, state: State) -> AppliedForces:
@@ -111,8 +111,8 @@ def test_travel_is_that_of_the_full_equations_at_small_angles() -> None:
     rest = State(np.zeros(1), np.zeros(1))
     run = simulate(scene, 12.0, start=rest, load=push, breaks=[0.0, 4.0], tolerance=1e-11, output=4000)
     left = np.abs(run.motion.links[run.times > 5.0]).max()
-    assert found["the travel as it is"] == pytest.approx(left, rel=1e-4)
-    constant = found["the travel as it is, without the hoist"]
+    assert residuals["the travel as it is"] == pytest.approx(left, rel=1e-4)
+    constant = residuals["the travel as it is, without the hoist"]
     still = simulate(scene.at(0.0), 12.0, start=rest, load=push, breaks=[0.0, 4.0], tolerance=1e-11, output=4000)
     assert constant == pytest.approx(np.abs(still.motion.links[still.times > 4.0]).max(), rel=1e-4)
 
@@ -171,9 +171,9 @@ def test_pendula_beside_a_cart_that_is_held_are_followed_apart() -> None:
     """A rope that grows shorter than its neighbour keeps its own swing, l^(−3/4), though their frequencies cross."""
     rope, still = crane().pendulum[0], Pendulum(links=(Bob(mass=1.0, length=2.0),))
     scene = Scene(gravity=G, support=Cart(mass=9.0), pendulum=(rope.replace(count=2), still))
-    found = frequencies_along(scene, 3, "cart_acceleration")
-    assert found.names == ("1", "1b", "2")
-    assert found.swing[-1] == pytest.approx([4.0**0.75, 4.0**0.75, 1.0], rel=1e-12)
+    curve = frequencies_along(scene, 3, "cart_acceleration")
+    assert curve.names == ("1", "1b", "2")
+    assert curve.swing[-1] == pytest.approx([4.0**0.75, 4.0**0.75, 1.0], rel=1e-12)
     free = frequencies_along(scene, 3)
     alone = free.swing[-1, np.argmin(abs(free.omega[0] - np.sqrt(G / 4.0)))]
     assert alone == pytest.approx(4.0**0.75, rel=1e-12), "two equal ropes against each other leave the cart still"
@@ -184,10 +184,10 @@ def test_a_massless_cart_has_the_modes_that_it_has() -> None:
     """Its upper rope stays vertical: none of a single bob, g (m₁ + m₂)/(m₁ l₂) of two, whatever the upper length."""
     bob = Bob(mass=2.0, length=4.0, hoist=Hoist(to=2.0, duration=3.0))
     scene = Scene(gravity=G, support=Cart(mass=0.0), pendulum=(Pendulum(links=(bob,)),))
-    found = frequencies_along(scene, 3)
-    assert found.omega.shape == found.swing.shape == (3, 0)
+    curve = frequencies_along(scene, 3)
+    assert curve.omega.shape == curve.swing.shape == (3, 0)
     assert frequencies_along(scene, 3, "cart_acceleration").omega[-1] == pytest.approx([np.sqrt(G / 2)], rel=1e-12)
-    assert len(hoist_figure(found).axes) == 1
+    assert len(hoist_figure(curve).axes) == 1
     heavy = scene.replace(support=Cart(mass=7.0))
     travel = Travel.along(scene, 3.0, 2.0)
     assert travel_residuals(scene, travel)[0].angle == pytest.approx(travel_residuals(heavy, travel)[0].angle, rel=1e-9)
@@ -200,12 +200,12 @@ def test_a_massless_cart_has_the_modes_that_it_has() -> None:
 def test_a_support_that_moves_is_seen_from_the_laboratory() -> None:
     """The bob of one rope has the acceleration −(g − l'') θ, whatever moves its support."""
     scene = Scene(gravity=G, support=Fixed(), pendulum=crane().pendulum)
-    found = model_at(scene, 1.2, ("support_acceleration",), ("tip_accelerations", "pivot_forces"))
+    model = model_at(scene, 1.2, ("support_acceleration",), ("tip_accelerations", "pivot_forces"))
     bend = scene.pendulum[0].links[0].hoist.law(4.0)(1.2)[2]
-    states = [signal.name for signal in found.states]
+    states = [signal.name for signal in model.states]
     expected = np.where(np.array(states) == "theta_1_1", -(G - bend), 0.0)
-    assert pytest.approx(np.array([expected, -expected]), abs=1e-13) == found.C
-    assert pytest.approx(np.zeros((2, 1)), abs=1e-13) == found.D
+    assert pytest.approx(np.array([expected, -expected]), abs=1e-13) == model.C
+    assert pytest.approx(np.zeros((2, 1)), abs=1e-13) == model.D
     for jumping in ("support_velocity", "support_displacement"):
         with pytest.raises(SceneError, match="mass matrix; use support_acceleration"):
             varying_model(scene, inputs=(jumping,))
@@ -218,16 +218,16 @@ def test_mean_lengths_are_averages_over_time() -> None:
 
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_models_along_a_hoist_are_written_or_refused(name: str) -> None:
-    found = varying_model(load("hoisting-crane"), np.linspace(0, 8, 5))
+    varying = varying_model(load("hoisting-crane"), np.linspace(0, 8, 5))
     if name not in {"npz", "mat"}:
         with pytest.raises(SceneError, match=f"format {name}: holds a constant model"):
-            format_named(name).write_varying(found)
+            format_named(name).write_varying(varying)
         return
-    content = BytesIO(format_named(name).write_varying(found))
+    content = BytesIO(format_named(name).write_varying(varying))
     read = np.load(content) if name == "npz" else loadmat(content)
-    for key, values in (("A", found.A), ("B", found.B), ("C", found.C), ("D", found.D)):
+    for key, values in (("A", varying.A), ("B", varying.B), ("C", varying.C), ("D", varying.D)):
         assert np.array_equal(read[key], values)
-    assert np.array_equal(np.ravel(read["time_s"]), found.times)
+    assert np.array_equal(np.ravel(read["time_s"]), varying.times)
 
 
 def test_constant_models_and_other_scenes_are_refused() -> None:
@@ -273,7 +273,7 @@ def test_a_shaper_leaves_nothing_where_the_lengths_of_a_structure_stay() -> None
     """An impulse on one coordinate, at lengths that hardly change: the promise for constant lengths is kept."""
     scene = towed()
     slow = Hoist(to=1.5 * (1 - 1e-7), begin=0.0, duration=1.0)
-    pendula = [one.replace(links=[one.links[0].replace(hoist=slow)]) for one in scene.pendulum]
+    pendula = [pendulum.replace(links=[pendulum.links[0].replace(hoist=slow)]) for pendulum in scene.pendulum]
     scene = scene.replace(pendulum=pendula)
     drive = "stage_force"
     made = shaper_for(scene.at(0.0), 4, "zv", drive)

@@ -34,7 +34,9 @@ MIXED = Scene(
 )
 """Two pendula that differ in their losses alone."""
 FRAME = load("tower").replace(
-    spring=[one.replace(damping=0.0, loss=loss) for one, loss in zip(load("tower").spring, (0.02, TABLE), strict=True)]
+    spring=[
+        spring.replace(damping=0.0, loss=loss) for spring, loss in zip(load("tower").spring, (0.02, TABLE), strict=True)
+    ]
 )
 
 
@@ -43,9 +45,9 @@ class Lossy(Oracle):
 
     def _ratio_dampers(self, first: int) -> mp.matrix:
         whole, self.K = self.K, self.K.apply(mp.re)
-        found = super()._ratio_dampers(first)
+        dampers = super()._ratio_dampers(first)
         self.K = whole
-        return found
+        return dampers
 
     def response(self, inputs: list[str], outputs: list[str], omega: float) -> mp.matrix:
         with mp.workdps(self.digits):
@@ -53,7 +55,9 @@ class Lossy(Oracle):
             for pendulum in self.scene.pendulum:
                 below = sum(mp.mpf(link.mass) for link in pendulum.links)
                 for i, link in enumerate(pendulum.links):
-                    angle, wire = (mp.mpf(float(loss_at(one, np.array(omega)))) for one in (link.loss, link.wire_loss))
+                    angle, wire = (
+                        mp.mpf(float(loss_at(loss, np.array(omega)))) for loss in (link.loss, link.wire_loss)
+                    )
                     for a, b, sign in (
                         (at, at, 1),
                         *(((at - 1, at - 1, 1), (at, at - 1, -1), (at - 1, at, -1)) if i else ()),
@@ -61,27 +65,29 @@ class Lossy(Oracle):
                         self.K[a, b] += mp.mpc(0, sign * link.stiffness * angle)
                     self.K[at, at] += mp.mpc(0, wire * mp.mpf(self.scene.gravity) * below * link.length)
                     below, at = below - link.mass, at + 1
-            found = self._response(inputs, outputs, mp.mpf(omega))
+            response = self._response(inputs, outputs, mp.mpf(omega))
             self.K = kept
-            return found
+            return response
 
 
-def responses(scene: Scene, given: str, read: Sequence[str], omega: Floats) -> Complexes:
-    form = to_modal_form(natural_modes(scene), state_space(scene, (given,), tuple(read)))
+def responses(scene: Scene, drive: str, read: Sequence[str], omega: Floats) -> Complexes:
+    form = to_modal_form(natural_modes(scene), state_space(scene, (drive,), tuple(read)))
     return frequency_response(form, omega)[:, 0]
 
 
-@pytest.mark.parametrize("given", ["cart_force", "support_displacement"])
+@pytest.mark.parametrize("drive", ["cart_force", "support_displacement"])
 @pytest.mark.parametrize("damping", [0.0, 0.1])
-def test_losses_are_in_the_elimination_from_the_tips(given: str, damping: float) -> None:
-    links = [tuple(link.replace(damping=damping) for link in one.links) for one in MIXED.pendulum]
-    scene = MIXED.replace(pendulum=[one.replace(links=own) for one, own in zip(MIXED.pendulum, links, strict=True)])
+def test_losses_are_in_the_elimination_from_the_tips(drive: str, damping: float) -> None:
+    links = [tuple(link.replace(damping=damping) for link in pendulum.links) for pendulum in MIXED.pendulum]
+    scene = MIXED.replace(
+        pendulum=[pendulum.replace(links=chain) for pendulum, chain in zip(MIXED.pendulum, links, strict=True)]
+    )
     omega = np.array([0.3, 3.9, 30.0, 3e3, 3e6])
-    found = responses(scene, given, ("cart_position", "angles", "tip_positions"), omega)
+    computed = responses(scene, drive, ("cart_position", "angles", "tip_positions"), omega)
     names = ["x", "theta_1_1", "theta_1_2", "theta_2_1", "theta_2_2", "tip_1", "tip_2"]
     oracle = Lossy(scene)
-    exact = np.array([[complex(z) for z in oracle.response([given], names, w)] for w in omega.tolist()]).T
-    np.testing.assert_allclose(found, exact, rtol=1e-12)
+    exact = np.array([[complex(z) for z in oracle.response([drive], names, w)] for w in omega.tolist()]).T
+    np.testing.assert_allclose(computed, exact, rtol=1e-12)
 
 
 def test_of_the_whole_they_are_the_same() -> None:
@@ -109,39 +115,39 @@ def test_transmissibility_keeps_all_digits_down_to_1e_minus_32() -> None:
                 s -= mp.mpf(link.mass) * mp.mpf(omega) ** 2
                 H, s = H * k / (k + s), k * s / (k + s)
             exact.append(complex(H))
-    found = responses(scene, "support_displacement", ("tip_positions",), tau * frequencies)[0]
-    np.testing.assert_allclose(found, exact, rtol=9e-16)
-    assert abs(found[-1]) < 1e-31
+    computed = responses(scene, "support_displacement", ("tip_positions",), tau * frequencies)[0]
+    np.testing.assert_allclose(computed, exact, rtol=9e-16)
+    assert abs(computed[-1]) < 1e-31
 
 
 def dense(scene: Scene, omega: float) -> tuple[Floats, Complexes]:
     """M, and K with its losses at ω."""
-    own = matrices(scene)
-    H = np.zeros_like(own.K)
-    for one in losses_of(scene):
-        row = dense_row(one, len(H))
-        H += one.stiffness * float(loss_at(one.loss, np.array(omega))) * np.outer(row, row)
-    return own.M, own.K + 1j * H
+    model = matrices(scene)
+    H = np.zeros_like(model.K)
+    for loss in losses_of(scene):
+        row = dense_row(loss, len(H))
+        H += loss.stiffness * float(loss_at(loss.loss, np.array(omega))) * np.outer(row, row)
+    return model.M, model.K + 1j * H
 
 
-def dense_row(one: Dissipator, size: int) -> Floats:
+def dense_row(dissipator: Dissipator, size: int) -> Floats:
     row = np.zeros(size)
-    row[list(one.row)] = list(one.row.values())
+    row[list(dissipator.row)] = list(dissipator.row.values())
     return row
 
 
 def test_springs_of_structures_lose_and_their_forces_turn() -> None:
     omega = np.array([0.5, 2.2, 40.0])
-    found = responses(FRAME, "floor1_force", ("coordinates", "angles", "spring_forces"), omega)
-    stiff = [one.stiffness for one in FRAME.spring]
+    computed = responses(FRAME, "floor1_force", ("coordinates", "angles", "spring_forces"), omega)
+    stiff = [spring.stiffness for spring in FRAME.spring]
     for at, w in enumerate(omega.tolist()):
         M, K = dense(FRAME, w)
         D = matrices(FRAME).D
         q = np.linalg.solve(K + 1j * w * D - w * w * M, [1.0, 0.0, 0.0])
-        np.testing.assert_allclose(found[:3, at], q, rtol=1e-12)
-        angles = [float(loss_at(one.loss, np.array(w))) for one in FRAME.spring]
+        np.testing.assert_allclose(computed[:3, at], q, rtol=1e-12)
+        angles = [float(loss_at(spring.loss, np.array(w))) for spring in FRAME.spring]
         pulls = [stiff[0] * (1 + 1j * angles[0]) * q[0], stiff[1] * (1 + 1j * angles[1]) * (q[1] - q[0])]
-        np.testing.assert_allclose(np.abs(found[3:, at]), np.abs(pulls), rtol=1e-11)
+        np.testing.assert_allclose(np.abs(computed[3:, at]), np.abs(pulls), rtol=1e-11)
 
 
 APART = MIXED.replace(
@@ -155,7 +161,10 @@ APART = MIXED.replace(
 @pytest.mark.parametrize("scene", [APART, FRAME, load("suspension")], ids=["cart", "structure", "suspension"])
 def test_the_loss_of_a_mode_is_the_imaginary_part_of_its_complex_eigenvalue(scene: Scene) -> None:
     small = scene.replace(
-        pendulum=[one.replace(links=[link.replace(damping=0.0) for link in one.links]) for one in scene.pendulum]
+        pendulum=[
+            pendulum.replace(links=[link.replace(damping=0.0) for link in pendulum.links])
+            for pendulum in scene.pendulum
+        ]
     )
     modes = natural_modes(small)
     for omega, loss, Q in zip(
@@ -163,8 +172,8 @@ def test_the_loss_of_a_mode_is_the_imaginary_part_of_its_complex_eigenvalue(scen
     ):
         M, K = dense(small, omega)
         eigen = scipy.linalg.eigvals(K, M)
-        own = eigen[np.argmin(np.abs(eigen - omega**2))]
-        assert loss == pytest.approx(own.imag / own.real, rel=30 * loss + 1e-9, abs=1e-12)
+        eigenvalue = eigen[np.argmin(np.abs(eigen - omega**2))]
+        assert loss == pytest.approx(eigenvalue.imag / eigenvalue.real, rel=30 * loss + 1e-9, abs=1e-12)
         assert pytest.approx(1 / loss) == Q
 
 
@@ -194,20 +203,25 @@ SCENES = ("tower", "ship-crane", "beam", "crane-hook")
 @pytest.mark.parametrize("name", SCENES)
 def test_the_rows_of_what_dissipates_make_up_the_damping_matrix(name: str) -> None:
     plain = load(name)
-    links = [one.replace(links=[link.replace(damping=0.2, drag=0.3) for link in one.links]) for one in plain.pendulum]
+    links = [
+        pendulum.replace(links=[link.replace(damping=0.2, drag=0.3) for link in pendulum.links])
+        for pendulum in plain.pendulum
+    ]
     scene = plain.replace(pendulum=links)
     scene = scene.replace(damping_ratio=0.01) if name == "crane-hook" else scene
     D = matrices(scene).D
-    found = sum(one.damping * np.outer(*[dense_row(one, len(D))] * 2) for one in dissipators_of(scene))
-    np.testing.assert_allclose(found, D, atol=1e-13 * np.abs(D).max())
+    assembled = sum(
+        dissipator.damping * np.outer(*[dense_row(dissipator, len(D))] * 2) for dissipator in dissipators_of(scene)
+    )
+    np.testing.assert_allclose(assembled, D, atol=1e-13 * np.abs(D).max())
 
 
 def test_a_leaning_wire_loses_by_its_pull() -> None:
     """A force along the rail of tan 30° of the weight: tension over length, 1/cos² … of what holds it upright."""
     pushed = ConstantForce(on="pendulum[0].links[0]", amplitude=9.81 / np.sqrt(3.0))
     scene = Scene(gravity=9.81, force=[pushed], pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, wire_loss=0.01)])])
-    (one,) = losses_of(scene)
-    assert one.stiffness == pytest.approx(9.81 / np.cos(np.pi / 6))
+    (loss,) = losses_of(scene)
+    assert loss.stiffness == pytest.approx(9.81 / np.cos(np.pi / 6))
     assert mode_losses(natural_modes(scene)) == pytest.approx([0.01])
 
 
@@ -234,8 +248,8 @@ def test_what_a_spring_at_a_moved_ground_passes_on() -> None:
         pendulum=[Pendulum(on="rig", links=[Bob(mass=1.0, length=1.0)])],
     )
     omega = np.array([5.0, 20.0, 300.0])
-    found = responses(scene, "support_displacement", ("table_m",), omega)[0]
+    computed = responses(scene, "support_displacement", ("table_m",), omega)[0]
     exact = 10.0 * omega**2 / (4e3 * (1 + 0.05j) - 10.0 * omega**2)
-    np.testing.assert_allclose(found, exact, rtol=1e-12)
+    np.testing.assert_allclose(computed, exact, rtol=1e-12)
     moved = load("suspension").replace(support=Moved(motion=SineMotion(amplitude=0.1, frequency_hz=1.0)))
     assert moved.has_losses

@@ -57,15 +57,15 @@ def test_columns_of_B_are_slopes_of_the_nonlinear_accelerations(scene: Scene) ->
         kind, _, on = name.partition(":")
         force = scene.force[0] if not on else None
         way = {"direction": WAYS[kind], "on": on} if force is None else {"on": force.on, "direction": force.direction}
-        found = []
+        accelerations = []
         for sign in (1, -1):
             more = scene_with({"kind": "constant", "amplitude": sign * step} | way).force
             system = system_of(scene.replace(force=(*scene.force, *more)))
             equations = Minimal(system, tuple(map(Recursion, system.groups)))
             y = equations.begin(State(angles, 0 * angles, rest.get("x", 0.0), 0.0))
             order = np.array([equations.begin(_unit(k, len(angles))) for k in range(2 * first)]).T
-            found.append(np.linalg.pinv(order) @ equations.derivative(0.0, y))
-        slope = (found[0] - found[1]) / (2 * step)
+            accelerations.append(np.linalg.pinv(order) @ equations.derivative(0.0, y))
+        slope = (accelerations[0] - accelerations[1]) / (2 * step)
         assert model.B[:, column] == pytest.approx(slope, abs=1e-8)
 
 
@@ -109,8 +109,8 @@ def test_points_agree_with_the_groups_of_links() -> None:
     model = state_space(STRAIGHT, ("force:pendulum[0].links[1]", "link_forces", "joint_torques"))
     column = {signal.name: model.B[:, k] for k, signal in enumerate(model.inputs)}
     assert column["force:pendulum[0].links[1]"] == pytest.approx(column["force_1_2"] + column["force_2_2"])
-    one = state_space(STRAIGHT, ("torque:pendulum[0].copies[0].links[1]",)).B[:, 0]
-    assert one == pytest.approx(column["torque_1_2"])
+    torque = state_space(STRAIGHT, ("torque:pendulum[0].copies[0].links[1]",)).B[:, 0]
+    assert torque == pytest.approx(column["torque_1_2"])
     assert not state_space(STRAIGHT, ("lift:pendulum[0].links[1]",)).B.any()
 
 
@@ -141,8 +141,8 @@ def test_models_without_what_does_not_contribute() -> None:
     w = 1.3j
     for model in (whole, small):
         assert model.inputs[0].name == "force[0]"
-    one, other = (m.C @ np.linalg.solve(w * np.eye(len(m.A)) - m.A, m.B) for m in (whole, small))
-    assert one == pytest.approx(other)
+    response, other = (m.C @ np.linalg.solve(w * np.eye(len(m.A)) - m.A, m.B) for m in (whole, small))
+    assert response == pytest.approx(other)
     with pytest.raises(SceneError, match="acts differently on equal pendula"):
         minimal(STRAIGHT, ("force:pendulum[0].links[1]",))
     with pytest.raises(SceneError, match="copies under constant forces are not merged"):
@@ -151,19 +151,19 @@ def test_models_without_what_does_not_contribute() -> None:
 
 def test_random_forces_by_the_integral_over_the_model() -> None:
     """RMS² = ∫ |H|² S df over a flat PSD, by a fine sum."""
-    found = random_response(LEANING, Spectrum((0.05, 3.0), (2.0, 2.0), "acceleration"), ("angles",), "force[0]")
+    response = random_response(LEANING, Spectrum((0.05, 3.0), (2.0, 2.0), "acceleration"), ("angles",), "force[0]")
     f = np.linspace(0.05, 3.0, 60_001)
-    H = frequency_response(found.form, 2 * np.pi * f[::30], tolerance=1e-6)[:, 0]
-    model = found.form.model
+    H = frequency_response(response.form, 2 * np.pi * f[::30], tolerance=1e-6)[:, 0]
+    model = response.form.model
     values, vectors = np.linalg.eig(model.A)
     reached = np.linalg.solve(vectors, model.B[:, 0])
     every = (model.C @ vectors) @ (reached[:, None] / (2j * np.pi * f - values[:, None]))
     assert every[:, ::30] == pytest.approx(H, abs=1e-9)
     exact = np.sqrt(np.trapezoid(2.0 * np.abs(every) ** 2, f, axis=1))
-    assert found.rms == pytest.approx(exact, rel=1e-5)
-    assert found.source.unit == "N"
+    assert response.rms == pytest.approx(exact, rel=1e-5)
+    assert response.source.unit == "N"
     with pytest.raises(SceneError, match="input joint_torques: must be support_acceleration"):
-        random_response(LEANING, found.spectrum, ("angles",), "joint_torques")
+        random_response(LEANING, response.spectrum, ("angles",), "joint_torques")
 
 
 @pytest.mark.parametrize("form", [*FORMATS])

@@ -18,11 +18,11 @@ from modal.statespace.reduction import fold_equals
 OMEGA = np.array([0.05, 0.31, 0.9, 1.7, 3.3, 8.0, 25.0])
 
 
-def gap(found: StateSpace, whole: StateSpace, omega: np.ndarray = OMEGA) -> float:
+def gap(model: StateSpace, whole: StateSpace, omega: np.ndarray = OMEGA) -> float:
     """The largest relative difference of outputs with the same name."""
     names = [signal.name for signal in whole.outputs]
-    expected = at(whole, omega)[[names.index(signal.name) for signal in found.outputs]]
-    return float(np.abs(at(found, omega) - expected).max() / np.abs(expected).max())
+    expected = at(whole, omega)[[names.index(signal.name) for signal in model.outputs]]
+    return float(np.abs(at(model, omega) - expected).max() / np.abs(expected).max())
 
 
 def thousand() -> Scene:
@@ -145,9 +145,9 @@ def test_hankel_values_are_those_of_scipys_gramians() -> None:
     P = scipy.linalg.solve_continuous_lyapunov(model.A, -model.B @ model.B.T)
     Q = control.lyap(model.A.T, model.C.T @ model.C, method="scipy")
     expected = np.sqrt(np.sort(np.linalg.eigvals(P @ Q).real)[::-1])
-    found = balance(model, 4)
-    assert found.hankel == pytest.approx(expected, rel=1e-8)
-    small = found.model
+    balanced = balance(model, 4)
+    assert balanced.hankel == pytest.approx(expected, rel=1e-8)
+    small = balanced.model
     for A, B in ((small.A, small.B), (small.A.T, small.C.T)):
         assert scipy.linalg.solve_continuous_lyapunov(A, -B @ B.T) == pytest.approx(
             np.diag(expected[:4]), rel=1e-7, abs=1e-7
@@ -157,12 +157,12 @@ def test_hankel_values_are_those_of_scipys_gramians() -> None:
 @pytest.mark.parametrize("count", [2, 4, 6])
 def test_the_error_bound_holds_and_is_not_idle(count: int) -> None:
     model = state_space(hanging(2.0))
-    found = balance(model, count)
+    balanced = balance(model, count)
     omega = np.geomspace(1e-2, 1e3, 2000)
-    error = np.linalg.svd((at(found.model, omega) - at(model, omega)).transpose(2, 0, 1), compute_uv=False).max()
-    assert error <= found.error_bound + 1e-9
-    assert error >= 0.05 * found.error_bound
-    assert np.linalg.eigvals(found.model.A).real.max() < 0
+    error = np.linalg.svd((at(balanced.model, omega) - at(model, omega)).transpose(2, 0, 1), compute_uv=False).max()
+    assert error <= balanced.error_bound + 1e-9
+    assert error >= 0.05 * balanced.error_bound
+    assert np.linalg.eigvals(balanced.model.A).real.max() < 0
 
 
 @pytest.mark.parametrize(

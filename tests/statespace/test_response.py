@@ -25,8 +25,8 @@ def form_of(scene: Scene, *inputs: str, outputs: tuple[str, ...] = ()) -> ModalF
     return to_modal_form(natural_modes(scene), state_space(scene, inputs, outputs))
 
 
-def close(found: np.ndarray, expected: np.ndarray, tolerance: float = 1e-9) -> bool:
-    return bool(np.abs(found - expected).max() <= tolerance * np.abs(expected).max())
+def close(values: np.ndarray, expected: np.ndarray, tolerance: float = 1e-9) -> bool:
+    return bool(np.abs(values - expected).max() <= tolerance * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("drive", DRIVES)
@@ -35,10 +35,10 @@ def test_frequency_responses_are_those_of_python_control(name: str, drive: str) 
     outputs = ("cart_position", "cart_velocity", "angles", "rates", "relative_angles", "tip_positions")
     outputs += () if drive == "cart_velocity" else ("pivot_forces",)
     form = form_of(SCENES[name], drive, "link_forces", outputs=outputs)
-    found, expected = frequency_response(form, OMEGA), at(form.model, OMEGA)
-    for k in range(found.shape[0]):
-        assert close(found[k], expected[k]), form.model.outputs[k]
-    assert not close(found * (1 + 1e-8), expected)
+    response, expected = frequency_response(form, OMEGA), at(form.model, OMEGA)
+    for k in range(response.shape[0]):
+        assert close(response[k], expected[k]), form.model.outputs[k]
+    assert not close(response * (1 + 1e-8), expected)
 
 
 @pytest.mark.parametrize("drive", DRIVES)
@@ -68,10 +68,10 @@ def test_one_load_on_a_trolley_by_hand() -> None:
     """G_x = (g − lω²)/(−ω²(M g + m g − M l ω²)) and G_θ = 1/(M l ω² − (M + m) g)."""
     M, m, l, g = 1000.0, 100.0, 20.0, 9.81
     scene = crane().model_copy(update={"pendulum": (Pendulum(links=[Bob(mass=m, length=l)]),)})
-    found = frequency_response(form_of(scene), OMEGA)[:, 0]
+    response = frequency_response(form_of(scene), OMEGA)[:, 0]
     stiff = (M + m) * g - M * l * OMEGA**2
-    assert np.allclose(found[0], (g - l * OMEGA**2) / (-(OMEGA**2) * stiff), rtol=1e-12)
-    assert np.allclose(found[1], -1 / stiff, rtol=1e-12)
+    assert np.allclose(response[0], (g - l * OMEGA**2) / (-(OMEGA**2) * stiff), rtol=1e-12)
+    assert np.allclose(response[1], -1 / stiff, rtol=1e-12)
 
 
 def test_poles_are_infinite_only_where_seen() -> None:
@@ -127,15 +127,15 @@ def test_pictures_are_drawn(scene: Scene) -> None:
 def test_the_table_of_a_response_is_that_of_python_control(to: str) -> None:
     scene, hertz = crane(), [0.01, 0.08, 0.3, 2.0]
     form = form_of(scene, "cart_force", outputs=("angles",))
-    found = response_table(form, hertz, 0, [0, 1], to)
+    table = response_table(form, hertz, 0, [0, 1], to)
     expected = np.squeeze(control.frequency_response(of_control(form.model), 2 * np.pi * np.array(hertz)).complex[:2])
     if to == "json":
-        whole = json.loads(found)
+        whole = json.loads(table)
         assert whole["frequency_hz"] == hertz
         assert whole["unit"]["theta_1_1"] == "rad per N"
         size, phase = (np.array(list(whole[name].values())) for name in ("magnitude", "phase_deg"))
     else:
-        rows = list(csv.DictReader(found.splitlines()))
+        rows = list(csv.DictReader(table.splitlines()))
         assert [float(row["frequency_hz"]) for row in rows] == 2 * hertz
         size, phase, decibel = (
             np.reshape([float(row[name]) for row in rows], (2, 4))

@@ -289,7 +289,7 @@ def test_what_does_not_swing_is_refused() -> None:
 
 
 def test_the_example_of_feedback_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    found = runpy.run_path(str(EXAMPLES / "crane_lqr.py"))
-    found["main"]()
+    module = runpy.run_path(str(EXAMPLES / "crane_lqr.py"))
+    module["main"]()
     printed = capsys.readouterr().out
     assert printed.count("regulator: ") == printed.count("observer: ") == 2

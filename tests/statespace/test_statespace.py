@@ -39,15 +39,15 @@ def test_poles_are_the_table_s(name: str) -> None:
 def test_transfer_functions_of_forces_and_torques(seed: int) -> None:
     """Y0 (s²M + sD + K)⁻¹ F, its s- and s²-fold, from matrices and rows alone."""
     scene = on_a_cart(seed) if seed % 3 else decimal_scene(seed).model_copy(update={"support": Fixed()})
-    found, geometry, s = matrices(scene), geometry_of(scene), 0.7 + 2.3j
+    system, geometry, s = matrices(scene), geometry_of(scene), 0.7 + 2.3j
     inputs = (*(["cart_force"] if geometry.on_cart else []), "joint_torques", "link_forces")
     outputs = tuple(name for name in OUTPUTS if geometry.on_cart or not name.startswith("cart"))
     model = state_space(scene, inputs, outputs)
     unit = np.eye(geometry.size)
     F = np.hstack([*([unit[:, :1]] if geometry.on_cart else []), geometry.relative.T, geometry.centres.T])
-    q = np.linalg.solve(s**2 * found.M + s * found.D + found.K, F)
-    own = geometry.pendulum == np.unique(geometry.pendulum)[:, None]
-    pushes = np.hstack([np.zeros((len(own), F.shape[1] - len(geometry.mass))), own.astype(float)])
+    q = np.linalg.solve(s**2 * system.M + s * system.D + system.K, F)
+    members = geometry.pendulum == np.unique(geometry.pendulum)[:, None]
+    pushes = np.hstack([np.zeros((len(members), F.shape[1] - len(geometry.mass))), members.astype(float)])
     rows = {
         "cart_position": unit[:1] @ q,
         "cart_velocity": s * unit[:1] @ q,
@@ -58,7 +58,7 @@ def test_transfer_functions_of_forces_and_torques(seed: int) -> None:
         "joint_positions": geometry.joints @ q,
         "tip_positions": geometry.joints[geometry.tips] @ q,
         "tip_accelerations": s**2 * geometry.joints[geometry.tips] @ q,
-        "pivot_forces": pushes - s**2 * (own * geometry.mass) @ geometry.centres @ q,
+        "pivot_forces": pushes - s**2 * (members * geometry.mass) @ geometry.centres @ q,
     }
     np.testing.assert_allclose(transfer(model, s), np.vstack([rows[name] for name in outputs]), rtol=1e-9, atol=1e-10)
 
@@ -102,16 +102,16 @@ def test_rows_are_the_derivatives_of_exact_positions(seed: int) -> None:
 
 def positions(scene: Scene, on_cart: bool, q: np.ndarray, part: str) -> np.ndarray:
     """Horizontal positions of lower joints or centres, with sines of whole angles."""
-    found, at = [], int(on_cart)
+    points, at = [], int(on_cart)
     for pendulum in scene.pendulum:
         for _ in range(pendulum.count):
             x = q[0] if on_cart else 0.0
             links = (link for link in pendulum.links for _ in range(link.count))
             for link, way in zip(links, pendulum.ways, strict=True):
                 lean = np.sin(q[at] + (0.0 if way == "down" else np.pi))
-                found.append(x + getattr(link, part) * lean)
+                points.append(x + getattr(link, part) * lean)
                 x, at = x + link.length * lean, at + 1
-    return np.array(found)
+    return np.array(points)
 
 
 @pytest.mark.parametrize("name", SHIPPED)

@@ -44,7 +44,7 @@ SHARE = 0.5
 
 def wanted(scene: Scene, names: tuple[str, ...] = EVERY) -> tuple[str, ...]:
     """Those of these outputs that the scene has."""
-    coordinates, springs = any(one.kind != "fixed" for one in scene.supports), bool(scene.spring)
+    coordinates, springs = any(support.kind != "fixed" for support in scene.supports), bool(scene.spring)
     return tuple(
         name
         for name in names
@@ -90,8 +90,8 @@ def test_states_follow_the_matrices_of_all_masses(name: str) -> None:
 def forced(scene: Scene, on: str, direction: str) -> np.ndarray:
     """q'' that a force of 1 N or a torque of 1 N m there adds at rest."""
     force = SineForce(on=on, direction=direction, amplitude=1.0, frequency_hz=1.0, phase_deg=90.0)
-    oracles = [Oracle(scene.replace(force=own)) for own in ((force,), ())]
-    with_it, without = (one.accelerations(one.rest, [0.0] * one.size) for one in oracles)
+    oracles = [Oracle(scene.replace(force=forces)) for forces in ((force,), ())]
+    with_it, without = (oracle.accelerations(oracle.rest, [0.0] * oracle.size) for oracle in oracles)
     return np.array([float(a - b) for a, b in zip(with_it, without, strict=True)])
 
 
@@ -116,7 +116,7 @@ POINTS = {
 }
 
 
-@pytest.mark.parametrize(("name", "point"), [(name, point) for name, own in POINTS.items() for point in own])
+@pytest.mark.parametrize(("name", "point"), [(name, point) for name, points in POINTS.items() for point in points])
 def test_forces_at_points_act_as_on_all_masses(name: str, point: str) -> None:
     scene = STRUCTURED[name].undriven
     kind, _, on = point.partition(":")
@@ -138,14 +138,14 @@ def test_a_ground_that_moves_drives_all_masses(name: str) -> None:
 @pytest.mark.parametrize("name", STRUCTURED)
 def test_elimination_and_the_model_give_one_response(name: str) -> None:
     scene = STRUCTURED[name].undriven
-    given = [("joint_torques", "link_forces", "force:pendulum[0].links[0]")]
+    drives = [("joint_torques", "link_forces", "force:pendulum[0].links[0]")]
     if name not in {"frame", "board", "ship"}:  # drag acts against still air
-        given += [("support_acceleration",)]
-    for inputs in given:
+        drives += [("support_acceleration",)]
+    for inputs in drives:
         model = state_space(scene, inputs, wanted(scene))
         exact = solved(model, OMEGA)
-        found = ExactResponse(scene, model.inputs, model.outputs).along(OMEGA)
-        assert found == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
+        computed = ExactResponse(scene, model.inputs, model.outputs).along(OMEGA)
+        assert computed == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
 
 
 @pytest.mark.parametrize("name", ["swings", "ship", "board", "carts", "mixed", "springs", "frame"])
@@ -156,7 +156,7 @@ def test_no_digit_is_lost_far_from_the_modes(name: str) -> None:
         scene, wanted(scene, ("coordinate_forces", "joint_torques")), wanted(scene, ("coordinates", "angles"))
     )
     omega = np.array([2e-3, 0.4, 40.0, 4e3])
-    found = ExactResponse(scene, model.inputs, model.outputs).along(omega)
+    computed = ExactResponse(scene, model.inputs, model.outputs).along(omega)
     first = Oracle(scene).size - scene.n_links
     torques = state_space(scene, ("joint_torques",), ("relative_angles",))
     turns = torques.C[:, : Oracle(scene).size]
@@ -170,7 +170,7 @@ def test_no_digit_is_lost_far_from_the_modes(name: str) -> None:
         for k, w in enumerate(map(mp.mpf, omega.tolist())):
             S = K + 1j * w * D - w * w * M
             exact = np.array((S**-1 * F).tolist(), dtype=complex)
-            assert found[..., k] == pytest.approx(exact, rel=1e-11, abs=1e-40)
+            assert computed[..., k] == pytest.approx(exact, rel=1e-11, abs=1e-40)
 
 
 @pytest.mark.parametrize("name", ["swings", "carts"])
@@ -178,8 +178,8 @@ def test_three_motions_of_the_ground_are_one(name: str) -> None:
     scene = STRUCTURED[name].undriven
     outputs = wanted(scene, ("coordinates", "angles", "tip_positions", "spring_extensions"))
     each = []
-    for order, given in enumerate(("support_displacement", "support_velocity", "support_acceleration")):
-        model = state_space(scene, (given,), outputs)
+    for order, drive in enumerate(("support_displacement", "support_velocity", "support_acceleration")):
+        model = state_space(scene, (drive,), outputs)
         each += [solved(model, OMEGA) * (1j * OMEGA) ** order]
         each += [ExactResponse(scene, model.inputs, model.outputs).along(OMEGA) * (1j * OMEGA) ** order]
     for other in each[1:]:
@@ -213,7 +213,7 @@ def test_a_tower_on_a_ground_that_moves_by_hand() -> None:
     """In the laboratory only the spring and damper to the ground pull."""
     model = state_space(TOWER, ("support_displacement",), ("coordinates", "angles", "tip_positions"))
     pull = [np.array([6000.0 + 20j * w, 0, 0]) for w in OMEGA]
-    X = np.stack([np.linalg.solve(by_hand(w), own) for w, own in zip(OMEGA, pull, strict=True)], axis=-1)
+    X = np.stack([np.linalg.solve(by_hand(w), force) for w, force in zip(OMEGA, pull, strict=True)], axis=-1)
     exact = np.stack([X[0] - 1, X[1] - 1, X[2], X[1] + 0.8 * X[2]])
     assert solved(model, OMEGA)[:, 0] == pytest.approx(exact, rel=1e-10)
     felt = state_space(TOWER, ("support_acceleration",), ("coordinate_accelerations", "lower_m"))
@@ -244,9 +244,9 @@ def test_a_vibration_absorber_has_the_formula_of_den_hartog() -> None:
         mu * f * f * g * g - (g * g - 1) * (g * g - f * f)
     ) ** 2
     model = state_space(scene, ("main_force",), ("main_m", "spring_force_1"))
-    found = ExactResponse(scene, model.inputs, model.outputs).along(g * n)
-    assert np.abs(found[0, 0]) * K == pytest.approx(np.sqrt(above / below), rel=1e-11)
-    assert solved(model, g * n) == pytest.approx(found, rel=1e-9)
+    computed = ExactResponse(scene, model.inputs, model.outputs).along(g * n)
+    assert np.abs(computed[0, 0]) * K == pytest.approx(np.sqrt(above / below), rel=1e-11)
+    assert solved(model, g * n) == pytest.approx(computed, rel=1e-9)
 
 
 # ------------------------------------------------------------------------------------------------ laws of mechanics
@@ -254,12 +254,12 @@ def test_a_vibration_absorber_has_the_formula_of_den_hartog() -> None:
 
 def test_every_floor_obeys_newton() -> None:
     """m a of a floor is what its springs, its pendulum and the force on it give."""
-    for given in ("upper_force", "support_acceleration", "torque_1_1"):
-        group = "joint_torques" if given.startswith("torque") else given
+    for drive in ("upper_force", "support_acceleration", "torque_1_1"):
+        group = "joint_torques" if drive.startswith("torque") else drive
         model = state_space(TOWER, (group,), EVERY)
         G, at = solved(model, OMEGA)[:, 0], rows(model)
         along = np.sqrt(SHARE)
-        pushed = 1.0 if given == "upper_force" else 0.0
+        pushed = 1.0 if drive == "upper_force" else 0.0
         lower = -G[at["spring_force_1"]] + along * G[at["spring_force_2"]]
         upper = -along * G[at["spring_force_2"]] + G[at["pivot_force_1"]] + pushed
         assert 40.0 * G[at["lower_ddot_m_per_s2"]] == pytest.approx(lower, rel=1e-9)
@@ -300,9 +300,9 @@ def test_at_rest_a_constant_force_stretches_the_springs() -> None:
     model = state_space(
         TOWER, ("upper_force",), ("coordinates", "angles", "spring_forces", "pivot_forces", "lower_dot_m_per_s")
     )
-    found = ExactResponse(TOWER, model.inputs, model.outputs).along(np.array([0.0]))[:, 0, 0]
+    computed = ExactResponse(TOWER, model.inputs, model.outputs).along(np.array([0.0]))[:, 0, 0]
     exact = [1 / 6000.0, 1 / 6000.0 + 1 / (SHARE * 8000.0), 0.0, 1.0, 1 / np.sqrt(SHARE), 0.0, 0.0]
-    assert found == pytest.approx(exact, rel=1e-12, abs=1e-15)
+    assert computed == pytest.approx(exact, rel=1e-12, abs=1e-15)
 
 
 def test_a_free_structure_does_not_feel_the_ground() -> None:
@@ -310,8 +310,8 @@ def test_a_free_structure_does_not_feel_the_ground() -> None:
     free = TOWER.replace(spring=TOWER.spring[1:])
     model = state_space(free, ("support_displacement",), ("angles", "spring_extensions", "tip_positions"))
     assert np.abs(solved(model, OMEGA)).max() < 1e-13
-    found = ExactResponse(free, model.inputs, model.outputs).along(OMEGA)
-    assert np.abs(found).max() < 1e-12
+    computed = ExactResponse(free, model.inputs, model.outputs).along(OMEGA)
+    assert np.abs(computed).max() < 1e-12
 
 
 def test_one_cart_under_springs_keeps_its_names() -> None:
@@ -332,10 +332,10 @@ def test_one_cart_under_springs_keeps_its_names() -> None:
     assert exact[1, 0] == pytest.approx(-1 / (9.81 - 0.8 * OMEGA**2))  # both alike: the spring stays as it is
     assert ExactResponse(scene, held.inputs, held.outputs).along(OMEGA) == pytest.approx(exact, abs=1e-11)
     free = scene.replace(spring=())
-    one, other = (
-        solved(state_space(own, ("support_displacement",), ("cart_position",)), OMEGA) for own in (scene, free)
+    response, other = (
+        solved(state_space(example, ("support_displacement",), ("cart_position",)), OMEGA) for example in (scene, free)
     )
-    assert one == pytest.approx(other, abs=1e-13)
+    assert response == pytest.approx(other, abs=1e-13)
 
 
 # --------------------------------------------------------------------------------------------------------- messages

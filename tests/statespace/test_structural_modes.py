@@ -41,8 +41,10 @@ from modal.statespace.transfer import transfer_functions
 from modal.vibration import random_response, shock_response
 
 STIFF = TOWER.replace(damping_ratio=0.02).replace(
-    spring=tuple(one.replace(damping=0.0) for one in TOWER.spring),
-    pendulum=[one.replace(links=[link.replace(damping=0.0) for link in one.links]) for one in TOWER.pendulum],
+    spring=tuple(spring.replace(damping=0.0) for spring in TOWER.spring),
+    pendulum=[
+        pendulum.replace(links=[link.replace(damping=0.0) for link in pendulum.links]) for pendulum in TOWER.pendulum
+    ],
 )
 FREE = TOWER.replace(spring=TOWER.spring[1:])
 SCENES = {name: scene.undriven for name, scene in STRUCTURED.items()} | {"ratio": STIFF, "free": FREE}
@@ -65,8 +67,8 @@ def test_modes_add_up_to_the_response(name: str, undamped: bool) -> None:
         exact = solved(model, OMEGA)
         parts = (term.at(1j * OMEGA) for term in terms(form))
         summed = sum(above / below for above, below in parts) + model.D[..., None]
-        for found in (frequency_response(form, OMEGA), summed):
-            assert found == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
+        for computed in (frequency_response(form, OMEGA), summed):
+            assert computed == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
         later = impulse_response(form, [0.4])[..., 0]
         assert later == pytest.approx(
             model.C @ scipy.linalg.expm(0.4 * model.A) @ model.B, abs=1e-9 * np.abs(later).max()
@@ -77,8 +79,8 @@ def test_gains_are_the_shapes_of_the_tower() -> None:
     scene = TOWER.conservative
     modes = natural_modes(scene)
     gains = modal_gains(modes, state_space(scene))
-    found = matrices(scene)
-    square, shapes = scipy.linalg.eigh(found.K, found.M)
+    model = matrices(scene)
+    square, shapes = scipy.linalg.eigh(model.K, model.M)
     assert modes.omega == pytest.approx(np.sqrt(square), rel=1e-11)
     assert gains.inputs.gain == pytest.approx(np.abs(shapes[:2].T), rel=1e-8)
     assert gains.outputs.gain == pytest.approx(np.abs(shapes.T), rel=1e-8)
@@ -87,11 +89,11 @@ def test_gains_are_the_shapes_of_the_tower() -> None:
 def test_zeros_of_a_force_on_its_own_floor_are_the_modes_with_that_floor_held() -> None:
     scene = TOWER.conservative
     form = to_modal_form(natural_modes(scene), state_space(scene, ("upper_force",), ("upper_m",)))
-    found = transfer_functions(form)[0][0]
+    function = transfer_functions(form)[0][0]
     full = matrices(scene)
     keep = np.ix_([0, 2], [0, 2])
     held = np.sqrt(scipy.linalg.eigh(full.K[keep], full.M[keep], eigvals_only=True))
-    assert np.unique(np.abs(found.zeros.imag).round(9)) == pytest.approx(held, rel=1e-8)
+    assert np.unique(np.abs(function.zeros.imag).round(9)) == pytest.approx(held, rel=1e-8)
 
 
 def test_reduced_models_have_the_same_response() -> None:
@@ -112,12 +114,12 @@ def test_reduced_models_have_the_same_response() -> None:
 
 def test_damping_ratios_are_those_of_the_modes() -> None:
     for scene in (STIFF, STIFF.replace(damping_ratio=(0.01, 0.0, 0.05))):
-        given = np.broadcast_to(scene.damping_ratio, 3)
-        assert natural_modes(scene).damping_ratio == pytest.approx(given, abs=1e-12)
+        ratios = np.broadcast_to(scene.damping_ratio, 3)
+        assert natural_modes(scene).damping_ratio == pytest.approx(ratios, abs=1e-12)
         A = state_space(scene).A
         values = np.linalg.eigvals(A)
         values = values[values.imag > 0][np.argsort(np.abs(values[values.imag > 0]))]
-        assert -values.real / np.abs(values) == pytest.approx(given, abs=1e-12)
+        assert -values.real / np.abs(values) == pytest.approx(ratios, abs=1e-12)
 
 
 # --------------------------------------------------------------------------------------------------------- shapers
@@ -176,7 +178,7 @@ def test_a_held_cart_under_springs_has_its_fixed_base_modes() -> None:
 def test_white_noise_has_the_covariance_of_lyapunov(source: str) -> None:
     """A P + P Aᵀ + B S/2 Bᵀ = 0 for a one-sided S, beside the integral over a band far wider than the modes."""
     outputs = ("coordinates", "angles")
-    found = random_response(TOWER, Spectrum((0.0, 3e4), (0.7, 0.7), "acceleration"), outputs, source)
+    response = random_response(TOWER, Spectrum((0.0, 3e4), (0.7, 0.7), "acceleration"), outputs, source)
     model = state_space(TOWER, (source,), outputs)
     if source == "support_acceleration":  # without the ground's own drift, which these outputs do not see
         keep = [k for k, signal in enumerate(model.states) if not signal.name.startswith("support")]
@@ -184,7 +186,7 @@ def test_white_noise_has_the_covariance_of_lyapunov(source: str) -> None:
     else:
         A, B, C = model.A, model.B, model.C
     P = scipy.linalg.solve_continuous_lyapunov(A, -0.35 * B @ B.T)
-    assert found.rms == pytest.approx(np.sqrt(np.diag(C @ P @ C.T)), rel=1e-6)
+    assert response.rms == pytest.approx(np.sqrt(np.diag(C @ P @ C.T)), rel=1e-6)
 
 
 def test_a_shock_is_what_its_equations_integrate() -> None:
@@ -192,16 +194,16 @@ def test_a_shock_is_what_its_equations_integrate() -> None:
     push = np.sin(3 * times) * np.exp(-times) * times
     motion = RecordMotion(time_s=times.tolist(), acceleration_m_per_s2=push.tolist())
     outputs = ("coordinates", "spring_forces", "coordinate_accelerations")
-    found = shock_response(TOWER, motion, outputs)
+    response = shock_response(TOWER, motion, outputs)
     model = state_space(TOWER, ("support_acceleration",), outputs)
     fine = np.linspace(0.0, 2.0, 4001)
-    given = np.interp(fine, found.times, found.grid.derivatives[0])
-    _, y, _ = scipy.signal.lsim((model.A, model.B, model.C, model.D), given, fine)
-    at = found.times < 1.99
+    pushed = np.interp(fine, response.times, response.grid.derivatives[0])
+    _, y, _ = scipy.signal.lsim((model.A, model.B, model.C, model.D), pushed, fine)
+    at = response.times < 1.99
     for k, values in enumerate(y.T):
-        exact = np.interp(found.times[at], fine, values)
-        assert found.history[k, at] == pytest.approx(exact, abs=2e-4 * np.abs(exact).max())
-    assert found.mass_shares.sum() == pytest.approx(1.0)
+        exact = np.interp(response.times[at], fine, values)
+        assert response.history[k, at] == pytest.approx(exact, abs=2e-4 * np.abs(exact).max())
+    assert response.mass_shares.sum() == pytest.approx(1.0)
 
 
 def test_a_growing_board_has_no_random_vibration() -> None:
@@ -226,16 +228,16 @@ def test_sensitivities_are_differences_of_frequencies(name: str) -> None:
     scene = TOWER if name == "tower" else STRUCTURED[name].undriven
     modes = natural_modes(scene)
     row = modes[1]
-    found = of_mode(modes, row)
-    assert "gravity" in found
-    for place, one in found.items():
-        step = 1e-4 * abs(one.number)
+    by_place = of_mode(modes, row)
+    assert "gravity" in by_place
+    for place, sensitivity in by_place.items():
+        step = 1e-4 * abs(sensitivity.number)
         try:
-            ends = [natural_modes(vary(scene, {place: one.number + sign * step})).omega[1] for sign in (1, -1)]
+            ends = [natural_modes(vary(scene, {place: sensitivity.number + sign * step})).omega[1] for sign in (1, -1)]
         except SceneError:
             continue
         slope = (ends[0] - ends[1]) / (2 * step)
-        assert one.derivative == pytest.approx(slope, rel=1e-4, abs=1e-7 * row.omega / abs(one.number))
+        assert sensitivity.derivative == pytest.approx(slope, rel=1e-4, abs=1e-7 * row.omega / abs(sensitivity.number))
 
 
 DIMENSIONS = {
@@ -256,14 +258,14 @@ def test_sensitivities_obey_the_units(name: str) -> None:
         assert any(place.startswith("support") for place in each)
         powers = {place: DIMENSIONS[unit_at(scene, find_places(scene, place)[0])] for place in each}
         for which in (0, 1):
-            total = sum(powers[place][which] * (one.relative or 0.0) for place, one in each.items())
+            total = sum(powers[place][which] * (sensitivity.relative or 0.0) for place, sensitivity in each.items())
             assert total == pytest.approx(0.0, abs=1e-10)
     with pytest.raises(SceneError, match="by places of the scene"):
         sensitivities(modes, 0)
 
 
 @pytest.mark.parametrize(
-    ("scene", "places", "given", "read"),
+    ("scene", "places", "drive", "read"),
     [
         (TOWER, ("spring[1].stiffness", "support[1].mass", "support[1].position[1]"), "upper_force", "spring_forces"),
         (
@@ -276,18 +278,18 @@ def test_sensitivities_obey_the_units(name: str) -> None:
     ids=["tower", "ship"],
 )
 def test_responses_have_the_derivatives_of_their_differences(
-    scene: Scene, places: tuple[str, ...], given: str, read: str
+    scene: Scene, places: tuple[str, ...], drive: str, read: str
 ) -> None:
     values = [number_at(scene, find_places(scene, path)[0]) for path in places]
     numbers = [{"place": p, "value": v, "std": 1e-3 * abs(v)} for p, v in zip(places, values, strict=True)]
-    covariance = np.diag([one["std"] ** 2 for one in numbers]).tolist()
-    own = estimate_of(scene, {"parameters": numbers, "covariance": covariance})
-    G, slopes = response_slopes(state_space(scene, (given,), (read,)), own, OMEGA)
-    assert pytest.approx(solved(state_space(scene, (given,), (read,)), OMEGA), rel=1e-9) == G
+    covariance = np.diag([number["std"] ** 2 for number in numbers]).tolist()
+    estimate = estimate_of(scene, {"parameters": numbers, "covariance": covariance})
+    G, slopes = response_slopes(state_space(scene, (drive,), (read,)), estimate, OMEGA)
+    assert pytest.approx(solved(state_space(scene, (drive,), (read,)), OMEGA), rel=1e-9) == G
     for k, (path, value) in enumerate(zip(places, values, strict=True)):
         step = 1e-4 * value
         ends = [
-            solved(state_space(vary(scene, {path: value + sign * step}), (given,), (read,)), OMEGA) for sign in (1, -1)
+            solved(state_space(vary(scene, {path: value + sign * step}), (drive,), (read,)), OMEGA) for sign in (1, -1)
         ]
         exact = (ends[0] - ends[1]) / (2 * step)
         assert slopes[..., k] == pytest.approx(exact, abs=1e-5 * np.abs(exact).max())
@@ -303,7 +305,7 @@ def test_loci_of_two_bobs_follow_their_closed_form() -> None:
         np.stack([np.full(5, np.sqrt(9.81)), antiphase], axis=1), rel=1e-12
     )
     crossing = follow_loci(TOWER.conservative, parse_variations(["pendulum[0].links[0].length=0.05:2.0:6"])[0])
-    assert [one.kind for one in crossing.encounters].count("veering") >= 1
+    assert [encounter.kind for encounter in crossing.encounters].count("veering") >= 1
 
 
 def test_modes_give_back_numbers_of_a_beam(tmp_path: Path) -> None:
@@ -315,8 +317,8 @@ def test_modes_give_back_numbers_of_a_beam(tmp_path: Path) -> None:
     path.write_text("\n".join(["mode,frequency_hz,std_hz", *rows]))
     free = ["pendulum[0].position[1]", "support.stiffness"]
     held = vary(beam, {"pendulum[1].position[1]": true["pendulum[1].position[1]"]})
-    found = fit_modes(held, read_modes(held, path), free)
-    assert found.values == pytest.approx([true[place] for place in free], rel=1e-5)
+    fitted = fit_modes(held, read_modes(held, path), free)
+    assert fitted.values == pytest.approx([true[place] for place in free], rel=1e-5)
 
 
 def test_measured_shapes_have_columns_of_coordinates(tmp_path: Path) -> None:

@@ -47,8 +47,8 @@ def test_a_moved_support_is_a_cart_whose_motion_is_prescribed() -> None:
     form = to_modal_form(natural_modes(cart), state_space(cart, ("cart_acceleration",), (*WHERE, "relative_angles")))
     assert frequency_response(form, OMEGA)[:, 0] * (1j * OMEGA) ** 2 == pytest.approx(first, abs=1e-11)
     pivots = [
-        to_modal_form(natural_modes(one), state_space(one, (name,), ("pivot_forces", "tip_accelerations")))
-        for one, name in ((chain(), "support_acceleration"), (cart, "cart_acceleration"))
+        to_modal_form(natural_modes(example), state_space(example, (name,), ("pivot_forces", "tip_accelerations")))
+        for example, name in ((chain(), "support_acceleration"), (cart, "cart_acceleration"))
     ]
     assert frequency_response(pivots[0], OMEGA) == pytest.approx(frequency_response(pivots[1], OMEGA), rel=1e-9)
 
@@ -56,12 +56,12 @@ def test_a_moved_support_is_a_cart_whose_motion_is_prescribed() -> None:
 def test_under_a_cart_the_ground_pulls_its_spring_and_damper() -> None:
     """M q'' + D q' + K q = e_x (k s + c s') with the cart's position in the laboratory."""
     scene = chain(Cart(mass=2.0, stiffness=30.0, damping=1.0))
-    found = matrices(scene)
-    pull = np.zeros(len(found.M), dtype=complex)
+    model = matrices(scene)
+    pull = np.zeros(len(model.M), dtype=complex)
     first = responses(scene, ("cart_position", "angles"))[0]
     for k, omega in enumerate(OMEGA):
         pull[0] = 30.0 + 1j * omega
-        q = np.linalg.solve(found.K + 1j * omega * found.D - omega**2 * found.M, pull)
+        q = np.linalg.solve(model.K + 1j * omega * model.D - omega**2 * model.M, pull)
         assert first[:, k] == pytest.approx(q, abs=1e-12)
 
 
@@ -76,13 +76,13 @@ def test_a_free_cart_does_not_feel_the_ground() -> None:
 def test_transmissibility_to_many_digits(seed: int) -> None:
     """Against the same matrices solved with fifty digits, up to three times the fastest mode."""
     scene = mild_scene(seed, damping=0.02).replace(support=Fixed(), space="plane")
-    found, modes = matrices(scene), natural_modes(scene)
+    system, modes = matrices(scene), natural_modes(scene)
     model = state_space(scene, ("support_displacement",), ("joint_positions",))
     omega = np.geomspace(0.1 * modes.omega[0], 3 * modes.omega[-1], 9)
     H = frequency_response(to_modal_form(modes, model), omega)[:, 0]
-    rows = state_space(scene, ("joint_torques",), ("joint_positions",)).C[:, : len(found.M)]
+    rows = state_space(scene, ("joint_torques",), ("joint_positions",)).C[:, : len(system.M)]
     with mp.workdps(50):
-        M, K, D, p, C = (mp.matrix(part.tolist()) for part in (found.M, found.K, found.D, _momentum(scene), rows))
+        M, K, D, p, C = (mp.matrix(part.tolist()) for part in (system.M, system.K, system.D, _momentum(scene), rows))
         for k, w in enumerate(map(mp.mpf, omega.tolist())):
             q = mp.lu_solve(K + 1j * w * D - w * w * M, w * w * p)
             exact = np.array([complex(1 + y) for y in C * q])
@@ -105,14 +105,14 @@ def test_bobs_isolate_by_two_powers_a_stage() -> None:
 
 
 def test_outputs_with_impulses_are_refused() -> None:
-    for given, output, said in (
+    for drive, output, said in (
         ("support_displacement", "rates", "give its velocity"),
         ("support_displacement", "pivot_forces", "give its acceleration"),
         ("support_velocity", "pivot_forces", "give its acceleration"),
         ("support_velocity", "tip_accelerations", "give its acceleration"),
     ):
         with pytest.raises(SceneError, match=said):
-            state_space(chain(), (given,), (output,))
+            state_space(chain(), (drive,), (output,))
     with pytest.raises(SceneError, match="choose only one of cart_velocity and support_velocity"):
         state_space(chain(Cart(mass=1.0)), ("support_velocity", "cart_velocity"))
     with pytest.raises(SceneError, match="choose only one of support_velocity and support_acceleration"):
@@ -125,7 +125,7 @@ def test_a_force_beside_the_support() -> None:
     alone = state_space(chain(), ("link_forces",), WHERE)
     s = 2.0j
 
-    def gain(one: object) -> np.ndarray:
-        return one.C @ np.linalg.solve(s * np.eye(len(one.A)) - one.A, one.B) + one.D  # type: ignore[attr-defined]
+    def gain(model: object) -> np.ndarray:
+        return model.C @ np.linalg.solve(s * np.eye(len(model.A)) - model.A, model.B) + model.D  # type: ignore[attr-defined]
 
     assert gain(model)[:, 1:] == pytest.approx(gain(alone), abs=1e-12)

@@ -26,11 +26,11 @@ def test_poles_zeros_and_gain_are_the_state_space(name: str, drive: str) -> None
     model, s = form.model, np.array([0.3 + 0.2j, 1.7j + 0.01, 2.2 - 0.5j])
     whole = np.array([model.C @ np.linalg.solve(x * np.eye(len(model.A)) - model.A, model.B) + model.D for x in s])
     for row, functions in enumerate(transfer_functions(form)):
-        for column, found in enumerate(functions):
+        for column, function in enumerate(functions):
             expected = whole[:, row, column]
-            assert found.at(s) == pytest.approx(expected, rel=1e-7, abs=1e-11 * np.abs(whole).max())
-            powers = np.polyval(found.numerator, s) / np.polyval(found.denominator, s)
-            assert powers == pytest.approx(found.at(s), rel=1e-7, abs=1e-11 * np.abs(whole).max())
+            assert function.at(s) == pytest.approx(expected, rel=1e-7, abs=1e-11 * np.abs(whole).max())
+            powers = np.polyval(function.numerator, s) / np.polyval(function.denominator, s)
+            assert powers == pytest.approx(function.at(s), rel=1e-7, abs=1e-11 * np.abs(whole).max())
 
 
 def test_a_crane_by_hand() -> None:
@@ -54,19 +54,19 @@ def test_a_crane_by_hand() -> None:
 @pytest.mark.parametrize("name", SCENES)
 def test_the_cart_stands_still_at_the_poles_of_the_pendula_alone(name: str) -> None:
     """Zeros of x/F: the fixed-base modes, each once, however many pendula share it."""
-    ((found,),) = transfer_functions(form_of(SCENES[name], "cart_force", outputs=("cart_position",)))
+    ((function,),) = transfer_functions(form_of(SCENES[name], "cart_force", outputs=("cart_position",)))
     alone = natural_modes(SCENES[name].replace(support=Fixed())).eigenvalue
-    expected = {complex(value) for one in alone for value in {one, one.conjugate()}}
+    expected = {complex(value) for pole in alone for value in {pole, pole.conjugate()}}
     for zero in expected:
-        assert np.abs(found.zeros - zero).min() < 1e-7 * abs(zero)
-    assert len(found.zeros) == len(expected)
+        assert np.abs(function.zeros - zero).min() < 1e-7 * abs(zero)
+    assert len(function.zeros) == len(expected)
 
 
 def test_what_an_input_does_not_reach_has_no_poles() -> None:
     form = form_of(SCENES["equal loads"], "cart_force", outputs=("cart_position",))
-    ((found,),) = transfer_functions(form)
-    assert len(found.poles) == 4
-    assert len(found.zeros) == 2
+    ((function,),) = transfer_functions(form)
+    assert len(function.poles) == 4
+    assert len(function.zeros) == 2
 
 
 @pytest.mark.parametrize("more", [["--discrete", "0.1"], ["--dominant", "1"]])
@@ -88,11 +88,11 @@ def test_the_exported_file(tmp_path, capsys: pytest.CaptureFixture[str]) -> None
     whole = json.loads(path.read_text())
     functions = transfer_functions(form_of(load("crane-hook")))
     assert len(whole["transfer_functions"]) == 3
-    for entry, (one,) in zip(whole["transfer_functions"], functions, strict=True):
+    for entry, (function,) in zip(whole["transfer_functions"], functions, strict=True):
         assert entry["input"] == "cart_force"
-        assert entry["output"] == one.output.name
-        assert entry["gain"] == one.gain
-        assert [complex(*pole) for pole in entry["poles"]] == one.poles.tolist()
-        assert [complex(*zero) for zero in entry["zeros"]] == one.zeros.tolist()
-        assert entry["numerator"] == one.numerator.tolist()
-        assert entry["denominator"] == one.denominator.tolist()
+        assert entry["output"] == function.output.name
+        assert entry["gain"] == function.gain
+        assert [complex(*pole) for pole in entry["poles"]] == function.poles.tolist()
+        assert [complex(*zero) for zero in entry["zeros"]] == function.zeros.tolist()
+        assert entry["numerator"] == function.numerator.tolist()
+        assert entry["denominator"] == function.denominator.tolist()

@@ -19,18 +19,18 @@ def flat_omega(modes: Modes) -> list[float]:
 
 def with_spectrum(modes: Modes, spectrum: ModalSpectrum) -> Modes:
     """The modes of the same scene with another spectrum."""
-    found = Modes(modes.scene)
-    vars(found)["spectrum"] = spectrum
-    return found
+    altered = Modes(modes.scene)
+    vars(altered)["spectrum"] = spectrum
+    return altered
 
 
 def assert_certified(modes: Modes, tolerance: float) -> Dense:
     """Each ω is the j-th one of the dense many-digit pencil to within a relative tolerance; none is missing."""
-    found, exact = flat_omega(modes), dense(modes.scene)
+    frequencies, exact = flat_omega(modes), dense(modes.scene)
     expected = exact.size - exact.free - sum("singular" in note for note in modes.notes)
-    assert len(found) == expected, f"{len(found)} frequencies instead of {expected}"
+    assert len(frequencies) == expected, f"{len(frequencies)} frequencies instead of {expected}"
     count = cache(exact.below)
-    for j, omega in enumerate(found):
+    for j, omega in enumerate(frequencies):
         low, high = ((mp.mpf(float(omega)) * (1 + sign * mp.mpf(tolerance))) ** 2 for sign in (-1, 1))
         assert count(low) <= j < count(high), f"frequency {j} = {omega!r} is off by more than {tolerance}"
     return exact

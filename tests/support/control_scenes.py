@@ -19,10 +19,10 @@ def crane(l1: float = 20.0, l2: float = 10.0, *, damping: float = 0.0) -> Scene:
 
 def mixed(*, joint: float = 0.0, cart: float = 0.0, spring: float = 0.0, copies: int = 3) -> Scene:
     """Two kinds of pendula, one of them several times, on a cart."""
-    one = Pendulum(links=[Rod(mass=2.0, length=1.1, damping=joint), Bob(mass=1.0, length=0.7, damping=joint)])
+    pendulum = Pendulum(links=[Rod(mass=2.0, length=1.1, damping=joint), Bob(mass=1.0, length=0.7, damping=joint)])
     other = Pendulum(links=[Body(mass=1.5, length=1.0, centre=0.4, inertia=0.2, damping=2 * joint)], count=copies)
     support = Cart(mass=5.0, damping=cart, stiffness=spring)
-    return Scene(gravity=9.81, support=support, pendulum=[other, one])
+    return Scene(gravity=9.81, support=support, pendulum=[other, pendulum])
 
 
 def hanging(damping: float = 0.2) -> Scene:

@@ -135,20 +135,20 @@ class Page:
         target = words.pop() if words[-2:-1] == [">"] else None
         if target:
             words.pop()
-        given = ""
+        piped = ""
         for command in divided(words, "|"):
-            given = self.command(command, given, refused)
+            piped = self.command(command, piped, refused)
         if target:
-            Path(target).write_text(given, encoding="utf-8")
+            Path(target).write_text(piped, encoding="utf-8")
         else:
-            self.printed = (self.printed or "") + given
+            self.printed = (self.printed or "") + piped
 
-    def command(self, words: list[str], given: str, refused: bool | None) -> str:
+    def command(self, words: list[str], piped: str, refused: bool | None) -> str:
         """What one command prints."""
         line = " ".join(words)
         ours = next((start for start in OURS if line == start or line.startswith(f"{start} ")), None)
         if ours:
-            return self.ours(words[len(ours.split()) :], given, refused)
+            return self.ours(words[len(ours.split()) :], piped, refused)
         if words[0] == "sed":
             return subprocess.run(words, capture_output=True, text=True, check=True).stdout
         if words[0] == "python" and words[1].startswith("benchmarks/"):
@@ -157,9 +157,9 @@ class Page:
             raise WrongPageError(f"nobody knows how to do `{line}`")
         return ""
 
-    def ours(self, words: list[str], given: str, refused: bool | None) -> str:
+    def ours(self, words: list[str], piped: str, refused: bool | None) -> str:
         """What this project's command prints; its standard error is kept beside."""
-        code, out, err = outcome(words, given)
+        code, out, err = outcome(words, piped)
         self.errors += err
         if refused is not None and bool(code) != refused:
             raise WrongPageError(f"`multipendula {' '.join(words)}` leaves with {code}: {err}")
@@ -200,13 +200,13 @@ OUTCOMES: dict[object, tuple[tuple[object, str, str], dict[str, bytes]]] = {}
 """What commands left, with the files that they wrote, by their words, standard input and the files that they name."""
 
 
-def outcome(words: list[str], given: str) -> tuple[object, str, str]:
+def outcome(words: list[str], piped: str) -> tuple[object, str, str]:
     """The exit code and what a command prints, which several pages show and one run proves for all of them."""
     line, before = " ".join(words), present()
-    asked = (*words, given, *((name, content) for name, content in before.items() if name in line))
+    asked = (*words, piped, *((name, content) for name, content in before.items() if name in line))
     if asked not in OUTCOMES:
-        left = executed(words, given)
-        OUTCOMES[asked] = left, {name: own for name, own in present().items() if before.get(name) != own}
+        left = executed(words, piped)
+        OUTCOMES[asked] = left, {name: value for name, value in present().items() if before.get(name) != value}
     left, files = OUTCOMES[asked]
     for name, content in files.items():
         Path(name).write_bytes(content)
@@ -218,10 +218,10 @@ def present() -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in Path().iterdir() if path.is_file()}
 
 
-def executed(words: list[str], given: str) -> tuple[object, str, str]:
+def executed(words: list[str], piped: str) -> tuple[object, str, str]:
     """The same, by running it in this process."""
     out, err, before = io.StringIO(), io.StringIO(), sys.stdin
-    sys.stdin = io.TextIOWrapper(io.BytesIO(given.encode()), encoding="utf-8")
+    sys.stdin = io.TextIOWrapper(io.BytesIO(piped.encode()), encoding="utf-8")
     try:
         with redirect_stdout(out), redirect_stderr(err):
             code: object = main(words)
@@ -241,13 +241,13 @@ def tokens(line: str) -> Iterator[str]:
 
 def divided(words: list[str], sign: str) -> Iterator[list[str]]:
     """The words between signs."""
-    found: list[str] = []
+    group: list[str] = []
     for word in [*words, sign]:
         if word != sign:
-            found.append(word)
-        elif found:
-            yield found
-            found = []
+            group.append(word)
+        elif group:
+            yield group
+            group = []
 
 
 def agrees(shown: str, printed: str) -> bool:
@@ -278,9 +278,9 @@ def formula(text: str) -> None:
 
 def extras(line: str) -> bool:
     """Whether a line installs extras that there are."""
-    found = re.fullmatch(r"pip install \.\[([\w,]+)\]", line)
+    match = re.fullmatch(r"pip install \.\[([\w,]+)\]", line)
     there = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
-    return bool(found) and there.keys() >= set(found[1].split(","))
+    return bool(match) and there.keys() >= set(match[1].split(","))
 
 
 def benchmark(script: Path, flags: list[str]) -> None:

@@ -43,21 +43,21 @@ def assert_poles(A: Any, scene: Scene, dt: float = 0.0, relative: float = 1e-12)
     assert_spectrum(np.linalg.eigvals(np.asarray(A)), scene, dt, relative)
 
 
-def assert_spectrum(found: Any, scene: Scene, dt: float = 0.0, relative: float = 1e-12) -> None:
+def assert_spectrum(eigenvalues: Any, scene: Scene, dt: float = 0.0, relative: float = 1e-12) -> None:
     """The same of eigenvalues."""
-    found = np.asarray(found, dtype=complex)
+    eigenvalues = np.asarray(eigenvalues, dtype=complex)
     poles = expected_poles(scene)
     for pole in np.exp(poles * dt) if dt else poles:
-        near = int(np.argmin(abs(found - pole)))
-        error = abs(found[near] - pole)
-        assert error <= relative * abs(pole), f"{found[near]} beside {pole}"
-        found = np.delete(found, near)
-    assert np.all(abs(found - bool(dt)) < 1e-6), f"left over: {found}"
+        near = int(np.argmin(abs(eigenvalues - pole)))
+        error = abs(eigenvalues[near] - pole)
+        assert error <= relative * abs(pole), f"{eigenvalues[near]} beside {pole}"
+        eigenvalues = np.delete(eigenvalues, near)
+    assert np.all(abs(eigenvalues - bool(dt)) < 1e-6), f"left over: {eigenvalues}"
 
 
-def assert_matrices(model: StateSpace, found: Sequence[Any]) -> None:
+def assert_matrices(model: StateSpace, matrices: Sequence[Any]) -> None:
     """A, B, C and D to the last bit (zeros of either sign)."""
-    for matrix, expected in zip(found, (model.A, model.B, model.C, model.D), strict=True):
+    for matrix, expected in zip(matrices, (model.A, model.B, model.C, model.D), strict=True):
         np.testing.assert_array_equal(np.asarray(matrix), expected, strict=True)
 
 
@@ -71,9 +71,9 @@ def held_inputs(model: StateSpace, steps: int, seed: int = 0) -> NDArray[np.floa
     return np.random.default_rng(seed).normal(size=(len(model.inputs), steps))
 
 
-def assert_close(found: Any, expected: Any, relative: float) -> None:
+def assert_close(values: Any, expected: Any, relative: float) -> None:
     """To a share of each row's largest value."""
     scale = np.abs(expected).max(axis=-1, keepdims=True)
     assert scale.max() > 0
-    error = np.abs(np.asarray(found) - expected)
+    error = np.abs(np.asarray(values) - expected)
     assert np.all(error <= relative * np.maximum(scale, scale.max() * 1e-6)), float((error / scale.max()).max())

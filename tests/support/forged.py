@@ -11,5 +11,5 @@ def forged(content: bytes) -> bytes:
     """The same with the checksum that it ought to have; a content without one as it is."""
     if content.startswith(b"PK"):
         return sealed(content[:-64])
-    found = re.match(rb'(# )?\{\s*"sha256": "', content)
-    return sealed(content[: found.end()], content[found.end() + 64 :]) if found else content
+    match = re.match(rb'(# )?\{\s*"sha256": "', content)
+    return sealed(content[: match.end()], content[match.end() + 64 :]) if match else content

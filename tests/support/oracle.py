@@ -81,7 +81,7 @@ def dense(scene: Scene) -> Dense:
     for pendulum in scene.pendulum:
         for _ in range(pendulum.count):
             pivot, upper = dict(base), None
-            for link in (one for one in pendulum.links for _ in range(one.count)):
+            for link in (part for part in pendulum.links for _ in range(part.count)):
                 m, l = mp.mpf(link.mass), mp.mpf(link.length)
                 if link.kind == "bob":
                     c, I = l, mp.mpf(0)

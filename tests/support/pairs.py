@@ -31,7 +31,7 @@ from nonlinear.system import AppliedForces, State
 SCENES = Path(__file__).parents[1] / "combinations" / "scenes"
 PATIENCE = 20.0
 """Seconds of processor time that an answer may take."""
-EXTRA = "multipendula["  # how messages name what is not installed
+EXTRA = "in a clone of multipendula"  # how messages name what is not installed
 GRAVITY = "--vary gravity=9.8:9.9:2"
 FIRST, SECOND = "pendulum[0].start.angles_deg[0]", "pendulum[0].start.angles_deg[1]"
 GRID = f"--vary {FIRST}=5:10:2 --vary {SECOND}=5:10:2"
@@ -101,8 +101,8 @@ def _motion(path: Path, scene: Scene, **options: Any) -> str:
 def _members(path: Path, scene: Scene, engine: str) -> str:
     """Of engine numba the loop as Python runs it: compiled forms are compared in `tests/ensembles`."""
     with interpreted() if engine == "numba" else contextlib.nullcontext():
-        found = ensemble(scene, 1.0, vary={"gravity": [9.8, 9.81, 9.82, 9.83]}, engine=engine, workers=1)
-    return f"{found.engine} {found.column('links_rad').tolist()}"
+        runs = ensemble(scene, 1.0, vary={"gravity": [9.8, 9.81, 9.82, 9.83]}, engine=engine, workers=1)
+    return f"{runs.engine} {runs.column('links_rad').tolist()}"
 
 
 def _fit(path: Path, scene: Scene, folder: Path) -> str:
@@ -150,10 +150,10 @@ def _followed(path: Path, scene: Scene, folder: Path) -> str:
 
 def first_of_each_family(candidates: Sequence[Candidate]) -> list[Candidate]:
     """In their order."""
-    found: dict[str, Candidate] = {}
-    for one in candidates:
-        found.setdefault(one.family, one)
-    return [*found.values()]
+    firsts: dict[str, Candidate] = {}
+    for candidate in candidates:
+        firsts.setdefault(candidate.family, candidate)
+    return [*firsts.values()]
 
 
 def _compared(path: Path, scene: Scene, folder: Path) -> str:
@@ -312,8 +312,8 @@ def declared(kind: str, capability: str) -> tuple[str, tuple[str, ...]]:
     asked = (DRIVEN if scene.is_forced else ASKS).get(capability, ASKS.get(capability, (form,)))
     if (kind, capability) in BEYOND:
         return "refused", (BEYOND[kind, capability],)
-    if found := next(filter(None, (refusals(scene, name, *more) for name in asked)), []):
-        return "refused", tuple(found)
+    if reasons := next(filter(None, (refusals(scene, name, *more) for name in asked)), []):
+        return "refused", tuple(reasons)
     ends = [
         words for name in asked for feature, words in CAPABILITIES[name].unless.items() if feature in scene.features
     ]
@@ -324,7 +324,10 @@ def declared(kind: str, capability: str) -> tuple[str, tuple[str, ...]]:
 
 def _links_without(**numbers: Any) -> Callable[[Scene], Scene]:
     def plain(scene: Scene) -> Scene:
-        pendula = [one.replace(links=tuple(link.replace(**numbers) for link in one.links)) for one in scene.pendulum]
+        pendula = [
+            pendulum.replace(links=tuple(link.replace(**numbers) for link in pendulum.links))
+            for pendulum in scene.pendulum
+        ]
         return scene.replace(pendulum=tuple(pendula))
 
     return plain
@@ -358,7 +361,9 @@ TIMED = {"tradeoff", "advise"}
 def guarded() -> list[tuple[str, str]]:
     """Pairs in which a feature is taken or left out, and can be switched off."""
     return [
-        (kind, one) for kind, one in pairs() if kind in OFF and one not in TIMED and declared(kind, one)[0] == "works"
+        (kind, candidate)
+        for kind, candidate in pairs()
+        if kind in OFF and candidate not in TIMED and declared(kind, candidate)[0] == "works"
     ]
 
 

@@ -102,9 +102,9 @@ class Pieces:
     def pushed(self, y: Floats, rows: Floats, jump: Floats) -> Floats:
         """The y after an impulse along these rows: these amounts of it."""
         angles = self.maximal.pivots.parts(y[: self.size])[1][:, 2]
-        found = y.copy()
-        found[self.size : 2 * self.size] += self.maximal.saddle.solve(angles, jump @ rows, 0.0)[: self.size]
-        return found
+        jumped = y.copy()
+        jumped[self.size : 2 * self.size] += self.maximal.saddle.solve(angles, jump @ rows, 0.0)[: self.size]
+        return jumped
 
     # ------------------------------------------------------------------------------------------------- the motion
 
@@ -156,12 +156,12 @@ class Pieces:
             values = self._values()
             for _, _, value in values:
                 value.terminal, value.direction = True, 1  # type: ignore[attr-defined]
-            found = solve_ivp(
+            solution = solve_ivp(
                 self._rate, (t, seconds), y, "DOP853", rtol=tolerance, atol=tolerance, max_step=LONGEST,
                 events=[value for _, _, value in values],
             )  # fmt: skip
-            t, y = float(found.t[-1]), self.maximal.project(found.y[:, -1])[0]
-            for (kind, j, _), times in zip(values, found.t_events, strict=True):
+            t, y = float(solution.t[-1]), self.maximal.project(solution.y[:, -1])[0]
+            for (kind, j, _), times in zip(values, solution.t_events, strict=True):
                 if len(times):
                     y = self._changed(kind, j, t, y)
                     self.events += 1

@@ -76,7 +76,7 @@ class Oracle:
         L = mp.cholesky(M)
         inverse = L**-1
         square, V = mp.eigsy(inverse * K * inverse.T)
-        found, ratios, number = mp.zeros(self.n), self.scene.damping_ratio, -1
+        dampers, ratios, number = mp.zeros(self.n), self.scene.damping_ratio, -1
         small, last = mp.mpf(10) ** (-self.digits // 2) * max(square), -max(square)
         for k in range(len(square)):
             number += square[k] - last > mp.mpf(10) ** -12 * max(abs(square[k]), small)
@@ -87,8 +87,8 @@ class Oracle:
                 momentum = L * V[:, k]
                 for a in range(len(momentum)):
                     for b in range(len(momentum)):
-                        found[a + first, b + first] += 2 * ratio * mp.sqrt(square[k]) * momentum[a] * momentum[b]
-        return found
+                        dampers[a + first, b + first] += 2 * ratio * mp.sqrt(square[k]) * momentum[a] * momentum[b]
+        return dampers
 
     def response(self, inputs: list[str], outputs: list[str], omega: float) -> mp.matrix:
         """G (outputs, inputs) at ω in rad/s, by the names of signals."""
@@ -114,9 +114,12 @@ class Oracle:
                 order = ["displacement", "velocity", "acceleration"].index(name.removeprefix("support_"))
                 ground[k] = 1 / (mp.mpc(0, 1) * w) ** order
                 for j in range(self.n):  # the momentum of everything at unit velocity
-                    own = self.scene.support.mass if self.cart and j == 0 else 0
+                    cart_mass = self.scene.support.mass if self.cart and j == 0 else 0
                     F[j, k] = (
-                        w * w * ground[k] * (own + sum(m * h[j] for links in self.mass.values() for m, _, h in links))
+                        w
+                        * w
+                        * ground[k]
+                        * (cart_mass + sum(m * h[j] for links in self.mass.values() for m, _, h in links))
                     )
         q = mp.zeros(self.n, len(inputs))
         right = F[first:, :] - (A[first:, 0] * mp.matrix([q0]) if held else 0 * F[first:, :])
@@ -124,22 +127,22 @@ class Oracle:
         q[first:, :] = solved
         if held:
             q[0, :] = mp.matrix([q0])
-        found = mp.zeros(len(outputs), len(inputs))
+        response = mp.zeros(len(outputs), len(inputs))
         for r, name in enumerate(outputs):
             order = 1 if "_dot" in name and "ddot" not in name else 2 if "ddot" in name else 0
             base = name.replace("_ddot", "").replace("_dot", "")
-            for k, given in enumerate(inputs):
+            for k, input_name in enumerate(inputs):
                 turn = (mp.mpc(0, 1) * w) ** order
                 if not base.startswith("pivot"):
                     row = self.rows[base]
                     moved = sum(row[j] * q[j, k] for j in range(self.n))
                     carried = ground[k] if base[0] in "xjt" and not base.startswith("theta") else 0
-                    found[r, k] = turn * (moved + carried)
+                    response[r, k] = turn * (moved + carried)
                     continue
                 p = int(base.split("_")[-1])
                 for m, drag, h in self.mass[p]:
                     moved = sum(h[j] * q[j, k] for j in range(self.n)) + ground[k]
-                    found[r, k] += w * w * m * moved - mp.mpc(0, 1) * w * drag * moved
-                if given in self.force and self.force[given][0] == p:
-                    found[r, k] += 1
-        return found
+                    response[r, k] += w * w * m * moved - mp.mpc(0, 1) * w * drag * moved
+                if input_name in self.force and self.force[input_name][0] == p:
+                    response[r, k] += 1
+        return response

@@ -91,16 +91,16 @@ def structured_scene(seed: int, spread: float, *, damped: float = 0.0) -> Scene:
     def support(name: str) -> Fixed | Cart | Swing | Tilt | Heave | Platform:
         kind = rng.choice([Fixed, Cart, Cart, Swing, Tilt, Heave, Platform])
         at = {"name": name, "position": (round(rng.uniform(-2, 2), 3), round(rng.uniform(-0.5, 0.5), 3))}
-        own = {**at, "mass": number(), "damping": some(damped)}
+        numbers = {**at, "mass": number(), "damping": some(damped)}
         body = {**at, "mass": number(), "inertia": number(), "centre": (rng.uniform(-0.2, 0.2), rng.uniform(0, 0.3))}
         if kind is Fixed:
             return Fixed(**at)
         if kind is Cart:
-            return Cart(**own, stiffness=some(0.6))
+            return Cart(**numbers, stiffness=some(0.6))
         if kind is Swing:
-            return Swing(**own, length=rng.uniform(0.3, 3), stiffness=some(0.6))
+            return Swing(**numbers, length=rng.uniform(0.3, 3), stiffness=some(0.6))
         if kind is Heave:
-            return Heave(**own, stiffness=number())
+            return Heave(**numbers, stiffness=number())
         if kind is Tilt:
             return Tilt(**body, stiffness=number(), damping=some(damped))
         ways = Planar(sway=some(damped), heave=some(damped), roll=some(damped))
@@ -254,18 +254,18 @@ def motion_scene(
     rng = random.Random(seed)
 
     def link() -> Bob | Rod | Body:
-        given = {"mass": rng.uniform(0.2, 3), "length": rng.uniform(0.3, 2)}
+        numbers = {"mass": rng.uniform(0.2, 3), "length": rng.uniform(0.3, 2)}
         if damped and rng.random() < 0.3:
-            given["damping"] = rng.uniform(0.01, 0.3) * given["mass"] * given["length"] ** 2
+            numbers["damping"] = rng.uniform(0.01, 0.3) * numbers["mass"] * numbers["length"] ** 2
         if sprung and rng.random() < 0.3:
-            given["stiffness"] = rng.uniform(0.1, 5) * given["mass"] * given["length"] ** 2
+            numbers["stiffness"] = rng.uniform(0.1, 5) * numbers["mass"] * numbers["length"] ** 2
         kind = rng.choice([Bob, Rod, Body])
         if kind is Body:
-            given |= {
-                "centre": rng.uniform(0.4, 1.3) * given["length"],
+            numbers |= {
+                "centre": rng.uniform(0.4, 1.3) * numbers["length"],
                 "inertia": rng.choice([0.0, rng.uniform(0, 1)]),
             }
-        return kind(**given)
+        return kind(**numbers)
 
     def pendulum() -> Pendulum:
         n = rng.randint(1, longest)
@@ -303,5 +303,5 @@ def blowing(time: float, state: State) -> AppliedForces:
 def complex_step(system: System, y: Floats, v: Floats) -> tuple[Floats, Floats]:
     """y' and J v, (size, E) each: f(y + i h v), nothing subtracted (Squire and Trapp, SIAM Review 40, 110, 1998)."""
     passes = Minimal(system, tuple(Recursion(group, tail=1) for group in system.groups), counts_work=False)
-    found = passes.derivative(0.0, y + 1e-30j * v)
-    return found.real, found.imag / 1e-30
+    rates = passes.derivative(0.0, y + 1e-30j * v)
+    return rates.real, rates.imag / 1e-30

@@ -43,14 +43,14 @@ def flaws(figure: Figure) -> list[str]:
     """Everything that is wrong with a figure, in words."""
     figure.draw_without_rendering()
     axes = [axis for axis in figure.axes if axis.get_visible()]
-    found = [f"{_named(axis)}: nothing is drawn within its limits" for axis in axes if not _filled(axis)]
-    found += [problem for axis in axes for problem in _labels(axis)]
+    problems = [f"{_named(axis)}: nothing is drawn within its limits" for axis in axes if not _filled(axis)]
+    problems += [problem for axis in axes for problem in _labels(axis)]
     texts = list(_texts(figure))
-    found += [f"{_quoted(text)}: leaves the page" for text in texts if _outside(_box(text), figure.bbox)]
-    found += [f"{_quoted(text)}: is clipped" for text in texts if _clipped(text)]
-    found += [f"{_quoted(one)} and {_quoted(two)}: upon each other" for one, two in _upon(texts)]
-    found += list(_legends(figure, axes))
-    return found + [problem for axis in axes for problem in _faint_lines(axis)] + _faint_words(figure, texts)
+    problems += [f"{_quoted(text)}: leaves the page" for text in texts if _outside(_box(text), figure.bbox)]
+    problems += [f"{_quoted(text)}: is clipped" for text in texts if _clipped(text)]
+    problems += [f"{_quoted(first)} and {_quoted(two)}: upon each other" for first, two in _upon(texts)]
+    problems += list(_legends(figure, axes))
+    return problems + [problem for axis in axes for problem in _faint_lines(axis)] + _faint_words(figure, texts)
 
 
 def hidden_curves(figure: Figure) -> list[str]:
@@ -62,7 +62,7 @@ def hidden_curves(figure: Figure) -> list[str]:
     figure.set_layout_engine("none")
     figure.set_dpi(DPI)
     canvas = FigureCanvasAgg(figure)
-    renderer, found = canvas.get_renderer(), []  # type: ignore[no-untyped-call]
+    renderer, hidden = canvas.get_renderer(), []  # type: ignore[no-untyped-call]
 
     def pixels(lines: list[Line2D]) -> np.ndarray:
         renderer.clear()
@@ -82,13 +82,13 @@ def hidden_curves(figure: Figure) -> list[str]:
             if line.get_gid() != QUIET and len(line.get_xydata()):
                 curves.setdefault((str(line.get_label()).lstrip("_"), line.get_color()), []).append(line)
         whole = pixels(lines)
-        for (label, _), own in curves.items():
-            filled = pixels(own)[..., 3] > FILLED
-            rest = [line for line in lines if line not in own]
+        for (label, _), strokes in curves.items():
+            filled = pixels(strokes)[..., 3] > FILLED
+            rest = [line for line in lines if line not in strokes]
             changed = np.abs(pixels(rest) - whole).max(-1) > CHANGED
             if (changed & filled).sum() < SEEN * filled.sum():
-                found.append(f"{_named(axis)}: {label} is hidden under other curves")
-    return found
+                hidden.append(f"{_named(axis)}: {label} is hidden under other curves")
+    return hidden
 
 
 def _legends(figure: Figure, axes: list[Axes]) -> Iterator[str]:
@@ -116,7 +116,7 @@ def _covered(line: Line2D, box: Bbox, window: Bbox) -> float:
     """The part of a curve's points within its axes that is under a box."""
     points = line.get_transform().transform(np.asarray(line.get_xydata(), dtype=float))
     seen = points[np.isfinite(points).all(1)]
-    within, under = (((seen > one.min) & (seen < one.max)).all(1).sum() for one in (window, box))
+    within, under = (((seen > area.min) & (seen < area.max)).all(1).sum() for area in (window, box))
     return float(under / within) if line.get_visible() and within else 0.0
 
 
@@ -230,10 +230,10 @@ def _placed(part: Artist, axis: Axes, *, offsets: bool = False) -> bool:
 # ----------------------------------------------------------------------------------------------------- contrast
 
 
-def contrast(one: object, two: object) -> float:
+def contrast(colour: object, two: object) -> float:
     """(L₁ + 0.05)/(L₂ + 0.05) of the lighter over the darker, L the relative luminance of a colour on another."""
     behind = np.array(to_rgba(two)[:3])  # type: ignore[arg-type]
-    *rgb, alpha = to_rgba(one)  # type: ignore[arg-type]
+    *rgb, alpha = to_rgba(colour)  # type: ignore[arg-type]
     light = sorted(map(_luminance, (behind, alpha * np.array(rgb) + (1 - alpha) * behind)))
     return (light[1] + 0.05) / (light[0] + 0.05)
 
@@ -246,7 +246,7 @@ def _luminance(rgb: np.ndarray) -> float:
 def _faint_lines(axis: Axes) -> Iterator[str]:
     for line in axis.lines:
         if line.get_visible() and line.get_gid() != QUIET and len(line.get_xydata()):
-            best = max((contrast(one, axis.get_facecolor()) for one in _colours(line)), default=LEAST)
+            best = max((contrast(colour, axis.get_facecolor()) for colour in _colours(line)), default=LEAST)
             if best < LEAST:
                 yield f"{_named(axis)}: a line in {line.get_color()} stands out only {best:.2f}:1"
 
@@ -256,16 +256,16 @@ def _colours(line: Line2D) -> Iterator[object]:
     alpha = line.get_alpha()
     stroke = [line.get_color()] if line.get_linestyle() != "None" and line.get_linewidth() > 0 else []
     dots = [line.get_markeredgecolor(), line.get_markerfacecolor()] if line.get_marker() not in ("None", "") else []
-    for one in [*stroke, *dots]:
-        if isinstance(one, str) and one == "none":
+    for colour in [*stroke, *dots]:
+        if isinstance(colour, str) and colour == "none":
             continue
-        yield to_rgba(one, alpha)
+        yield to_rgba(colour, alpha)
 
 
 def _faint_words(figure: Figure, texts: list[Text]) -> list[str]:
-    found = []
+    faint = []
     for text in texts:
         behind = text.axes.get_facecolor() if text.axes else figure.get_facecolor()
         if (best := contrast(to_rgba(text.get_color(), text.get_alpha()), behind)) < LEAST:
-            found.append(f"{_quoted(text)}: stands out only {best:.2f}:1")
-    return found
+            faint.append(f"{_quoted(text)}: stands out only {best:.2f}:1")
+    return faint

@@ -30,10 +30,10 @@ class Elements(HTMLParser):
 
 
 def parsed(page: str) -> Elements:
-    found = Elements()
-    found.feed(page)
-    assert found.open == []
-    return found
+    elements = Elements()
+    elements.feed(page)
+    assert elements.open == []
+    return elements
 
 
 def assert_shown(thing: Any, *words: str) -> None:

@@ -21,7 +21,7 @@ import mpmath as mp
 
 from modal.scene import Scene, VanDerPol
 from modal.scene.motion import SineForce, SineMotion
-from modal.scene.points import CarrierPoint, GroundPoint, Point, parse_point
+from modal.scene.points import CarrierPoint, GroundPoint, PendulumPoint, parse_point
 
 DIGITS = 50
 Number = float | mp.mpf
@@ -325,7 +325,7 @@ class _Assembled:
         above = body.angle
         rest = iter(self.oracle.rest[self.oracle.carried + len(self.links) :])
         turned = mp.mpf(0)
-        for link in (one for one in pendulum.links for _ in range(one.count)):
+        for link in (part for part in pendulum.links for _ in range(part.count)):
             theta, straight = self.q[self.oracle.carried + len(self.links)], next(rest)
             gamma = (theta if above is None else theta - above) - (straight - turned)
             hung = _Hung(joint, theta, above, gamma, link)
@@ -355,8 +355,8 @@ class _Assembled:
         for support, body, first in zip(self.scene.supports, self.bodies, self.oracle.firsts, strict=False):
             rows, dampers = _own(support, "stiffness"), _own(support, "damping")
             for i, (row, losses) in enumerate(zip(rows, dampers, strict=True)):
-                own = sum((mp.mpf(k) * eta for k, eta in zip(row, body.eta, strict=True)), Jet(mp.mpf(0)))
-                self.parts.stored.append(mp.mpf(1) / 2 * body.eta[i] * own)
+                extension = sum((mp.mpf(k) * eta for k, eta in zip(row, body.eta, strict=True)), Jet(mp.mpf(0)))
+                self.parts.stored.append(mp.mpf(1) / 2 * body.eta[i] * extension)
                 if any(row) or support.kind == "modal":
                     weight = mp.fsum(-energy.first.get(first + i, 0) for energy in drawn.parts.weights)
                     self.parts.stored.append(weight * body.eta[i])
@@ -373,7 +373,7 @@ class _Assembled:
                     self.parts.stored.append(k / 2 * _square(b - a))
                     self.parts.dashpots.append((d, b - a))
                 continue
-            now, then = (_paired(*(one.ends(text) for text in spring.between)) for one in (self, drawn))
+            now, then = (_paired(*(structure.ends(text) for text in spring.between)) for structure in (self, drawn))
             for ends, rest in zip(now, then, strict=True):
                 start, end = (at or other for at, other in (rest, rest[::-1]))
                 # An end on the ground without a place is where the other end is drawn.
@@ -393,7 +393,7 @@ class _Assembled:
         point = parse_point(text)
         if isinstance(point, GroundPoint):
             return [None if point.place is None else tuple(Jet(mp.mpf(part)) for part in point.place)]  # type: ignore[list-item]
-        if isinstance(point, Point):
+        if isinstance(point, PendulumPoint):
             return [
                 hung.at(self._centre(hung) if point.below is None else mp.mpf(point.below))
                 for hung in self._hung(point)
@@ -404,14 +404,14 @@ class _Assembled:
 
     def _angles(self, text: str) -> list[Jet]:
         point = parse_point(text)
-        if isinstance(point, Point):
+        if isinstance(point, PendulumPoint):
             return [hung.theta for hung in self._hung(point)]
         if isinstance(point, GroundPoint):
             return [Jet(mp.mpf(0))]
         angle = self._named("cart" if point is None else point.name).angle
         return [angle or Jet(mp.mpf(0))]
 
-    def _hung(self, point: Point) -> Iterator[_Hung]:
+    def _hung(self, point: PendulumPoint) -> Iterator[_Hung]:
         links = self.scene.pendulum[point.pendulum].links
         before = sum(link.count for link in links[: point.link])
         for copy, first in enumerate(self.firsts[point.pendulum]):
@@ -442,14 +442,14 @@ class _Assembled:
             value = mp.mpf(force.amplitude) * mp.sin(_phase(force, Jet(time)).value)
             point = parse_point(force.on)
             if force.direction == "torque":
-                for jet in self._angles(force.on) if not isinstance(point, Point) else self._twisted(point):
+                for jet in self._angles(force.on) if not isinstance(point, PendulumPoint) else self._twisted(point):
                     self.parts.pushed.append((value, jet))
                 continue
             for place in self.ends(force.on):
                 assert place is not None
                 self.parts.pushed.append((value, place[0]) if force.direction == "horizontal" else (-value, place[1]))
 
-    def _twisted(self, point: Point) -> Iterator[Jet]:
+    def _twisted(self, point: PendulumPoint) -> Iterator[Jet]:
         for hung in self._hung(point):
             alone = hung.above is None or point.below is not None
             yield hung.theta if alone else hung.theta - hung.above
@@ -509,7 +509,7 @@ def _swung(support: Any, place: At, eta: list[Jet]) -> _Body:
 
 
 def _motions(scene: Scene) -> tuple[Any, ...]:
-    return next((one.motions for one in (scene.ground, scene.support) if hasattr(one, "motions")), ())
+    return next((carrier.motions for carrier in (scene.ground, scene.support) if hasattr(carrier, "motions")), ())
 
 
 def _phase(signal: Any, time: Jet) -> Jet:

@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-import sweep_measures as own
+import sweep_measures
 from forged import forged
 
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Scene, SceneError, load, matrices, natural_modes
@@ -53,7 +53,7 @@ def _log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
 
 
-def study(*texts: str, measure: Computation = own.PRODUCT, number: float = 2.0) -> Study:
+def study(*texts: str, measure: Computation = sweep_measures.PRODUCT, number: float = 2.0) -> Study:
     return Study(PAPER, parse_variations(texts or [MASSES]), (RequestedMeasure(measure, number),))
 
 
@@ -61,7 +61,7 @@ def study(*texts: str, measure: Computation = own.PRODUCT, number: float = 2.0) 
 
 
 def test_values_are_lists_ranges_and_ratios() -> None:
-    linear, ratios, listed, one = parse_variations(
+    linear, ratios, listed, single = parse_variations(
         ["gravity=1:2:5", "support.mass=1:1000:4log", "support.damping=0,.5,1e1", "support.stiffness=3"]
     )
     assert linear.values == (1.0, 1.25, 1.5, 1.75, 2.0)
@@ -69,8 +69,8 @@ def test_values_are_lists_ranges_and_ratios() -> None:
     assert (ratios.values[0], ratios.values[-1]) == (1.0, 1000.0)
     assert (linear.log, ratios.log) == (False, True)
     assert listed.values == (0.0, 0.5, 10.0)
-    assert one.values == (3.0,)
-    assert [v.unit for v in (linear, ratios, listed, one)] == ["m/s²", "kg", "N s/m", "N/m"]
+    assert single.values == (3.0,)
+    assert [v.unit for v in (linear, ratios, listed, single)] == ["m/s²", "kg", "N s/m", "N/m"]
 
 
 @pytest.mark.parametrize(
@@ -162,7 +162,7 @@ def test_a_variation_in_python_is_checked_too() -> None:
 def test_measures_of_the_paper_s_cart() -> None:
     """Published in the design: ω = 2.68011401, 2.71754912, 7.18867087, 7.20947810 rad/s; beats 167.8 s and 302.0 s."""
     frequencies, beat, upper, gap, ratio = (
-        one.of(PAPER) for one in parse_measures(["frequencies", "beat", "beat:4", "splitting", "damping:2"])
+        measure.of(PAPER) for measure in parse_measures(["frequencies", "beat", "beat:4", "splitting", "damping:2"])
     )
     expected = [2.68011401, 2.71754912, 7.18867087, 7.20947810]
     assert list(frequencies.values()) == pytest.approx(expected, rel=3e-9)
@@ -191,9 +191,9 @@ def test_equal_frequencies_count_each() -> None:
 def test_damping_of_one_pendulum() -> None:
     """m l² θ'' + c θ' + m g l θ = 0: ζ = c/(2 m l² ω)."""
     link = Bob(mass=2.0, length=0.5, damping=0.1)
-    one = Scene(gravity=9.81, pendulum=(Pendulum(links=(link,)),))
+    scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(link,)),))
     expected = 0.1 / (2 * 2.0 * 0.25 * sqrt(9.81 / 0.5))
-    assert parse_measures(["damping"])[0].of(one) == {"damping_ratio_1": pytest.approx(expected, rel=1e-12)}
+    assert parse_measures(["damping"])[0].of(scene) == {"damping_ratio_1": pytest.approx(expected, rel=1e-12)}
 
 
 def test_a_dragged_cart_s_creep_is_not_counted() -> None:
@@ -204,14 +204,14 @@ def test_a_dragged_cart_s_creep_is_not_counted() -> None:
 def test_measures_of_runs_are_those_of_the_trajectory() -> None:
     scene = load("crane-two-loads")
     run = simulate(scene, 3.0)
-    found = {
+    measured = {
         column: number
         for request in parse_measures(["largest_angle:3", "cart_travel:3", "energy_drift:3"])
         for column, number in request.of(scene).items()
     }
-    assert found["largest_angle_deg"] == pytest.approx(np.degrees(np.abs(run.motion.links).max()), rel=1e-3)
-    assert found["cart_travel_m"] == pytest.approx(np.ptp(run.motion.cart), rel=1e-3)
-    assert found["energy_drift"] == run.energy_drift()
+    assert measured["largest_angle_deg"] == pytest.approx(np.degrees(np.abs(run.motion.links).max()), rel=1e-3)
+    assert measured["cart_travel_m"] == pytest.approx(np.ptp(run.motion.cart), rel=1e-3)
+    assert measured["energy_drift"] == run.energy_drift()
     leaning = load("chain-spatial")
     first = max(leaning.pendulum[0].start.angles_deg)
     assert parse_measures(["largest_angle:0.01"])[0].of(leaning)["largest_angle_deg"] == pytest.approx(first, rel=1e-2)
@@ -245,16 +245,16 @@ def test_the_amplitude_is_that_of_the_turning_point(space: Literal["plane", "spa
     scene = Scene(gravity=G, space=space, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), start=start),))
     highest = np.degrees(np.arccos(np.cos(np.radians(20)) - np.pi**2 / (2 * G)))
     for seconds in ("10", "31"):
-        found = parse_measures([f"largest_angle:{seconds}"])[0].of(scene)
-        assert found["largest_angle_deg"] == pytest.approx(highest, rel=1e-7)
+        measured = parse_measures([f"largest_angle:{seconds}"])[0].of(scene)
+        assert measured["largest_angle_deg"] == pytest.approx(highest, rel=1e-7)
 
 
 def test_the_travel_is_that_between_turning_points() -> None:
     """Let go at rest, what hangs from a free cart swings to the other side as far, and the centre of mass stays."""
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0),), start=InitialCondition(angles_deg=(50.0,)))
     scene = Scene(gravity=G, support=Cart(mass=3.0), pendulum=(pendulum,))
-    found = parse_measures(["cart_travel:7"])[0].of(scene)
-    assert found["cart_travel_m"] == pytest.approx(2 * np.sin(np.radians(50)) / 4, rel=1e-7)
+    measured = parse_measures(["cart_travel:7"])[0].of(scene)
+    assert measured["cart_travel_m"] == pytest.approx(2 * np.sin(np.radians(50)) / 4, rel=1e-7)
 
 
 @pytest.mark.parametrize("text", ["", "frequency", "beat:0", "beat:1.5", "beat:x", "beat:nan", "beat:-1", "beat:1e9"])
@@ -279,10 +279,10 @@ def test_a_grid_is_the_direct_loop() -> None:
     asking = Study(
         PAPER, parse_variations(["support.mass=1:100:3log", "gravity=1,9.81"]), parse_measures(["frequencies:2"])
     )
-    found = sweep(asking, workers=1)
-    assert found.complete
-    assert not found.failures
-    grid = found.values("omega_2_rad_per_s")
+    swept = sweep(asking, workers=1)
+    assert swept.complete
+    assert not swept.failures
+    grid = swept.values("omega_2_rad_per_s")
     assert grid.shape == (3, 2)
     axes = [variation.values for variation in asking.variations]
     for (i, mass), (j, gravity) in product(enumerate(axes[0]), enumerate(axes[1])):
@@ -291,17 +291,17 @@ def test_a_grid_is_the_direct_loop() -> None:
 
 
 def test_points_run_with_the_last_axis_fastest() -> None:
-    found = sweep(study("support.mass=1,2,3", "support.damping=0,10", "gravity=5,6"), workers=1)
+    swept = sweep(study("support.mass=1,2,3", "support.damping=0,10", "gravity=5,6"), workers=1)
     expected = [[[2 * mass + damping] * 2 for damping in (0, 10)] for mass in (1, 2, 3)]
-    assert np.array_equal(found.values("product_kg"), expected)
-    assert found.study.point(5) == {"support.mass": 2, "support.damping": 0, "gravity": 6}
+    assert np.array_equal(swept.values("product_kg"), expected)
+    assert swept.study.point(5) == {"support.mass": 2, "support.damping": 0, "gravity": 6}
 
 
 def test_a_point_that_fails_hurts_no_other() -> None:
-    found = sweep(study(measure=own.FAILING, number=3.0), workers=1)
-    assert found.failures == {2: "RuntimeError: nothing to see"}
-    assert isnan(found.values("product_kg")[2])
-    assert np.array_equal(np.delete(found.values("product_kg"), 2), [1, 2, 4, 5, 6])
+    swept = sweep(study(measure=sweep_measures.FAILING, number=3.0), workers=1)
+    assert swept.failures == {2: "RuntimeError: nothing to see"}
+    assert isnan(swept.values("product_kg")[2])
+    assert np.array_equal(np.delete(swept.values("product_kg"), 2), [1, 2, 4, 5, 6])
     crossed = sweep(study("pendulum[0].links[0].count=1,2", "support.mass=1,2"), workers=1)
     assert list(crossed.failures) == [0, 1]
     assert "angles_deg: has 2 values for 1 links" in crossed.failures[0]
@@ -310,12 +310,12 @@ def test_a_point_that_fails_hurts_no_other() -> None:
 @pytest.mark.slow
 def test_a_point_that_kills_its_process_is_found_and_the_rest_is_measured() -> None:
     frequencies = parse_measures(["frequencies:2"])
-    asking = study("support.mass=1,2,3,4", measure=own.DYING, number=3.0)
-    found = sweep(Study(PAPER, asking.variations, (*asking.measures, *frequencies)), workers=2)
-    assert found.failures == {2: DIED}
+    asking = study("support.mass=1,2,3,4", measure=sweep_measures.DYING, number=3.0)
+    swept = sweep(Study(PAPER, asking.variations, (*asking.measures, *frequencies)), workers=2)
+    assert swept.failures == {2: DIED}
     here = sweep(Study(PAPER, asking.variations, frequencies), workers=1).values("omega_2_rad_per_s")
-    assert np.array_equal(np.delete(found.values("omega_2_rad_per_s"), 2), np.delete(here, 2))
-    assert np.array_equal(np.delete(found.values("product_kg"), 2), [1, 2, 4])
+    assert np.array_equal(np.delete(swept.values("omega_2_rad_per_s"), 2), np.delete(here, 2))
+    assert np.array_equal(np.delete(swept.values("product_kg"), 2), [1, 2, 4])
 
 
 def test_progress_is_told() -> None:
@@ -349,33 +349,33 @@ def run_with_journal(path: Path, asking: Study, workers: int = 1) -> Sweep:
 
 
 def test_ctrl_c_keeps_what_is_done_and_the_rest_is_done_later(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asking, path = study(measure=own.INTERRUPTED, number=4.0), tmp_path / "s.journal"
+    asking, path = study(measure=sweep_measures.INTERRUPTED, number=4.0), tmp_path / "s.journal"
     monkeypatch.setenv("SWEEP_INTERRUPTS", "1")
     cut = run_with_journal(path, asking)
     assert cut.interrupted
     assert [row.index for row in cut.rows] == [0, 1, 2]
-    assert own.logged() == ["1", "2", "3"]
+    assert sweep_measures.logged() == ["1", "2", "3"]
     monkeypatch.delenv("SWEEP_INTERRUPTS")
     whole = run_with_journal(path, asking)
     assert whole.complete
     assert not whole.interrupted
-    assert own.logged() == ["1", "2", "3", "4", "5", "6"]
+    assert sweep_measures.logged() == ["1", "2", "3", "4", "5", "6"]
     assert whole.rows == sweep(asking, workers=1).rows
 
 
 def test_a_torn_line_is_dropped_and_failures_are_tried_again(tmp_path: Path) -> None:
     path = tmp_path / "s.journal"
-    first = run_with_journal(path, study(measure=own.FAILING, number=3.0))
-    assert len(own.logged()) == 5
+    first = run_with_journal(path, study(measure=sweep_measures.FAILING, number=3.0))
+    assert len(sweep_measures.logged()) == 5
     path.write_bytes(path.read_bytes()[:-4])
-    again = run_with_journal(path, study(measure=own.FAILING, number=3.0))
-    assert own.logged()[5:] == ["6"]
+    again = run_with_journal(path, study(measure=sweep_measures.FAILING, number=3.0))
+    assert sweep_measures.logged()[5:] == ["6"]
     assert again.rows == first.rows
     with open_checkpoint(path, study(number=9.0), fresh=True) as kept:
         assert kept.rows == ()
     path.write_bytes(path.read_bytes()[:20])
-    assert run_with_journal(path, study(measure=own.FAILING, number=3.0)).rows == first.rows
-    assert len(own.logged()) == 11
+    assert run_with_journal(path, study(measure=sweep_measures.FAILING, number=3.0)).rows == first.rows
+    assert len(sweep_measures.logged()) == 11
 
 
 def test_a_full_disk_is_named(tmp_path: Path) -> None:
@@ -384,7 +384,7 @@ def test_a_full_disk_is_named(tmp_path: Path) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (256, before[1]))
     try:
         with pytest.raises(OSError, match="File too large") as caught:
-            run_with_journal(path, study("support.mass=1:2:100", measure=own.PRODUCT))
+            run_with_journal(path, study("support.mass=1:2:100", measure=sweep_measures.PRODUCT))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert caught.value.filename == str(path)
@@ -406,7 +406,7 @@ def test_a_journal_of_another_sweep_is_refused(tmp_path: Path) -> None:
         Study(heavier, asking.variations, asking.measures),
         study("support.mass=1,2,3,4,5,7"),
         study(number=3.0),
-        study(measure=own.FAILING),
+        study(measure=sweep_measures.FAILING),
     )
     for other in others:
         with pytest.raises(SceneError, match="belongs to another sweep"):
@@ -429,7 +429,7 @@ def test_a_journal_of_another_sweep_is_refused(tmp_path: Path) -> None:
 
 SCRIPT = """
 import sys
-import sweep_measures as own
+import sweep_measures
 from modal import load
 from modal.scene.parameters import parse_variations
 from nonlinear.sweeps.checkpoint import open_checkpoint
@@ -438,7 +438,7 @@ from nonlinear.sweeps import Study
 from nonlinear.sweeps import sweep
 
 if __name__ == "__main__":
-    axes, measures = parse_variations(["support.mass=1:400:400"]), (RequestedMeasure(own.SLOW, 0.05),)
+    axes, measures = parse_variations(["support.mass=1:400:400"]), (RequestedMeasure(sweep_measures.SLOW, 0.05),)
     study = Study(load("paper-cart-2"), axes, measures)
     with open_checkpoint(sys.argv[1], study) as kept:
         found = sweep(study, journal=kept, workers=2)
@@ -457,7 +457,7 @@ def test_ctrl_c_ends_worker_processes_at_once(done: int, tmp_path: Path) -> None
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as running:
         deadline = time.monotonic() + 600
-        while not (tmp_path / "j").exists() or len(own.logged()) < done:
+        while not (tmp_path / "j").exists() or len(sweep_measures.logged()) < done:
             assert time.monotonic() < deadline
             assert running.poll() is None
             time.sleep(0.05)
@@ -490,15 +490,15 @@ def both_ways() -> list[Sweep]:
         PAPER, parse_variations(["support.mass=1:10:3log", "gravity=1,2"]), parse_measures(["frequencies:2", "beat"])
     )
     whole = sweep(grid, workers=1)
-    failing = sweep(study(measure=own.FAILING, number=3.0), workers=1)
+    failing = sweep(study(measure=sweep_measures.FAILING, number=3.0), workers=1)
     partial = Sweep(whole.study, whole.rows[1:4], interrupted=True)
     return [whole, failing, partial]
 
 
 @pytest.mark.parametrize("kind", ["npz", "csv"])
 def test_what_is_read_is_what_was_saved(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(MEASURES, "failing", own.FAILING.measure)
-    monkeypatch.setitem(COMPUTATIONS, "failing", own.FAILING)
+    monkeypatch.setitem(MEASURES, "failing", sweep_measures.FAILING.measure)
+    monkeypatch.setitem(COMPUTATIONS, "failing", sweep_measures.FAILING)
     for saved in both_ways():
         path = tmp_path / f"s.{kind}"
         sweep_files.save(saved, path)
@@ -554,9 +554,9 @@ def test_other_files_are_refused_in_one_line(tmp_path: Path) -> None:
 
 def test_curves_and_maps_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     whole, failing, _ = both_ways()
-    for one in (whole, failing):
+    for swept in (whole, failing):
         stream = io.BytesIO()
-        draw_sweep(one, stream)
+        draw_sweep(swept, stream)
         assert stream.getvalue().startswith(b"\x89PNG")
     assert (label("omega_2b_rad_per_s"), label("beat_1_s")) == ("ω$_{2b}$ (rad/s)", "beat 1 (s)")
     nothing = Sweep(whole.study, ())
@@ -582,7 +582,7 @@ def test_every_column_of_maps_has_its_axis_and_whole_numbers_have_ticks_of_their
 
 def test_without_distributed_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(MissingExtraError, match=r"multipendula\[cluster\]"), cluster("tcp://127.0.0.1:1"):
+    with pytest.raises(MissingExtraError, match=r"\.\[cluster\]"), cluster("tcp://127.0.0.1:1"):
         pass
 
 
@@ -600,7 +600,7 @@ def test_a_cluster_measures_what_this_process_does(tmp_path: Path) -> None:
         assert crew.size == 2
         heard: list[float] = []
         there = sweep(asking, crew=crew, report=heard.append)
-        failing = sweep(study(measure=own.FAILING, number=3.0), crew=crew)
+        failing = sweep(study(measure=sweep_measures.FAILING, number=3.0), crew=crew)
     assert there.rows == sweep(asking, workers=1).rows
     assert heard[-1] == 9
     assert list(failing.failures) == [2]
@@ -616,7 +616,7 @@ def test_no_scheduler_is_said(address: str) -> None:
 
 
 def test_rows_that_are_compared_hold_no_nan() -> None:
-    assert not any(isnan(value) for one in both_ways() for row in one.rows for value in row.numbers.values())
+    assert not any(isnan(value) for swept in both_ways() for row in swept.rows for value in row.numbers.values())
 
 
 @pytest.mark.parametrize("workers", [0, -1, 1.5, float("nan"), "2", True])

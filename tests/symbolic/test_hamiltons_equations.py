@@ -39,8 +39,10 @@ def test_in_the_plane_they_are_the_recursions(seed: int) -> None:
 def test_in_space_they_are_the_recursions(seed: int) -> None:
     """u' = W P along each link with P = π + s u, and π' as printed."""
     scene = spatial_scene(seed)
-    links = [[link.replace(damping=0.0, stiffness=0.0) for link in one.links] for one in scene.pendulum]
-    pendula = tuple(one.replace(links=tuple(own), count=1) for one, own in zip(scene.pendulum, links, strict=True))
+    links = [[link.replace(damping=0.0, stiffness=0.0) for link in pendulum.links] for pendulum in scene.pendulum]
+    pendula = tuple(
+        pendulum.replace(links=tuple(chain), count=1) for pendulum, chain in zip(scene.pendulum, links, strict=True)
+    )
     scene = scene.replace(pendulum=pendula)
     equations, rng = SpatialHamiltonian(system_of(scene)), np.random.default_rng(seed)
     half, first, count = equations.layout.half, equations.layout.first, equations.system.n_links
@@ -52,7 +54,7 @@ def test_in_space_they_are_the_recursions(seed: int) -> None:
     theirs = equations.derivative(0.0, y)
     W = np.array(np.linalg.inv(np.array(numbers(of_scene(scene)), dtype=float)))
     moved = [np.array([p_x, 0, 0])] * first
-    across = [np.eye(3)[1:]] * first + [own[None] for own in u]  # directions in which nothing moves
+    across = [np.eye(3)[1:]] * first + [direction[None] for direction in u]  # directions in which nothing moves
     free = np.array([*moved, *pi])
     rows = [(k, axis) for k, axes in enumerate(across) for axis in axes]
     A = np.array([[W[i, j] * (a @ b) for j, b in rows] for i, a in rows])
@@ -60,10 +62,10 @@ def test_in_space_they_are_the_recursions(seed: int) -> None:
     for (k, axis), part in zip(rows, s, strict=True):
         free[k] = free[k] + part * axis
     v = W @ free
-    own, w = s[len(s) - count :, None], v[first:]
+    multipliers, w = s[len(s) - count :, None], v[first:]
     b = np.array([float(value) for value in of_scene(scene).b])
     F = np.outer(scene.gravity * b, [0, 0, 1])
-    slopes = F - np.sum(u * F, axis=1, keepdims=True) * u - own * w - np.sum(w * pi, axis=1, keepdims=True) * u
+    slopes = F - np.sum(u * F, axis=1, keepdims=True) * u - multipliers * w - np.sum(w * pi, axis=1, keepdims=True) * u
     held = [-scene.support.stiffness * x - scene.support.damping * v[0, 0]] if isinstance(scene.support, Cart) else []
     expected = np.concatenate((v[:first, 0], w.ravel(), held, slopes.ravel()))
     np.testing.assert_allclose(theirs[: 2 * half], expected, rtol=0, atol=1e-11 * np.abs(expected).max())

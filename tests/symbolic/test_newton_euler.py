@@ -45,7 +45,8 @@ def losing(seed: int) -> Scene:
     scene, rng = decimal_scene(seed), np.random.default_rng(seed)
     more = [{}, {"drag": 0.3}, {"quadratic_drag": 0.2}, {"drive": VanDerPol(strength=0.4, angle_deg=30.0)}]
     pendula = [
-        one.replace(links=tuple(link.replace(**more[rng.integers(4)]) for link in one.links)) for one in scene.pendulum
+        pendulum.replace(links=tuple(link.replace(**more[rng.integers(4)]) for link in pendulum.links))
+        for pendulum in scene.pendulum
     ]
     return scene.replace(pendulum=tuple(pendula))
 
@@ -58,11 +59,11 @@ def values_of(scene: Scene, system: NewtonEuler) -> dict[sp.Symbol, float]:
         put |= {sp.Symbol(name): value for name, value in cart.items()}
     for part in system.bodies.parts[1:]:
         link = part.link
-        own = {"m": link.mass, "l": link.length, "c": link.centre, "I": link.inertia, "k": link.stiffness}
-        own |= {"d": link.damping, "a": link.drag, "b": link.quadratic_drag}
+        numbers = {"m": link.mass, "l": link.length, "c": link.centre, "I": link.inertia, "k": link.stiffness}
+        numbers |= {"d": link.damping, "a": link.drag, "b": link.quadratic_drag}
         if link.drive:
-            own |= {"e": link.drive.strength, "gamma": np.radians(link.drive.angle_deg)}
-        put |= {sp.Symbol(part.named(letter)): value for letter, value in own.items()}
+            numbers |= {"e": link.drive.strength, "gamma": np.radians(link.drive.angle_deg)}
+        put |= {sp.Symbol(part.named(letter)): value for letter, value in numbers.items()}
     return put
 
 

@@ -186,9 +186,9 @@ def misses(n: int, seed: int, A: Any, F: Any) -> list[Any]:
     coordinates, state = paper.minimal_coordinates(n), state_of(n, seed)
     for c in coordinates:
         del state[c.a]
-    found = solved(A, F, state, n)
+    accelerations = solved(A, F, state, n)
     T, V = true_energies(n)
-    return [at(expression, state | found) for expression in lagrange_equations(T - V, coordinates)]
+    return [at(expression, state | accelerations) for expression in lagrange_equations(T - V, coordinates)]
 
 
 @pytest.mark.parametrize("n", [1, 2])

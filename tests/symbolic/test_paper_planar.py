@@ -195,13 +195,13 @@ def test_at_finite_angles_even_bobs_feel_every_link() -> None:
     """Three bobs at rest: θ_1'' changes with θ_3."""
     T, V = true_energies(3)
     theta, (m, lengths) = planar.angles(3), planar.masses_and_lengths(3)
-    ones = dict.fromkeys([*m, *lengths, planar.g], 1) | dict.fromkeys([c.v for c in theta], 0)
-    rows = [expression.subs(ones) for expression in lagrange_equations(T - V, theta)]
-    found = []
+    units = dict.fromkeys([*m, *lengths, planar.g], 1) | dict.fromkeys([c.v for c in theta], 0)
+    rows = [expression.subs(units) for expression in lagrange_equations(T - V, theta)]
+    solutions = []
     for last in (0.2, 0.9):
         angle = dict(zip([c.q for c in theta], (0.5, 1.0, last), strict=True))
-        found.append(sp.linsolve([row.subs(angle) for row in rows], [c.a for c in theta]).args[0][0])
-    assert abs(found[0] - found[1]) > 1e-3
+        solutions.append(sp.linsolve([row.subs(angle) for row in rows], [c.a for c in theta]).args[0][0])
+    assert abs(solutions[0] - solutions[1]) > 1e-3
 
 
 def test_where_the_paper_stops() -> None:
@@ -213,7 +213,7 @@ def test_where_the_paper_stops() -> None:
         lambda n: planar.accelerations(n)[0]: {3},
         lambda n: planar.equal_motion(n)[0]: {4, 5},
     }
-    for build, given in builders.items():
-        assert {n for n in range(1, 7) if build(n).right} == given
-        assert {n for n in range(1, 7) if build(n).printed is None} == set(range(1, 7)) - given
+    for build, right in builders.items():
+        assert {n for n in range(1, 7) if build(n).right} == right
+        assert {n for n in range(1, 7) if build(n).printed is None} == set(range(1, 7)) - right
     assert planar.eigen_equation(4).forms()[0][0] == BEYOND

@@ -32,22 +32,22 @@ def value(form: Any, state: State) -> Any:
 
 def in_one_plane(state: State, n: int) -> State:
     """The same state with every azimuth, and its rate, that of link 1."""
-    first, found = paper.phi(1), dict(state)
+    first, values = paper.phi(1), dict(state)
     for i in paper.upto(n):
         mine = paper.phi(i)
-        found |= {f(mine.q): state[f(first.q)] for f in (sp.sin, sp.cos)} | {mine.v: state[first.v]}
-    return found
+        values |= {f(mine.q): state[f(first.q)] for f in (sp.sin, sp.cos)} | {mine.v: state[first.v]}
+    return values
 
 
 def true_positions(n: int) -> list[list[Any]]:
     """(x, y, z) of every bob, z down."""
-    at_joint, found = [sp.Integer(0)] * 3, []
+    at_joint, places = [sp.Integer(0)] * 3, []
     for i in paper.upto(n):
         theta, phi, l = paper.theta(i).q, paper.phi(i).q, paper.length(i)
         u = sp.sin(theta) * sp.cos(phi), sp.sin(theta) * sp.sin(phi), sp.cos(theta)
         at_joint = [old + l * part for old, part in zip(at_joint, u, strict=True)]
-        found.append(at_joint)
-    return found
+        places.append(at_joint)
+    return places
 
 
 def true_energies(n: int) -> tuple[Any, Any]:

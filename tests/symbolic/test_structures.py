@@ -67,7 +67,7 @@ def two_carts() -> Scene:
         gravity=9.81,
         support=[Cart(name=name, mass=5.0, position=(3.0 * k, 0.0)) for k, name in enumerate(names)],
         pendulum=[Pendulum(on=name, links=[bob], count=3) for name in names],
-        spring=[Spring(between=(one, other), stiffness=k) for one, other, k in ends],
+        spring=[Spring(between=(left, right), stiffness=k) for left, right, k in ends],
     )
 
 
@@ -97,8 +97,10 @@ def test_a_board_is_a_cart_where_nothing_is_at_its_top_joints() -> None:
     stiffness = (k + M * 9.81 * d + 9.81 * 3 * m * h) / h**2
     cart = board.replace(support=Cart(mass=mass, stiffness=stiffness))
     assert frequencies(board) == pytest.approx(frequencies(cart), rel=1e-13)
-    sprung = board.replace(pendulum=[one.replace(links=[one.links[0].replace(stiffness=1.0)]) for one in pendula])
-    held = cart.replace(pendulum=[one.replace(position=(0.0, 0.0)) for one in sprung.pendulum])
+    sprung = board.replace(
+        pendulum=[pendulum.replace(links=[pendulum.links[0].replace(stiffness=1.0)]) for pendulum in pendula]
+    )
+    held = cart.replace(pendulum=[pendulum.replace(position=(0.0, 0.0)) for pendulum in sprung.pendulum])
     assert frequencies(sprung)[-1] > 1.001 * frequencies(held)[-1]
 
 
@@ -199,10 +201,10 @@ def test_symbols_of_a_board_tell_when_it_is_in_balance() -> None:
 
 def test_long_polynomials_are_left_out() -> None:
     scene = two_carts()
-    long = scene.replace(pendulum=[one.replace(count=9) for one in scene.pendulum])
+    long = scene.replace(pendulum=[pendulum.replace(count=9) for pendulum in scene.pendulum])
     (section,) = derive(of_structured(long), ("polynomial",), long)
     assert [line.words for line in section.lines] == ["20 coordinates of a structure: too long to write out"]
-    longest = scene.replace(pendulum=[one.replace(count=21) for one in scene.pendulum])
+    longest = scene.replace(pendulum=[pendulum.replace(count=21) for pendulum in scene.pendulum])
     with pytest.raises(SceneError, match="at most 40"):
         derive(of_structured(longest))
 
@@ -225,11 +227,11 @@ def test_a_cart_alone_keeps_its_x() -> None:
 @SCENES
 def test_the_matrices_are_those_of_all_masses(name: str) -> None:
     scene = STRUCTURED[name]
-    found, oracle = matrices(scene), Oracle(scene)
-    for entries, exact in zip((found.M, found.K, found.D), map(as_floats, oracle.matrices()), strict=True):
+    model, oracle = matrices(scene), Oracle(scene)
+    for entries, exact in zip((model.M, model.K, model.D), map(as_floats, oracle.matrices()), strict=True):
         scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
         assert np.all(np.abs(entries - exact) <= 1e-14 * scale + 1e-16)
-    assert list(found.labels[: oracle.carried]) == oracle.names
+    assert list(model.labels[: oracle.carried]) == oracle.names
 
 
 @SCENES

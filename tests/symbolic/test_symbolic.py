@@ -23,8 +23,8 @@ from modal.symbolic.system import SymbolicSystem, cart
 def test_symbolic_matrices_are_the_numeric_ones(seed: int) -> None:
     scene = decimal_scene(seed)
     expected = matrices(scene)
-    for found, exact in zip(symbolic.of_scene(scene).matrices(), (expected.M, expected.K, expected.D), strict=True):
-        np.testing.assert_allclose(np.array(found.tolist(), dtype=float), exact, rtol=1e-14, atol=1e-14)
+    for matrix, exact in zip(symbolic.of_scene(scene).matrices(), (expected.M, expected.K, expected.D), strict=True):
+        np.testing.assert_allclose(np.array(matrix.tolist(), dtype=float), exact, rtol=1e-14, atol=1e-14)
 
 
 SYSTEMS = [
@@ -37,15 +37,15 @@ SYSTEMS = [
 
 @pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: system.title)
 def test_the_pair_gives_the_lagrange_equations_of_the_cartesian_positions(system: SymbolicSystem) -> None:
-    derived, found = derive_lagrangian(system).equations, system.equations()
-    assert all(vanishes(a - b) for a, b in zip(derived, found, strict=True))
-    assert not vanishes(derived[-1] - 2 * found[-1])
+    derived, written = derive_lagrangian(system).equations, system.equations()
+    assert all(vanishes(a - b) for a, b in zip(derived, written, strict=True))
+    assert not vanishes(derived[-1] - 2 * written[-1])
 
 
 @pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: system.title)
 def test_linearizing_the_lagrangian_gives_M_K_and_D_at_any_rest(system: SymbolicSystem) -> None:
-    for derived, found in zip(derive_lagrangian(system).linearized(), system.matrices(), strict=True):
-        assert sp.simplify(derived - found) == sp.zeros(*found.shape)
+    for derived, matrix in zip(derive_lagrangian(system).linearized(), system.matrices(), strict=True):
+        assert sp.simplify(derived - matrix) == sp.zeros(*matrix.shape)
 
 
 @pytest.mark.slow
@@ -91,16 +91,16 @@ def accelerated(vector: sp.Matrix, coordinates: tuple) -> sp.Matrix:
 def test_modes_about_any_rest(seed: int) -> None:
     """Against the generalised companion pencil in SciPy: growth rates, decays and frequencies alike."""
     scene = decimal_scene(seed, joints=seed % 2 == 0)
-    modes, found = natural_modes(scene), matrices(scene)
-    eye, zero = np.eye(len(found.M)), np.zeros_like(found.M)
+    modes, model = natural_modes(scene), matrices(scene)
+    eye, zero = np.eye(len(model.M)), np.zeros_like(model.M)
     values = scipy.linalg.eigvals(
-        np.block([[zero, eye], [-found.K, -found.D]]), np.block([[eye, zero], [zero, found.M]])
+        np.block([[zero, eye], [-model.K, -model.D]]), np.block([[eye, zero], [zero, model.M]])
     )
     for value, fold in zip(modes.eigenvalue, modes.multiplicity, strict=True):
         assert np.sum(np.abs(values - value) < 1e-6 * (1 + abs(value))) >= fold or value == 0
     assert np.all(modes.eigenvalue.imag >= 0)
     growing = np.sum(modes.multiplicity[modes.eigenvalue.real > 1e-9])
-    assert growing == np.sum(np.linalg.eigvalsh(found.K) < -1e-12)
+    assert growing == np.sum(np.linalg.eigvalsh(model.K) < -1e-12)
     assert all(row.residual < 1e-11 for row in modes)
 
 

@@ -70,40 +70,40 @@ def test_a_clock_below_its_angle_is_a_doubt() -> None:
 
 def test_the_reach_is_the_least_envelope_of_a_beat() -> None:
     """Two free modes whose sum is small at times, against the sum itself at many times."""
-    found = average(clocks(8.0, 2.0))
-    turns = found.link_shapes.T[:, :, None] * np.array([0.03, 0.025])[:, None, None]
-    beats = np.exp(1j * np.subtract.outer(found.omega, found.omega[:1])[:, :1] * np.linspace(0, 20.0, 4001))
+    averaged = average(clocks(8.0, 2.0))
+    turns = averaged.link_shapes.T[:, :, None] * np.array([0.03, 0.025])[:, None, None]
+    beats = np.exp(1j * np.subtract.outer(averaged.omega, averaged.omega[:1])[:, :1] * np.linspace(0, 20.0, 4001))
     envelope = np.abs(np.einsum("cjt,ct->jt", turns * np.ones(4001), beats)).min(axis=0) / np.deg2rad(2.0)
     z = np.array([0.03, 0.025])[:, None] * beats
-    assert found.reach(z) == pytest.approx(envelope, rel=1e-12)
+    assert averaged.reach(z) == pytest.approx(envelope, rel=1e-12)
 
 
 @pytest.mark.slow
 def test_agreement_asks_for_the_share() -> None:
-    found = beat()
-    assert found.theory is not None
-    assert found.survival is not None
-    assert found.leads
-    assert found.theory.prediction.share > 0.99
-    assert found.survival.survivor_share < 0.7
-    assert found.agrees is False
-    assert found.theory.prediction.doubts_of_start
+    study = beat()
+    assert study.theory is not None
+    assert study.survival is not None
+    assert study.leads
+    assert study.theory.prediction.share > 0.99
+    assert study.survival.survivor_share < 0.7
+    assert study.agrees is False
+    assert study.theory.prediction.doubts_of_start
 
 
 @pytest.mark.slow
 def test_a_beat_is_named_with_the_two_lines_of_its_spectrum() -> None:
-    found = beat()
-    assert found.survival is not None
-    places = list(found.survival.beating)
-    assert found.survival.row[places].tolist() == [3, 2]
-    assert found.survival.late_share[places].sum() == pytest.approx(1.0, abs=1e-3)
-    times, angles = found.trajectory.times, found.trajectory.motion.links
+    study = beat()
+    assert study.survival is not None
+    places = list(study.survival.beating)
+    assert study.survival.row[places].tolist() == [3, 2]
+    assert study.survival.late_share[places].sum() == pytest.approx(1.0, abs=1e-3)
+    times, angles = study.trajectory.times, study.trajectory.motion.links
     late = times > 60
     spectrum = np.abs(np.fft.rfft(angles[late, 0] * np.hanning(late.sum())))
     lines = 2 * pi * np.fft.rfftfreq(late.sum(), times[1] - times[0])
     peaks = np.flatnonzero((spectrum[1:-1] > spectrum[:-2]) & (spectrum[1:-1] > spectrum[2:])) + 1
     strongest = sorted(lines[peaks[np.argsort(-spectrum[peaks])[:2]]])
-    assert sorted(found.survival.omega[places]) == pytest.approx(strongest, abs=0.05)
+    assert sorted(study.survival.omega[places]) == pytest.approx(strongest, abs=0.05)
 
 
 def survival(*frequencies: float, drift: float = 0.0) -> Survival:
@@ -121,18 +121,18 @@ def test_a_beat_has_frequencies_of_its_own_and_lasts() -> None:
     assert not survival(6.2, 6.2).beating
     assert not survival(2.0, 6.0).beating
     assert not survival(6.2, 7.4, drift=-0.1).beating
-    one = survival(6.2, 7.4)
-    assert not replace(one, energy=one.energy * [1.0, 0.01]).beating
+    survived = survival(6.2, 7.4)
+    assert not replace(survived, energy=survived.energy * [1.0, 0.01]).beating
 
 
 def test_friction_is_predicted_as_energy_and_the_exact_orbit_say() -> None:
     """The amplitude by the energy of a swing, (e − d) a/2 − e a³/8 γ² = 2 M/πω."""
     scene = rubbing(friction=0.001)
-    (one,) = relative_equilibria(average(scene))
-    a, omega = average(scene).largest(one.z), one.omega
+    (equilibrium,) = relative_equilibria(average(scene))
+    a, omega = average(scene).largest(equilibrium.z), equilibrium.omega
     fed = (0.03 - 0.005) * a / 2 - 0.03 / np.deg2rad(5.0) ** 2 * a**3 / 8
     assert fed == pytest.approx(2 * 0.001 / (pi * omega), rel=0.02)
-    orbit = certified(scene, one)
+    orbit = certified(scene, equilibrium)
     assert orbit
     assert orbit.amplitude == pytest.approx(a, rel=0.01)
     assert orbit.is_stable
@@ -141,20 +141,20 @@ def test_friction_is_predicted_as_energy_and_the_exact_orbit_say() -> None:
 
 def test_slow_drives_with_friction_are_slow() -> None:
     """The rate of small swings is that of drive and damper, (e − d)/2ml²; friction has none."""
-    found = average(rubbing(friction=0.001))
-    assert fastest(found) == pytest.approx((0.03 - 0.005) / (2 * 0.25) / found.omega[0], rel=1e-3)
-    assert fastest(found) < WEAK
+    averaged = average(rubbing(friction=0.001))
+    assert fastest(averaged) == pytest.approx((0.03 - 0.005) / (2 * 0.25) / averaged.omega[0], rel=1e-3)
+    assert fastest(averaged) < WEAK
 
 
 @pytest.mark.parametrize("force", [{"friction": 0.001}, {"drag": 0.001}, {"quadratic_drag": 0.001}])
 def test_a_study_takes_every_force(force: dict[str, float]) -> None:
-    found = study_synchronization(rubbing(**force), 3.0)
-    assert (found.theory is None) == ("quadratic_drag" in force)
-    assert bool(found.silent) == (found.theory is None)
-    if found.theory:
-        assert None not in found.theory.orbits
-        assert not found.theory.uncertified
-    assert sync_record(found)["simulation"]["duration_s"] == 3.0
+    study = study_synchronization(rubbing(**force), 3.0)
+    assert (study.theory is None) == ("quadratic_drag" in force)
+    assert bool(study.silent) == (study.theory is None)
+    if study.theory:
+        assert None not in study.theory.orbits
+        assert not study.theory.uncertified
+    assert sync_record(study)["simulation"]["duration_s"] == 3.0
 
 
 def test_a_swing_that_friction_stops_dies_out() -> None:
@@ -172,8 +172,8 @@ def test_a_swing_that_friction_stops_dies_out() -> None:
 def test_branches_with_friction_have_exact_values() -> None:
     """The swing dies out where the drive is too weak for the friction: at a fold, where its orbit meets another."""
     variation = parse_variations(["pendulum[0].links[0].drive.strength=0.008:0.02:3"])[0]
-    found = follow_branches(rubbing(friction=0.001), variation)
-    assert found.changes
-    for (change, _), exact in zip(found.changes, found.located, strict=True):
+    branches = follow_branches(rubbing(friction=0.001), variation)
+    assert branches.changes
+    for (change, _), exact in zip(branches.changes, branches.located, strict=True):
         assert exact
         assert exact.orbit.value == pytest.approx(change.value, rel=1e-3)

@@ -45,7 +45,9 @@ LENGTH = "pendulum[1].links[0].length"
 
 def clocks(mass: float, damping: float, length: float = 1.0, strength: float = 0.05) -> Scene:
     drive = VanDerPol(strength=strength, angle_deg=ANGLE)
-    pendula = tuple(Pendulum(links=(Bob(mass=1.0, length=one, drive=drive),)) for one in (1.0, length))
+    pendula = tuple(
+        Pendulum(links=(Bob(mass=1.0, length=pendulum_length, drive=drive),)) for pendulum_length in (1.0, length)
+    )
     return Scene(gravity=GRAVITY, support=Cart(mass=mass, damping=damping), pendulum=pendula)
 
 
@@ -54,21 +56,21 @@ def followed(scene: Scene, text: str) -> Branches:
     return follow_branches(scene, parse_variations([text])[0])
 
 
-def named(found: Branches, words: str) -> EquilibriumBranch:
-    (one,) = [one for one in found.branches if one.words.startswith(words)]
-    return one
+def named(branches: Branches, words: str) -> EquilibriumBranch:
+    (chosen,) = [chosen for chosen in branches.branches if chosen.words.startswith(words)]
+    return chosen
 
 
-def critical(one: EquilibriumBranch, *kinds: str) -> float:
-    (value,) = [change.value for change in one.changes if change.kind in kinds]
+def critical(branch: EquilibriumBranch, *kinds: str) -> float:
+    (value,) = [change.value for change in branch.changes if change.kind in kinds]
     return value
 
 
-def near(one: EquilibriumBranch, scene: Scene, value: float) -> RelativeEquilibrium:
+def near(branch: EquilibriumBranch, scene: Scene, value: float) -> RelativeEquilibrium:
     """The configuration there, or the last one before it is lost."""
-    at = int(np.abs(one.values - value).argmin())
-    moved = Walk(scene, one.variation).moved(one.states[at], value)
-    return moved or one.states[at]
+    at = int(np.abs(branch.values - value).argmin())
+    moved = Walk(scene, branch.variation).moved(branch.states[at], value)
+    return moved or branch.states[at]
 
 
 def run_from(
@@ -113,8 +115,8 @@ def detuning(mass: float, damping: float) -> float:
         r = fsolve(lambda r: rates(r, psi).real, [2 * limit] * 2, xtol=1e-13)
         return float(np.diff(rates(r, psi).imag)[0])
 
-    found = minimize_scalar(lambda psi: -abs(needed(psi)), bounds=(0.2, 1.7), method="bounded")
-    return float(-found.fun)
+    minimum = minimize_scalar(lambda psi: -abs(needed(psi)), bounds=(0.2, 1.7), method="bounded")
+    return float(-minimum.fun)
 
 
 def length_of(change: float) -> float:
@@ -126,24 +128,24 @@ def length_of(change: float) -> float:
 def test_critical_detuning_of_weak_coupling_is_adlers() -> None:
     """Phases by themselves: Δω = 2 |Re κ + (n/q) Im κ|; n/q as larger swings are slower."""
     mass, damping = 20_000.0, 2000.0
-    found = followed(clocks(mass, damping, strength=GENTLE), f"{LENGTH}=1:1.0002:2")
+    branches = followed(clocks(mass, damping, strength=GENTLE), f"{LENGTH}=1:1.0002:2")
     kappa = coupling(mass, damping)
     slower = sqrt(GRAVITY) * np.radians(ANGLE) ** 2 / (2 * GENTLE)
     expected = length_of(2 * abs(kappa.real + slower * kappa.imag))
-    ends = [critical(named(found, words), "disappears") - 1 for words in ("in phase", "antiphase")]
+    ends = [critical(named(branches, words), "disappears") - 1 for words in ("in phase", "antiphase")]
     assert ends[0] == pytest.approx(ends[1], abs=2 * RESOLUTION * 2e-4)
     assert ends[0] == pytest.approx(expected, rel=0.03)
-    assert not named(found, "antiphase").intervals
-    assert named(found, "in phase").words == "in phase → 88° apart"
+    assert not named(branches, "antiphase").intervals
+    assert named(branches, "in phase").words == "in phase → 88° apart"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mass", usually([1500.0], [4000.0, 1500.0]))
 def test_critical_detuning_is_that_of_two_amplitude_equations(mass: float) -> None:
-    found = followed(clocks(mass, 5.0, strength=GENTLE), f"{LENGTH}=1:{1 + 10 / mass}:2")
-    end = critical(named(found, "in phase"), "disappears") - 1
+    branches = followed(clocks(mass, 5.0, strength=GENTLE), f"{LENGTH}=1:{1 + 10 / mass}:2")
+    end = critical(named(branches, "in phase"), "disappears") - 1
     assert end == pytest.approx(length_of(detuning(mass, 5.0)), rel=0.02)
-    ((low, high),) = named(found, "in phase").intervals
+    ((low, high),) = named(branches, "in phase").intervals
     assert (low, high) == pytest.approx((1.0, 1 + end), abs=0.03 * end)
 
 
@@ -151,9 +153,9 @@ def test_critical_detuning_is_that_of_two_amplitude_equations(mass: float) -> No
 @pytest.mark.parametrize(("part", "locked"), [(0.9, True), (1.1, False)])
 def test_the_simulator_locks_within_the_critical_detuning_and_drifts_beyond(part: float, locked: bool) -> None:
     scene = clocks(200.0, 5.0)
-    one = named(followed(scene, f"{LENGTH}=1:1.01:2"), "in phase")
-    value = 1 + part * (critical(one, "disappears") - 1)
-    phases = run_from(scene, LENGTH, value, near(one, scene, value), 3000.0, 1.0)
+    branch = named(followed(scene, f"{LENGTH}=1:1.01:2"), "in phase")
+    value = 1 + part * (critical(branch, "disappears") - 1)
+    phases = run_from(scene, LENGTH, value, near(branch, scene, value), 3000.0, 1.0)
     assert phases.locked == locked
     assert (np.ptp(phases.frequency) < 1e-6) == locked
     assert (abs(np.ptp(difference(phases))) < 0.1) == locked
@@ -170,23 +172,23 @@ FATES = [("antiphase", "loses stability"), ("in phase", "becomes stable")]
 def test_critical_coupling_is_that_of_the_simulator(words: str, kind: str) -> None:
     """By the cart's mass: beyond it phases swing or another configuration is gone to."""
     scene = clocks(50.0, 15.0, 1.01)
-    one = named(followed(scene, "support.mass=20:500:2log"), words)
-    value = critical(one, kind)
+    branch = named(followed(scene, "support.mass=20:500:2log"), words)
+    value = critical(branch, kind)
     inside, outside = (0.9, 1.1) if kind == "loses stability" else (1.1, 0.9)
     steady, left = (
-        run_from(scene, "support.mass", part * value, near(one, scene, part * value), 2000.0, 0.9)
+        run_from(scene, "support.mass", part * value, near(branch, scene, part * value), 2000.0, 0.9)
         for part in (inside, outside)
     )
-    angle = np.angle(np.exp(1j * (np.mean(difference(steady)) - np.angle(ratio(near(one, scene, inside * value))))))
+    angle = np.angle(np.exp(1j * (np.mean(difference(steady)) - np.angle(ratio(near(branch, scene, inside * value))))))
     assert np.ptp(difference(steady)) < 0.03
     assert abs(angle) < 0.05
-    away = np.abs(np.exp(1j * difference(left)) - np.exp(1j * np.angle(ratio(near(one, scene, outside * value)))))
+    away = np.abs(np.exp(1j * difference(left)) - np.exp(1j * np.angle(ratio(near(branch, scene, outside * value)))))
     assert away.max() > 0.3
 
 
 def ratio(state: RelativeEquilibrium) -> complex:
-    one, other = own_amplitudes(state)
-    return complex(other / one)
+    first, other = own_amplitudes(state)
+    return complex(other / first)
 
 
 # ------------------------------------------------------------------------------------------------ change of fate
@@ -216,12 +218,14 @@ def test_metronomes_keep_in_phase_up_to_a_critical_damping() -> None:
     antiphase grows from σ = p/2 on, half the damping at which in phase dies out, which the linear scene knows exactly.
     """
     scene = metronomes(VanDerPol(strength=4e-6, angle_deg=10.0))
-    one = named(followed(scene, "support.damping=0.01:0.2:2log"), "in phase")
-    value = critical(one, "loses stability")
-    assert critical(one, "dies out") == pytest.approx(brentq(growth_in_phase, 0.1, 0.2, args=(scene, 4e-6)), rel=1e-3)
-    assert critical(one, "dies out") == pytest.approx(2 * value, rel=2e-2)
+    branch = named(followed(scene, "support.damping=0.01:0.2:2log"), "in phase")
+    value = critical(branch, "loses stability")
+    assert critical(branch, "dies out") == pytest.approx(
+        brentq(growth_in_phase, 0.1, 0.2, args=(scene, 4e-6)), rel=1e-3
+    )
+    assert critical(branch, "dies out") == pytest.approx(2 * value, rel=2e-2)
     for part, survivor in ((0.85, 3), (1.15, 2)):
-        phases = run_from(scene, "support.damping", part * value, near(one, scene, part * value), 600.0, 0.9)
+        phases = run_from(scene, "support.damping", part * value, near(branch, scene, part * value), 600.0, 0.9)
         assert find_survival(phases.trajectory).survivor == survivor
         assert phases.order[-1, 0] == pytest.approx(survivor - 2, abs=1e-3)
 
@@ -231,10 +235,10 @@ def test_an_escapement_too_keeps_them_in_phase_up_to_a_critical_damping() -> Non
     """On a heavier base, that splits frequencies by 2 %; growth or decay of antiphase in the simulator's energies."""
     link = Body(mass=0.025, length=0.1, centre=0.02, inertia=1e-5, damping=1e-6, drive=KICKS)
     scene = Scene(gravity=GRAVITY, support=Cart(mass=0.6), pendulum=(Pendulum(links=(link,), count=2),))
-    one = named(followed(scene, "support.damping=0.3:3:2log"), "in phase")
-    value = critical(one, "loses stability")
+    branch = named(followed(scene, "support.damping=0.3:3:2log"), "in phase")
+    value = critical(branch, "loses stability")
     for part in (0.85, 1.15):
-        phases = run_from(scene, "support.damping", part * value, near(one, scene, part * value), 150.0, 0.9)
+        phases = run_from(scene, "support.damping", part * value, near(branch, scene, part * value), 150.0, 0.9)
         share = find_survival(phases.trajectory).share[:, 0]
         early, late = (share[(phases.times > at) & (phases.times < at + 20)].mean() for at in (20, 125))
         assert (late > early) == (part > 1)
@@ -249,15 +253,15 @@ def test_four_configurations_of_double_pendula() -> None:
     strength = 0.01
     links = (Bob(mass=1.0, length=0.5, drive=VanDerPol(strength=strength, angle_deg=5.0)),) * 2
     scene = Scene(gravity=GRAVITY, support=Cart(mass=20.0, damping=4.0), pendulum=(Pendulum(links=links, count=2),))
-    found = followed(scene, "pendulum[0].links[*].mass=0.1:10:2log")
-    pure = [one for one in found.branches if "frequencies" not in one.words]
-    families = [one.states[0].averaged.modes[one.states[0].row].family for one in pure]
+    branches = followed(scene, "pendulum[0].links[*].mass=0.1:10:2log")
+    pure = [branch for branch in branches.branches if "frequencies" not in branch.words]
+    families = [branch.states[0].averaged.modes[branch.states[0].row].family for branch in pure]
     expected = ["antiphase, slow", "in phase, slow", "antiphase, fast", "in phase, fast"]
     assert [family.partition(": ")[2] for family in families] == expected
-    assert [one.words for one in pure] == ["antiphase", "in phase"] * 2
-    assert [float(one.values[-1]) for one in pure[::2]] == [10.0, 10.0]
-    for one, place in zip(pure[1::2], (0, 1), strict=True):
-        end = critical(one, "dies out")
+    assert [branch.words for branch in pure] == ["antiphase", "in phase"] * 2
+    assert [float(branch.values[-1]) for branch in pure[::2]] == [10.0, 10.0]
+    for branch, place in zip(pure[1::2], (0, 1), strict=True):
+        end = critical(branch, "dies out")
         assert growth(scene, strength, 0.97 * end, place) > 0 > growth(scene, strength, 1.03 * end, place)
 
 
@@ -270,21 +274,25 @@ def growth(scene: Scene, strength: float, mass: float, place: int) -> float:
     both = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 0], [0, 0, 1]])
     M, K, D = (both.T @ part @ both for part in (linear.M, linear.K, linear.D - fed))
     upper = np.hstack((np.zeros((3, 3)), np.eye(3)))
-    found = np.linalg.eigvals(np.vstack((upper, -np.linalg.solve(M, np.hstack((K, D))))))
-    turning = found[found.imag > 1.0]
+    eigenvalues = np.linalg.eigvals(np.vstack((upper, -np.linalg.solve(M, np.hstack((K, D))))))
+    turning = eigenvalues[eigenvalues.imag > 1.0]
     return float(turning[np.argsort(turning.imag)][place].real)
 
 
 @pytest.mark.slow
 def test_what_leaves_another_branch_begins_there() -> None:
     """Fast antiphase of the clocks sheds, where it stops lasting, a swing that shares its energy with in phase."""
-    found = followed(modal.load("clocks-double"), "support.mass=7:10:2")
+    branches = followed(modal.load("clocks-double"), "support.mass=7:10:2")
     (shed,) = [
-        one for one in found.branches if [change.kind for change in one.changes] == ["appears", "loses stability"]
+        branch
+        for branch in branches.branches
+        if [change.kind for change in branch.changes] == ["appears", "loses stability"]
     ]
-    (pure,) = [one for one in found.branches if [change.kind for change in one.changes] == ["loses stability"]]
+    (pure,) = [
+        branch for branch in branches.branches if [change.kind for change in branch.changes] == ["loses stability"]
+    ]
     assert shed.values[0] == pytest.approx(pure.changes[0].value, abs=0.02)
-    assert shed.states[-1].share.max() < 0.999 < min(one.share.max() for one in pure.states)
+    assert shed.states[-1].share.max() < 0.999 < min(state.share.max() for state in pure.states)
 
 
 # ------------------------------------------------------------------------------------------- in print and drawn
@@ -296,29 +304,29 @@ def example() -> Branches:
 
 @pytest.mark.slow
 def test_what_is_printed_is_what_was_found() -> None:
-    found = example()
-    text = branches_text(found)
-    for one in found.branches:
-        assert one.words in text
-        assert ", ".join(f"{low:.7g} to {high:.7g}" for low, high in one.intervals) in text
-    for change, _ in found.changes:
+    branches = example()
+    text = branches_text(branches)
+    for branch in branches.branches:
+        assert branch.words in text
+        assert ", ".join(f"{low:.7g} to {high:.7g}" for low, high in branch.intervals) in text
+    for change, _ in branches.changes:
         assert f"{change.value:.7g}" in text
-    rows = list(csv.DictReader(StringIO(branches_csv(found))))
-    assert len(rows) == sum(len(one.values) for one in found.branches)
+    rows = list(csv.DictReader(StringIO(branches_csv(branches))))
+    assert len(rows) == sum(len(branch.values) for branch in branches.branches)
     head = ["support.mass_kg", "omega_rad_per_s", "stable", "largest_angle_deg", "growth_per_s", "branch", "pendula"]
     assert list(rows[0]) == head
-    for number, one in enumerate(found.branches, start=1):
-        own = [row for row in rows if row["branch"] == str(number)]
-        assert [float(row["support.mass_kg"]) for row in own] == one.values.tolist()
-        assert [row["stable"] == "1" for row in own] == list(one.is_stable)
-        assert all(float(row["growth_per_s"]) < 0 for row in own if row["stable"] == "1")
-        assert all(float(row["growth_per_s"]) > -1e-4 for row in own if row["stable"] == "0")
+    for number, branch in enumerate(branches.branches, start=1):
+        of_branch = [row for row in rows if row["branch"] == str(number)]
+        assert [float(row["support.mass_kg"]) for row in of_branch] == branch.values.tolist()
+        assert [row["stable"] == "1" for row in of_branch] == list(branch.is_stable)
+        assert all(float(row["growth_per_s"]) < 0 for row in of_branch if row["stable"] == "1")
+        assert all(float(row["growth_per_s"]) > -1e-4 for row in of_branch if row["stable"] == "0")
 
 
 @pytest.mark.slow
 def test_what_is_drawn_is_what_was_found() -> None:
-    found = example()
-    figure = branches_figure(found)
+    branches = example()
+    figure = branches_figure(branches)
     figure.canvas.draw()
     upper, lower = figure.axes
     assert (upper.get_ylabel(), lower.get_xlabel(), lower.get_xscale()) == (
@@ -326,29 +334,32 @@ def test_what_is_drawn_is_what_was_found() -> None:
         "support.mass (kg)",
         "log",
     )
-    for one in found.branches:
-        for low, high in one.intervals:
+    for branch in branches.branches:
+        for low, high in branch.intervals:
             full = [line.get_xdata() for line in lower.lines if line.get_ls() == "-"]
             assert any(abs(x[0] / low - 1) < 1e-3 and abs(x[-1] / high - 1) < 1e-3 for x in full)
     rings = np.concatenate([line.get_xdata() for line in lower.lines if line.get_marker() == "o"])
-    assert sorted(rings) == [change.value for change, _ in found.changes]
+    assert sorted(rings) == [change.value for change, _ in branches.changes]
     stream = BytesIO()
-    draw_branches(found, stream, "svg")
+    draw_branches(branches, stream, "svg")
     assert b"<svg" in stream.getvalue()
     with pytest.raises(ComputationError, match="0 configurations"):
-        branches_figure(Branches(found.scene, found.variation, ()))
+        branches_figure(Branches(branches.scene, branches.variation, ()))
 
 
 def test_words_and_refusals() -> None:
-    found = example()
-    assert {agreement(one.states[-1]) for one in found.branches} == {"pendulum 2 alone", f"{apart(found):.0f}° apart"}
+    branches = example()
+    assert {agreement(branch.states[-1]) for branch in branches.branches} == {
+        "pendulum 2 alone",
+        f"{apart(branches):.0f}° apart",
+    }
     with pytest.raises(SceneError, match="nothing excites"):
         follow_branches(modal.load("paper-cart-2"), parse_variations(["support.mass=1:2:3"])[0])
     with pytest.raises(SceneError, match="two or more values"):
-        follow_branches(found.scene, parse_variations(["support.mass=1"])[0])
+        follow_branches(branches.scene, parse_variations(["support.mass=1"])[0])
     with pytest.raises(SceneError, match="two or more values"):
-        follow_branches(found.scene, parse_variations(["pendulum[0].count=1,2"])[0])
+        follow_branches(branches.scene, parse_variations(["pendulum[0].count=1,2"])[0])
 
 
-def apart(found: Branches) -> float:
-    return float(abs(np.degrees(np.angle(ratio(named(found, "in phase").states[-1])))))
+def apart(branches: Branches) -> float:
+    return float(abs(np.degrees(np.angle(ratio(named(branches, "in phase").states[-1])))))

@@ -32,24 +32,28 @@ def theory(pair: floquet.Pair) -> Theory:
 @pytest.mark.parametrize(("angle", "told"), [(9.0, 0.00396)])
 def test_the_stability_told_is_that_of_the_multipliers(angle: float, told: float) -> None:
     pair = floquet.metronomes(angle)
-    found = study_synchronization(pair.scene, 1.0, start=BESIDE)
-    record = next(one for one in sync_record(found)["configurations"] if one["pendula"] == "antiphase")
+    study = study_synchronization(pair.scene, 1.0, start=BESIDE)
+    record = next(
+        configuration
+        for configuration in sync_record(study)["configurations"]
+        if configuration["pendula"] == "antiphase"
+    )
     assert record["lasts"] is (told < 0)
     assert record["growth_rate_per_s"] == pytest.approx(told, abs=1e-5)
     assert record["averaged_growth_rate_per_s"] == pytest.approx(told, abs=6e-4)
     assert record["averaged_growth_rate_per_s"] != pytest.approx(told, abs=1e-5)
     assert record["orbit"]["residual"] < 1e-10
-    assert "(averaged)" not in sync_text(found)
+    assert "(averaged)" not in sync_text(study)
 
 
 @pytest.mark.slow
 def test_a_stable_orbit_takes_the_place_of_doubts_about_averaging() -> None:
     """Strong drives: averaging doubts itself, the orbit does not; doubts about the way from the start remain."""
-    own = theory(floquet.metronomes(9.0))
-    assert own.prediction.ending is not None
-    assert own.ending is not None
-    assert own.ending.is_stable
-    assert set(own.doubts) <= set(own.prediction.doubts)
+    predicted = theory(floquet.metronomes(9.0))
+    assert predicted.prediction.ending is not None
+    assert predicted.ending is not None
+    assert predicted.ending.is_stable
+    assert set(predicted.doubts) <= set(predicted.prediction.doubts)
     wide = theory(floquet.metronomes(40.0))
     assert wide.prediction.doubts
     assert wide.ending is not None
@@ -59,28 +63,28 @@ def test_a_stable_orbit_takes_the_place_of_doubts_about_averaging() -> None:
 @pytest.mark.slow
 def test_an_orbit_far_from_a_configuration_is_no_certificate(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = floquet.metronomes(9.0)
-    scene, one = pair.scene, theory(pair).configurations[0]
-    assert certified(scene, one) is not None
+    scene, configuration = pair.scene, theory(pair).configurations[0]
+    assert certified(scene, configuration) is not None
     monkeypatch.setattr("nonlinear.synchronization.certificates.CLOSE", 1e-9)
-    assert certified(scene, one) is None
+    assert certified(scene, configuration) is None
 
 
 @pytest.mark.slow
 def test_critical_values_are_located_on_the_full_equations() -> None:
     scene = floquet.metronomes(10.0, 3.0, 6e-5).scene
     (variation,) = parse_variations([f"{DETUNED}=1e-5:1.01e-5:2"])
-    found = follow_branches(scene, variation)
-    branch = next(branch for branch in found.branches if agreement(branch.states[0]) == "in phase")
-    at = next(k for k, (_, number) in enumerate(found.changes) if found.branches[number] is branch)
-    special = found.located[at]
+    branches = follow_branches(scene, variation)
+    branch = next(branch for branch in branches.branches if agreement(branch.states[0]) == "in phase")
+    at = next(k for k, (_, number) in enumerate(branches.changes) if branches.branches[number] is branch)
+    special = branches.located[at]
     assert special is not None
     exact = next(
-        one for branch in follow_cycles(scene, variation) for one in branch.special if one.kind == "fold"
+        fold for branch in follow_cycles(scene, variation) for fold in branch.special if fold.kind == "fold"
     ).orbit.value
     assert exact is not None
     assert special.kind == "fold"
     assert special.orbit.value == pytest.approx(exact, rel=1e-8)
-    averaged = found.changes[at][0].value - 1e-5
+    averaged = branches.changes[at][0].value - 1e-5
     assert averaged != pytest.approx(exact - 1e-5, rel=1e-4)
     assert averaged == pytest.approx(exact - 1e-5, rel=0.2)
-    assert f"{exact:.7g}" in branches_text(found)
+    assert f"{exact:.7g}" in branches_text(branches)

@@ -39,8 +39,8 @@ def test_a_clock_alone_takes_the_larger_amplitude_and_dies_below_the_smaller() -
         run = simulate(
             pair, 400.0, start=state_at_rest(pair, [start]), tolerance=1e-7, output=np.linspace(390, 400, 2001)
         )
-        found = math.degrees(abs(run.motion.links[1:]).max())
-        assert found == pytest.approx(expected, rel=0.02) if expected else found < 0.9 * needed
+        amplitude = math.degrees(abs(run.motion.links[1:]).max())
+        assert amplitude == pytest.approx(expected, rel=0.02) if expected else amplitude < 0.9 * needed
 
 
 @pytest.mark.slow
@@ -93,9 +93,9 @@ def test_on_the_shipped_beam_fast_antiphase_shares_its_energy_for_ever() -> None
     assert koluda.varied(scene.support.mass, 0.5) == scene
     assert koluda.averages(scene) == ("stable", "stable", "unstable", "stable")
     assert koluda.attracts(scene, 2) == "mixed"
-    begun, found = koluda.shares(scene, 2)
-    assert begun[2] > 0.99 > found[2] > 0.8
-    assert found[[2, 3]].sum() > 0.999
+    begun, ended = koluda.shares(scene, 2)
+    assert begun[2] > 0.99 > ended[2] > 0.8
+    assert ended[[2, 3]].sum() > 0.999
 
 
 @pytest.mark.slow

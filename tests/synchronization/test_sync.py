@@ -69,82 +69,82 @@ def pair() -> SynchronizationStudy:
 
 
 def states(scene: Scene) -> dict[str, RelativeEquilibrium]:
-    return {agreement(one): one for one in relative_equilibria(average(scene))}
+    return {agreement(equilibrium): equilibrium for equilibrium in relative_equilibria(average(scene))}
 
 
 def test_the_predicted_survivor_is_the_simulated_one() -> None:
-    found = pair()
-    assert found.theory
-    assert found.survival
-    assert found.agrees is True
-    assert found.theory.prediction.row + 1 == found.survival.survivor == 3
+    study = pair()
+    assert study.theory
+    assert study.survival
+    assert study.agrees is True
+    assert study.theory.prediction.row + 1 == study.survival.survivor == 3
 
 
 def test_the_predicted_locking_time_is_the_simulated_one() -> None:
-    found = pair()
-    assert found.theory
-    assert found.survival
-    measured = found.survival.locking_time()
+    study = pair()
+    assert study.theory
+    assert study.survival
+    measured = study.survival.locking_time()
     assert measured
-    assert found.theory.prediction.locking_time() == pytest.approx(measured, rel=0.1)
+    assert study.theory.prediction.locking_time() == pytest.approx(measured, rel=0.1)
 
 
 def test_the_words_hold_the_numbers() -> None:
-    found = pair()
-    assert found.survival
-    text = sync_text(found, words=True)
+    study = pair()
+    assert study.survival
+    text = sync_text(study, words=True)
     assert "cart still: antiphase" in text
     assert "cart moves: in phase" in text
-    assert f"{found.survival.locking_time():.6g} s" in text
+    assert f"{study.survival.locking_time():.6g} s" in text
     assert "As predicted." in text
     assert "They leave out" in text
 
 
 def test_the_verdict_of_a_study_comes_first() -> None:
-    found = pair()
-    _, told, table, *_ = sync_text(found).split("\n\n")
+    study = pair()
+    _, told, table, *_ = sync_text(study).split("\n\n")
     assert "wins, as predicted" in told
     assert len(told.splitlines()) <= 5
     assert table.startswith("Steady motions")
-    assert "Order parameter" not in sync_text(found)
-    assert " ".join(sync_record(found)["verdict_sentences"]) == " ".join(told.split())
+    assert "Order parameter" not in sync_text(study)
+    assert " ".join(sync_record(study)["verdict_sentences"]) == " ".join(told.split())
 
 
 def test_where_no_mode_wins_none_is_said_to_survive(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = pair()
-    assert found.theory
+    study = pair()
+    assert study.theory
     monkeypatch.setattr(Prediction, "share", 0.509)
-    shared = replace(found.theory, prediction=replace(found.theory.prediction))
+    shared = replace(study.theory, prediction=replace(study.theory.prediction))
     assert "no mode wins: the one that holds most has 50.9 % of the energy" in shared.prediction.doubts
-    text = " ".join(sync_text(replace(found, theory=shared), words=True).split())
+    text = " ".join(sync_text(replace(study, theory=shared), words=True).split())
     assert "No mode wins: mode" in text
     assert "survives" not in text
     assert "no mode wins:" not in text
 
 
 def test_the_records_hold_the_same_numbers() -> None:
-    found = pair()
-    told = json.loads(json.dumps(sync_record(found), allow_nan=False))
-    assert found.survival
-    assert told["simulation"]["survivor"] == told["prediction"]["survivor"] == found.survival.survivor + 1
+    study = pair()
+    told = json.loads(json.dumps(sync_record(study), allow_nan=False))
+    assert study.survival
+    assert told["simulation"]["survivor"] == told["prediction"]["survivor"] == study.survival.survivor + 1
     assert told["simulation"]["order_parameter"] == pytest.approx(1.0, abs=1e-3)
-    assert [one["mode"] for one in told["configurations"]] == [3, 4]
-    assert all(one["lasts"] for one in told["configurations"])
+    assert [configuration["mode"] for configuration in told["configurations"]] == [3, 4]
+    assert all(configuration["lasts"] for configuration in told["configurations"])
 
 
 @pytest.mark.slow
 def test_a_start_that_only_symmetry_keeps_is_judged_by_one_beside() -> None:
     """Metronomes in exact antiphase, that neighbours leave, go where real ones would: in phase."""
     scene = floquet.metronomes(11.0).scene
-    found = study_synchronization(scene, start=state_at_rest(scene, (21.0, -21.0)), tolerance=1e-7)
-    assert found.theory
-    assert found.survival
-    said = found.theory.prediction
+    study = study_synchronization(scene, start=state_at_rest(scene, (21.0, -21.0)), tolerance=1e-7)
+    assert study.theory
+    assert study.survival
+    said = study.theory.prediction
     assert said.unstable
-    assert (said.unstable.row, said.row, found.survival.survivor) == (1, 2, 3)
-    assert found.agrees is True
-    assert 0 < abs(found.trajectory.motion.links[0] - np.radians([21.0, -21.0])).max() < np.radians(3.0)
-    text, told, number = sync_text(found, words=True), sync_record(found)["prediction"], table_numbers(scene)
+    assert (said.unstable.row, said.row, study.survival.survivor) == (1, 2, 3)
+    assert study.agrees is True
+    assert 0 < abs(study.trajectory.motion.links[0] - np.radians([21.0, -21.0])).max() < np.radians(3.0)
+    text, told, number = sync_text(study, words=True), sync_record(study)["prediction"], table_numbers(scene)
     assert f"mode {number[1]} survives (antiphase), but that motion is unstable" in " ".join(text.split())
     assert "from a start nearby" in text
     assert (told["unstable"]["mode"], told["survivor"]) == (number[1], number[2])
@@ -173,12 +173,12 @@ def test_a_start_that_leaves_by_itself_is_its_own_judge() -> None:
 def test_a_run_that_ends_before_the_predicted_time_proves_nothing() -> None:
     """Metronomes nearly in antiphase, which they leave later."""
     scene = floquet.metronomes(11.0).scene
-    found = study_synchronization(scene, 2.0, start=state_at_rest(scene, (21.0, -19.0)), tolerance=1e-7)
-    assert found.theory
-    assert found.survival
-    assert (found.theory.prediction.row, found.survival.survivor) == (2, 2)
-    assert found.agrees is None
-    text = " ".join(sync_text(found, words=True).split())
+    study = study_synchronization(scene, 2.0, start=state_at_rest(scene, (21.0, -19.0)), tolerance=1e-7)
+    assert study.theory
+    assert study.survival
+    assert (study.theory.prediction.row, study.survival.survivor) == (2, 2)
+    assert study.agrees is None
+    text = " ".join(sync_text(study, words=True).split())
     assert "it cannot tell whether the prediction is right" in text
     assert "not what was predicted" not in text
 
@@ -187,36 +187,42 @@ def test_of_many_steady_motions_all_that_last_have_a_line() -> None:
     """And the first of the others; the JSON form has all."""
     theory = pair().theory
     assert theory
-    unstable = next(one for one in relative_equilibria(average(floquet.metronomes(11.0).scene)) if not one.is_stable)
+    unstable = next(
+        equilibrium
+        for equilibrium in relative_equilibria(average(floquet.metronomes(11.0).scene))
+        if not equilibrium.is_stable
+    )
     few, many = ((unstable,) * count + theory.configurations for count in (5, 40))
-    for given, shown in ((few, 7), (many, 10)):
-        found = replace(pair(), theory=replace(theory, configurations=given))
-        assert found.theory
-        found.theory.__dict__["orbits"] = (None,) * len(given)
-        table = sync_text(found).split("\n\n")[2].splitlines()
+    for configurations, shown in ((few, 7), (many, 10)):
+        study = replace(pair(), theory=replace(theory, configurations=configurations))
+        assert study.theory
+        study.theory.__dict__["orbits"] = (None,) * len(configurations)
+        table = sync_text(study).split("\n\n")[2].splitlines()
         assert len(table) == 3 + shown
         assert sum(", e-folding" in line and " stable" in line for line in table) == 2
-        assert ("32 more, all unstable, are in the JSON form." in sync_text(found, words=True)) == (given is many)
-        assert len(sync_record(found)["configurations"]) == len(given)
+        assert ("32 more, all unstable, are in the JSON form." in sync_text(study, words=True)) == (
+            configurations is many
+        )
+        assert len(sync_record(study)["configurations"]) == len(configurations)
 
 
 def test_what_does_not_excite_itself_has_no_prediction() -> None:
-    found = study_synchronization(clocks(10.0, 4.0, drive=None), 60.0)
-    assert found.theory is None
-    assert found.agrees is None
-    assert "No prediction: nothing excites this scene" in sync_text(found, words=True)
-    assert sync_record(found)["prediction"] is None
+    study = study_synchronization(clocks(10.0, 4.0, drive=None), 60.0)
+    assert study.theory is None
+    assert study.agrees is None
+    assert "No prediction: nothing excites this scene" in sync_text(study, words=True)
+    assert sync_record(study)["prediction"] is None
 
 
 @pytest.mark.slow
 def test_a_swing_that_dies_out_is_said_to() -> None:
     weak = {"kind": "van-der-pol", "strength": 0.002, "angle_deg": 5.0}
-    found = study_synchronization(clocks(10.0, 4.0, drive=weak), 100.0)
-    assert found.theory
-    assert found.theory.prediction.motion.dies
-    assert found.agrees is None
-    assert "The swing dies out" in sync_text(found, words=True)
-    assert "none was found" in sync_text(found, words=True)
+    study = study_synchronization(clocks(10.0, 4.0, drive=weak), 100.0)
+    assert study.theory
+    assert study.theory.prediction.motion.dies
+    assert study.agrees is None
+    assert "The swing dies out" in sync_text(study, words=True)
+    assert "none was found" in sync_text(study, words=True)
 
 
 def test_a_start_at_rest_has_no_prediction() -> None:
@@ -226,21 +232,21 @@ def test_a_start_at_rest_has_no_prediction() -> None:
 
 @pytest.mark.slow
 def test_the_energy_balance_of_escapements_closes() -> None:
-    found = study_synchronization(clocks(10.0, -8.0, drive=ESCAPEMENT), 10.0, tolerance=1e-12)
-    kicks = found.trajectory.kicks
+    study = study_synchronization(clocks(10.0, -8.0, drive=ESCAPEMENT), 10.0, tolerance=1e-12)
+    kicks = study.trajectory.kicks
     assert len(kicks.time) > 15
-    assert found.trajectory.energy_drift() < 1e-9
-    assert f"{len(kicks.time)} kicks fed {kicks.energy.sum():.6g} J" in sync_text(found, words=True)
+    assert study.trajectory.energy_drift() < 1e-9
+    assert f"{len(kicks.time)} kicks fed {kicks.energy.sum():.6g} J" in sync_text(study, words=True)
 
 
 @pytest.mark.slow
 def test_hundreds_of_driven_pendula() -> None:
     rng = np.random.default_rng(3)
-    found = study_synchronization(clocks(*rng.uniform(-15.0, 15.0, 500).tolist(), mass=5e4), 4.0)
-    assert found.theory is None
-    assert "400 links" in found.silent
-    assert found.phases.order[-1, 0] < 1.0
-    assert found.trajectory.energy_drift() < 1e-7
+    study = study_synchronization(clocks(*rng.uniform(-15.0, 15.0, 500).tolist(), mass=5e4), 4.0)
+    assert study.theory is None
+    assert "400 links" in study.silent
+    assert study.phases.order[-1, 0] < 1.0
+    assert study.trajectory.energy_drift() < 1e-7
 
 
 def test_patterns_of_two_and_three() -> None:
@@ -248,16 +254,16 @@ def test_patterns_of_two_and_three() -> None:
     assert set(two) == {"in phase", "antiphase"}
     assert own_amplitudes(two["antiphase"]).sum() == pytest.approx(0.0, abs=1e-9)
     assert np.ptp(own_amplitudes(two["in phase"])) == pytest.approx(0.0, abs=1e-9)
-    splay = next(one for words, one in three.items() if words != "in phase")
+    splay = next(state for words, state in three.items() if words != "in phase")
     assert abs(np.sum(own_amplitudes(splay))) < 1e-6
 
 
 def test_the_amplitudes_of_configurations_are_those_of_a_simulation() -> None:
-    found = states(clocks(10.0, 4.0))
+    steady = states(clocks(10.0, 4.0))
     for words, angles in {"in phase": (9.0, 9.0), "antiphase": (9.0, -9.0)}.items():
         run = simulate(clocks(*angles), 400.0)
         late = run.motion.links[len(run.times) // 2 :]
-        assert np.abs(own_amplitudes(found[words])).max() == pytest.approx(np.abs(late).max(), rel=5e-3)
+        assert np.abs(own_amplitudes(steady[words])).max() == pytest.approx(np.abs(late).max(), rel=5e-3)
 
 
 def test_the_usual_run_is_as_long_as_the_prediction_needs_and_no_longer_than_most() -> None:
@@ -335,10 +341,10 @@ def test_still_pendula_and_short_runs_claim_no_frequency() -> None:
     assert "too short to tell whether they lock" in sync_text(study_synchronization(clocks(10.0, 4.0), 0.1), words=True)
 
 
-def of_run(found: SynchronizationStudy, scene: Scene) -> SynchronizationStudy:
+def of_run(study: SynchronizationStudy, scene: Scene) -> SynchronizationStudy:
     """The same without a prediction, and of another scene's run."""
     run = simulate(scene, 20.0)
-    return replace(found, scene=scene, theory=None, trajectory=run, phases=phases_of(run))
+    return replace(study, scene=scene, theory=None, trajectory=run, phases=phases_of(run))
 
 
 @pytest.mark.slow
@@ -346,17 +352,19 @@ def test_what_dampers_took_is_said_only_of_dampers() -> None:
     """Not of van der Pol drives beside the kicks, nor where there are no dampers."""
     scene = clocks(10.0, 4.0, drive=ESCAPEMENT)
     links = [pendulum.links[0] for pendulum in scene.pendulum]
-    own = links[0].model_copy(update={"drive": clocks(1.0).pendulum[0].links[0].drive})
-    mixed = (scene.pendulum[0].model_copy(update={"links": (own,)}), scene.pendulum[1])
-    found = study_synchronization(scene.model_copy(update={"pendulum": mixed}), 20.0)
-    rest = float(found.trajectory.motion.work[-1] - found.trajectory.kicks.energy.sum())
-    assert f"van der Pol drives and dampers together did {rest:.6g} J" in sync_text(found, words=True)
-    assert "dampers took" not in sync_text(found, words=True)
-    assert "dampers took" in sync_text(of_run(found, scene), words=True)
+    driven = links[0].model_copy(update={"drive": clocks(1.0).pendulum[0].links[0].drive})
+    mixed = (scene.pendulum[0].model_copy(update={"links": (driven,)}), scene.pendulum[1])
+    study = study_synchronization(scene.model_copy(update={"pendulum": mixed}), 20.0)
+    rest = float(study.trajectory.motion.work[-1] - study.trajectory.kicks.energy.sum())
+    assert f"van der Pol drives and dampers together did {rest:.6g} J" in sync_text(study, words=True)
+    assert "dampers took" not in sync_text(study, words=True)
+    assert "dampers took" in sync_text(of_run(study, scene), words=True)
     loose = scene.conservative
     kicked = [link.model_copy(update={"damping": 0.0}) for link in links]
-    pendula = [one.model_copy(update={"links": (link,)}) for one, link in zip(loose.pendulum, kicked, strict=True)]
-    words = sync_text(of_run(found, loose.model_copy(update={"pendulum": tuple(pendula)})), words=True)
+    pendula = [
+        pendulum.model_copy(update={"links": (link,)}) for pendulum, link in zip(loose.pendulum, kicked, strict=True)
+    ]
+    words = sync_text(of_run(study, loose.model_copy(update={"pendulum": tuple(pendula)})), words=True)
     assert "fed" in words
     assert "dampers took" not in words
 

@@ -71,12 +71,12 @@ def test_own_modes_are_those_of_each_pendulum_alone(seed: int) -> None:
     phases = phases_of(closed(scene, [0.0, 1.0], *np.zeros((2, 2, scene.n_links))))
     count = min(pendulum.n_links for pendulum in scene.pendulum)
     assert phases.omega.shape == (len(scene.pendulum), count)
-    for own, pendulum in enumerate(scene.pendulum):
+    for index, pendulum in enumerate(scene.pendulum):
         alone = scene.model_copy(update={"support": Fixed(), "pendulum": (pendulum,)}).conservative
         modes = modal.natural_modes(alone)
-        assert phases.omega[own] == pytest.approx(modes.omega[:count], rel=1e-10)
+        assert phases.omega[index] == pytest.approx(modes.omega[:count], rel=1e-10)
         masses = [modes.shape(number).modal_mass for number in range(count)]
-        assert phases.mass[own] == pytest.approx(masses, rel=1e-8)
+        assert phases.mass[index] == pytest.approx(masses, rel=1e-8)
 
 
 def test_own_frequencies_are_those_of_the_coupling() -> None:
@@ -108,14 +108,14 @@ def test_a_spring_can_hold_a_pendulum_up_and_without_one_it_has_no_phase() -> No
 def test_small_motion_in_one_mode_turns_at_its_frequency_and_keeps_its_share(number: int) -> None:
     modes = modal.natural_modes(PAPER)
     run = simulate(PAPER, 30.0, start=start_in_mode(PAPER, modes, number, amplitude=1e-5), tolerance=1e-12)
-    phases, found = phases_of(run), find_survival(run)
+    phases, survival = phases_of(run), find_survival(run)
     assert phases.leading == (number - 1) // 2
     assert phases.frequency == pytest.approx([modes.omega[number]] * 2, rel=1e-6)
     assert phases.locked
-    assert found.survivor == number + 1
-    assert found.row.tolist() == [2, 3, 4, 5]
-    assert found.share[:, number - 1] == pytest.approx(1.0, abs=1e-7)
-    assert found.mode.family.startswith("cart still" if number % 2 else "cart moves")
+    assert survival.survivor == number + 1
+    assert survival.row.tolist() == [2, 3, 4, 5]
+    assert survival.share[:, number - 1] == pytest.approx(1.0, abs=1e-7)
+    assert survival.mode.family.startswith("cart still" if number % 2 else "cart moves")
     assert phases.order[:, phases.leading] == pytest.approx(0.0 if number % 2 else 1.0, abs=1e-5)
 
 
@@ -172,16 +172,16 @@ def test_whole_turns_do_not_count() -> None:
 def test_energies_are_those_of_the_pendula_and_cart_by_themselves(seed: int) -> None:
     scene = motion_scene(seed, standing=False)
     states = [random_state(system_of(scene), at) for at in range(3)]
-    columns = [np.array([getattr(one, name) for one in states]) for name in ("links", "link_rates")]
-    cart = [np.array([getattr(one, name) for one in states]) for name in ("cart", "cart_rate")]
+    columns = [np.array([getattr(state, name) for state in states]) for name in ("links", "link_rates")]
+    cart = [np.array([getattr(state, name) for state in states]) for name in ("cart", "cart_rate")]
     run = closed(scene, [0.0, 1.0, 2.0], *columns, *cart)
     energy, at = phases_of(run).energy, 0
-    for own, pendulum in enumerate(scene.pendulum):
+    for index, pendulum in enumerate(scene.pendulum):
         alone = scene.model_copy(update={"pendulum": (pendulum,)})
         here = slice(at, at := at + pendulum.n_links)
         motion = Motion(*(part[:, here] for part in columns), *cart, np.zeros(3))
         single = Mechanics(system_of(alone), motion)
-        assert energy[:, own] == pytest.approx(single.energy - single.cart_kinetic - single.cart_potential, rel=1e-12)
+        assert energy[:, index] == pytest.approx(single.energy - single.cart_kinetic - single.cart_potential, rel=1e-12)
     whole = energy.sum(1) + run.mechanics.cart_kinetic + run.mechanics.cart_potential
     assert whole == pytest.approx(run.mechanics.energy, rel=1e-12)
 
@@ -254,12 +254,12 @@ def test_energies_by_modes_are_those_of_modal_coordinates() -> None:
     rng, times = np.random.default_rng(3), np.linspace(0, 1e-9, 5)
     parts = rng.uniform(-0.5, 0.5, (2, 5, 8))
     run = closed(scene, times, *parts, *rng.uniform(-1, 1, (2, 5)))
-    found = find_survival(run)
+    survival = find_survival(run)
     coordinates = modal_motion(run.motion, modal.natural_modes(scene.conservative))
-    expected = np.array([coordinates.energy[:, coordinates.number == row - 1].sum(1) for row in found.row]).T
-    assert found.modes.multiplicity.max() == 2
-    assert found.energy == pytest.approx(smooth(times, expected, 1.0), rel=1e-9)
-    assert found.energy.sum(1) == pytest.approx(smooth(times, coordinates.total_energy, 1.0), rel=1e-9)
+    expected = np.array([coordinates.energy[:, coordinates.number == row - 1].sum(1) for row in survival.row]).T
+    assert survival.modes.multiplicity.max() == 2
+    assert survival.energy == pytest.approx(smooth(times, expected, 1.0), rel=1e-9)
+    assert survival.energy.sum(1) == pytest.approx(smooth(times, coordinates.total_energy, 1.0), rel=1e-9)
 
 
 @pytest.mark.parametrize("cart", [None, Cart(mass=3.0, stiffness=7.0)])
@@ -268,10 +268,10 @@ def test_no_energy_is_lost_where_different_pendula_swing_alike(cart: Cart | None
     scene = Scene(gravity=9.81, support=cart or Fixed(), pendulum=pendula)
     parts, times = np.random.default_rng(5).uniform(-0.5, 0.5, (2, 4, 6)), np.linspace(0, 1e-9, 4)
     run = closed(scene, times, *parts)
-    found = find_survival(run)
-    whole = modal_motion(run.motion, found.modes).total_energy
-    assert found.energy.sum(1) == pytest.approx(smooth(times, whole, 1.0), rel=1e-12)
-    assert found.modes.multiplicity.max() == (6 if cart is None else 5)
+    survival = find_survival(run)
+    whole = modal_motion(run.motion, survival.modes).total_energy
+    assert survival.energy.sum(1) == pytest.approx(smooth(times, whole, 1.0), rel=1e-12)
+    assert survival.modes.multiplicity.max() == (6 if cart is None else 5)
 
 
 @pytest.mark.parametrize(("sigma", "size"), [(0.02, 1.0), (0.05, 3.0)])
@@ -279,20 +279,20 @@ def test_locking_time_of_a_decay_that_is_known(sigma: float, size: float) -> Non
     """E₂/E₁ = ρ exp(−2σt), ρ known from the modal masses, falls below 1/99 at ln(99 ρ)/2σ."""
     scene = bobs(1.0, 1.2)
     modes = modal.natural_modes(scene)
-    (one, w1), (two, w2) = ((modes.shape(k), float(modes.omega[k])) for k in (1, 2))
+    (lower, w1), (two, w2) = ((modes.shape(k), float(modes.omega[k])) for k in (1, 2))
     times = np.linspace(0, 400, 20001)
     fade = size * np.exp(-sigma * times)
     first = np.cos(w1 * times), -w1 * np.sin(w1 * times)
     second = fade * np.cos(w2 * times), -fade * (w2 * np.sin(w2 * times) + sigma * np.cos(w2 * times))
-    links, rates = (np.outer(a, one.angles) + np.outer(b, two.angles) for a, b in zip(first, second, strict=True))
-    cart, cart_rate = (a * one.cart + b * two.cart for a, b in zip(first, second, strict=True))
-    found = find_survival(closed(scene, times, 0.01 * links, 0.01 * rates, 0.01 * cart, 0.01 * cart_rate))
-    ratio = size**2 * two.modal_mass * w2**2 / (one.modal_mass * w1**2)
-    assert found.survivor == 2
-    assert found.locking_time() == pytest.approx(log(99 * ratio) / (2 * sigma), abs=0.15)
-    assert found.locking_time(0.1) == pytest.approx(log(9 * ratio) / (2 * sigma), abs=0.15)
-    assert found.locking_time(0.0) is None
-    assert found.locking_time(1.1) == 0.0
+    links, rates = (np.outer(a, lower.angles) + np.outer(b, two.angles) for a, b in zip(first, second, strict=True))
+    cart, cart_rate = (a * lower.cart + b * two.cart for a, b in zip(first, second, strict=True))
+    survival = find_survival(closed(scene, times, 0.01 * links, 0.01 * rates, 0.01 * cart, 0.01 * cart_rate))
+    ratio = size**2 * two.modal_mass * w2**2 / (lower.modal_mass * w1**2)
+    assert survival.survivor == 2
+    assert survival.locking_time() == pytest.approx(log(99 * ratio) / (2 * sigma), abs=0.15)
+    assert survival.locking_time(0.1) == pytest.approx(log(9 * ratio) / (2 * sigma), abs=0.15)
+    assert survival.locking_time(0.0) is None
+    assert survival.locking_time(1.1) == 0.0
 
 
 def test_at_rest_nothing_survives_and_immense_scenes_are_refused() -> None:
@@ -309,18 +309,18 @@ def test_at_rest_nothing_survives_and_immense_scenes_are_refused() -> None:
 @pytest.mark.parametrize(("start", "row"), [((5.0, -3.0), 2), ((8.0, 1.0), 3)])
 def test_what_survives_between_two_clocks_is_what_their_angles_show(start: tuple[float, float], row: int) -> None:
     run = paired(*start)
-    found, phases = find_survival(run), phases_of(run)
+    survival, phases = find_survival(run), phases_of(run)
     end = run.motion.links[last(run.times, 0.1)]
     difference, total = np.ptp(end[:, 0] - end[:, 1]), np.ptp(end.sum(1))
     assert (difference > 1e3 * total) == (row == 2)
     assert (total > 1e3 * difference) == (row == 3)
-    assert (found.survivor, found.survivor_share) == (row, pytest.approx(1.0, abs=1e-6))
+    assert (survival.survivor, survival.survivor_share) == (row, pytest.approx(1.0, abs=1e-6))
     assert phases.order[-1, 0] == pytest.approx(row - 2, abs=1e-3)
     assert phases.locked
     crossings = np.flatnonzero(np.diff(np.signbit(run.motion.links[:, 0])) & (run.times[1:] > 200))
     counted = pi * (len(crossings) - 1) / (run.times[crossings[-1]] - run.times[crossings[0]])
     assert phases.frequency == pytest.approx([counted] * 2, rel=2e-3)
-    time = found.locking_time()
+    time = survival.locking_time()
     assert time is not None
     small, large = (run.motion.links @ [[1, 1], [1, -1]]).T[:: 1 if row == 2 else -1]
     spread = [np.ptp(small[part]) / np.ptp(large[part]) for part in (run.times > time, run.times < time)]
@@ -333,17 +333,19 @@ def test_what_survives_between_two_clocks_is_what_their_angles_show(start: tuple
 @pytest.mark.slow
 def test_measures_of_a_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, runs = bobs(1.0, 1.0, angles=(5.0, -3.0), drive=DRIVE), []
-    monkeypatch.setattr(measures, "simulate", lambda *given, **more: runs.append(given) or simulate(*given, **more))
+    monkeypatch.setattr(
+        measures, "simulate", lambda *arguments, **more: runs.append(arguments) or simulate(*arguments, **more)
+    )
     run = simulate(scene, 90.0, output=np.union1d(simulate(scene, 90.0).times, ending_times(scene, 90.0)))
     numbers: dict[str, float] = {}
     for request in parse_measures([f"{name}:90" for name in ("order", "survivor", "locking", "pendulum_energy")]):
         numbers |= request.of(scene)
     assert len(runs) == 1
     late = np.isin(run.times, ending_times(scene, 90.0))
-    found, mechanics = find_survival(run), run.mechanics
+    survival, mechanics = find_survival(run), run.mechanics
     assert numbers["survivor"] == 2
-    assert numbers["survivor_share"] == pytest.approx(found.share[-1, 0], rel=1e-9)
-    assert found.share[-1, 0] > 0.99
+    assert numbers["survivor_share"] == pytest.approx(survival.share[-1, 0], rel=1e-9)
+    assert survival.share[-1, 0] > 0.99
     assert 60 < numbers["locking_time_s"] < 90
     angles, rates = run.motion.links[late], run.motion.link_rates[late]
     expected = np.abs(np.exp(1j * np.angle(angles - 1j * rates / sqrt(9.81))).mean(1)).mean()
@@ -369,12 +371,12 @@ def test_means_over_time() -> None:
     wave, fine = np.cos(2 * pi * times), np.linspace(0, 10, 10_001)
     lines = np.interp(fine, times, wave)
     for span in (0.002, 0.7, 3.0, 50.0):
-        found = smooth(times, np.stack((wave, 2 * times), axis=1), span)
+        means = smooth(times, np.stack((wave, 2 * times), axis=1), span)
         for at in (0, 1, 57, 150, len(times) - 1):
             low, high = max(times[at] - span / 2, 0), min(times[at] + span / 2, 10)
             near = (fine >= low - 1e-9) & (fine <= high + 1e-9)
-            assert found[at, 0] == pytest.approx(np.trapezoid(lines[near], fine[near]) / (high - low), abs=1e-9)
-            assert found[at, 1] == pytest.approx(low + high)
+            assert means[at, 0] == pytest.approx(np.trapezoid(lines[near], fine[near]) / (high - low), abs=1e-9)
+            assert means[at, 1] == pytest.approx(low + high)
     assert smooth(times[:1], wave[:1], 1.0) == wave[:1]
     assert times[last(times, 0.1)][0] >= 9.0 > times[last(times, 0.1).start - 1]
     assert len(times[last(times, 0.0)]) == 2
@@ -390,8 +392,8 @@ def test_means_of_what_decays_keep_their_digits() -> None:
 
 
 def panel(figure: Figure, title: str) -> Axes:
-    (found,) = [axis for axis in figure.axes if title in axis.get_title(loc="left") + axis.get_title()]
-    return found
+    (chosen,) = [axis for axis in figure.axes if title in axis.get_title(loc="left") + axis.get_title()]
+    return chosen
 
 
 @pytest.mark.slow
@@ -418,12 +420,12 @@ def test_every_panel_has_curves_units_and_room(name: str) -> None:
 
 def test_the_picture_shows_what_was_measured() -> None:
     run = paired(5.0, -3.0)
-    phases, found = phases_of(run), find_survival(run)
+    phases, survival = phases_of(run), find_survival(run)
     figure = sync_figure(run, phases)
     assert panel(figure, "Agreement").lines[0].get_ydata() == pytest.approx(phases.order[:, 0])
     shares = panel(figure, "hold the energy")
     assert [line.get_label() for line in shares.lines] == ["cart still 3.132 rad/s", "cart moves 3.431 rad/s"]
-    for line, share in zip(shares.lines, found.share.T, strict=True):
+    for line, share in zip(shares.lines, survival.share.T, strict=True):
         assert line.get_ydata() == pytest.approx(share)
     start, end = panel(figure, "at first").lines[0], panel(figure, "links at the end").lines[1]
     assert (start.get_xdata()[0], end.get_xdata()[-1]) == (0.0, 400.0)

@@ -52,28 +52,28 @@ def tuned(mu: float, ratio: float) -> Tuned:
     return tune(carrier(mu, ratio), BOTH, minimize=[PEAK])
 
 
-def own_values(found: Tuned, mu: float) -> tuple[float, float]:
+def own_values(tuned: Tuned, mu: float) -> tuple[float, float]:
     """f and ζ of the bob."""
-    length, damping = found.numbers[LENGTH], found.numbers[DAMPING]
+    length, damping = tuned.numbers[LENGTH], tuned.numbers[DAMPING]
     omega = sqrt(G / length)
     return omega / sqrt(K / M), damping / (2 * mu * M * length**2 * omega)
 
 
 @pytest.mark.parametrize(("mu", "ratio"), BEST)
 def test_the_least_highest_peak_is_the_known_one(mu: float, ratio: float) -> None:
-    found = tuned(mu, ratio)
-    assert found.certain
-    assert [*own_values(found, mu), K * found.after] == pytest.approx(BEST[mu, ratio], abs=6e-9)
+    tuning = tuned(mu, ratio)
+    assert tuning.certain
+    assert [*own_values(tuning, mu), K * tuning.after] == pytest.approx(BEST[mu, ratio], abs=6e-9)
     if ratio == 0:
-        assert own_values(found, mu) == pytest.approx(exact_optimum(mu), rel=1e-10)
+        assert own_values(tuning, mu) == pytest.approx(exact_optimum(mu), rel=1e-10)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("mu", "ratio"), [(0.01, 0.0), (0.05, 0.02), (0.1, 0.05)])
 def test_equal_peaks_by_newton_in_25_digits_are_the_same(mu: float, ratio: float) -> None:
     """In mpmath, from the equations of two masses; nothing of the linear model is used."""
-    found = tuned(mu, ratio)
-    start = own_values(found, mu)
+    tuning = tuned(mu, ratio)
+    start = own_values(tuning, mu)
 
     def height(w: mp.mpf, f: mp.mpf, z: mp.mpf) -> mp.mpf:
         spring, rest = mu * f * f + 2j * w * z * f * mu, 1 - w * w + 2j * w * ratio
@@ -89,25 +89,25 @@ def test_equal_peaks_by_newton_in_25_digits_are_the_same(mu: float, ratio: float
         level = height(v, f, z) - height(w, f, z)
         return [level, slope((1, 0, 0), v, f, z), slope((1, 0, 0), w, f, z), *balance]
 
-    at = found.pieces_after[0]
+    at = tuning.pieces_after[0]
     peaks = sorted((at.at[at.inside] / sqrt(K / M)).tolist())
     with mp.workdps(30):
         f, z, v, *_ = mp.findroot(conditions, (*start, peaks[0], peaks[-1], 0.5), tol=1e-20)
-        assert own_values(found, mu) == pytest.approx((float(f), float(z)), rel=1e-10)
-        assert K * found.after == pytest.approx(float(mp.exp(height(v, f, z))), rel=1e-11)
+        assert own_values(tuning, mu) == pytest.approx((float(f), float(z)), rel=1e-10)
+        assert K * tuning.after == pytest.approx(float(mp.exp(height(v, f, z))), rel=1e-11)
 
 
 @pytest.mark.parametrize("link", [Rod(mass=0.6, length=3.0, damping=0.3), Bob(mass=0.5, length=2.0, damping=0.1)])
 def test_the_mass_of_a_damper_is_its_b_squared_over_A(link: Rod | Bob) -> None:
     scene = carrier().replace(pendulum=[Pendulum(links=[link])])
-    found = tune(scene, BOTH, minimize=[PEAK])
-    (rule,) = found.rules
+    tuned = tune(scene, BOTH, minimize=[PEAK])
+    (rule,) = tuned.rules
     share = 0.75 if isinstance(link, Rod) else 1.0
     mu = share * link.mass / (M + (1 - share) * link.mass)
     assert rule.absorber.mu == pytest.approx(mu, rel=1e-12)
     assert (rule.absorber.f, rule.absorber.zeta) == pytest.approx(exact_optimum(mu), rel=1e-9)
     assert den_hartog(mu) == pytest.approx((1 / (1 + mu), sqrt(3 * mu / 8 / (1 + mu))))
-    assert rule.value > found.after
+    assert rule.value > tuned.after
 
 
 # ------------------------------------------------------------------------------------------------- two dampers
@@ -130,22 +130,22 @@ def tower(storeys: int) -> Scene:
 def test_two_dampers_of_a_tower_level_three_peaks() -> None:
     """At the best numbers no direction lowers all of the highest peaks, which another engine finds equal."""
     free = ["pendulum[*].links[0].length", "pendulum[*].links[0].damping"]
-    found = tune(tower(4), free, minimize=["peak:s4_m/s4_force"])
-    at = found.pieces_after[0]
+    tuned = tune(tower(4), free, minimize=["peak:s4_m/s4_force"])
+    at = tuned.pieces_after[0]
     equal = at.inside & (at.values > at.values.max() * (1 - 1e-9))
-    assert found.certain
+    assert tuned.certain
     assert equal.sum() == 3
-    form = reduced(found.scene, [Channel("s4_m", "s4_force")])
+    form = reduced(tuned.scene, [Channel("s4_m", "s4_force")])
     row, column = form.signals[0]
-    sizes = np.abs(ExactResponse(found.scene, [column], [row]).along(at.at[equal]))[0, 0]
-    assert sizes == pytest.approx(np.full(3, found.after), rel=1e-10)
-    highest = found.objective.evaluate(found.z, True).costs[0]
+    sizes = np.abs(ExactResponse(tuned.scene, [column], [row]).along(at.at[equal]))[0, 0]
+    assert sizes == pytest.approx(np.full(3, tuned.after), rel=1e-10)
+    highest = tuned.objective.evaluate(tuned.z, True).costs[0]
     gradients = highest.gradients[highest.values > highest.values.max() - 1e-9]
     weights = np.linalg.lstsq(np.vstack((gradients.T, np.ones(len(gradients)))), [0, 0, 0, 0, 1], rcond=None)[0]
     assert weights.min() > 0
     assert np.abs(gradients.T @ weights).max() < 1e-8
-    assert len(found.valleys) >= 1
-    assert found.after < min(one.value for one in found.rules)
+    assert len(tuned.valleys) >= 1
+    assert tuned.after < min(rule.value for rule in tuned.rules)
 
 
 # ------------------------------------------------------------------------------------------- responses by numbers
@@ -175,8 +175,8 @@ def test_responses_and_their_derivatives_are_those_of_elimination(channel: Chann
     omega = np.array([0.7, 1.9, 4.0])
     row, column = form.signals[0]
 
-    def true(own: np.ndarray) -> np.ndarray:
-        return ExactResponse(numbers.scene_at(own), [column], [row]).along(omega)[0, 0]
+    def true(point: np.ndarray) -> np.ndarray:
+        return ExactResponse(numbers.scene_at(point), [column], [row]).along(omega)[0, 0]
 
     model = numbers.model(scene)
     H, by = model.gradient(0, omega, model.differentiate(places))
@@ -187,7 +187,7 @@ def test_responses_and_their_derivatives_are_those_of_elimination(channel: Chann
             8 * (true(values + step) - true(values - step)) - true(values + 2 * step) + true(values - 2 * step)
         ) / (12 * step[k])
         assert by[:, k] == pytest.approx(quotient, rel=1e-7, abs=1e-9 * np.abs(quotient).max())
-    polynomial = interpolated(lambda own: form.arrays(numbers.scene_at(own)), values)
+    polynomial = interpolated(lambda point: form.arrays(numbers.scene_at(point)), values)
     assert polynomial is not None
     for part, other in zip(polynomial.arrays(3 * values), form.arrays(numbers.scene_at(3 * values)), strict=True):
         assert part == pytest.approx(other, rel=1e-11, abs=1e-13)
@@ -196,9 +196,9 @@ def test_responses_and_their_derivatives_are_those_of_elimination(channel: Chann
 def test_peaks_are_where_the_slope_vanishes() -> None:
     scene = carrier(ratio=0.01)
     model = TunedNumbers(scene, [], reduced(scene, [Channel("x", "cart_force")])).model(scene)
-    found = find_peaks(model, 0, None)
-    H, slope = model.slope(0, found.omega[found.inside])
-    assert found.inside.sum() == 2
+    peaks = find_peaks(model, 0, None)
+    H, slope = model.slope(0, peaks.omega[peaks.inside])
+    assert peaks.inside.sum() == 2
     assert np.abs((np.conj(H) * slope).real / np.abs(H) ** 2).max() < 1e-9
 
 
@@ -208,28 +208,28 @@ def test_peaks_are_where_the_slope_vanishes() -> None:
 @pytest.mark.slow
 def test_the_rms_is_that_of_vibration_and_least() -> None:
     noise = Spectrum((0.1, 1.0), (1e-3, 1e-3), "acceleration")
-    found = tune(carrier(ratio=0.02), BOTH, minimize=["rms:x_dot"], limits=["rms:rel_1_1=0.5"], psd=noise)
-    outputs = random_response(found.scene, noise, ("cart_velocity", "relative_angles"))
-    assert [found.after, found.pieces_after[1].values[0]] == pytest.approx(outputs.rms, rel=1e-9)
-    assert all(one.larger > 0 and one.smaller > 0 for one in found.worths)
+    tuned = tune(carrier(ratio=0.02), BOTH, minimize=["rms:x_dot"], limits=["rms:rel_1_1=0.5"], psd=noise)
+    outputs = random_response(tuned.scene, noise, ("cart_velocity", "relative_angles"))
+    assert [tuned.after, tuned.pieces_after[1].values[0]] == pytest.approx(outputs.rms, rel=1e-9)
+    assert all(worth.larger > 0 and worth.smaller > 0 for worth in tuned.worths)
 
 
 def test_a_limit_of_the_stroke_is_kept_and_costs_something() -> None:
     free = tuned(0.05, 0.02)
     most = 0.8 * free.loads[0].stroke
-    found = tune(carrier(0.05, 0.02), BOTH, minimize=[PEAK], limits=[f"rel_1_1={most}"])
-    assert found.loads[0].stroke == pytest.approx(most, rel=1e-8)
-    assert found.after > free.after
-    assert found.loads[0].effort > 0
+    tuning = tune(carrier(0.05, 0.02), BOTH, minimize=[PEAK], limits=[f"rel_1_1={most}"])
+    assert tuning.loads[0].stroke == pytest.approx(most, rel=1e-8)
+    assert tuning.after > free.after
+    assert tuning.loads[0].effort > 0
 
 
 @pytest.mark.slow
 def test_the_largest_damping_is_that_of_equal_pairs_of_poles() -> None:
     """Of an undamped cart both pairs meet at f = 1/(1 + μ) and ζ = √(μ/(1 + μ)), with √μ/2 for every mode."""
     mu = 0.1
-    found = tune(carrier(mu), BOTH, maximize=["damping"])
-    assert own_values(found, mu) == pytest.approx((1 / (1 + mu), sqrt(mu / (1 + mu))), rel=2e-3)
-    assert found.after == pytest.approx(sqrt(mu) / 2, rel=2e-2)
+    tuned = tune(carrier(mu), BOTH, maximize=["damping"])
+    assert own_values(tuned, mu) == pytest.approx((1 / (1 + mu), sqrt(mu / (1 + mu))), rel=2e-3)
+    assert tuned.after == pytest.approx(sqrt(mu) / 2, rel=2e-2)
     settling = tune(carrier(mu), [f"{LENGTH}=2.97:2.98", DAMPING], minimize=["settling"])
     decay = -settling.objective.pieces(settling.z)[0].values.max()
     assert settling.after == pytest.approx(-decay)
@@ -242,35 +242,35 @@ def test_the_residual_of_a_travel_is_least_where_the_period_fits() -> None:
     """x = d (10 s³ − 15 s⁴ + 6 s⁵) leaves nothing where its spectrum vanishes at the mode: sin a = 3a/(3 − a²)."""
     duration = 3.0
     scene = Scene(gravity=G, support=Cart(mass=M), pendulum=[Pendulum(links=[Bob(mass=0.5, length=0.5)])])
-    found = tune(scene, [f"{LENGTH}=0.3:0.8"], minimize=["residual"], travel=2.0, over=duration)
+    tuned = tune(scene, [f"{LENGTH}=0.3:0.8"], minimize=["residual"], travel=2.0, over=duration)
     with mp.workdps(20):
         half = mp.findroot(lambda a: (3 - a * a) * mp.sin(a) - 3 * a * mp.cos(a), 5.763)
-    assert found.numbers[LENGTH] == pytest.approx(G / float(2 * half / duration) ** 2, rel=1e-5)
-    assert travel_swing(found.scene, Travel(2.0, 0.0, duration)) < 1e-5
+    assert tuned.numbers[LENGTH] == pytest.approx(G / float(2 * half / duration) ** 2, rel=1e-5)
+    assert travel_swing(tuned.scene, Travel(2.0, 0.0, duration)) < 1e-5
 
 
 @pytest.mark.slow
 def test_robust_numbers_are_the_best_for_the_worst_masses() -> None:
-    plain, found = tuned(0.05, 0.02), tune(carrier(0.05, 0.02), BOTH, minimize=[PEAK], robust=True)
-    assert found.worst.value < plain.worst.value
-    assert found.after > plain.after
+    plain, robust = tuned(0.05, 0.02), tune(carrier(0.05, 0.02), BOTH, minimize=[PEAK], robust=True)
+    assert robust.worst.value < plain.worst.value
+    assert robust.after > plain.after
     corners = [
-        found.objective.value(found.z, {("support", "mass"): a, ("pendulum", 0, "links", 0, "mass"): b})
+        robust.objective.value(robust.z, {("support", "mass"): a, ("pendulum", 0, "links", 0, "mass"): b})
         for a in (0.95, 1.05)
         for b in (0.95, 1.05)
     ]
-    assert found.worst.value == pytest.approx(max(corners))
+    assert robust.worst.value == pytest.approx(max(corners))
     assert sorted(corners)[-1] == pytest.approx(sorted(corners)[-2], rel=1e-6)
 
 
 def test_what_a_number_is_worth_is_where_the_objective_is_one_percent_off() -> None:
-    found = tuned(0.05, 0.02)
-    for k, one in enumerate(found.worths):
-        for edge in (one.low, one.high):
-            z = found.z.copy()
+    tuning = tuned(0.05, 0.02)
+    for k, worth in enumerate(tuning.worths):
+        for edge in (worth.low, worth.high):
+            z = tuning.z.copy()
             z[k] = log(edge)
-            assert found.objective.value(z) / found.after == pytest.approx(1.01, abs=1e-5)
-    text = tuned_text(found)
+            assert tuning.objective.value(z) / tuning.after == pytest.approx(1.01, abs=1e-5)
+    text = tuned_text(tuning)
     assert "one valley" in text
     assert "Den Hartog" in text
 

@@ -41,16 +41,16 @@ def paper() -> Check:
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
 def test_tiny_swings_have_the_frequencies_of_the_table(number: int) -> None:
     modes = natural_modes(PAPER)
-    found = measure_mode(modes, number, 1e-5, 20, "DOP853")
-    assert abs(found.omega / modes.omega[number] - 1) < 1e-8
-    assert found.outside < 1e-12
+    measurement = measure_mode(modes, number, 1e-5, 20, "DOP853")
+    assert abs(measurement.omega / modes.omega[number] - 1) < 1e-8
+    assert measurement.outside < 1e-12
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
 def test_the_slope_is_the_published_kappa(number: int) -> None:
     modes, a = natural_modes(PAPER), radians(2.0)
-    found = measure_mode(modes, number, a, 20)
-    slope = found.shift / a**2
+    measurement = measure_mode(modes, number, a, 20)
+    slope = measurement.shift / a**2
     assert slope == pytest.approx(KAPPA[number], rel=0.01)
     assert slope != pytest.approx(1.02 * KAPPA[number], rel=0.01)
     assert modes[number].kappa == pytest.approx(KAPPA[number], rel=1e-4)
@@ -73,10 +73,10 @@ def test_kappa_and_one_percent_are_extrapolated(paper: Check) -> None:
 @pytest.mark.parametrize("angle", [1.0, 30.0, 90.0, 150.0])
 def test_a_simple_pendulum_is_measured_as_the_elliptic_integral_says(angle: float) -> None:
     modes = natural_modes(SIMPLE)
-    found = measure_mode(modes, 0, radians(angle), 30)
+    measurement = measure_mode(modes, 0, radians(angle), 30)
     exact = pi / 2 / float(ellipk(np.sin(radians(angle) / 2) ** 2)) - 1
-    assert abs(found.shift - exact) <= found.error < 1e-6
-    assert found.outside < 1e-20
+    assert abs(measurement.shift - exact) <= measurement.error < 1e-6
+    assert measurement.outside < 1e-20
 
 
 def test_one_percent_of_a_simple_pendulum() -> None:
@@ -104,17 +104,17 @@ def test_the_uncertainty_of_kappa_counts_the_modes_that_swing_along(angles: tupl
     )
     runs = [measure_mode(modes, 1, radians(angle)) for angle in angles]
     kappa, error = limit(runs)
-    own = limit([replace(run, outside=0.0) for run in runs])[1]
+    alone = limit([replace(run, outside=0.0) for run in runs])[1]
     assert abs(kappa - modes[1].kappa) < error < 0.05 * abs(kappa)
-    assert own < error
+    assert alone < error
 
 
 def test_a_damped_mode_keeps_its_kappa() -> None:
     modes = natural_modes(load("metronomes").undriven)
-    found = measure_mode(modes, 3, radians(5.0), 20)
-    assert found.effective < radians(4.9)
-    assert found.shift == pytest.approx(modes[3].kappa * found.effective**2, rel=3e-3)
-    assert found.shift != pytest.approx(modes[3].kappa * radians(5.0) ** 2, rel=0.1)
+    measurement = measure_mode(modes, 3, radians(5.0), 20)
+    assert measurement.effective < radians(4.9)
+    assert measurement.shift == pytest.approx(modes[3].kappa * measurement.effective**2, rel=3e-3)
+    assert measurement.shift != pytest.approx(modes[3].kappa * radians(5.0) ** 2, rel=0.1)
 
 
 def test_the_clock_of_a_damped_run() -> None:
@@ -129,9 +129,9 @@ def test_the_clock_of_a_damped_run() -> None:
     [("cart-upright", 1, "unstable"), ("metronomes", 1, "overdamped"), ("paper-cart-1", 0, "translation")],
 )
 def test_what_cannot_be_checked_says_why(name: str, number: int, words: str) -> None:
-    found = check(load(name), [number], (1.0,))
-    assert found.rows == ()
-    assert words in found.skipped[0][1]
+    checked = check(load(name), [number], (1.0,))
+    assert checked.rows == ()
+    assert words in checked.skipped[0][1]
 
 
 @pytest.mark.parametrize("scene", [PAPER, DAMPED, load("cart-upright"), load("metronomes")])
@@ -147,21 +147,21 @@ def test_a_combination_of_modes_returns_its_weights(scene: Scene) -> None:
         assert np.allclose(v, phi @ (z * modes.eigenvalue[rows]).real)
     first = int(modes.on_cart)
     motion = Motion(q[None, first:] + rest_angles(scene), v[None, first:], q[:1], v[:1], np.zeros(1))
-    found = modal_motion(motion, modes, rows)
-    assert np.allclose(found.coordinate[0], z.real, atol=1e-9)
-    assert np.allclose(found.rate[0], (z * modes.eigenvalue[rows]).real, atol=1e-8)
+    projected = modal_motion(motion, modes, rows)
+    assert np.allclose(projected.coordinate[0], z.real, atol=1e-9)
+    assert np.allclose(projected.rate[0], (z * modes.eigenvalue[rows]).real, atol=1e-8)
 
 
 def test_modal_energies_add_up() -> None:
     modes, rng = natural_modes(PAPER), np.random.default_rng(2)
     motion = Motion(*(0.1 * rng.normal(size=shape) for shape in ((6, 4), (6, 4), 6, 6, 6)))
-    found = modal_motion(motion, modes)
+    projected = modal_motion(motion, modes)
     M = matrices(PAPER).M
-    mass = [phi.real @ M @ phi.real for phi in found.shapes.T]
-    by_hand = mass * (found.rate**2 + modes.omega[found.number] ** 2 * found.coordinate**2) / 2
-    assert np.allclose(found.energy, by_hand, rtol=1e-10)
-    assert np.allclose(found.energy.sum(1), found.total_energy, rtol=1e-10)
-    assert np.allclose(found.share_outside(2), 1 - found.energy[:, 2] / found.total_energy)
+    mass = [phi.real @ M @ phi.real for phi in projected.shapes.T]
+    by_hand = mass * (projected.rate**2 + modes.omega[projected.number] ** 2 * projected.coordinate**2) / 2
+    assert np.allclose(projected.energy, by_hand, rtol=1e-10)
+    assert np.allclose(projected.energy.sum(1), projected.total_energy, rtol=1e-10)
+    assert np.allclose(projected.share_outside(2), 1 - projected.energy[:, 2] / projected.total_energy)
 
 
 def test_a_damped_start_stays_in_its_mode() -> None:
@@ -170,18 +170,18 @@ def test_a_damped_start_stays_in_its_mode() -> None:
     run = simulate(
         DAMPED, 5.0, start=start_in_mode(DAMPED, modes, number, 0, 1e-6), tolerance=1e-14, output=50, method="DOP853"
     )
-    found = modal_motion(run.motion, modes)
-    at = found.number.tolist().index(number)
+    projected = modal_motion(run.motion, modes)
+    at = projected.number.tolist().index(number)
     expected = 1e-6 * np.exp(modes.eigenvalue[number] * run.times).real
-    assert np.allclose(found.coordinate[:, at], expected, atol=1e-12)
-    others = np.delete(found.coordinate, at, axis=1)
+    assert np.allclose(projected.coordinate[:, at], expected, atol=1e-12)
+    others = np.delete(projected.coordinate, at, axis=1)
     assert np.abs(others).max() < 1e-11
 
 
 def test_a_scene_in_space_is_checked_along_its_rail() -> None:
     scene = SIMPLE.model_copy(update={"space": "space"})
-    found = measure_mode(natural_modes(scene), 0, radians(20.0), 12)
-    assert found.shift == pytest.approx(measure_mode(natural_modes(SIMPLE), 0, radians(20.0), 12).shift, rel=1e-6)
+    measurement = measure_mode(natural_modes(scene), 0, radians(20.0), 12)
+    assert measurement.shift == pytest.approx(measure_mode(natural_modes(SIMPLE), 0, radians(20.0), 12).shift, rel=1e-6)
     with pytest.raises(ComputationError, match="across"):
         start_in_mode(scene, natural_modes(scene), 0, 1)
 
@@ -212,16 +212,16 @@ def test_tables(paper: Check) -> None:
 @pytest.mark.slow
 def test_a_general_motion_has_the_lines_of_the_table() -> None:
     run = simulate(PAPER, 300.0, output=4001, start=state_at_rest(PAPER, [0.02, 0.01, -0.015, 0.03]))
-    found = compare(run)
-    for row in found.rows[1:]:
+    comparison = compare(run)
+    for row in comparison.rows[1:]:
         assert row.lines[0].omega == pytest.approx(row.mode.omega, rel=1e-6)
-        assert found.nearest(row.lines[0])[0] == row.mode.number
-    assert sum(row.share for row in found.rows) == pytest.approx(1.0, rel=1e-6)
-    assert "mode 2" in comparison_table(found, "text")
-    assert len(json.loads(comparison_table(found, "json"))["coordinates"]) == 5
-    assert comparison_table(found, "csv").startswith("mode,copy")
+        assert comparison.nearest(row.lines[0])[0] == row.mode.number
+    assert sum(row.share for row in comparison.rows) == pytest.approx(1.0, rel=1e-6)
+    assert "mode 2" in comparison_table(comparison, "text")
+    assert len(json.loads(comparison_table(comparison, "json"))["coordinates"]) == 5
+    assert comparison_table(comparison, "csv").startswith("mode,copy")
     stream = io.BytesIO()
-    draw_spectrum(found, stream)
+    draw_spectrum(comparison, stream)
     assert stream.getvalue().startswith(b"\x89PNG")
 
 
@@ -262,19 +262,19 @@ def test_a_translation_that_no_damper_brakes_keeps_its_place_and_its_speed() -> 
     scene = Scene(gravity=9.81, support=Cart(mass=3.0), pendulum=(Pendulum(links=links),))
     modes, rng = natural_modes(scene), np.random.default_rng(4)
     motion = Motion(*(0.1 * rng.normal(size=shape) for shape in ((5, 2), (5, 2), 5, 5, 5)))
-    found = modal_motion(motion, modes)
-    whole = [sum(parts) for parts in zip(*(found.part(at) for at in range(len(found.number))), strict=True)]
-    assert np.allclose(whole[0], found.displacement, atol=1e-12)
-    assert np.allclose(whole[1], found.velocity, atol=1e-12)
-    momentum = (matrices(scene).M @ found.velocity.T)[0]
-    assert np.allclose(found.rate[:, 0] * found.shapes[0, 0].real, momentum / 4.4, atol=1e-12)
+    projected = modal_motion(motion, modes)
+    whole = [sum(parts) for parts in zip(*(projected.part(at) for at in range(len(projected.number))), strict=True)]
+    assert np.allclose(whole[0], projected.displacement, atol=1e-12)
+    assert np.allclose(whole[1], projected.velocity, atol=1e-12)
+    momentum = (matrices(scene).M @ projected.velocity.T)[0]
+    assert np.allclose(projected.rate[:, 0] * projected.shapes[0, 0].real, momentum / 4.4, atol=1e-12)
 
 
 def test_a_massless_cart_over_bobs_is_skipped_without_a_run() -> None:
     pendula = [Pendulum(links=(Bob(mass=m, length=l),)) for m, l in ((1.0, 1.0), (0.5, 0.8))]
-    found = check(Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=pendula))
-    assert not found.rows
-    assert "no equation of motion" in found.skipped[1][1]
+    checked = check(Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=pendula))
+    assert not checked.rows
+    assert "no equation of motion" in checked.skipped[1][1]
     alike = Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=[pendula[0].replace(count=2)])
     (still,) = check(alike, [1], (5.0,), periods=8).rows
     assert still.backbone is None

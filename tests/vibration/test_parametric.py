@@ -38,9 +38,9 @@ def test_tongues_are_those_of_mathieus_equation(q: float, edge: tuple[object, in
 def test_on_a_tongues_edge_the_trace_is_two() -> None:
     q = 0.3
     for a in (float(mathieu_b(1, q)), float(mathieu_a(1, q)), float(mathieu_b(2, q)), float(mathieu_a(2, q))):
-        found = parametric_stability(shaken(q * LENGTH / 2, sqrt(4 * G / LENGTH / a) / tau))
-        assert abs(found.multipliers.sum().real) == pytest.approx(2.0, abs=1e-10)
-        assert abs(np.prod(found.multipliers)) == pytest.approx(1.0, rel=1e-10)
+        stability = parametric_stability(shaken(q * LENGTH / 2, sqrt(4 * G / LENGTH / a) / tau))
+        assert abs(stability.multipliers.sum().real) == pytest.approx(2.0, abs=1e-10)
+        assert abs(np.prod(stability.multipliers)) == pytest.approx(1.0, rel=1e-10)
 
 
 def test_kapitzas_condition() -> None:
@@ -54,10 +54,10 @@ def test_kapitzas_condition() -> None:
 def test_kapitzas_averaged_frequency() -> None:
     """ω² = a²Ω²/(2 l²) − g/l about the upper position (Landau & Lifshitz, §30, problem 1)."""
     amplitude, omega = 0.004, 3000.0
-    found = parametric_stability(shaken(amplitude, omega / tau, way="up"))
+    stability = parametric_stability(shaken(amplitude, omega / tau, way="up"))
     averaged = sqrt((amplitude * omega) ** 2 / (2 * LENGTH**2) - G / LENGTH)
-    assert abs(np.angle(found.multipliers[0])) / found.period == pytest.approx(averaged, rel=2e-3)
-    assert found.growth_rate == pytest.approx(0.0, abs=1e-6)
+    assert abs(np.angle(stability.multipliers[0])) / stability.period == pytest.approx(averaged, rel=2e-3)
+    assert stability.growth_rate == pytest.approx(0.0, abs=1e-6)
 
 
 def test_without_motion_the_multipliers_are_those_of_the_modes() -> None:
@@ -66,8 +66,8 @@ def test_without_motion_the_multipliers_are_those_of_the_modes() -> None:
     scene = Scene(gravity=G, support=Moved(motion=motion), pendulum=(Pendulum(links=links),))
     values = natural_modes(scene).eigenvalue
     expected = np.exp(np.concatenate([values, values.conj()]) / 2.0)
-    found = parametric_stability(scene).multipliers
-    assert sorted(found, key=lambda z: (abs(z), z.imag)) == pytest.approx(
+    multipliers = parametric_stability(scene).multipliers
+    assert sorted(multipliers, key=lambda z: (abs(z), z.imag)) == pytest.approx(
         sorted(expected, key=lambda z: (abs(z), z.imag)), rel=1e-9
     )
 

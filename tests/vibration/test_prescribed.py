@@ -37,28 +37,28 @@ MOTIONS: list[SupportMotion] = [
 
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_velocity_and_acceleration_are_the_derivatives(motion: SupportMotion) -> None:
-    found = prescribed_motion(motion)
+    law = prescribed_motion(motion)
     t = np.concatenate([np.linspace(-0.5, 5.5, 61) + 0.0137, [1.0]])
     h = 1e-4
-    for low, high in ((found.displacement, found.velocity), (found.velocity, found.acceleration)):
+    for low, high in ((law.displacement, law.velocity), (law.velocity, law.acceleration)):
         slope = (low(t - 2 * h) - 8 * low(t - h) + 8 * low(t + h) - low(t + 2 * h)) / (12 * h)
         assert slope == pytest.approx(high(t), rel=1e-7, abs=1e-7 * np.abs(high(t)).max())
-    assert found.acceleration_at(1.0) == pytest.approx(float(found.acceleration([1.0])[0]), rel=1e-12)
+    assert law.acceleration_at(1.0) == pytest.approx(float(law.acceleration([1.0])[0]), rel=1e-12)
 
 
 def test_a_sweep_reaches_its_frequencies() -> None:
-    found = prescribed_motion(SweepMotion(amplitude=1.0, from_hz=1.0, to_hz=3.0, duration=8.0))
+    motion = prescribed_motion(SweepMotion(amplitude=1.0, from_hz=1.0, to_hz=3.0, duration=8.0))
     t = np.linspace(0.0, 8.0, 400_001)
-    crossings = t[:-1][np.diff(np.sign(found.displacement(t))) != 0]
+    crossings = t[:-1][np.diff(np.sign(motion.displacement(t))) != 0]
     assert len(crossings[crossings > 0]) == pytest.approx(2 * 2.0 * 8.0, abs=1)
     after = np.linspace(8.0, 9.0, 100_001)
-    assert np.sum(np.diff(np.sign(found.displacement(after))) != 0) == 6
+    assert np.sum(np.diff(np.sign(motion.displacement(after))) != 0) == 6
 
 
 @pytest.mark.parametrize("of", ["displacement_m", "velocity_m_per_s", "acceleration_m_per_s2"])
 def test_a_record_is_met_at_its_samples_and_is_smooth_between(of: str) -> None:
-    found = prescribed_motion(record(of))
-    read = {"displacement_m": found.displacement, "velocity_m_per_s": found.velocity}.get(of, found.acceleration)
+    motion = prescribed_motion(record(of))
+    read = {"displacement_m": motion.displacement, "velocity_m_per_s": motion.velocity}.get(of, motion.acceleration)
     assert read(TIMES) == pytest.approx(WAVE, abs=1e-12)
     between = TIMES[10:-10] + 0.023
     exact = np.sin(2.1 * between) + 0.3 * np.cos(4.7 * between)
@@ -73,10 +73,10 @@ def test_the_band_is_where_a_sine_is_a_percent_off() -> None:
         for share, low, high in ((1.0, 0.005, 0.015), (0.7, 0.0, 0.005)):
             omega = tau * limit * share
             values = tuple(np.sin(omega * t + 0.3).tolist())
-            found = prescribed_motion(RecordMotion(time_s=tuple(t.tolist()), **{of: values}))
+            motion = prescribed_motion(RecordMotion(time_s=tuple(t.tolist()), **{of: values}))
             fine = np.linspace(100, 300, 20_001)
             wanted = np.sin(omega * fine + 0.3) * (-(omega**2) if derivatives else 1.0)
-            error = np.sqrt(np.mean((found.acceleration(fine) - wanted) ** 2) / np.mean(wanted**2))
+            error = np.sqrt(np.mean((motion.acceleration(fine) - wanted) ** 2) / np.mean(wanted**2))
             assert low <= error <= high
 
 
@@ -137,6 +137,6 @@ def test_impossible_motions_are_refused(made: object, said: str) -> None:
 
 
 def test_a_sine_is_the_formula() -> None:
-    found = prescribed_motion(MOTIONS[0])
+    motion = prescribed_motion(MOTIONS[0])
     t = np.linspace(-2, 2, 9)
-    assert found.displacement(t) == pytest.approx(0.2 * np.sin(tau * 1.3 * t + 25 * pi / 180), rel=1e-12)
+    assert motion.displacement(t) == pytest.approx(0.2 * np.sin(tau * 1.3 * t + 25 * pi / 180), rel=1e-12)

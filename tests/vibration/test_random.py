@@ -32,22 +32,22 @@ def double(damping: float, support: Fixed | Cart = HELD) -> Scene:
 @pytest.mark.parametrize("damping", [0.1, 1e-3, 1e-6])
 def test_white_noise_through_one_mode_is_its_closed_form(damping: float) -> None:
     """θ'' + 2ζωθ' + ω²θ = −a/l: σ_θ² = S / (8 ζ ω³ l²) for the one-sided S in (m/s²)²/Hz."""
-    found = random_response(oscillator(damping), WHITE, ("angles", "rates"))
+    response = random_response(oscillator(damping), WHITE, ("angles", "rates"))
     omega = sqrt(9.81 / 0.5)
     zeta = damping / (2.0 * 0.5**2) / (2 * omega)
     exact = sqrt(2.0 / (8 * zeta * omega**3 * 0.5**2))
-    assert found.rms[0] == pytest.approx(exact, rel=1e-9)
-    assert found.rms[1] == pytest.approx(omega * exact, rel=2e-5)
-    assert found.white[0] == pytest.approx([exact, omega * exact], rel=1e-12)
-    assert found.by_mode[0] == pytest.approx(found.rms, rel=1e-12)
+    assert response.rms[0] == pytest.approx(exact, rel=1e-9)
+    assert response.rms[1] == pytest.approx(omega * exact, rel=2e-5)
+    assert response.white[0] == pytest.approx([exact, omega * exact], rel=1e-12)
+    assert response.by_mode[0] == pytest.approx(response.rms, rel=1e-12)
 
 
 def test_miles_equation() -> None:
     """The acceleration felt on an oscillator, ω² times its displacement, is √(π f Q S/2)."""
-    found = random_response(oscillator(0.01), WHITE, ("angles",))
+    response = random_response(oscillator(0.01), WHITE, ("angles",))
     omega = sqrt(9.81 / 0.5)
     Q = omega * 2.0 * 0.5**2 / 0.01
-    assert omega**2 * 0.5 * found.rms[0] == pytest.approx(sqrt(pi / 2 * omega / tau * Q * 2.0), rel=1e-6)
+    assert omega**2 * 0.5 * response.rms[0] == pytest.approx(sqrt(pi / 2 * omega / tau * Q * 2.0), rel=1e-6)
 
 
 @pytest.mark.parametrize("support", [Fixed(), Cart(mass=2.0, stiffness=20.0, damping=0.5)])
@@ -59,22 +59,22 @@ def test_white_noise_is_the_lyapunov_equation(damping: float, support: Fixed | C
     moving = [k for k, signal in enumerate(model.states) if not signal.name.startswith("support")]
     A, B, C = model.A[np.ix_(moving, moving)], model.B[moving], model.C[:, moving]
     covariance = solve_continuous_lyapunov(A, -B @ B.T)  # a one-sided PSD of 2 per hertz is an intensity of 1
-    found = random_response(scene, WHITE, wanted)
-    assert found.rms == pytest.approx(np.sqrt(np.diag(C @ covariance @ C.T)), rel=1e-5 if damping > 0.01 else 1e-8)
+    response = random_response(scene, WHITE, wanted)
+    assert response.rms == pytest.approx(np.sqrt(np.diag(C @ covariance @ C.T)), rel=1e-5 if damping > 0.01 else 1e-8)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_coloured_psd_is_the_integral_of_the_response(seed: int) -> None:
     scene = mild_scene(seed, damping=0.05).replace(support=Fixed(), space="plane")
     spectrum = Spectrum((0.1, 0.7, 2.0, 9.0), (1.0, 0.3, 2.0, 0.1), ("acceleration", "velocity", "displacement")[seed])
-    found = random_response(scene, spectrum, ("angles",))
-    edges = sorted({*spectrum.frequency_hz, *(f for f in found.modes.omega / tau if 0.1 < f < 9.0)})
+    response = random_response(scene, spectrum, ("angles",))
+    edges = sorted({*spectrum.frequency_hz, *(f for f in response.modes.omega / tau if 0.1 < f < 9.0)})
     total = sum(
-        fixed_quad(lambda f: found.psd(f)[0], *panel, n=24)[0]
+        fixed_quad(lambda f: response.psd(f)[0], *panel, n=24)[0]
         for low, high in pairwise(edges)
         for panel in pairwise(np.linspace(low, high, 41))
     )
-    assert found.rms[0] ** 2 == pytest.approx(total, rel=1e-7)
+    assert response.rms[0] ** 2 == pytest.approx(total, rel=1e-7)
 
 
 def test_a_psd_of_displacement_is_one_of_acceleration() -> None:
@@ -95,18 +95,18 @@ def test_an_undamped_mode_has_no_finite_rms() -> None:
     beyond = random_response(double(0.0), Spectrum((3.0, 10.0), (1.0, 1.0), "acceleration"), ("angles",))
     assert np.all(np.isfinite(beyond.rms))
     assert not beyond.words
-    one = random_response(double(0.0), Spectrum((0.4, 0.8), (1.0, 1.0), "acceleration"), ("angles",))
-    assert np.isinf(one.by_mode[0, 0])
-    assert np.isfinite(one.by_mode[1, 0])
+    response = random_response(double(0.0), Spectrum((0.4, 0.8), (1.0, 1.0), "acceleration"), ("angles",))
+    assert np.isinf(response.by_mode[0, 0])
+    assert np.isfinite(response.by_mode[1, 0])
 
 
 def test_a_mode_that_the_noise_does_not_reach_is_silent() -> None:
     """Two equal pendula on a free cart, which does not feel the ground at all."""
     pair = double(0.0, Cart(mass=3.0))
     pair = pair.replace(pendulum=(pair.pendulum[0].replace(count=2),))
-    found = random_response(pair, Spectrum((0.1, 10.0), (1.0, 1.0), "acceleration"), ("angles", "cart_position"))
-    assert found.rms == pytest.approx(np.zeros(5), abs=1e-12)
-    assert not found.words
+    response = random_response(pair, Spectrum((0.1, 10.0), (1.0, 1.0), "acceleration"), ("angles", "cart_position"))
+    assert response.rms == pytest.approx(np.zeros(5), abs=1e-12)
+    assert not response.words
     held = pair.replace(support=Cart(mass=3.0, damping=1.0))
     damped = random_response(held, Spectrum((0.1, 10.0), (1.0, 1.0), "acceleration"), ("angles",))
     assert np.all(np.isfinite(damped.rms))
@@ -119,9 +119,9 @@ def test_too_many_modes_and_outputs_are_refused() -> None:
 
 
 def test_a_position_in_the_laboratory_drifts_under_white_noise() -> None:
-    found = random_response(double(0.1), WHITE, ("tip_positions",))
-    assert np.isinf(found.rms[0])
-    assert "0 Hz" in found.words[0]
+    response = random_response(double(0.1), WHITE, ("tip_positions",))
+    assert np.isinf(response.rms[0])
+    assert "0 Hz" in response.words[0]
 
 
 def test_what_grows_by_itself_is_refused() -> None:
@@ -176,5 +176,5 @@ def test_a_realization_has_that_rms() -> None:
 
 
 def test_the_answer_is_finite_where_a_mode_is_extremely_sharp() -> None:
-    found: RandomResponse = random_response(oscillator(1e-9), WHITE, ("angles",))
-    assert found.rms[0] == pytest.approx(found.white[0, 0], rel=1e-6)
+    response: RandomResponse = random_response(oscillator(1e-9), WHITE, ("angles",))
+    assert response.rms[0] == pytest.approx(response.white[0, 0], rel=1e-6)

@@ -32,16 +32,16 @@ def scene(support: Fixed | Cart = HELD, damping: float = 0.02) -> Scene:
     return Scene(gravity=9.81, support=support, pendulum=(Pendulum(links=links),))
 
 
-def whole(one: Scene, record: Record, times: np.ndarray, outputs: tuple[str, ...]) -> np.ndarray:
+def whole(scene: Scene, record: Record, times: np.ndarray, outputs: tuple[str, ...]) -> np.ndarray:
     """The outputs by an integrator of the whole model."""
-    model = state_space(one, ("support_acceleration",), outputs)
+    model = state_space(scene, ("support_acceleration",), outputs)
     run = solve_ivp(
         lambda t, z: model.A @ z + model.B[:, 0] * record.acceleration_at(t),
         (times[0], times[-1]), np.zeros(len(model.A)), "DOP853", t_eval=times, rtol=1e-10, atol=1e-12, max_step=0.05,
     )  # fmt: skip
-    found = model.C @ run.y + model.D * record.acceleration(times)
+    response = model.C @ run.y + model.D * record.acceleration(times)
     begun = float(record.displacement(record.first)) + record.velocity(record.first) * (times - record.first)
-    return found + (np.array([signal.name.startswith("tip_1") for signal in model.outputs])[:, None] * begun)
+    return response + (np.array([signal.name.startswith("tip_1") for signal in model.outputs])[:, None] * begun)
 
 
 @pytest.mark.parametrize(
@@ -49,21 +49,21 @@ def whole(one: Scene, record: Record, times: np.ndarray, outputs: tuple[str, ...
 )
 @pytest.mark.parametrize("damping", [0.0, 0.02])
 def test_histories_are_those_of_the_whole_model(support: Fixed | Cart, damping: float) -> None:
-    one = scene(support, damping)
-    found = shock_response(one, PUSH, ALL)
-    inside = found.times <= found.record.last
-    exact = whole(one, found.record, found.times[inside], ALL)
-    assert found.history[:, inside] == pytest.approx(exact, abs=1e-7 * max(1.0, np.abs(exact).max()))
-    assert found.times[-1] > found.record.last
-    assert found.peaks[:, 0] == pytest.approx(np.abs(found.history).max(1), rel=2e-3, abs=1e-9)
+    example = scene(support, damping)
+    response = shock_response(example, PUSH, ALL)
+    inside = response.times <= response.record.last
+    exact = whole(example, response.record, response.times[inside], ALL)
+    assert response.history[:, inside] == pytest.approx(exact, abs=1e-7 * max(1.0, np.abs(exact).max()))
+    assert response.times[-1] > response.record.last
+    assert response.peaks[:, 0] == pytest.approx(np.abs(response.history).max(1), rel=2e-3, abs=1e-9)
 
 
 def test_a_record_of_displacement_is_the_same_motion() -> None:
     smooth = np.sin(1.9 * TIMES)
     moves = RecordMotion(time_s=PUSH.time_s, displacement_m=tuple(smooth.tolist()))
     pushes = RecordMotion(time_s=PUSH.time_s, acceleration_m_per_s2=tuple((-(1.9**2) * smooth).tolist()))
-    one, other = (shock_response(scene(), motion, ("angles",)) for motion in (moves, pushes))
-    assert one.peaks[:, 0] == pytest.approx(other.peaks[:, 0], rel=1e-4)
+    response, other = (shock_response(scene(), motion, ("angles",)) for motion in (moves, pushes))
+    assert response.peaks[:, 0] == pytest.approx(other.peaks[:, 0], rel=1e-4)
 
 
 def test_the_spectrum_is_the_peak_of_one_pendulum() -> None:
@@ -72,11 +72,11 @@ def test_the_spectrum_is_the_peak_of_one_pendulum() -> None:
     omega = np.sqrt(9.81 / length)
     link = Bob(mass=2.0, length=length, damping=2 * zeta * omega * 2.0 * length**2)
     single = Scene(gravity=9.81, pendulum=(Pendulum(links=(link,)),))
-    found = shock_response(single, PUSH, ("angles",))
-    spectrum = response_spectrum(found.record, np.array([omega / tau]), zeta)
-    assert length * found.peaks[0, 0] == pytest.approx(spectrum[0], rel=1e-6)
-    assert found.srss[0] == pytest.approx(found.peaks[0, 0], rel=1e-12)
-    assert found.cqc[0] == pytest.approx(found.peaks[0, 0], rel=1e-12)
+    response = shock_response(single, PUSH, ("angles",))
+    spectrum = response_spectrum(response.record, np.array([omega / tau]), zeta)
+    assert length * response.peaks[0, 0] == pytest.approx(spectrum[0], rel=1e-6)
+    assert response.srss[0] == pytest.approx(response.peaks[0, 0], rel=1e-12)
+    assert response.cqc[0] == pytest.approx(response.peaks[0, 0], rel=1e-12)
 
 
 def test_a_half_sine_pulse_has_its_textbook_spectrum() -> None:
@@ -115,12 +115,12 @@ def test_srss_and_cqc_are_the_textbook_formulas() -> None:
 
 
 def test_combinations_are_near_the_exact_peak_and_masses_add_up() -> None:
-    found = shock_response(scene(), PUSH, ("angles", "tip_positions"))
-    assert found.cqc[:2] == pytest.approx(found.peaks[:2, 0], rel=0.3)
-    assert np.isnan(found.cqc[2])
-    assert found.mass_shares.sum() == pytest.approx(1.0, rel=1e-12)
-    cumulative = np.cumsum(found.mass_shares)
-    assert found.enough == 1 + int(np.argmax(cumulative >= 0.9))
+    response = shock_response(scene(), PUSH, ("angles", "tip_positions"))
+    assert response.cqc[:2] == pytest.approx(response.peaks[:2, 0], rel=0.3)
+    assert np.isnan(response.cqc[2])
+    assert response.mass_shares.sum() == pytest.approx(1.0, rel=1e-12)
+    cumulative = np.cumsum(response.mass_shares)
+    assert response.enough == 1 + int(np.argmax(cumulative >= 0.9))
 
 
 def test_phi_functions() -> None:
@@ -134,16 +134,16 @@ def test_phi_functions() -> None:
 def test_a_peak_is_never_taken_across_a_jump() -> None:
     """A rod under a ramp that ends at 120 m/s²: θ'' = −ω²θ − (3/2l) a in closed form, with a jump at the end."""
     ramp = RecordMotion(time_s=(0.0, 0.04, 0.08, 0.12), acceleration_m_per_s2=(0.0, 40.0, 80.0, 120.0))
-    one = Scene(gravity=9.81, pendulum=(Pendulum(links=(Rod(mass=1.0, length=1.0),)),))
-    found = shock_response(one, ramp, ("tip_accelerations", "pivot_forces"))
+    scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(Rod(mass=1.0, length=1.0),)),))
+    response = shock_response(scene, ramp, ("tip_accelerations", "pivot_forces"))
     omega, slope = np.sqrt(1.5 * 9.81), 1000.0
     angle = -1.5 * slope * (0.12 - np.sin(0.12 * omega) / omega) / omega**2
     bend = -(omega**2) * angle - 1.5 * 120.0
-    assert found.peaks[:, 0] == pytest.approx([abs(120.0 + bend), abs(120.0 + bend / 2)], rel=1e-12)
-    assert found.peaks[:, 1] == pytest.approx([0.12, 0.12], rel=1e-12)
-    assert found.times[found.times > 0.12][0] == np.nextafter(0.12, 1.0), "what is there just after the end"
+    assert response.peaks[:, 0] == pytest.approx([abs(120.0 + bend), abs(120.0 + bend / 2)], rel=1e-12)
+    assert response.peaks[:, 1] == pytest.approx([0.12, 0.12], rel=1e-12)
+    assert response.times[response.times > 0.12][0] == np.nextafter(0.12, 1.0), "what is there just after the end"
     sudden = RecordMotion(time_s=ramp.time_s, acceleration_m_per_s2=(9.0, 9.0, 9.0, 9.0))
-    begun = shock_response(one, sudden, ("tip_accelerations", "pivot_forces")).history[:, 0]
+    begun = shock_response(scene, sudden, ("tip_accelerations", "pivot_forces")).history[:, 0]
     assert begun == pytest.approx([9.0 - 13.5, -(9.0 - 6.75)], rel=1e-12)
 
 
@@ -153,13 +153,13 @@ def test_peaks_are_those_of_the_smooth_pieces(quantity: str, samples: int) -> No
     """The largest values by an integrator with dense output, knot to knot, sought by a bounded minimum."""
     rng = np.random.default_rng(samples)
     times = np.concatenate(([0.0], np.cumsum(rng.uniform(0.05, 0.3, samples - 1))))
-    given = {quantity: tuple(rng.normal(size=samples).tolist())}
-    record, one = RecordMotion(time_s=tuple(times.tolist()), **given), scene(Cart(mass=1.0, stiffness=20.0))
+    motion_values = {quantity: tuple(rng.normal(size=samples).tolist())}
+    record, example = RecordMotion(time_s=tuple(times.tolist()), **motion_values), scene(Cart(mass=1.0, stiffness=20.0))
     wanted = ("angles", "tip_accelerations", "pivot_forces")
-    found = shock_response(one, record, wanted)
-    model, motion = state_space(one, ("support_acceleration",), wanted), found.record
+    response = shock_response(example, record, wanted)
+    model, motion = state_space(example, ("support_acceleration",), wanted), response.record
     z, largest = np.zeros(len(model.A)), np.zeros(len(model.C))
-    for begin, end in pairwise([*motion.pieces[0].tolist(), float(found.times[-1])]):
+    for begin, end in pairwise([*motion.pieces[0].tolist(), float(response.times[-1])]):
         push = motion.acceleration_at if begin < motion.last else lambda t: 0.0
 
         def slope(t: float, z: np.ndarray, push: Callable[[float], float] = push) -> np.ndarray:
@@ -178,7 +178,7 @@ def test_peaks_are_those_of_the_smooth_pieces(quantity: str, samples: int) -> No
             best = minimize_scalar(size, bounds=around, method="bounded", options={"xatol": 1e-9})
             largest[k] = max(largest[k], -best.fun, values[k, at])
         z = run.y[:, -1]
-    assert found.peaks[:, 0] == pytest.approx(largest, rel=1e-7)
+    assert response.peaks[:, 0] == pytest.approx(largest, rel=1e-7)
 
 
 def test_spectra_and_peaks_of_modes_know_where_a_record_ends() -> None:

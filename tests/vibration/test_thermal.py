@@ -36,7 +36,7 @@ JOINTS = (
             )
         ]
     ),
-    load("tower").replace(spring=[one.replace(loss=0.01) for one in load("tower").spring]),
+    load("tower").replace(spring=[spring.replace(loss=0.01) for spring in load("tower").spring]),
 )
 
 
@@ -86,10 +86,12 @@ def test_losses_of_joints_and_springs_beside_dampers(scene: Scene) -> None:
     for f in (0.1, 0.9, 20.0):
         omega = tau * f
         lost = np.zeros_like(M.K)
-        for one in dissipators_of(scene):
+        for dissipator in dissipators_of(scene):
             row = np.zeros(len(lost))
-            row[list(one.row)] = list(one.row.values())
-            strength = one.damping * omega + one.stiffness * float(one.loss if one.stiffness else 0.0)  # type: ignore[arg-type]
+            row[list(dissipator.row)] = list(dissipator.row.values())
+            strength = dissipator.damping * omega + dissipator.stiffness * float(
+                dissipator.loss if dissipator.stiffness else 0.0
+            )  # type: ignore[arg-type]
             lost += strength * np.outer(row, row)
         H = np.linalg.inv(M.K + 1j * lost - omega**2 * M.M)
         exact = -4 * BOLTZMANN * 290.0 * np.diag(H.imag)[-scene.n_links :] / omega
@@ -98,15 +100,15 @@ def test_losses_of_joints_and_springs_beside_dampers(scene: Scene) -> None:
 
 def test_white_noise_on_a_mode_with_a_loss_is_miles_equation() -> None:
     """Random vibration takes losses: with Q = 1/φ the RMS of one pendulum is that of a damper of the same Q."""
-    one = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=2.0, length=0.5, wire_loss=1e-4)])])
+    scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=2.0, length=0.5, wire_loss=1e-4)])])
     near = Spectrum((0.3, 1.5), (2.0, 2.0), "acceleration")
-    found = random_response(one, near, ("angles",))
+    response = random_response(scene, near, ("angles",))
     omega = sqrt(9.81 / 0.5)
     exact = sqrt(2.0 * 1e4 / (4 * omega**3 * 0.5**2))
-    assert found.rms[0] == pytest.approx(exact, rel=1e-4)
-    assert found.by_mode[0, 0] == pytest.approx(found.rms[0], rel=1e-9)
-    assert found.white[0, 0] == pytest.approx(exact, rel=1e-7)
-    assert quality_factors(natural_modes(one)) == pytest.approx([1e4])
+    assert response.rms[0] == pytest.approx(exact, rel=1e-4)
+    assert response.by_mode[0, 0] == pytest.approx(response.rms[0], rel=1e-9)
+    assert response.white[0, 0] == pytest.approx(exact, rel=1e-7)
+    assert quality_factors(natural_modes(scene)) == pytest.approx([1e4])
 
 
 def test_a_scene_without_losses_growing_modes_and_forces_are_refused() -> None:
@@ -136,10 +138,10 @@ def test_the_command_prints_draws_and_writes_it(capsys: pytest.CaptureFixture[st
     head, *rows = capsys.readouterr().out.splitlines()
     assert head.split(",")[:3] == ["frequency_hz", "tip_1_thermal_m_per_sqrt_Hz", "tip_1_driven_m_per_sqrt_Hz"]
     assert main([*asked, "--format", "json", "-q"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["outputs"][0]["asd_unit"] == "(m)/sqrt(Hz)"
-    assert len(found["frequency_hz"]) == len(found["outputs"][0]["driven_asd"]) == len(rows)
-    assert found["driven"]["outputs"][0]["rms"] > 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["outputs"][0]["asd_unit"] == "(m)/sqrt(Hz)"
+    assert len(printed["frequency_hz"]) == len(printed["outputs"][0]["driven_asd"]) == len(rows)
+    assert printed["driven"]["outputs"][0]["rms"] > 0
     for words, told in (
         ([], "give --psd CSV, --temperature KELVIN, or both"),
         (["--psd", str(psd), "--at", "1"], "--at"),

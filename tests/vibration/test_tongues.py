@@ -33,13 +33,13 @@ def bob(length: float = 1.0, damping: float = 0.0, **more: float) -> Bob:
 
 def multipliers(scene: Scene, amplitude: float, hertz: float) -> np.ndarray:
     """By DOP853 on the matrices of the whole scene, over a period of sines."""
-    found, geometry, omega = matrices(scene), geometry_of(scene), tau * hertz
-    n, weights = len(found.M), geometry.centres.T @ geometry.mass
+    model, geometry, omega = matrices(scene), geometry_of(scene), tau * hertz
+    n, weights = len(model.M), geometry.centres.T @ geometry.mass
 
     def rate(time: float, y: np.ndarray) -> np.ndarray:
         angles, rates = y.reshape(2, n, 2 * n)
-        K = found.K - np.diag(weights) * amplitude * omega**2 * np.sin(omega * time)
-        return np.concatenate((rates, -np.linalg.solve(found.M, K @ angles + found.D @ rates))).ravel()
+        K = model.K - np.diag(weights) * amplitude * omega**2 * np.sin(omega * time)
+        return np.concatenate((rates, -np.linalg.solve(model.M, K @ angles + model.D @ rates))).ravel()
 
     run = solve_ivp(rate, (0, 1 / hertz), np.eye(2 * n).ravel(), "DOP853", rtol=1e-13, atol=1e-13)
     return np.linalg.eigvals(run.y[:, -1].reshape(2 * n, 2 * n))
@@ -52,15 +52,15 @@ DAMPED = shaken(bob(0.5, 0.01), Bob(mass=0.5, length=0.4, stiffness=3.0, damping
 @pytest.mark.slow
 def test_mathieus_tongues_at_any_amplitude() -> None:
     """a = 4g/(lΩ²) and q = 2A/l are characteristic numbers on each edge, from the tips at Ω = 2ω/k."""
-    found = tongues(shaken(bob()), np.linspace(0.0, 0.4, 9), np.linspace(0.3, 2.2, 24))
-    kinds = [(one.kind, one.least[1] * tau / sqrt(G)) for one in found.boundaries]
+    diagram = tongues(shaken(bob()), np.linspace(0.0, 0.4, 9), np.linspace(0.3, 2.2, 24))
+    kinds = [(boundary.kind, boundary.least[1] * tau / sqrt(G)) for boundary in diagram.boundaries]
     assert [kind for kind, _ in kinds] == [WHOLE] * 2 + [HALF] * 4
     assert sorted(ratio for _, ratio in kinds) == pytest.approx([2 / 3, 2 / 3, 1, 1, 2, 2], abs=1e-12)
-    for boundary in found.boundaries:
+    for boundary in diagram.boundaries:
         omega, q = tau * boundary.frequency_hz, 2 * boundary.amplitude
         order = round(2 * sqrt(G) / (tau * boundary.least[1]))
         each = [np.sqrt(4 * G / function(order, q)) for function in (mathieu_a, mathieu_b)]
-        assert min(np.abs(omega - one).max() for one in each) < 1e-9
+        assert min(np.abs(omega - edge).max() for edge in each) < 1e-9
 
 
 EDGES = {0.02: (0.9793360277, 1.0159497622), 0.05: (0.9517370503, 1.0509516172), 0.1: (0.9123522438, 1.1177076445)}
@@ -68,24 +68,26 @@ EDGES = {0.02: (0.9793360277, 1.0159497622), 0.05: (0.9517370503, 1.0509516172),
 
 @pytest.mark.slow
 def test_a_damper_lifts_the_tongue_off_the_axis() -> None:
-    found = tongues(shaken(bob(damping=0.05)), [0.005, 0.05, 0.12], np.linspace(0.8, 1.3, 6))
-    (boundary,) = found.boundaries
+    diagram = tongues(shaken(bob(damping=0.05)), [0.005, 0.05, 0.12], np.linspace(0.8, 1.3, 6))
+    (boundary,) = diagram.boundaries
     assert boundary.turns
     assert boundary.least == pytest.approx((0.0079815996, 0.9970552394), abs=1e-9)
     for amplitude, expected in EDGES.items():
-        edges = found.edges(amplitude=amplitude)
+        edges = diagram.edges(amplitude=amplitude)
         assert [hertz for hertz, _ in edges] == pytest.approx(expected, abs=1e-9)
         for hertz, kind in edges:
             assert kind == HALF
             assert np.min(np.abs(multipliers(shaken(bob(damping=0.05)), amplitude, hertz) + 1)) < 1e-9
-    below, above = (tongues(shaken(bob(damping=0.05)), own, [0.9, 1.0, 1.1]) for own in ([0.00798], [0.00799]))
+    below, above = (
+        tongues(shaken(bob(damping=0.05)), amplitudes, [0.9, 1.0, 1.1]) for amplitudes in ([0.00798], [0.00799])
+    )
     assert (len(below.boundaries), len(above.boundaries)) == (0, 2)
 
 
 @pytest.mark.slow
 def test_what_holds_up_an_inverted_pendulum() -> None:
-    found = tongues(shaken(bob(0.25, 0.05 * 0.25**2), way="up"), [0.01, 0.02, 0.03], np.linspace(10, 40, 7))
-    assert found.edges(amplitude=0.02) == [(pytest.approx(17.6487919937, abs=1e-9), WHOLE)]
+    diagram = tongues(shaken(bob(0.25, 0.05 * 0.25**2), way="up"), [0.01, 0.02, 0.03], np.linspace(10, 40, 7))
+    assert diagram.edges(amplitude=0.02) == [(pytest.approx(17.6487919937, abs=1e-9), WHOLE)]
 
 
 @pytest.mark.slow
@@ -93,8 +95,8 @@ def test_what_holds_up_three_inverted_links() -> None:
     """Held from about √2 g/(ω_min A), lost above about 0.450 g/ω_max²."""
     scene = shaken(bob(0.2), bob(0.2), bob(0.2), way="up")
     rates = np.sqrt(-np.linalg.eigvals(np.linalg.solve(matrices(scene).M, matrices(scene).K)).real)
-    found = tongues(scene, np.linspace(0.005, 0.02, 7), np.linspace(20, 210, 20))
-    held, lost = found.edges(amplitude=0.01)[-1], found.edges(frequency_hz=200.0)[0]
+    diagram = tongues(scene, np.linspace(0.005, 0.02, 7), np.linspace(20, 210, 20))
+    held, lost = diagram.edges(amplitude=0.01)[-1], diagram.edges(frequency_hz=200.0)[0]
     assert held == (pytest.approx(48.898633, abs=1e-6), WHOLE)
     assert lost == (pytest.approx(0.014446906, abs=1e-9), HALF)
     assert held[0] == pytest.approx(sqrt(2) * G / (rates.min() * 0.01) / tau, rel=2e-4)
@@ -105,8 +107,8 @@ def test_what_holds_up_three_inverted_links() -> None:
 @pytest.mark.parametrize(("scene", "room"), [(SPRUNG, 1e-5), (DAMPED, 1e-9)], ids=["undamped", "damped"])
 def test_combinations_of_two_modes_that_couple(scene: Scene, room: float) -> None:
     """On each edge a pair of multipliers is on the unit circle, and beyond it is not; two are equal without losses."""
-    found = tongues(scene, np.linspace(0.0, 0.06, 7), np.linspace(2.2, 3.0, 17))
-    edges = [hertz for hertz, kind in found.edges(amplitude=0.04) if kind == COMBINED]
+    diagram = tongues(scene, np.linspace(0.0, 0.06, 7), np.linspace(2.2, 3.0, 17))
+    edges = [hertz for hertz, kind in diagram.edges(amplitude=0.04) if kind == COMBINED]
     assert len(edges) == 2
     for hertz, way in zip(edges, (1, -1), strict=True):
         on, within = (np.abs(multipliers(scene, 0.04, hertz + way * step)) for step in (0.0, 1e-4))
@@ -114,7 +116,7 @@ def test_combinations_of_two_modes_that_couple(scene: Scene, room: float) -> Non
         assert np.sort(within)[-2] > 1 + 5e-6
     if scene is SPRUNG:
         square = np.linalg.eigvals(np.linalg.solve(matrices(scene).M, matrices(scene).K)).real
-        tips = [one.least for one in found.boundaries if one.kind == COMBINED]
+        tips = [boundary.least for boundary in diagram.boundaries if boundary.kind == COMBINED]
         assert np.array(tips) == pytest.approx(np.array([[0.0, np.sqrt(square).sum() / tau]] * 2), abs=1e-10)
 
 
@@ -122,9 +124,9 @@ def test_combinations_of_two_modes_that_couple(scene: Scene, room: float) -> Non
 def test_multipliers_are_those_of_an_integration(scene: Scene) -> None:
     amplitude, hertz = np.array([0.03, 0.05]), np.array([2.54, 1.2])
     for k in range(2):
-        own = [one.multipliers(amplitude, tau * hertz)[k] for one in hill.hill_systems(scene)]
+        by_family = [system.multipliers(amplitude, tau * hertz)[k] for system in hill.hill_systems(scene)]
         expected = multipliers(scene, amplitude[k], hertz[k])
-        assert np.poly(np.concatenate(own)) == pytest.approx(np.poly(expected), abs=1e-9)
+        assert np.poly(np.concatenate(by_family)) == pytest.approx(np.poly(expected), abs=1e-9)
 
 
 def test_the_series_keep_eleven_digits(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -140,12 +142,12 @@ def test_the_series_keep_eleven_digits(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_fifty_links_with_springs_and_dampers() -> None:
     """Without motion the multipliers are those of the modes."""
     scene = shaken(*[bob(0.02, 0.001, stiffness=0.1) for _ in range(50)], amplitude=0.0, frequency=20.0)
-    found, given = parametric_stability(scene), matrices(scene)
-    n = len(given.M)
-    state = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(given.M, np.hstack((given.K, given.D)))]])
-    assert found.multipliers.shape == (100,)
-    assert found.largest == pytest.approx(np.exp(np.linalg.eigvals(state).real.max() / 20.0), abs=1e-10)
-    assert found.kind == "decays"
+    stability, model = parametric_stability(scene), matrices(scene)
+    n = len(model.M)
+    state = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(model.M, np.hstack((model.K, model.D)))]])
+    assert stability.multipliers.shape == (100,)
+    assert stability.largest == pytest.approx(np.exp(np.linalg.eigvals(state).real.max() / 20.0), abs=1e-10)
+    assert stability.kind == "decays"
 
 
 def test_kinds_and_a_motion_along_the_rail_beside() -> None:
@@ -157,11 +159,11 @@ def test_kinds_and_a_motion_along_the_rail_beside() -> None:
         shaken(*SPRUNG.pendulum[0].links, amplitude=0.04, frequency=2.54),
         shaken(bob(), amplitude=0.0, frequency=2 * sqrt(G) / tau),
     ]
-    found = stabilities(scenes)
-    assert [one.number for one in found] == [-1, 0, 1, 2, 3, 0]
-    assert abs(found[1].largest - 1) < 1e-9
+    listed = stabilities(scenes)
+    assert [stability.number for stability in listed] == [-1, 0, 1, 2, 3, 0]
+    assert abs(listed[1].largest - 1) < 1e-9
     both = parametric_stability(shaken(bob(), beside=True))
-    assert both.multipliers.tolist() == found[3].multipliers.tolist()
+    assert both.multipliers.tolist() == listed[3].multipliers.tolist()
 
 
 def test_what_has_no_tongues_is_refused() -> None:
