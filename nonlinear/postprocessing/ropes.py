@@ -67,8 +67,23 @@ class PushingLink(Displayed):
 def pushing_links(trajectory: Trajectory) -> tuple[PushingLink, ...]:
     """Every link of a bob that pushes somewhere in a run.
 
-    Raises ComputationError where that cannot be told, or takes long.
+    Parameters
+    ----------
+    trajectory
+        A run whose samples are near enough to each other to interpolate.
 
+    Returns
+    -------
+    tuple of PushingLink
+        Their numbers, the intervals in which they push (s), and the largest push (N).
+
+    Raises
+    ------
+    ComputationError
+        That cannot be told from these samples, or takes long.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> from modal import load
     >>> from nonlinear import simulate, state_at_rest

@@ -179,13 +179,38 @@ def chaos_by_energy(
     workers: int | None = None,
     report: Report = lambda done: None,
 ) -> Sweep:
-    """The largest Lyapunov exponents of so many starts drawn at random at each energy (J above rest, ascending).
+    """The largest Lyapunov exponents of starts drawn at random on surfaces of energy.
 
-    Each is measured over `seconds`, by default 200 sqrt(l/g) of the longest link, after half as many.  Columns are the
-    median and the quantiles of 5 and 95 %, and the share of starts whose exponent is too large for regular motion
-    (`nonlinear.chaos.regular_exponent`).  SceneError for a scene that does not keep its energy; an energy out of reach
-    has its reason in `failures`.
+    Parameters
+    ----------
+    scene
+        A plane scene that keeps its energy.
+    energies
+        In J above the scene's rest, ascending.
+    seconds
+        The time over which each exponent is measured, after half as many; by default 200 sqrt(l/g) of the longest link.
+    members
+        Number of starts on each energy.
+    seed
+        Of the random numbers.
+    workers
+        A number of processes, 1 to stay in this one.
+    report
+        Is called with the number of energies done.
 
+    Returns
+    -------
+    Sweep
+        Median and quantiles of 5 and 95 %, and the share of starts whose exponent is too large for regular motion
+        (`nonlinear.chaos.regular_exponent`); an energy out of reach has its reason in `failures`.
+
+    Raises
+    ------
+    SceneError
+        The scene does not keep its energy, or the time is too short.
+
+    Examples
+    --------
     >>> from modal import load
     >>> from nonlinear.sweeps import chaos_by_energy
     >>> found = chaos_by_energy(load("chain-1"), [0.5, 1.0], 8.0, members=2, workers=1)
